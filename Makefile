@@ -11,7 +11,7 @@ PORT ?= 8000
 export PIP_CONSTRAINT := constraints.txt
 export PIP_BUILD_CONSTRAINT := constraints.txt
 
-.PHONY: help run test tests fault audit parts lock wheel lint style types map report accept everyday engine poses function limits stability studies bench docs scenes clean setup
+.PHONY: help run test tests fault audit parts lock wheel lint style types map report accept everyday engine poses function limits stability studies assembly solids bench docs scenes clean setup
 .DELETE_ON_ERROR:
 
 help:
@@ -33,7 +33,9 @@ help:
 	@echo "make limits     requests within limits, beside general optimisers: docs/limits.md (half an hour)"
 	@echo "make function   named functions and other programs: docs/function.md (half an hour)"
 	@echo "make stability  extreme cases against high precision: docs/stability.md (a minute)"
+	@echo "make assembly   layers of random machines against shapely: docs/assembly.md (a few minutes)"
 	@echo "make studies    forces, tolerances of manufacture, stock lengths: docs/analysis.md (a few minutes)"
+	@echo "make solids     files of parts of the gallery: docs/export.md (a minute)"
 	@echo "make accept     1,000 random cases of every class, errors recomputed independently: docs/method.md (about half an hour)"
 	@echo "make bench      build, load, scan, other indexes, larger atlases, many requests: docs/scaling.md, docs/file_format.md"
 	@echo "                (over an hour; needs 17 GB of memory, 45 GB of disk, no other work on the machine)"
@@ -152,8 +154,14 @@ function: $(READY)
 stability: $(READY)
 	$(BIN)/python -m benchmarks.stability
 
+assembly: $(READY)
+	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.assembly
+
 studies: $(READY)
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.studies
+
+solids: $(READY)
+	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.solids
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info synthesis/kernel.c synthesis/kernel.*.so $(ATLAS)

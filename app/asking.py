@@ -35,6 +35,7 @@ _FILE_HELP = (
 
 
 _LACKING: dict[str, Any] = {
+    "catalogue": None,
     "no_preset": False,
     "refine_from": None,
     "unwrap": False,
@@ -68,7 +69,7 @@ def add_query(parser: argparse.ArgumentParser, query: Query) -> None:
         )
     parser.add_argument(
         "--set",
-        type=_setting,
+        type=setting,
         metavar="FIELD=VALUE",
         action="append",
         default=[],
@@ -82,6 +83,13 @@ def add_query(parser: argparse.ArgumentParser, query: Query) -> None:
             help="search nowhere, but refine this linkage from just there: a solution as JSON, as --export FILE.json or --json "
             "writes it (of a reply its first)",
         ).complete = FILE  # type: ignore[attr-defined]
+    if query.command == "drive":
+        parser.add_argument(
+            "--catalogue",
+            type=Path,
+            metavar="FILE",
+            help="a CSV file of actuators (name, retracted, stroke, force, ..) for every actuator that is asked for",
+        ).complete = FILE
     if query.from_csv is not None:
         parser.add_argument(
             "--unwrap",
@@ -121,7 +129,7 @@ def add_query(parser: argparse.ArgumentParser, query: Query) -> None:
     parser.set_defaults(run=lambda options: _run(options, query), examples=examples, **_LACKING)
 
 
-def _setting(text: str) -> tuple[list[str], Any]:
+def setting(text: str) -> tuple[list[str], Any]:
     """A field's path and its value: JSON, or else a word."""
     path, equals, value = text.partition("=")
     if not equals or not all(path.split(".")):
@@ -141,7 +149,14 @@ def _run(options: argparse.Namespace, query: Query) -> int:
     also = [*options.set, *(NO_PRESET if options.no_preset else ())]
     if options.refine_from is not None:
         also = [*also, (["refine_from"], _solution_in(options.refine_from))]
-    request, rank = read_request(query, _text(options, query), also, options.unwrap), options.rank
+    request, rank = read_request(query, text_of(options), also, options.unwrap), options.rank
+    if options.catalogue is not None:
+        rows = decoded(options.catalogue.read_bytes())
+        cylinders = ("actuator", "cylinder")
+        given = [
+            one.model_copy(update={"catalogue": rows} if one.kind in cylinders else {}) for one in request.drives
+        ]
+        request = request.model_copy(update={"drives": given})
     if rank > getattr(request, "top", rank):
         request = request.model_copy(update={"top": rank})
     resources = ServiceResources(settings_of(options), atlas_of)
@@ -158,7 +173,7 @@ def _run(options: argparse.Namespace, query: Query) -> int:
         print(f"no solution of rank {rank}: {there}", file=sys.stderr)
         code = code or Exit.USAGE
     else:
-        code = _write({path: file(name) for path, name in wanted.items()}) or code
+        code = write({path: file(name) for path, name in wanted.items()}) or code
         if options.plot:
             _show(file("svg"))
     unit = getattr(request, "angle_unit", "deg")  # a question without angles has none
@@ -200,7 +215,7 @@ def waiting(words: str, most: float | None = None) -> Iterator[None]:
         drawing.join()
 
 
-def _write(files: Mapping[Path, bytes]) -> Exit:
+def write(files: Mapping[Path, bytes]) -> Exit:
     """Write files and say which; FAILED where one cannot be."""
     for path, content in files.items():
         try:
@@ -212,7 +227,8 @@ def _write(files: Mapping[Path, bytes]) -> Exit:
     return Exit.OK
 
 
-def _text(options: argparse.Namespace, query: Query) -> bytes:
+def text_of(options: argparse.Namespace) -> bytes:
+    """The text of a file, of a bundled example, or of standard input."""
     if options.example and options.file != "-":
         raise FieldError("", "give a file or --example, not both")
     if options.example:
@@ -227,7 +243,7 @@ def _text(options: argparse.Namespace, query: Query) -> bytes:
 def _solution_in(path: Path) -> Any:
     """The solution in a file: alone, beside its request, or the first of a reply."""
     try:
-        content = _parsed(path.read_bytes())
+        content = parsed(path.read_bytes())
     except FieldError as error:
         raise FieldError("/refine_from", f"{path.name}: {error.message}") from None
     if isinstance(content, dict) and isinstance(content.get("solutions"), list):
@@ -248,9 +264,9 @@ def read_request(query: Query, text: bytes, also: Sequence[tuple[list[str], Any]
         raise FieldError("", "--unwrap is for a table of samples, and this is JSON")
     try:
         if query.from_csv is not None and not is_json:
-            request = query.request.model_validate(query.from_csv(decoded(text), _with({}, also), unwrap))
+            request = query.request.model_validate(query.from_csv(decoded(text), with_fields({}, also), unwrap))
         elif also:
-            request = query.request.model_validate(_with(_parsed(text), also))
+            request = query.request.model_validate(with_fields(parsed(text), also))
         else:
             request = query.request.model_validate_json(text)
     except ValidationError as error:
@@ -258,14 +274,15 @@ def read_request(query: Query, text: bytes, also: Sequence[tuple[list[str], Any]
     return request
 
 
-def _parsed(text: bytes) -> Any:
+def parsed(text: bytes) -> Any:
+    """JSON, without NaN and infinity."""
     try:
         return pydantic_core.from_json(text, allow_inf_nan=False)
     except ValueError as error:
         raise FieldError("", f"Invalid JSON: {error}") from None
 
 
-def _with(body: Any, also: Sequence[tuple[list[str], Any]]) -> Any:
+def with_fields(body: Any, also: Sequence[tuple[list[str], Any]]) -> Any:
     """A body with some fields set, also within objects that it has or has not."""
     if not isinstance(body, dict):
         raise FieldError("", "wanted a JSON object")

@@ -28,6 +28,7 @@ DESCRIPTION = """Finds planar linkages for a required motion.
   linkage-atlas example casement > request.json   a request to edit
   linkage-atlas synthesize request.json           linkages for it
   linkage-atlas synthesize poses.csv --length-unit mm --export linkage.dxf
+  linkage-atlas export request.json --format step its first solution for CAD
   linkage-atlas serve                             the page, at http://127.0.0.1:8000
 """
 
@@ -100,6 +101,12 @@ def _add_questions(parser: argparse.ArgumentParser, name: str) -> None:
     verbs = parser.add_subparsers(metavar="COMMAND", required=True)
     for query in queries:
         add_query(verbs.add_parser(query.command.split()[1], help=query.summary), query)
+
+
+def _add_export(parser: argparse.ArgumentParser, name: str) -> None:
+    from app.exporting import add_export
+
+    add_export(parser)
 
 
 def _add_study(parser: argparse.ArgumentParser, name: str) -> None:
@@ -214,8 +221,11 @@ def _serve(options: argparse.Namespace) -> int:
 _COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser, str], None]]] = {
     "synthesize": (QUESTIONS["synthesize"], _add_questions),
     "function": (QUESTIONS["function"], _add_questions),
+    "drive": (QUESTIONS["drive"], _add_questions),
     **{scene: (f"the {scene} scene", _add_questions) for scene in SCENES},
     "match": (QUESTIONS["match"], _add_questions),
+    "assembly": (QUESTIONS["assembly"], _add_questions),
+    "export": ("write a linkage as a file: for CAD, a printer, a simulator, a workshop", _add_export),
     "study": ("answer many requests, a line each", _add_study),
     "example": ("print a request to edit, or the list of examples", _add_example),
     "serve": ("answer over HTTP, with a page to draw motions on", _add_serve),

@@ -81,6 +81,7 @@ def described(app: FastAPI) -> dict[str, Any]:
 
 
 class AtlasReply(ReplyModel):
+    kind: str
     types: int
     schema_version: int
     content_sha256: str
@@ -91,9 +92,10 @@ class AtlasReply(ReplyModel):
 
 
 class AtlasTypeReply(ReplyModel):
+    kind: str
     number: int
     lengths: list[int]
-    family: str
+    family: str | None
     samples: int
     winding: int
     normalisation: Literal["mean"]
@@ -118,10 +120,11 @@ def _add_atlas_routes(app: FastAPI, resources: ServiceResources) -> None:
         return AtlasReply(**resources.describe_atlas())
 
     @app.get("/v1/types/{number}", tags=["atlas"], summary="One dimension type.", responses=_problems(404, 422, 503))
-    def dimension_type(number: TypeNumber) -> AtlasTypeReply:
-        """Lengths, family and the Haar average and details of the coupler rotation over the whole turn."""
+    def dimension_type(number: TypeNumber, kind: Literal["four_bar", "slider_crank"] | None = None) -> AtlasTypeReply:
+        """Lengths, family and the Haar average and details of the body's rotation over the whole turn, of a kind (four_bar)."""
         try:
-            return AtlasTypeReply(**resources.atlas.details_of(number))
+            atlas = resources.atlas
+            return AtlasTypeReply(**atlas.of(kind or atlas.kind).details_of(number))
         except la.FieldError as error:
             raise problems.NotFound(error.message) from None
 
@@ -130,7 +133,7 @@ class Ready(ReplyModel):
     status: Literal["ready"] = "ready"
     preparing: list[str] = Field(
         description="Parts of the atlas's index that are being made, without which answers take longer: `positions`, "
-        "`short_spans` or `rockers`."
+        "`short_spans`, `rockers` or `slider_cranks`."
     )
 
 

@@ -178,7 +178,10 @@ class Resources(Protocol):
         """The atlas; loaded when it is first asked for."""
 
     def need(self, part: str) -> None:
-        """Said before the atlas is asked for what a part of its index is for: "rockers", or rows by "positions"."""
+        """Said before the atlas is asked for what a part of its index is for.
+
+        "rockers", "slider_cranks", or rows by "positions".
+        """
 
     def work(self, budget: float | None = None) -> Work:
         """What watches over an answer's time, in seconds, and over whether its client is still connected."""
@@ -259,6 +262,8 @@ class Query:
         Whether its table names the units of angle and length.
     reads_atlas : bool
         Whether it may need an atlas.
+    route : str, optional
+        Its route, where that is not made of the command's words.
     """
 
     command: str
@@ -272,12 +277,14 @@ class Query:
     files: Files | None = None
     shows_units: bool = True
     reads_atlas: bool = False
+    route: str | None = None
     path: str = field(init=False)
     request: type[RequestModel] = field(init=False)
     reply: type = field(init=False)
 
     def __post_init__(self) -> None:
         request, *_, reply = get_type_hints(self.answer).values()
-        derived = {"path": "/v1/" + self.command.replace(" ", "/"), "request": request, "reply": reply}
+        path = self.route or "/v1/" + self.command.replace(" ", "/")
+        derived = {"path": path, "request": request, "reply": reply}
         for name, value in (derived | {"examples": self.examples or bundled_requests()[self.command]}).items():
             object.__setattr__(self, name, value)

@@ -36,6 +36,7 @@ def _motion_queries() -> tuple[Query, ...]:
             {
                 "worked_example": {**rotation_only, "top": 5},
                 "rocker": {**rotation_only, "curve": "rocker", "top": 5},
+                "slider_crank": {**rotation_only, "mechanisms": ["four_bar", "slider_crank"], "top": 5},
             },
             from_csv=match_from_csv,
             is_long=is_long,
@@ -77,14 +78,21 @@ def queries_named(word: str) -> tuple[Query, ...]:
     """The queries whose commands begin with a word: one, or all of a scene."""
     if word in SCENES:
         return queries_of(word)
-    if word == "function":
-        return import_module("app.fourbar.function").QUERIES
+    if word in ("function", "assembly", "drive"):
+        module = {"drive": "drives"}.get(word, word)
+        return import_module(f"app.fourbar.{module}").QUERIES
     return tuple(query for query in _motion_queries() if query.command == word)
 
 
 def all_queries() -> tuple[Query, ...]:
     """Every query of the service."""
-    return (*_motion_queries(), *queries_named("function"), *scene_queries())
+    return (
+        *_motion_queries(),
+        *queries_named("function"),
+        *queries_named("assembly"),
+        *queries_named("drive"),
+        *scene_queries(),
+    )
 
 
 class Example(NamedTuple):

@@ -20,7 +20,7 @@ from app.query import build_models
 from app.settings import Settings
 from linkage_atlas.cache import open_atlas
 
-PARTS = ("positions", "short_spans", "rockers")
+PARTS = ("positions", "short_spans", "rockers", "slider_cranks")
 """Parts of the index that are made once the service is ready, or when they are first asked for: see `linkage_atlas.Atlas`."""
 
 

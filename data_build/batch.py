@@ -29,7 +29,6 @@ from numpy.typing import NDArray
 from synthesis.atlas.file import generator_versions, write_image
 from synthesis.atlas.table import AtlasRule, compute_rows
 from synthesis.errors import FieldError
-from synthesis.fourbar.dimension_types import count_types, enumerate_types
 
 SHARD_TYPES = 4096
 """Types of one shard: the same whatever the number of workers, so that the file is the same too."""
@@ -49,12 +48,13 @@ class BuildLocked(Exception):
 def compute_shard(rule: AtlasRule, shard: int) -> bytes:
     """The rows of one shard as bytes (npz), from the rule alone: the same bytes on every run, in any process."""
     buffer = io.BytesIO()
-    np.savez(buffer, **compute_rows(_lengths(rule, shard), rule.samples)._asdict())
+    rows = compute_rows(_lengths(rule, shard), rule.samples, rule.kind.mechanism)
+    np.savez(buffer, **rows._asdict())
     return buffer.getvalue()
 
 
 def _lengths(rule: AtlasRule, shard: int) -> NDArray[np.int32]:
-    return enumerate_types(rule.types, shard * SHARD_TYPES, (shard + 1) * SHARD_TYPES)
+    return rule.lengths(shard * SHARD_TYPES, (shard + 1) * SHARD_TYPES)
 
 
 def check_target(path: Path) -> None:
@@ -209,7 +209,7 @@ def build_atlas(
 
     out = out.resolve()
     check_target(out)
-    types, generator = count_types(rule.types), generator_versions()
+    types, generator = rule.count, generator_versions()
     shards = -(-types // SHARD_TYPES)
     with _parts_folder(out) as folder:
         parts = _Parts(folder, rule)

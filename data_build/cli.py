@@ -20,9 +20,9 @@ from data_build.batch import BuildLocked, build_atlas
 from data_build.executors import dask_executor, local_executor
 from synthesis.atlas.file import load_atlas
 from synthesis.atlas.index import check_index, temporary_arrays
-from synthesis.atlas.table import MIN_SAMPLES, SCHEMA, Atlas, AtlasRule
+from synthesis.atlas.table import KINDS, MIN_SAMPLES, SCHEMA, Atlas, AtlasRule
 from synthesis.errors import AtlasError, AtlasFault, FieldError
-from synthesis.fourbar.dimension_types import OrderRule, TypeRule, count_types
+from synthesis.fourbar.dimension_types import OrderRule
 
 EXIT_OK, EXIT_FAILED, EXIT_USAGE, EXIT_DAMAGED, EXIT_INTERRUPTED = 0, 1, 2, 3, 130
 MAX_BUILD_BYTES = 100_000_000_000
@@ -78,13 +78,12 @@ def add_commands(commands: argparse._SubParsersAction[argparse.ArgumentParser]) 
         default=Path("atlas.h5"),
         help="the file to write; a symbolic link is followed, what is no regular file is refused (default: %(default)s)",
     )
-    build.add_argument(
-        "--perimeter", type=int, default=default.types.perimeter, help="sum of the four lengths (%(default)s)"
-    )
-    build.add_argument("--smallest", type=int, default=default.types.smallest, help="smallest crank (%(default)s)")
-    build.add_argument(
-        "--order", choices=[rule.value for rule in OrderRule], default=default.types.order.value, help="(%(default)s)"
-    )
+    build.add_argument("--kind", choices=list(KINDS), default=default.types.kind, help="of linkages (%(default)s)")
+    sums = ", ".join(f"{AtlasRule.of(kind).types.perimeter} of {kind}" for kind in KINDS)
+    build.add_argument("--perimeter", type=int, help=f"sum of the lengths of a type ({sums})")
+    build.add_argument("--smallest", type=int, help=f"smallest crank ({default.types.smallest})")
+    orders = [rule.value for rule in OrderRule]
+    build.add_argument("--order", choices=orders, help=f"of a four-bar's lengths ({orders[0]})")
     build.add_argument(
         "--samples", type=int, default=default.samples, help="samples of a curve, a power of two (%(default)s)"
     )
@@ -125,8 +124,8 @@ def _print(values: dict[str, Any], as_json: bool) -> None:
 
 
 def _build(options: argparse.Namespace) -> int:
-    rule = AtlasRule(TypeRule(options.perimeter, options.smallest, OrderRule(options.order)), options.samples)
-    size = count_types(rule.types) * rule.samples * 4
+    rule = AtlasRule.of(options.kind, options.perimeter, options.smallest, options.order, options.samples)
+    size = rule.count * rule.samples * 4
     if size > MAX_BUILD_BYTES:
         raise FieldError("/perimeter", f"gives {size:,} bytes of details, a build makes at most {MAX_BUILD_BYTES:,}")
     if not options.out.parent.is_dir():

@@ -12,13 +12,16 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from linkage_atlas.answers import Match, Matches, Result, Solution
+    from linkage_atlas.answers import GuidedSolution, Match, Matches, Result, Solution
+    from linkage_atlas.assemblies import Assembly
     from linkage_atlas.atlases import Atlas, build_atlas, load_atlas
     from linkage_atlas.commands import BATCH_COMMANDS, add_batch_commands, run_batch
     from linkage_atlas.door import Live, prepare, synthesize
+    from linkage_atlas.driving import Drives, drives
     from linkage_atlas.functions import FunctionResult, FunctionSolution, function
+    from linkage_atlas.guided import GuidedJoints, GuidedLinkage
     from linkage_atlas.limits import Limits
-    from linkage_atlas.linkages import FourBar, Joints
+    from linkage_atlas.linkages import FourBar, Joints, assembly
     from linkage_atlas.many_requests import StudyLocked, study
     from linkage_atlas.matching import match
     from linkage_atlas.motions import Motion
@@ -30,11 +33,14 @@ __version__ = "0.1.0"
 _HOMES = {
     "linkage_atlas.door": ("synthesize", "Live", "prepare"),
     "linkage_atlas.matching": ("match",),
+    "linkage_atlas.driving": ("drives", "Drives"),
     "linkage_atlas.functions": ("function", "FunctionResult", "FunctionSolution"),
     "linkage_atlas.limits": ("Limits",),
-    "linkage_atlas.linkages": ("FourBar", "Joints"),
+    "linkage_atlas.guided": ("GuidedLinkage", "GuidedJoints"),
+    "linkage_atlas.linkages": ("FourBar", "Joints", "assembly"),
     "linkage_atlas.motions": ("Motion",),
-    "linkage_atlas.answers": ("Result", "Solution", "Matches", "Match"),
+    "linkage_atlas.assemblies": ("Assembly",),
+    "linkage_atlas.answers": ("Result", "Solution", "GuidedSolution", "Matches", "Match"),
     "linkage_atlas.atlases": ("Atlas", "load_atlas", "build_atlas"),
     "linkage_atlas.many_requests": ("study", "StudyLocked"),
     "linkage_atlas.commands": ("BATCH_COMMANDS", "add_batch_commands", "run_batch"),
@@ -45,14 +51,19 @@ _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
 __all__ = [
     "BATCH_COMMANDS",
+    "Assembly",
     "Atlas",
     "AtlasError",
     "AtlasFault",
     "Cancelled",
+    "Drives",
     "FieldError",
     "FourBar",
     "FunctionResult",
     "FunctionSolution",
+    "GuidedJoints",
+    "GuidedLinkage",
+    "GuidedSolution",
     "Joints",
     "Limits",
     "Live",
@@ -66,7 +77,9 @@ __all__ = [
     "Work",
     "__version__",
     "add_batch_commands",
+    "assembly",
     "build_atlas",
+    "drives",
     "function",
     "load_atlas",
     "match",

@@ -8,10 +8,16 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, Literal, NamedTuple, TypeVar, overload
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar, cast, overload
 
 import numpy as np
 
+from linkage_atlas.assemblies import AskedAssembly, Assembly, assembled
+from linkage_atlas.driving import Drive, Refusal, Spring, driven_solution
+from linkage_atlas.guided import AnyGuide, CircleGuide, DriverName, GuidedLinkage, guides_of
+from linkage_atlas.guided_studies import Change, GuidedAnalysis, changes
+from linkage_atlas.guided_studies import analysed as guided_analysed
+from linkage_atlas.guided_studies import studied as guided_studied
 from linkage_atlas.linkages import FourBar, Links, Mount
 from linkage_atlas.motions import Motion
 from linkage_atlas.records import KEPT, Record, Values, names_of
@@ -30,11 +36,15 @@ from synthesis.errors import FieldError
 from synthesis.fourbar import solution as search
 from synthesis.fourbar.determination import Sensitivity, determinations, determinations_within, sensitivities
 from synthesis.fourbar.limits import Limits
+from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.passage import Verdict as Passing
 from synthesis.fourbar.passage import excursions, practical_faults, size_of, verdicts
 from synthesis.fourbar.rounding import Rounding, best_from_stock, round_to_grid
 from synthesis.free.poses import Poses
 from synthesis.free.search import in_turn
+from synthesis.guided import solution as guided
+from synthesis.guided.linkage import of_four_bar
+from synthesis.guided.passage import verdict as guided_verdict
 from synthesis.ranking import Errors, Status
 from synthesis.work import Work
 
@@ -57,7 +67,7 @@ class AtlasType(Record):
     number: int
     """Number of the dimension type, from 1."""
     lengths: list[int]
-    """L1 crank, L2 coupler, L3 rocker, L4 ground."""
+    """L1 crank, L2 coupler, L3 rocker, L4 ground; of a slider-crank r crank, l rod, e offset of the rail from the pivot."""
 
 
 TypeOf = Callable[[int], AtlasType]
@@ -115,9 +125,11 @@ class Verdict(Record):
     practical: bool
     """No practical limit is broken; what the request limits itself is judged by its own limit."""
     buildable: bool
-    """The same as `practical`: whether links collide is not checked."""
+    """`practical`, and where an assembly was asked for, it is free."""
     reasons: tuple[str, ...]
     """A sentence for everything that is amiss; samples count from 1."""
+    assembly: Assembly | None = None
+    """Where it was asked for: layers in which nothing collides; null where the loop does not carry the motion."""
 
     @property
     def works(self) -> bool:
@@ -144,6 +156,10 @@ class Solution(Record):
     """A row of the atlas as it is, or what a search found."""
     type: AtlasType | None
     """The row of the atlas that it is, if it is one."""
+    kind: Literal["four_bar"] = "four_bar"
+    driver: Literal["crank"] = "crank"
+    guides: list[CircleGuide] | None = None
+    """The same as two circles, that of the crank first, in the body's frame; null where nothing is mounted."""
     links: Links
     branch: Literal[-1, 1]
     start_angle: float
@@ -172,6 +188,13 @@ class Solution(Record):
     rounded: Rounded | None = None
     analysis: Analysis | None = field(default=None, repr=False)
     tolerance_study: ToleranceStudy | None = field(default=None, repr=False)
+    drives: list[Drive] | None = field(default=None, repr=False)
+    """The best of each kind that was asked for."""
+    refused: list[Refusal] | None = field(default=None, repr=False)
+    """Why there is none of a kind on a link."""
+    springs: list[Spring] | None = field(default=None, repr=False)
+    drivable: bool | None = None
+    """With `drive`: whether there is one."""
     linkage: FourBar = field(metadata=KEPT)
     """It moves, draws and saves itself."""
     origin: Origin = field(metadata=KEPT, repr=False)
@@ -191,8 +214,12 @@ class Solution(Record):
             ``sensitivity``: the change of the motion per unit of each length.
         analysis : mapping
             ``analysis``: ``crank_speed`` and perhaps ``load``, as of `FourBar.analysis`.
+        load, drives, springs, drive
+            ``drives``, ``refused``, ``springs``, ``drivable``: as of `linkage_atlas.drives`, the best of each kind.
         tolerance_study : mapping
             ``tolerance_study``: ``links``, ``pivots``, ``clearance``, ``samples``, ``seed``, as of `FourBar.tolerance_study`.
+        assembly : mapping or True
+            ``verdict.assembly``: layers in which nothing collides; arguments as of `FourBar.assembly`, or their defaults.
 
         Examples
         --------
@@ -209,11 +236,80 @@ class Solution(Record):
 
     def errors_in_words(self) -> str:
         """The largest errors at the samples, rotation in the linkage's unit of angle, position in the unit of the positions."""
-        largest = {"rotation": self.errors.rotation_max, "position": self.errors.position_max}
-        unit = {"rotation": " deg" if self.linkage.degrees else " rad", "position": ""}
-        return ", ".join(
-            f"{name} within {value:.3g}{unit[name]}" for name, value in largest.items() if value is not None
-        )
+        return _in_words(self.errors, self.linkage.degrees)
+
+
+class GuidedOrigin(NamedTuple):
+    """What a solution with rails or slots is described from."""
+
+    found: guided.GuidedSolution
+    motion: Motion
+    """With the travel of the solution's own drive in the place of crank angles."""
+    limits: Limits
+
+
+@dataclass(frozen=True, kw_only=True)
+class GuidedSolution(Record):
+    """A body on two guides that answers a request, rails and slots among them, and how well."""
+
+    rank: int
+    """From 1, by what was preferred."""
+    source: Literal["refined"] = "refined"
+    kind: Literal["slider_crank", "swinging_block", "rail_slot", "two_rails", "two_slots"]
+    driver: DriverName
+    """What moves the first guide."""
+    guides: list[AnyGuide]
+    """The driven one first; body points and directions are in the body's frame."""
+    branch: Literal[-1, 1]
+    """Sign of the sine of the transmission angle."""
+    start: float
+    """The drive's coordinate at the first sample: direction of crank or slot in the plane, place along rail or slot."""
+    crank_angle: Floats | None = None
+    """Of a crank or hinge at each sample from the first."""
+    travel: Floats | None = None
+    """Of a slider or cylinder at each sample from the first."""
+    errors: Errors
+    verdict: Verdict
+    excursion: float | None = None
+    """With free timing: the largest way of the body point between two neighbouring samples over their distance, which counts as
+    at least 5 % of the motion's extent."""
+    size: float | None = None
+    """Largest of radii, used slots, body points and the distances of fixed pivots, pins and used rails from the motion's middle,
+    over the motion's extent."""
+    transmission_angle_min: float
+    """Over the used interval, exactly."""
+    transmission_angle_min_turn: float | None
+    """Over the whole turn; null if the drive does not turn fully."""
+    arm_min: float
+    """Least moment arm of the second guide's push about the driven guide's pin, over the used interval."""
+    sensitivity: list[Change] | None = None
+    """Rms changes of the motion per unit of each dimension, all else held."""
+    analysis: GuidedAnalysis | None = field(default=None, repr=False)
+    tolerance_study: ToleranceStudy | None = field(default=None, repr=False)
+    drives: list[Drive] | None = field(default=None, repr=False)
+    """The best of each kind that was asked for."""
+    refused: list[Refusal] | None = field(default=None, repr=False)
+    """Why there is none of a kind on a link."""
+    springs: list[Spring] | None = field(default=None, repr=False)
+    drivable: bool | None = None
+    """With `drive`: whether there is one."""
+    linkage: GuidedLinkage = field(metadata=KEPT)
+    """It moves, draws and saves itself."""
+    origin: GuidedOrigin = field(metadata=KEPT, repr=False)
+
+    def studied(self, work: Work | None = None, **studies: Any) -> GuidedSolution:
+        """The same solution with studies of it: ``analysis``, ``assembly`` and what drives it, as of `Solution.studied`."""
+        for name in studies:
+            if name not in STUDIES:
+                raise FieldError.no_such("", name, STUDIES, "study")
+        return _guided_studied(self, read_studies(studies, self.origin.motion), 1, work or Work())
+
+    def errors_in_words(self) -> str:
+        """The largest errors at the samples, rotation in the linkage's unit of angle, position in the unit of the positions."""
+        return _in_words(self.errors, self.linkage.degrees)
+
+
+AnySolution = Solution | GuidedSolution
 
 
 @dataclass(frozen=True)
@@ -253,7 +349,7 @@ class Ranked(Sequence[One]):
     """What can be indexed, counted and iterated as the list of its answers, best first; false where there are none."""
 
     @property
-    def _answers(self) -> list[One]:
+    def _answers(self) -> Sequence[One]:
         raise NotImplementedError
 
     @overload
@@ -263,14 +359,15 @@ class Ranked(Sequence[One]):
     def __getitem__(self, place: slice) -> list[One]: ...
 
     def __getitem__(self, place: int | slice) -> One | list[One]:
-        return self._answers[place]
+        found = self._answers[place]
+        return list(cast("Sequence[One]", found)) if isinstance(place, slice) else cast("One", found)
 
     def __len__(self) -> int:
         return len(self._answers)
 
 
 @dataclass(frozen=True)
-class Result(Record, Ranked[Solution]):
+class Result(Record, Ranked[AnySolution]):
     """The answer to `linkage_atlas.synthesize`: solutions, best first, and a report.
 
     ``result[0]``, ``len(result)`` and ``for solution in result`` are those of ``solutions``; a result without any is false.
@@ -280,20 +377,20 @@ class Result(Record, Ranked[Solution]):
     """
 
     status: StatusName
-    solutions: list[Solution]
+    solutions: list[Solution | GuidedSolution]
     report: Report
 
     @property
-    def _answers(self) -> list[Solution]:
+    def _answers(self) -> list[AnySolution]:
         return self.solutions
 
     @property
-    def best(self) -> Solution:
+    def best(self) -> AnySolution:
         """The best solution; IndexError where there is none."""
         return self.solutions[0]
 
     @property
-    def linkage(self) -> FourBar:
+    def linkage(self) -> FourBar | GuidedLinkage:
         """The linkage of the best solution."""
         return self.best.linkage
 
@@ -315,20 +412,28 @@ class Features(Record):
     """(mean of first half - mean of second half) / 2 of each block, coarse to fine."""
 
 
+_SHOWN_KINDS = {"four_bar": "", "slider_crank": "slider-crank "}
+"""How a match names its kind to a reader."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Match(Record):
     """A row of the atlas and the start at which it turns like the request."""
 
     rank: int
+    kind: str
+    """What it is: four_bar or slider_crank."""
     type: AtlasType
     start_angle: float
+    """Crank angle at the first sample, from the ground line; of a slider-crank from the direction of the rail."""
     branch: Literal[-1, 1]
+    """Of a slider-crank: -1 is the mirror image, its offset negated."""
     offset: float
-    """Added to the angle of the coupler, or rocker (in -180..180 degrees at the first sample, continuous)."""
+    """Added to the angle of the coupler, rocker or rod (in -180..180 degrees at the first sample, continuous)."""
     similarity: float
     """Rms rotation error of this row at this start: a distance."""
     features: Features | None = None
-    linkage: FourBar = field(metadata=KEPT)
+    linkage: FourBar | GuidedLinkage = field(metadata=KEPT)
     """With the type's lengths, this start and offset."""
 
 
@@ -360,17 +465,23 @@ class Matches(Record, Ranked[Match]):
 
     def __repr__(self) -> str:
         rows = [
-            f"  {m.rank}  type {m.type.number} {m.type.lengths}, start {m.start_angle:g}, branch {m.branch:+d}, "
-            f"rms error {m.similarity:.3g}"
+            f"  {m.rank}  {_SHOWN_KINDS[m.kind]}type {m.type.number} {m.type.lengths}, start {m.start_angle:g}, "
+            f"branch {m.branch:+d}, rms error {m.similarity:.3g}"
             for m in self.matches
         ]
         return "\n".join([f"{len(self.matches)} matches", *rows])
 
 
+def _in_words(errors: Errors, degrees: bool) -> str:
+    largest = {"rotation": errors.rotation_max, "position": errors.position_max}
+    unit = {"rotation": " deg" if degrees else " rad", "position": ""}
+    return ", ".join(f"{name} within {value:.3g}{unit[name]}" for name, value in largest.items() if value is not None)
+
+
 # -- from what a search found to what a user reads --------------------------------------------------------------------
 
 
-def status_of(solutions: Sequence[Solution], tolerance: float, tolerances: bool, cut_short: bool) -> str:
+def status_of(solutions: Sequence[AnySolution], tolerance: float, tolerances: bool, cut_short: bool) -> str:
     """What was found: reached where the best solution keeps the tolerances, or without any, where its objective is small."""
     if not solutions:
         return (Status.UNKNOWN if cut_short else Status.INFEASIBLE).value
@@ -401,11 +512,14 @@ def finished(
             break
         for solution in _described(found[first : first + at_once], motion, limits, tolerance, type_of):
             solutions.append(_studied(solution, studies, len(found), work))
-    # a linkage that does not work as a machine never comes before one that does
+    # a linkage that does not work as a machine never comes before one that does, nor one without free layers before one
+    # that has some
     solutions.sort(
         key=lambda one: (
             not one.verdict.works,
             one.verdict.within_tolerance is False,
+            one.verdict.assembly is not None and not one.verdict.assembly.free,
+            one.drivable is False,
             *_worth(one, motion, tolerance if by_error else 0.0),
         )
     )
@@ -460,6 +574,7 @@ def _described(
                 rank=0,
                 source="refined" if kind is None else "atlas",
                 type=kind,
+                guides=_circles(one.linkage),
                 **linkage.dimensions._asdict(),
                 crank_angle=in_turn(own.target.crank, samples.ordered) / radian
                 if isinstance(samples, Poses)
@@ -482,6 +597,97 @@ def _described(
     return solutions
 
 
+def _circles(linkage: Linkage) -> list[CircleGuide] | None:
+    if not linkage.mounted:
+        return None
+    return [one for one in guides_of(of_four_bar(linkage), 1.0, None) if isinstance(one, CircleGuide)]
+
+
+def finished_guided(
+    found: Sequence[guided.GuidedSolution], motion: Motion, limits: Limits, studies: Studies, work: Work
+) -> list[GuidedSolution]:
+    """Solutions with rails or slots in the user's unit, with what else was asked for, in the order they come in but for verdicts.
+
+    Once the work's time is up no further ones are finished; the first always is.
+    """
+    solutions: list[GuidedSolution] = []
+    for one in found:
+        if solutions and work.expired():
+            break
+        solutions.append(_guided_studied(_guided_described(one, motion, limits), studies, len(found), work))
+    solutions.sort(
+        key=lambda one: (
+            not one.verdict.works,
+            one.verdict.within_tolerance is False,
+            one.verdict.assembly is not None and not one.verdict.assembly.free,
+            one.drivable is False,
+        )
+    )
+    return [replace(one, rank=rank) for rank, one in enumerate(solutions, 1)]
+
+
+def _guided_described(one: guided.GuidedSolution, motion: Motion, limits: Limits) -> GuidedSolution:
+    """A solution without studies."""
+    samples, radian, allowed = motion.samples, motion.radian, motion.tolerances
+    target = guided.as_target(samples, one.linkage, one.travel)
+    own = Motion.of(target, motion.degrees, allowed)
+    way: dict[str, bool] = {"timed": True}
+    strays = None
+    if isinstance(samples, Poses):
+        way = {"ordered": samples.ordered, "closed": samples.closed}
+        strays = guided.excursion(one, samples, samples.ordered)
+    passed = guided_verdict(one.linkage, one.linkage.start + target.crank, **way)
+    reasons, within = list(passed.reasons), None
+    if allowed is not None:
+        shares = allowed.shares(target, one.linkage)
+        within, worst = bool(np.all(shares <= 1)), int(np.argmax(shares))
+        if not within:
+            reasons.append(f"sample {worst + 1} is off by {shares[worst]:.3g} times what is allowed, the most of all")
+    faults = guided.practical_faults(one, target, limits, strays)
+    linkage = GuidedLinkage.of(one.linkage, radian, target)
+    turns, turn = one.linkage.driver.turns, one.transmission_angle_min_turn
+    kind: Any = one.linkage.kind.value
+    return GuidedSolution(
+        rank=0,
+        kind=kind,
+        driver=one.linkage.driver.value,
+        guides=linkage.guides,
+        branch=-1 if one.linkage.branch < 0 else 1,
+        start=linkage.start,
+        crank_angle=target.crank / radian if turns and motion.free else None,
+        travel=None if turns or not motion.free else target.crank,
+        errors=_in_unit(one.errors, radian),
+        verdict=verdict_of(passed, within, [*reasons, *faults], practical=not faults),
+        excursion=strays,
+        size=guided.size_of(one, target),
+        transmission_angle_min=one.transmission_angle_min / radian,
+        transmission_angle_min_turn=None if turn is None else turn / radian,
+        arm_min=one.linkage.arm_over(target.interval.after(one.linkage.start)),
+        linkage=linkage,
+        origin=GuidedOrigin(one, own, limits),
+    )
+
+
+def _guided_studied(solution: GuidedSolution, studies: Studies, solutions: int, work: Work) -> GuidedSolution:
+    """One of several solutions with what else was asked of it."""
+    work.check()
+    one, own, _ = solution.origin
+    done: dict[str, Any] = {}
+    target, radian, linkage = own.target, own.radian, one.linkage
+    if studies.sensitivity:
+        done["sensitivity"] = changes(linkage, target, radian)
+    if studies.drive is not None:
+        done["analysis"] = guided_analysed(linkage, studies.drive, target.crank, radian, target.interval)
+    if studies.manufacture is not None:
+        share = share_of(studies.manufacture, target.samples, solutions, work.budget)
+        done["tolerance_study"] = guided_studied(linkage, share, target.crank, target.interval, radian, work)
+    if studies.drives is not None:
+        done |= driven_solution(linkage, target.crank, studies.drives, radian, work)
+    if studies.assembly is not None:
+        done["verdict"] = _with_assembly(solution, studies.assembly, work)
+    return replace(solution, **done) if done else solution
+
+
 def _studied(solution: Solution, studies: Studies, solutions: int, work: Work) -> Solution:
     """One of several solutions with what else was asked of it."""
     work.check()
@@ -499,10 +705,31 @@ def _studied(solution: Solution, studies: Studies, solutions: int, work: Work) -
         done["rounded"] = _rounded(best_from_stock(target, one, studies.lengths_from, limits, tries, work), own)
     if studies.drive is not None:
         done["analysis"] = analysed(linkage, studies.drive, target.crank, radian, target.interval)
+    if studies.drives is not None:
+        done |= driven_solution(linkage, target.crank, studies.drives, radian, work)
     if studies.manufacture is not None:
         share = share_of(studies.manufacture, target.samples, solutions, work.budget)
         done["tolerance_study"] = studied(linkage, share, target.crank, target.interval, radian, work)
+    if studies.assembly is not None:
+        done["verdict"] = _with_assembly(solution, studies.assembly, work)
     return replace(solution, **done) if done else solution
+
+
+def _with_assembly(solution: AnySolution, asked: AskedAssembly, work: Work) -> Verdict:
+    """The verdict with the assembly; the parts of a linkage that does not carry its motion are not arranged."""
+    verdict, (one, own, limits) = solution.verdict, solution.origin
+    found: Assembly | None = None
+    if not verdict.works:
+        why = ["layers were not looked for: the drive does not carry the linkage through the samples"]
+    else:
+        try:
+            asked = asked.within(limits.envelope, limits.keep_out)
+            found = assembled(one.linkage, asked, own.target.interval, own.radian, work)
+            why = [] if found.free else [f"layers: {found.reasons[0]}"]
+        except FieldError as error:
+            why = [f"layers were not looked for: {error}"]
+    free = found is not None and found.free
+    return replace(verdict, assembly=found, buildable=verdict.practical and free, reasons=(*verdict.reasons, *why))
 
 
 def verdict_of(passing: Passing, within: bool | None, reasons: Sequence[str], practical: bool) -> Verdict:

@@ -14,14 +14,17 @@ from typing import Any
 from linkage_atlas.answers import AtlasType
 from synthesis.atlas import table
 from synthesis.atlas.header import MAX_TYPES, Stamp, file_hash
-from synthesis.atlas.index import Index, temporary_arrays
+from synthesis.atlas.index import Index, InMemory, temporary_arrays
 from synthesis.atlas.preparation import CELLS, Preparation, Progress, types_of
 from synthesis.atlas.scan import KIND, Scan
 from synthesis.errors import AtlasError, AtlasFault, FieldError
-from synthesis.fourbar.dimension_types import OrderRule, TypeRule
 from synthesis.fourbar.kinematics import family
 from synthesis.fourbar.mechanism import FOURBAR, ROCKER
 from synthesis.work import OutOfTime, Work
+
+SLIDER_CRANK = "slider_crank"
+MECHANISMS = (FOURBAR.kind, SLIDER_CRANK)
+"""Kinds of mechanisms that there are atlases of."""
 
 
 class Atlas:
@@ -32,12 +35,12 @@ class Atlas:
     stored : synthesis.atlas.table.Atlas
     threads : int, optional
         Threads of a scan; default: one a core.
-    source : AtlasSource, optional
+    source : AtlasSource or MadeSource, optional
         Where it comes from; default: ``stored``, all of it in memory.
     """
 
     def __init__(
-        self, stored: table.AtlasTypes, threads: int | None = None, source: AtlasSource | None = None
+        self, stored: table.AtlasTypes, threads: int | None = None, source: AtlasSource | MadeSource | None = None
     ) -> None:
         self.stored = stored
         """Its types; with all of their rotations where they are in memory."""
@@ -49,13 +52,18 @@ class Atlas:
     def __len__(self) -> int:
         return len(self.stored)
 
+    @property
+    def kind(self) -> str:
+        """What its types are of: "four_bar" or "slider_crank"."""
+        return self.stored.mechanism.kind
+
     @cached_property
     def scan(self) -> Scan:
         """The types prepared for matching."""
         with self._lock:
             index = self._source.index if self._source else None
             progress = self._source.progress if self._source else _quietly
-            prepared = Preparation(FOURBAR, self._table, KIND, self._threads, index, progress)
+            prepared = Preparation(self.stored.mechanism, self._table, KIND, self._threads, index, progress)
             if self.index_files:  # what is mapped needs no memory
                 mapped: Any = prepared.types
                 self.stored = mapped
@@ -79,7 +87,12 @@ class Atlas:
         return self._source.index.folders if self._source else []
 
     def has(self, part: str) -> bool:
-        """Whether a part of the index is there: "positions", "short_spans" or "rockers"; made by this process or by another."""
+        """Whether a part of the index is there, made by this process or by another.
+
+        One of "positions", "short_spans", "rockers", and "slider_cranks": an atlas of those beside this one.
+        """
+        if part == "slider_cranks":
+            return self.slider_cranks.is_prepared
         if part == "rockers":
             return self._rocker_scan is not None or bool(self._rocker_parts and self._rocker_parts.known(CELLS))
         return self.scan.prepared.has(part)
@@ -90,7 +103,9 @@ class Atlas:
         Raises `OutOfTime` or `Cancelled`.
         """
         work = work or Work()
-        if part == "rockers":
+        if part == "slider_cranks":
+            _ = self.slider_cranks.scan
+        elif part == "rockers":
             _ = self.rocker_scan
         elif part == "positions":
             self.scan.prepare_positions(work)
@@ -99,7 +114,10 @@ class Atlas:
 
     @property
     def rocker_scan(self) -> Scan:
-        """The same types prepared for matching their rockers' curves, which the first that asks computes (some seconds)."""
+        """The same types prepared for matching their rockers' curves, which the first that asks computes (some seconds).
+
+        Only of four-bars.
+        """
         with self._rocker_lock:
             if self._rocker_scan is None:
                 prepared = Preparation(ROCKER, self._rockers, KIND, self._threads, self._rocker_parts)
@@ -108,10 +126,37 @@ class Atlas:
 
     @cached_property
     def _rocker_parts(self) -> Index | None:
-        return self._source.index.beside("rocker_") if self._source else None
+        index = self._source.index if self._source else None
+        return index.beside("rocker_") if isinstance(index, Index) else None
 
     def _rockers(self) -> table.Table:
         return table.make_table(ROCKER, self.scan.lengths, self.stored.rule.samples)
+
+    @property
+    def is_prepared(self) -> bool:
+        """Whether its scan needs nothing but to be opened."""
+        return "scan" in vars(self) or bool(self._source and self._source.index.known(CELLS))
+
+    @cached_property
+    def slider_cranks(self) -> Atlas:
+        """An atlas of slider-cranks to match beside this one: itself if it is one, else that of the default rule.
+
+        Its scan is prepared by the first that asks, some two seconds, in this atlas's index if that has one.
+        """
+        if self.kind == SLIDER_CRANK:
+            return self
+        return slider_cranks(self._source.index if self._source else None, self._threads)
+
+    def of(self, kind: str) -> Atlas:
+        """The atlas of a kind, one of `MECHANISMS`: this one, or the one beside it.
+
+        Raises `FieldError`: there is none.
+        """
+        if kind == self.kind:
+            return self
+        if kind == SLIDER_CRANK:
+            return self.slider_cranks
+        raise FieldError("/mechanisms", f"the atlas that is loaded is of kind {self.kind}, not {kind}")
 
     def prepare(
         self,
@@ -151,9 +196,10 @@ class Atlas:
             average, details = self._source.features(row)
         lengths = stored.lengths[row]
         return {
+            "kind": self.kind,
             "number": number,
             "lengths": lengths.tolist(),
-            "family": str(family(lengths)),
+            "family": str(family(lengths)) if self.kind == FOURBAR.kind else None,
             "samples": stored.rule.samples,
             "winding": int(stored.winding[row]),
             "normalisation": "mean",
@@ -165,6 +211,7 @@ class Atlas:
     def describe(self) -> dict[str, Any]:
         """What it holds, as plain values."""
         return {
+            "kind": self.kind,
             "types": len(self),
             "schema_version": self.stored.schema,
             "content_sha256": self.content_sha256,
@@ -179,6 +226,34 @@ class Atlas:
 
 def _quietly(done: int, total: int) -> None:
     """Shows no progress."""
+
+
+@dataclass(frozen=True)
+class MadeSource:
+    """An atlas that no file holds: its rows are computed where they are asked for."""
+
+    rule: table.AtlasRule
+    index: InMemory
+    progress: Progress = _quietly
+
+    def load(self) -> table.Atlas:
+        """All of its arrays."""
+        return table.atlas_of_rule(self.rule)
+
+    def features(self, row: int) -> tuple[float, list[float]]:
+        """Average and details of a row."""
+        rows = table.compute_rows(self.rule.lengths(row, row + 1), self.rule.samples, self.rule.kind.mechanism)
+        return float(rows.average[0]), rows.details[0].tolist()
+
+
+def slider_cranks(beside: Index | InMemory | None = None, threads: int | None = None) -> Atlas:
+    """The atlas of slider-cranks of the default rule, its scan kept in an index, with a prefix, if there is one to lie in."""
+    rule = table.AtlasRule.of(SLIDER_CRANK)
+    index: InMemory = InMemory()
+    if isinstance(beside, Index):
+        named = " ".join(f"{name} {value}" for name, value in rule.as_json().items())
+        index = Index(beside.folder, named, prefix="slider_crank_")
+    return Atlas(table.types_of_rule(rule), threads, MadeSource(rule, index))
 
 
 @dataclass(frozen=True)
@@ -261,11 +336,12 @@ def load_atlas(
 
 def build_atlas(
     path: str | Path,
-    perimeter: int = 400,
-    smallest: int = 2,
-    order: str = "increasing",
-    samples: int = 256,
+    perimeter: int | None = None,
+    smallest: int | None = None,
+    order: str | None = None,
+    samples: int | None = None,
     *,
+    kind: str = "four_bar",
     jobs: int | None = None,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> Atlas:
@@ -275,13 +351,16 @@ def build_atlas(
     ----------
     path : str or Path
         Written whole or not at all; an interrupted build goes on from where it was.
-    perimeter : int
-        Sum of the four whole lengths.
-    smallest : int
-        Smallest length of the shortest link.
-    order : {"increasing", "crank_shortest", "full_crank"}
-    samples : int
-        Samples of a curve over the turn, a power of two.
+    perimeter : int, optional
+        Sum of the whole lengths of a type; default: 400 of the four of four-bars, 640 of crank, rod and offset.
+    smallest : int, optional
+        Smallest length of the shortest link, of slider-cranks of the crank; default: 2.
+    order : {"increasing", "crank_shortest", "full_crank"}, optional
+        Of four-bars.
+    samples : int, optional
+        Samples of a curve over the turn, a power of two; default: 256.
+    kind : {"four_bar", "slider_crank"}
+        Of slider-cranks all whose crank turns fully, crank + offset < rod, mirror images once.
     jobs : int, optional
         Processes; default: one a core. (More than one needs a script that can be imported, as all Python processes do.)
     progress : callable
@@ -294,10 +373,7 @@ def build_atlas(
     from data_build.batch import build_atlas as build
     from data_build.executors import local_executor
 
-    orders = [rule.value for rule in OrderRule]
-    if order not in orders:
-        raise FieldError("/order", f"wanted one of {', '.join(orders)}, found {order!r}")
-    rule = table.AtlasRule(TypeRule(perimeter, smallest, OrderRule(order)), samples)
+    rule = table.AtlasRule.of(kind, perimeter, smallest, order, samples)
     with local_executor(jobs or os.cpu_count() or 1) as executor:
         build(rule, Path(path), executor, progress)
     return load_atlas(path)

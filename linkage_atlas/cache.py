@@ -60,6 +60,18 @@ def default_atlas() -> Atlas:
     return open_atlas(find_atlas(jobs=1))
 
 
+@cache
+def default_slider_cranks() -> Atlas:
+    """The default atlas of slider-cranks, its scan kept beside the default atlas, which it does not need."""
+    from linkage_atlas.atlases import slider_cranks
+    from synthesis.atlas.index import Index
+
+    place = index_of(HERE if HERE.exists() else cached_atlas())
+    with suppress(OSError):  # then it is prepared in memory
+        place.parent.mkdir(parents=True, exist_ok=True)
+    return slider_cranks(Index(place, ""))
+
+
 def index_of(atlas: Path) -> Path:
     """The file of an atlas's index: beside it, or in the user's cache folder where there is none and none can be written."""
     beside = atlas.with_name(atlas.name + ".index")

@@ -7,7 +7,7 @@ within tighter limits on that measure; finish them as a user reads them; report.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import cache
 from typing import Any, Literal, NamedTuple, TypedDict, Unpack, get_args
@@ -16,12 +16,27 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkage_atlas.answers import FINISHING, Continued, Report, Result, cognate_notes, finished, status_of
+from linkage_atlas.assemblies import AskedAssembly, assembled, read_assembly
 from linkage_atlas.atlases import Atlas
 from linkage_atlas.cache import default_atlas
+from linkage_atlas.driving import check_asked
+from linkage_atlas.guided import DriverName
+from linkage_atlas.kinds import Asked as Kinds
+from linkage_atlas.kinds import Course as KindsCourse
+from linkage_atlas.kinds import (
+    Found,
+    MechanismName,
+    check_kinds_alone,
+    check_sliders_alone,
+    finished_kinds,
+    front,
+    read_kinds,
+    search_kinds,
+)
 from linkage_atlas.limits import read_limits, what_excludes
 from linkage_atlas.linkages import FourBar
 from linkage_atlas.motions import Motion, check_above_zero, check_top, column, number
-from linkage_atlas.studies import STUDIES, check_rows, read_studies, study_notes
+from linkage_atlas.studies import STUDIES, Studies, check_rows, read_studies, study_notes
 from synthesis.arrays import Floats
 from synthesis.atlas.scan import Scan, best_rows
 from synthesis.errors import FieldError
@@ -55,9 +70,11 @@ ILL_POSED = (
 LIVE_SECONDS, LIVE_FINISHING, LIVE_FINISHING_EACH = 0.06, 0.1, 0.025
 """Longest budget of an answer that goes on from the last, and the parts of it that are left for finishing: in any case, and for
 each of the first ten solutions."""
+_LAYERED = 3
+"""Times as many solutions whose layers are compared."""
 _VARIETY = 6
 """Times as many solutions among which diverse ones are chosen."""
-Prefer = Literal["error", "size", "transmission", "crank_span"]
+Prefer = Literal["error", "size", "transmission", "crank_span", "layers"]
 PREFER = get_args(Prefer)
 
 _TRIES = 6
@@ -135,6 +152,8 @@ class Asked(TypedDict, total=False):
     order: Literal["given", "any"]
     closed: bool
     crank_span_max: float | None
+    travel: ArrayLike | None
+    travel_span: float | None
     weights: Mapping[str, ArrayLike] | None
     tolerances: Mapping[str, ArrayLike] | None
     length_scale: float | None
@@ -144,6 +163,11 @@ class Asked(TypedDict, total=False):
     sensitivity: bool
     analysis: Mapping[str, Any] | None
     tolerance_study: Mapping[str, Any] | None
+    load: Mapping[str, Any] | None
+    drives: Sequence[Mapping[str, Any]] | None
+    springs: Sequence[Mapping[str, Any]] | None
+    drive: Mapping[str, Any] | None
+    assembly: Mapping[str, Any] | bool | None
 
 
 def synthesize(
@@ -159,9 +183,11 @@ def synthesize(
     atlas: Atlas | None = None,
     work: Callable[[float | None], Work] = Work,
     live: Live | None = None,
+    mechanisms: Sequence[MechanismName] | Literal["all"] | None = None,
+    driver: DriverName | None = None,
     **more: Unpack[Asked],
 ) -> Result:
-    """The four-bar linkages that make a motion: actual dimensions and where they are mounted.
+    """The linkages that make a motion: actual dimensions and where they are mounted.
 
     Called as ``synthesize(motion, limits)``, or with the arguments of a `Motion` in its place:
     ``synthesize(rotation, position, crank_span=70)``.
@@ -176,9 +202,10 @@ def synthesize(
         At most so many linkages, different from one another.
     effort : {"refine", "atlas"}
         The search, which refines to machine precision; or the best rows of ``atlas`` as they are.
-    prefer : {"error", "size", "transmission", "crank_span"}, optional
+    prefer : {"error", "size", "transmission", "crank_span", "layers"}, optional
         What is wanted of linkages inside the tolerances: the least error, the smallest links and reach, the best transmission
-        angle or the shortest swing of the crank. Default: "size" where there are tolerances, otherwise "error". Without
+        angle, the shortest swing of the crank, or layers over whose fixed pivots nothing passes
+        (``assembly`` is then asked for too). Default: "size" where there are tolerances, otherwise "error". Without
         tolerances those count whose error is at most a tenth above the least.
     diverse : bool
         Spread the solutions over families, branches and places, the objective at most twice the best, in place of the best ones.
@@ -195,6 +222,11 @@ def synthesize(
         Makes what watches over time and cancellation from a budget in seconds.
     live : Live, optional
         What the last answer left, while a motion is being changed: this one begins with it, in at most 60 ms, and leaves its own.
+    mechanisms : sequence of str or "all", optional
+        Kinds of mechanism: "four_bar" (default alone), "slider_crank", "swinging_block", "rail_slot", "two_rails", "two_slots".
+        Of several kinds those come back that no other one driven alike beats in error, size and transmission angle at once.
+    driver : {"crank", "slider", "cylinder", "hinge"}, optional
+        Only linkages that are driven so.
     **more
         Arguments of `Motion`, where it is not given; and studies of each solution, as of `Solution.studied`, within the budget.
 
@@ -234,6 +266,9 @@ def synthesize(
         wanted = Motion(*given, **named)
     if effort == "atlas" and wanted.free:
         raise FieldError("/effort", "the atlas holds curves over crank angles: with free ones only 'refine' answers")
+    kinds = read_kinds(mechanisms, driver, wanted)
+    if not kinds.four_bars_alone:
+        check_kinds_alone(prefer, effort, refine_from, live)
     # made once, by whoever asks first: no part of this request's time
     source: SeedTables | Scan | Start
     source = seed_tables() if effort == "refine" else (atlas := atlas or default_atlas()).scan
@@ -250,15 +285,27 @@ def synthesize(
         source = read_start(refine_from, wanted.degrees)
         _check_start(source, wanted)
         notes.append(LOCAL)
+    if studies.drives is not None:
+        check_asked(studies.drives, wanted.radian)
     if studies.drive is not None:
         check_rows(top, None if wanted.free else wanted.target.interval)
     prefers = _preference(prefer, wanted, isinstance(source, SeedTables))
+    if not kinds.four_bars_alone:
+        return _of_kinds(kinds, wanted, kept, prefers, tolerance, top, studies, notes, watch, limits or {})
+    check_sliders_alone(kept)
     goal = tolerance if prefers == "error" else goal_of(_allowed(wanted), tolerance)
 
     spare = FINISHING if live is None else LIVE_FINISHING + LIVE_FINISHING_EACH * min(top, 10)
     searching, many = watch.extended(-spare), _VARIETY * top if diverse else top
+    if prefers == "layers":
+        many = max(many, _LAYERED * top)
     found, course = _search(source, wanted, kept, many, goal, searching, begun=begun)
-    if prefers != "error":
+    if prefers == "layers":
+        if studies.assembly is None:
+            studies = studies._replace(assembly=read_assembly(True))
+        assert studies.assembly is not None
+        found = by_layers(found, wanted, studies.assembly.within(kept.envelope, kept.keep_out), goal, top, searching)
+    elif prefers != "error":
 
         def again(other: Motion, tighter: Limits, near: float) -> list[Solution]:
             return _search(source, other, tighter, many, near, searching, TRY_ROUNDS)[0]
@@ -306,7 +353,56 @@ def synthesize(
     if live is not None and course.left is not None:
         live.state = course.left.packed()
     status = status_of(solutions, tolerance, wanted.tolerances is not None, cut_short or refines)
-    return Result(status, solutions, report)
+    return Result(status, list(solutions), report)
+
+
+def _of_kinds(
+    kinds: Kinds,
+    motion: Motion,
+    limits: Limits,
+    prefers: Prefer,
+    tolerance: float,
+    top: int,
+    studies: Studies,
+    notes: list[str],
+    watch: Work,
+    given: Mapping[str, Any],
+) -> Result:
+    """The answer to a request for other mechanisms than four-bars alone."""
+
+    def four_bars(within: Limits, work: Work) -> tuple[list[Solution], Course]:
+        return _search(seed_tables(), motion, within, top, tolerance, work)
+
+    def search_all(within: Limits, work: Work) -> tuple[list[Found], KindsCourse]:
+        return search_kinds(kinds, motion, within, tolerance, four_bars, work)
+
+    found, course = search_all(limits, watch.extended(-FINISHING))
+    notes += course.notes
+    chosen = front(found, motion, prefers, tolerance, top)
+    searched = watch.elapsed
+    solutions = finished_kinds(chosen, motion, limits, tolerance, studies, watch.extended(FINISHING))
+    cut_short = course.stopped_by == StoppedBy.BUDGET.value
+    if not solutions and cut_short:
+        notes.append("nothing within the limits was found before the search was cut short; that proves nothing")
+    elif not solutions and not limits.only_family:
+        notes += what_excludes(limits, motion, search_all, watch)
+    if not motion.free and "preset" not in given and solutions and not solutions[0].verdict.practical:
+        notes.append(UNASKED)
+    if len(solutions) < len(chosen):
+        notes.append(f"the time was up: of {len(chosen)} linkages found the best {len(solutions)} are reported")
+    total = watch.elapsed
+    seconds = course.stages | {"report": total - searched, "total": total}
+    report = Report(
+        elapsed_ms={name: 1000 * value for name, value in seconds.items()},
+        trace=[(1000 * value, objective) for value, objective in course.trace],
+        stopped_by=course.stopped_by,
+        length_scale=None if motion.samples.position is None else motion.samples.length_scale,
+        seeds=course.seeds,
+        windows=None,
+        exhaustive=None,
+        notes=notes,
+    )
+    return Result(status_of(solutions, tolerance, motion.tolerances is not None, cut_short), solutions, report)
 
 
 # -- the search -------------------------------------------------------------------------------------------------------
@@ -450,6 +546,33 @@ def _improved(
             out_of_reach = float(middle)
     ranked = distinct(sorted(good, key=measure.of), top, APART, order=measure.of)
     return (ranked + [one for one in found if not near_enough(one)])[:top]
+
+
+def by_layers(
+    found: Sequence[Solution], motion: Motion, asked: AskedAssembly, goal: float, top: int, work: Work
+) -> list[Solution]:
+    """Linkages that are near enough, first those with free layers over whose fixed pivots nothing passes, then by layers.
+
+    Those that the time does not reach keep their places behind them.
+    """
+    if not found:
+        return []
+    least = _NEAR_ENOUGH * max(found[0].errors.objective, goal)
+    ranked: list[tuple[tuple[float, ...], Solution]] = []
+    for place, one in enumerate(found):
+        if motion.tolerances is not None:
+            off = not motion.keeps(one.linkage, one.crank)
+        else:
+            off = one.errors.objective > least
+        rank = (off, True, 0, 0)
+        if not off and not work.expired():
+            target = motion.one_of(motion.with_angles([one.linkage], [one.crank]), 0).target
+            with suppress(FieldError):
+                layers = assembled(one.linkage, asked, target.interval, motion.radian, work)
+                crossed = sum(not shaft.both_sides for shaft in layers.shaft.values())
+                rank = (off, not layers.free, crossed, layers.count)
+        ranked.append(((*rank, place), one))
+    return [one for _, one in sorted(ranked, key=lambda pair: pair[0])][:top]
 
 
 def _as_good(best: float, other: float, measure: _Measure) -> bool:

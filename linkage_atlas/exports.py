@@ -1,18 +1,19 @@
-"""A linkage as the text of a file: the formats there are."""
+"""A linkage as a file: the formats there are."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from synthesis.errors import FieldError
 
 if TYPE_CHECKING:
+    from synthesis.drives.attached import Attached
+    from synthesis.drives.links import Machine
     from synthesis.fourbar.linkage import Linkage
+    from synthesis.guided.linkage import GuidedLinkage
+    from synthesis.sheet import More
     from synthesis.target import Target
-
-MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
-"""Units of length that DXF and MJCF files are written from."""
 
 
 class Format(NamedTuple):
@@ -23,14 +24,22 @@ class Format(NamedTuple):
 
 
 FORMATS = {
+    "parts": Format("text/csv; charset=utf-8", ("parts.csv",)),
     "csv": Format("text/csv; charset=utf-8", ("csv",)),
     "svg": Format("image/svg+xml", ("svg",)),
     "plates": Format("image/vnd.dxf", ("plates.dxf",)),
     "dxf": Format("image/vnd.dxf", ("dxf",)),
     "mjcf": Format("application/xml", ("mjcf", "xml")),
     "pylinkage": Format("application/json", ("pylinkage.json",)),
+    "step": Format("model/step", ("step",)),
+    "3mf": Format("model/3mf", ("3mf",)),
+    "stl": Format("application/zip", ("stl.zip",)),
+    "urdf": Format("application/xml", ("urdf",)),
+    "sdf": Format("application/xml", ("sdf",)),
 }
 """Kinds of files; of two whose ending fits the first."""
+OF_PARTS = ("step", "3mf", "stl", "urdf", "sdf", "parts")
+"""Kinds that are written from solid parts."""
 
 
 def kind_of(name: str) -> str:
@@ -42,7 +51,7 @@ def kind_of(name: str) -> str:
     raise FieldError("/path", f"the file must end in one of {endings}, found {name!r}")
 
 
-def text_of(
+def content_of(
     linkage: Linkage,
     target: Target,
     radian: float,
@@ -50,25 +59,172 @@ def text_of(
     length_unit: str,
     analysis: Mapping[str, Any] | None,
     plates: Mapping[str, Any] | None,
-) -> str:
-    """The text of a file; see `FourBar.render` for what the arguments mean."""
+    parts: Callable[[bool], Any],
+    drive: Mapping[str, Any] | None = None,
+) -> bytes:
+    """The content of a file; see `FourBar.file` for what the arguments mean.
+
+    ``parts``: makes the `SolidParts`, with an error where they collide, or (True) nevertheless.
+    """
+    from linkage_atlas.motions import MILLIMETRES
     from linkage_atlas.studies import analysed, read_drive
     from synthesis.fourbar import files
+    from synthesis.fourbar.analysis import LinkMass
 
     if kind not in FORMATS:
         raise FieldError("/kind", f"wanted one of {', '.join(FORMATS)}, found {kind!r}")
+    with_drive = drive_on(linkage, target, drive, kind)
     if kind == "csv":
-        drive = None if analysis is None else read_drive(analysis, linkage.mounted)
-        more = None if drive is None else analysed(linkage, drive, target.crank, radian).columns()
-        return files.to_csv(linkage, target, radian, more)
+        asked = None if analysis is None else read_drive(analysis, linkage.mounted)
+        more = {} if asked is None else analysed(linkage, asked, target.crank, radian).columns()
+        return files.to_csv(linkage, target, radian, more | with_drive.columns()).encode()
     if kind in ("svg", "pylinkage"):
-        return (files.to_svg if kind == "svg" else files.to_pylinkage)(linkage, target)
+        return (files.to_svg if kind == "svg" else files.to_pylinkage)(linkage, target).encode()
     if length_unit not in MILLIMETRES:
         raise FieldError("/length_unit", f"wanted one of {', '.join(MILLIMETRES)}, found {length_unit!r}")
     unit_mm = MILLIMETRES[length_unit]
+    if kind in OF_PARTS:
+        return parts(False).file(kind)
     if kind == "plates":
-        return files.to_plates(linkage, unit_mm, **_sizes(plates or {}))
-    return (files.to_dxf if kind == "dxf" else files.to_mjcf)(linkage, target, unit_mm)
+        return files.to_plates(linkage, unit_mm, **_sizes(plates or {})).encode()
+    if kind == "dxf":
+        return files.to_dxf(linkage, target, unit_mm, with_drive.drawn()).encode()
+    try:
+        masses = {one.link: LinkMass(one.mass, complex(*one.at), one.inertia) for one in parts(True).masses}
+    except FieldError:
+        masses = None  # no plates of these sizes: the file says that its links are rods
+    return with_drive.simulated(files.to_mjcf(linkage, target, unit_mm, masses), unit_mm / 1000).encode()
+
+
+class DriveOn(NamedTuple):
+    """What a drive adds to a file; nothing where there is none."""
+
+    drive: Attached | None
+    machine: Machine | None
+
+    def columns(self) -> dict[str, Any]:
+        """Further columns of a table."""
+        return {} if self.drive is None or self.machine is None else self.drive.columns(self.machine)
+
+    def drawn(self) -> More | None:
+        """A layer of a drawing."""
+        from synthesis.drives.attached import COLOUR, LAYER
+        from synthesis.sheet import More
+
+        drive, machine = self
+        if drive is None or machine is None:
+            return None
+        return More(LAYER, COLOUR, lambda space, xy, size: drive.draw(machine, space, xy, size))
+
+    def simulated(self, model: str, metre: float) -> str:
+        """A model with it."""
+        return (
+            model if self.drive is None or self.machine is None else self.drive.simulated(self.machine, model, metre)
+        )
+
+
+def drive_on(linkage: Linkage | GuidedLinkage, target: Target, drive: Mapping[str, Any] | None, kind: str) -> DriveOn:
+    """A drive of a reply on a linkage at the samples of a motion."""
+    if drive is None:
+        return DriveOn(None, None)
+    if kind not in ("csv", "dxf", "mjcf"):
+        raise FieldError("/drive", f"a file of the kind {kind!r} holds no drive: ask for csv, dxf or mjcf")
+    from synthesis.drives.links import guided_machine_at, machine_at
+    from synthesis.fourbar.linkage import Linkage
+
+    if isinstance(linkage, Linkage):
+        machine = machine_at(linkage, target.crank)
+    else:
+        machine = guided_machine_at(linkage, target.crank)
+    return DriveOn(_attached(drive, machine), machine)
+
+
+def _attached(given: Mapping[str, Any], machine: Machine) -> Attached:
+    """A drive of a reply, as it came, on a machine at its samples."""
+    from linkage_atlas.motions import number
+    from synthesis.drives.attached import Attached
+    from synthesis.drives.links import GROUND
+
+    kind, link = given.get("kind"), given.get("link")
+    if kind not in ("rotary", "actuator", "dyad", "toggle"):
+        raise FieldError("/drive/kind", f"wanted a drive of a reply, found {kind!r}")
+    on = given.get("on") or GROUND
+    for name in (link, on):
+        if name not in (GROUND, *machine.links):
+            raise FieldError("/drive/link", f"wanted one of {', '.join(machine.links)}, found {name!r}")
+    where = given.get("motor") if kind in ("rotary", "dyad") else given.get("ground_point")
+    ground = _place(f"drive/{'motor' if kind in ('rotary', 'dyad') else 'ground_point'}", where)
+    pin = 0j if kind == "rotary" else _place("drive/pin_on_link", given.get("pin_on_link"))
+    part, names = {
+        "rotary": ({}, ()),
+        "actuator": (given, ("retracted", "stroke")),
+        "dyad": (given.get("six_bar") or {}, ("crank", "coupler")),
+        "toggle": (given.get("lock") or {}, ("handle", "strut")),
+    }[kind]
+    sizes = [number(f"drive/{name}", part.get(name)) for name in names]
+    if any(not size > 0 for size in sizes):
+        raise FieldError("/drive", f"wanted {' and '.join(names)} above 0")
+    knee = (given.get("curve") or {}).get("knee") if kind == "toggle" else None
+    return Attached(
+        kind,
+        str(link),
+        on,
+        ground,
+        pin,
+        (sizes[0], sizes[1]) if sizes else (0.0, 0.0),
+        bool(given.get("extends", True)),
+        None if not knee or knee[0] is None else _place("drive/curve/knee/0", knee[0]),
+    )
+
+
+def _place(field: str, given: Any) -> complex:
+    from linkage_atlas.motions import number
+
+    if not isinstance(given, (list, tuple)) or len(given) != 2:
+        raise FieldError(f"/{field}", "wanted two numbers [x, y]")
+    return complex(*(number(field, value) for value in given))
+
+
+_FOUR_BARS_ONLY = {
+    "plates": "links are cut as plates for four-bars only: rails and slots are not drawn as plates",
+    "pylinkage": "pylinkage has no guides that move or slots in a moving body: this linkage cannot be written for it",
+}
+
+
+def guided_text(
+    linkage: GuidedLinkage,
+    target: Target,
+    radian: float,
+    kind: str,
+    length_unit: str,
+    analysis: Mapping[str, Any] | None,
+    drive: Mapping[str, Any] | None = None,
+) -> str:
+    """The text of a file of a body on two guides, rails and slots among them."""
+    from linkage_atlas.guided_studies import analysed
+    from linkage_atlas.motions import MILLIMETRES
+    from linkage_atlas.studies import read_drive
+    from synthesis.guided import files
+
+    if kind not in FORMATS:
+        raise FieldError("/kind", f"wanted one of {', '.join(FORMATS)}, found {kind!r}")
+    if kind in _FOUR_BARS_ONLY:
+        raise FieldError("/format", _FOUR_BARS_ONLY[kind])
+    with_drive = drive_on(linkage, target, drive, kind)
+    if kind == "csv":
+        asked = None if analysis is None else read_drive(analysis, True)
+        more = {} if asked is None else analysed(linkage, asked, target.crank, radian).columns()
+        return files.to_csv(linkage, target, radian, more | with_drive.columns())
+    if kind == "svg":
+        return files.to_svg(linkage, target)
+    if kind not in ("dxf", "mjcf"):
+        raise FieldError("/format", f"{kind!r} is written for four-bars only")
+    if length_unit not in MILLIMETRES:
+        raise FieldError("/length_unit", f"wanted one of {', '.join(MILLIMETRES)}, found {length_unit!r}")
+    unit_mm = MILLIMETRES[length_unit]
+    if kind == "dxf":
+        return files.to_dxf(linkage, target, unit_mm, with_drive.drawn())
+    return with_drive.simulated(files.to_mjcf(linkage, target, unit_mm), unit_mm / 1000)
 
 
 def _sizes(plates: Mapping[str, Any]) -> dict[str, float]:

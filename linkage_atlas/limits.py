@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
 from typing import Any
@@ -13,7 +13,6 @@ from linkage_atlas.motions import Motion, column, number, radians_in
 from synthesis.errors import FieldError
 from synthesis.fourbar import limits as fourbar
 from synthesis.fourbar.limits import FORMS, LINKS, Form, practical_limits
-from synthesis.fourbar.solution import Solution
 from synthesis.target import Samples
 from synthesis.work import Work
 
@@ -21,14 +20,14 @@ PRESETS = ("practical", "none")
 """Sets of limits by name: the first holds by default where the crank angles are free, the second where they are given."""
 LIMITS = {name: form for name, form in FORMS.items() if form.kind != "reach"}
 """The limits of a request, beside its ``preset``."""
-FUNCTION_LIMITS = {name: form for name, form in LIMITS.items() if form.concerns != "place"}
+FUNCTION_LIMITS = {name: form for name, form in LIMITS.items() if form.concerns not in ("place", "sliders")}
 """Those of a request for function generators."""
 _STEPS = 6
 """Halvings of the way that a limit gives."""
 _SECONDS = 4.0
 """Longest time that is spent on the reason."""
 
-Search = Callable[[fourbar.Limits, Work], tuple[list[Solution], Any]]
+Search = Callable[[fourbar.Limits, Work], tuple[Sequence[Any], Any]]
 
 
 class Limits(dict[str, Any]):
@@ -57,7 +56,8 @@ Limits.__doc__ = f"{Limits.__doc__}\n    Notes\n    -----\n" + "\n".join(
 
 def read_limits(limits: Mapping[str, Any] | None, motion: Motion) -> fourbar.Limits:
     """The limits of a request, checked against its motion."""
-    checked = _read(limits, motion.samples, motion.radian, LIMITS, PRESETS[0] if motion.free else PRESETS[1], {})
+    preset = PRESETS[0] if motion.free and motion.travel is None else PRESETS[1]
+    checked = _read(limits, motion.samples, motion.radian, LIMITS, preset, {})
     checked.check_against(motion.samples)
     return checked
 

@@ -9,9 +9,11 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkage_atlas.exports import kind_of, text_of
+from linkage_atlas.assemblies import Assembly, assembled, read_assembly
+from linkage_atlas.exports import content_of, kind_of
 from linkage_atlas.motions import Motion, column, number, radians_in
 from linkage_atlas.records import plain
+from linkage_atlas.solids import AskedSolids, SolidParts, read_solids, solids_in, split
 from linkage_atlas.studies import Analysis, ToleranceStudy, analysed, read_drive, read_manufacture, studied
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
@@ -260,6 +262,11 @@ class FourBar:
         both = self._linkage, other._linkage
         return all(one.mounted for one in both) and are_cognates(*both)
 
+    @property
+    def way(self) -> Floats | None:
+        """Crank angles of the motion that it answers in radians, (n,); None where it answers none."""
+        return None if self._motion is None else self._motion.crank
+
     # -- how it moves -------------------------------------------------------------------------------------------------
 
     def joints(self, crank: ArrayLike) -> Joints:
@@ -298,7 +305,12 @@ class FourBar:
         return self._linkage.transmission_angle_min(Interval(*ends)) / self._radian
 
     def analysis(
-        self, crank_speed: float, load: Mapping[str, Any] | None = None, crank: ArrayLike | None = None
+        self,
+        crank_speed: float,
+        load: Mapping[str, Any] | None = None,
+        crank: ArrayLike | None = None,
+        *,
+        length_unit: str = "mm",
     ) -> Analysis:
         """Velocities, accelerations and, with a load, the torque of the drive and the forces in the pins.
 
@@ -307,12 +319,17 @@ class FourBar:
         crank_speed : float
             Of the crank, constant, counter-clockwise: in the linkage's unit of angle a second.
         load : mapping, optional
-            ``force`` [fx, fy] at the body point and ``torque`` on the body, in directions that do not turn with it.
+            ``force`` [fx, fy] at the body point and ``torque`` on the body, in directions that do not turn with it; ``masses``, a
+            list of ``link`` (crank, coupler, rocker or body), ``mass`` in kg, centre ``at`` [x, y] and ``inertia`` in the link's
+            frame; ``gravity`` [gx, gy] in m/s^2 ([0, -9.81]). With masses forces are in newtons.
         crank : array_like, shape (n,), optional
             Crank angles from the start angle on. Default: the samples of the motion that it answers (or a whole turn), with the
             `curve` over their interval.
+        length_unit : {"mm", "cm", "m", "in"}
+            The unit of its lengths, which tells the forces of inertia.
         """
-        drive = read_drive({"crank_speed": crank_speed, "load": load}, self._linkage.mounted)
+        asked = {"crank_speed": crank_speed, "load": load, "length_unit": length_unit}
+        drive = read_drive(asked, self._linkage.mounted)
         if crank is not None:
             return analysed(self._linkage, drive, np.atleast_1d(column("crank", crank)) * self._radian, self._radian)
         target = self._default_motion()
@@ -335,6 +352,48 @@ class FourBar:
         target = self._default_motion()
         asked, work = read_manufacture(manufacture), work or Work()
         return studied(self._linkage, asked, target.crank, target.interval, self._radian, work)
+
+    def assembly(
+        self,
+        motion: Motion | None = None,
+        crank_angle: ArrayLike | None = None,
+        *,
+        work: Work | None = None,
+        **asked: Any,
+    ) -> Assembly:
+        """Layers of its plates in which nothing collides over the used interval, proved; or what stops the best ones.
+
+        Parameters
+        ----------
+        motion : Motion, optional
+            Over whose interval; default: the motion that the linkage answers, or else a whole turn.
+        crank_angle : array_like, shape (N,), optional
+            Of a motion whose crank angles are free: those of this solution.
+        width, hole, clearance : float
+            Width of the plates, diameter of the pins, and the least gap of parts that pass one another.
+        thickness, washer : float
+            Of the plates, and of the washers between layers.
+        boards : {"below", "above", "both", "bar"}
+            Where the fixed pins stand: in a board on either side or both, or in a bar, a plate of its own.
+        heads : bool
+            Whether pins have heads, of 1.8 diameters, that fill a layer at each free end.
+        mounts : mapping
+            How fixed pins must be held: {"A": "below+above"}.
+        body : array_like, shape (n, 2)
+            Outline of the body, a plate that the coupler carries: in the body's frame, from the body point.
+        layers_most : int
+            Layers at most (6).
+
+        Examples
+        --------
+        >>> import linkage_atlas as la
+        >>> la.FourBar(30, 60, 70, 50).assembly(hole=6, width=18).layers
+        {'crank': 1, 'coupler': 2, 'rocker': 3}
+        """
+        read = read_assembly(asked, "")
+        assert read is not None
+        target = self._motion_over(motion, crank_angle)
+        return assembled(self._linkage, read, target.interval, self._radian, work or Work(), "")
 
     # -- what it becomes ----------------------------------------------------------------------------------------------
 
@@ -375,6 +434,118 @@ class FourBar:
             degrees=degrees,
         )
 
+    def solids(
+        self,
+        motion: Motion | None = None,
+        crank_angle: ArrayLike | None = None,
+        *,
+        length_unit: str = "mm",
+        work: Work | None = None,
+        **asked: Any,
+    ) -> SolidParts:
+        """Its parts as solids: plates, boards, pins, washers, with their masses; `SolidParts.save` writes their files.
+
+        Parameters
+        ----------
+        motion, crank_angle, work
+            As of `assembly`.
+        length_unit : {"mm", "cm", "m", "in"}
+            The unit of its lengths; solids are in millimetres.
+        fit : {"H7", "print"}
+            How pins fit. "H7": drawn at the nominal size, with tolerances in the parts list. "print": with 0.4 mm play where a
+            plate turns and 0.1 mm where it holds the pin, and plates and gaps that a printer makes well.
+        material, pins : str
+            Of plates and boards, and of pins, washers and heads: steel, stainless, aluminium, brass, plywood, acrylic, POM, PLA,
+            PETG or ABS.
+        fillet : float
+            Radius at the convex corners of the body's outline, in the unit of its lengths (0).
+        scale : float
+            Of a model (1); plays are not scaled.
+        layout : {"assembled", "bed"}
+            Where parts stand in STEP (assembled) and 3MF (beside one another on the bed) unless it says otherwise.
+        nevertheless : bool
+            Also where parts would collide (False).
+        **asked
+            As of `assembly`.
+
+        Raises
+        ------
+        FieldError
+            Where parts would collide, or a plate has no room for a hole.
+
+        Examples
+        --------
+        >>> import linkage_atlas as la
+        >>> parts = la.FourBar(19, 72, 144, 165).solids(material="plywood")
+        >>> [one.link for one in parts.masses]
+        ['crank', 'coupler', 'rocker']
+        """
+        of_assembly, of_solids = split(asked)
+        target = self._motion_over(motion, crank_angle)
+        return self._solids(target, of_assembly, read_solids(of_solids, ""), length_unit, work or Work(), "")
+
+    def _solids(
+        self,
+        target: Target,
+        assembly: Mapping[str, Any],
+        solids: AskedSolids,
+        length_unit: str,
+        work: Work,
+        where: str = "assembly/",
+    ) -> SolidParts:
+        read = read_assembly(assembly, where)
+        assert read is not None
+        found = assembled(self._linkage, read, target.interval, self._radian, work, where)
+        return solids_in(found, solids, assembly, length_unit)
+
+    def file(
+        self,
+        kind: str,
+        motion: Motion | None = None,
+        length_unit: str = "mm",
+        crank_angle: ArrayLike | None = None,
+        analysis: Mapping[str, Any] | None = None,
+        plates: Mapping[str, float] | None = None,
+        assembly: Mapping[str, Any] | None = None,
+        solids: Mapping[str, Any] | None = None,
+        work: Work | None = None,
+        drive: Mapping[str, Any] | None = None,
+    ) -> bytes:
+        """The linkage as the content of a file.
+
+        Parameters
+        ----------
+        kind : {"csv", "svg", "dxf", "plates", "mjcf", "pylinkage", "step", "3mf", "stl", "urdf", "sdf", "parts"}
+            ``plates``: a DXF of the links as plates to cut. ``stl``: a zip file with a file a part. ``parts``: a list (CSV).
+        motion : Motion, optional
+            What was asked for; default: the motion that the linkage answers, or else a whole turn.
+        length_unit : {"mm", "cm", "m", "in"}
+            The unit of its lengths, for files that know one.
+        crank_angle : array_like, shape (N,), optional
+            Of a motion whose crank angles are free: those of this solution.
+        analysis : mapping, optional
+            ``crank_speed`` and ``load`` as of `analysis`: further columns of a CSV file.
+        plates : mapping, optional
+            ``hole``, the diameter of the holes, and ``width`` of the plates, for a DXF of plates.
+        assembly, solids : mapping, optional
+            How its parts are arranged and made, as of `assembly` and `solids`: for STEP and what follows it above, and the masses
+            in an MJCF file.
+        work : Work, optional
+            Asked whether the answer is still wanted.
+        drive : mapping, optional
+            A drive of `linkage_atlas.drives` as plain values: further columns of a CSV file, a layer of a DXF file, and the drive
+            of an MJCF model.
+        """
+        target = self._motion_over(motion, crank_angle)
+
+        def parts(nevertheless: bool) -> SolidParts:
+            read = read_solids(solids)
+            if nevertheless:
+                read = read._replace(nevertheless=True)
+            return self._solids(target, assembly or {}, read, length_unit, work or Work())
+
+        return content_of(self._linkage, target, self._radian, kind, length_unit, analysis, plates, parts, drive)
+
     def render(
         self,
         kind: str,
@@ -383,35 +554,32 @@ class FourBar:
         crank_angle: ArrayLike | None = None,
         analysis: Mapping[str, Any] | None = None,
         plates: Mapping[str, float] | None = None,
+        drive: Mapping[str, Any] | None = None,
     ) -> str:
-        """The linkage as the text of a file.
+        """The linkage as the text of a file; arguments as of `file`. FieldError for 3MF and STL, which are no text."""
+        if kind in ("3mf", "stl"):
+            raise FieldError("/kind", f"{kind} is no text: `file` has its content, and `save` writes it")
+        return self.file(kind, motion, length_unit, crank_angle, analysis, plates, drive=drive).decode()
 
-        Parameters
-        ----------
-        kind : {"csv", "svg", "dxf", "plates", "mjcf", "pylinkage"}
-            ``plates``: a DXF of the links as plates to cut.
-        motion : Motion, optional
-            What was asked for; default: the motion that the linkage answers, or else a whole turn.
-        length_unit : {"mm", "cm", "m", "in"}
-            The unit of its lengths, for DXF and MJCF.
-        crank_angle : array_like, shape (N,), optional
-            Of a motion whose crank angles are free: those of this solution.
-        analysis : mapping, optional
-            ``crank_speed`` and ``load`` as of `analysis`: further columns of a CSV file.
-        plates : mapping, optional
-            ``hole``, the diameter of the holes, and ``width`` of the plates.
+    def save(self, path: str | Path, length_unit: str = "mm", **asked: Any) -> None:
+        """Write a file; its ending says which.
+
+        .csv, .svg, .dxf, .plates.dxf, .xml (MJCF, also .mjcf), .pylinkage.json; of its parts .step, .3mf, .stl.zip, .urdf, .sdf,
+        .parts.csv, for which ``asked`` are arguments as of `solids`.
         """
+        path = Path(path)
+        of_assembly, of_solids = split(asked)
+        path.write_bytes(
+            self.file(kind_of(path.name), length_unit=length_unit, assembly=of_assembly, solids=of_solids)
+        )
+
+    def _motion_over(self, motion: Motion | None, crank_angle: ArrayLike | None) -> Target:
+        """A motion with the crank angles of this solution where its own are free; without one the default."""
         if motion is not None and motion.free:
             if crank_angle is None:
                 raise FieldError("/crank_angle", "needed: the motion's crank angles are free")
             motion = motion.of_solution(self._linkage, column("crank_angle", crank_angle) * self._radian)
-        target = motion.target if motion is not None else self._default_motion()
-        return text_of(self._linkage, target, self._radian, kind, length_unit, analysis, plates)
-
-    def save(self, path: str | Path, length_unit: str = "mm") -> None:
-        """Write a file; its ending says which: .csv, .svg, .dxf, .plates.dxf, .xml (MJCF, also .mjcf), .pylinkage.json."""
-        path = Path(path)
-        path.write_text(self.render(kind_of(path.name), length_unit=length_unit), newline="")
+        return motion.target if motion is not None else self._default_motion()
 
     def _default_motion(self) -> Target:
         """What it is drawn over: the motion that it answers, or a whole turn."""
@@ -431,6 +599,49 @@ class FourBar:
     def __repr__(self) -> str:
         lengths = ", ".join(f"{name}={getattr(self, name):.6g}" for name in ("crank", "coupler", "rocker", "ground"))
         return f"FourBar({lengths}, branch={self.branch:+d}: {self.family})"
+
+
+def assembly(linkage: Any, motion: Motion | None = None, **asked: Any) -> Assembly:
+    """Layers of a linkage's plates in which nothing collides; see `FourBar.assembly` for what may be asked.
+
+    Parameters
+    ----------
+    linkage : FourBar, GuidedLinkage, Solution or mapping
+        The linkage, or its plain values as ``to_dict`` or a reply gives them, in the motion's unit of angle (degrees
+        without a motion).
+    motion : Motion, optional
+        Over whose interval; default: the motion that the linkage answers, or else a whole turn.
+    **asked
+        As of `FourBar.assembly`.
+
+    Examples
+    --------
+    >>> import linkage_atlas as la
+    >>> la.assembly(la.FourBar(19, 72, 144, 165)).status
+    'free'
+    """
+    crank = asked.pop("crank_angle", None)
+    if isinstance(linkage, Mapping):
+        crank = linkage.get("crank_angle") if crank is None else crank
+        degrees = motion is None or motion.degrees
+        try:
+            if linkage.get("guides") is not None and linkage.get("links") is None:
+                from linkage_atlas.guided import GuidedLinkage
+
+                crank = linkage.get("travel") if crank is None else crank
+                return GuidedLinkage.from_dict(linkage, degrees).assembly(motion, crank, **asked)
+            linkage = FourBar.from_dict(linkage, degrees)
+        except (KeyError, TypeError):
+            raise FieldError(
+                "/linkage", "wanted links (crank, coupler, rocker, ground), branch, start_angle"
+            ) from None
+    elif not isinstance(linkage, FourBar):
+        crank = getattr(linkage, "crank_angle", None) if crank is None else crank
+        crank = getattr(linkage, "travel", None) if crank is None else crank
+        linkage = linkage if hasattr(linkage, "assembly") else getattr(linkage, "linkage", None)
+    if not hasattr(linkage, "assembly"):
+        raise FieldError("/linkage", "wanted a linkage, a solution, or its plain values")
+    return linkage.assembly(motion, crank, **asked)
 
 
 def _xy(points: Any) -> Floats:

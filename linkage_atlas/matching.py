@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, Literal
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.ma  # which `numpy.unique` imports when it is first called: here before the processes fork
 from numpy.typing import ArrayLike
 
 from linkage_atlas.answers import FINISHING, Features, Match, Matches, MatchReport
-from linkage_atlas.atlases import Atlas
-from linkage_atlas.cache import default_atlas
+from linkage_atlas.atlases import MECHANISMS, SLIDER_CRANK, Atlas
+from linkage_atlas.cache import default_atlas, default_slider_cranks
+from linkage_atlas.guided import GuidedLinkage
 from linkage_atlas.linkages import FourBar
 from linkage_atlas.motions import Motion, check_above_zero, check_top
 from synthesis.atlas.haar import features as haar_features
 from synthesis.atlas.haar import resample
+from synthesis.atlas.scan import Scan
+from synthesis.atlas.windows import TIE, ScanReport
 from synthesis.errors import FieldError
 from synthesis.fourbar.kinematics import principal
 from synthesis.fourbar.solution import four
-from synthesis.target import HOW_TURNED
+from synthesis.guided.by_crank import BY_CRANK
+from synthesis.guided.linkage import Kind
+from synthesis.guided.solution import turned_frame
+from synthesis.target import HOW_TURNED, Target
 from synthesis.work import Work
 
 
@@ -30,6 +36,7 @@ def match(
     atlas: Atlas | None = None,
     crank_angle: ArrayLike | None = None,
     curve: Literal["coupler", "rocker"] = "coupler",
+    mechanisms: Sequence[str] | Literal["all"] = (MECHANISMS[0],),
     degrees: bool = True,
     top: int = 10,
     features: bool = False,
@@ -38,6 +45,8 @@ def match(
 ) -> Matches:
     """The best rows of an atlas by rotation alone: all types, both branches, every whole degree of start.
 
+    With several kinds of mechanisms they are the best of all, each in its own atlas.
+
     Parameters
     ----------
     rotation : array_like, shape (N,)
@@ -45,9 +54,12 @@ def match(
         As for `synthesize`.
     atlas : Atlas, optional
         Default: that of ``atlas.h5`` in this folder, or else the default one in the user's cache folder, which is built there
-        when it is first needed (some seconds).
+        when it is first needed (some seconds). One of slider-cranks is made beside it when they are first asked for (two
+        seconds); an atlas of slider-cranks answers for them alone.
     curve : {"coupler", "rocker"}
         Which link is to turn like this. The first match of rockers prepares the atlas for them, some seconds.
+    mechanisms : sequence of {"four_bar", "slider_crank"}, or "all"
+        Whose rows: the coupler of a four-bar, the rod of a slider-crank.
     top : int
     features : bool
         Also give the Haar features of the request and of each match.
@@ -70,38 +82,58 @@ def match(
     check_above_zero(budget=budget)
     if curve not in ("coupler", "rocker"):
         raise FieldError("/curve", f"wanted 'coupler' or 'rocker', found {curve!r}")
+    kinds = _kinds(mechanisms)
+    if curve == "rocker" and SLIDER_CRANK in kinds:
+        raise FieldError("/curve", "a slider-crank has no rocker: ask for mechanisms ['four_bar']")
     if crank_span is None and crank_angle is None:
         raise FieldError("/crank_span", HOW_TURNED)
-    if atlas is None:
-        atlas = default_atlas()
-    scan = atlas.scan if curve == "coupler" else atlas.rocker_scan
+    atlases = [_atlas_of(kind, atlas) for kind in kinds]
+    scans = [one.scan if curve == "coupler" else one.rocker_scan for one in atlases]
     watch = work(budget)
     motion = Motion(rotation, crank_span=crank_span, crank_angle=crank_angle, degrees=degrees)
     target, radian = motion.target, motion.radian
     wanted = target.rotation
     assert wanted is not None
-    windows, report = scan.best(target, top, work=watch)
+    rows: list[_Row] = []
+    reports = []
+    for one, scan in zip(atlases, scans):
+        windows, report = scan.best(target, top, work=watch)
+        reports.append(report)
+        for k, angle in enumerate(scan.angles(target, windows)):
+            number, at, side = (int(column[k]) for column in windows[:3])
+            rows.append(_Row(one, scan, number, at, side, float(windows.error[k]), angle))
+    report = ScanReport(
+        sum(one.windows for one in reports),
+        sum(one.evaluated for one in reports),
+        all(one.exhaustive for one in reports),
+    )
+    rows.sort(key=lambda row: np.round(row.error / TIE))  # of the same error in the order of the kinds
+    rows = rows[:top]
     screened, finishing = watch.elapsed, watch.extended(FINISHING)
     matches: list[Match] = []
-    for k, angle in enumerate(scan.angles(target, windows)):
+    for row in rows:
         if matches and finishing.expired():
             break
-        angle = principal(angle)
-        kind, branch = atlas.type_of(int(windows.row[k])), _side(windows.branch[k])
-        start = float(windows.start[k]) * (360 / scan.starts) * (np.pi / 180 / radian)
+        angle = principal(row.angle)
+        kind, branch = row.atlas.type_of(row.number), _side(row.branch)
+        start = row.start * (360 / row.scan.starts) * (np.pi / 180 / radian)
         offset = float(np.mean(wanted - angle) / radian)
-        body = offset if curve == "coupler" else None
-        linkage = FourBar(*four(kind.lengths), branch, start_angle=start, body_offset=body, degrees=degrees)
-        error = float(windows.error[k] / radian)
+        linkage: FourBar | GuidedLinkage
+        if row.atlas.kind == SLIDER_CRANK:
+            linkage = _slider_crank(kind.lengths, branch, start * radian, offset * radian, radian, target)
+        else:
+            body = offset if curve == "coupler" else None
+            linkage = FourBar(*four(kind.lengths), branch, start_angle=start, body_offset=body, degrees=degrees)
         own = _features(target.crank, angle, radian) if features else None
         matches.append(
             Match(
-                rank=k + 1,
+                rank=len(matches) + 1,
+                kind=row.atlas.kind,
                 type=kind,
                 start_angle=start,
                 branch=branch,
                 offset=offset,
-                similarity=error,
+                similarity=row.error / radian,
                 features=own,
                 linkage=linkage,
             )
@@ -111,11 +143,55 @@ def match(
     stages = {"screen": screened, "rest": total - screened, "total": total}
     elapsed = {name: 1000 * seconds for name, seconds in stages.items()}
     notes = motion.notes()
-    if len(matches) < windows.row.size:
-        notes.append(f"the time was up: of {windows.row.size} rows the best {len(matches)} are reported")
+    if len(matches) < len(rows):
+        notes.append(f"the time was up: of {len(rows)} rows the best {len(matches)} are reported")
     if not report.exhaustive:
         notes.append("the scan was cut short: rows that it did not come to may be better")
     return Matches(matches, MatchReport(elapsed, report.windows, report.evaluated, report.exhaustive, notes, asked))
+
+
+class _Row(NamedTuple):
+    """A window of one of the atlases, and how its body turns over the samples."""
+
+    atlas: Atlas
+    scan: Scan
+    number: int
+    """Of the type, from 0."""
+    start: int
+    branch: int
+    error: float
+    angle: Any
+
+
+def _kinds(mechanisms: Iterable[str]) -> list[str]:
+    """The kinds that are asked for, each once, in the order of `MECHANISMS`."""
+    if isinstance(mechanisms, str):
+        if mechanisms != "all":
+            raise FieldError("/mechanisms", f"wanted a list of {', '.join(MECHANISMS)}, or 'all'")
+        return list(MECHANISMS)
+    asked = list(mechanisms)
+    for place, name in enumerate(asked):
+        if name not in MECHANISMS:
+            raise FieldError(f"/mechanisms/{place}", f"wanted one of {', '.join(MECHANISMS)}, found {name!r}")
+    if not asked:
+        raise FieldError("/mechanisms", "wanted at least one")
+    return [name for name in MECHANISMS if name in asked]
+
+
+def _atlas_of(kind: str, atlas: Atlas | None) -> Atlas:
+    if atlas is not None:
+        return atlas.of(kind)
+    return default_slider_cranks() if kind == SLIDER_CRANK else default_atlas()
+
+
+def _slider_crank(
+    lengths: list[int], branch: int, start: float, offset: float, radian: float, target: Target
+) -> GuidedLinkage:
+    """The linkage of a row, its rail along the x axis and the body's point in the crank pin; angles in radians."""
+    crank, rod, beside = lengths
+    signed = np.array([[crank, rod, branch * beside]], dtype=float)
+    (linkage,) = BY_CRANK[Kind.SLIDER_CRANK].posed(signed, np.ones(1), np.array([start]), None)
+    return GuidedLinkage.of(turned_frame(linkage, offset), radian, target)
 
 
 def _side(branch: float) -> Literal[-1, 1]:

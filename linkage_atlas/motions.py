@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkage_atlas.tables import decoded, request_from_csv
-from synthesis.arrays import Floats
+from synthesis.arrays import Complexes, Floats
 from synthesis.errors import FieldError
 from synthesis.fourbar.kinematics import coupler_angle
 from synthesis.fourbar.linkage import Linkage
 from synthesis.free.dyads import in_any_order
 from synthesis.free.poses import MIN_POSES, Poses, make_poses
+from synthesis.guided.linkage import GuidedLinkage
 from synthesis.target import (
     HOW_TURNED,
     MAX_LENGTH,
@@ -32,6 +33,7 @@ from synthesis.target import (
 __all__ = [
     "MAX_LENGTH",
     "MAX_SAMPLES",
+    "MILLIMETRES",
     "MIN_LENGTH",
     "MIN_POSES",
     "MIN_SAMPLES",
@@ -43,6 +45,8 @@ __all__ = [
     "radians_in",
 ]
 
+MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
+"""Units of length of files that know one, and of inertia."""
 MOST_STOCK = 1000
 """Lengths of a stock at most."""
 OR_FREE = ", or `timing` 'free' (its angles are unknown, and found with the linkage)"
@@ -69,21 +73,30 @@ class Tolerances:
             square += float(np.mean((self.position / samples.length_scale) ** 2))
         return float(np.sqrt(square))
 
-    def shares(self, target: Target, linkage: Linkage) -> Floats:
+    def shares(self, target: Target, linkage: Linkage | GuidedLinkage) -> Floats:
         """Each sample's largest error over what is allowed, (N,); a missing part counts as kept."""
-        joints = linkage.joints(target.crank)
+        rotation, points = _moved(linkage, target.crank)
         share = np.zeros(target.samples)
         if self.rotation is not None and target.rotation is not None:
-            off = target.rotation - joints.rotation
+            off = target.rotation - rotation
             if target.found:  # whole turns do not count
                 off -= TURN * np.round(off / TURN)
             gap = target.rotation_mean.given(np.abs(off))
             share = np.maximum(share, gap / self.rotation)
         if self.position is not None and target.position is not None:
-            assert joints.body_point is not None
-            gap = target.position_mean.given(np.abs(target.position - joints.body_point))
+            assert points is not None
+            gap = target.position_mean.given(np.abs(target.position - points))
             share = np.maximum(share, gap / self.position)
         return share
+
+
+def _moved(linkage: Linkage | GuidedLinkage, travel: Floats) -> tuple[Floats, Complexes | None]:
+    """Rotation and place of the body at travel (n,) of the drive from the first sample."""
+    if isinstance(linkage, GuidedLinkage):
+        found = linkage.body(linkage.start + travel)
+        return found.rotation, found.position
+    joints = linkage.joints(travel)
+    return joints.rotation, joints.body_point
 
 
 class Motion:
@@ -107,6 +120,11 @@ class Motion:
         With free crank angles: whether the crank must pass the samples in the order given, turning one way, either way.
     closed : bool
         With free crank angles: whether the way leads from the last sample on to the first.
+    travel : array_like, shape (N,), optional
+        For linkages with sliders, in place of crank angles: travel of the slider, or extension of the cylinder, at each sample;
+        what counts is the increment from the first. Above 0 a cylinder grows longer.
+    travel_span : float, optional
+        The same from the first sample to the last, evenly spaced.
     crank_span_max : float, optional
         With free crank angles: the crank turns by no more than this from the first sample to the last.
     weights : mapping, optional
@@ -135,6 +153,8 @@ class Motion:
     """The same in radians: with its crank angles, or with free ones."""
     degrees: bool
     tolerances: Tolerances | None = None
+    travel: Floats | None = None
+    """(N,): of slider or cylinder from the first sample on, where it is given."""
 
     def __init__(
         self,
@@ -147,6 +167,8 @@ class Motion:
         order: str = "given",
         closed: bool = False,
         crank_span_max: float | None = None,
+        travel: ArrayLike | None = None,
+        travel_span: float | None = None,
         weights: Mapping[str, ArrayLike] | None = None,
         tolerances: Mapping[str, ArrayLike] | None = None,
         length_scale: float | None = None,
@@ -168,7 +190,11 @@ class Motion:
             }
             span = None if crank_span is None else number("crank_span", crank_span) * radian
             angles = None if crank_angle is None else column("crank_angle", crank_angle) * radian
-            if timing is None:
+            if travel is not None or travel_span is not None:
+                _check_travel(timing, order, closed, span is not None or angles is not None)
+                self.samples = make_poses(**part)
+                self.travel = _travel(travel, travel_span, self.samples)
+            elif timing is None:
                 _check_timed(order, closed, crank_span_max)
                 if span is None and angles is None and not (turns is None and points is None):
                     raise FieldError("/crank_span", HOW_TURNED + OR_FREE)
@@ -355,6 +381,39 @@ def _check_free(timing: str, order: str, span: bool, angles: bool) -> None:
         raise FieldError(f"/{given}", "the crank angles are free: give either this or `timing`")
     if order not in ("given", "any"):
         raise FieldError("/order", f"wanted 'given' or 'any', found {order!r}")
+
+
+def _check_travel(timing: str | None, order: str, closed: bool, turned: bool) -> None:
+    """FieldError for what cannot stand beside travel."""
+    if timing is not None:
+        raise FieldError("/timing", "the travel is given: give either this or `timing`")
+    if turned:
+        raise FieldError("/travel", "a motion is driven by crank angles or by travel, not by both")
+    for name, asked in (("order", order != "given"), ("closed", closed)):
+        if asked:
+            raise FieldError(f"/{name}", "needs `timing` 'free': here the travel is given")
+
+
+def _travel(travel: ArrayLike | None, span: float | None, samples: Poses) -> Floats:
+    """Travel (N,) from the first sample on, checked."""
+    if travel is None:
+        end = number("travel_span", span)
+        if not MIN_LENGTH <= abs(end) <= MAX_LENGTH:
+            raise FieldError("/travel_span", f"wanted a length from {MIN_LENGTH:g} to {MAX_LENGTH:g}, either way")
+        even: Floats = np.linspace(0.0, end, samples.samples)
+        return even
+    if span is not None:
+        raise FieldError("/travel_span", "give either this or `travel`")
+    found: Floats = column("travel", travel)
+    if found.shape != (samples.samples,):
+        raise FieldError("/travel", f"wanted {samples.samples} numbers, found {found.size}")
+    if not np.all(np.abs(found) <= MAX_LENGTH):
+        raise FieldError("/travel", f"wanted finite numbers, none beyond {MAX_LENGTH:g}")
+    steps = np.diff(found)
+    if not (np.all(steps > 0) or np.all(steps < 0)):
+        wrong = int(np.argmax(steps * np.sign(found[-1] - found[0]) <= 0)) + 1
+        raise FieldError(f"/travel/{wrong}", "travel rises or falls from sample to sample")
+    return found - found[0]
 
 
 def _check_timed(order: str, closed: bool, crank_span_max: float | None) -> None:

@@ -9,13 +9,14 @@ from typing import Annotated, Any, NamedTuple, TypedDict
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkage_atlas.motions import MOST_STOCK, Motion, check_above_zero, column, number
+from linkage_atlas.assemblies import AskedAssembly, read_assembly
+from linkage_atlas.motions import MILLIMETRES, MOST_STOCK, Motion, check_above_zero, column, number
 from linkage_atlas.records import Record, Values, Vectors, plain
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
-from synthesis.fourbar.analysis import Load, curve_over, forces, rates
+from synthesis.fourbar.analysis import LinkMass, Load, Own, curve_over, forces, rates
 from synthesis.fourbar.linkage import Linkage
-from synthesis.fourbar.tolerance_study import SOURCES, Spread, Tolerances, simulate
+from synthesis.fourbar.tolerance_study import SOURCES, Spread, Study, Tolerances, simulate
 from synthesis.target import MAX_LENGTH, MIN_LENGTH, TURN, Interval
 from synthesis.work import Work
 
@@ -68,7 +69,7 @@ class Rates(Record):
     angular_acceleration: OfLinks
     transmission_angle: Values
     crank_torque: Values | None
-    """Of the drive on the crank, counter-clockwise; links without mass, no friction. Null without a load."""
+    """Of the drive on the crank, counter-clockwise; no friction, masses only those of the load. Null without a load."""
     pin_forces: PinForces | None
     """Null without a load."""
 
@@ -99,33 +100,104 @@ class Analysis(Rates):
     """The same over the used interval in steps of at most a degree."""
 
 
+class MassAt(NamedTuple):
+    """A mass on a link: in kg, its centre in the link's frame, its inertia about that in kg times length squared."""
+
+    link: str
+    mass: float
+    at: complex
+    inertia: float
+
+
 class Drive(NamedTuple):
-    """What an analysis is asked for: the crank's speed in the user's unit of angle, and a load."""
+    """What an analysis is asked for: the crank's speed in the user's unit of angle, a load, and masses of the links."""
 
     crank_speed: float
     load: Load | None
+    masses: tuple[MassAt, ...] = ()
+    gravity: complex = 0j
+    metre: float = 1.0
+    """Metres in the unit of length."""
+
+    def load_of(self, linkage: Linkage) -> Load | None:
+        """The load on a linkage, with the masses of its links."""
+        if self.load is None or not self.masses:
+            return self.load
+        kept: dict[str, list[MassAt]] = {}
+        for one in self.masses:
+            if one.link == "body":
+                turned = one.at * np.exp(1j * (linkage.body_offset or 0.0))
+                one = MassAt("coupler", one.mass, linkage.arm + turned, one.inertia)
+            kept.setdefault(one.link, []).append(one)
+        links = {}
+        for link, several in kept.items():
+            mass = sum(one.mass for one in several)
+            centre = sum(one.mass * one.at for one in several) / mass
+            inertia = sum(one.inertia + one.mass * abs(one.at - centre) ** 2 for one in several)
+            links[link] = LinkMass(mass, complex(centre), float(inertia))
+        return self.load._replace(own=Own(links, self.gravity, self.metre))
+
+
+LINKS_WITH_MASS = ("crank", "coupler", "rocker", "body")
+MOST_LINK_MASSES = 64
+GRAVITY = -9.81j
+"""Of masses unless a load says otherwise, m/s^2."""
 
 
 def read_drive(analysis: Mapping[str, Any], mounted: bool) -> Drive:
-    """A checked request for an analysis: ``crank_speed``, and perhaps ``load`` with ``force`` and ``torque``."""
-    _known("analysis", analysis, ("crank_speed", "load"))
+    """A checked request for an analysis: ``crank_speed``, and perhaps ``load`` and ``length_unit``."""
+    _known("analysis", analysis, ("crank_speed", "load", "length_unit"))
     if analysis.get("crank_speed") is None:
         raise FieldError("/analysis/crank_speed", "needed: how fast the crank turns")
     speed = _bounded("analysis/crank_speed", analysis["crank_speed"])
+    unit = analysis.get("length_unit", "mm")
+    if unit not in MILLIMETRES:
+        raise FieldError("/analysis/length_unit", f"wanted one of {', '.join(MILLIMETRES)}, found {unit!r}")
     load = analysis.get("load")
     if load is None:
         return Drive(speed, None)
-    _known("analysis/load", load, ("force", "torque"))
-    force = load.get("force")
-    pair = np.zeros(2)
-    if force is not None:
-        if np.shape(force) != (2,):
-            raise FieldError("/analysis/load/force", "wanted two numbers [fx, fy]")
-        pair = np.array([_bounded("analysis/load/force", value) for value in force])
-    if pair.any() and not mounted:
+    _known("analysis/load", load, ("force", "torque", "masses", "gravity"))
+    force = _pair("analysis/load/force", load.get("force"), "[fx, fy]")
+    if force and not mounted:
         raise FieldError("/analysis/load/force", "acts at the body point, but without `position` there is none")
     torque = 0.0 if load.get("torque") is None else _bounded("analysis/load/torque", load["torque"])
-    return Drive(speed, Load(complex(*pair), torque))
+    gravity = GRAVITY
+    if load.get("gravity") is not None:
+        gravity = _pair("analysis/load/gravity", load["gravity"], "[gx, gy]")
+    masses = load.get("masses") or ()
+    if not isinstance(masses, Sequence) or isinstance(masses, str) or len(masses) > MOST_LINK_MASSES:
+        raise FieldError("/analysis/load/masses", f"wanted a list of at most {MOST_LINK_MASSES} masses")
+    read = tuple(_mass(f"analysis/load/masses/{k}", mass, mounted) for k, mass in enumerate(masses))
+    return Drive(speed, Load(force, torque), read, gravity, MILLIMETRES[unit] / 1000)
+
+
+def _mass(field: str, given: Any, mounted: bool) -> MassAt:
+    _known(field, given, ("link", "mass", "at", "inertia"))
+    link = given.get("link")
+    if link not in LINKS_WITH_MASS:
+        raise FieldError(f"/{field}/link", f"wanted one of {', '.join(LINKS_WITH_MASS)}, found {link!r}")
+    if link == "body" and not mounted:
+        raise FieldError(
+            f"/{field}/link", "without `position` there is no body point that the body's frame begins in"
+        )
+    if given.get("mass") is None:
+        raise FieldError(f"/{field}/mass", "needed: in kg")
+    mass = _bounded(f"{field}/mass", given["mass"])
+    inertia = 0.0 if given.get("inertia") is None else _bounded(f"{field}/inertia", given["inertia"])
+    if not mass > 0:
+        raise FieldError(f"/{field}/mass", f"wanted a mass above 0, found {mass:g}")
+    if inertia < 0:
+        raise FieldError(f"/{field}/inertia", f"wanted at least 0, found {inertia:g}")
+    return MassAt(link, mass, _pair(f"{field}/at", given.get("at"), "[x, y]"), inertia)
+
+
+def _pair(field: str, given: Any, words: str) -> complex:
+    """Two bounded numbers; 0 where none are given."""
+    if given is None:
+        return 0j
+    if np.shape(given) != (2,):
+        raise FieldError(f"/{field}", f"wanted two numbers {words}")
+    return complex(*(_bounded(field, value) for value in given))
 
 
 def analysed(linkage: Linkage, drive: Drive, travel: Floats, radian: float, over: Interval | None = None) -> Analysis:
@@ -135,8 +207,9 @@ def analysed(linkage: Linkage, drive: Drive, travel: Floats, radian: float, over
 
 
 def _rates(linkage: Linkage, drive: Drive, travel: Floats, radian: float) -> dict[str, Any]:
-    found = rates(linkage, travel, drive.crank_speed * radian)
-    held = None if drive.load is None else forces(linkage, travel, drive.load)
+    speed, load = drive.crank_speed * radian, drive.load_of(linkage)
+    found = rates(linkage, travel, speed)
+    held = None if load is None else forces(linkage, travel, load, speed)
     return {
         "crank_angle": travel / radian,
         "velocity": _plane(found.velocity),
@@ -215,9 +288,11 @@ class Largest(TypedDict):
 class Band(NamedTuple):
     """Quantiles at crank angles from the first to the last sample."""
 
-    crank_angle: Floats
+    crank_angle: Floats | None
     position: Quantiles | None
     rotation: Quantiles
+    travel: Floats | None = None
+    """In place of crank angles where the drive is a slider or cylinder."""
 
 
 @dataclass(frozen=True)
@@ -289,25 +364,39 @@ def studied(
     band = np.linspace(*over, BAND_STEPS + 1)
     every = np.concatenate([travel, band])
     found = simulate(linkage, every, travel.size, *manufacture, work)
+    return described_study(found, SOURCES, manufacture, travel.size, band / radian, radian)
+
+
+def described_study(
+    found: Study,
+    sources: Sequence[str],
+    manufacture: Manufacture,
+    samples: int,
+    band: Floats,
+    radian: float,
+    turns: bool = True,
+) -> ToleranceStudy:
+    """A study as a user reads it; its first places are the ``samples``, the others those of ``band``, angles or lengths."""
     both = {"position": found.position, "rotation": found.rotation}
-    parts = {name: np.zeros(len(SOURCES)) if one is None else one.contributions for name, one in both.items()}
+    parts = {name: np.zeros(len(sources)) if one is None else one.contributions for name, one in both.items()}
     contributions = [
         Contribution(source, None if found.position is None else p, r)
-        for source, p, r in zip(SOURCES, parts["position"].tolist(), parts["rotation"].tolist())
+        for source, p, r in zip(sources, parts["position"].tolist(), parts["rotation"].tolist())
     ]
-    most = {name: SOURCES[int(np.argmax(part))] if part.max() > 0 else None for name, part in parts.items()}
+    most = {name: sources[int(np.argmax(part))] if part.max() > 0 else None for name, part in parts.items()}
     return ToleranceStudy(
         found.count,
         manufacture.seed,
         found.open_share,
-        None if found.position is None else _made(found.position, travel.size, 1.0),
-        _made(found.rotation, travel.size, radian),
+        None if found.position is None else _made(found.position, samples, 1.0),
+        _made(found.rotation, samples, radian),
         Largest(position=most["position"], rotation=most["rotation"]),
         sorted(contributions, key=lambda one: -max(one.position or 0.0, one.rotation)),
         Band(
-            band / radian,
-            None if found.position is None else Quantiles(*found.position.simulated[travel.size :].T),
-            Quantiles(*(found.rotation.simulated[travel.size :] / radian).T),
+            band if turns else None,
+            None if found.position is None else Quantiles(*found.position.simulated[samples:].T),
+            Quantiles(*(found.rotation.simulated[samples:] / radian).T),
+            None if turns else band,
         ),
     )
 
@@ -320,7 +409,9 @@ def _made(spread: Spread, samples: int, unit: float) -> Made:
 
 # -- what is asked of each solution -----------------------------------------------------------------------------------
 
-STUDIES = ("round_to", "lengths_from", "sensitivity", "analysis", "tolerance_study")
+DRIVE_STUDIES = ("load", "drives", "springs", "drive")
+"""Those of them that say what is to drive each solution."""
+STUDIES = ("round_to", "lengths_from", "sensitivity", "analysis", "tolerance_study", "assembly", *DRIVE_STUDIES)
 """What may be asked of each solution beyond the linkage itself, by the names of the HTTP contract."""
 
 
@@ -336,11 +427,15 @@ class Studies(NamedTuple):
     """Of an analysis."""
     manufacture: Manufacture | None = None
     """Of a tolerance study."""
+    drives: Mapping[str, Any] | None = None
+    """Of `DRIVE_STUDIES`, as it was given."""
+    assembly: AskedAssembly | None = None
 
     @property
     def long(self) -> bool:
         """Whether each solution takes long enough to look at the time after it."""
-        return not (self.round_to is None and self.lengths_from is None and self.manufacture is None)
+        long = (self.round_to, self.lengths_from, self.manufacture, self.drives, self.assembly)
+        return any(one is not None for one in long)
 
 
 def read_studies(given: Mapping[str, Any], motion: Motion) -> Studies:
@@ -354,13 +449,26 @@ def read_studies(given: Mapping[str, Any], motion: Motion) -> Studies:
         bool(values["sensitivity"]),
         None if values["analysis"] is None else read_drive(values["analysis"], positions),
         None if values["tolerance_study"] is None else read_manufacture(values["tolerance_study"]),
+        _drives(values),
+        None if values["assembly"] is None else read_assembly(values["assembly"]),
     )
+    if asked.assembly is not None and asked.assembly.body and not positions:
+        raise FieldError("/assembly/body", "needs `position`: without it nothing says where the body is")
     if asked.round_to is not None and asked.lengths_from is not None:
         raise FieldError("/lengths_from", "give either this or `round_to`")
-    for name in ("round_to", "lengths_from", "tolerance_study"):
+    for name in ("round_to", "lengths_from", "tolerance_study", "drives", "springs", "drive"):
         if values[name] is not None and not positions:
             raise FieldError(f"/{name}", "needs `position`: without it no length is actual")
     return asked
+
+
+def _drives(values: Mapping[str, Any]) -> Mapping[str, Any] | None:
+    given = {name: values[name] for name in DRIVE_STUDIES if values[name] is not None}
+    if not given.keys() - {"load"}:
+        if given:
+            raise FieldError("/load", "of `drives`, `springs` or `drive`; none of them is asked for")
+        return None
+    return given
 
 
 def _lengths(lengths: ArrayLike | None) -> tuple[float, ...] | None:

@@ -1,4 +1,4 @@
-"""Where a search spends its time, compiled: the loop of a four-bar, the limits as functions, and the descent of candidates.
+"""Where a search spends its time, compiled: the loop of a linkage, the limits as functions, and the descent of candidates.
 
 Written in Cython's pure Python mode: it is compiled when the package is installed, and runs uncompiled as well, slowly, which is
 how its tests check the compiled library. Arrays come in contiguous and of floats; what they mean is said by `descents` and
@@ -27,7 +27,7 @@ DEAD = declare(double, 1e-8)  # least sqrt(X Y) of slopes, so that a dead positi
 FAR = declare(double, 16.0)  # largest logarithm of a ratio of lengths, as of `fourbar.charts`
 FAR_EXCESS = declare(double, 30.0)  # largest |u| of a full crank
 FAR_SHARE = declare(double, 17.0)  # largest |w| of a full crank: beyond, tanh is one
-FAR_ROD = declare(double, 20.0)  # largest logarithm of a slider-crank's rod less what it must have
+FAR_ROD = declare(double, 20.0)  # largest logarithm of what a slider-crank's rod has beyond what it must have
 SERIES = declare(double, 1e-3)  # |x| below which tanh comes from its series, whose next term is below rounding
 LEAST = declare(
     double, 1e-9
@@ -139,16 +139,26 @@ def pair_difference(a: double, b: double, c: double, d: double) -> double:
     return (left - right) + (left_error - right_error)
 
 
+# How the body is guided beside its crank
+CIRCLE = declare(cython.int, 0)  # a point of it on a circle: four-bar
+RAIL = declare(cython.int, 1)  # a point of it on a line: slider-crank
+SLOT = declare(cython.int, 2)  # a line of it through a fixed pin: swinging block
+
+globals().update(CIRCLE=CIRCLE, RAIL=RAIL, SLOT=SLOT)
+
+
 @final
 @cclass
 class Loop:
-    """A linkage at a crank angle, whose coupler is guided in one of two ways.
+    """A linkage at a crank angle, whose body hangs on the crank pin and is guided in one of three ways.
 
-    On a circle, a four-bar: L1..L4, and X0, Y0 of the closure (see `fourbar.kinematics`). On a line through its own point at
-    distance l2 from the crank pin, a slider-crank: crank l1, rod l2, offset l3, sin theta2 = (l3 - l1 sin theta1) / l2.
+    CIRCLE: L1..L4, and X0, Y0 of the closure (see `fourbar.kinematics`). RAIL: crank l1, rod l2, offset l3 of the rail,
+    sin theta2 = (l3 - l1 sin theta1) / l2, with X0 = l2 - l1 - l3 and Y0 = l2 - l1 + l3. SLOT: crank l1, ground l2 to the pin,
+    offset l3 of the slot from the crank pin, l2 - l1 e^{i theta1} = e^{i theta2} (s + i l3), with X0 + Y0 = 2 |l2 - l1| and
+    Y0 - X0 = 2 l3. A crank of the latter two turns fully where both are above 0.
     """
 
-    on_line: bint
+    guide: cython.int
     length: double[4]
     x0: double
     y0: double
@@ -161,8 +171,8 @@ class Loop:
     both: double
     across: double
 
-    def __init__(self, on_line=False):
-        self.on_line = on_line
+    def __init__(self, guide=CIRCLE):
+        self.guide = guide
         self.length = np.zeros(4)
         self.by = np.zeros(5)
 
@@ -184,8 +194,10 @@ class Loop:
 
         With ``slopes`` the derivatives of theta2 by the lengths and theta1 as well, into ``by``.
         """
-        if self.on_line:
-            return self.slide(theta1)
+        if self.guide == RAIL:
+            return self.on_rail(theta1)
+        if self.guide == SLOT:
+            return self.through_pin(theta1)
         l1, l2, l3, l4 = self.length[0], self.length[1], self.length[2], self.length[3]
         sine, cosine, four, gap = sin(0.5 * theta1), cos(0.5 * theta1), 4.0 * l1 * l4, l4 - l1
         square, both = sine * sine, sine * cosine
@@ -223,20 +235,55 @@ class Loop:
         return True
 
     @cfunc
-    def slide(self, theta1: double) -> bint:
-        """The same of a slider-crank."""
-        self.e1 = vector(cos(theta1), sin(theta1))
-        sine = (self.length[2] - self.length[0] * self.e1.imag) / self.length[1]
-        square = (1.0 - sine) * (1.0 + sine)
-        if not square > 0.0:
+    def on_rail(self, theta1: double) -> bint:
+        """The same of a slider-crank; with X, Y = X0, Y0 + l1 (1 +- sin theta1) the rod's part along the rail is sqrt(X Y)."""
+        crank, rod = self.length[0], self.length[1]
+        half = 0.25 * PI - 0.5 * theta1
+        sine, cosine = sin(half), cos(half)
+        x = self.x0 + 2.0 * crank * cosine * cosine
+        y = self.y0 + 2.0 * crank * sine * sine
+        if not (x > 0.0 and y > 0.0):
             return False
-        self.e2 = vector(sqrt(square), sine)
-        rod = self.length[1] * self.e2.real
-        self.by[0] = -self.e1.imag / rod
-        self.by[1] = -sine / rod
-        self.by[2] = 1.0 / rod
+        along = max(sqrt(x * y), TINY)
+        self.e1 = vector(2.0 * sine * cosine, (cosine - sine) * (cosine + sine))
+        across = (self.length[2] - crank * self.e1.imag) / rod
+        self.e2 = vector(along / rod, across)
+        along = max(along, DEAD * rod)
+        self.by[0] = -self.e1.imag / along
+        self.by[1] = -across / along
+        self.by[2] = 1.0 / along
         self.by[3] = 0.0
-        self.by[4] = -self.length[0] * self.e1.real / rod
+        self.by[4] = -crank * self.e1.real / along
+        return True
+
+    @cfunc
+    def through_pin(self, theta1: double) -> bint:
+        """The same of a swinging block; s^2 = X0 Y0 + 4 l1 l2 sin^2(theta1 / 2)."""
+        crank, ground, offset = self.length[0], self.length[1], self.length[2]
+        sine, cosine, gap = sin(0.5 * theta1), cos(0.5 * theta1), ground - crank
+        square, both = sine * sine, sine * cosine
+        along = self.x0 * self.y0 + 4.0 * crank * ground * square
+        if not along > 0.0:
+            return False
+        along = sqrt(along)
+        self.e1 = vector(1.0 - 2.0 * square, 2.0 * both)
+        # from the crank pin to the fixed pin, in the form in which nothing cancels
+        if gap >= 0.0:
+            diagonal = vector(gap + 2.0 * crank * square, -2.0 * crank * both)
+        else:
+            diagonal = self.e1 * vector(gap - 2.0 * ground * square, -2.0 * ground * both)
+        toward = diagonal * vector(along, -offset)
+        size = sqrt(inner(toward, toward))
+        if not size > 0.0:
+            return False
+        self.e2 = vector(toward.real / size, toward.imag / size)
+        self.root, self.square, self.both = along, square, both
+        along = max(along, DEAD * ground)
+        self.by[0] = cross(self.e1, self.e2) / along
+        self.by[1] = -self.e2.imag / along
+        self.by[2] = -1.0 / along
+        self.by[3] = 0.0
+        self.by[4] = -crank * inner(self.e1, self.e2) / along
         return True
 
     @cfunc
@@ -244,11 +291,15 @@ class Loop:
     @cython.exceptval(check=False)
     def angle(self, theta1: double) -> double:
         """theta2 where the loop was turned to, continuous over the turn."""
-        if self.on_line:
+        if self.guide == RAIL:
             return atan2(self.e2.imag, self.e2.real)
-        gap = self.length[3] - self.length[0]
-        twice = 2.0 * min(self.length[0], self.length[3])
-        angle = self.side * atan2(self.root, self.across)
+        ground = self.length[1] if self.guide == SLOT else self.length[3]
+        gap = ground - self.length[0]
+        twice = 2.0 * min(self.length[0], ground)
+        if self.guide == SLOT:
+            angle = -atan2(self.length[2], self.root)
+        else:
+            angle = self.side * atan2(self.root, self.across)
         angle += atan2(copysign(twice, -gap) * self.both, fabs(gap) + twice * self.square)
         return angle if gap >= 0.0 else angle + theta1 - PI
 
@@ -685,13 +736,18 @@ class Limits:
 
 # -- shapes --------------------------------------------------------------------------------------------------------------
 
-# Charts, see `fourbar.charts`
+# Charts, see `fourbar.charts` and `slider.charts`
 GRASHOF = declare(cython.int, 0)
 ANY = declare(cython.int, 1)
 FULL_CRANK = declare(cython.int, 2)
-SLIDER_CRANK = declare(cython.int, 3)  # of crank 1: ln(rod - 1 - |offset|), offset
+SLIDER_CRANK = declare(cython.int, 3)
+SWINGING_BLOCK = declare(cython.int, 4)
+ANY_SLIDER_CRANK = declare(cython.int, 5)
+ANY_SWINGING_BLOCK = declare(cython.int, 6)
 
 globals().update(GRASHOF=GRASHOF, ANY=ANY, FULL_CRANK=FULL_CRANK, SLIDER_CRANK=SLIDER_CRANK)
+globals().update(SWINGING_BLOCK=SWINGING_BLOCK)
+globals().update(ANY_SLIDER_CRANK=ANY_SLIDER_CRANK, ANY_SWINGING_BLOCK=ANY_SWINGING_BLOCK)
 
 
 @cfunc
@@ -715,8 +771,9 @@ class Shape:
 
     def __init__(self, chart):
         self.chart = chart
-        self.size = {GRASHOF: 4, SLIDER_CRANK: 2}.get(chart, 3)
-        self.loop = Loop(chart == SLIDER_CRANK)
+        self.size = 4 if chart == GRASHOF else 3 if chart < SLIDER_CRANK else 2
+        guides = {SLIDER_CRANK: RAIL, ANY_SLIDER_CRANK: RAIL, SWINGING_BLOCK: SLOT, ANY_SWINGING_BLOCK: SLOT}
+        self.loop = Loop(guides.get(chart, CIRCLE))
         self.by = np.zeros((4, 4))
 
     @cfunc
@@ -731,13 +788,61 @@ class Shape:
                 self.by[k, k] = self.loop.length[k]
         elif self.chart == FULL_CRANK:
             self.full_crank(inside(q0, FAR), inside(q1, FAR_EXCESS), inside(q2, FAR_SHARE))
+        elif self.chart == SLIDER_CRANK:
+            self.slider_crank(exp(inside(q0, FAR_ROD)), exp(inside(q1, FAR_ROD)))
+        elif self.chart == SWINGING_BLOCK:
+            self.swinging_block(inside(q0, FAR), inside(q1, FAR_SHARE))
         else:
-            self.by[1, 0] = exp(inside(q0, FAR_ROD))
-            self.by[1, 1] = copysign(1.0, q1)
-            self.by[2, 1] = 1.0
-            self.loop.length[0] = 1.0
-            self.loop.length[1] = 1.0 + fabs(q1) + self.by[1, 0]
-            self.loop.length[2] = q1
+            self.any_slider(exp(inside(q0, FAR)), inside(q1, FAR_SHARE))
+
+    @cfunc
+    def slider_crank(self, x: double, y: double):
+        """Of `slider.charts.SliderCrankChart`."""
+        loop = self.loop
+        loop.length[0] = 1.0
+        loop.length[1] = 1.0 + 0.5 * (x + y)
+        loop.length[2] = 0.5 * (y - x)
+        loop.x0 = x
+        loop.y0 = y
+        self.by[1, 0] = 0.5 * x
+        self.by[1, 1] = 0.5 * y
+        self.by[2, 0] = -0.5 * x
+        self.by[2, 1] = 0.5 * y
+
+    @cfunc
+    def swinging_block(self, p: double, w: double):
+        """Of `slider.charts.SwingingBlockChart`."""
+        loop, ratio = self.loop, exp(p)
+        gap, share, e = fabs(tanh_of(0.5 * p)), tanh_of(w), exp(-2.0 * fabs(w))
+        less, fall = 2.0 * e / (1.0 + e), 4.0 * e / ((1.0 + e) * (1.0 + e))  # 1 - |tanh w|, 1 / cosh^2 w
+        loop.length[1] = 1.0 / (1.0 + ratio)
+        loop.length[0] = ratio * loop.length[1]
+        loop.length[2] = gap * share
+        loop.x0 = gap * (less if w > 0.0 else 2.0 - less)
+        loop.y0 = gap * (2.0 - less if w > 0.0 else less)
+        step = loop.length[0] * loop.length[1]
+        self.by[0, 0] = step
+        self.by[1, 0] = -step
+        self.by[2, 0] = copysign(2.0 * step, p) * share
+        self.by[2, 1] = gap * fall
+
+    @cfunc
+    def any_slider(self, ratio: double, w: double):
+        """Of `slider.charts.AnySliderChart`: l1 = 1, l2, and l3 as a part of their sum."""
+        loop = self.loop
+        share, e = tanh_of(w), exp(-2.0 * fabs(w))
+        fall = 4.0 * e / ((1.0 + e) * (1.0 + e))
+        loop.length[0] = 1.0
+        loop.length[1] = ratio
+        loop.length[2] = (1.0 + ratio) * share
+        gap = ratio - 1.0
+        if loop.guide == SLOT:
+            gap = fabs(gap)
+        loop.x0 = gap - loop.length[2]
+        loop.y0 = gap + loop.length[2]
+        self.by[1, 0] = ratio
+        self.by[2, 0] = ratio * share
+        self.by[2, 1] = (1.0 + ratio) * fall
 
     @cfunc
     def grashof(self, q0: double, x: double, y: double, z: double):
@@ -1227,15 +1332,28 @@ class Descent:
 
     @cfunc
     def closes_between(self, s: cython.int) -> bint:
-        """Whether the loop closes at theta1 = 0 and pi where the motion passes them: the diagonal is least or most there."""
+        """Whether the loop closes where it comes nearest to being stretched or folded, if the motion passes there.
+
+        CIRCLE: the diagonal is least at theta1 = 0, most at pi. RAIL: the crank pin is farthest from the rail at -pi / 2 or
+        pi / 2. SLOT: it is nearest to the fixed pin at 0.
+        """
         loop = self.shape.loop
-        if loop.on_line or (loop.x0 > 0.0 and loop.y0 > 0.0):
+        if loop.x0 > 0.0 and loop.y0 > 0.0:
             return True
+        if loop.guide == SLOT:
+            return not self.passes(s, 0.0)
+        if loop.guide == RAIL:
+            return not (
+                (loop.x0 <= 0.0 and self.passes(s, -0.5 * PI)) or (loop.y0 <= 0.0 and self.passes(s, 0.5 * PI))
+            )
+        return not ((loop.y0 <= 0.0 and self.passes(s, 0.0)) or (loop.x0 <= 0.0 and self.passes(s, PI)))
+
+    @cfunc
+    def passes(self, s: cython.int, place: double) -> bint:
+        """Whether the motion passes a crank angle, or one whole turns from it."""
         self.ends(s)
         first, last = self.phi[s, self.first_sample], self.phi[s, self.last_sample]
-        if loop.y0 <= 0.0 and floor(last / TURN) >= -floor(-first / TURN):
-            return False
-        return not (loop.x0 <= 0.0 and floor((last - PI) / TURN) >= -floor((PI - first) / TURN))
+        return floor((last - place) / TURN) >= -floor((place - first) / TURN)
 
     @cfunc
     def face(self, s: cython.int):

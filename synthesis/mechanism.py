@@ -197,8 +197,12 @@ class Limits(Protocol):
         """The same limits for a mirrored target."""
 
 
-class Mechanism(Protocol):
-    """A kind of mechanism."""
+class Turning(Protocol):
+    """How the body of a kind of mechanism turns: all that tables and the scan of them need to know."""
+
+    @property
+    def kind(self) -> str:
+        """Its name, as in ``mechanisms`` of a request."""
 
     @property
     def branches(self) -> tuple[int, ...]:
@@ -212,10 +216,17 @@ class Mechanism(Protocol):
         """Turns of the body in one turn of the crank, (T,)."""
 
     def body_angle(self, lengths: Floats, branch: ArrayLike, crank: Floats) -> Floats:
-        """theta2 at crank angles (n, N) or (N,), continuous; NaN where it does not close, (n, N)."""
+        """theta2 at crank angles (n, N) or (N,), continuous; (n, N).
+
+        NaN where it does not close, and for a branch that is the same as another.
+        """
 
     def in_family(self, family: str, lengths: Floats) -> Flags:
         """Which of the types of a table are of a family, (T,)."""
+
+
+class Mechanism(Turning, Protocol):
+    """A kind of mechanism, with what the search needs beside: charts, limits, and linkages."""
 
     def charts(self, family: str) -> Sequence[Chart]:
         """The charts in which linkages of a family are sought, one after the other; the coarse types are of the first."""

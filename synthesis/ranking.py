@@ -100,17 +100,18 @@ def motion_errors(target: Target, angle: Floats, points: Complexes | None) -> tu
     position = rotation
     if target.rotation is not None:
         offset, residual = rotation_residual(target, angle)
-        offsets, rotation = offset.tolist(), _rms_and_max(residual, target.rotation_mean)
+        offsets, rotation = offset.tolist(), rms_and_max(residual, target.rotation_mean)
         square = square + np.array([rms for rms, _ in rotation]) ** 2
     if target.position is not None:
         assert points is not None
-        position = _rms_and_max(target.position - points, target.position_mean)
+        position = rms_and_max(target.position - points, target.position_mean)
         square = square + (np.array([rms for rms, _ in position]) / target.length_scale) ** 2
     errors = [Errors(r[0], r[1], p[0], p[1], float(s)) for r, p, s in zip(rotation, position, np.sqrt(square))]
     return offsets, errors
 
 
-def _rms_and_max(values: NDArray[Any], mean: Mean) -> list[Any]:
+def rms_and_max(values: NDArray[Any], mean: Mean) -> list[Any]:
+    """Root mean square and largest size of errors (n, N), those of missing samples left out, as n pairs."""
     size = mean.given(np.abs(values))
     largest = size.max(axis=-1)
     # squares of ratios: no under- or overflow at any unit of length

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from html import escape
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,6 +75,14 @@ class Sheet:
             f'viewBox="0 0 {self.width:.{self.digits}g} {self.height:.{self.digits}g}">'
         )
         return "\n".join([head, f"<title>{title}</title>", *parts, "</svg>"]) + "\n"
+
+
+class More(NamedTuple):
+    """What a drawing holds besides, on a layer of its own: ``draw(modelspace, xy, size)`` of the drawing's own size."""
+
+    layer: str
+    colour: int
+    draw: Callable[[Any, Callable[[complex], tuple[float, float]], float], None]
 
 
 def dxf_document(layers: Mapping[str, int], unit: int) -> Any:

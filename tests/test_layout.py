@@ -17,6 +17,7 @@ PRODUCT = layout.sources(*layout.FLOORS)
 SOLE_IMPORTERS = {
     "cython": "synthesis/kernel.py",
     "h5py": "synthesis/atlas/file.py",
+    "mapbox_earcut": "synthesis/solids/mesh.py",
     "pywt": "synthesis/atlas/haar.py",
 }
 WEB = {"fastapi", "starlette", "uvicorn", "pydantic", "pydantic_settings"}

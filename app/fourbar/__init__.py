@@ -1,4 +1,4 @@
-"""The four-bar's questions over HTTP and on the command line: match, synthesize, function, and files of what they find."""
+"""The four-bar's questions over HTTP and on the command line: match, synthesize, function, drives, and files of finds."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from typing import Any
 QUESTIONS = {
     "synthesize": "Rotation, positions or both: actual dimensions and mounting pose.",
     "function": "Function generation: whose rocker turns as a wanted function of its crank?",
+    "drive": "What moves a linkage: rotary drives, cylinders, motors that turn on, locks and springs.",
+    "assembly": "Plates in layers: can a linkage be built so that its parts pass one another, and how far does it move?",
     "match": "Rotation only: which atlas rows, at which start?",
 }
 """One line of help of each question; their modules are imported when they are asked."""

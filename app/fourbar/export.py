@@ -11,9 +11,12 @@ from pydantic import Field, Strict
 
 import linkage_atlas as la
 from app.fourbar import worked_example
-from app.fourbar.answers import analysis_of, answer_synthesize, is_long, motion_of
-from app.fourbar.models import FarLength, GivenSolution, SynthesizeRequest
-from app.query import FILES, Files, LengthUnit, RequestModel, Resources
+from app.fourbar.answers import analysis_of, answer_synthesize, assembly_of, is_long, motion_of
+from app.fourbar.models import AssemblyOptions, FarLength, GivenDrive, GivenLinkage, Size, SynthesizeRequest
+from app.query import FILES, Files, Flag, LengthUnit, Number, RequestModel, Resources
+from linkage_atlas.solids import LARGEST_SCALE, LEAST_SCALE
+
+Material = Literal["steel", "stainless", "aluminium", "brass", "plywood", "acrylic", "POM", "PLA", "PETG", "ABS"]
 
 
 class PlatesRequest(RequestModel):
@@ -23,20 +26,54 @@ class PlatesRequest(RequestModel):
     width: FarLength | None = Field(None, description="Width of the plates.")
 
 
+class SolidsRequest(RequestModel):
+    """What parts are made of, and how they fit."""
+
+    fit: Literal["H7", "print"] = Field(
+        "H7",
+        description="`H7`: drawn at the nominal size, with tolerances in the parts list; `print`: with play for a printer, "
+        "0.4 mm where a plate turns and 0.1 mm where it holds the pin.",
+    )
+    material: Material | None = Field(
+        None, description="Of plates and boards. Default: aluminium, to be printed PLA."
+    )
+    pins: Material | None = Field(None, description="Of pins, washers and heads. Default: steel, to be printed PLA.")
+    fillet: Size = Field(0.0, description="Radius at the convex corners of the body, in the unit of the lengths.")
+    scale: Annotated[Number, Field(ge=LEAST_SCALE, le=LARGEST_SCALE)] = Field(
+        1.0, description="Of a model; plays are not scaled."
+    )
+    layout: Literal["assembled", "bed"] | None = Field(
+        None,
+        description="Where parts stand in STEP and 3MF. Default: assembled in STEP, beside one another on the bed in 3MF.",
+    )
+    nevertheless: Flag = Field(False, description="Also where parts would collide.")
+
+
 class ExportRequest(RequestModel):
     """A motion, one of its solutions, and the kind of file that is wanted."""
 
     request: SynthesizeRequest = Field(description="The request of /v1/synthesize; angles are in its unit.")
-    solution: GivenSolution | None = Field(
+    solution: GivenLinkage | None = Field(
         None, description="One of the reply's solutions. Without it the request is solved."
     )
     rank: Annotated[int, Strict(), Field(ge=1, le=100)] = Field(1, description="Which solution, if none is given.")
-    format: Literal["json", "csv", "svg", "dxf", "plates", "mjcf", "pylinkage"] = "json"
-    length_unit: LengthUnit = Field("mm", description="The unit of the request's lengths, for DXF and MJCF.")
-    plates: PlatesRequest | None = Field(None, description="Sizes of the plates; each has a default.")
+    format: Literal[
+        "json", "csv", "svg", "dxf", "plates", "mjcf", "pylinkage", "step", "3mf", "stl", "urdf", "sdf", "parts"
+    ] = Field("json", description="`stl`: a zip file with a file a part; `parts`: a parts list (CSV).")
+    length_unit: LengthUnit = Field("mm", description="The unit of the request's lengths, for files that know one.")
+    plates: PlatesRequest | None = Field(None, description="For a DXF of plates: their sizes; each has a default.")
+    assembly: AssemblyOptions | None = Field(
+        None,
+        description="From `step` on, and for masses in MJCF: how plates and pins are made and held. Default: as in the request.",
+    )
+    solids: SolidsRequest | None = Field(None, description="For the same: fits, materials, scale.")
+    drive: GivenDrive | None = Field(
+        None, description="A drive of a reply, as it came: columns of CSV, a layer of DXF, the drive of MJCF."
+    )
 
 
-def _ranked(request: SynthesizeRequest, rank: int, resources: Resources) -> la.Solution:
+def ranked(request: SynthesizeRequest, rank: int, resources: Resources) -> la.Solution | la.GuidedSolution:
+    """The solution of a rank of a request that is solved; FieldError where there are fewer."""
     found = answer_synthesize(request.model_copy(update={"top": max(request.top, rank)}), resources).solutions
     if len(found) < rank:
         raise la.FieldError(
@@ -54,23 +91,31 @@ def pointing(change: Callable[[str], str]) -> Iterator[None]:
         raise la.FieldError(change(error.field), error.message, **error.details) from error
 
 
-def _best_linkage(request: SynthesizeRequest, resources: Resources, kind: str) -> str:
-    best = _ranked(request, 1, resources)
-    with pointing(lambda _: ""):
-        return best.linkage.render(kind, analysis=analysis_of(request))
+def parts_of(request: SynthesizeRequest) -> dict[str, Any] | None:
+    """How a request says that parts are arranged."""
+    asked = assembly_of(request)
+    return asked if isinstance(asked, dict) else None
+
+
+def _best_linkage(request: SynthesizeRequest, resources: Resources, kind: str) -> bytes:
+    best = ranked(request, 1, resources)
+    with pointing(lambda field: field if field == "/format" else ""):
+        return best.linkage.file(
+            kind, analysis=analysis_of(request), assembly=parts_of(request), work=resources.work()
+        )
 
 
 def exports_of(
-    formats: tuple[str, ...], render: Callable[[Any, Resources, str], str]
+    formats: tuple[str, ...], render: Callable[[Any, Resources, str], bytes]
 ) -> dict[str, Callable[[Any, Resources], bytes]]:
     """The best solution of a request in some formats."""
     return {
-        FILES[kind].endings[0]: lambda *asked, kind=kind: render(*asked, kind).encode()  # type: ignore[misc]
+        FILES[kind].endings[0]: lambda *asked, kind=kind: render(*asked, kind)  # type: ignore[misc]
         for kind in formats
     }
 
 
-SYNTHESIZE_EXPORTS = exports_of(("csv", "svg", "dxf", "plates", "mjcf", "pylinkage"), _best_linkage)
+SYNTHESIZE_EXPORTS = exports_of(tuple(kind for kind in FILES if kind != "json"), _best_linkage)
 
 
 def as_json(request: RequestModel, solution: Any) -> bytes:
@@ -79,29 +124,44 @@ def as_json(request: RequestModel, solution: Any) -> bytes:
     return json.dumps(content, indent=1, allow_nan=False).encode()
 
 
-_PREFIXES = {"crank_angle": "/solution", "analysis": "/request"}
+_PREFIXES = {"crank_angle": "/solution", "travel": "/solution", "analysis": "/request"}
 
 
 def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
-    request = body.request
+    request, given = body.request, body.solution
     with pointing(lambda field: field if field == "/rank" else "/request" + field):
         motion = la.Motion(**motion_of(request))
-        found = None if body.solution else _ranked(request, body.rank, resources)
+        found = None if given else ranked(request, body.rank, resources)
+    with pointing(lambda field: "/solution" + field):
+        linkage = found.linkage if found else given.linkage(request.degrees)
     if body.format == "json":
-        return as_json(request, found.to_dict() if found else body.solution.model_dump(mode="json"))
-    linkage = found.linkage if found else la.FourBar.from_dict(body.solution.model_dump(), request.degrees)
-    crank = found.crank_angle if found else body.solution.crank_angle
+        return as_json(request, found.to_dict() if found else given.model_dump(mode="json", exclude_none=True))
+    one = found or given
+    place = one.crank_angle if one.crank_angle is not None else getattr(one, "travel", None)
     with pointing(lambda field: _PREFIXES.get(field.lstrip("/").partition("/")[0], "") + field):
         plates = None if body.plates is None else body.plates.model_dump(exclude_none=True)
-        text = linkage.render(body.format, motion, body.length_unit, crank, analysis_of(request), plates)
-    return text.encode()
+        assembly = parts_of(request) if body.assembly is None else body.assembly.model_dump(exclude_none=True)
+        solids = None if body.solids is None else body.solids.model_dump(exclude_none=True)
+        drive = None if body.drive is None else body.drive.model_dump(exclude_none=True)
+        return linkage.file(
+            body.format,
+            motion,
+            body.length_unit,
+            place,
+            analysis_of(request),
+            plates,
+            assembly=assembly,
+            solids=solids,
+            work=resources.work(),
+            drive=drive,
+        )
 
 
 LINKAGE_FILES = Files(
     "/v1/export",
     "export",
     "linkage",
-    "A linkage as a file: JSON, CSV, SVG, DXF, plates to cut, MJCF or pylinkage's JSON.",
+    "A linkage as a file: JSON, CSV, SVG, DXF, plates to cut, MJCF, pylinkage's JSON, STEP, 3MF, STL, URDF, SDF or a parts list.",
     ExportRequest,
     _linkage_file,
     {"request": worked_example()},

@@ -175,7 +175,7 @@ QUERIES = (
         function_table,
         exports=exports_of(
             ("csv", "svg", "dxf", "mjcf"),
-            lambda request, resources, kind: solve_function(request, resources).render(kind),
+            lambda request, resources, kind: solve_function(request, resources).render(kind).encode(),
         ),
         from_csv=function_from_csv,
         is_long=is_long,

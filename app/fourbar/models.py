@@ -5,12 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field, create_model
+from pydantic import BeforeValidator, ConfigDict, Field, create_model
 
-from app.query import AngleUnit, Count, Flag, Number, PositiveNumber, RequestModel
+import linkage_atlas as la
+from app.query import AngleUnit, Count, Flag, LengthUnit, Number, PositiveNumber, RequestModel
+from linkage_atlas.assemblies import FIXED_PINS, LAYERS_MOST, MOST_CORNERS, MOST_LAYERS
+from linkage_atlas.catalogues import ACTUATORS, MOST_ROWS
+from linkage_atlas.driving import MOST_DRIVES, MOST_MASSES, MOST_SPRINGS
 from linkage_atlas.limits import LIMITS
 from linkage_atlas.motions import MAX_LENGTH, MAX_SAMPLES, MIN_LENGTH, MIN_POSES, MIN_SAMPLES, MOST_STOCK
-from linkage_atlas.studies import FEWEST_SAMPLES, LARGEST, MOST_SAMPLES, SAMPLES
+from linkage_atlas.studies import FEWEST_SAMPLES, LARGEST, MOST_LINK_MASSES, MOST_SAMPLES, SAMPLES
 
 MAX_TOP = 1000
 
@@ -24,7 +28,13 @@ SampledCurve = Annotated[list[Number | None], Field(min_length=MIN_POSES, max_le
 SampledPath = Annotated[list[Point | None], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)]
 Weights = Annotated[list[Annotated[Number, Field(ge=0)]], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)]
 Tolerances = Annotated[list[PositiveNumber], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)]
+Travel = Annotated[list[Coordinate], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)]
+Mechanism = Literal[
+    "four_bar", "slider_crank", "swinging_block", "rail_slot", "two_rails", "two_slots", "watt_1", "stephenson_1"
+]
 Top = Annotated[Count, Field(ge=1, le=MAX_TOP)]
+MatchedKind = Literal["four_bar", "slider_crank"]
+"""Kinds that there are atlases of."""
 
 
 class CrankMotion(RequestModel):
@@ -51,6 +61,10 @@ class MatchRequest(CrankMotion):
     rotation: Curve = Field(description="Rotation of the body at the samples, continuous: no jumps by whole turns.")
     curve: Literal["coupler", "rocker"] = Field(
         "coupler", description="Which link turns so: the coupler, or the rocker, from the line of the pivots."
+    )
+    mechanisms: Annotated[list[MatchedKind], Field(min_length=1, max_length=2)] | Literal["all"] = Field(
+        ["four_bar"],
+        description="Whose rows: the coupler of a four-bar, the rod of a slider-crank; the best of all kinds.",
     )
     top: Top = Field(10, description="How many rows to return.")
     features: Flag = Field(
@@ -108,6 +122,7 @@ LimitsRequest = limits_request(
 
 FarLength = Annotated[Number, Field(ge=1e-100, le=1e100)]
 FarCoordinate = Annotated[Number, Field(ge=-1e100, le=1e100)]
+FarPoint = Annotated[list[FarCoordinate], Field(min_length=2, max_length=2)]
 Angle = Annotated[Number, Field(ge=-1e9, le=1e9)]
 
 
@@ -146,6 +161,45 @@ class GivenSolution(_ReplyPart):
     crank_angle: Annotated[list[Angle], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)] | None = None
 
 
+class GivenGuide(_ReplyPart):
+    """A guide of a solution with rails or slots: what belongs to its sort is checked where it is used."""
+
+    guide: Literal["circle", "rail", "slot"]
+    body_point: FarPoint
+    pivot: FarPoint | None = None
+    radius: FarLength | None = None
+    point: FarPoint | None = None
+    direction: Angle | None = None
+    pin: FarPoint | None = None
+    body_direction: Angle | None = None
+
+
+class GivenLinkage(_ReplyPart):
+    """One of the `solutions` of a reply, as it came or changed: with `links` a four-bar, else with `guides` and `driver`."""
+
+    links: GivenLinks | None = None
+    branch: Literal[-1, 1] | None = None
+    start_angle: Angle | None = None
+    body_offset: Angle | None = None
+    mount: GivenMount | None = None
+    driver: Literal["crank", "slider", "cylinder", "hinge"] | None = None
+    guides: Annotated[list[GivenGuide], Field(min_length=2, max_length=2)] | None = None
+    start: FarCoordinate | None = None
+    crank_angle: Annotated[list[Angle], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)] | None = None
+    travel: Annotated[list[FarCoordinate], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)] | None = None
+
+    def linkage(self, degrees: bool) -> la.FourBar | la.GuidedLinkage:
+        """The linkage; FieldError naming the field that is missing."""
+        if self.links is None and self.guides is None:
+            raise la.FieldError("/links", "needed, or two `guides` with their `driver`, `branch` and `start`")
+        if self.links is None:
+            return la.GuidedLinkage.from_dict(self.model_dump(exclude_none=True), degrees)
+        for name in ("branch", "start_angle"):
+            if getattr(self, name) is None:
+                raise la.FieldError(f"/{name}", "needed beside `links`")
+        return la.FourBar.from_dict(self.model_dump(), degrees)
+
+
 class GivenGenerator(_ReplyPart):
     """One of the `solutions` of a reply of /v1/function, as it came or changed."""
 
@@ -162,11 +216,30 @@ Bounded = Annotated[Number, Field(ge=-LARGEST, le=LARGEST)]
 Pair = Annotated[list[Bounded], Field(min_length=2, max_length=2)]
 
 
+class LinkMassRequest(RequestModel):
+    """A mass on a link."""
+
+    link: Literal["crank", "coupler", "rocker", "body"]
+    mass: Annotated[Number, Field(gt=0, le=LARGEST)] = Field(description="In kg.")
+    at: Pair | None = Field(
+        None,
+        description="[x, y] of its centre in the link's frame: origin in its first joint (crank: pivot A, coupler: crank pin, "
+        "rocker: pivot B), x axis to the second; of the body: its point and its rotation.",
+    )
+    inertia: Annotated[Number, Field(ge=0, le=LARGEST)] = Field(
+        0.0, description="About its centre, kg times length squared."
+    )
+
+
 class LoadRequest(RequestModel):
     """What acts on the body, in directions that do not turn with it."""
 
     force: Pair | None = Field(None, description="[fx, fy] at the body point.")
     torque: Bounded = Field(0.0, description="Counter-clockwise: force times length.")
+    masses: Annotated[list[LinkMassRequest], Field(max_length=MOST_LINK_MASSES)] | None = Field(
+        None, description="Of the links; with them forces are in newtons."
+    )
+    gravity: Pair | None = Field(None, description="Of the masses, [gx, gy] in m/s^2; default [0, -9.81].")
 
 
 class AnalysisRequest(RequestModel):
@@ -176,6 +249,7 @@ class AnalysisRequest(RequestModel):
         description="Constant, in the unit of angle a second, counter-clockwise: negative for a clockwise motion."
     )
     load: LoadRequest | None = Field(None, description="With it: crank torque and pin forces.")
+    length_unit: LengthUnit = Field("mm", description="The unit of lengths, which tells the forces of inertia.")
 
 
 class ToleranceStudyRequest(RequestModel):
@@ -190,6 +264,235 @@ class ToleranceStudyRequest(RequestModel):
     seed: Annotated[Count, Field(ge=0, le=2**32 - 1)] = Field(
         0, description="Which: the same seed makes the same ones."
     )
+
+
+# -- what drives it ----------------------------------------------------------------------------------------------------
+
+Above = Annotated[Number, Field(gt=0, le=MAX_LENGTH)]
+Words = Annotated[str, Field(max_length=100_000)]
+LinkName = Annotated[str, Field(max_length=40)]
+LinkNames = Annotated[list[LinkName], Field(min_length=1, max_length=4)]
+PlacePair = Annotated[list[FarCoordinate], Field(min_length=2, max_length=2)]
+
+
+class MassRequest(RequestModel):
+    """A mass on a link."""
+
+    link: LinkName | None = Field(None, description="`body` (default), `crank`, `coupler`, `rocker`.")
+    mass: Annotated[Number, Field(ge=0, le=LARGEST)]
+    at: PlacePair | None = Field(
+        None,
+        description="In the link's frame, of the body from its point on. Default: the link's middle, the body's point.",
+    )
+    inertia: Annotated[Number, Field(ge=0, le=LARGEST)] | None = Field(None, description="About that place.")
+
+
+class DriveLoadRequest(RequestModel):
+    """What acts on the body and on the links, in directions that do not turn with them."""
+
+    force: Pair | None = Field(None, description="[fx, fy] at the body point.")
+    torque: Bounded | None = Field(None, description="On the body, counter-clockwise: force times length.")
+    masses: Annotated[list[MassRequest], Field(max_length=MOST_MASSES)] | None = None
+    gravity: Pair | None = Field(None, description="Acceleration [gx, gy] of the masses; default [0, -9.81].")
+    speed: Bounded | None = Field(
+        None, description="Of the crank, constant: then the masses resist their acceleration too."
+    )
+
+
+class CatalogueRow(RequestModel):
+    """A row of a catalogue of actuators (retracted, stroke, ..) or of springs."""
+
+    name: Annotated[str, Field(max_length=200)] | None = None
+    retracted: Above | None = None
+    stroke: Above | None = None
+    force: Above | None = Field(None, description="That an actuator pushes with at most, or an extended gas spring.")
+    pull: Above | None = Field(None, description="That an actuator pulls with at most; default: as it pushes.")
+    bore: Above | None = Field(
+        None, description="Of a cylinder: its force by the pressure, where `force` is not given."
+    )
+    rod: Above | None = Field(None, description="Diameter of its rod: for the pull of a cylinder, and for buckling.")
+    price: Annotated[Number, Field(ge=0, le=MAX_LENGTH)] | None = None
+    stiffness: Above | None = None
+    free_length: Above | None = None
+    preload: Bounded | None = None
+    shortest: Above | None = None
+    longest: Above | None = None
+    extended: Above | None = None
+    progression: Above | None = Field(None, description="Of a gas spring: force pushed in over force extended.")
+
+
+Catalogue = Words | Annotated[list[CatalogueRow], Field(min_length=1, max_length=MOST_ROWS)]
+
+
+class DriveRequest(RequestModel):
+    """A kind of drive that is wanted, and within what; which fields belong to which kind says docs/drives.md."""
+
+    kind: Literal["rotary", "actuator", "cylinder", "dyad", "toggle"]
+    links: LinkNames | None = Field(None, description="On which links; default: on each that can have it.")
+    on: LinkName | None = Field(
+        None, description="The link that carries the other end of an actuator; default `ground`."
+    )
+    retracted: Above | None = Field(None, description="Retracted length; null: as it is best.")
+    stroke: Above | None = Field(None, description="Null: as it is best.")
+    dead_length: Size | None = Field(
+        None, description="Retracted length less stroke, at least, where either is free."
+    )
+    catalogue: Catalogue | None = Field(
+        None, description=f"One of {', '.join(ACTUATORS)}; rows; or a CSV text with a head of the rows' names."
+    )
+    pressure: Above | None = Field(None, description="Bar, for rows with a bore; default 6.")
+    rod: Above | None = Field(None, description="Diameter of the rod, for buckling.")
+    extends: Flag | None = Field(None, description="Whether it extends from the first position to the last.")
+    ground_box: Box | None = Field(None, description="Of the ground point.")
+    reach_max: Above | None = Field(
+        None, description="Largest distance of the pin from the origin of its link's frame."
+    )
+    arm_min: Size | None = Field(None, description="Least moment arm, a radian of the crank.")
+    time_ratio: Above | None = Field(
+        None, description="Of a motor: the slower way over the other; null: as it is best."
+    )
+    motor_box: Box | None = None
+    pin_radius: Above | None = Field(None, description="Of the rod's pin, from the link's pivot.")
+    transmission_angle_min: Annotated[Number, Field(ge=0, le=90)] | None = None
+    at: Literal["first", "last"] | None = Field(None, description="The end that a knee locks; default `last`.")
+    over_centre: Annotated[Number, Field(ge=0, le=90)] | None = Field(
+        None, description="Angle by which a knee goes beyond its line; default 5 degrees."
+    )
+    knee: Annotated[Number, Field(ge=0.1, le=0.9)] | None = Field(
+        None, description="Length of the handle over both links; default 0.5."
+    )
+
+
+class SpringRequest(RequestModel):
+    """Springs that are to carry the load."""
+
+    kind: Literal["tension", "gas"]
+    between: Annotated[list[LinkName], Field(min_length=2, max_length=2)] | None = Field(
+        None,
+        description="Two links, one of which may be `ground`. Default: two springs, on the two links with fixed pivots.",
+    )
+    catalogue: Catalogue | None = Field(
+        None,
+        description="`tension_springs`, `gas_springs`, rows or a CSV text; null: ideal springs, of gas those bundled.",
+    )
+    stiffness: Above | None = Field(None, description="Of ideal springs.")
+    ground_box: Box | None = Field(None, description="Of its end on the ground.")
+    reach_max: Above | None = None
+    clear: Above | None = Field(None, description="Least distance of its ends from pivots.")
+
+
+Drives = Annotated[list[DriveRequest], Field(max_length=MOST_DRIVES)]
+Springs = Annotated[list[SpringRequest], Field(max_length=MOST_SPRINGS)]
+
+
+class RockerRequest(RequestModel):
+    """A link on a hinge, in place of a linkage: a flap, a wiper, a boom."""
+
+    pivot: PlacePair = Field(default_factory=lambda: [0.0, 0.0])
+    start: Angle = Field(0.0, description="Its direction at the first position.")
+    swing: Angle = Field(description="To the last one; < 0: clockwise.")
+    length: Above = Field(description="To the body point.")
+
+
+class GivenSizes(_ReplyPart):
+    crank: Above | None = None
+    coupler: Above | None = None
+    handle: Above | None = None
+    strut: Above | None = None
+
+
+class GivenDriveCurve(_ReplyPart):
+    knee: Annotated[list[PlacePair | None], Field(max_length=2000)] | None = None
+
+
+class GivenDrive(_ReplyPart):
+    """One of the `drives` of a reply, as it came or changed."""
+
+    kind: Literal["rotary", "actuator", "dyad", "toggle"]
+    link: LinkName
+    on: LinkName | None = None
+    ground_point: PlacePair | None = None
+    motor: PlacePair | None = None
+    pin_on_link: PlacePair | None = None
+    retracted: Above | None = None
+    stroke: Above | None = None
+    extends: Flag | None = None
+    six_bar: GivenSizes | None = None
+    lock: GivenSizes | None = None
+    curve: GivenDriveCurve | None = None
+
+
+# -- how it is built --------------------------------------------------------------------------------------------------
+
+Rank = Annotated[Count, Field(ge=1, le=100)]
+
+
+class GivenSixBar(_ReplyPart):
+    crank: FarLength
+    coupler: FarLength
+
+
+class GivenMotor(_ReplyPart):
+    """A drive of kind `dyad` of a reply of /v1/drives, as it came."""
+
+    kind: Literal["dyad"]
+    link: Literal["crank", "rocker"]
+    motor: FarPoint
+    pin_on_link: FarPoint
+    six_bar: GivenSixBar
+
+
+class AssemblyOptions(RequestModel):
+    """How plates and pins are made and held; lengths in the unit of the linkage."""
+
+    width: Length | None = Field(None, description="Of the plates. Default: 2.5 holes.")
+    hole: Length | None = Field(
+        None,
+        description="Diameter of the pins. Default: 0.3 of the shortest link, at most 0.05 of the longest.",
+    )
+    thickness: Length | None = Field(None, description="Of the plates. Default: half a hole.")
+    washer: Size | None = Field(None, description="Between two layers. Default: a fifth of the thickness.")
+    clearance: Size | None = Field(
+        None,
+        description="Least gap of parts that pass one another. Default: 0.5 / 165 of the longest link.",
+    )
+    boards: Literal["below", "above", "both", "bar"] = Field(
+        "below",
+        description="Where the fixed pins stand: in a board below or above the links, in one on each side, or in a bar, a plate "
+        "like any other.",
+    )
+    heads: Flag = Field(
+        False, description="Whether pins have heads of 1.8 diameters, in a layer more at each free end."
+    )
+    body: Annotated[list[Point], Field(min_length=3, max_length=MOST_CORNERS + 1)] | None = Field(
+        None,
+        description="Outline of the body, a plate that the coupler carries: corners [x, y] in the body's frame, from the "
+        "requested position and turned with the requested rotation (without one: as at the first sample).",
+    )
+    mounts: dict[Literal[FIXED_PINS], Literal["below", "above", "below+above"]] | None = Field(
+        None, description="How fixed pins must be held, where that matters."
+    )
+    drive: GivenMotor | None = Field(
+        None,
+        description="A motor with a rod, as /v1/drives has found it: two more plates, and everything over a turn of the motor.",
+    )
+    layers_most: Annotated[Count, Field(ge=1, le=MOST_LAYERS)] = Field(LAYERS_MOST, description="Layers at most.")
+    envelope: Box | None = Field(
+        None,
+        description="A box that all plates must stay in: xmin, ymin, xmax, ymax. Default: that of the request's limits.",
+    )
+    keep_out: Annotated[list[Box], Field(max_length=MAX_KEEP_OUT)] | None = Field(
+        None, description="Boxes that no plate may enter. Default: those of the request's limits."
+    )
+
+
+def _with_defaults(given: Any) -> Any:
+    """True stands for all defaults, false for nothing."""
+    return ({} if given else None) if isinstance(given, bool) else given
+
+
+def _or_a_flag(schema: dict[str, Any]) -> None:
+    schema["anyOf"].insert(0, {"type": "boolean"})
 
 
 # -- rotation, positions or both ---------------------------------------------------------------------------------------
@@ -231,14 +534,31 @@ class SynthesizeRequest(CrankMotion):
     crank_span_max: PositiveNumber | None = Field(
         None, description="With free timing: the crank turns by no more than this from the first sample to the last."
     )
+    travel: Travel | None = Field(
+        None,
+        description="For linkages with sliders, in place of crank angles: travel of the slider, or extension of the cylinder, at "
+        "each sample; what counts is the increment from the first. Above 0 a cylinder grows longer.",
+    )
+    travel_span: Number | None = Field(
+        None, description="The same from the first sample to the last, evenly spaced; < 0: a cylinder retracts."
+    )
+    mechanisms: Literal["all"] | Annotated[list[Mechanism], Field(min_length=1, max_length=8)] | None = Field(
+        None,
+        description="Kinds of mechanism, default `four_bar` alone. Of several kinds those come back that no other one driven "
+        "alike beats in error, size and transmission angle at once. Six-bars (`watt_1`, `stephenson_1`) are refused.",
+    )
+    driver: Literal["crank", "slider", "cylinder", "hinge"] | None = Field(
+        None, description="Only linkages that are driven so."
+    )
     weights: WeightsRequest | None = Field(None, description="What each sample counts; default: all alike.")
     tolerances: TolerancesRequest | None = Field(
         None, description="Largest errors allowed; then status `reached` means that every sample keeps them."
     )
-    prefer: Literal["error", "size", "transmission", "crank_span"] | None = Field(
+    prefer: Literal["error", "size", "transmission", "crank_span", "layers"] | None = Field(
         None,
         description="Of linkages inside the tolerances those first with the least error, the smallest links and reach, the best "
-        "transmission angle, or the shortest swing of the crank. Default: `size` with tolerances, otherwise `error`.",
+        "transmission angle, the shortest swing of the crank, or layers over whose fixed pivots nothing passes. "
+        "Default: `size` with tolerances, otherwise `error`.",
     )
     top: Annotated[Count, Field(ge=1, le=100)] = Field(10, description="How many different linkages to return.")
     effort: Literal["atlas", "refine"] = Field("refine", description="`atlas`: the best rows as they are, mounted.")
@@ -279,4 +599,16 @@ class SynthesizeRequest(CrankMotion):
     )
     tolerance_study: ToleranceStudyRequest | None = Field(
         None, description="Also report what tolerances of manufacture do to the body's motion."
+    )
+    load: DriveLoadRequest | None = Field(None, description="Of `drives`, `springs` and `drive`.")
+    drives: Drives | None = Field(None, description="Also report the best drive of each of these kinds.")
+    springs: Springs | None = Field(None, description="Also report springs that carry the load.")
+    drive: DriveRequest | None = Field(
+        None, description="Solutions without such a drive come after those with one, which is reported."
+    )
+    assembly: Annotated[AssemblyOptions | None, BeforeValidator(_with_defaults)] = Field(
+        None,
+        description="Also look for layers in which the parts of each solution pass one another; true: with default sizes. "
+        "Solutions that have some come first.",
+        json_schema_extra=_or_a_flag,
     )

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from app.tables import DEGREES, Units, columns, number
-from linkage_atlas import Matches, Result, Solution
+from linkage_atlas import GuidedSolution, Matches, Result, Solution
 from linkage_atlas.answers import Errors, Rounded
 
 _LENGTHS = ("crank", "coupler", "rocker", "ground")
@@ -22,9 +22,11 @@ _LINKAGE = (
 
 def matches_table(reply: Matches, units: Units = DEGREES) -> str:
     """Ranked rows of the matches; errors in the request's unit of angle."""
+    kinds = [] if all(match.kind == "four_bar" for match in reply.matches) else [("kind", "", "kind")]
     text = columns(
         reply.matches,
         ("rank", "d", "rank"),
+        *kinds,
         ("type", "d", "type.number"),
         ("lengths", "", lambda match: " ".join(map(str, match.type.lengths))),
         ("start", ".6g", "start_angle"),
@@ -109,10 +111,59 @@ def _errors(errors: Errors, units: Units) -> str:
     return "; ".join(found)
 
 
+def _kinds_lines(reply: Result, units: Units) -> list[str]:
+    """Ranked solutions of several kinds with their drives, and the guides and errors of the best."""
+    best = reply.solutions[0]
+    text = columns(
+        reply.solutions,
+        ("rank", "d", "rank"),
+        ("kind", "", "kind"),
+        ("driver", "", "driver"),
+        ("size", ".3g", "size"),
+        ("transm.", ".4g", "transmission_angle_min"),
+        (units.head("rot. max", units.angle), ".3g", "errors.rotation_max"),
+        (units.head("pos. max", units.length), ".3g", "errors.position_max"),
+        ("objective", ".2e", "errors.objective"),
+    )
+    lines = ["", text, "", f"errors of rank 1: {_errors(best.errors, units)}"]
+    lines += [f"guide of rank 1: {_guide(one)}" for one in best.guides or ()]
+    for name in ("crank_angle", "travel"):
+        values = getattr(best, name, None)
+        if values is not None:
+            lines.append(f"{name.replace('_', ' ')} of rank 1: {', '.join(number(value, 4) for value in values)}")
+    if best.verdict.reasons:
+        lines.append(f"rank 1: {'; '.join(best.verdict.reasons)}")
+    return lines
+
+
+def _guide(guide: Any) -> str:
+    """A guide in words, as a reply has it."""
+
+    def place(point: Any) -> str:
+        return f"({number(point[0])}, {number(point[1])})"
+
+    used = (
+        ""
+        if getattr(guide, "used", None) is None
+        else f", used from {number(guide.used[0])} to {number(guide.used[1])}"
+    )
+    if guide.guide == "circle":
+        return (
+            f"circle about {place(guide.pivot)}, radius {number(guide.radius)}, body point {place(guide.body_point)}"
+        )
+    if guide.guide == "rail":
+        where = f"rail through {place(guide.point)}, direction {number(guide.direction)}"
+        return f"{where}, body point {place(guide.body_point)}{used}"
+    where = f"slot on the pin {place(guide.pin)}, through body point {place(guide.body_point)}"
+    return f"{where}, body direction {number(guide.body_direction)}{used}"
+
+
 def synthesize_table(reply: Result, units: Units = DEGREES) -> str:
     """Ranked solutions of the reply with their largest errors, and the mounting pose and errors of the best."""
     lines = [_found(reply, "solution")]
-    if reply.solutions:
+    if any(isinstance(one, GuidedSolution) for one in reply.solutions):
+        lines += _kinds_lines(reply, units)
+    elif reply.solutions:
         text = columns(
             reply.solutions,
             *_LINKAGE,

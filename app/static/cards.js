@@ -10,7 +10,8 @@ const FAMILIES = {
   crank_rocker: "crank-rocker", double_crank: "double-crank", rocker_crank: "rocker-crank",
   double_rocker: "double-rocker", triple_rocker: "triple-rocker", change_point: "change point",
 };
-const longest = ({ links }) => Math.max(...Object.values(links));
+const KINDS = { slider_crank: "slider-crank", swinging_block: "swinging block", rail_slot: "rail and slot", two_rails: "two rails", two_slots: "two slots" };
+const longest = ({ links, guides }) => Math.max(...(links ? Object.values(links) : guides.map(({ radius, used }) => radius ?? (used ? used[1] - used[0] : 0))));
 const SORTS = {
   rank: (one) => one.rank ?? 0,
   error: (one) => one.errors.objective,
@@ -22,12 +23,18 @@ const SORTS = {
 export const sorted = (solutions, by) => solutions.toSorted((a, b) => SORTS[by](a) - SORTS[by](b));
 
 /** What a card calls a solution. */
-export const nameOf = ({ rank, source, family }) => `${source === "hand" ? "By hand:" : source === "link" ? "From the link:" : `${rank}.`} ${FAMILIES[family] ?? family}`;
+export const nameOf = ({ rank, source, family, kind, driver, links }) => `${source === "hand" ? "By hand:" : source === "link" ? "From the link:" : `${rank}.`} ${links ? FAMILIES[family] ?? family : `${KINDS[kind] ?? kind}, ${driver}`}`;
 
 function facts(rows) {
   const list = document.createElement("dl");
   for (const [term, value] of rows) list.append(element("dt", "", term), element("dd", "", value));
   return list;
+}
+
+/** The sign of a verdict with its words. */
+export function sign(verdict) {
+  const found = mark(verdict);
+  return found ? signed("span", `verdict ${found.kind}`, found.sign, found.text) : signed("span", "verdict", "·", "errors computed here; the service has not judged it");
 }
 
 /** A list item with the card of a solution of a motion; `choose` is called when it is pressed. */
@@ -36,13 +43,11 @@ export function card(solution, motion, size, choose) {
   button.type = "button";
   button.append(thumbnail(fit.linkage, [sense * low * RAD, sense * high * RAD], wantsPlaces(motion) ? motion.poses.map(placeOf).filter(Boolean) : []));
   const worst = worstRows(fit, motion, size).map(([name, error, pose]) => [name, pose === null ? error : `${error} (${pose})`]);
-  const figures = [["transmission", `${text(solution.transmission_angle_min, 3)}°`], ["longest link", `${text(longest(solution), 4)} ${motion.unit}`]];
+  const figures = [["transmission", `${text(solution.transmission_angle_min, 3)}°`], [solution.links ? "longest link" : "longest guide", `${text(longest(solution), 4)} ${motion.unit}`]];
   if (Number.isFinite(solution.size)) figures.push(["size", `${text(solution.size, 3)} × motion`]);
   button.append(element("span", "name", nameOf(solution)), facts([...worst, ...figures]));
-  const verdict = mark(solution.verdict);
-  if (verdict) button.append(signed("span", `verdict ${verdict.kind}`, verdict.sign, verdict.text));
-  else button.append(signed("span", "verdict", "·", "errors computed here; the service has not judged it"));
-  button.classList.toggle("broken", verdict?.kind === "bad");
+  button.append(sign(solution.verdict));
+  button.classList.toggle("broken", mark(solution.verdict)?.kind === "bad");
   button.addEventListener("click", choose);
   const item = document.createElement("li");
   item.append(button);

@@ -99,8 +99,11 @@ export class LinkageShape {
   constructor(parent, detail = true) {
     this.group = make("g", { "aria-hidden": "true", class: detail ? "large" : "small" }, parent);
     this.bases = make("path", { class: "bearing" }, this.group);
+    this.rails = make("path", { class: "rail" }, this.group);
     this.ground = make("path", { class: "ground" }, this.group);
     this.body = make("path", { class: "body" }, this.group);
+    this.slots = make("path", { class: "slot" }, this.group);
+    this.blocks = make("path", { class: "block" }, this.group);
     this.crank = make("path", { class: "link crank" }, this.group);
     this.rocker = make("path", { class: "link rocker" }, this.group);
     const pin = detail ? 5 : 2.6;
@@ -111,15 +114,26 @@ export class LinkageShape {
     this.detail = detail;
   }
 
+  /** A slider or block, turned by an angle, as path data. */
+  #block([x, y], angle) {
+    const [long, wide] = this.detail ? [15, 8] : [7, 4], cosine = Math.cos(angle), sine = -Math.sin(angle);
+    const corners = [[-long, -wide], [long, -wide], [long, wide], [-long, wide]].map(([u, v]) => `${short(x + cosine * u - sine * v)} ${short(y + sine * u + cosine * v)}`);
+    return `M${corners.join("L")}Z`;
+  }
+
   /** Draws the linkage at joints of `Linkage.at`; null hides it. */
   show(joints, view) {
     this.group.setAttribute("visibility", joints ? "visible" : "hidden");
     if (!joints) return;
     const { a, b, c, d, p } = joints;
-    put(this.ground, { d: pathData([a, b], view) });
+    const { rails = [], slots = [], blocks = [], links = [[a, d], [b, c]], fixed = [true, true] } = joints;
+    put(this.ground, { d: joints.links ? "" : pathData([a, b], view) });
+    put(this.rails, { d: rails.map((line) => pathData(line, view)).join("") });
+    put(this.slots, { d: slots.map((line) => pathData(line, view)).join("") });
+    put(this.blocks, { d: blocks.map(([at, angle]) => this.#block(view.at(at), angle)).join("") });
     put(this.body, { d: `${pathData(p ? [d, c, p] : [d, c], view)}Z` });
-    put(this.crank, { d: pathData([a, d], view) });
-    put(this.rocker, { d: pathData([b, c], view) });
+    put(this.crank, { d: links[0] ? pathData(links[0], view) : "" });
+    put(this.rocker, { d: links[1] ? pathData(links[1], view) : "" });
     for (const [name, place] of Object.entries({ a, b, c, d, p })) {
       const dot = this.joints[name];
       dot.setAttribute("visibility", place ? "inherit" : "hidden");
@@ -129,7 +143,7 @@ export class LinkageShape {
       put(dot, { cx: x, cy: y });
       put(this.names[name], { x: x + 10, y: y - 8 });
     }
-    if (this.detail) put(this.bases, { d: bearing(view.at(a)) + bearing(view.at(b)) });
+    if (this.detail) put(this.bases, { d: [a, b].filter((_, k) => fixed[k]).map((place) => bearing(view.at(place))).join("") });
     if (p && this.detail) {
       const [x, y] = view.at(p), turn = joints.rotation;
       put(this.carried, { d: `M${x} ${y}L${x + 26 * Math.cos(turn)} ${y - 26 * Math.sin(turn)}` });

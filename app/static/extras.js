@@ -5,7 +5,7 @@ import { typed } from "./fields.js";
 import { readOutline } from "./outline.js";
 import { $, say } from "./shell.js";
 
-const LEGEND = [["crank", "crank AD"], ["body", "body DCP"], ["rocker", "rocker BC"], ["ground", "ground AB"], ["path", "path of P"], ["pose", "wanted"], ["bad", "error"]];
+const LEGEND = [["crank", "crank AD"], ["body", "body DCP"], ["rocker", "rocker BC"], ["ground", "ground AB, rail"], ["path", "path of P"], ["pose", "wanted"], ["bad", "error"]];
 const MAX_BYTES = 5e6;
 
 function legend() {

@@ -1,7 +1,7 @@
 // How well a linkage meets a motion: its joints and errors at each pose, the worst pose by its number, the limits that hold it.
 
 import { text } from "./drawing.js";
-import { Linkage } from "./kinematics.js";
+import { linkageOf } from "./guided.js";
 import { placeOf, wantsAngles, wantsPlaces } from "./motion.js";
 import { angleError, passing } from "./timing.js";
 
@@ -27,7 +27,7 @@ function worstOf(list) {
  * (degrees from the wanted angle), null where nothing is wanted or the loop is open; `worst` has the pose of the largest of each.
  */
 export function fitOf(solution, motion) {
-  const linkage = new Linkage(solution), pass = passing(solution, motion, linkage.turnsFully);
+  const linkage = linkageOf(solution), pass = passing(solution, motion, linkage.turnsFully);
   const at = pass.angles.map((angle) => linkage.at(angle * RAD));
   const places = motion.poses.map((pose, k) => {
     const place = wantsPlaces(motion) && linkage.mount ? placeOf(pose) : null;
@@ -53,9 +53,32 @@ export function worstRows({ places, turns, worst }, { unit }, size) {
 
 /** Whether two solutions are the same linkage to within a thousandth of its size. */
 export function alike(one, other) {
+  if (!one.links || !other.links) return !one.links && !other.links && alikeGuides(one, other);
   const sizes = ["crank", "coupler", "rocker", "ground"], longest = Math.max(...sizes.map((name) => one.links[name]));
   if (one.branch !== other.branch || sizes.some((name) => Math.abs(one.links[name] - other.links[name]) > 1e-3 * longest)) return false;
   const places = (solution) => (solution.mount ? [...solution.mount.pivot_a, ...solution.mount.pivot_b] : []);
   const [a, b] = [places(one), places(other)];
   return a.every((value, k) => Math.abs(value - b[k]) <= 1e-3 * longest);
+}
+
+/** The same of two linkages with rails or slots: guides of the same sorts, at the same places. */
+function alikeGuides(one, other) {
+  if (one.kind !== other.kind || one.driver !== other.driver || one.branch !== other.branch) return false;
+  const numbers = ({ guides }) => guides.flatMap(({ pivot, pin, radius, direction, body_direction, body_point }) => [...(pivot ?? pin ?? []), ...body_point, radius ?? 0, direction ?? body_direction ?? 0]);
+  const [a, b] = [numbers(one), numbers(other)], longest = Math.max(1e-300, ...a.map(Math.abs));
+  return a.length === b.length && a.every((value, k) => Math.abs(value - b[k]) <= 1e-3 * longest);
+}
+
+/** Rows of the guides of a solution with rails or slots; body points are in the body's frame. */
+export function guideRows({ guides, driver }, number, length) {
+  const pair = (point) => point.map(number).join(", ");
+  return [["Driven by", driver], ...guides.flatMap((one, k) => {
+    const name = `${k ? "Second" : "First"} guide`, rows = [[name, one.guide]];
+    if (one.guide === "circle") rows.push(["– pivot", pair(one.pivot)], ["– radius", length(one.radius)]);
+    else if (one.guide === "rail") rows.push(["– through", pair(one.point)], ["– direction", `${number(one.direction)}°`]);
+    else rows.push(["– pin", pair(one.pin)], ["– direction in the body", `${number(one.body_direction)}°`]);
+    rows.push(["– body point", pair(one.body_point)]);
+    if (one.used) rows.push(["– used", `${number(one.used[0])} to ${length(one.used[1])}`]);
+    return rows;
+  })];
 }

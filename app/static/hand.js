@@ -1,6 +1,8 @@
 // A linkage changed by hand: from joints that were dragged to its dimensions, its crank angles at the poses and its errors.
 
 import { fitOf } from "./fit.js";
+import { drivePlaces, driveTurns } from "./drive.js";
+import { guidesFrom, linkageOf, withUsed } from "./guided.js";
 import { Linkage, family } from "./kinematics.js";
 import { placeOf, wantsAngles, wantsPlaces } from "./motion.js";
 import { angleError } from "./timing.js";
@@ -20,7 +22,22 @@ const wrap = (angle) => Math.atan2(Math.sin(angle), Math.cos(angle));
  * The solution whose joints, with the crank turned by `travel` degrees from its start, are `joints` ({a, b, c, d, p, rotation});
  * the body keeps its direction. Null where two joints coincide.
  */
-export function fromJoints({ a, b, c, d, p, rotation }, travel, before) {
+export function fromJoints(joints, travel, before) {
+  return before.links ? fourBarFrom(joints, travel, before) : guidedFrom(joints, travel, before);
+}
+
+/** The same of a linkage with rails or slots: each guide goes through its two joints. */
+function guidedFrom(joints, travel, before) {
+  const found = guidesFrom(joints, before);
+  if (!found) return null;
+  const made = {
+    ...before, source: "hand", rank: null, ...found, start: found.start - travel, verdict: null, analysis: null, tolerance_study: null, rounded: null, excursion: null,
+    transmission_angle_min_turn: null, arm_min: null, determination: null,
+  };
+  return linkageOf(made).at(travel / DEG) && made;
+}
+
+function fourBarFrom({ a, b, c, d, p, rotation }, travel, before) {
   const links = { crank: distance(a, d), coupler: distance(d, c), rocker: distance(b, c), ground: distance(a, b) };
   const lengths = Object.values(links);
   if (!(Math.min(...lengths) > COINCIDE * Math.max(...lengths))) return null;
@@ -45,8 +62,8 @@ function squareError(motion, k, joints, scale) {
 }
 
 /** The crank angle near `angle` at which pose k is met best, by golden sections. */
-function sharpened(linkage, motion, k, angle, scale) {
-  let [low, high] = [angle - GRID, angle + GRID];
+function sharpened(linkage, motion, k, angle, scale, step) {
+  let [low, high] = [angle - step, angle + step];
   const error = (at) => squareError(motion, k, linkage.at(at / DEG), scale);
   for (let n = 0; n < REFINEMENTS; n++) {
     const [left, right] = [high - GOLDEN * (high - low), low + GOLDEN * (high - low)];
@@ -59,12 +76,14 @@ function sharpened(linkage, motion, k, angle, scale) {
 
 /** Crank angles from the start at which a linkage meets the poses best: one way where their order is given, near the former ones. */
 function crankAngles(solution, motion, scale) {
-  const linkage = new Linkage(solution), former = solution.crank_angle;
-  const sense = former.at(-1) < 0 && !motion.anyOrder ? -1 : 1, ends = [Math.min(...former) - BEYOND, Math.max(...former) + BEYOND];
-  const grid = Array.from({ length: Math.ceil((ends[1] - ends[0]) / GRID) + 1 }, (_, n) => (sense > 0 ? ends[0] + n * GRID : ends[1] - n * GRID));
+  const linkage = linkageOf(solution), former = drivePlaces(solution), span = Math.max(...former) - Math.min(...former);
+  // a slider's or cylinder's way is looked at in as many steps as a crank's quarter turn
+  const [beyond, step] = driveTurns(solution) ? [BEYOND, GRID] : [0.4 * span, span / 90];
+  const sense = former.at(-1) < 0 && !motion.anyOrder ? -1 : 1, ends = [Math.min(...former) - beyond, Math.max(...former) + beyond];
+  const grid = Array.from({ length: Math.ceil((ends[1] - ends[0]) / step) + 1 }, (_, n) => (sense > 0 ? ends[0] + n * step : ends[1] - n * step));
   const joints = grid.map((angle) => linkage.at(angle / DEG));
   const costs = motion.poses.map((_, k) => joints.map((one) => squareError(motion, k, one, scale)));
-  if (motion.anyOrder) return costs.map((row, k) => sharpened(linkage, motion, k, grid[row.indexOf(Math.min(...row))], scale));
+  if (motion.anyOrder) return costs.map((row, k) => sharpened(linkage, motion, k, grid[row.indexOf(Math.min(...row))], scale, step));
   // the least sum over angles that go one way: sums[n] of the best way that has come to at most grid point n
   const from = [];
   let sums = grid.map(() => 0);
@@ -80,7 +99,7 @@ function crankAngles(solution, motion, scale) {
   }
   let n = grid.length - 1;
   const chosen = [...costs.keys()].reverse().map((k) => { n = from[k][n]; return grid[n]; }).reverse();
-  return chosen.map((angle, k) => sharpened(linkage, motion, k, angle, scale));
+  return chosen.map((angle, k) => sharpened(linkage, motion, k, angle, scale, step));
 }
 
 const rms = (values) => { const given = values.filter((value) => value !== null); return given.length ? Math.sqrt(given.reduce((sum, value) => sum + value ** 2, 0) / given.length) : null; };
@@ -91,13 +110,14 @@ export function assessed(solution, motion) {
   const places = motion.poses.map(placeOf).filter(Boolean), middle = [0, 1].map((i) => places.reduce((sum, place) => sum + place[i], 0) / (places.length || 1));
   const scale = Math.max(...places.map((place) => distance(middle, place)), Number.MIN_VALUE);
   let [made, shift] = [solution, 0];
-  if (motion.timing === "free" && solution.crank_angle) {
-    const angles = crankAngles(solution, motion, scale);
+  if (motion.timing === "free" && drivePlaces(solution)) {
+    const angles = crankAngles(solution, motion, scale), own = solution.crank_angle ? "crank_angle" : "travel", begin = solution.links ? "start_angle" : "start";
     shift = angles[0];
-    made = { ...solution, start_angle: solution.start_angle + shift, crank_angle: angles.map((angle) => angle - shift) };
+    made = { ...solution, [begin]: solution[begin] + shift, [own]: angles.map((angle) => angle - shift) };
   }
   const fit = fitOf(made, motion), { pass } = fit;
   const used = fit.linkage.over((pass.sense * pass.low) / DEG, (pass.sense * pass.high) / DEG, 90);
+  if (!made.links) made = { ...made, guides: withUsed(fit.linkage, used) };
   const { mount } = made, reach = mount && Math.max(...Object.values(made.links), mount.coupler_point?.radius ?? 0, distance(middle, mount.pivot_a), distance(middle, mount.pivot_b));
   const squares = [rms(fit.places) === null ? 0 : (rms(fit.places) / scale) ** 2, rms(fit.turns) === null ? 0 : (rms(fit.turns) / DEG) ** 2];
   return {

@@ -17,7 +17,7 @@ import { explainTerms, startTour } from "./tour.js";
 import { defects, plainNote } from "./verdict.js";
 
 const EASED = /^(\w+) excludes .* at (.+) there is one$/;
-const FIRST = { size: "the smallest found", transmission: "the best transmission angle found", crank_span: "the shortest swing found" };
+const FIRST = { size: "the smallest found", transmission: "the best transmission angle found", crank_span: "the shortest swing found", layers: "the simplest layers found" };
 const EXCLUDES = /^(\w+) excludes .* without it there are some$/;
 
 let answer = null; // the last answer: {request, reply, motion, stored}
@@ -244,7 +244,7 @@ async function startSearch(near = null) {
       }
       const { hand } = (further && results.state) || {};
       if (hand) reply.solutions.push(hand);
-      answer = Object.assign(made, { request, reply, motion, seconds: (performance.now() - begin) / 1000 });
+      answer = Object.assign(made, { request, reply, motion, last, seconds: (performance.now() - begin) / 1000 });
       passed = false;
       updateStale();
       results.show(answer, further);
@@ -306,8 +306,8 @@ function bindButtons() {
     } catch { say("The browser does not allow copying; select the text instead.", true); }
   });
   $("link").addEventListener("click", async () => {
-    const current = answer && !editor.board.stale, { links, branch, start_angle, body_offset, mount, crank_angle, family } = results.solution;
-    const chosen = current ? { links, branch, start_angle, body_offset, mount, crank_angle, family } : null;
+    const current = answer && !editor.board.stale, { links, branch, start_angle, body_offset, mount, crank_angle, family, kind, driver, guides, start: begin, travel } = results.solution;
+    const place = links ? { links, start_angle, body_offset, mount, family } : { kind, driver, guides, start: begin, travel }, chosen = current ? { ...place, branch, crank_angle } : null;
     await copy(await sources.linkTo(current ? answer.request : toRequest(editor.motion), editor.motion, chosen), "The link is copied; it holds the whole request and the chosen linkage.");
   });
   addEventListener("beforeprint", () => fillSheet(answer, results.solution));

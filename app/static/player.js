@@ -1,7 +1,8 @@
 // Moves the selected linkage over the crank angle, past marks at the samples, and plots its curves over that angle.
 
 import { redrawOn, titledChart } from "./charts.js";
-import { make } from "./drawing.js";
+import { make, text } from "./drawing.js";
+import { driveName } from "./drive.js";
 import { fitOf } from "./fit.js";
 import { PRESET, placeOf, wantsAngles } from "./motion.js";
 import { $ } from "./shell.js";
@@ -26,8 +27,8 @@ function setButton(name, icon) {
 
 /** What canvas and curves need of a solution: joints over the interval and the turn, joints and errors at the samples. */
 export function trajectory(solution, motion) {
-  const fit = fitOf(solution, motion), { linkage, pass: { sense, low, high } } = fit;
-  const steps = Math.min(1440, Math.max(180, Math.ceil(high - low)));
+  const fit = fitOf(solution, motion), { linkage, pass } = fit, { sense, low, high } = pass;
+  const steps = pass.turns ? Math.min(1440, Math.max(180, Math.ceil(high - low))) : 180;
   return {
     ...fit, motion, solution, band: band(solution, linkage),
     used: linkage.over(sense * low * RAD, sense * high * RAD, steps),
@@ -83,6 +84,9 @@ export class Player {
     this.board.showLinkage(null);
   }
 
+  /** Travels nearer than this are one: a slider of the page has no more steps. */
+  get #near() { return this.shown.pass.turns ? 1e-6 : 1e-6 * Math.max(1e-300, this.shown.pass.high - this.shown.pass.low); }
+
   /** The travels that the slider runs over. */
   get #range() { return wholeTurn() ? [0, 360] : [this.shown.pass.low, this.shown.pass.high]; }
 
@@ -118,7 +122,7 @@ export class Player {
   #step(heading) {
     if (!this.shown) return;
     this.#pause();
-    const now = Number($("slider").value), ahead = this.stops.filter(({ travel }) => heading * (travel - now) > 1e-6);
+    const now = Number($("slider").value), ahead = this.stops.filter(({ travel }) => heading * (travel - now) > this.#near);
     const next = heading > 0 ? ahead[0] ?? this.stops[0] : ahead.at(-1) ?? this.stops.at(-1);
     if (next) this.#go(next.travel);
   }
@@ -132,10 +136,11 @@ export class Player {
     if (!this.shown) return;
     const travel = Number($("slider").value), { sense } = this.shown.pass;
     const degrees = sense * travel;
-    const here = this.stops.filter((stop) => Math.abs(stop.travel - travel) < 1e-6).map(({ k }) => k + 1);
-    $("travel").value = `${degrees.toFixed(1)}°`;
+    const here = this.stops.filter((stop) => Math.abs(stop.travel - travel) < this.#near).map(({ k }) => k + 1);
+    const { turns } = this.shown.pass, words = turns ? `${degrees.toFixed(1)}°` : `${text(degrees, 4)} ${this.shown.motion.unit}`;
+    $("travel").value = words;
     $("at-sample").textContent = here.length ? `sample ${here.join(", ")}` : "";
-    $("slider").setAttribute("aria-valuetext", `crank turned by ${degrees.toFixed(1)} degrees${here.length ? `, at sample ${here.join(", ")}` : ""}`);
+    $("slider").setAttribute("aria-valuetext", `${driveName(this.shown.solution)} ${turns ? `turned by ${degrees.toFixed(1)} degrees` : `moved by ${words}`}${here.length ? `, at sample ${here.join(", ")}` : ""}`);
     this.board.showJoints(this.shown.linkage.at(degrees * RAD));
     for (const one of this.charts) one.mark(travel);
   }
@@ -154,7 +159,7 @@ export class Player {
       if (now < until) return;
       let value = from + (heading * gone * speed * (high - low)) / RANGE_MS;
       // each sample on the way is shown for a moment
-      const stop = this.stops.find(({ travel }) => heading * (travel - from) > 1e-6 && heading * (value - travel) >= 0);
+      const stop = this.stops.find(({ travel }) => heading * (travel - from) > this.#near && heading * (value - travel) >= 0);
       if (stop && count <= MOST_STOPS) {
         value = stop.travel;
         until = now + Math.min(STOP_MS, STOPS_MS / count) / speed;
@@ -177,7 +182,7 @@ export class Player {
   /** Draws the curves of the shown solution anew. */
   drawCurves() {
     if (!this.shown || $("curves-card").hidden) return;
-    const { linkage, motion, places, turns: miss, worst, solution, pass: { sense } } = this.shown, [low, high] = this.#range;
+    const { linkage, motion, places, turns: miss, worst, solution, pass: { sense, turns: angles } } = this.shown, [low, high] = this.#range;
     const even = Array.from({ length: CURVE_STEPS + 1 }, (_, k) => low + ((high - low) * k) / CURVE_STEPS);
     // travels in the crank's sense: a clockwise crank, too, is plotted from left to right
     const x = [...new Set([...even, ...this.stops.map(({ travel }) => travel)])].sort((a, b) => a - b);
@@ -188,7 +193,9 @@ export class Player {
     const host = $("curves");
     host.replaceChildren();
     this.charts = [];
-    const add = (title, series, more) => this.charts.push(titledChart(host, title, { x, series, ...more }));
+    const axis = angles ? {} : { degreesX: false, xName: ` ${motion.unit}` };
+    $("curves-over").textContent = `Curves over the ${driveName(solution)}`;
+    const add = (title, series, more) => this.charts.push(titledChart(host, title, { x, series, ...axis, ...more }));
     const dots = (value, colour) => ({ values: atPoses(value), colour, points: true });
 
     const rotation = [{ values: over((j) => j.rotation / RAD), colour: "body" }];
@@ -207,7 +214,7 @@ export class Player {
     // an analysis is over the used interval: over a whole turn its curves have gaps
     for (const { title, x: own, values } of analysisCurves(solution, sense, motion.unit)) {
       const all = [[low, null], ...own.map((travel, k) => [travel, values[k]]), [high, null]].filter(([travel], k, rows) => k === 0 || k === rows.length - 1 ? travel < own[0] || travel > own.at(-1) : true);
-      this.charts.push(titledChart(host, title, { x: all.map(([travel]) => travel), series: [{ values: all.map(([, value]) => value), colour: "body" }] }));
+      this.charts.push(titledChart(host, title, { x: all.map(([travel]) => travel), series: [{ values: all.map(([, value]) => value), colour: "body" }], ...axis }));
     }
     for (const one of this.charts) one.mark(Number($("slider").value));
   }

@@ -1,11 +1,13 @@
 // The solutions of an answer: the list, the search's error over time, and the numbers and files of the selected one.
 
-import { card, sorted } from "./cards.js";
+import { card, sign, sorted } from "./cards.js";
 import { chart, redrawOn } from "./charts.js";
 import { element, signed, text } from "./drawing.js";
-import { alike, errorText, fitOf, limitName, worstRows } from "./fit.js";
+import { driveName, drivePlaces, driveTurns } from "./drive.js";
+import { alike, errorText, fitOf, guideRows, limitName, worstRows } from "./fit.js";
 import { assessed, fromJoints } from "./hand.js";
 import { JointFields } from "./joints.js";
+import { Layers } from "./layers.js";
 import { Player, trajectory } from "./player.js";
 import { ask, download } from "./service.js";
 import { $ } from "./shell.js";
@@ -24,9 +26,11 @@ const NEAR = 2.5; // other solutions are fitted into the view where they lie wit
 function numberRows(solution, { motion, size }, digits) {
   const { links, mount, rounded } = solution, { unit } = motion, { places, turns, worst } = fitOf(solution, motion);
   const number = (value) => text(value, digits), length = (value) => `${number(value)} ${unit}`;
-  const rows = LINKS.map((name) => [name[0].toUpperCase() + name.slice(1), length(links[name])]);
-  rows.push(["Branch", solution.branch > 0 ? "+1" : "−1"], ["Start angle", `${number(solution.start_angle)}°`]);
-  if (solution.body_offset !== null) rows.push(["Body offset", `${number(solution.body_offset)}°`]);
+  const rows = links ? LINKS.map((name) => [name[0].toUpperCase() + name.slice(1), length(links[name])]) : guideRows(solution, number, length);
+  rows.push(["Branch", solution.branch > 0 ? "+1" : "−1"]);
+  if (links) rows.push(["Start angle", `${number(solution.start_angle)}°`]);
+  else rows.push(["Drive at the first sample", driveTurns(solution) ? `${number(solution.start)}°` : length(solution.start)]);
+  if (Number.isFinite(solution.body_offset)) rows.push(["Body offset", `${number(solution.body_offset)}°`]);
   if (mount) {
     rows.push(["Pivot A", `${mount.pivot_a.map(number).join(", ")} ${unit}`], ["Pivot B", `${mount.pivot_b.map(number).join(", ")} ${unit}`], ["Ground angle", `${number(mount.ground_angle)}°`]);
     rows.push(["Coupler point", `${length(mount.coupler_point.radius)} at ${number(mount.coupler_point.angle)}°`]);
@@ -39,6 +43,7 @@ function numberRows(solution, { motion, size }, digits) {
   if (Number.isFinite(solution.size)) rows.push(["Size", `${number(solution.size)} × motion`]);
   if (Number.isFinite(solution.excursion)) rows.push(["Way between samples", `${text(solution.excursion, 3)} × distance`]);
   rows.push(["Transmission", `${text(solution.transmission_angle_min, 5)}°`]);
+  if (Number.isFinite(solution.arm_min)) rows.push(["Moment arm, least", length(solution.arm_min)]);
   if (Number.isFinite(solution.transmission_angle_min_turn)) rows.push(["Transmission, whole turn", `${text(solution.transmission_angle_min_turn, 5)}°`]);
   const held = solution.determination?.at_limits ?? [];
   if (held.length) rows.push(["Held by", held.map(limitName).join(", ")]);
@@ -53,12 +58,13 @@ function numberRows(solution, { motion, size }, digits) {
 }
 
 /** What was judged of a solution, and all reasons. */
-function verdictBlock(verdict, motion) {
+function verdictBlock(solution, motion) {
+  const { verdict } = solution;
   const block = element("div", "judged");
   block.append(element("h3", "", "Verdict"));
   const list = document.createElement("dl");
-  for (const [name, good, words] of judged(verdict, motion)) {
-    const poor = name === "Practical limits" || name === "Tolerance" ? "poor" : "bad";
+  for (const [name, good, words] of judged(verdict, motion, driveName(solution), driveTurns(solution))) {
+    const poor = ["Practical limits", "Tolerance", "Layers"].includes(name) ? "poor" : "bad";
     list.append(element("dt", "", name), signed("dd", good ? "good" : poor, good ? "✓" : poor === "bad" ? "✕" : "!", words));
   }
   block.append(list);
@@ -78,15 +84,19 @@ function crankBlock(solution, motion) {
   for (const k of order) {
     const row = table.insertRow();
     row.append(Object.assign(element("th", "", `Sample ${k + 1}`), { scope: "row" }));
-    row.insertCell().textContent = `${text(solution.crank_angle[k], 8)}°`;
+    row.insertCell().textContent = `${text(drivePlaces(solution)[k], 8)}${driveTurns(solution) ? "°" : ` ${motion.unit}`}`;
   }
-  block.append(element("summary", "", "Crank angles at the samples"), table);
+  block.append(element("summary", "", driveTurns(solution) ? "Crank angles at the samples" : `Travel of the ${solution.driver} at the samples`), table);
   return block;
 }
 
 /** What can be done with a linkage that was changed by hand. */
-function handBlock() {
+function handBlock({ links }) {
   const block = element("div", "judged");
+  if (!links) {
+    block.append(element("p", "note", "Changed by hand: its errors are computed in this page, and nothing is judged."));
+    return block;
+  }
   const choices = [["refine-here", "Refine from there", "refinehere"], ["search-near", "Search near here", "searchnear"]], group = element("div", "group wrap");
   for (const [id, words, event] of choices) {
     const button = Object.assign(element("button", "", words), { type: "button", id });
@@ -115,6 +125,7 @@ export class Results {
   /** `keep(kind)` makes what there is before a joint is moved a step of undo. */
   constructor(board, keep) {
     Object.assign(this, { keep, answer: null, solution: null, board, player: new Player(board), picked: false });
+    this.layers = new Layers(board, (degrees) => { this.player.stop(); this.player.goto(degrees); }, (solution) => this.#judgedAnew(solution));
     this.fields = new JointFields(board, (name, place) => this.drag(name, place, null), () => this.player.stop());
     $("copy").addEventListener("click", () => copy(this.#rows().map((row) => row.join("\t")).join("\n"), "The numbers are copied."));
     for (const button of document.querySelectorAll("[data-format]")) button.addEventListener("click", () => this.#save(button.dataset.format));
@@ -134,6 +145,8 @@ export class Results {
     const solutions = answer?.reply.solutions ?? [];
     for (const id of CARDS) $(id).hidden = !solutions.length;
     if (!solutions.length) {
+      this.layers.show(null);
+      this.layers.select(null);
       this.solution = null;
       $("solutions").replaceChildren();
       this.board.showOthers([]);
@@ -146,6 +159,7 @@ export class Results {
     $("trace-note").textContent = [`${answer.refined ? "Descent" : "Search"} ended: ${ENDS[report.stopped_by]}.`, ...report.notes.map(plainNote)].join(" ");
     this.solution = (before && solutions.find((one) => alike(one, before))) ?? solutions[0];
     this.#list();
+    this.layers.show(answer);
     this.#select(this.solution, stays ? "holds" : "all", false);
     // the linkage first: charts take as long to draw as all the rest
     clearTimeout(this.charts);
@@ -184,7 +198,7 @@ export class Results {
    */
   drag(name, place, kind = `joint ${name}`) {
     const { motion, reply } = this.answer ?? {};
-    if (!this.solution?.mount || !this.board.joints) return "there is no linkage in the plane.";
+    if (!(this.solution?.mount || this.solution?.guides) || !this.board.joints) return "there is no linkage in the plane.";
     this.player.stop();
     const joints = { ...this.board.joints, [name]: place }, made = fromJoints(joints, this.player.travel, this.solution);
     if (!made) return "two joints would coincide there.";
@@ -196,6 +210,7 @@ export class Results {
     Object.assign(this, { solution, picked: true });
     this.player.show(solution, motion, false, false);
     this.player.goto(travel);
+    this.layers.select(solution);
     clearTimeout(this.later);
     this.later = setTimeout(() => this.player.drawCurves(), REST_MS);
     this.#showNumbers();
@@ -206,8 +221,8 @@ export class Results {
 
   /** The numbers to be copied, with all digits. */
   #rows() {
-    const { verdict, crank_angle } = this.solution, rows = numberRows(this.solution, this.answer, 17);
-    if (crank_angle) rows.push(["Crank angles", crank_angle.map((angle) => `${text(angle, 17)}°`).join(", ")]);
+    const { verdict } = this.solution, rows = numberRows(this.solution, this.answer, 17), places = drivePlaces(this.solution), turns = driveTurns(this.solution);
+    if (places) rows.push([turns ? "Crank angles" : "Travel", places.map((place) => `${text(place, 17)}${turns ? "°" : ""}`).join(", ")]);
     if (verdict) rows.push(["Verdict", mark(verdict).text], ...reasons(verdict).map((one) => ["Reason", one]));
     return rows;
   }
@@ -219,6 +234,17 @@ export class Results {
     this.cards = shown;
     this.#press();
     if (active) $("solutions").querySelector("[aria-pressed=true]")?.focus({ preventScroll: true });
+  }
+
+  /** The verdict of a solution has its layers: its card and, where it is selected, its numbers say so. */
+  #judgedAnew(solution) {
+    const place = this.cards?.indexOf(solution) ?? -1;
+    const shown = $("solutions").children[place]?.querySelector(".verdict"), { className, childNodes } = sign(solution.verdict);
+    if (shown) {
+      shown.className = className;
+      shown.replaceChildren(...childNodes);
+    }
+    if (solution === this.solution) this.#showNumbers(true);
   }
 
   #press() {
@@ -239,6 +265,7 @@ export class Results {
     }
     this.#showNumbers();
     this.#showOthers();
+    this.layers.select(solution);
   }
 
   /** Fits all solutions that are not much larger than the selected one, so that the scale can stay while one looks at them. */
@@ -258,7 +285,8 @@ export class Results {
     this.board.showOthers($("overlay").checked && reply ? reply.solutions.filter((one) => one !== this.solution).map((one) => trajectory(one, motion)) : []);
   }
 
-  #showNumbers() {
+  /** `again`: the same solution, so that what the last export said stays. */
+  #showNumbers(again = false) {
     const rows = worstRows(fitOf(this.solution, this.answer.motion), this.answer.motion, this.answer.size);
     $("joints-note").textContent = rows.length ? `Off by at most ${rows.map(([, error, pose]) => (pose === null ? error : `${error} (pose ${pose})`)).join(" and ")}.` : "";
     const table = document.createElement("table");
@@ -267,13 +295,15 @@ export class Results {
       row.append(Object.assign(element("th", "", name), { scope: "row" }));
       row.insertCell().textContent = value;
     }
-    const { verdict, crank_angle, source } = this.solution, { motion } = this.answer, parts = [table];
-    if (verdict) parts.unshift(verdictBlock(verdict, motion));
-    else if (source === "hand") parts.unshift(handBlock());
-    if (crank_angle) parts.push(crankBlock(this.solution, motion));
+    const { verdict, source } = this.solution, { motion } = this.answer, parts = [table];
+    if (verdict) parts.unshift(verdictBlock(this.solution, motion));
+    else if (source === "hand") parts.unshift(handBlock(this.solution));
+    if (drivePlaces(this.solution)) parts.push(crankBlock(this.solution, motion));
     if (this.solution.determination?.ill_posed) parts.push(element("p", "note", "Clearly different linkages make this motion about equally well: the motion does not determine the link lengths."));
     $("numbers").replaceChildren(...parts);
-    note("");
+    // links are cut as plates, and pylinkage knows, four-bars only
+    for (const format of ["plates", "pylinkage"]) document.querySelector(`[data-format=${format}]`).disabled = !this.solution.links;
+    if (!again) note("");
   }
 
   #drawTrace() {

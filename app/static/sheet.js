@@ -1,7 +1,9 @@
 // The sheet that is printed: the linkage at its first pose with all wanted poses, its dimensions, its errors pose by pose, on one page.
 
 import { LinkageShape, View, element, make, pathData, text } from "./drawing.js";
-import { fitOf, limitName } from "./fit.js";
+import { driveName } from "./drive.js";
+import { fitOf, guideRows, limitName } from "./fit.js";
+import { nameOf } from "./cards.js";
 import { placeOf, wantsAngles, wantsPlaces } from "./motion.js";
 import { $ } from "./shell.js";
 import { mark, reasons } from "./verdict.js";
@@ -38,7 +40,7 @@ function transmission(fit) {
     make("path", { class: "rule", d: `M${left} ${y(angle)}H${right}` }, svg);
     make("text", { class: "tick", x: left - 5, y: y(angle) + 4, "text-anchor": "end" }, svg).textContent = `${angle}°`;
   }
-  for (const share of [0, 0.25, 0.5, 0.75, 1]) make("text", { class: "tick", x: x(share), y: CHART[1] - 5, "text-anchor": share === 1 ? "end" : "middle" }, svg).textContent = `${text(sense * (low + share * (high - low)), 4)}°`;
+  for (const share of [0, 0.25, 0.5, 0.75, 1]) make("text", { class: "tick", x: x(share), y: CHART[1] - 5, "text-anchor": share === 1 ? "end" : "middle" }, svg).textContent = `${text(sense * (low + share * (high - low)), 4)}${fit.pass.turns ? "°" : ""}`;
   const curve = Array.from({ length: 181 }, (_, k) => [k / 180, linkage.at(sense * (low + (k / 180) * (high - low)) * RAD)]);
   let d = "", pen = "M";
   for (const [share, j] of curve) {
@@ -69,11 +71,11 @@ export function fillSheet(answer, solution) {
   if (!solution) return;
   const { motion, request } = answer, { unit } = motion, fit = fitOf(solution, motion), { mount, links } = solution, verdict = mark(solution.verdict);
   const head = element("header", "");
-  head.append(element("h2", "", "Four-bar linkage"), element("p", "", `Lengths in ${unit}, angles in degrees, counter-clockwise. ${verdict ? `${verdict.sign} ${verdict.text}.` : "Not judged by the service."}`));
-  const rows = Object.entries(links).map(([name, length]) => [name, `${number(length)} ${unit}`]);
+  head.append(element("h2", "", links ? "Four-bar linkage" : nameOf(solution).replace(/^\S+ /, "")), element("p", "", `Lengths in ${unit}, angles in degrees, counter-clockwise. ${verdict ? `${verdict.sign} ${verdict.text}.` : "Not judged by the service."}`));
+  const rows = links ? Object.entries(links).map(([name, length]) => [name, `${number(length)} ${unit}`]) : guideRows(solution, number, (value) => `${number(value)} ${unit}`);
   if (mount) rows.push(["pivot A", mount.pivot_a.map((v) => number(v)).join(", ")], ["pivot B", mount.pivot_b.map((v) => number(v)).join(", ")]);
   if (mount?.coupler_point) rows.push(["P from D", `${number(mount.coupler_point.radius)} ${unit} at ${number(mount.coupler_point.angle, 5)}° from DC`]);
-  rows.push(["branch", solution.branch > 0 ? "+1" : "−1"], ["crank at pose 1", `${number(solution.start_angle)}° from AB`], ["transmission angle", `${number(solution.transmission_angle_min, 4)}° or more`]);
+  rows.push(["branch", solution.branch > 0 ? "+1" : "−1"], links ? ["crank at pose 1", `${number(solution.start_angle)}° from AB`] : ["drive at pose 1", `${number(solution.start)}${fit.pass.turns ? "°" : ` ${unit}`}`], ["transmission angle", `${number(solution.transmission_angle_min, 4)}° or more`]);
   const held = solution.determination?.at_limits ?? [];
   if (held.length) rows.push(["held by", held.map(limitName).join(", ")]);
   for (const reason of solution.verdict ? reasons(solution.verdict) : []) rows.push(["", reason]);
@@ -83,6 +85,6 @@ export function fillSheet(answer, solution) {
     [k === fit.worst.place ? "worst place" : "", k === fit.worst.turn ? "worst angle" : ""].filter(Boolean).join(", "),
   ]);
   const columns = element("div", motion.poses.length > 30 ? "sheet-columns long" : "sheet-columns");
-  columns.append(table(["Dimension", ""], rows), table(["pose", "crank°", "x", "y", "angle°", `off, ${unit}`, "off, °", ""], poses));
-  sheet.append(head, drawing(fit, motion), columns, element("h3", "", "Transmission angle over the crank from pose 1"), transmission(fit));
+  columns.append(table(["Dimension", ""], rows), table(["pose", fit.pass.turns ? "crank°" : `${solution.driver}, ${unit}`, "x", "y", "angle°", `off, ${unit}`, "off, °", ""], poses));
+  sheet.append(head, drawing(fit, motion), columns, element("h3", "", `Transmission angle over the ${driveName(solution)} from pose 1`), transmission(fit));
 }

@@ -9,7 +9,7 @@ const size = (vector) => vector && Math.hypot(...vector);
 export function analysisCurves({ analysis }, sense, unit) {
   if (!analysis) return [];
   const { curve } = analysis;
-  const rows = curve.crank_angle.map((angle, k) => [sense * angle, k]).sort((a, b) => a[0] - b[0]);
+  const rows = (curve.crank_angle ?? curve.travel).map((angle, k) => [sense * angle, k]).sort((a, b) => a[0] - b[0]);
   const x = rows.map(([travel]) => travel), at = (list) => rows.map(([, k]) => list[k]);
   const found = [];
   if (curve.velocity) {
@@ -18,6 +18,7 @@ export function analysisCurves({ analysis }, sense, unit) {
   }
   found.push({ title: "Angular velocity of the coupler, degrees a second", x, values: at(curve.angular_velocity.coupler) });
   if (curve.crank_torque) found.push({ title: `Crank torque, force × ${unit}`, x, values: at(curve.crank_torque) });
+  if (curve.drive_load) found.push({ title: curve.crank_angle ? `Torque of the drive, force × ${unit}` : "Force of the drive", x, values: at(curve.drive_load) });
   return found.filter(({ values }) => values.some((value) => value !== null));
 }
 

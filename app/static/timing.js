@@ -1,5 +1,6 @@
 // Where a solution passes the samples: its crank angles at them, those of the request or its own, and the interval it uses.
 
+import { drivePlaces, driveTurns } from "./drive.js";
 import { travels } from "./motion.js";
 
 const TURN = 360;
@@ -16,29 +17,30 @@ function shortestArc(angles) {
 }
 
 /**
- * For a solution of a motion, in degrees of crank from the first sample: `angles` at the samples, with sign; `sense`, 1 or -1, of
+ * For a solution of a motion, in degrees of crank from the first sample, or lengths where the drive does not turn (`turns`): `angles` at the samples, with sign; `sense`, 1 or -1, of
  * the crank; the interval used as travels in that sense from `low` to `high`; `order`, the samples as they are passed.
  */
 export function passing(solution, motion, turnsFully) {
-  const own = motion.timing === "free" ? solution.crank_angle : null;
+  const own = motion.timing === "free" ? drivePlaces(solution) : null, turns = driveTurns(solution);
   const order = Array.from({ length: (own ?? motion.poses).length }, (_, k) => k);
   if (own && motion.anyOrder) {
-    const [first, last] = motion.closed && turnsFully ? [0, TURN] : shortestArc(own);
-    const angles = own.map((angle) => (angle > last + 1e-9 ? angle - TURN : angle));
+    const [first, last] = !turns ? [Math.min(...own), Math.max(...own)] : motion.closed && turnsFully ? [0, TURN] : shortestArc(own);
+    const angles = own.map((angle) => (turns && angle > last + 1e-9 ? angle - TURN : angle));
     order.sort((a, b) => angles[a] - angles[b]);
-    return { angles, sense: 1, low: first, high: last, order };
+    return { angles, sense: 1, low: first, high: last, order, turns };
   }
   const given = own ?? travels(motion).map((travel) => motion.direction * travel);
   const sense = given.at(-1) < 0 ? -1 : 1, last = Math.abs(given.at(-1) ?? 0);
-  return { angles: given, sense, low: 0, high: own && motion.closed && turnsFully ? TURN : last, order };
+  return { angles: given, sense, low: 0, high: own && motion.closed && turnsFully ? TURN : last, order, turns };
 }
 
 /** Travels from `low` to `high` at which the samples are passed, in the crank's sense; those outside come in by whole turns. */
-export function marksWithin({ angles, sense }, low, high) {
+export function marksWithin({ angles, sense, turns }, low, high) {
   return angles.map((angle) => {
     const travel = sense * angle;
-    if (travel < low - 1e-9) return travel + TURN <= high + 1e-9 ? travel + TURN : null;
-    return travel <= high + 1e-9 ? travel : null;
+    const spare = turns ? 1e-9 : 1e-9 * (high - low);
+    if (travel < low - spare) return turns && travel + TURN <= high + spare ? travel + TURN : null;
+    return travel <= high + spare ? travel : null;
   });
 }
 

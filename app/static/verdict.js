@@ -22,22 +22,26 @@ export function mark(verdict) {
   if (!verdict) return null;
   const { reasons = [] } = verdict, wrong = defects(verdict);
   if (wrong.length) return { kind: "bad", sign: "✕", text: `${wrong.join(" and ")} defect${wrong.length > 1 ? "s" : ""}` };
-  if (!reasons.length && practical(verdict) && verdict.within_tolerance !== false) return { kind: "good", sign: "✓", text: verdict.within_tolerance ? "within practical limits and tolerance" : "within practical limits" };
+  if (!reasons.length && practical(verdict) && verdict.within_tolerance !== false) {
+    const kept = verdict.assembly ? `buildable in ${verdict.assembly.count} layers` : "within practical limits";
+    return { kind: "good", sign: "✓", text: !verdict.within_tolerance ? kept : verdict.assembly ? `${kept}, within tolerance` : `${kept} and tolerance` };
+  }
   const more = reasons.length > 1 ? ` (and ${reasons.length - 1} more)` : "";
   const first = reasons.length ? brief(reasons[0]) : practical(verdict) ? "outside the tolerance" : "outside practical limits";
   return { kind: practical(verdict) ? "poor" : "bad", sign: "!", text: first[0].toLowerCase() + first.slice(1) + more };
 }
 
 /** Rows [what was judged, true | false | null, in words] for a solution of a motion. */
-export function judged(verdict, motion) {
+export function judged(verdict, motion, drive = "crank", turns = true) {
   const free = motion.timing === "free";
-  const passes = !free ? "the crank passes the samples at the angles given" : motion.anyOrder ? "a crank that turns one way passes all samples" : "a crank that turns one way passes the samples in the order given";
+  const passes = !free ? `the ${drive} passes the samples at the ${turns ? "angles" : "places"} given` : motion.anyOrder ? `a ${drive} that ${turns ? "turns" : "moves"} one way passes all samples` : `a ${drive} that ${turns ? "turns" : "moves"} one way passes the samples in the order given`;
   const rows = [
     ["Order", verdict.order, verdict.order ? passes : passes.replace("passes", "does not pass")],
     ["Branch", verdict.branch, verdict.branch ? "all samples lie on one branch" : "samples lie on different branches: a dead position comes between"],
     ["Circuit", verdict.circuit, verdict.circuit ? "all samples, and all between, lie on one circuit" : "samples lie on different circuits: it would have to be taken apart"],
   ];
   if (verdict.within_tolerance !== null) rows.push(["Tolerance", verdict.within_tolerance, verdict.within_tolerance ? "every sample keeps it" : "not every sample keeps it"]);
+  if (verdict.assembly) rows.push(["Layers", verdict.assembly.status === "free", verdict.assembly.status === "free" ? `nothing collides in ${verdict.assembly.count}` : "parts collide in all"]);
   rows.push(["Practical limits", practical(verdict), practical(verdict) ? "all are kept" : "one or more are broken"]);
   return rows;
 }

@@ -167,6 +167,7 @@ class Gaps:
     def prove(self, interval: Interval, work: Work) -> list[Proof]:
         """Where each pair collides within an interval of crank angles, its ends to rounding."""
         first, last = min(interval), max(interval)
+        self._extent = max(abs(first), abs(last), last - first)
         edges = np.linspace(first, last, CELLS + 1)
         moving = np.flatnonzero(~self._still)
         pair = np.repeat(moving, CELLS)
@@ -194,7 +195,7 @@ class Gaps:
         gap, bound = cells.gap, cells.bound
         free, hits = gap > bound, gap < -bound
         open_ = ~(free | hits)
-        small = (bound < FINE * self.size) | (cells.half < 4e-16 * np.maximum(1.0, np.abs(cells.middle)))
+        small = (bound < FINE * self.size) | (cells.half < 4e-16 * self._extent)
         many = np.bincount(cells.pair[open_], minlength=len(self._pairs)) > MOST_CELLS
         small |= many[cells.pair]
         touches = np.abs(gap) <= ROUNDING * self.size
@@ -240,7 +241,7 @@ class Gaps:
         weights = np.ones((2, pair.size))
         for step in range(_ROOTS):
             wide = np.abs(outer - inner)
-            if np.all(wide <= 4e-16 * np.maximum(1.0, np.abs(inner))):
+            if np.all(wide <= 4e-16 * self._extent):
                 break
             # regula falsi, the end that stays halved (Illinois); each third step halves the bracket
             share = np.where(
@@ -254,7 +255,9 @@ class Gaps:
             weights = np.where(hits, [np.ones(pair.size), weights[1] / 2], [weights[0] / 2, np.ones(pair.size)])
             inner, low = np.where(hits, middle, inner), np.where(hits, gap, low)
             outer, high = np.where(hits, outer, middle), np.where(hits, high, gap)
-            if np.all(np.minimum(np.abs(low), np.abs(high)) <= 2e-15 * self.size) and np.all(wide < 1e-12):
+            if np.all(np.minimum(np.abs(low), np.abs(high)) <= 2e-15 * self.size) and np.all(
+                wide < 1e-12 * self._extent
+            ):
                 break
         return np.where(np.abs(low) <= np.abs(high), inner, outer)
 
@@ -271,26 +274,34 @@ class Gaps:
         ends = np.tile([min(interval), max(interval)], len(pairs))
         own = np.repeat(np.array(pairs), 2)
         best = np.full(len(self._pairs), np.inf)
-        np.minimum.at(best, own, self.at(own, ends)[0])
+        at_ends = self.at(own, ends)[0]
+        np.minimum.at(best, own, at_ends)
+        found: dict[int, Least] = {}
+        for pair, gap, where in zip(own.tolist(), at_ends.tolist(), ends.tolist()):
+            if pair not in found or gap < found[pair].gap:
+                found[pair] = Least(gap, where)
         np.minimum.at(best, cells.pair, cells.gap)
         kept: list[_Cells] = []
         while cells.pair.size:
             low = cells.gap - cells.bound
             cells = cells.some(low < best[cells.pair])
-            rough = (cells.gap - cells.bound < best[cells.pair] - NEAR * self.size) & (cells.half > 1e-12)
+            rough = (cells.gap - cells.bound < best[cells.pair] - NEAR * self.size) & (
+                cells.half > 1e-12 * self._extent
+            )
             rough &= (np.bincount(cells.pair[rough], minlength=best.size) < MOST_CELLS)[cells.pair]
             kept.append(cells.some(~rough))
-            pair, middle, half = cells.some(rough).halved()
-            if not pair.size:
+            halves = cells.some(rough).halved()
+            if not halves[0].size:
                 break
-            cells = _Cells(pair, middle, half, *self.at(pair, middle, half))
+            numbers, middle, half = halves
+            cells = _Cells(numbers, middle, half, *self.at(numbers, middle, half))
             np.minimum.at(best, cells.pair, cells.gap)
         rest = _Cells.joined(kept)
         rest = rest.some(rest.gap - rest.bound < best[rest.pair])
-        return self._lowest(rest)
+        return self._lowest(rest, found) if rest.pair.size else found
 
-    def _lowest(self, cells: _Cells) -> dict[int, Least]:
-        """The least gaps in runs of cells, by looking closer and closer at the lowest place of each."""
+    def _lowest(self, cells: _Cells, found: dict[int, Least]) -> dict[int, Least]:
+        """The least gaps in runs of cells, by looking closer and closer; ``found``: those at the ends."""
         order = np.lexsort([cells.middle, cells.pair])
         cells = cells.some(order)
         gapped = cells.middle[1:] - cells.half[1:] > (cells.middle[:-1] + cells.half[:-1]) + 1e-3 * cells.half[1:]
@@ -310,8 +321,7 @@ class Gaps:
             best, at = np.where(better, value, best), np.where(better, where, at)
             step = (high - low) / (PLACES - 1)
             low, high = np.maximum(begin, at - step), np.minimum(end, at + step)
-        found: dict[int, Least] = {}
         for own, value, where in zip(pair.tolist(), best.tolist(), at.tolist()):
-            if own not in found or value < found[own].gap:
+            if value < found[own].gap:
                 found[own] = Least(value, where)
         return found

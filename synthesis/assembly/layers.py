@@ -6,7 +6,7 @@ Layers are numbered from 1; board 0 lies below them, board N + 1 above. What is 
 2. plates in one layer keep clear of one another;
 3. a pin fills the layers from its lowest to its highest plate, a fixed one on to its board; plates there that it does not join
    keep clear of it;
-4. so do two pins in a layer where neither has a plate of its own;
+4. so do two pins in a layer where neither has a plate of its own, or where one slides in a slit of the plate of both;
 5. a head fills one layer more at each free end of a pin, and lies in no board: only with heads may a layer be empty.
 """
 
@@ -21,6 +21,7 @@ from typing import NamedTuple
 from synthesis.assembly.gaps import Carried, Gaps, Least, Proof, Run
 from synthesis.assembly.machine import WHOLE, Machine
 from synthesis.assembly.shapes import disc
+from synthesis.errors import FieldError
 from synthesis.target import TURN, Interval
 from synthesis.work import Work
 
@@ -135,10 +136,10 @@ def arrange(machine: Machine, asked: Asked, work: Work) -> Arrangement:
 
     Among free ones of as many layers: most pins held on both sides, then the shortest pins, then the largest least gap.
     """
-    return _Search(machine, asked, work).answer()
+    return Search(machine, asked, work).answer()
 
 
-class _Search:
+class Search:
     """The parts of a machine, what is proved of their pairs, and the search for a stack."""
 
     def __init__(self, machine: Machine, asked: Asked, work: Work) -> None:
@@ -146,6 +147,14 @@ class _Search:
         self.plates = [one.name for one in machine.plates]
         self.pins = [one.name for one in machine.pins]
         self.joined = {pin.name: frozenset(pin.joins) for pin in machine.pins}
+        # a pin that slides in a plate may meet the others of that plate
+        self.sliding = {
+            (plate.name, frozenset((slit.pin, pin.name)))
+            for plate in machine.plates
+            for slit in plate.slits
+            for pin in machine.pins
+            if plate.name in pin.joins and pin.name != slit.pin
+        }
         parts = [_Part(one.name, (Carried(one.body, one.shape),)) for one in machine.plates]
         parts += [
             _Part(one.name, tuple(Carried(at.body, disc(at.at, one.radius)) for at in one.places))
@@ -160,7 +169,7 @@ class _Search:
         shapes, numbers = _numbered(parts, self.pairs)
         self.gaps = Gaps(machine.movement, shapes, numbers, machine.clearance, machine.size)
         self.proofs = self.gaps.prove(machine.used, work)
-        self._shapes, self._numbers = shapes, numbers
+        self.shapes, self.numbers = shapes, numbers
         self.number = {pair: k for k, pair in enumerate(self.pairs)}
         self.strict = _Masks(self.proofs, machine, touching=True)
         self.tried = 0
@@ -211,6 +220,14 @@ class _Search:
             return (given,)
         return {"below": (BELOW,), "above": (ABOVE,), "both": (BELOW, ABOVE, BOTH)}[self.asked.boards]
 
+    def _open_to(self, plate: str, count: int) -> range:
+        """Layers that a plate may lie in: beside a board there is none for the heads of a pin that moves with it."""
+        boards = self.asked.boards
+        moving = any(plate in pin.joins and not pin.grounded for pin in self.machine.pins)
+        if not (self.asked.heads and moving):
+            return range(1, count + 1)
+        return range(1 + (boards in ("below", "both")), count + (boards not in ("above", "both")))
+
     def _layers(
         self, count: int, masks: _Masks, bound: _Bound, placed: dict[str, int], mask: int
     ) -> Iterator[dict[str, int]]:
@@ -219,7 +236,7 @@ class _Search:
             yield dict(placed)
             return
         plate, left = self.plates[len(placed)], len(self.plates) - len(placed) - 1
-        for layer in range(1, count + 1):
+        for layer in self._open_to(plate, count):
             if not self.asked.heads and count - len({layer, *placed.values()}) > left:
                 continue  # a layer would stay empty
             if any(
@@ -281,6 +298,12 @@ class _Search:
             plates = [name for name, own in layers.items() if own == layer]
             through = [name for name, (low, high) in pins.items() if low <= layer <= high and 1 <= layer <= count]
             bare = [name for name in through if all(layers[one] != layer for one in self.joined[name])]
+            found |= {
+                (a, b)
+                for k, a in enumerate(through)
+                for b in through[k + 1 :]
+                if any((plate, frozenset((a, b))) in self.sliding for plate in plates)
+            }
             tops = [head.pin for head in heads if head.layer == layer]
             found |= {(a, b) for k, a in enumerate(plates) for b in plates[k + 1 :]}
             found |= {(plate, pin) for plate in plates for pin in through if plate not in self.joined[pin]}
@@ -300,7 +323,7 @@ class _Search:
                 continue
             self.tried = 0
             for count in self.counts:
-                free = [stack for stack, _ in self.stacks(count, masks, _Free())]
+                free = [stack for stack, _ in self.stacks(count, masks, Free())]
                 if free:
                     return self._told(status, *self._best(free), None, len(free) - 1, masks)
         self.tried, longest = 0, _Longest(loose)
@@ -309,7 +332,11 @@ class _Search:
             for stack, mask in self.stacks(count, loose, longest):
                 best = stack
                 longest.most = loose.longest(mask)[0]
-        assert best is not None, "two layers hold any chain of plates; more bodies need no more than there are plates"
+        if best is None:
+            raise FieldError(
+                "/layers_most",
+                f"plates on common pins{', with heads,' * self.asked.heads} need more than {self.asked.most} layers",
+            )
         _, first, last = loose.longest(loose.of(best.pairs))
         free_part = None if first is None or last is None else Interval(first, last)
         return self._told("blocked", best, None, free_part, 0, loose)
@@ -387,7 +414,7 @@ class _Search:
 
     def _stops(self, stack: Stack, free: Interval | None) -> tuple[Stop | None, Stop | None]:
         """Where the stack collides next, or the loop ends, below and above an interval over which it is free."""
-        if free is None:
+        if free is None or not self.machine.stops:
             return None, None
         loop, turn = self.machine.loop, TURN
         if loop is None:
@@ -413,8 +440,8 @@ class _Search:
             return []
         gaps = Gaps(
             self.machine.movement,
-            self._shapes,
-            [self._numbers[pair] for pair in stack.pairs],
+            self.shapes,
+            [self.numbers[pair] for pair in stack.pairs],
             self.machine.clearance,
             self.machine.size,
         )
@@ -501,10 +528,11 @@ class _Bound:
         raise NotImplementedError
 
 
-class _Free(_Bound):
+class Free(_Bound):
     """Those that collide nowhere."""
 
     def lets_pass(self, mask: int) -> bool:
+        """Nothing may be added to a collision."""
         return mask == 0
 
 
@@ -515,4 +543,5 @@ class _Longest(_Bound):
         self.masks, self.most = masks, -1.0
 
     def lets_pass(self, mask: int) -> bool:
+        """More collisions leave shorter parts."""
         return self.masks.longest(mask)[0] > self.most

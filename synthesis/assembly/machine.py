@@ -29,14 +29,27 @@ class Hole(NamedTuple):
     pin: str
 
 
+class Slit(NamedTuple):
+    """A slit of a plate along which a pin slides, of the pin's width, between the two ends that the pin's middle reaches."""
+
+    first: complex
+    last: complex
+    pin: str
+
+    def distance(self, point: complex) -> float:
+        """Of a point from the line between its ends."""
+        return abs(nearest_on((self.first, self.last), point) - point)
+
+
 @dataclass(frozen=True)
 class Plate:
-    """A flat part in one layer; ``shape`` and ``holes`` in the frame of the body that carries it."""
+    """A flat part in one layer; ``shape``, ``holes`` and ``slits`` in the frame of the body that carries it."""
 
     name: str
     body: int
     shape: Shape
     holes: tuple[Hole, ...]
+    slits: tuple[Slit, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -47,16 +60,13 @@ class Pin:
     places: tuple[Place, ...]
     radius: float
     joins: tuple[str, ...]
+    post: bool = False
+    """Whether it joins plates of one body, and turns in none."""
 
     @property
     def grounded(self) -> bool:
         """Whether it stands in the ground."""
         return self.places[0].body == GROUND
-
-    @property
-    def post(self) -> bool:
-        """Whether it joins plates of one body, and turns in none."""
-        return len(self.places) == 1
 
 
 class Sizes(NamedTuple):
@@ -75,7 +85,8 @@ class Machine:
     """A mechanism with its parts, over an interval of crank angles in radians from the first sample.
 
     ``origin``: where the ground's frame stands in the user's plane, whose axes it has. ``loop``: crank angles between which the
-    loop closes; None where the crank turns fully. ``size``: its longest link.
+    loop closes; None where the crank turns fully. ``size``: its longest link. ``lengths``: of its links,
+    which holes must be smaller than.
     """
 
     movement: Movement
@@ -87,12 +98,17 @@ class Machine:
     width: float
     clearance: float
     size: float
+    lengths: tuple[float, ...]
     origin: complex = 0j
+    turns: bool = True
+    """Whether the drive turns; otherwise its travel is a length in the unit of the linkage."""
+    stops: bool = True
+    """Whether it can move beyond the interval; slits end with it."""
 
     @property
     def whole_turn(self) -> bool:
         """Whether the interval is a turn, whose end is its beginning."""
-        return self.loop is None and self.used.last - self.used.first >= TURN - WHOLE
+        return self.turns and self.loop is None and self.used.last - self.used.first >= TURN - WHOLE
 
     def plate(self, name: str) -> Plate:
         """A plate by name."""
@@ -136,15 +152,11 @@ def four_bar(
         ),
     }
     holes = [Hole(0j, "D"), Hole(complex(coupler), "C")]
-    sash: tuple[complex, ...] = ()
     if linkage.mounted:
         # a hole that would run into another one is left out
         points.append(linkage.arm)
-        post = linkage.arm
-        if len(body):
-            turn = np.exp(1j * body_turn(linkage))
-            sash = tuple(linkage.arm + turn * z for z in body)
-            post = linkage.arm if contains(sash, linkage.arm) else nearest_on(sash, linkage.arm)
+        sash, post = carried_by(body, linkage.arm, body_turn(linkage))
+        if sash:
             points.append(post)
             joins["P"], places["P"] = ["coupler", "body"], (Place(2, post),)
             plates["body"] = Plate("body", 2, Shape(sash, 0.0), (Hole(post, "P"),))
@@ -166,7 +178,7 @@ def four_bar(
         ),
         tuple(plates[name] for name in order if name in plates),
         tuple(
-            Pin(name, places[name], hole / 2, tuple(joins[name]))
+            Pin(name, places[name], hole / 2, tuple(joins[name]), name == "P")
             for name in ("A", "B", "D", "C", "P")
             if name in joins
         ),
@@ -176,8 +188,20 @@ def four_bar(
         width,
         clearance,
         size,
+        linkage.links,
         linkage.pivot_a,
     )
+
+
+def carried_by(body: Sequence[complex], point: complex, turn: float) -> tuple[tuple[complex, ...], complex]:
+    """A body's outline in the frame of the link that carries it, and where its post stands: at the body point, or nearest to it.
+
+    ``point``, ``turn``: the body's frame in the link's. Without an outline the post's place is the body point.
+    """
+    corners = tuple(complex(point + np.exp(1j * turn) * z) for z in body)
+    if not corners or contains(corners, point):
+        return corners, point
+    return corners, nearest_on(corners, point)
 
 
 def body_turn(linkage: Linkage) -> float:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 from synthesis.assembly.layers import HEAD, Stack
-from synthesis.assembly.machine import Hole, Machine, Pin
+from synthesis.assembly.machine import Hole, Machine, Pin, Slit
 from synthesis.assembly.movement import GROUND
 from synthesis.assembly.shapes import Shape, disc, hull
 
@@ -26,8 +26,8 @@ class Part:
 
     ``name``: of a plate its own (crank, coupler, rocker, body, bar); pin_D, post_P, head_D_below, board_below. ``body``: number
     of the body that carries it, in `Movement.names`; a pin goes with the first body that it belongs to. ``holes``: of plates and
-    boards, with the pin that each is for; their diameter is that of the machine's holes. ``layers``: the lowest and the highest
-    that it fills, 0 the board below. ``z``: its lower and upper face.
+    boards, with the pin that each is for; their diameter is that of the machine's holes, and so is the width of ``slits``.
+    ``layers``: the lowest and the highest that it fills, 0 the board below. ``z``: its lower and upper face.
     """
 
     name: str
@@ -37,6 +37,7 @@ class Part:
     holes: tuple[Hole, ...]
     layers: tuple[int, int]
     z: tuple[float, float]
+    slits: tuple[Slit, ...] = ()
 
 
 class Heights(NamedTuple):
@@ -64,7 +65,7 @@ def parts_of(machine: Machine, stack: Stack, heights: Heights) -> list[Part]:
     clearance, where the stack is free.
     """
     found = [
-        Part(one.name, "plate", one.body, one.shape, one.holes, (layer, layer), heights.z(layer, layer))
+        Part(one.name, "plate", one.body, one.shape, one.holes, (layer, layer), heights.z(layer, layer), one.slits)
         for one in machine.plates
         for layer in (stack.layers[one.name],)
     ]

@@ -35,9 +35,8 @@ from synthesis.atlas.header import (
 )
 from synthesis.atlas.index import reserve
 from synthesis.atlas.series import New
-from synthesis.atlas.table import COLUMNS, CURVE, SCHEMA, UNITS, Atlas, AtlasRule, Parts, compute_rows, content_hash
+from synthesis.atlas.table import COLUMNS, SCHEMA, UNITS, Atlas, AtlasRule, Parts, compute_rows, content_hash
 from synthesis.errors import AtlasError, AtlasFault
-from synthesis.fourbar.dimension_types import enumerate_types
 
 CHUNK_BYTES = 1 << 20
 _LIBVER = ("v110", "v110")
@@ -92,7 +91,7 @@ def _fill(file: h5py.File, rule: AtlasRule, generator: dict[str, str], content: 
         {
             "schema": SCHEMA,
             "rule": json.dumps(rule.as_json(), sort_keys=True),
-            "curve": CURVE,
+            "curve": rule.kind.curve,
             "normalisation": "mean",
             "levels": haar.levels(rule.samples),
             "samples": rule.samples,
@@ -114,7 +113,7 @@ def _fill(file: h5py.File, rule: AtlasRule, generator: dict[str, str], content: 
                 written[first : first + len(part)] = part
             first += len(part)
         dataset = written  # this closes the one before, which writes its last chunk
-        dataset.attrs["units"] = UNITS[name]
+        dataset.attrs["units"] = rule.kind.lengths if name == "lengths" else UNITS[name]
 
 
 def _check_rest(file: h5py.File, size: int) -> None:
@@ -226,7 +225,7 @@ def _decoded(image: Any, size: int, max_types: int, new: New) -> Atlas:
 
 def _check_rows(atlas: Atlas) -> None:
     """Refuse rows that are of other types than the rule's, or whose numbers cannot be."""
-    if not np.array_equal(atlas.lengths, enumerate_types(atlas.rule.types)):
+    if not np.array_equal(atlas.lengths, atlas.rule.lengths()):
         refuse(AtlasFault.CONTENT, "the lengths are not those of its rule")
     for name in ("average", "details", "curve_error"):
         values = getattr(atlas, name)
@@ -288,7 +287,9 @@ def _read(file: h5py.File, max_types: int, new: New) -> tuple[Atlas, str]:
     if types > max_types:
         refuse(AtlasFault.LIMIT, f"{types} types, at most {max_types}")
     arrays: dict[str, Any] = {name: _dataset(file, name, shape, new) for name, shape in rule.shapes.items()}
-    return Atlas(rule=rule, generator=generator, **arrays), _attribute(file, "content_sha256", str)
+    return Atlas(mechanism=rule.kind.mechanism, rule=rule, generator=generator, **arrays), _attribute(
+        file, "content_sha256", str
+    )
 
 
 def load_row(path: Path, sha256: str, row: int) -> tuple[float, list[float]]:

@@ -69,6 +69,11 @@ def _go_on() -> None:
 class InMemory:
     """Parts that are made in memory."""
 
+    @property
+    def folders(self) -> list[Path]:
+        """Of the parts that are in use: none."""
+        return []
+
     def known(self, name: str) -> Part | None:
         """A part that has been made before."""
         return None

@@ -30,7 +30,7 @@ from synthesis.atlas.series import (
 )
 from synthesis.atlas.table import AtlasTypes, Table, Types
 from synthesis.atlas.window_index import INTERVALS, WindowIndex, build_window_index
-from synthesis.mechanism import Mechanism
+from synthesis.mechanism import Turning
 from synthesis.work import OutOfTime, Work
 
 CELLS, POSITIONS, SHORT_SPANS = "cells", "positions", "short_spans"
@@ -63,7 +63,7 @@ class Preparation:
 
     def __init__(
         self,
-        mechanism: Mechanism,
+        mechanism: Turning,
         load: Callable[[], Table],
         kind: Kind,
         threads: int = 1,
@@ -241,12 +241,12 @@ class _Collected:
 # -- opening -----------------------------------------------------------------------------------------------------------
 
 
-def types_of(part: Part, mechanism: Mechanism) -> Types:
-    """The types that cells are of: `AtlasTypes` where they are those of an atlas."""
+def types_of(part: Part, mechanism: Turning) -> Types:
+    """The types that cells are of: `AtlasTypes`, of its own mechanism, where they are those of an atlas."""
     columns: dict[str, Any] = {"lengths": part.arrays["lengths"], "winding": part.arrays["winding"]}
     if "rule" not in part.about:
         return Types(mechanism=mechanism, **columns)
-    return AtlasTypes.from_json(part.about, mechanism=mechanism, **columns)
+    return AtlasTypes.from_json(part.about, **columns)
 
 
 def _cells_of(part: Part) -> list[Cells]:

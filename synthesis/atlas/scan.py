@@ -113,7 +113,8 @@ class Scan:
         self.prepared = (
             table if isinstance(table, Preparation) else Preparation(table.mechanism, lambda: table, kind, threads)
         )
-        self.mechanism = self.prepared.types.mechanism
+        self.mechanism: Any = self.prepared.types.mechanism
+        """As its types have it; rows are mounted where it is a whole `synthesis.mechanism.Mechanism`."""
         self.starts = starts
         self.branches = len(self.mechanism.branches)
         self.numbering = Numbering(starts, self.branches)

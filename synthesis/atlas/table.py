@@ -13,9 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from synthesis.atlas import haar
 from synthesis.errors import FieldError
-from synthesis.fourbar.dimension_types import OrderRule, TypeRule, count_types
+from synthesis.fourbar.dimension_types import OrderRule, TypeRule, count_types, enumerate_types
 from synthesis.fourbar.mechanism import FOURBAR
-from synthesis.mechanism import Mechanism
+from synthesis.mechanism import Turning
+from synthesis.slider.dimension_types import SliderTypeRule, count_slider_types, enumerate_slider_types
+from synthesis.slider.mechanism import SLIDER_CRANK_TYPES
 from synthesis.target import TURN
 
 SCHEMA = 1
@@ -37,6 +39,52 @@ CURVE = (
 )
 
 
+class AtlasKind(NamedTuple):
+    """A kind of mechanism that an atlas may be of."""
+
+    mechanism: Turning
+    rule: Callable[..., TypeRule | SliderTypeRule]
+    """Its rule of types, from what `own` names."""
+    own: tuple[str, ...]
+    """What the rule says, as it is written to the file."""
+    count: Callable[[Any], int]
+    enumerate: Callable[..., NDArray[np.int32]]
+    """``enumerate(rule, begin, end) -> lengths``"""
+    columns: int
+    """Lengths of a type."""
+    lengths: str
+    """What they are, in words,"""
+    curve: str
+    """and what is sampled."""
+
+
+KINDS = {
+    "four_bar": AtlasKind(
+        FOURBAR,
+        TypeRule,
+        ("perimeter", "smallest", "order"),
+        count_types,
+        enumerate_types,
+        4,
+        UNITS["lengths"],
+        CURVE,
+    ),
+    "slider_crank": AtlasKind(
+        SLIDER_CRANK_TYPES,
+        SliderTypeRule,
+        ("perimeter", "smallest"),
+        count_slider_types,
+        enumerate_slider_types,
+        3,
+        "whole numbers r crank, l rod, e offset of the rail from the crank's pivot; type number n is row n - 1",
+        "rod angle theta2 (measured from the rail, branch +1: sin theta2 = (e - r sin theta1) / l) at crank angles "
+        "2 pi k / samples, k = 0 .. samples - 1, the end not repeated; branch -1, the offset negated: "
+        "theta2(x) = -theta2_plus(-x)",
+    ),
+}
+"""Kinds of atlases by their names."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Types:
     """Dimension types of a mechanism, whose crank turns fully: what a scan tells its windows by.
@@ -44,7 +92,7 @@ class Types:
     ``lengths`` (T, d). ``winding`` (T,): turns of the body in one turn of the crank.
     """
 
-    mechanism: Mechanism = FOURBAR
+    mechanism: Turning = FOURBAR
     lengths: NDArray[Any]
     winding: NDArray[np.int8]
 
@@ -74,7 +122,7 @@ class Table(Types):
         return haar.curve_from_features(self.average[rows], self.details[rows])
 
 
-def make_table(mechanism: Mechanism, lengths: NDArray[Any], samples: int) -> Table:
+def make_table(mechanism: Turning, lengths: NDArray[Any], samples: int) -> Table:
     """The table of a mechanism's types, (T, d); ``samples`` is a power of two."""
     return Table(mechanism=mechanism, lengths=lengths, **compute_rows(lengths, samples, mechanism)._asdict())
 
@@ -95,7 +143,7 @@ class AtlasRows(NamedTuple):
     curve_error: NDArray[np.float32]
 
 
-def compute_rows(lengths: ArrayLike, samples: int, mechanism: Mechanism = FOURBAR) -> AtlasRows:
+def compute_rows(lengths: ArrayLike, samples: int, mechanism: Turning = FOURBAR) -> AtlasRows:
     """What the atlas stores of each type.
 
     ``lengths`` (T, d): types whose crank turns fully. ``samples``: power of two.
@@ -109,7 +157,7 @@ def compute_rows(lengths: ArrayLike, samples: int, mechanism: Mechanism = FOURBA
     return AtlasRows(*(np.concatenate(columns) for columns in zip(*blocks)))
 
 
-def _compute_block(mechanism: Mechanism, lengths: NDArray[np.float64], samples: int) -> AtlasRows:
+def _compute_block(mechanism: Turning, lengths: NDArray[np.float64], samples: int) -> AtlasRows:
     step = TURN / samples
     crank = np.arange(samples) * step
     winding: NDArray[Any] = mechanism.winding(lengths).astype(np.int8)
@@ -152,7 +200,7 @@ class AtlasRule:
     ``samples``: samples of a curve over the whole turn; a power of two from 16 to 4,096.
     """
 
-    types: TypeRule = field(default_factory=TypeRule)
+    types: TypeRule | SliderTypeRule = field(default_factory=TypeRule)
     samples: int = 256
 
     def __post_init__(self) -> None:
@@ -165,28 +213,66 @@ class AtlasRule:
     @classmethod
     def from_json(cls, values: Any) -> AtlasRule:
         """The rule of such values. Raises ValueError, KeyError or TypeError where they are none."""
-        order = OrderRule(values["order"])
-        return cls(TypeRule(int(values["perimeter"]), int(values["smallest"]), order), int(values["samples"]))
+        kind = KINDS[values.get("kind", TypeRule.kind)]
+        own = {name: OrderRule(values[name]) if name == "order" else int(values[name]) for name in kind.own}
+        return cls(kind.rule(**own), int(values["samples"]))
+
+    @classmethod
+    def of(
+        cls,
+        kind: str = TypeRule.kind,
+        perimeter: int | None = None,
+        smallest: int | None = None,
+        order: str | None = None,
+        samples: int | None = None,
+    ) -> AtlasRule:
+        """The rule of a kind, with its own defaults where nothing is given.
+
+        Raises `FieldError`.
+        """
+        if kind not in KINDS:
+            raise FieldError("/kind", f"wanted one of {', '.join(KINDS)}, found {kind!r}")
+        given = {"perimeter": perimeter, "smallest": smallest, "order": order}
+        given = {name: value for name, value in given.items() if value is not None}
+        if foreign := given.keys() - set(KINDS[kind].own):
+            raise FieldError(f"/{min(foreign)}", f"belongs to an atlas of four-bars, not of kind {kind}")
+        orders = [one.value for one in OrderRule]
+        if order is not None and order not in orders:
+            raise FieldError("/order", f"wanted one of {', '.join(orders)}, found {order!r}")
+        types = KINDS[kind].rule(**given)
+        return cls(types) if samples is None else cls(types, samples)
+
+    @property
+    def kind(self) -> AtlasKind:
+        """What its types are of."""
+        return KINDS[self.types.kind]
+
+    @property
+    def count(self) -> int:
+        """How many types it has."""
+        return self.kind.count(self.types)
+
+    def lengths(self, begin: int = 0, end: int | None = None) -> NDArray[np.int32]:
+        """The types of some rows, as of a slice, (types, d)."""
+        return self.kind.enumerate(self.types, begin, end)
 
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """Shape of each column."""
-        types = count_types(self.types)
-        return {name: (types,) for name in COLUMNS} | {"lengths": (types, 4), "details": (types, self.samples - 1)}
+        types, columns = self.count, self.kind.columns
+        shapes: dict[str, tuple[int, ...]] = {name: (types,) for name in COLUMNS}
+        return shapes | {"lengths": (types, columns), "details": (types, self.samples - 1)}
 
     def as_json(self) -> dict[str, Any]:
-        """The rule as plain JSON values."""
-        return {
-            "perimeter": self.types.perimeter,
-            "smallest": self.types.smallest,
-            "order": self.types.order.value,
-            "samples": self.samples,
-        }
+        """The rule as plain JSON values. The kind is told of others than four-bars, whose files were first."""
+        kind = {} if self.types.kind == TypeRule.kind else {"kind": self.types.kind}
+        own = {name: getattr(self.types, name) for name in self.kind.own}
+        return {**kind, **own, "samples": self.samples}
 
 
 @dataclass(frozen=True, kw_only=True)
 class AtlasTypes(Types):
-    """The four-bars of a rule, without their rotations.
+    """The types of a rule, without their rotations.
 
     ``generator``: versions of what wrote the atlas. ``known_hash``: its content hash, where that has been computed.
     """
@@ -200,7 +286,8 @@ class AtlasTypes(Types):
     def from_json(cls, values: dict[str, Any], **columns: Any) -> AtlasTypes:
         """From plain JSON values, and the arrays."""
         known = {name: values[name] for name in ("generator", "schema", "known_hash")}
-        return cls(rule=AtlasRule.from_json(values["rule"]), **known, **columns)
+        rule = AtlasRule.from_json(values["rule"])
+        return cls(rule=rule, mechanism=rule.kind.mechanism, **known, **columns)
 
     def as_json(self) -> dict[str, Any]:
         """What there is to know of them beside the arrays, as plain JSON values."""
@@ -210,13 +297,27 @@ class AtlasTypes(Types):
 
 @dataclass(frozen=True, kw_only=True)
 class Atlas(AtlasTypes, Table):
-    """The table of all four-bars of a rule, arrays read-only: what an atlas file holds."""
+    """The table of all types of a rule, arrays read-only: what an atlas file holds."""
 
     def content_hash(self) -> str:
         """SHA-256 over the raw little-endian arrays and the rule: the same for equal content, however it is packed."""
         if self.known_hash is not None:
             return self.known_hash
         return content_hash(self.rule, lambda name: [getattr(self, name)])
+
+
+def types_of_rule(rule: AtlasRule) -> AtlasTypes:
+    """The types of a rule alone, which takes no time."""
+    lengths = rule.lengths()
+    winding = rule.kind.mechanism.winding(lengths.astype(float)).astype(np.int8)
+    return AtlasTypes(mechanism=rule.kind.mechanism, rule=rule, generator={}, lengths=lengths, winding=winding)
+
+
+def atlas_of_rule(rule: AtlasRule) -> Atlas:
+    """The atlas of a rule, computed here and now."""
+    lengths, mechanism = rule.lengths(), rule.kind.mechanism
+    rows = compute_rows(lengths, rule.samples, mechanism)._asdict()
+    return Atlas(mechanism=mechanism, rule=rule, generator={}, lengths=lengths, **rows)
 
 
 def content_hash(rule: AtlasRule, parts: Parts) -> str:

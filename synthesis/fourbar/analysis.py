@@ -1,4 +1,4 @@
-"""Velocities, accelerations and quasi-static forces of a four-bar whose crank turns at a constant speed.
+"""Velocities, accelerations and forces of a four-bar whose crank turns at a constant speed, its own weight and inertia included.
 
 All vectors are complex numbers in the user's plane, e1, e2, e3 the directions of crank, coupler and rocker there. The loop
 ``A + L1 e1 + L2 e2 = B + L3 e3``, differentiated once and twice by time and multiplied by the conjugate of e3 (or e2), leaves one
@@ -9,6 +9,7 @@ none.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -25,18 +26,40 @@ CURVE_LEAST = 24
 """A curve has at least so many steps, however short its interval is."""
 
 
+class LinkMass(NamedTuple):
+    """Mass, centre and inertia of a moving link, in its frame: origin in its first joint, x axis to its second."""
+
+    mass: float
+    centre: complex
+    inertia: float = 0.0
+    """About the centre: mass times length squared."""
+
+
+class Own(NamedTuple):
+    """What the links weigh: masses of ``crank``, ``coupler`` and ``rocker``, those that have any."""
+
+    masses: Mapping[str, LinkMass]
+    gravity: complex = 0j
+    """Force of a unit of mass."""
+    metre: float = 1.0
+    """Force of a unit of mass that gains a unit of length a second every second: 0.001 for kg, mm and N."""
+
+
 class Load(NamedTuple):
-    """What acts on the body, in directions that do not turn with it: a force at the body point and a torque."""
+    """What acts on the body, in directions that do not turn with it, and what the links weigh."""
 
     force: complex = 0j
+    """At the body point."""
     torque: float = 0.0
+    own: Own | None = None
 
 
 class Forces(NamedTuple):
-    """What holds a load in equilibrium, (n,) each: all links without mass, all pins without friction.
+    """What holds a load in equilibrium, (n,) each: links with the masses of the load or none, all pins without friction.
 
     Each pin force is that on the link named last: by the ground on the crank, by the crank on the coupler, by the rocker on the
-    coupler, by the ground on the rocker. Law: ``crank_torque * crank_speed`` is minus the power of the load.
+    coupler, by the ground on the rocker. Law: ``crank_torque * crank_speed`` is minus the power of the load, plus the rate at
+    which the energy of the links' own masses grows.
     """
 
     crank_torque: Floats
@@ -121,30 +144,58 @@ def rates(linkage: Linkage, travel: Floats, crank_speed: float) -> Rates:
     )
 
 
-def forces(linkage: Linkage, travel: Floats, load: Load) -> Forces:
-    """What holds a load on the body of a linkage, position by position.
+def forces(linkage: Linkage, travel: Floats, load: Load, crank_speed: float = 0.0) -> Forces:
+    """What holds a load on the body of a linkage, position by position, while the crank turns.
 
-    The rocker carries its rod force only; the moments on the coupler about the crank pin give it, the forces on the coupler that
-    of the crank pin, and its moment about pivot A the torque of the drive.
+    Coupler pin: its part along the rocker from the moments on the coupler about the crank pin, that along the coupler from those
+    on the rocker about pivot B. The forces on the coupler give the crank pin, its moment about pivot A the torque of the drive. A
+    mass adds its weight and, against its acceleration, its inertia (d'Alembert).
 
     ``linkage``: with a body point where the load has a force. ``travel`` (n,): crank angles from the first sample.
+    ``crank_speed``: radians a second; without own masses the forces do not depend on it.
 
     NaN at a dead position, where no finite force holds the load, and where the loop does not close. Law: the forces and
     moments on each link add up to zero.
     """
     at = _Directions(linkage, travel)
-    one, two, _, _ = linkage.links
+    one, two, three, _ = linkage.links
     moment = np.full(np.shape(travel), float(load.torque))
+    own = _own_loads(linkage, travel, at, load.own or Own({}), crank_speed)
     with np.errstate(all="ignore"):
         if load.force:
             assert at.point is not None
             moment = moment + _cross(at.point, load.force)
-        rod = moment / (two * at.sine)
-        by_rocker = rod * at.third
-        by_crank = -by_rocker - load.force
-        torque = one * _cross(at.first, by_crank)
-    pins = (by_crank, by_crank, by_rocker, by_rocker)
+        (by_mass, turned), (on_coupler, about_pin), (on_rocker, about_b) = own
+        rod = (moment + about_pin) / (two * at.sine)
+        by_rocker = rod * at.third + about_b / (three * at.sine) * at.second
+        by_crank = -by_rocker - load.force - on_coupler
+        torque = one * _cross(at.first, by_crank) - turned
+        pins = (by_crank - by_mass, by_crank, by_rocker, by_rocker - on_rocker)
     return Forces(_finite(torque), *(_known(force) for force in pins))
+
+
+def _own_loads(
+    linkage: Linkage, travel: Floats, at: _Directions, own: Own, crank_speed: float
+) -> list[tuple[Complexes, Floats]]:
+    """Weight and inertia of crank, coupler and rocker: the force on each, and its moment about pivot A, crank pin, pivot B."""
+    found = []
+    moving = rates(linkage, travel, crank_speed) if own.masses else None
+    for name, direction in (("crank", at.first), ("coupler", at.second), ("rocker", at.third)):
+        link = own.masses.get(name)
+        if link is None or moving is None:
+            found.append((np.zeros_like(at.first), np.zeros(np.shape(travel))))
+            continue
+        turning, gaining, pin = {
+            "crank": (np.array(crank_speed), np.array(0.0), 0.0),
+            "coupler": (moving.coupler_velocity, moving.coupler_acceleration, 1.0),
+            "rocker": (moving.rocker_velocity, moving.rocker_acceleration, 0.0),
+        }[name]
+        arm = link.centre * direction
+        with np.errstate(all="ignore"):
+            gain = (1j * gaining - turning**2) * arm - pin * crank_speed**2 * linkage.links[0] * at.first
+            force = link.mass * (own.gravity - own.metre * gain)
+            found.append((force, _cross(arm, force) - own.metre * link.inertia * gaining))
+    return found
 
 
 def curve_over(interval: Interval) -> Floats:

@@ -13,10 +13,10 @@ import numpy as np
 
 from synthesis.arrays import Complexes
 from synthesis.errors import FieldError
-from synthesis.fourbar.analysis import curve_over
+from synthesis.fourbar.analysis import LinkMass, curve_over
 from synthesis.fourbar.kinematics import close_loop
 from synthesis.fourbar.linkage import Joints, Linkage
-from synthesis.sheet import Sheet, csv_text, dxf_document, dxf_text
+from synthesis.sheet import More, Sheet, csv_text, dxf_document, dxf_text
 from synthesis.target import Interval, Target
 
 FARTHEST = 1e9
@@ -158,11 +158,12 @@ def _check_size(linkage: Linkage, unit_mm: float) -> None:
         raise FieldError("/length_unit", f"wanted a drawing between 1e-9 and {LARGEST_MM:.0e} mm in size")
 
 
-def to_dxf(linkage: Linkage, target: Target, unit_mm: float = 1.0) -> str:
+def to_dxf(linkage: Linkage, target: Target, unit_mm: float = 1.0, more: More | None = None) -> str:
     """The linkage for CAD, in millimetres, at the first sample.
 
     Layers: GROUND (ground line, pivots), LINKS (crank, coupler, rocker, pins), BODY (triangle of coupler and body point,
-    and a cross with a direction at each requested pose), PATH (the body point's way over the used interval).
+    and a cross with a direction at each requested pose), PATH (the body point's way over the used interval). See
+    `More` for further parts.
 
     Law: the ends of the four links meet to 1e-6 mm; the drawing passes ezdxf's audit.
     """
@@ -192,11 +193,18 @@ def to_dxf(linkage: Linkage, target: Target, unit_mm: float = 1.0) -> str:
         space.add_point(xy(place), dxfattribs={"layer": "BODY"})
         arm = place + 0.08 * size / unit_mm * np.exp(1j * turn)
         space.add_line(xy(place), xy(arm), dxfattribs={"layer": "BODY"})
+    if more is not None:
+        document.layers.add(more.layer, color=more.colour)
+        more.draw(space, xy, size)
     return dxf_text(document)
 
 
-def to_mjcf(linkage: Linkage, target: Target, unit_mm: float = 1.0) -> str:
+def to_mjcf(
+    linkage: Linkage, target: Target, unit_mm: float = 1.0, masses: Mapping[str, LinkMass] | None = None
+) -> str:
     """The linkage as a MuJoCo model in metres: three bodies, hinges, and the loop closed by an equality constraint.
+
+    ``masses``: of crank, coupler and rocker, in kilograms and the unit of the lengths; without them links are slender rods.
 
     Reference position is the first sample. The actuator ``drive`` turns the crank at the speed of its control, in radians a
     second; the keyframe ``start`` sets it to turn the used way. The plane is x-y, without gravity. Sites: ``body_point``,
@@ -212,10 +220,16 @@ def to_mjcf(linkage: Linkage, target: Target, unit_mm: float = 1.0) -> str:
     angle1, angle2, angle3 = (float(x[0]) for x in (used.crank_angle, used.coupler_angle, used.rocker_angle))
 
     def rod(name: str, length: float, colour: str) -> str:
-        # A slender rod of 1 kg per metre at the longest link's scale, with contacts off.
-        mass, inertia = length / longest, length / longest * max(length, thick) ** 2 / 12
+        if masses is None:
+            # A slender rod of 1 kg per metre at the longest link's scale, with contacts off.
+            mass, centre = length / longest, f"{length / 2!r} 0 0"
+            inertia = mass * max(length, thick) ** 2 / 12
+        else:
+            # about the axis of a hinge; in the plane no other counts
+            one = masses[name]
+            mass, centre, inertia = one.mass, place(one.centre * metre), one.inertia * metre**2
         return (
-            f'<inertial pos="{length / 2!r} 0 0" mass="{mass!r}" diaginertia="{inertia!r} {inertia!r} {inertia!r}"/>'
+            f'<inertial pos="{centre}" mass="{mass!r}" diaginertia="{inertia!r} {inertia!r} {inertia!r}"/>'
             f'<geom name="{name}_rod" type="capsule" fromto="0 0 0 {length!r} 0 0" size="{thick / 2!r}" rgba="{colour}"/>'
         )
 
@@ -230,7 +244,7 @@ def to_mjcf(linkage: Linkage, target: Target, unit_mm: float = 1.0) -> str:
         point += f'\n        <geom name="body" type="capsule" fromto="0 0 0 {place(local)}" size="{thick / 3!r}"/>'
     way = SPEED if not target.clockwise else -SPEED
     # The drive gains its speed within tenths of a second: a harder start would pull the loop's constraint apart.
-    gain = longest**2 / 0.2
+    gain = longest**2 / 0.2 * (1.0 if masses is None else sum(one.mass for one in masses.values()))
     slope = float(close_loop(np.array(linkage.links), [linkage.start]).coupler_angle_gradient(linkage.branch)[0, 4])
     # From the loop: L1 sin(t1 - t2) = L3 t3' sin(t3 - t2).
     lever = linkage.links[2] * np.sin(angle3 - angle2)
@@ -240,7 +254,8 @@ def to_mjcf(linkage: Linkage, target: Target, unit_mm: float = 1.0) -> str:
     duration = abs(target.crank[-1]) / SPEED
     site = f'size="{thick / 2!r}"'
     return f"""<mujoco model="four-bar linkage">
-  <!-- lengths in metres, angles in radians; {duration:.6g} s at the keyframe's speed are the used interval -->
+  <!-- lengths in metres, angles in radians; {duration:.6g} s at the keyframe's speed are the used interval;
+       masses are {"those of slender rods" if masses is None else "kilograms of its parts"} -->
   <compiler angle="radian" autolimits="true"/>
   <option timestep="{TIMESTEP!r}" gravity="0 0 0" integrator="implicitfast" iterations="200" tolerance="1e-16"/>
   <default>

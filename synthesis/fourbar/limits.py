@@ -68,8 +68,8 @@ class Form(NamedTuple):
 
     kind: Literal["family", "angle", "length", "ratio", "links", "point", "box", "boxes", "reach"]
     """``reach`` is none that a request gives: the practical limits set it."""
-    concerns: Literal["shape", "lengths", "place"]
-    """Length ratios and the start alone; actual lengths; or where the linkage stands."""
+    concerns: Literal["shape", "lengths", "place", "sliders"]
+    """Length ratios and the start alone; actual lengths; where the linkage stands; or what only rails and slots have."""
     says: str
     """Its description in a request."""
     least: bool = False
@@ -114,6 +114,25 @@ class Limits:
             "box",
             "place",
             "A box for all joints and the body point over the used interval: xmin, ymin, xmax, ymax.",
+        ),
+    ] = None
+    stroke_max: Annotated[
+        float | None, Form("length", "sliders", "Longest travel that is used of any rail, slot or cylinder.")
+    ] = None
+    rail_box: Annotated[
+        Box | None,
+        Form("box", "sliders", "A box for both ends of the used travel of every rail: xmin, ymin, xmax, ymax."),
+    ] = None
+    cylinder_dead_length: Annotated[
+        float | None, Form("length", "sliders", "Shortest length of a driving cylinder, pin to pin.", least=True)
+    ] = None
+    cylinder_extended_max: Annotated[
+        float | None, Form("length", "sliders", "Longest length of a driving cylinder, pin to pin.")
+    ] = None
+    arm_min: Annotated[
+        float | None,
+        Form(
+            "length", "sliders", "Least moment arm of a slot that is not driven, over the used interval.", least=True
         ),
     ] = None
 
@@ -192,7 +211,7 @@ class Limits:
         if samples.position is not None:
             return
         for name, form in FORMS.items():
-            if form.concerns == "place" and getattr(self, name) not in (None, ()):
+            if form.concerns in ("place", "sliders") and getattr(self, name) not in (None, ()):
                 raise FieldError(f"/limits/{name}", "needs `position`: without it nothing is mounted")
         if self.links[3] not in (None, 1.0):
             raise FieldError("/limits/links/ground", "without `position` the ground is 1")
@@ -223,14 +242,14 @@ class Limits:
         kept: dict[str, Any] = {
             name: value / ground if FORMS[name].kind == "length" else value
             for name in self.given
-            if FORMS[name].concerns != "place" and (value := getattr(self, name)) is not None
+            if FORMS[name].concerns not in ("place", "sliders") and (value := getattr(self, name)) is not None
         }
         return Limits(**kept | {"links": (*links, None)})
 
     @property
     def given(self) -> list[str]:
         """Names of the limits that are given: those of shape, of lengths, of places, and the family last."""
-        order = ("shape", "lengths", "place")
+        order = ("shape", "lengths", "place", "sliders")
         names = [name for name in FORMS if getattr(self, name) != _FREE[name]]
         return sorted(names, key=lambda name: (name == "family", order.index(FORMS[name].concerns)))
 

@@ -98,6 +98,7 @@ def bounded_types(family: str) -> Floats:
 class FourBar:
     """The four-bar whose coupler is the body; lengths are crank, coupler, rocker, ground. See `synthesis.mechanism.Mechanism`."""
 
+    kind = "four_bar"
     branches = (1, -1)
     body_angle = staticmethod(coupler_angle)
     bounded = staticmethod(ways)

@@ -292,34 +292,48 @@ def verdicts(
         zip(*(one.tolist() for one in columns))
     ):
         driver = "crank" if driven else "rocker" if otherwise else None
-        reasons = _reasons(crank, k, driver) if uncertain or not driven else ()
+        reasons = reasons_of(crank, k, driver, "crank", ("rocker",)) if uncertain or not driven else ()
         found.append(Verdict(order, branch, circuit, driver, uncertain, reasons))
     return found
 
 
-def _reasons(crank: Passage, k: int, driver: str | None) -> tuple[str, ...]:
+def reasons_of(
+    passed: Passage, k: int, driver: str | None, drive: str, others: Sequence[str], turns: bool = True
+) -> tuple[str, ...]:
+    """A sentence for each defect of one linkage of a passage by ``drive``, which turns, or moves on a line.
+
+    ``driver``: what can drive it instead, one of ``others``, if anything.
+    """
+    moves, moving = ("turns", "turning") if turns else ("moves", "moving")
     reasons = []
-    if not np.all(crank.closes[k]):
-        numbers = [str(place + 1) for place in np.flatnonzero(~crank.closes[k])]
+    if not np.all(passed.closes[k]):
+        numbers = [str(place + 1) for place in np.flatnonzero(~passed.closes[k])]
         reasons.append(f"the linkage does not close at {_listed(numbers)}")
-    if np.any(flags := crank.open_between[k]):
+    if np.any(flags := passed.open_between[k]):
         reasons.append(f"the linkage does not close everywhere between {_named(flags)}")
-    if np.any(flags := crank.other_branch[k]):
+    if np.any(flags := passed.other_branch[k]):
         reasons.append(f"{_named(flags)} lie on different branches")
-    if np.any(flags := crank.other_circuit[k]):
+    if np.any(flags := passed.other_circuit[k]):
         reasons.append(
             f"{_named(flags)} lie on different circuits: the linkage would have to be taken apart between them"
         )
-    if np.all(crank.closes[k]) and np.any(flags := crank.out_of_order[k] & ~crank.other_circuit[k]):
+    if np.all(passed.closes[k]) and np.any(flags := passed.out_of_order[k] & ~passed.other_circuit[k]):
         first = int(np.argmax(flags)) + 1
-        reasons.append(f"a crank that turns one way does not pass samples {first} and {first + 1} in this order")
-    if crank.no_return[k]:
-        reasons.append("the crank only swings: turning one way it does not come from the last sample to the first")
-    if driver == "rocker":
-        reasons.append("only the rocker can drive the linkage through the samples, not the crank")
+        reasons.append(f"a {drive} that {moves} one way does not pass samples {first} and {first + 1} in this order")
+    if passed.no_return[k]:
+        only = f"the {drive} only swings" if turns else f"the {drive} only goes to and fro"
+        reasons.append(f"{only}: {moving} one way it does not come from the last sample to the first")
+    if driver is not None and driver != drive:
+        reasons.append(f"only the {driver} can drive the linkage through the samples, not the {drive}")
     elif driver is None:
-        reasons.append("neither crank nor rocker can drive the linkage through the samples, turning one way")
-    if crank.uncertain[k]:
+        every = [drive, *others]
+        named = f"{', '.join(every[:-1])} nor {every[-1]}"
+        reasons.append(
+            f"neither {named} can drive the linkage through the samples, {moving} one way"
+            if others
+            else f"the {drive} cannot drive the linkage through the samples, {moving} one way"
+        )
+    if passed.uncertain[k]:
         reasons.append("the linkage is so near a change point that it may pass from one circuit to the other")
     return tuple(reasons)
 

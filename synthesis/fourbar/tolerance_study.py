@@ -124,7 +124,7 @@ def simulate(
         inside = np.arange(travel.size)[places] < samples
         for kind, gap in enumerate(gaps):
             gap = np.where(np.isnan(gap), np.inf, gap)
-            quantiles[kind].append(_quantiles(gap))
+            quantiles[kind].append(quantiles_of(gap))
             if inside.any():
                 worst[kind] = np.maximum(worst[kind], gap[:, inside].max(axis=1))
     by_rotation, by_position = _derivatives(linkage, travel)
@@ -135,16 +135,16 @@ def simulate(
         found = np.concatenate(quantiles[kind])
         return Spread(
             found,
-            _linear_quantiles(derivatives, variances),
-            _quantiles(worst[kind][:, None])[0],
-            _contributions(derivatives[:, :samples], variances),
+            linear_quantiles(derivatives, variances),
+            quantiles_of(worst[kind][:, None])[0],
+            contributions_of(derivatives[:, :samples], variances),
         )
 
     position = None if by_position is None else spread(1, by_position)
     return Study(position, spread(0, by_rotation), count, unclosed)
 
 
-def _quantiles(values: Floats) -> Floats:
+def quantiles_of(values: Floats) -> Floats:
     """For each of `SHARES` the least value (count, n) that so many do not exceed, (n, 3)."""
     places = [max(0, int(np.ceil(share * len(values))) - 1) for share in SHARES]
     return np.partition(values, places, axis=0)[places].T
@@ -236,7 +236,7 @@ def _variances(tolerances: Tolerances) -> Floats:
     return np.array(even + [(clearance / 2) ** 2 / 2] * 4)
 
 
-def _linear_quantiles(derivatives: Floats, variances: Floats) -> Floats:
+def linear_quantiles(derivatives: Floats, variances: Floats) -> Floats:
     """Quantiles (n, 3) of the length of a normally distributed error with the covariance that the sources give.
 
     In the axes of its covariance the error is ``rho (s1 cos psi, s2 sin psi)``, rho Rayleigh distributed, psi even; so
@@ -258,7 +258,7 @@ def _linear_quantiles(derivatives: Floats, variances: Floats) -> Floats:
     return np.where(known[:, None], high * largest[:, None], np.nan)
 
 
-def _contributions(derivatives: Floats, variances: Floats) -> Floats:
+def contributions_of(derivatives: Floats, variances: Floats) -> Floats:
     """The part of each source in the variance, (sources,), in the mean over the samples; zeros where nothing contributes."""
     known = np.all(np.isfinite(derivatives), axis=(0, 2, 3))
     square = variances * np.sum(derivatives[:, known] ** 2, axis=(1, 2, 3))

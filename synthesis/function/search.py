@@ -15,6 +15,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +25,7 @@ from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.solution import four, keeps
 from synthesis.function.answers import PEAKS, Generator, Generators, exchanged, extremes, finished, look, turns_back
-from synthesis.function.descent import FIRST_RADIUS, PENALTY, Descended, apart, descend
+from synthesis.function.descent import FIRST_RADIUS, PENALTY, Descended, apart, descend, freudenstein_step
 from synthesis.function.problem import Problem
 from synthesis.function.wanted import Wanted
 from synthesis.least_squares import Evaluation, minimise
@@ -70,12 +71,20 @@ class FunctionSearch:
         self.top, self.tolerance, self.work = top, tolerance, work
         self.ratios = self.limits.over(ground_of(limits))
         """The limits of the exchanged linkages, lengths over the ground's."""
-        self.problem = Problem(wanted, self.ratios, largest)
+        self.problem: Any = Problem(wanted, self.ratios, largest)
         self.seeds, self.screened = 0, 0.0
         self.settled = False
         self.trace: list[tuple[float, float]] = []
-        self.known: list[Generator] = []
+        self.known: list[Any] = []
         """The best answers so far, different ones."""
+
+    def moved(self, unknowns: Floats, free: Ints, step: Floats) -> Floats:
+        """Unknowns (n, 5) after steps (n, k) of those that move."""
+        return freudenstein_step(unknowns, free, step)
+
+    def apart(self, unknowns: Floats, branch: Floats, cost: Floats, most: int) -> Ints:
+        """Places of the best ``most`` candidates of those that end in different valleys."""
+        return apart(unknowns, branch, cost, most)
 
     # -- places -------------------------------------------------------------------------------------------------------
 
@@ -189,6 +198,7 @@ class FunctionSearch:
             gain=gain,
             work=self.work,
             radius=radius,
+            moved=self.moved,
         )
 
     def run(self, tables: SeedTables) -> list[Generator]:
@@ -207,11 +217,11 @@ class FunctionSearch:
         self.add(unknowns[:_BEGUN], branch[:_BEGUN])
         self.add(unknowns[-_BEGUN:], branch[-_BEGUN:])
         unknowns, cost = self.least_squares(unknowns, branch, 17, 12)
-        best = apart(unknowns, branch, cost, _VALLEYS)
+        best = self.apart(unknowns, branch, cost, _VALLEYS)
         unknowns, branch = unknowns[best], branch[best]
         self.add(unknowns[:_BEGUN], branch[:_BEGUN])
         unknowns, cost = self.least_squares(unknowns, branch, _PLACES if self.largest else SEARCH_SAMPLES, 80)
-        best = apart(unknowns, branch, cost, max(_CANDIDATES, self.top + 8))
+        best = self.apart(unknowns, branch, cost, max(_CANDIDATES, self.top + 8))
         unknowns, branch = unknowns[best], branch[best]
         self.add(unknowns[:_BEGUN], branch[:_BEGUN])
         if Status.of(self.known, self.tolerance) is Status.REACHED:
@@ -226,7 +236,7 @@ class FunctionSearch:
                 return self.known
             crank, root = (np.broadcast_to(one, (len(branch), one.size)) for one in self.places(count))
             done = self.stepped(unknowns, branch, crank, root, steps, gain, radii)
-            best = apart(done.unknowns, branch, done.merit, most)
+            best = self.apart(done.unknowns, branch, done.merit, most)
             unknowns, branch, radii = (
                 done.unknowns[best],
                 branch[best],

@@ -665,6 +665,14 @@ class GuidedLinkage:
         first, last = float(interval.first), float(interval.last)
         return float(np.min(self.body([first, last, *self._worst_places(first, last)]).transmission_angle))
 
+    def arm_over(self, interval: Interval) -> float:
+        """The smallest moment arm over an interval of the coordinate, at steps of at most a degree; NaN where it opens."""
+        if not self.closes_over(interval):
+            return math.nan
+        first, last = float(interval.first), float(interval.last)
+        places = [*self.over(Interval(first, last)), *self._worst_places(first, last)]
+        return float(np.min(self.body(places).arm))
+
     def _worst_places(self, first: float, last: float) -> list[float]:
         """Where between two coordinates the transmission angle, or the arm, may be smallest."""
         places = [place for one in self.conditions for place in one.extremes]
@@ -709,18 +717,18 @@ class GuidedLinkage:
         travel = self.over(interval)
         at = [float(interval.first), float(interval.last)]
         if place == 1 or self.driver.turns:
-            rate = self._along_rate(place, travel)
+            rate = self.along_rate(place, travel)
             for k in np.flatnonzero(rate[:-1] * rate[1:] < 0):
                 low, high = travel[k], travel[k + 1]
                 for _ in range(60):
                     middle = (low + high) / 2
-                    same = self._along_rate(place, np.array([middle]))[0] * rate[k] > 0
+                    same = self.along_rate(place, np.array([middle]))[0] * rate[k] > 0
                     low, high = (middle, high) if same else (low, middle)
                 at.append(low)
         values = self.along(place, np.array(at))
         return float(np.min(values)), float(np.max(values))
 
-    def _along_rate(self, place: int, travel: Floats) -> Floats:
+    def along_rate(self, place: int, travel: Floats) -> Floats:
         """Derivative of `along`; its sign is right at a dead position's neighbours too."""
         guide = self.guides[place]
         body = self.links(travel)[1]
@@ -782,3 +790,24 @@ def of_four_bar(linkage: Linkage) -> GuidedLinkage:
     first, second = complex(-point * turn), complex((coupler - point) * turn)
     guides = Circle(linkage.pivot_a, crank, first), Circle(linkage.pivot_b, rocker, second)
     return GuidedLinkage(guides, Driver.CRANK, linkage.branch, linkage.start + linkage.ground_angle)
+
+
+def as_four_bar(linkage: GuidedLinkage) -> Linkage:
+    """A body on two circles as a four-bar, the driven circle its crank.
+
+    Law: `of_four_bar` takes it back, to rounding.
+    """
+    driven, other = linkage.guides
+    assert isinstance(driven, Circle) and isinstance(other, Circle)
+    ground, coupler = other.pivot - driven.pivot, other.body_point - driven.body_point
+    ground_angle, along = float(np.angle(ground)), float(np.angle(coupler))
+    point = complex(-driven.body_point * np.exp(-1j * along))
+    return Linkage(
+        (driven.radius, abs(coupler), other.radius, abs(ground)),
+        linkage.branch,
+        (linkage.start - ground_angle) % TURN,
+        driven.pivot,
+        ground_angle,
+        (abs(point), float(np.angle(point))),
+        float(np.angle(np.exp(-1j * along))),
+    )

@@ -24,6 +24,10 @@ class Condition(NamedTuple):
     value: Callable[[Floats], Floats]
     extremes: tuple[float, ...]
     """Where it is smallest or largest, modulo the period: between two of these it rises or falls throughout."""
+    size: float
+    """Of the terms that it is made of, to tell what is small."""
+    bounded: bool
+    """Whether it is negative far out on a line, so that the coordinate has ends."""
 
 
 @dataclass(frozen=True)
@@ -92,20 +96,33 @@ class Round(Vector):
         """As of `Vector`."""
         d, r, towards = self._distance, self.radius, self._towards
         least = (d - r - length) * (d - r + length)
-        return Condition(lambda q: least + 4 * d * r * np.sin((q - towards) / 2) ** 2, self.turning_points)
+        return Condition(
+            lambda q: least + 4 * d * r * np.sin((q - towards) / 2) ** 2,
+            self.turning_points,
+            (d + r + length) ** 2,
+            False,
+        )
 
     def shorter_than(self, length: float) -> Condition:
         """As of `Vector`."""
         d, r, towards = self._distance, self.radius, self._towards
         least = (length - d - r) * (length + d + r)
-        return Condition(lambda q: least + 4 * d * r * np.cos((q - towards) / 2) ** 2, self.turning_points)
+        return Condition(
+            lambda q: least + 4 * d * r * np.cos((q - towards) / 2) ** 2,
+            self.turning_points,
+            (d + r + length) ** 2,
+            False,
+        )
 
     def across(self, direction: float, length: float, sign: int) -> Condition:
         """As of `Vector`."""
         r = self.radius
         least = (length - r) - sign * float(np.imag(self.middle * np.exp(-1j * direction)))
+        size = length + r + abs(self.middle)
         lowest = direction - sign * math.pi / 2
-        return Condition(lambda q: least + 2 * r * np.sin((q - lowest) / 2) ** 2, (lowest, lowest + math.pi))
+        return Condition(
+            lambda q: least + 2 * r * np.sin((q - lowest) / 2) ** 2, (lowest, lowest + math.pi), size, False
+        )
 
     @property
     def turning_points(self) -> tuple[float, ...]:
@@ -136,23 +153,23 @@ class Straight(Vector):
     def longer_than(self, length: float) -> Condition:
         """As of `Vector`."""
         foot = self._foot
-        least = (abs(foot.imag) - length) * (abs(foot.imag) + length)
-        return Condition(lambda q: least + (foot.real - q) ** 2, (foot.real,))
+        least, size = (abs(foot.imag) - length) * (abs(foot.imag) + length), (abs(foot.imag) + length) ** 2
+        return Condition(lambda q: least + (foot.real - q) ** 2, (foot.real,), size, False)
 
     def shorter_than(self, length: float) -> Condition:
         """As of `Vector`."""
         foot = self._foot
-        square = (length - abs(foot.imag)) * (length + abs(foot.imag))
+        square, size = (length - abs(foot.imag)) * (length + abs(foot.imag)), (length + abs(foot.imag)) ** 2
         if square < 0:
-            return Condition(lambda q: square - (foot.real - q) ** 2, (foot.real,))
+            return Condition(lambda q: square - (foot.real - q) ** 2, (foot.real,), size, True)
         half = math.sqrt(square)
-        return Condition(lambda q: (half - (foot.real - q)) * (half + (foot.real - q)), (foot.real,))
+        return Condition(lambda q: (half - (foot.real - q)) * (half + (foot.real - q)), (foot.real,), size, True)
 
     def across(self, direction: float, length: float, sign: int) -> Condition:
         """As of `Vector`."""
         beside = float(np.imag(self.middle * np.exp(-1j * direction)))
         slope = math.sin(self.along - direction)
-        return Condition(lambda q: length - sign * beside + sign * q * slope, ())
+        return Condition(lambda q: length - sign * beside + sign * q * slope, (), length, slope != 0)
 
     @property
     def turning_points(self) -> tuple[float, ...]:
@@ -175,17 +192,17 @@ class Still(Vector):
     def longer_than(self, length: float) -> Condition:
         """As of `Vector`."""
         value = (abs(self.middle) - length) * (abs(self.middle) + length)
-        return Condition(lambda q: np.full(np.shape(q), value), ())
+        return Condition(lambda q: np.full(np.shape(q), value), (), 1.0, False)
 
     def shorter_than(self, length: float) -> Condition:
         """As of `Vector`."""
         value = (length - abs(self.middle)) * (length + abs(self.middle))
-        return Condition(lambda q: np.full(np.shape(q), value), ())
+        return Condition(lambda q: np.full(np.shape(q), value), (), 1.0, False)
 
     def across(self, direction: float, length: float, sign: int) -> Condition:
         """As of `Vector`."""
         value = length - sign * float(np.imag(self.middle * np.exp(-1j * direction)))
-        return Condition(lambda q: np.full(np.shape(q), value), ())
+        return Condition(lambda q: np.full(np.shape(q), value), (), 1.0, False)
 
     @property
     def turning_points(self) -> tuple[float, ...]:

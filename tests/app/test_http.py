@@ -127,6 +127,8 @@ def test_atlas_routes_describe_what_is_loaded(paper) -> None:
     assert one["unit"] == "rad" and one["normalisation"] == "mean" and -math.pi < one["average"] < math.pi
     assert paper.get("/v1/types/1").json()["lengths"] == [2, 5, 196, 197]
     assert paper.get("/v1/types/101408").status_code == 200
+    one = paper.get("/v1/types/1", params={"kind": "slider_crank"}).json()
+    assert (one["kind"], one["lengths"], one["family"]) == ("slider_crank", [2, 638, 0], None)
     assert "1 to 101408" in problem(paper.get("/v1/types/101409"), range(404, 405))["detail"]
 
 

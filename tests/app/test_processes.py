@@ -291,12 +291,15 @@ def test_parts_of_the_index_are_made_beside_and_found_by_all(small_bytes, tmp_pa
         assert running.post("/v1/match", rotation)[0] == 200
         found, rocker = running.post("/v1/match", {**rotation, "curve": "rocker"})
         assert found == 200 and rocker["matches"]
+        found, both = running.post("/v1/match", {**rotation, "mechanisms": ["four_bar", "slider_crank"]})
+        assert found == 200 and {one["kind"] for one in both["matches"]} <= {"four_bar", "slider_crank"}
         body = {**rotation, "position": [[k, 0.1 * k * k] for k in range(5)], "effort": "atlas"}
         assert running.post("/v1/synthesize", body)[0] == 200
         assert running.computing == before
         assert {path.name for path in (tmp_path / "small.h5.index").iterdir() if path.is_dir()} == parts | {
             "positions",
             "rocker_cells",
+            "slider_crank_cells",
         }
 
 
@@ -316,6 +319,8 @@ def test_without_an_index_what_is_missing_is_made_for_one_answer(small_bytes, tm
     with serving(tmp_path, "--atlas", str(tmp_path / "small.h5"), "--no-index") as running:
         rotation = {"rotation": [0, 5, 12, 20, 31], "crank_span": 80, "curve": "rocker"}
         assert running.post("/v1/match", rotation)[0] == 200
+        found, sliders = running.post("/v1/match", {**rotation, "curve": "coupler", "mechanisms": ["slider_crank"]})
+        assert found == 200 and sliders["matches"][0]["kind"] == "slider_crank"
         assert not (tmp_path / "small.h5.index").exists()
 
 

@@ -183,3 +183,22 @@ def test_the_command_line_prints_what_was_asked_for(tmp_path, capsys) -> None:
     assert "crank torque" in printed and "pin force" in printed
     assert "as made, position off by at most" in printed and "in 95 % of 500 linkages; most from" in printed
     assert "the best of 256 combinations" in printed
+
+
+def test_a_mass_at_the_body_point_at_rest_is_the_force_of_its_weight() -> None:
+    linkage = la.FourBar(19, 72, 144, 165, start_angle=30, coupler_point=(20, 60), body_offset=10)
+    crank = [0.0, 30.0, 200.0]
+    still = {"masses": [{"link": "body", "mass": 2.0}], "gravity": [0, -9.81]}
+    weight, force = linkage.analysis(0, still, crank), linkage.analysis(0, {"force": [0, -2 * 9.81]}, crank)
+    assert np.allclose(weight.crank_torque, force.crank_torque, rtol=1e-12)
+    assert np.allclose(weight.pin_forces.coupler_pin, force.pin_forces.coupler_pin, rtol=1e-12)
+    # two masses of a link are one, and a link's length in another unit is the same torque in newton metres
+    halves = {"masses": [{"link": "body", "mass": 1.0}, {"link": "body", "mass": 1.0}], "gravity": [0, -9.81]}
+    assert np.allclose(
+        linkage.analysis(90, halves, crank).crank_torque, linkage.analysis(90, still, crank).crank_torque
+    )
+    metres = la.FourBar(0.019, 0.072, 0.144, 0.165, start_angle=30, coupler_point=(0.020, 60), body_offset=10)
+    assert np.allclose(
+        metres.analysis(90, still, crank, length_unit="m").crank_torque * 1000,
+        linkage.analysis(90, still, crank).crank_torque,
+    )

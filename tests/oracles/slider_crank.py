@@ -1,36 +1,51 @@
-"""A slider-crank whose rod is the body, from its formula: crank r, rod l, offset e, theta2 = asin((e - r sin theta1) / l)."""
+"""Bodies on a crank that a rail or a slot guides, from the formulas as they stand in books: no care for the last digits."""
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from synthesis import kernel
+from synthesis.slider.charts import RAIL, SLOT, AnySliderChart, SliderCrankChart, SwingingBlockChart
+from synthesis.target import make_target
+
+SLIDER_CHARTS: list[Any] = [SliderCrankChart(), SwingingBlockChart(), AnySliderChart(RAIL), AnySliderChart(SLOT)]
+SLIDER_NAMES = ["slider", "block", "any slider", "any block"]
+SLIDERS = np.array([[1.0, 2.2, 0.7], [1.0, 1.9, -0.4]])
+"""Two whose cranks turn fully: crank, rod or ground, offset."""
 
 
-def body_angle(lengths: np.ndarray, crank: np.ndarray) -> np.ndarray:
-    """theta2, (n, N); NaN where the crank does not get there."""
-    r, l, e = (column[:, None] for column in np.asarray(lengths, dtype=float).T)  # noqa: E741
+def body_angle(lengths: np.ndarray, crank: np.ndarray, guide: int = RAIL) -> np.ndarray:
+    """theta2, (n, N), continuous along the last axis; NaN where the crank does not get there."""
+    r, long, offset = (column[:, None] for column in np.asarray(lengths, dtype=float).T)
     with np.errstate(invalid="ignore"):
-        return np.arcsin((e - r * np.sin(crank)) / l)
+        if guide == RAIL:
+            return np.arcsin((offset - r * np.sin(crank)) / long)
+        arm = long - r * np.exp(1j * crank)
+        return np.unwrap(np.angle(arm)) - np.arcsin(offset / np.abs(arm))
 
 
-class SliderCrankChart:
-    """With r = 1: the rod beyond its least length, (l - r - |e|) / r = exp(x), and the offset as a part of it."""
+def random_lengths(random: np.random.Generator, guide: int) -> np.ndarray:
+    """Lengths whose crank turns fully, on no lattice: ratios up to about ten, offsets up to nearly the change point."""
+    if guide == RAIL:
+        return SliderCrankChart().shape(random.uniform([[-3, -3]], [[2.3, 2.3]])).lengths[0]
+    ratio = random.choice([-1.0, 1.0]) * random.uniform(0.1, 2.3)
+    return SwingingBlockChart().shape(np.array([[ratio, random.uniform(-2, 2)]])).lengths[0]
 
-    cell, hop = np.array([0.7, 0.5, 0.6]), np.array([0.7, 0.5, 0.4])
-    edges = np.empty((0, 2))
-    kind, sheet = kernel.SLIDER_CRANK, 0
 
-    def shape(self, unknowns: np.ndarray) -> Any:
-        excess, e = np.exp(np.clip(unknowns[:, 0], -20, 20)), unknowns[:, 1]
-        return SimpleNamespace(lengths=np.stack([np.ones_like(e), 1 + np.abs(e) + excess, e], axis=1))
+def random_motion(
+    random: np.random.Generator, guide: int, span: float, what: str, samples: int = 16, noise: float = 0.0
+) -> Any:
+    """The motion of a random body on a crank over a span in degrees, by the formula of books, and perhaps noise.
 
-    def unknowns(self, lengths: Any) -> np.ndarray:
-        r, l, e = np.asarray(lengths, dtype=float).T  # noqa: E741
-        return np.stack([np.log((l - r - np.abs(e)) / r), e / r], axis=1)
-
-    def hopped(self, unknowns: np.ndarray, noise: np.ndarray) -> np.ndarray:
-        return unknowns + noise
+    ``what``: "rotation", "position" or "both".
+    """
+    crank, start = np.deg2rad(np.linspace(0.0, span, samples)), random.uniform(0, 2 * np.pi)
+    angle = body_angle([random_lengths(random, guide)], start + crank, guide)[0]
+    pivot, z1, z2 = random.normal(size=3) + 1j * random.normal(size=3)
+    place = pivot + z1 * np.exp(1j * (start + crank)) + z2 * np.exp(1j * angle)
+    place = place + noise * (random.normal(size=samples) + 1j * random.normal(size=samples))
+    turned = angle + random.uniform(-9, 9) + noise * random.normal(size=samples)
+    return make_target(
+        None if what == "position" else turned, None if what == "rotation" else place, crank_angle=crank
+    )

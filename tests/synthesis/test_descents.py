@@ -26,16 +26,16 @@ from synthesis.free.poses import Poses
 from synthesis.mechanism import Placed
 from synthesis.pose import DEGENERATE
 from synthesis.search.problems import GivenProblem
+from synthesis.slider.charts import SliderChart
 from synthesis.target import Interval, Samples, Target
 from synthesis.work import Work
-from tests.oracles.slider_crank import SliderCrankChart, body_angle
+from tests.oracles.slider_crank import SLIDER_CHARTS, SLIDER_NAMES, SLIDERS, body_angle
 
 LENGTHS = np.array([[0.15, 0.3, 0.25, 0.3], [0.4, 0.25, 0.28, 0.07]])
-SLIDERS = np.array([[1.0, 2.2, 0.7], [1.0, 1.9, -0.4]])
 FOURBARS = [FullCrankChart(), AnyChart(), GrashofChart()]
 fourbars = pytest.mark.parametrize("chart", FOURBARS, ids=["full crank", "any", "grashof"])
 every_chart = pytest.mark.parametrize(
-    "chart", [*FOURBARS, SliderCrankChart()], ids=["full crank", "any", "grashof", "slider-crank"]
+    "chart", [*FOURBARS, *SLIDER_CHARTS], ids=["full crank", "any", "grashof", *SLIDER_NAMES]
 )
 timings = pytest.mark.parametrize("timing", ["free", "given"])
 MARGIN = 1e-7
@@ -91,7 +91,7 @@ def candidates(
     """
     asked = poses(rotation, position)
     angles = np.sort(np.random.default_rng(8).uniform(0, 5, (2, asked.samples)), axis=1)
-    lengths, branch = (SLIDERS, np.ones(2)) if isinstance(chart, SliderCrankChart) else (LENGTHS, np.array([1.0, -1]))
+    lengths, branch = (SLIDERS, np.ones(2)) if isinstance(chart, SliderChart) else (LENGTHS, np.array([1.0, -1]))
     timed = Timed(chart.unknowns(lengths), np.zeros((2, 3), dtype=complex), np.zeros(2), angles, branch)
     if timing == "free":
         plain: Problem = JointProblem(asked, chart)
@@ -129,8 +129,8 @@ def angles_of(problem: Any, timed: Timed) -> np.ndarray:
 def body_of(problem: Any, timed: Timed) -> np.ndarray:
     """theta2 at all samples by the general kinematics, (n, N)."""
     lengths, angles = problem.chart.shape(timed.shape).lengths, angles_of(problem, timed)
-    if isinstance(problem.chart, SliderCrankChart):
-        return body_angle(lengths, angles)
+    if isinstance(problem.chart, SliderChart):
+        return body_angle(lengths, angles, problem.chart.guide)
     return coupler_angle(lengths, timed.branch, angles)
 
 

@@ -15,8 +15,9 @@ import pytest
 from synthesis import kernel
 from synthesis.fourbar.charts import AnyChart, FullCrankChart, GrashofChart
 from synthesis.fourbar.limits import Constraints, Limits, Reach
+from synthesis.slider.charts import SliderChart
 from tests.oracles.kernel import LIBRARY, SOURCE, compiled_from, uncompiled
-from tests.oracles.slider_crank import SliderCrankChart, body_angle
+from tests.oracles.slider_crank import SLIDER_CHARTS, SLIDER_NAMES, SLIDERS, body_angle
 
 
 def test_a_library_of_another_source_is_noticed(tmp_path: Path) -> None:
@@ -32,10 +33,9 @@ def test_the_library_runs_without_cython() -> None:
 
 CHARTS = [GrashofChart(), AnyChart(), FullCrankChart()]
 every_chart = pytest.mark.parametrize(
-    "chart", [*CHARTS, SliderCrankChart()], ids=["grashof", "any", "full", "slider"]
+    "chart", [*CHARTS, *SLIDER_CHARTS], ids=["grashof", "any", "full", *SLIDER_NAMES]
 )
 LENGTHS = np.array([[0.15, 0.3, 0.25, 0.3], [0.4, 0.25, 0.28, 0.07]])
-SLIDERS = np.array([[1.0, 2.2, 0.7], [1.0, 1.9, -0.4]])
 TIMINGS: dict[str, dict[str, Any]] = {
     "free": {},
     "given": {},
@@ -87,10 +87,10 @@ class Descent:
         samples: int = 6,
         posed: bool = True,
     ) -> None:
-        random, slider = np.random.default_rng(5), isinstance(chart, SliderCrankChart)
+        random, slider = np.random.default_rng(5), isinstance(chart, SliderChart)
         crank, lengths = 0.4 + np.sort(random.uniform(0, 3, samples)), SLIDERS if slider else LENGTHS
         if slider:
-            turned = body_angle(lengths[:1], crank)[0]
+            turned = body_angle(lengths[:1], crank, chart.guide)[0]
         else:
             turned = chart.at(chart.unknowns(lengths[:1]), crank[None], np.ones(1)).angle[0]
         place = 0.5 * np.exp(1j * crank) + np.exp(1j * (turned + 0.3)) + 0.05 * random.standard_normal(samples)
@@ -162,7 +162,7 @@ def test_limits_of_every_kind(smooth: bool, posed: bool) -> None:
 @timings
 @every_chart
 def test_rows_and_steps(chart: Any, timing: str, limited: bool) -> None:
-    if limited and isinstance(chart, SliderCrankChart):
+    if limited and isinstance(chart, SliderChart):
         return  # limits are those of four-bars
 
     def work(module: ModuleType) -> list[Any]:

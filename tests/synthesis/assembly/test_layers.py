@@ -8,11 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from synthesis.assembly.layers import Asked, arrange
+from synthesis.assembly.layers import BOARDS, Asked, Free, Search, arrange
 from synthesis.assembly.machine import Sizes, four_bar
+from synthesis.assembly.parts import Heights, parts_of
+from synthesis.assembly.walls import outside
+from synthesis.errors import FieldError
 from synthesis.fourbar.linkage import Linkage
-from synthesis.target import Interval
+from synthesis.target import TURN, Interval
 from synthesis.work import Work
+from tests.oracles.assembly import free_stacks
 
 TABLE = json.loads((Path(__file__).parents[2] / "reference/assembly.json").read_text())["linkages"]
 NEAR = 1.5e-7
@@ -65,3 +69,161 @@ def test_layers_and_stops_are_those_of_the_table(name) -> None:
         assert np.rad2deg([both.low.at, both.high.at]) == pytest.approx(case["both"]["stops"], abs=NEAR)
     heads = arrange(machine_of(case), Asked("below", heads=True), Work())
     assert (in_order(heads.stack.layers) if heads.status == "free" else None) == case["heads"]
+
+
+def random_machines(seed, count, **more):
+    rng = np.random.default_rng(seed)
+    while count:
+        links = tuple(10 ** rng.uniform(-0.6, 0, 4))
+        linkage = Linkage(
+            links,
+            int(rng.choice([-1, 1])),
+            rng.uniform(0, TURN),
+            0j,
+            0.0,
+            (rng.uniform(0, 0.6), rng.uniform(0, TURN)),
+        )
+        span = float(rng.choice([TURN, rng.uniform(0.2, 3.0)]))
+        if linkage.joints(np.linspace(0, span, 200)).closed:
+            count -= 1
+            yield four_bar(linkage, Interval(0.0, span), Sizes(), **more)
+
+
+@pytest.mark.parametrize("boards", BOARDS)
+def test_the_search_finds_what_going_through_all_arrangements_finds(boards) -> None:
+    statuses = set()
+    square = (-0.1 - 0.1j, 0.1 - 0.1j, 0.1 + 0.1j, -0.1 + 0.1j)
+    for number, machine in enumerate(random_machines(5, 10, body=square, bar=boards == "bar")):
+        if number % 2:
+            machine = next(random_machines(100 + number, 1, bar=boards == "bar"))
+        search = Search(machine, Asked(boards), Work())
+
+        def hits(one, other, search=search) -> bool:
+            return not search.proofs[search.pair(one, other)].free
+
+        found = search.answer()
+        count, stacks = free_stacks(machine, boards, hits, len(machine.plates))
+        statuses.add(found.status)
+        assert (found.status == "free") == bool(stacks)
+        if stacks:
+            assert found.stack.count == count
+            assert found.others == len(stacks) - 1
+            assert (found.stack.layers, found.stack.mounts) in stacks
+    assert "free" in statuses
+
+
+def test_of_free_stacks_the_best_by_pins_held_on_both_sides() -> None:
+    for machine in random_machines(11, 6):
+        search = Search(machine, Asked("both"), Work())
+        found = search.answer()
+        if found.status == "free":
+            free = [stack for stack, _ in search.stacks(found.stack.count, search.strict, Free())]
+            assert found.stack.held == max(stack.held for stack in free)
+            alike = [stack for stack in free if stack.held == found.stack.held]
+            assert found.stack.pin_length == min(stack.pin_length for stack in alike)
+
+
+def test_a_blocked_machine_is_free_where_it_says_and_stopped_where_it_says() -> None:
+    """A shaft through A that the coupler passes over: both pivots held on both sides."""
+    case = TABLE["E4"]
+    found = arrange(machine_of(case), Asked("both", mounts={"A": "below+above", "B": "below+above"}), Work())
+    assert found.status == "blocked"
+    first, last = np.rad2deg(found.free)
+    # over the seam of the turn in one
+    assert (first, last) == pytest.approx((334.5168847, 360 + 245.4003876), abs=1e-6)
+    assert set(found.low.pair) == set(found.high.pair) == {"coupler", "A"}
+    assert np.rad2deg(found.low.at) == pytest.approx(first, abs=1e-9)
+    assert np.rad2deg(found.high.at) == pytest.approx(last, abs=1e-9)
+    assert [one.pair for one in found.collisions] == [("coupler", "A")]
+
+
+def test_a_collision_over_the_seam_of_a_turn_is_one() -> None:
+    found = arrange(machine_of(TABLE["E3"]), Asked("below"), Work())
+    (collision,) = found.collisions
+    assert np.rad2deg(collision[1:]) == pytest.approx([347.8051246, 372.1948754], abs=NEAR)
+
+
+def test_stops_are_where_the_next_collision_begins() -> None:
+    machine = machine_of(TABLE["E1"])
+    found = arrange(machine, Asked("both"), Work())
+    for stop, way in ((found.low, -1), (found.high, 1)):
+        assert stop.pair == ("coupler", "A")
+        for off, hits in ((1e-6, True), (-1e-6, False)):
+            used = Interval(*sorted((stop.at + way * off, machine.used[way < 0])))
+            moved = four_bar(linkage_of(TABLE["E1"]), used, Sizes(5.7, 14.25))
+            again = arrange(moved, Asked("both", mounts=found.stack.mounts), Work())
+            assert (again.status != "free" or again.stack.count > 2) == hits
+
+
+def test_heads_lie_in_no_board_and_fill_layers() -> None:
+    found = arrange(machine_of(TABLE["E4"]), Asked("both", heads=True), Work())
+    stack = found.stack
+    assert found.status == "free"
+    assert all(1 <= head.layer <= stack.count for head in stack.heads)
+    ends = {(head.pin, head.end) for head in stack.heads}
+    assert {("D", "below"), ("D", "above"), ("C", "below"), ("C", "above")} <= ends
+
+
+def test_parts_of_one_layer_stand_between_its_faces() -> None:
+    machine = machine_of(TABLE["E4"])
+    found = arrange(machine, Asked("both", heads=True), Work())
+    heights = Heights.of(machine, 3.0, 0.5)
+    parts = parts_of(machine, found.stack, heights)
+    assert len({part.name for part in parts}) == len(parts)
+    for part in parts:
+        assert part.z == heights.z(*part.layers)
+        assert part.z[1] - part.z[0] >= 3.0
+    assert {part.name for part in parts if part.kind == "board"} == {"board_below", "board_above"}
+    below = next(part for part in parts if part.name == "board_below")
+    assert {hole.pin for hole in below.holes} == {
+        pin for pin, mount in found.stack.mounts.items() if "below" in mount
+    }
+
+
+def test_a_loop_that_opens_has_no_layers() -> None:
+    with pytest.raises(FieldError, match="do not close"):
+        four_bar(linkage_of(TABLE["E2"]), Interval(*np.deg2rad([-70, 0])), Sizes())
+
+
+def test_too_few_layers_for_heads_are_refused() -> None:
+    with pytest.raises(FieldError, match="more than 2 layers"):
+        arrange(machine_of(TABLE["E1"]), Asked("below", heads=True, most=2), Work())
+
+
+def test_a_body_lies_in_a_layer_of_its_own_on_a_post() -> None:
+    square = (-5 - 5j, 5 - 5j, 5 + 5j, -5 + 5j)
+    machine = machine_of(TABLE["E1"], body=square)
+    found = arrange(machine, Asked("below"), Work())
+    assert found.stack.layers["body"] != found.stack.layers["coupler"]
+    assert "P" in found.stack.pins
+    # a body that does not hold its point is reached by a longer coupler
+    away = machine_of(TABLE["E1"], body=tuple(z + 40 for z in square))
+    shorter, longer = (len(one.plate("coupler").shape.core) for one in (machine, away))
+    assert longer > shorter
+
+
+def test_plates_in_an_envelope_and_out_of_boxes() -> None:
+    """Against the corners of every plate at many places: an envelope just as large as they reach, or a little smaller."""
+    machine = machine_of(TABLE["E4"])
+    travel = np.linspace(*machine.used, 3601)
+    bodies = machine.movement.bodies(travel)
+    reach = []
+    for plate in machine.plates:
+        at = bodies.origin[plate.body][:, None] + bodies.direction[plate.body][:, None] * np.array(plate.shape.core)
+        radius = plate.shape.radius
+        reach.append((at.real.min() - radius, at.imag.min() - radius, at.real.max() + radius, at.imag.max() + radius))
+    low, high = np.min(reach, axis=0)[:2], np.max(reach, axis=0)[2:]
+    envelope = (low[0] - 1e-3, low[1] - 1e-3, high[0] + 1e-3, high[1] + 1e-3)
+    assert outside(machine, envelope, (), Work()) == []
+    for side in range(4):
+        smaller = list(envelope)
+        smaller[side] += 0.01 if side < 2 else -0.01
+        found = outside(machine, tuple(smaller), (), Work())
+        assert found
+        assert all(one.pair[0] == "envelope" for one in found)
+        plate = next(one for one in machine.plates if one.name == found[0].pair[1])
+        assert reach[machine.plates.index(plate)][side] == pytest.approx(envelope[side], abs=2e-3)
+    beside = (high[0] + 1e-3, low[1], high[0] + 5, high[1])
+    assert outside(machine, None, (beside,), Work()) == []
+    (found, *_) = outside(machine, None, (beside, (-1.0, -1.0, 1.0, 1.0)), Work())
+    assert found.pair[0] == "keep_out 2"

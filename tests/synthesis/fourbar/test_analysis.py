@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from synthesis.fourbar.analysis import CURVE_STEP, Forces, Load, curve_over, forces, rates
+from synthesis.fourbar.analysis import CURVE_STEP, Forces, LinkMass, Load, Own, curve_over, forces, rates
 from synthesis.fourbar.linkage import Joints, Linkage
 from synthesis.target import Interval
 from tests.oracles.recompute import close_by_circles
@@ -147,3 +147,67 @@ def test_a_curve_has_steps_of_at_most_a_degree(ends) -> None:
     steps = np.abs(np.diff(angles))
     assert steps.max() <= CURVE_STEP * (1 + 1e-9) and len(angles) >= 25
     assert len(angles) <= abs(ends[1] - ends[0]) / CURVE_STEP + 26
+
+
+OWN = st.builds(
+    lambda values: {
+        name: LinkMass(abs(mass) + 0.1, complex(x, y), abs(inertia))
+        for name, (mass, x, y, inertia) in zip(("crank", "coupler", "rocker"), values, strict=True)
+    },
+    st.lists(st.tuples(*[st.floats(-30, 30)] * 4), min_size=3, max_size=3),
+)
+
+
+def energy(linkage: Linkage, own: Own, travel: np.ndarray, speed: float, step: float) -> np.ndarray:
+    """Of the links' own masses, from places of joints alone."""
+    before, at, after = (linkage.joints(travel + part * step) for part in (-1, 0, 1))
+    total = np.zeros(travel.size)
+    origins = {"crank": lambda joints: joints.pivot_a, "coupler": lambda joints: joints.crank_pin}
+    for name, link in own.masses.items():
+
+        def place(joints: Joints, name: str = name, link: LinkMass = link) -> np.ndarray:
+            origin = origins.get(name, lambda joints: joints.pivot_b)(joints)
+            return origin + link.centre * np.exp(1j * getattr(joints, f"{name}_angle"))
+
+        velocity = (place(after) - place(before)) / (2 * step) * speed
+        turns = [getattr(joints, f"{name}_angle") for joints in (before, after)]
+        turning = (turns[1] - turns[0]) / (2 * step) * speed
+        total += own.metre * (link.mass * abs(velocity) ** 2 + link.inertia * turning**2) / 2
+        total -= link.mass * np.real(np.conj(own.gravity) * place(at))
+    return total
+
+
+@LAW
+@given(SEEDS, OWN, st.complex_numbers(max_magnitude=20), st.floats(0.1, 5), st.sampled_from([-1, 1]))
+def test_the_drive_gives_the_links_what_energy_they_gain(seed, masses, gravity, speed, way) -> None:
+    linkage, speed = random_linkage(seed, 0.3), speed * way
+    own = Own(masses, gravity, 1e-3)
+    found = forces(linkage, TRAVEL, Load(own=own), speed)
+    step = 1e-4
+    gained = [energy(linkage, own, TRAVEL + part * step, speed, 1e-4) for part in (-1, 1)]
+    power = (gained[1] - gained[0]) / (2 * step) * speed
+    size = np.abs(gained).max() * abs(speed)
+    assert np.all(np.abs(found.crank_torque * speed - power) <= 1e-4 * np.maximum(size, np.abs(power)))
+
+
+@LAW
+@given(SEEDS, OWN, LOADS, st.floats(0.1, 5))
+def test_weight_and_inertia_of_each_link_are_held_by_its_pins(seed, masses, load, speed) -> None:
+    linkage = random_linkage(seed, 0.3)
+    own = Own(masses, 3 - 9j, 1e-3)
+    found, joints = forces(linkage, TRAVEL, load._replace(own=own), speed), linkage.joints(TRAVEL)
+    # what all links together lose to the ground is their weight, their change of momentum, and the load
+    whole = found.pivot_a + found.pivot_b + load.force
+    step = 1e-4
+    ends = [linkage.joints(TRAVEL + part * step) for part in (-1, 0, 1)]
+    for name, link in masses.items():
+        origin = {"crank": "pivot_a", "coupler": "crank_pin", "rocker": "pivot_b"}[name]
+        places = [getattr(one, origin) + link.centre * np.exp(1j * getattr(one, f"{name}_angle")) for one in ends]
+        gain = (places[2] - 2 * places[1] + places[0]) / step**2 * speed**2
+        whole = whole + link.mass * (own.gravity - own.metre * gain)
+    size = np.abs(found.pivot_a) + np.abs(found.pivot_b) + abs(load.force)
+    assert np.all(np.abs(whole) <= 1e-4 * size)
+    # a weight at a pin of the ground is held there, and loads nothing else
+    only = forces(linkage, TRAVEL, Load(own=Own({"rocker": LinkMass(2.0, 0j)}, -9.81j)), 0.0)
+    assert np.allclose(only.pivot_b, 2 * 9.81j) and np.allclose(only.crank_torque, 0, atol=1e-12)
+    assert joints.closed

@@ -15,9 +15,9 @@ from synthesis.fourbar.tolerance_study import (
     SOURCES,
     Tolerances,
     _derivatives,
-    _linear_quantiles,
     _Made,
     _variances,
+    linear_quantiles,
     simulate,
 )
 from synthesis.work import Cancelled, Work
@@ -137,10 +137,10 @@ def test_the_first_order_has_the_variance_of_the_simulation() -> None:
 def test_quantiles_of_a_normal_error_are_known_ones() -> None:
     one = np.zeros((2, 1, 2, 2))
     one[0, 0, 0] = [1.0, 0.0]
-    line = _linear_quantiles(one, np.array([4.0, 0.0]))[0]
+    line = linear_quantiles(one, np.array([4.0, 0.0]))[0]
     assert line == pytest.approx([2 * 0.0627068, 2 * 0.6744898, 2 * 1.9599640], rel=1e-4)
     one[1, 0, 0] = [0.0, 1.0]
-    circle = _linear_quantiles(one, np.array([1.0, 1.0]))[0]
+    circle = linear_quantiles(one, np.array([1.0, 1.0]))[0]
     assert circle == pytest.approx(np.sqrt(-2 * np.log(1 - np.array(SHARES))), rel=1e-9)
 
 

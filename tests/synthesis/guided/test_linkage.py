@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 
 from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.linkage import (
-    DRIVERS,
     BodyPoses,
     Circle,
     Driver,
@@ -24,38 +23,7 @@ from synthesis.guided.linkage import (
     through,
 )
 from synthesis.target import Interval
-
-GUIDE_TYPES = (Circle, Rail, Slot)
-DRIVES = [(guide, driver, other) for guide in GUIDE_TYPES for driver in DRIVERS[guide] for other in GUIDE_TYPES]
-NAMES = [f"{driver}-{other.__name__}" for _, driver, other in DRIVES]
-
-
-def random_guide(random: np.random.Generator, kind: type) -> Guide:
-    def place() -> complex:
-        return complex(*random.normal(size=2))
-
-    if kind is Circle:
-        return Circle(place(), float(random.uniform(0.5, 3)), place())
-    if kind is Rail:
-        return Rail(place(), float(random.uniform(0, 6)), place())
-    return Slot(place(), place(), float(random.uniform(0, 6)))
-
-
-def random_linkage(random: np.random.Generator, guide: type, driver: Driver, other: type) -> GuidedLinkage:
-    """Of a pose that is drawn first, so that it closes somewhere."""
-    guides = random_guide(random, guide), random_guide(random, other)
-    rotation, position = float(random.uniform(-3, 3)), complex(*random.normal(size=2))
-    turned = np.exp(1j * rotation)
-    made: list[Guide] = []
-    for one in guides:
-        at = complex(position + turned * one.body_point)
-        if isinstance(one, Circle):
-            made.append(one._replace(radius=abs(at - one.pivot)))
-        elif isinstance(one, Rail):
-            made.append(one._replace(point=complex(at + random.normal() * np.exp(1j * one.direction))))
-        else:
-            made.append(one._replace(pin=complex(at + random.normal() * turned * np.exp(1j * one.body_direction))))
-    return through((made[0], made[1]), driver, rotation, position)
+from tests.oracles.guided_cases import DRIVES, NAMES, random_linkage
 
 
 def off_guide(guide: Guide, poses: BodyPoses) -> np.ndarray:

@@ -1,12 +1,7 @@
-"""A second mechanism through the same search: what `synthesis.mechanism` asks for is all that the search needs to know.
-
-The toy is a slider-crank whose rod is the body.
-"""
+"""Other mechanisms through the same search and scan: what `synthesis.mechanism` asks for is all that both need to know."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,100 +11,114 @@ from synthesis.atlas import window_search
 from synthesis.atlas.scan import Scan
 from synthesis.atlas.table import make_table
 from synthesis.atlas.windows import Windows, best_of, joined
-from synthesis.pose import fit_positions, objective
-from synthesis.ranking import Errors, motion_errors
-from synthesis.search.search import search
-from synthesis.search.seeds import SeedTables
+from synthesis.fourbar.mechanism import FOURBAR
+from synthesis.guided.by_crank import BY_CRANK, lengths_of, linkages_by_crank
+from synthesis.guided.linkage import Kind
+from synthesis.mechanism import Mechanism
+from synthesis.pose import objective
+from synthesis.slider.mechanism import SLIDER_CRANK_TYPES
 from synthesis.target import Target, make_target
 from synthesis.work import Work
-from tests.oracles.slider_crank import SliderCrankChart, body_angle
+from tests.oracles.slider_crank import body_angle, random_lengths, random_motion
+
+KINDS = list(BY_CRANK)
+every_kind = pytest.mark.parametrize("kind", KINDS)
+WHAT = ("rotation", "position", "both")
 
 
-@dataclass(frozen=True)
-class SliderCrank:
-    lengths: np.ndarray
-    start: float
-    pose: tuple[complex, float, complex]
-    errors: Errors | None = None
-
-    @property
-    def identity(self) -> np.ndarray:
-        return self.lengths / self.lengths[0]
-
-    @property
-    def looks(self) -> np.ndarray:
-        return 50 * self.identity
-
-
-class Mechanism:
-    branches = (1,)
-    coarse_types = np.array(
-        [[1.0, 1 + abs(e) + x, e] for x in np.geomspace(0.05, 20, 7) for e in np.linspace(-3, 3, 7)]
-    )
-
-    def winding(self, lengths: np.ndarray) -> np.ndarray:
-        return np.zeros(len(lengths), dtype=int)
-
-    def body_angle(self, lengths: np.ndarray, branch: Any, crank: np.ndarray) -> np.ndarray:
-        return body_angle(lengths, crank)
-
-    def in_family(self, family: str, lengths: np.ndarray) -> np.ndarray:
-        return np.ones(len(lengths), dtype=bool)
-
-    def charts(self, family: str) -> list[SliderCrankChart]:
-        return [SliderCrankChart()]
-
-    def bounded(self, target: Target, limits: Any) -> list[Any]:
-        return []
-
-    def within(self, target: Target, limits: Any, solutions: list[Any]) -> list[Any]:
-        return solutions
-
-    def mounted(self, target: Target, lengths: np.ndarray, branch: Any, start: np.ndarray) -> list[SliderCrank]:
-        if target.position is None:
-            return [SliderCrank(row, at, (0j, 0.0, 0j)) for row, at in zip(lengths, start)]
-        fit = fit_positions(target, body_angle(lengths, start[:, None] + target.crank))
-        scaled = lengths * (np.abs(fit.crank_vector) / lengths[:, 0])[:, None]
-        pose = zip(fit.pivot, np.angle(fit.crank_vector) - start, fit.coupler_vector)
-        return [SliderCrank(*one) for one in zip(scaled, start, pose)]
-
-    def assess(self, target: Target, linkages: list[SliderCrank], rows: Any = None) -> list[SliderCrank]:
-        crank = np.array([one.start for one in linkages])[:, None] + target.crank
-        angle = body_angle(np.array([one.lengths for one in linkages]), crank)
-        pivot, turn, arm = (np.array(column)[:, None] for column in zip(*(one.pose for one in linkages)))
-        r = np.array([[one.lengths[0]] for one in linkages])
-        points = pivot + r * np.exp(1j * (crank + turn)) + arm * np.exp(1j * angle)
-        return [replace(one, errors=errors) for one, errors in zip(linkages, motion_errors(target, angle, points)[1])]
+def points_of(linkage: Any, target: Target) -> tuple[np.ndarray, np.ndarray]:
+    """Place and rotation of the body, from circle and rail or slot alone: crank pin, then where the other guide holds it."""
+    circle, other = linkage.guides
+    pin = circle.pivot + circle.radius * np.exp(1j * (linkage.start + target.crank))
+    if linkage.kind is Kind.SLIDER_CRANK:
+        beside = ((pin - other.point) * np.exp(-1j * other.direction)).imag
+        arm = other.body_point - circle.body_point
+        turned = other.direction + np.arcsin(-beside / abs(arm)) - np.angle(arm)
+    else:
+        across = ((other.body_point - circle.body_point) * np.exp(-1j * other.body_direction)).imag
+        away = other.pin - pin
+        turned = np.unwrap(np.angle(away)) - np.arcsin(across / np.abs(away)) - other.body_direction
+    return pin - circle.body_point * np.exp(1j * turned), turned
 
 
-class Mirrored(Mechanism):
-    """The same with a second branch, of which the law of `synthesis.mechanism` holds."""
-
-    branches = (1, -1)
-
-    def body_angle(self, lengths: np.ndarray, branch: Any, crank: np.ndarray) -> np.ndarray:
-        side = np.reshape(branch, (-1, 1))
-        return side * body_angle(lengths, side * crank)
-
-
-ANY = SimpleNamespace(family="full_crank", only_family=True)
-
-
-def test_random_slider_cranks_are_recovered() -> None:
-    tables = SeedTables(Mechanism())
-    for seed in range(20):  # every other one with positions too
-        random = np.random.default_rng(seed)
-        lengths, start = (
-            SliderCrankChart().shape(random.uniform([[-2, -2]], [[1.5, 2]])).lengths,
-            random.uniform(0, 6),
-        )
-        crank = np.linspace(0, random.uniform(2, 6), 24)
-        angle = body_angle(lengths, start + crank)[0]
-        pivot, z1, z2 = random.normal(size=3) + 1j * random.normal(size=3)
-        position = pivot + z1 * np.exp(1j * crank) + z2 * np.exp(1j * angle) if seed % 2 else None
-        target = make_target(angle + random.uniform(-3, 3), position, crank_angle=crank)
-        solutions, _ = search(tables, target, ANY, 3)
+@every_kind
+@pytest.mark.parametrize("what", WHAT)
+def test_random_linkages_are_recovered(kind: Kind, what: str) -> None:
+    for seed in range(12):
+        random = np.random.default_rng([seed, WHAT.index(what)])
+        span = random.uniform(60, 360) * (-1 if seed % 3 == 2 else 1)
+        target = random_motion(random, BY_CRANK[kind].guide, span, what, samples=24)
+        solutions, _ = linkages_by_crank(kind, target, "full_crank", 3)
         assert solutions[0].errors.objective < 1e-9, seed
+        for one in solutions:  # errors are those of the linkage's own numbers
+            assert one.linkage.kind is kind and one.linkage.turns_fully and one.linkage.branch == 1
+            place, turned = points_of(one.linkage, target)
+            gap = 0.0
+            if target.rotation is not None:
+                off = np.exp(1j * (target.rotation - turned))
+                gap += np.mean(np.angle(off) ** 2)
+            if target.position is not None:
+                gap += np.mean(np.abs(target.position - place) ** 2) / target.length_scale**2
+            assert np.sqrt(gap) == pytest.approx(one.errors.objective, rel=1e-6, abs=1e-12)
+
+
+@every_kind
+def test_a_crank_need_not_turn_fully(kind: Kind) -> None:
+    lengths = [[1.0, 1.3, 0.6]] if kind is Kind.SLIDER_CRANK else [[1.0, 1.2, 0.5]]
+    crank = np.linspace(0, 1.2, 16)
+    angle = body_angle(np.array(lengths), 2.0 + crank, BY_CRANK[kind].guide)[0]
+    target = make_target(angle, 1 + 2j + np.exp(1j * crank) - 0.7j * np.exp(1j * angle), crank_angle=crank)
+    (best, *_), _ = linkages_by_crank(kind, target, "any", 1)
+    assert best.errors.objective < 1e-9 and not best.linkage.turns_fully
+    found = lengths_of(best.linkage)
+    np.testing.assert_allclose(found / found[0], lengths[0], rtol=1e-6)
+    full, _ = linkages_by_crank(kind, target, "full_crank", 3)
+    assert all(one.linkage.turns_fully for one in full) and full[0].errors.objective > 1e-7
+
+
+@every_kind
+def test_a_mirrored_motion_gives_the_mirrored_linkages(kind: Kind) -> None:
+    target = random_motion(np.random.default_rng(4), BY_CRANK[kind].guide, 150, "both", noise=0.01)
+    plain, mirrored = (linkages_by_crank(kind, one, "any", 2)[0] for one in (target, target.mirrored()))
+    for one, other in zip(plain, mirrored, strict=True):
+        assert one.errors.objective == pytest.approx(other.errors.objective, rel=1e-12)
+        assert one.linkage == other.linkage.mirrored() or np.allclose(
+            one.identity, other.mirrored().identity, rtol=1e-9, atol=1e-9
+        )
+
+
+@every_kind
+def test_what_is_not_exact_ends_no_worse_than_the_truth_and_within_the_time(kind: Kind) -> None:
+    for seed in range(3):
+        guide = BY_CRANK[kind].guide
+        noisy = random_motion(np.random.default_rng(seed), guide, 200, "both", samples=24, noise=1e-2)
+        exact = random_motion(np.random.default_rng(seed), guide, 200, "both", samples=24)
+        found, _ = linkages_by_crank(kind, noisy, "any", 2)
+        truth, _ = linkages_by_crank(kind, exact, "any", 1)
+        assert truth[0].errors.objective < 1e-9
+        assert found[0].errors.objective < 1e-2 * np.sqrt(1 + 2 / noisy.length_scale**2)
+        work = Work(0.02)
+        linkages_by_crank(kind, noisy, "any", 2, work=work)
+        assert work.elapsed < 0.3
+
+
+@pytest.mark.parametrize("mechanism", [FOURBAR, SLIDER_CRANK_TYPES, *BY_CRANK.values()], ids=lambda one: one.kind)
+def test_the_law_of_branches(mechanism: Any) -> None:
+    lengths, crank = mechanism.coarse_types[::7], np.linspace(-3, 4, 23)
+    plus = mechanism.body_angle(lengths, np.ones(len(lengths)), crank)
+    assert np.isfinite(plus).all()
+    turns = mechanism.body_angle(lengths, np.ones(len(lengths)), np.linspace(0, 2 * np.pi, 400))
+    np.testing.assert_allclose(turns[:, -1] - turns[:, 0], 2 * np.pi * mechanism.winding(lengths), atol=1e-9)
+    if -1 in mechanism.branches:
+        minus = mechanism.body_angle(lengths, -np.ones(len(lengths)), -crank)
+        same = np.isnan(minus).all(axis=1)
+        assert np.ptp((plus + minus)[~same], axis=1).max() < 1e-9
+        assert np.array_equal(same, lengths[:, 2] == 0) or mechanism is FOURBAR
+
+
+def tables(guide: int) -> np.ndarray:
+    random = np.random.default_rng(guide)
+    return np.array([random_lengths(random, guide) for _ in range(24)])
 
 
 STARTS = 360
@@ -144,15 +153,18 @@ def always_by_the_index(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return answered
 
 
-@pytest.mark.parametrize("mechanism", [Mechanism(), Mirrored()], ids=["one branch", "two branches"])
+MECHANISMS = [*BY_CRANK.values(), SLIDER_CRANK_TYPES]
+
+
+@pytest.mark.parametrize("mechanism", MECHANISMS, ids=["slider-crank", "swinging block", "with mirror images"])
 @pytest.mark.parametrize("span", [20.0, 75.0, 360.0])
 def test_the_scan_finds_the_best_windows_of_all_branches_that_there_are(mechanism, span, always_by_the_index) -> None:
-    random = np.random.default_rng(int(span))
-    lengths = SliderCrankChart().shape(random.uniform([[-2, -2]], [[1.5, 2]], (24, 2))).lengths
+    lengths = tables(mechanism.guide)
     scan = Scan(make_table(mechanism, lengths, 64))
     assert scan.windows == len(lengths) * STARTS * len(mechanism.branches)
     crank = np.deg2rad(np.linspace(0, span, 13))
-    wanted = -body_angle(lengths[:1] * [1, 1.02, 1], 0.3 - crank)[0]  # nearly what a second branch would do
+    # nearly what a second branch would do
+    wanted = -body_angle(lengths[:1] * [1, 1.02, 1], 0.3 - crank, mechanism.guide)[0]
     position = np.array([1, 0.3, -0.8]) @ [np.ones(13), np.exp(1j * crank), np.exp(1j * wanted)]
     targets = [
         make_target(turned, points, crank_angle=crank)

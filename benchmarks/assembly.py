@@ -1,0 +1,63 @@
+"""Layers of random linkages against shapely at many places of the motion, and how long they take (`make assembly`)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any
+
+import numpy as np
+
+from benchmarks import report
+from benchmarks.report import Times
+from synthesis.assembly.layers import Asked, Search
+from synthesis.work import Work
+from tests.oracles.assembly import disagreements, four_bars, nearest, six_bars, sliders
+
+KINDS = {
+    "four-bars": (four_bars, 1),
+    "bodies on rails and slots": (sliders, 1),
+    "four-bars with motor and rod": (six_bars, 5),
+}
+"""Random machines of each kind, and the part of the cases that is taken of it."""
+
+
+def measure(cases: Annotated[int, "linkages of each kind"] = 1000) -> Iterator[dict[str, Any]]:
+    """Each kind, with a board below, on both sides, and heads in turn."""
+    rows: list[dict[str, Any]] = []
+    asked = [Asked("below"), Asked("both"), Asked("below", heads=True), Asked("both", heads=True)]
+    for kind, (machines, part) in KINDS.items():
+        times, proved = Times(), Times()
+        counts = dict.fromkeys(("pairs", "places", "wrong", "free", "touching", "blocked", "stacks"), 0)
+        least = np.inf
+        for number, machine in enumerate(machines(cases // part)):
+            question = asked[number % len(asked)]
+            proved.run(Search, machine, question, Work())
+            search = Search(machine, question, Work())
+            found = times.run(lambda: Search(machine, question, Work()).answer())  # noqa: B023
+            for name, value in zip(("pairs", "places", "wrong"), disagreements(machine, search)):
+                counts[name] += value
+            counts[found.status] += 1
+            if found.status == "free":
+                counts["stacks"] += 1
+                least = min(least, nearest(machine, found))
+        rows.append(
+            {
+                "kind": kind,
+                "cases": cases // part,
+                **counts,
+                "least": report.finite(least),
+                "ms": 1000 * times.median.processor,
+                "p99": 1000 * times.percentile(99).processor,
+                "proof": 1000 * proved.median.processor,
+            }
+        )
+        yield {"kinds": rows}
+
+
+def blocks(results: dict[str, Any]) -> dict[str, str]:
+    """Its table."""
+    return report.tables("assembly", {"kinds": results["kinds"]})
+
+
+if __name__ == "__main__":
+    report.run(measure, blocks)

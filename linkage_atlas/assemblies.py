@@ -1,0 +1,546 @@
+"""Plates and pins in layers as a user asks for them: whether a linkage can be built so that nothing collides, and how."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Any, Literal, NamedTuple, TypedDict
+
+import numpy as np
+
+from linkage_atlas.motions import number
+from linkage_atlas.records import KEPT, Record
+from synthesis.assembly import layers
+from synthesis.assembly.driving import LINKS, Motor, motor_driven
+from synthesis.assembly.guided import guided
+from synthesis.assembly.layers import BOARDS, BOTH, Arrangement, Asked, arrange
+from synthesis.assembly.machine import Machine, Sizes, four_bar
+from synthesis.assembly.parts import Heights, parts_of
+from synthesis.assembly.shapes import crosses_itself, signed_area
+from synthesis.assembly.walls import ENVELOPE, outside
+from synthesis.errors import FieldError
+from synthesis.fourbar.files import check_sizes
+from synthesis.fourbar.linkage import Linkage
+from synthesis.guided.linkage import GuidedLinkage
+from synthesis.mechanism import Box
+from synthesis.target import Interval
+from synthesis.work import Work
+
+ASSEMBLY = (
+    "width",
+    "hole",
+    "thickness",
+    "washer",
+    "clearance",
+    "boards",
+    "heads",
+    "body",
+    "mounts",
+    "layers_most",
+    "envelope",
+    "keep_out",
+    "drive",
+)
+"""What may be asked of an assembly, by the names of the HTTP contract."""
+MOST_CORNERS = 200
+"""Corners of a body's outline at most."""
+LAYERS_MOST, MOST_LAYERS = 6, 8
+"""Layers that are tried unless a request says so, and at most."""
+MOUNTS = (layers.BELOW, layers.ABOVE, BOTH)
+"""How a fixed pin may be held."""
+FIXED_PINS = ("A", "B", "M", "A1", "A2", "B1", "B2")
+"""Pins that stand in the ground: of links on circles and of slots, of a motor, and the posts of rails."""
+NOT_SAID = "tilt of long pins, play and tolerances of thickness are not in the clearance"
+
+Status = Annotated[str, Literal["free", "blocked", "touching"]]
+Part = Annotated[str, Literal["plate", "pin", "post", "head", "board"]]
+Cause = Annotated[str, Literal["pair", "loop"]]
+Collision = TypedDict("Collision", {"pair": list[str], "from": float, "to": float})
+"""Two parts, and the crank angles between which they collide; over the seam of a whole turn ``to`` lies beyond it."""
+
+
+class LeastGap(NamedTuple):
+    """How near two parts of one layer come."""
+
+    value: float
+    """The distance of their outlines less the clearance."""
+    pair: tuple[str, str]
+    crank_angle: float
+
+
+class Stop(NamedTuple):
+    """Where the motion ends; all null where nothing ends it."""
+
+    crank_angle: float | None
+    cause: Annotated[str | None, Cause | None]
+    """Two parts collide, or the loop itself ends."""
+    pair: tuple[str, str] | None
+    """The parts that collide there."""
+
+
+class Stops(NamedTuple):
+    """The ends of the motion on both sides of the used interval, or where that is blocked, of the longest free part of it."""
+
+    low: Stop
+    high: Stop
+
+
+class HeldPin(NamedTuple):
+    """A pin, or a post within one link."""
+
+    name: str
+    layers: tuple[int, int]
+    """The lowest and the highest that it fills; 0 is the board below, one more than the count the board above."""
+    held: Annotated[str, Literal["one", "two"]]
+    """On how many sides."""
+
+
+class ThroughShaft(NamedTuple):
+    """Whether a fixed pivot can be held from both sides."""
+
+    both_sides: bool
+    because: str | None
+    """What passes over it; null where nothing does."""
+
+
+class Slit(NamedTuple):
+    """A slit along which a pin slides: the ends that its middle reaches."""
+
+    first: tuple[float, float]
+    last: tuple[float, float]
+    pin: str
+
+
+class Hole(NamedTuple):
+    """A hole and the pin or post that it is for."""
+
+    at: tuple[float, float]
+    pin: str
+
+
+@dataclass(frozen=True)
+class AssemblyPart(Record):
+    """A part: everything within a radius of a core, between two heights, in the frame of its link."""
+
+    name: str
+    """crank, coupler, rocker, rail, motor_crank, rod, body, bar; pin_D, post_P, head_D_below, board_below."""
+    kind: Part
+    link: str
+    """Whose frame it is: from the link's first joint, x to its second (crank A to D, coupler D to C, rocker B to C); the ground's
+    from A in the axes of the request. A body on guides: from D, or the point of its slot, in its own axes."""
+    core: list[tuple[float, float]]
+    """A point, the ends of a line, or the corners of a polygon, counter-clockwise."""
+    radius: float
+    holes: list[Hole]
+    layers: tuple[int, int]
+    """The lowest and the highest that it fills."""
+    z: tuple[float, float]
+    """Its lower and upper face; layer 1 begins at 0."""
+    slits: list[Slit]
+    """Of rails, and of a body with a slot; as wide as a hole."""
+
+
+class PartSizes(NamedTuple):
+    """Sizes that were used, those of the request or the defaults, in the unit of the lengths."""
+
+    hole: float
+    """Diameter of the pins."""
+    width: float
+    """Of the plates."""
+    clearance: float
+    """Least gap that is wanted of parts that pass one another."""
+    thickness: float
+    """Of the plates."""
+    washer: float
+    """Between two layers."""
+
+
+@dataclass(frozen=True)
+class Assembly(Record):
+    """Layers of a linkage's plates, and whether they pass one another over the used interval: proved, not sampled."""
+
+    status: Status
+    """free: nothing comes nearer than the clearance; touching: something may just reach it; blocked: no layers are free."""
+    count: int
+    """Layers."""
+    layers: dict[str, int]
+    """Of each plate, from 1; where blocked, those that are free over the longest part of the motion."""
+    mounts: dict[str, str]
+    """How each fixed pin is held: below, above or below+above; none with a bar."""
+    least_gap: LeastGap | None
+    """Of all parts that share a layer; null where none do, or where blocked."""
+    stops: Stops
+    collisions: list[Collision]
+    """Of the layers told; empty where they are free. Also of plates with "envelope" and "keep_out 1", which no layers free."""
+    touches: list[Collision]
+    """Where parts may just reach one another."""
+    longest_free: tuple[float, float] | None
+    """Where blocked, the longest part of the used interval without a collision; null where there is none."""
+    pins: list[HeldPin]
+    shaft: dict[str, ThroughShaft]
+    """Of each fixed pivot."""
+    fewer: dict[str, Collision | None]
+    """By a number of layers, one less: what stops the best arrangement in so few; null where plates on one pin need more."""
+    others: int
+    """Further free arrangements in as many layers."""
+    tried: int
+    """Arrangements that were looked at; those that a part of them excludes count once."""
+    sizes: PartSizes
+    parts: list[AssemblyPart]
+    reasons: list[str]
+    """Sentences."""
+    machine: Machine = field(metadata=KEPT, repr=False)
+    """Plates and pins in radians."""
+    arrangement: Arrangement = field(metadata=KEPT, repr=False)
+    """What was found, in radians."""
+
+    @property
+    def free(self) -> bool:
+        """Whether nothing collides."""
+        return self.status == "free"
+
+
+class AskedAssembly(NamedTuple):
+    """What is asked of an assembly, checked."""
+
+    sizes: Sizes
+    thickness: float | None
+    washer: float | None
+    body: tuple[complex, ...]
+    arranged: Asked
+    envelope: Box | None = None
+    keep_out: tuple[Box, ...] = ()
+    motor: Motor | None = None
+
+    def within(self, envelope: Box | None, keep_out: Sequence[Box]) -> AskedAssembly:
+        """With the boxes of a request's limits, where it has none of its own."""
+        return self._replace(
+            envelope=self.envelope if envelope is None or self.envelope is not None else envelope,
+            keep_out=self.keep_out or tuple(keep_out),
+        )
+
+
+def read_assembly(given: Mapping[str, Any] | bool, where: str = "assembly/") -> AskedAssembly | None:
+    """A checked request for an assembly: some of `ASSEMBLY`, or true for the defaults; None where none is asked for.
+
+    ``where``: what stands before its fields in the names that errors have.
+    """
+    if isinstance(given, bool):
+        given = {} if given else None  # type: ignore[assignment]
+    if given is None:
+        return None
+    if not isinstance(given, Mapping):
+        raise FieldError(f"/{where.rstrip('/')}", f"wanted true, or a mapping of {', '.join(ASSEMBLY)}")
+    for name in given:
+        if name not in ASSEMBLY:
+            raise FieldError.no_such(f"/{where.rstrip('/')}".rstrip("/"), name, ASSEMBLY)
+    values = dict.fromkeys(ASSEMBLY) | {name: value for name, value in given.items() if value is not None}
+    lengths = {name: _length(f"{where}{name}", values[name], name) for name in ASSEMBLY[:5]}
+    boards = values["boards"] or "below"
+    if boards not in BOARDS:
+        raise FieldError(f"/{where}boards", f"wanted one of {', '.join(BOARDS)}, found {boards!r}")
+    most = LAYERS_MOST if values["layers_most"] is None else values["layers_most"]
+    if isinstance(most, bool) or not isinstance(most, (int, np.integer)) or not 1 <= most <= MOST_LAYERS:
+        raise FieldError(f"/{where}layers_most", f"wanted a whole number from 1 to {MOST_LAYERS}, found {most!r}")
+    if not isinstance(values["heads"], (bool, type(None))):
+        raise FieldError(f"/{where}heads", f"wanted true or false, found {values['heads']!r}")
+    return AskedAssembly(
+        Sizes(lengths["hole"], lengths["width"], lengths["clearance"]),
+        lengths["thickness"],
+        lengths["washer"],
+        () if values["body"] is None else _outline(f"{where}body", values["body"]),
+        Asked(boards, bool(values["heads"]), int(most), _mounts(f"{where}mounts", values["mounts"], boards)),
+        None if values["envelope"] is None else _box(f"{where}envelope", values["envelope"]),
+        tuple(_box(f"{where}keep_out/{k}", box) for k, box in enumerate(values["keep_out"] or ())),
+        None if values["drive"] is None else _motor(f"{where}drive", values["drive"]),
+    )
+
+
+def _motor(name: str, given: Any) -> Motor:
+    """A motor with a rod, as a reply of drives has it."""
+
+    def of(one: Any, part: str) -> Any:
+        return one.get(part) if isinstance(one, Mapping) else getattr(one, part, None)
+
+    if of(given, "kind") != "dyad" or of(given, "six_bar") is None:
+        raise FieldError(
+            f"/{name}", "wanted a drive of kind dyad as a reply has it, with its motor, pin_on_link and six_bar"
+        )
+    link = of(given, "link")
+    if link not in LINKS:
+        raise FieldError(
+            f"/{name}/link", f"wanted {' or '.join(LINKS)}, which turn about a fixed pivot; found {link!r}"
+        )
+    places = []
+    for part in ("motor", "pin_on_link"):
+        value = of(given, part)
+        if np.shape(value) != (2,):
+            raise FieldError(f"/{name}/{part}", "wanted [x, y]")
+        places.append(complex(*(number(f"{name}/{part}", one) for one in value)))
+    crank, rod = (
+        _length(f"{name}/six_bar/{part}", of(of(given, "six_bar"), part), part) for part in ("crank", "coupler")
+    )
+    if crank is None or rod is None:
+        raise FieldError(f"/{name}/six_bar", "wanted crank and coupler")
+    return Motor(link, places[0], crank, rod, places[1])
+
+
+def _box(name: str, given: Any) -> Box:
+    try:
+        found = np.asarray(given, dtype=float)
+    except (TypeError, ValueError):
+        found = np.zeros(0)
+    if found.shape != (4,) or not np.isfinite(found).all() or not (found[0] < found[2] and found[1] < found[3]):
+        raise FieldError(f"/{name}", "wanted [xmin, ymin, xmax, ymax] with xmin < xmax and ymin < ymax")
+    return (*found.tolist(),)
+
+
+def _length(name: str, value: Any, kind: str) -> float | None:
+    if value is None:
+        return None
+    found = number(name, value, 0.0)
+    if not found > 0 and kind not in ("clearance", "washer"):
+        raise FieldError(f"/{name}", f"wanted a length above 0, found {found:g}")
+    return found
+
+
+def _mounts(name: str, given: Any, boards: str) -> dict[str, str]:
+    if given is None:
+        return {}
+    if not isinstance(given, Mapping):
+        raise FieldError(f"/{name}", "wanted a mapping such as {'A': 'below'}")
+    if given and boards == "bar":
+        raise FieldError(f"/{name}", "a bar is a plate itself: its pins stand in no board")
+    allowed = {"below": MOUNTS[:1], "above": MOUNTS[1:2], "both": MOUNTS}[boards] if given else ()
+    for pin, mount in given.items():
+        if pin not in FIXED_PINS:
+            raise FieldError.no_such(f"/{name}", pin, FIXED_PINS, "fixed pin")
+        if mount not in allowed:
+            raise FieldError(f"/{name}/{pin}", f"wanted {' or '.join(allowed)} with boards {boards}, found {mount!r}")
+    return dict(given)
+
+
+def _outline(name: str, given: Any) -> tuple[complex, ...]:
+    """The corners of a body's outline, counter-clockwise."""
+    try:
+        points = np.asarray(given, dtype=float)
+    except (TypeError, ValueError):
+        points = np.zeros(0)
+    if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all():
+        raise FieldError(f"/{name}", "wanted corners [x, y], all finite")
+    corners = [complex(*point) for point in points]
+    if len(corners) > 1 and corners[0] == corners[-1]:
+        corners.pop()
+    if not 3 <= len(corners) <= MOST_CORNERS:
+        raise FieldError(f"/{name}", f"wanted 3 to {MOST_CORNERS} corners, found {len(corners)}")
+    if crosses_itself(corners):
+        raise FieldError(f"/{name}", "the outline crosses or touches itself")
+    return tuple(corners if signed_area(corners) > 0 else corners[::-1])
+
+
+def machine_of(
+    linkage: Linkage | GuidedLinkage, asked: AskedAssembly, used: Interval, where: str = "assembly/"
+) -> Machine:
+    """Plates and pins of a linkage with the sizes that are asked for. FieldError where they leave no material."""
+    bar = asked.arranged.boards == "bar"
+    if asked.motor is not None:
+        if isinstance(linkage, GuidedLinkage):
+            raise FieldError(f"/{where}drive", "a motor's rod is arranged with four-bars only")
+        machine = motor_driven(linkage, used, asked.motor, asked.sizes, asked.body, bar)
+    elif isinstance(linkage, GuidedLinkage):
+        machine = guided(linkage, used, asked.sizes, asked.body, bar)
+    else:
+        if asked.body and not linkage.mounted:
+            raise FieldError(f"/{where}body", "needs `position`: without it nothing says where the body is")
+        machine = four_bar(linkage, used, asked.sizes, asked.body, bar)
+    check_sizes(machine.lengths, machine.hole, machine.width, f"/{where}".rstrip("/"))
+    return machine
+
+
+class Reading(NamedTuple):
+    """How places of the drive are told."""
+
+    radian: float
+    """Radians in the user's unit of angle; 1 for lengths."""
+    behind: str
+    """The unit in sentences; of a length none."""
+
+
+def assembled(
+    linkage: Linkage | GuidedLinkage,
+    asked: AskedAssembly,
+    used: Interval,
+    radian: float,
+    work: Work,
+    where: str = "assembly/",
+) -> Assembly:
+    """The assembly of a linkage over an interval of its drive's travel from the first sample, in the user's units.
+
+    ``radian``: radians in the user's unit of angle; the travel of a drive that slides is a length.
+    """
+    machine = machine_of(linkage, asked, used, where)
+    unit = Reading(radian, " rad" if radian == 1.0 else " degrees") if machine.turns else Reading(1.0, "")
+    try:
+        found = arrange(machine, asked.arranged, work)
+    except FieldError as error:
+        raise FieldError(f"/{where}{error.field.lstrip('/')}", error.message) from None
+    reasons = _reasons(machine, found, asked.arranged, unit)
+    if found.status == "blocked" and asked.arranged.boards in ("below", "above") and not asked.arranged.mounts:
+        other = arrange(machine, asked.arranged._replace(boards="both"), work)
+        if other.status == "free":
+            held = ", ".join(f"{pin} {mount}" for pin, mount in other.stack.mounts.items())
+            reasons.insert(1, f"with boards on both sides {other.stack.count} layers are free: {held}")
+    beyond = outside(machine, asked.envelope, asked.keep_out, work)
+    if beyond:
+        # no layer helps
+        found = replace(found, status="blocked", collisions=(*beyond, *found.collisions))
+        reasons = [_beyond(one, machine, unit) for one in beyond] + reasons
+    return described(machine, asked, found, reasons, unit)
+
+
+def described(
+    machine: Machine, asked: AskedAssembly, found: Arrangement, reasons: list[str], unit: Reading
+) -> Assembly:
+    """What was found as a user reads it."""
+    stack, heights = found.stack, Heights.of(machine, asked.thickness, asked.washer)
+    names = machine.movement.names
+    return Assembly(
+        status=found.status,
+        count=stack.count,
+        layers=stack.layers,
+        mounts=stack.mounts,
+        least_gap=None
+        if found.least is None
+        else LeastGap(found.least[1].gap, found.least[0], found.least[1].at / unit.radian),
+        stops=Stops(_stop(found.low, unit), _stop(found.high, unit)),
+        collisions=[_collision(one, unit) for one in found.collisions],
+        touches=[_collision(one, unit) for one in found.touches],
+        longest_free=None if found.free is None else (found.free.first / unit.radian, found.free.last / unit.radian),
+        pins=[
+            HeldPin(name, span, "two" if stack.mounts.get(name) == BOTH else "one")
+            for name, span in stack.pins.items()
+        ],
+        shaft={name: ThroughShaft(one.both_sides, _passing(name, one, unit)) for name, one in found.shaft.items()},
+        fewer={str(count): None if one is None else _collision(one, unit) for count, one in found.fewer.items()},
+        others=found.others,
+        tried=found.tried,
+        sizes=PartSizes(machine.hole, machine.width, machine.clearance, heights.thickness, heights.washer),
+        parts=[
+            AssemblyPart(
+                one.name,
+                one.kind,
+                names[one.body],
+                [(z.real, z.imag) for z in one.shape.core],
+                one.shape.radius,
+                [Hole((hole.at.real, hole.at.imag), hole.pin) for hole in one.holes],
+                one.layers,
+                one.z,
+                [
+                    Slit((slit.first.real, slit.first.imag), (slit.last.real, slit.last.imag), slit.pin)
+                    for slit in one.slits
+                ],
+            )
+            for one in parts_of(machine, stack, heights)
+        ],
+        reasons=reasons,
+        machine=machine,
+        arrangement=found,
+    )
+
+
+def _collision(one: layers.Collision, unit: Reading) -> Collision:
+    return {"pair": list(one.pair), "from": one.first / unit.radian, "to": one.last / unit.radian}
+
+
+def _stop(one: layers.Stop | None, unit: Reading) -> Stop:
+    if one is None:
+        return Stop(None, None, None)
+    return Stop(one.at / unit.radian, "loop" if one.pair is None else "pair", one.pair)
+
+
+# -- in words -----------------------------------------------------------------------------------------------------------
+
+
+def _angle(value: float, unit: Reading) -> str:
+    """A place of the drive with its unit."""
+    return f"{value / unit.radian:.6g}{unit.behind}"
+
+
+def _part(name: str, machine: Machine) -> str:
+    """A part in a sentence: "the crank", "pin B", "the head of pin A"."""
+    if name.startswith("head "):
+        return f"the head of pin {name.removeprefix('head ')}"
+    return f"the {name}" if any(one.name == name for one in machine.plates) else f"pin {name}"
+
+
+def _both(pair: Sequence[str], machine: Machine) -> str:
+    return " and ".join(_part(name, machine) for name in pair)
+
+
+def _between(one: layers.Collision, unit: Reading) -> str:
+    return f"from {one.first / unit.radian:.6g} to {_angle(one.last, unit)}"
+
+
+def _beyond(one: layers.Collision, machine: Machine, unit: Reading) -> str:
+    wall, plate = one.pair
+    what = "leaves the envelope" if wall == ENVELOPE else f"enters {wall.replace('_', '-')}"
+    return f"{_part(plate, machine)} {what} {_between(one, unit)}"
+
+
+def _passing(pin: str, shaft: layers.Shaft, unit: Reading) -> str | None:
+    if shaft.both_sides:
+        return None
+    ways = [f"the {_other(one.pair, pin)} passes over {pin} {_between(one, unit)}" for one in shaft.passes]
+    return "; ".join(ways)
+
+
+def _other(pair: Sequence[str], pin: str) -> str:
+    return next(name for name in pair if name != pin)
+
+
+def _reasons(machine: Machine, found: Arrangement, asked: Asked, unit: Reading) -> list[str]:
+    stack = found.stack
+    by_layer: dict[int, list[str]] = {}
+    for plate, layer in stack.layers.items():
+        by_layer.setdefault(layer, []).append(plate)
+    said = "; ".join(f"layer {layer}: {', '.join(by_layer[layer])}" for layer in sorted(by_layer))
+    reasons = []
+    if found.status == "blocked":
+        reasons.append(f"no arrangement of up to {asked.most} layers is free over the used interval")
+        best = found.free
+        part = (
+            "is free nowhere"
+            if best is None
+            else f"is free from {best.first / unit.radian:.6g} to {_angle(best.last, unit)}"
+        )
+        reasons.append(f"the best ({said}) {part}")
+        ends = [one for one in (found.low, found.high) if one is not None and one.pair is not None]
+        for pair in dict.fromkeys(one.pair for one in ends if one.pair is not None):
+            at = " and ".join(_angle(one.at, unit) for one in ends if one.pair == pair)
+            reasons.append(f"{_both(pair, machine)} collide at {at}")
+        for one in found.collisions if best is None else ():
+            reasons.append(f"{_both(one.pair, machine)} collide {_between(one, unit)}")
+    else:
+        reasons.append(said)
+    for one in found.touches:
+        reasons.append(
+            f"{_both(one.pair, machine)} may just reach the clearance {_between(one, unit)}: that is not decided"
+        )
+    for count, stops in found.fewer.items():
+        if stops is not None:
+            layers_said = f"not in {count} layer{'s' if count != 1 else ''}"
+            reasons.append(f"{layers_said}: there {_both(stops.pair, machine)} collide {_between(stops, unit)}")
+    for name, shaft in found.shaft.items():
+        if not shaft.both_sides:
+            reasons.append(f"{name} is held from one side: {_passing(name, shaft, unit)}")
+    if found.status != "blocked":
+        for which, stop in (("lower", found.low), ("upper", found.high)):
+            if stop is not None:
+                cause = "the loop ends" if stop.pair is None else f"{_both(stop.pair, machine)} collide"
+                reasons.append(f"{which} end of the motion at {_angle(stop.at, unit)}: {cause}")
+    if any(one.name == "rod" for one in machine.plates):
+        reasons.append("crank angles are those of the motor, from the first sample on")
+    if not machine.stops:
+        reasons.append("slits are as long as the used motion: how far it would go with longer ones was not looked at")
+    reasons.append(NOT_SAID)
+    return reasons

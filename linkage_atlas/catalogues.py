@@ -1,0 +1,170 @@
+"""Catalogues of actuators and springs: those that come along, one's own as CSV, and rows given one by one."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Mapping, Sequence
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+from linkage_atlas.motions import number
+from synthesis.drives.actuator import Actuator, Row
+from synthesis.drives.springs import Kind
+from synthesis.errors import FieldError
+
+MOST_ROWS = 400
+"""Rows of a catalogue at most."""
+MOST_SPRINGS = 200
+"""Rows of a catalogue of springs at most."""
+ACTUATORS = ("iso_6432", "iso_15552", "spindle")
+"""Catalogues of actuators that come along, in millimetres and newtons: pneumatic cylinders by two standards, whose retracted
+length is a usual one from rear pin to rod eye, and spindle actuators of no maker. Look a size up before you buy it."""
+SPRINGS = {"tension": "tension_springs", "gas": "gas_springs"}
+"""Those of springs, of no maker."""
+PRESSURE = 6.0
+"""Bar, of a cylinder's supply where nothing else is said."""
+_NEWTONS_A_BAR = 0.1
+"""Of a pressure in bar on a square millimetre."""
+_LENGTHS = ("retracted", "stroke", "bore", "rod", "free_length", "shortest", "longest", "extended")
+_COLUMNS = {
+    "actuator": ("name", "retracted", "stroke", "force", "pull", "bore", "rod", "price"),
+    "tension": ("name", "stiffness", "free_length", "preload", "shortest", "longest", "price"),
+    "gas": ("name", "force", "progression", "extended", "stroke", "price"),
+}
+_NEEDED = {
+    "actuator": ("retracted", "stroke"),
+    "tension": ("stiffness", "free_length", "longest"),
+    "gas": ("force", "extended", "stroke"),
+}
+
+
+@cache
+def _bundled(name: str) -> tuple[Mapping[str, Any], ...]:
+    return tuple(_table(name, files("linkage_atlas").joinpath(f"catalogues/{name}.csv").read_text()))
+
+
+def _table(field: str, text: str) -> list[dict[str, Any]]:
+    """Rows of a CSV text with a head; numbers where they are numbers."""
+    reader = csv.DictReader(io.StringIO(text.strip()), delimiter=";" if ";" in text.partition("\n")[0] else ",")
+    rows: list[dict[str, Any]] = []
+    for line, row in enumerate(reader, 2):
+        values: dict[str, Any] = {}
+        for name, value in row.items():
+            if name is None or value is None:
+                raise FieldError(f"/{field}", f"line {line} has not as many columns as the head")
+            if name.strip() == "name":
+                values["name"] = value.strip()
+            elif value.strip():
+                try:
+                    values[name.strip()] = float(value)
+                except ValueError:
+                    raise FieldError(
+                        f"/{field}", f"line {line}: wanted a number as {name}, found {value!r}"
+                    ) from None
+        rows.append(values)
+    return rows
+
+
+def _rows(field: str, given: Any, kind: str, names: Sequence[str], most: int) -> list[Mapping[str, Any]]:
+    """Rows of a catalogue: by its name, of a CSV text, or as they are."""
+    if isinstance(given, str):
+        if "\n" in given:
+            rows: list[Mapping[str, Any]] = list(_table(field, given))
+        elif given in names:
+            return list(_bundled(given))
+        else:
+            raise FieldError(
+                f"/{field}", f"wanted one of {', '.join(names)}, rows, or a CSV text, found {given[:60]!r}"
+            )
+    else:
+        rows = [dict(row) for row in given]
+    if not 1 <= len(rows) <= most:
+        raise FieldError(f"/{field}", f"wanted 1 to {most} rows, found {len(rows)}")
+    for place, row in enumerate(rows):
+        for name in row:
+            if name not in _COLUMNS[kind]:
+                raise FieldError.no_such(f"/{field}/{place}", name, _COLUMNS[kind], "column")
+        for name in _NEEDED[kind]:
+            if row.get(name) is None:
+                raise FieldError(f"/{field}/{place}/{name}", "needed")
+    return rows
+
+
+def _value(field: str, row: Mapping[str, Any], name: str, scale: float, default: float | None = None) -> float | None:
+    found = row.get(name)
+    if found is None:
+        return default
+    value = number(f"{field}/{name}", found)
+    if name != "preload" and not value > 0 and not (name == "price" and value == 0):
+        raise FieldError(f"/{field}/{name}", f"wanted a number above 0, found {value:g}")
+    return value / scale if name in _LENGTHS else value
+
+
+def read_actuators(field: str, given: Any, millimetres: float, pressure: float) -> tuple[list[Row], dict[str, float]]:
+    """Rows of a catalogue of actuators, and the rod diameters by the rows' names.
+
+    A bundled one and none else is turned from millimetres to the request's unit, of which ``millimetres`` make one. A row with a
+    bore and without a force pushes with ``pressure`` (bar) on the bore and pulls on what the rod leaves of it.
+    """
+    bundled = isinstance(given, str) and "\n" not in given
+    scale = millimetres if bundled else 1.0
+    rows, rods = [], {}
+    for place, row in enumerate(_rows(field, given, "actuator", ACTUATORS, MOST_ROWS)):
+        at = f"{field}/{place}"
+        retracted, stroke = (_value(at, row, name, scale) for name in ("retracted", "stroke"))
+        bore, rod = (_value(at, row, name, scale) for name in ("bore", "rod"))
+        push = _value(at, row, "force", scale)
+        pull = _value(at, row, "pull", scale, push)
+        if push is None and bore is not None:
+            area = math.pi / 4 * (bore * millimetres) ** 2
+            taken = math.pi / 4 * ((rod or 0.0) * millimetres) ** 2
+            if taken >= area:
+                raise FieldError(f"/{at}/rod", "wanted less than the bore")
+            push, pull = (pressure * _NEWTONS_A_BAR * part for part in (area, area - taken))
+        name = str(row.get("name") or f"row {place + 1}")
+        assert retracted is not None and stroke is not None
+        price, never = _value(at, row, "price", scale), math.inf
+        rows.append(
+            Row(
+                name,
+                Actuator(retracted, stroke),
+                never if push is None else push,
+                never if pull is None else pull,
+                price,
+            )
+        )
+        if rod is not None:
+            rods[name] = rod
+    return rows, rods
+
+
+def read_springs(field: str, given: Any, kind: str, millimetres: float) -> list[Kind]:
+    """Rows of a catalogue of tension or gas springs; None: the one that comes along."""
+    given = SPRINGS[kind] if given is None else given
+    bundled = isinstance(given, str) and "\n" not in given
+    scale = millimetres if bundled else 1.0
+    kinds = []
+    for place, row in enumerate(_rows(field, given, kind, tuple(SPRINGS.values()), MOST_SPRINGS)):
+        at = f"{field}/{place}"
+        name, price = str(row.get("name") or f"row {place + 1}"), _value(at, row, "price", scale)
+        if kind == "gas":
+            force, extended, stroke = (_value(at, row, name, scale) for name in ("force", "extended", "stroke"))
+            assert force is not None and extended is not None and stroke is not None
+            if stroke >= extended:
+                raise FieldError(f"/{at}/stroke", "wanted less than the extended length")
+            progression = _value(at, row, "progression", scale, 1.0)
+            assert progression is not None
+            rate = force * (progression - 1) / stroke
+            kinds.append(Kind(name, rate, extended, -force, extended - stroke, extended, price))
+            continue
+        stiffness, free, longest = (_value(at, row, name, scale) for name in ("stiffness", "free_length", "longest"))
+        assert stiffness is not None and free is not None and longest is not None
+        if longest <= free:
+            raise FieldError(f"/{at}/longest", "wanted more than the free length")
+        preload, shortest = _value(at, row, "preload", scale, 0.0), _value(at, row, "shortest", scale, free)
+        assert preload is not None and shortest is not None
+        kinds.append(Kind(name, stiffness * scale, free, preload, shortest, longest, price))
+    return kinds

@@ -1,0 +1,1403 @@
+"""What drives a linkage over its way: rotary drives, actuators, motors that turn on, knees that lock it, and springs.
+
+Data flow: read what is asked, each thing by its field; make the `Machine` of the linkage over its used interval, and the torque
+that the load asks of it; look for each kind on each link; describe what was found, and why there is nothing elsewhere.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Annotated, Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from linkage_atlas.catalogues import PRESSURE, read_actuators, read_springs
+from linkage_atlas.guided import GuidedLinkage
+from linkage_atlas.linkages import FourBar
+from linkage_atlas.motions import MILLIMETRES, Motion, check_above_zero, check_top, column, number, radians_in
+from linkage_atlas.records import KEPT, Record, Values, Vectors
+from synthesis.arrays import Complexes, Floats
+from synthesis.drives.actuator import (
+    ROW_GRID,
+    Actuator,
+    Box,
+    Placement,
+    Question,
+    Refused,
+    Row,
+    Sizes,
+    Unfit,
+    Wanted,
+    best_of_rows,
+)
+from synthesis.drives.balance import Spring as Placed
+from synthesis.drives.balance import one_spring, potential_of, two_springs
+from synthesis.drives.dyad import LARGEST_RATIO, Driven, about_pivot, driven, on_any_link
+from synthesis.drives.links import GROUND, LinkMotion, Loading, Machine, Mass, hinged, machine_of, machine_of_guided
+from synthesis.drives.springs import Fitted, Room, best_pair, best_spring, fitted
+from synthesis.drives.toggle import Knee, locked
+from synthesis.errors import FieldError
+from synthesis.fourbar.linkage import Linkage
+from synthesis.guided.linkage import Circle, Driver, Rail, Slot
+from synthesis.guided.linkage import GuidedLinkage as Guided
+from synthesis.target import MAX_LENGTH, TURN, Interval
+from synthesis.work import Work
+
+KINDS = ("rotary", "actuator", "cylinder", "dyad", "toggle")
+"""Of drives; a cylinder is an actuator."""
+SPRING_KINDS = ("tension", "gas")
+MOST_DRIVES, MOST_SPRINGS, MOST_MASSES = 8, 4, 20
+"""Entries of a request."""
+LARGEST = 1e12
+"""Of forces, torques and masses."""
+FINE = 961
+"""Positions at which what is reported of a motor is computed."""
+_DRIVE_FIELDS: dict[str, tuple[str, ...]] = {
+    "rotary": ("links", "transmission_angle_min"),
+    "actuator": (
+        "retracted",
+        "stroke",
+        "catalogue",
+        "pressure",
+        "links",
+        "on",
+        "ground_box",
+        "reach_max",
+        "arm_min",
+        "dead_length",
+        "rod",
+        "extends",
+    ),
+    "dyad": ("links", "time_ratio", "motor_box", "pin_radius", "reach_max", "transmission_angle_min"),
+    "toggle": ("links", "at", "over_centre", "knee", "ground_box", "reach_max", "arm_min"),
+}
+_SPRING_FIELDS = ("kind", "between", "catalogue", "stiffness", "ground_box", "reach_max", "clear")
+_STEEL = 210_000.0
+"""Newtons a square millimetre, of a rod that buckles."""
+_LEAST_ARM = 0.1
+"""Of the largest arm that there can be: the least one where none is asked for."""
+_OVER_CENTRE = 5.0
+"""Degrees by which a knee goes beyond its line, where nothing is said."""
+_DWELL = 0.01
+"""Part of the way within which a linkage counts as standing still at its end."""
+_STOPS = {
+    "rotary": "two stops, or position control",
+    "actuator": "none: its own ends of stroke are the ends of the way",
+    "part": "two stops: it does not use its ends of stroke",
+    "dyad": "none: the motor passes both ends with the linkage at rest",
+    "toggle": "one, for the knee beyond its line",
+}
+_HOLDS = {
+    "rotary": "with a worm gear or a brake",
+    "actuator": "a spindle does, a cylinder with its valves shut",
+    "dyad": "near its dead centres",
+}
+
+
+class DriveCurve(NamedTuple):
+    """A drive over the way, at even steps of what the linkage is computed by (the crank angle of a four-bar)."""
+
+    crank_angle: Floats
+    """From the first sample on; of a linkage that a slide drives its travel."""
+    length: Values | None
+    """Of an actuator, of the line from motor to pin, or of a knee."""
+    arm: Values | None
+    """Moment arm: change of length a radian of the crank."""
+    force: Values | None
+    """Pushing is positive; of the rod of a motor forwards. Null without a load."""
+    torque: Values | None
+    """Of a rotary drive, or of the motor forwards. Null without a load."""
+    ground: Vectors | None
+    """Where the end on ground, or on the other link, is."""
+    pin: Vectors | None
+    """Where the pin is."""
+    knee: Vectors | None
+    """Of a motor its crank's end forwards, of a knee its joint."""
+
+
+class SixBar(NamedTuple):
+    """A motor and a rod on a linkage: together six links."""
+
+    crank: float
+    """The motor's."""
+    coupler: float
+    """The rod."""
+    kind: str
+    """`watt_2` on a link with a fixed pivot, `stephenson_3` on any other, `crank_rocker` on a hinged link."""
+    time_ratio: float
+    """Of the slower way over the other, at a constant speed of the motor."""
+    transmission_angle_min: float
+    """Between rod and normal of the pin's path, over both ways."""
+    motor_torque_max: float | None
+    """Over both ways; null without a load."""
+    motor_turn: tuple[float, float]
+    """Of the motor forwards and backwards, counter-clockwise positive; together a whole turn."""
+    dwell: tuple[float, float]
+    """Turn of the motor while the linkage is within 1 % of its way of the first end, and of the last."""
+    motor_angle: Annotated[Floats, list[float]]
+    """At even steps over a whole turn, from the first end on."""
+    crank_angle: Values
+    """Of the linkage, there."""
+    motor_torque: Values | None
+    """There; zero at both ends."""
+    rod_force: Values | None
+    """There: what rod, motor and the motor's bearing carry; compression positive."""
+    motor_pin: Vectors
+    """There: the end of the motor's crank."""
+
+
+class Buckling(NamedTuple):
+    """Of a rod of steel as long as the whole actuator, pinned at both ends (Euler)."""
+
+    critical_force: float
+    """At the longest position in compression."""
+    safety: float | None
+    """Least of critical force over compression; null where nothing is compressed."""
+
+
+class Lock(NamedTuple):
+    """A knee that goes over its centre."""
+
+    handle: float
+    """Length of the link on the ground."""
+    strut: float
+    """Length of the link on the pin."""
+    over_centre: float
+    at: Literal["first", "last"]
+    overshoot: float
+    """Crank angle beyond the end while the knee passes its line."""
+    handle_torque_max: float | None
+    holds: bool | None
+    """Whether the load presses it onto its stop; null without a load."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drive(Record):
+    """A drive at its place, and what it asks and gives."""
+
+    kind: Literal["rotary", "actuator", "dyad", "toggle"]
+    link: str
+    """That it moves."""
+    on: str = GROUND
+    """Link that carries its other end."""
+    name: str | None = None
+    """Of the row of the catalogue."""
+    price: float | None = None
+    ground_point: tuple[float, float] | None = None
+    """Its other end; on another link at the first position."""
+    motor: tuple[float, float] | None = None
+    pin: tuple[float, float] | None = None
+    """In the plane, at the first position."""
+    pin_on_link: tuple[float, float] | None = None
+    """In the link's frame."""
+    length: tuple[float, float] | None = None
+    """At the first position and at the last."""
+    retracted: float | None = None
+    stroke: float | None = None
+    extends: bool | None = None
+    """From the first position to the last."""
+    swing: float
+    """Of the link that it moves."""
+    arm_min: float | None = None
+    """A radian of the crank."""
+    peak_force: float | None = None
+    """Null without a load."""
+    peak_torque: float | None = None
+    """Null without a load."""
+    holding: tuple[float, float] | None = None
+    """Force or torque at the first position and at the last; null without a load."""
+    bound: float | None = None
+    """No actuator of this stroke has a smaller peak force."""
+    over_bound: float | None = None
+    """Peak force over it: 1.01 is as good as it gets."""
+    transmission_angle_min: float | None = None
+    """Of a rotary drive; of a motor see `six_bar`."""
+    buckling: Annotated[Buckling | None, Buckling] = None
+    stops: str
+    """That must be built."""
+    holds: str
+    """Whether it holds without power."""
+    envelope: tuple[float, float, float, float] | None = None
+    """Range of its pins: xmin, ymin, xmax, ymax."""
+    curve: DriveCurve
+    six_bar: SixBar | None = None
+    lock: Lock | None = None
+
+
+@dataclass(frozen=True)
+class Refusal(Record):
+    """Why there is no drive, or no spring, of a kind on a link."""
+
+    kind: str
+    link: str
+    name: str | None
+    """Of the row of the catalogue, where it is about one."""
+    reason: str
+
+
+class TorqueSize(NamedTuple):
+    """Of a torque over the way."""
+
+    rms: float
+    peak: float
+
+
+class BeforeAfter(NamedTuple):
+    """Of the drive's torque, without a spring and with it."""
+
+    before: TorqueSize
+    after: TorqueSize
+
+
+class SpringCurve(NamedTuple):
+    """A spring over the way."""
+
+    crank_angle: Floats
+    length: Values
+    force: Values
+    """Pull; a gas spring's is negative."""
+    torque: Values
+    """What the drive then gives, with all springs of the set."""
+    hand_force: Values | None
+    """With `hand`: what a hand there gives along its path; positive towards the last position."""
+    ends: Annotated[Floats, list[tuple[tuple[float, float], tuple[float, float]]]]
+    """(n, 2, 2): where its ends are."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spring(Record):
+    """A spring at its place. Those with the same `set` work together."""
+
+    kind: Literal["tension", "gas"]
+    set: int
+    name: str | None
+    """Of the row of the catalogue."""
+    between: tuple[str, str]
+    points: tuple[tuple[float, float], tuple[float, float]]
+    """Its ends in the plane, at the first position."""
+    points_on_links: tuple[tuple[float, float], tuple[float, float]]
+    """The same in the links' frames."""
+    stiffness: float
+    free_length: float
+    """At which it pulls with its preload."""
+    preload: float
+    length: tuple[float, float]
+    """Least and most."""
+    torque: BeforeAfter
+    exact: bool
+    """Balanced in every position, by springs of zero free length."""
+    stays: str
+    """What the linkage does by itself at both ends, without friction."""
+    curve: SpringCurve
+
+
+class TorqueCurve(NamedTuple):
+    """What the load asks of a drive at the crank."""
+
+    crank_angle: Floats
+    torque: Values
+    work: float
+    """Over the way; negative where the load gives it."""
+    amount: float
+    """The integral of the torque's amount: over a stroke it is the least peak force."""
+
+
+@dataclass(frozen=True)
+class Drives(Record):
+    """The answer to `linkage_atlas.drives`: what was found, the best first within each kind, and why nothing elsewhere."""
+
+    drives: list[Drive]
+    refused: list[Refusal]
+    springs: list[Spring]
+    torque: TorqueCurve
+    notes: list[str]
+    machine: Machine = field(metadata=KEPT, repr=False)
+
+    def best(self, kind: str) -> Drive | None:
+        """The best of a kind; None where there is none."""
+        return next((one for one in self.drives if one.kind == kind), None)
+
+
+# -- what is asked ----------------------------------------------------------------------------------------------------
+
+
+class Asked(NamedTuple):
+    """A checked request, in the units of the linkage and in radians."""
+
+    load: Loading
+    drives: tuple[Mapping[str, Any], ...]
+    springs: tuple[Mapping[str, Any], ...]
+    hand: complex | None
+    millimetres: float
+
+    @property
+    def loaded(self) -> bool:
+        """Whether anything acts."""
+        return bool(self.load.force or self.load.torque or self.load.masses)
+
+
+def drives(
+    linkage: Any = None,
+    drives: Sequence[Mapping[str, Any]] = ({"kind": "rotary"}, {"kind": "actuator"}, {"kind": "dyad"}),
+    *,
+    load: Mapping[str, Any] | None = None,
+    springs: Sequence[Mapping[str, Any]] = (),
+    motion: Motion | None = None,
+    crank_angle: ArrayLike | None = None,
+    rocker: Mapping[str, Any] | None = None,
+    hand: ArrayLike | None = None,
+    length_unit: Literal["mm", "cm", "m", "in"] = "mm",
+    top: int = 5,
+    degrees: bool = True,
+    budget: float | None = None,
+    work: Callable[[float | None], Work] = Work,
+) -> Drives:
+    """What drives a linkage over its way: the best drives of each kind, and springs that carry its load.
+
+    Parameters
+    ----------
+    linkage : FourBar, GuidedLinkage, Solution or mapping, optional
+        A `GuidedLinkage` too, driven by a crank, slider, cylinder or hinge. Or None with ``rocker``.
+    drives : sequence of mapping
+        Each with its ``kind``: "rotary", "actuator" (or "cylinder"), "dyad", "toggle", and its wishes by name, see
+        docs/drives.md.
+    load : mapping, optional
+        ``force`` [fx, fy] at the body point and ``torque`` on the body, in directions that do not turn with it; ``masses``:
+        [{"link", "mass", "at": [x, y], "inertia"}], ``at`` in the link's frame (default: its middle, of the body its point);
+        ``gravity`` [gx, gy] (default [0, -9.81]); ``speed``, at which the crank turns steadily: then masses resist. Without a
+        load the largest least moment arm counts.
+    springs : sequence of mapping
+        Each with its ``kind``, "tension" or "gas", and ``between``, two links or the ground.
+    motion : Motion, optional
+        What the linkage answers; default: its own.
+    crank_angle : array_like, shape (n,), optional
+        Crank angles from the start angle on, in place of a motion: their first and last are the ends of the way.
+    rocker : mapping, optional
+        In place of a linkage a link on a hinge: ``pivot`` [x, y], ``start`` and ``swing`` (angles), ``length``.
+    hand : array_like, shape (2,), optional
+        A place on the body at the first position, for the force of a hand there.
+    length_unit : {"mm", "cm", "m", "in"}
+        The unit of its lengths, for catalogues that come along; forces are then in newtons.
+    top : int
+        Drives of each kind at most.
+    degrees : bool
+        Unit of angles, where the linkage does not say it.
+    budget : float, optional
+        Seconds.
+    work : callable
+        Makes what watches over time and cancellation from a budget in seconds.
+
+    Returns
+    -------
+    Drives
+
+    Raises
+    ------
+    FieldError
+        Naming the argument.
+
+    Examples
+    --------
+    >>> import linkage_atlas as la
+    >>> flap = {"pivot": [0, 0], "start": 0, "swing": 60, "length": 400}
+    >>> asked = [{"kind": "actuator", "retracted": 255, "stroke": 150, "ground_box": [-300, -400, 300, 0], "reach_max": 300}]
+    >>> found = la.drives(rocker=flap, drives=asked, load={"force": [0, -100]})
+    >>> round(found.best("actuator").peak_force, 1)
+    238.6
+    """
+    check_top(top)
+    check_above_zero(budget=budget)
+    watch = work(budget)
+    if length_unit not in MILLIMETRES:
+        raise FieldError("/length_unit", f"wanted one of {', '.join(MILLIMETRES)}, found {length_unit!r}")
+    if rocker is not None:
+        if linkage is not None:
+            raise FieldError("/rocker", "give either a linkage or this")
+        place = _Place.of_rocker(rocker, radians_in(degrees))
+    else:
+        place = _place_of(linkage, motion, crank_angle, degrees)
+    asked = read_asked(place.machine, load, drives, springs, hand, place.radian, MILLIMETRES[length_unit])
+    return found_drives(place, asked, top, watch)
+
+
+class _Place(NamedTuple):
+    """A linkage over its way: coarse and fine, and where on it the samples of its motion lie."""
+
+    machine: Machine
+    fine: Machine
+    radian: float
+    samples: Floats
+    linkage: Linkage | None
+    """A four-bar, which ideal springs are computed of."""
+
+    @classmethod
+    def of_fourbar(cls, linkage: Linkage, ends: Interval, radian: float, samples: Floats) -> _Place:
+        if not abs(ends.last - ends.first) >= 1e-6:
+            raise FieldError("/crank_angle", "the way has no length: its first and last crank angle are the same")
+        machine = machine_of(linkage, ends)
+        place = cls(machine, machine_of(linkage, ends, FINE), radian, samples, linkage)
+        place.check()
+        return place
+
+    @property
+    def unit(self) -> float:
+        """Of the drive's parameter: radians in the user's angle, or 1 for a length."""
+        return 1.0 if self.machine.drive in ("slider", "cylinder") else self.radian
+
+    def check(self) -> None:
+        """FieldError where the linkage has no velocities at some place of its way."""
+        for one in self.fine.links.values():
+            bad = ~np.isfinite(one.rate)
+            if bad.any():
+                at = self.fine.at[int(np.argmax(bad))] / self.unit
+                raise FieldError("/linkage", f"does not close, or is dead, at {at:.6g} of its drive's way")
+
+    @classmethod
+    def of_guided(cls, linkage: Guided, ends: Interval, radian: float, samples: Floats) -> _Place:
+        if not abs(ends.last - ends.first) > 0:
+            raise FieldError("/travel", "the way has no length: its first and last place of the drive are the same")
+        if not linkage.closes_over(ends.after(linkage.start)):
+            raise FieldError("/linkage", "does not close over its way")
+        machine = machine_of_guided(linkage, ends)
+        place = cls(machine, machine_of_guided(linkage, ends, FINE), radian, samples, None)
+        place.check()
+        return place
+
+    @classmethod
+    def of_rocker(cls, given: Mapping[str, Any], radian: float) -> _Place:
+        for name in given:
+            if name not in ("pivot", "start", "swing", "length"):
+                raise FieldError.no_such("/rocker", name, ("pivot", "start", "swing", "length"))
+        swing = number("rocker/swing", given.get("swing")) * radian
+        if not 1e-3 <= abs(swing) < np.pi:
+            raise FieldError("/rocker/swing", "wanted an angle of less than half a turn, and not of nothing")
+        length = number("rocker/length", 1.0 if given.get("length") is None else given["length"])
+        if not 0 < length <= MAX_LENGTH:
+            raise FieldError("/rocker/length", "wanted a length above 0")
+        pivot = _point("rocker/pivot", given["pivot"]) if given.get("pivot") is not None else 0j
+        start = number("rocker/start", 0.0 if given.get("start") is None else given["start"]) * radian
+        both = (hinged(pivot, start, swing, length, many) for many in (61, FINE))
+        machine, fine = both
+        return cls(machine, fine, radian, machine.at[[0, -1]], None)
+
+    def poses_around(self, low: float, high: float) -> str:
+        """Between which samples of the motion two places of the drive lie, in words."""
+        middle, samples = (low + high) / 2, self.samples
+        for k in range(samples.size - 1):
+            if (samples[k] - middle) * (samples[k + 1] - middle) <= 0:
+                return f"between poses {k + 1} and {k + 2}, "
+        return ""
+
+
+def _place_of(linkage: Any, motion: Motion | None, crank_angle: ArrayLike | None, degrees: bool) -> _Place:
+    """The linkage over the way that a motion, its own or given crank angles say."""
+    given = None if crank_angle is None else np.atleast_1d(column("crank_angle", crank_angle))
+    one = getattr(linkage, "linkage", linkage)
+    if isinstance(one, Mapping) and one.get("guides") is not None and one.get("links") is None:
+        travel = one.get("travel") if one.get("crank_angle") is None else one["crank_angle"]
+        given = given if travel is None or given is not None else np.asarray(column("linkage/travel", travel))
+        one = GuidedLinkage.from_dict(one, motion.degrees if motion is not None else degrees)
+    if isinstance(one, GuidedLinkage):
+        return _guided_place(one, motion, given)
+    if isinstance(one, Mapping):
+        if given is None and one.get("crank_angle") is not None:
+            given = np.asarray(column("linkage/crank_angle", one["crank_angle"]))
+        one = FourBar.from_dict(one, motion.degrees if motion is not None else degrees)
+    if not isinstance(one, FourBar):
+        raise FieldError("/linkage", "wanted a four-bar, a body on two guides, a solution or its plain values")
+    radian, plain = radians_in(one.degrees), one.plain
+    if motion is not None and (not motion.free or given is not None):
+        target = motion.of_solution(plain, None if given is None else given * radian).target
+        return _Place.of_fourbar(plain, _ends(target.crank), radian, target.crank)
+    if given is not None:
+        if given.size < 2 or not np.all(np.isfinite(given)):
+            raise FieldError("/crank_angle", "wanted two finite crank angles or more")
+        return _Place.of_fourbar(plain, _ends(given * radian), radian, given * radian)
+    if motion is not None:
+        raise FieldError("/linkage/crank_angle", "needed: the motion's crank angles are free")
+    crank = one.way
+    if crank is None:
+        raise FieldError("/crank_angle", "needed: this linkage answers no motion that would say its way")
+    return _Place.of_fourbar(plain, _ends(crank), radian, crank)
+
+
+def _guided_place(one: GuidedLinkage, motion: Motion | None, given: Floats | None) -> _Place:
+    """A body on two guides; its drive's way as that of a four-bar."""
+    radian, plain = radians_in(one.degrees), one.plain
+    unit = radian if plain.driver.turns else 1.0
+    if motion is not None:
+        crank = one.target_of(motion, given).crank
+    elif given is not None:
+        crank = given * unit
+    elif one.way is not None:
+        crank = one.way
+    else:
+        raise FieldError("/crank_angle", "needed: this linkage answers no motion that would say its way")
+    return _Place.of_guided(plain, _ends(crank), radian, crank)
+
+
+def _ends(crank: Floats) -> Interval:
+    """The used crank angles, from the end that is nearer to the first sample."""
+    low, high = float(np.min(crank)), float(np.max(crank))
+    return Interval(low, high) if abs(crank[0] - low) <= abs(crank[0] - high) else Interval(high, low)
+
+
+def read_asked(
+    machine: Machine,
+    load: Mapping[str, Any] | None,
+    wanted: Sequence[Mapping[str, Any]] | None,
+    springs: Sequence[Mapping[str, Any]] | None,
+    hand: ArrayLike | None,
+    radian: float,
+    millimetres: float,
+) -> Asked:
+    """A checked request."""
+    return Asked(
+        _load(machine, load or {}, radian),
+        tuple(
+            _drive(f"drives/{k}", one, machine, radian, millimetres) for k, one in enumerate(_list("drives", wanted))
+        ),
+        tuple(_spring(f"springs/{k}", one, machine, millimetres) for k, one in enumerate(_list("springs", springs))),
+        None if hand is None else _point("hand", hand),
+        millimetres,
+    )
+
+
+def check_asked(given: Mapping[str, Any], radian: float) -> None:
+    """FieldError for what no linkage can be asked, before there is one; as of `driven_solution`."""
+    way = Interval(0.0, 0.2)
+    circle, slot = Circle(0j, 1.0, 0j), Slot(3.0 + 0.5j, 1.0 + 0.2j, 0.1)
+    rail = Rail(2.0 + 0.3j, 0.0, 2.0 + 0j)
+    machines = [machine_of(Linkage((2.0, 3.0, 4.0, 3.5), 1, 1.0, coupler_point=(1.0, 0.0)), way, 3)]
+    machines += [machine_of_guided(Guided((circle, one), Driver.CRANK, 1, 0.5), way, 3) for one in (slot, rail)]
+    errors = []
+    for one in machines:
+        try:
+            _read_study(one, given, radian)
+            return
+        except FieldError as error:
+            errors.append(error)
+    raise errors[0]
+
+
+def _read_study(machine: Machine, given: Mapping[str, Any], radian: float) -> tuple[Asked, Mapping[str, Any] | None]:
+    """What `load`, `drives`, `springs` and `drive` ask of a solution; and of it the last, checked."""
+    asked = read_asked(machine, given.get("load"), given.get("drives"), given.get("springs"), None, radian, 1.0)
+    if given.get("drive") is None:
+        return asked, None
+    return asked, _drive("drive", given["drive"], machine, radian, 1.0)
+
+
+def driven_solution(
+    linkage: Linkage | Guided, crank: Floats, given: Mapping[str, Any], radian: float, work: Work
+) -> dict[str, Any]:
+    """The fields of a solution that `load`, `drives`, `springs` and `drive` ask for: the best of each kind.
+
+    ``crank`` (n,): travel of its drive at the samples, radians or lengths. ``given``: in the user's units.
+    """
+    try:
+        if isinstance(linkage, Linkage):
+            place = _Place.of_fourbar(linkage, _ends(crank), radian, crank)
+        else:
+            place = _Place.of_guided(linkage, _ends(crank), radian, crank)
+        asked, wish = _read_study(place.machine, given, radian)
+    except FieldError as error:
+        refused = [Refusal("any", "linkage", None, error.message)]
+        return {"drives": [], "refused": refused, "springs": [], "drivable": None if "drive" not in given else False}
+    found = found_drives(place, asked, 1, work)
+    if wish is None:
+        return {"drives": found.drives, "refused": found.refused, "springs": found.springs}
+    only = found_drives(place, asked._replace(drives=(wish,), springs=()), 1, work)
+    known = {one.kind for one in found.drives}
+    return {
+        "drives": [*(one for one in only.drives if one.kind not in known), *found.drives],
+        "refused": [*only.refused, *found.refused],
+        "springs": found.springs,
+        "drivable": bool(only.drives),
+    }
+
+
+def _list(name: str, given: Sequence[Mapping[str, Any]] | None) -> Sequence[Mapping[str, Any]]:
+    most = MOST_DRIVES if name == "drives" else MOST_SPRINGS
+    found = () if given is None else given
+    if isinstance(found, (Mapping, str)) or len(found) > most:
+        raise FieldError(f"/{name}", f"wanted a list of at most {most}")
+    return found
+
+
+def _load(machine: Machine, given: Mapping[str, Any], radian: float) -> Loading:
+    _known("load", given, ("force", "torque", "masses", "gravity", "speed"))
+    force = 0j if given.get("force") is None else _bounded_pair("load/force", given["force"])
+    torque = 0.0 if given.get("torque") is None else _bounded("load/torque", given["torque"])
+    if force and machine.body is None:
+        raise FieldError("/load/force", "acts at the body point, but this linkage has none")
+    gravity = -9.81j if given.get("gravity") is None else _bounded_pair("load/gravity", given["gravity"])
+    masses = given.get("masses") or ()
+    if len(masses) > MOST_MASSES:
+        raise FieldError("/load/masses", f"wanted at most {MOST_MASSES}")
+    speed = 0.0 if given.get("speed") is None else _bounded("load/speed", given["speed"]) * radian
+    return Loading(
+        force, torque, tuple(_mass(f"load/masses/{k}", one, machine) for k, one in enumerate(masses)), gravity, speed
+    )
+
+
+def _mass(at: str, given: Mapping[str, Any], machine: Machine) -> Mass:
+    _known(at, given, ("link", "mass", "at", "inertia"))
+    name = "body" if given.get("link") is None else given["link"]
+    names = (*machine.links, *(() if machine.body is None else ("body",)))
+    if name not in names:
+        raise FieldError(f"/{at}/link", f"wanted one of {', '.join(names)}, found {name!r}")
+    amount = _bounded(f"{at}/mass", given.get("mass"))
+    inertia = 0.0 if given.get("inertia") is None else _bounded(f"{at}/inertia", given["inertia"])
+    if amount < 0 or inertia < 0:
+        raise FieldError(f"/{at}/{'mass' if amount < 0 else 'inertia'}", "wanted at least 0")
+    point = machine.middles.get(name, 0j) if given.get("at") is None else _point(f"{at}/at", given["at"])
+    return Mass(name, amount, point, inertia)
+
+
+def _drive(at: str, given: Mapping[str, Any], machine: Machine, radian: float, millimetres: float) -> dict[str, Any]:
+    """One entry of `drives`, with what it does not say filled in."""
+    kind = given.get("kind") if isinstance(given, Mapping) else None
+    if kind not in KINDS:
+        raise FieldError(f"/{at}/kind", f"wanted one of {', '.join(KINDS)}, found {kind!r}")
+    kind = "actuator" if kind == "cylinder" else kind
+    _known(at, given, ("kind", *_DRIVE_FIELDS[kind]))
+    wish = {name: value for name, value in given.items() if value is not None} | {"kind": kind}
+    pivoted = [name for name, one in machine.links.items() if one.pivot is not None]
+    wish["links"] = _links(
+        f"{at}/links", wish.get("links"), machine, pivoted if kind == "rotary" else list(machine.links)
+    )
+    for name in ("retracted", "stroke", "reach_max", "pin_radius", "time_ratio", "pressure", "rod"):
+        if name in wish:
+            check_above_zero(**{f"{at}/{name}": wish[name]})
+            wish[name] = float(wish[name])
+            if wish[name] > MAX_LENGTH:
+                raise FieldError(f"/{at}/{name}", f"wanted at most {MAX_LENGTH:g}")
+    for name in ("arm_min", "dead_length"):
+        if name in wish:
+            wish[name] = number(f"{at}/{name}", wish[name], 0.0)
+    for name in ("transmission_angle_min", "over_centre"):
+        if name in wish:
+            wish[name] = number(f"{at}/{name}", wish[name], 0.0) * radian
+    for name in ("ground_box", "motor_box"):
+        if name in wish:
+            wish[name] = _box(f"{at}/{name}", wish[name])
+    if wish.get("time_ratio", 1.0) > LARGEST_RATIO or wish.get("time_ratio", 1.0) < 1 / LARGEST_RATIO:
+        raise FieldError(f"/{at}/time_ratio", f"wanted a ratio from {1 / LARGEST_RATIO:g} to {LARGEST_RATIO:g}")
+    if kind == "toggle":
+        wish["at"] = wish.get("at", "last")
+        if wish["at"] not in ("first", "last"):
+            raise FieldError(f"/{at}/at", f"wanted 'first' or 'last', found {wish['at']!r}")
+        wish["over_centre"] = wish.get("over_centre", np.deg2rad(_OVER_CENTRE))
+        if wish["over_centre"] > np.pi / 3:
+            raise FieldError(f"/{at}/over_centre", "wanted at most 60 degrees")
+        wish["knee"] = number(f"{at}/knee", wish.get("knee", 0.5))
+        if not 0.1 <= wish["knee"] <= 0.9:
+            raise FieldError(f"/{at}/knee", "wanted the handle's part of both links, from 0.1 to 0.9")
+    if kind == "actuator":
+        wish["on"] = wish.get("on", GROUND)
+        if wish["on"] not in (GROUND, *machine.links):
+            raise FieldError(f"/{at}/on", f"wanted ground or one of {', '.join(machine.links)}, found {wish['on']!r}")
+        if not isinstance(wish.get("extends", True), bool):
+            raise FieldError(f"/{at}/extends", "wanted true or false")
+        if "catalogue" in wish:
+            for name in ("retracted", "stroke", "dead_length"):
+                if name in wish:
+                    raise FieldError(f"/{at}/{name}", "give either this or `catalogue`")
+            wish["rows"], wish["rods"] = read_actuators(
+                f"{at}/catalogue", wish["catalogue"], millimetres, wish.get("pressure", PRESSURE)
+            )
+        elif "pressure" in wish:
+            raise FieldError(f"/{at}/pressure", "of a catalogue with bores; there is none")
+    return wish
+
+
+def _spring(at: str, given: Mapping[str, Any], machine: Machine, millimetres: float) -> dict[str, Any]:
+    """One entry of `springs`, checked."""
+    kind = given.get("kind") if isinstance(given, Mapping) else None
+    if kind not in SPRING_KINDS:
+        raise FieldError(f"/{at}/kind", f"wanted one of {', '.join(SPRING_KINDS)}, found {kind!r}")
+    _known(at, given, _SPRING_FIELDS)
+    wish = {name: value for name, value in given.items() if value is not None}
+    names = (GROUND, *machine.links)
+    if "between" in wish:
+        both = wish["between"]
+        if isinstance(both, str) or len(both) != 2 or both[0] == both[1] or any(one not in names for one in both):
+            raise FieldError(f"/{at}/between", f"wanted two different ones of {', '.join(names)}")
+        wish["between"] = (both[1], both[0]) if both[1] == GROUND else (both[0], both[1])
+    for name in ("stiffness", "reach_max", "clear"):
+        if name in wish:
+            check_above_zero(**{f"{at}/{name}": wish[name]})
+            wish[name] = float(wish[name])
+    if "ground_box" in wish:
+        wish["ground_box"] = _box(f"{at}/ground_box", wish["ground_box"])
+    if kind == "gas" or "catalogue" in wish:
+        wish["kinds"] = read_springs(f"{at}/catalogue", wish.get("catalogue"), kind, millimetres)
+        if "stiffness" in wish:
+            raise FieldError(f"/{at}/stiffness", "of ideal springs, which need no catalogue")
+    return wish
+
+
+def _links(at: str, given: Any, machine: Machine, names: list[str]) -> list[str]:
+    if given is None:
+        return names
+    if isinstance(given, str) or not given:
+        raise FieldError(f"/{at}", f"wanted a list of some of {', '.join(names)}")
+    for k, name in enumerate(given):
+        if name not in names:
+            raise FieldError(f"/{at}/{k}", f"wanted one of {', '.join(names)}, found {name!r}")
+    return list(dict.fromkeys(given))
+
+
+def _known(at: str, given: Any, names: tuple[str, ...]) -> None:
+    if not isinstance(given, Mapping):
+        raise FieldError(f"/{at}", f"wanted a mapping of {', '.join(names)}")
+    for name in given:
+        if name not in names and given[name] is not None:
+            raise FieldError.no_such(f"/{at}", name, names)
+
+
+def _bounded(at: str, value: Any) -> float:
+    found = number(at, value)
+    if abs(found) > LARGEST:
+        raise FieldError(f"/{at}", f"wanted at most {LARGEST:g} either way, found {found:g}")
+    return found
+
+
+def _bounded_pair(at: str, given: Any) -> complex:
+    if isinstance(given, str) or np.shape(given) != (2,):
+        raise FieldError(f"/{at}", "wanted two numbers [x, y]")
+    return complex(*(_bounded(at, value) for value in given))
+
+
+def _point(at: str, given: Any) -> complex:
+    if isinstance(given, str) or np.shape(given) != (2,):
+        raise FieldError(f"/{at}", "wanted two numbers [x, y]")
+    pair = [number(at, value) for value in given]
+    if max(map(abs, pair)) > MAX_LENGTH:
+        raise FieldError(f"/{at}", f"wanted at most {MAX_LENGTH:g}")
+    return complex(*pair)
+
+
+def _box(at: str, given: Any) -> Box:
+    if isinstance(given, str) or np.shape(given) != (4,):
+        raise FieldError(f"/{at}", "wanted [xmin, ymin, xmax, ymax]")
+    left, bottom, right, top = (number(at, value) for value in given)
+    if not (left <= right and bottom <= top) or max(map(abs, (left, bottom, right, top))) > MAX_LENGTH:
+        raise FieldError(f"/{at}", "wanted [xmin, ymin, xmax, ymax], the least first")
+    return left, bottom, right, top
+
+
+# -- what is found ----------------------------------------------------------------------------------------------------
+
+
+def found_drives(place: _Place, asked: Asked, top: int, work: Work) -> Drives:
+    """The best drives of each kind, and springs."""
+    search = _Search(place, asked, top, work)
+    for wish in asked.drives:
+        {"rotary": search.rotary, "actuator": search.actuator, "dyad": search.dyad, "toggle": search.toggle}[
+            wish["kind"]
+        ](wish)
+    for number_, wish in enumerate(asked.springs, 1):
+        search.spring(wish, number_)
+    order = {"rotary": 0, "actuator": 1, "dyad": 2, "toggle": 3}
+    found = sorted(search.found, key=lambda row: (order[row[1].kind], row[0]))
+    kept: list[Drive] = []
+    for kind in order:
+        kept += [one for _, one in found if one.kind == kind][:top]
+    torque = TorqueCurve(search.curve_at, search.torque, search.net, search.amount)
+    if work.expired():
+        search.notes.append("the time was up: not every place was looked at")
+    return Drives(kept, search.refused, search.springs, torque, search.notes, place.machine)
+
+
+class _Search:
+    """All that is looked for on one linkage, and what was found."""
+
+    def __init__(self, place: _Place, asked: Asked, top: int, work: Work) -> None:
+        self.place, self.asked, self.top, self.work = place, asked, top, work
+        self.machine, self.fine = place.machine, place.fine
+        self.torque = self.machine.torque(asked.load)
+        fine = self.fine.torque(asked.load)
+        step = (self.fine.at[-1] - self.fine.at[0]) / (FINE - 1)
+        self.net = float(_simpson(fine) * step)
+        self.amount = float(_simpson(np.abs(fine)) * abs(step))
+        self.loaded = asked.loaded and bool(np.any(self.torque))
+        # of a machine whose drive turns, angles in the user's unit
+        self.unit = place.unit
+        self.curve_at = self.machine.at / self.unit
+        self.found: list[tuple[tuple[float, ...], Drive]] = []
+        self.refused: list[Refusal] = []
+        self.springs: list[Spring] = []
+        self.notes: list[str] = []
+        origins = np.stack([one.origin for one in [*self.machine.links.values(), *self._bodies()]])
+        pivots = [one.pivot for one in self.machine.links.values() if one.pivot is not None]
+        every = np.append(origins.ravel(), pivots)
+        size = max(float(np.ptp(every.real)), float(np.ptp(every.imag)), self.machine.extent)
+        self.box: Box = (
+            float(every.real.min() - size / 2),
+            float(every.imag.min() - size / 2),
+            float(every.real.max() + size / 2),
+            float(every.imag.max() + size / 2),
+        )
+        if asked.drives and not self.loaded and any(one["kind"] != "rotary" for one in asked.drives):
+            self.notes.append("no load: actuators have the largest least moment arm, and no forces are told")
+
+    def _bodies(self) -> list[LinkMotion]:
+        return [] if self.machine.body is None else [self.machine.body]
+
+    def _reach(self, wish: Mapping[str, Any], name: str) -> float:
+        """How far a pin may be from its link's origin: what is asked, or the link's own size."""
+        return float(wish.get("reach_max", self.machine.reaches.get(name, self.machine.extent)))
+
+    def refuse(self, kind: str, link: str, reason: str, name: str | None = None) -> None:
+        self.refused.append(Refusal(kind, link, name, reason))
+
+    # -- rotary --------------------------------------------------------------------------------------------------------
+
+    def rotary(self, wish: Mapping[str, Any]) -> None:
+        """A drive at a fixed pivot."""
+        for name in wish["links"]:
+            link = self.machine.links[name]
+            rates = self.fine.links[name].rate
+            if np.any(rates * rates[0] <= 0):
+                k = int(np.argmax(rates * rates[0] <= 0))
+                at = self.fine.at[k] / self.unit
+                where = self.place.poses_around(*self.fine.at[[max(k - 1, 0), k]])
+                self.refuse("rotary", name, f"dead point {where}at {at:.6g}: the {name} turns back there")
+                continue
+            angle = self._pressure(name)
+            least = wish.get("transmission_angle_min", 0.0)
+            if angle is not None and angle < least:
+                degrees = [np.rad2deg(one) for one in (angle, least)]
+                self.refuse(
+                    "rotary",
+                    name,
+                    f"its transmission angle falls to {degrees[0]:.4g}, below {degrees[1]:.4g} degrees",
+                )
+                continue
+            torque = self.torque / link.rate
+            peak = float(np.abs(torque).max()) if self.loaded else None
+            drive = Drive(
+                kind="rotary",
+                link=name,
+                motor=None if link.pivot is None else _xy(link.pivot),
+                swing=abs(link.swing()) / self.place.radian,
+                peak_torque=peak,
+                holding=(float(torque[0]), float(torque[-1])) if self.loaded else None,
+                transmission_angle_min=None if angle is None else angle / self.place.radian,
+                stops=_STOPS["rotary"],
+                holds=_HOLDS["rotary"],
+                curve=DriveCurve(self.curve_at, None, None, None, torque if self.loaded else None, None, None, None),
+            )
+            self.found.append(((peak if peak is not None else 0.0,), drive))
+
+    def _pressure(self, name: str) -> float | None:
+        """The least transmission angle with a four-bar driven at its crank or rocker."""
+        links = self.fine.links
+        if self.place.linkage is None or set(links) != {"crank", "coupler", "rocker"}:
+            return None
+        other = links["rocker" if name == "crank" else "crank"]
+        cross = np.imag(np.conj(links["coupler"].direction) * other.direction)
+        along = np.real(np.conj(links["coupler"].direction) * other.direction)
+        return float(np.min(np.arctan2(np.abs(cross), np.abs(along))))
+
+    # -- actuators -----------------------------------------------------------------------------------------------------
+
+    def _seen(self, name: str, on: str, machine: Machine) -> LinkMotion:
+        link = machine.links[name]
+        return link if on == GROUND else link.seen_from(machine.links[on])
+
+    def actuator(self, wish: Mapping[str, Any]) -> None:
+        """An actuator or cylinder between a link and the ground, or another link."""
+        rows: list[Row] | None = wish.get("rows")
+        for name in wish["links"]:
+            if name == wish["on"]:
+                continue
+            if self.work.expired():
+                return
+            link = self._seen(name, wish["on"], self.machine)
+            reach = self._reach(wish, name)
+            largest = (wish.get("stroke") or self._longest_way(link, reach)) / self.machine.span
+            arm = wish.get("arm_min", 0.0)
+            wanted = Wanted(wish.get("ground_box", self.box), reach, arm, wish.get("extends"))
+            if rows is not None:
+                if "arm_min" not in wish:
+                    least = _LEAST_ARM * min(row.actuator.stroke for row in rows) / self.machine.span
+                    wanted = wanted._replace(arm=least)
+                question = Question(link, self.machine.at, self.torque, wanted, ROW_GRID, self.amount)
+                bought, unfit = best_of_rows(question, rows, self.top, self.work)
+                for place, one in enumerate(bought):
+                    self._placed(wish, name, question, one.placement, one.row.actuator, one.row, place)
+                if not bought:
+                    self._none_fits(name, question, unfit)
+                elif unfit:
+                    self.notes.append(f"actuator on the {name}: {self._unfit(unfit)}")
+                continue
+            if "arm_min" not in wish:
+                wanted = wanted._replace(arm=_LEAST_ARM * largest)
+            question = Question(link, self.machine.at, self.torque, wanted, amount=self.amount)
+            retracted, stroke = wish.get("retracted"), wish.get("stroke")
+            dead = wish.get("dead_length", 0.0)
+            if retracted is not None and stroke is not None:
+                sizes = Actuator(retracted, stroke)
+                found = question.best(sizes, self.work)
+            else:
+                sizes = Actuator(retracted or question.size, stroke or question.size)
+                found = question.best_of_sizes(Sizes(sizes, retracted is None, stroke is None, dead), self.work)
+            if isinstance(found, Refused):
+                self.refuse("actuator", name, self._sentence(found, question, sizes, stroke is None))
+            else:
+                low, high = float(found.length[[0, -1]].min()), float(found.length[[0, -1]].max())
+                self._placed(wish, name, question, found, Actuator(low, high - low), None, 0)
+
+    def _longest_way(self, link: LinkMotion, reach: float) -> float:
+        turned = float(abs(link.direction[-1] - link.direction[0]))
+        return float(abs(link.origin[-1] - link.origin[0])) + reach * turned
+
+    def _placed(
+        self,
+        wish: Mapping[str, Any],
+        name: str,
+        question: Question,
+        found: Placement,
+        sizes: Actuator,
+        row: Row | None,
+        rank: int,
+    ) -> None:
+        if self._turns_back(wish, name, found):
+            return
+        link = self.machine.links[name]
+        other = self.machine.links.get(wish["on"])
+        still = np.zeros(self.machine.at.size)
+        ground = still + found.ground if other is None else other.place(other.point_at(found.ground))
+        pin = link.place(found.pin)
+        rod = wish.get("rod") if row is None else wish["rods"].get(row.name, wish.get("rod"))
+        peak = found.peak if self.loaded else None
+        bound = question.bound(sizes.stroke) if self.loaded else None
+        drive = Drive(
+            kind="actuator",
+            link=name,
+            on=wish["on"],
+            name=None if row is None else row.name,
+            price=None if row is None else row.price,
+            ground_point=_xy(found.ground),
+            pin=_xy(complex(pin[0])),
+            pin_on_link=_xy(found.pin),
+            length=(float(found.length[0]), float(found.length[-1])),
+            retracted=sizes.retracted,
+            stroke=sizes.stroke,
+            extends=found.extends,
+            swing=abs(link.swing()) / self.place.radian,
+            arm_min=found.least_arm,
+            peak_force=peak,
+            holding=(float(found.force[0]), float(found.force[-1])) if self.loaded else None,
+            bound=bound,
+            over_bound=None if bound is None or peak is None else peak / bound,
+            buckling=None if rod is None or not self.loaded else self._buckling(found, rod),
+            stops=_STOPS["actuator"],
+            holds=_HOLDS["actuator"],
+            envelope=_envelope(ground, pin),
+            curve=DriveCurve(
+                self.curve_at,
+                found.length,
+                found.arm,
+                found.force if self.loaded else None,
+                None,
+                _plane(ground),
+                _plane(pin),
+                None,
+            ),
+        )
+        priced = math.inf if row is None or row.price is None else row.price
+        worth = (priced, max(row.push, row.pull), found.worst) if row is not None else (found.worst,)
+        self.found.append(((*worth, float(rank)), drive))
+
+    def _turns_back(self, wish: Mapping[str, Any], name: str, found: Placement) -> bool:
+        """Whether between the positions looked at the arm vanishes after all; then it is refused."""
+        link = self._seen(name, wish["on"], self.fine)
+        v = link.place(found.pin) - found.ground
+        arm = np.real(np.conj(v) * link.speed(found.pin)) / np.abs(v)
+        bad = arm * found.arm[0] <= 0
+        if bad.any():
+            at = self.fine.at[int(np.argmax(bad))] / self.unit
+            self.refuse(
+                "actuator", name, f"dead point at {at:.6g} of the best placement, between the positions looked at"
+            )
+        return bool(bad.any())
+
+    def _buckling(self, found: Placement, rod: float) -> Buckling:
+        inertia = np.pi / 64 * rod**4
+        critical = np.pi**2 * _STEEL * self.asked.millimetres**2 * inertia / found.length**2
+        pushed = found.force > 0
+        if not pushed.any():
+            return Buckling(float(critical.min()), None)
+        return Buckling(float(critical[pushed].min()), float(np.min(critical[pushed] / found.force[pushed])))
+
+    def _sentence(self, refused: Refused, question: Question, sizes: Actuator, free: bool) -> str:
+        """Why an actuator finds no place, with the number that binds."""
+        wanted, stroke = question.wanted, sizes.stroke
+        what = "an actuator of free stroke" if free else f"stroke {stroke:.6g}"
+        match refused.reason:
+            case "reach":
+                about = "the pivot" if question.link.pivot is not None else "the link's origin"
+                return f"{what} needs a pin at {refused.needed:.4g} from {about}; reach_max is {wanted.reach:.6g}"
+            case "box":
+                return (
+                    f"{what} needs a ground point at {refused.needed:.4g} from the pivot; ground_box has none there"
+                )
+            case "dead":
+                low, high = refused.between or (0, 1)
+                where = self.place.poses_around(*question.at[[low, high]])
+                return (
+                    f"{what}: dead point {where}at {refused.needed / self.unit:.6g} of the best placement of the grid"
+                )
+            case "arm":
+                return f"{what}: the largest least arm found is {refused.needed:.4g}; arm_min is {wanted.arm:.4g}"
+        most = max(stroke - refused.needed, 0.0)
+        if refused.needed > 0 and not free:
+            return f"{what} is longer than any pin of the link goes from a point of ground_box: at most {most:.4g}"
+        return f"{what} from {sizes.retracted:.6g} on fits no point of ground_box: no pin is so near, or so far, at both ends"
+
+    def _none_fits(self, name: str, question: Question, unfit: list[Unfit]) -> None:
+        """A line for the row that comes nearest, and how many others there are."""
+        by_force = [one for one in unfit if isinstance(one.why, float)]
+        if by_force:
+            best = min(by_force, key=lambda one: one.why / max(one.row.push, one.row.pull))  # type: ignore[operator]
+            most = max(best.row.push, best.row.pull)
+            self.refuse("actuator", name, f"needs a force of {best.why:.4g}, and it gives {most:.4g}", best.row.name)
+        placeless = [one for one in unfit if isinstance(one.why, Refused)]
+        if placeless:
+            best = min(placeless, key=lambda one: one.row.actuator.stroke)
+            assert isinstance(best.why, Refused)
+            self.refuse("actuator", name, self._sentence(best.why, question, best.row.actuator, False), best.row.name)
+        if len(unfit) > 2:
+            self.notes.append(f"actuator on the {name}: {self._unfit(unfit)}")
+
+    def _unfit(self, unfit: list[Unfit]) -> str:
+        weak = sum(isinstance(one.why, float) for one in unfit)
+        return f"{weak} rows of the catalogue are too weak and {len(unfit) - weak} find no place"
+
+    # -- motors --------------------------------------------------------------------------------------------------------
+
+    def dyad(self, wish: Mapping[str, Any]) -> None:
+        """A motor that turns on, and a rod."""
+        ratio = wish.get("time_ratio")
+        for name in wish["links"]:
+            if self.work.expired():
+                return
+            link, fine = self.machine.links[name], self.fine.links[name]
+            reach = self._reach(wish, name)
+            if link.pivot is not None:
+                radius = wish.get("pin_radius", min(reach, 0.8 * self.machine.reaches.get(name, reach)))
+                found = about_pivot(link, self.torque, ratio, radius, "pin_radius" in wish, wish.get("motor_box"))
+            else:
+                radius = wish.get("pin_radius", reach)
+                box = wish.get("motor_box", self.box)
+                found = on_any_link(link, self.machine.at, self.torque, ratio, radius, box, self.work)
+            if isinstance(found, str):
+                self.refuse("dyad", name, found)
+                continue
+            whole = self._finer(fine, found)
+            if whole is None:
+                self.refuse("dyad", name, "the best motor's rod turns back between the positions looked at")
+                continue
+            least = wish.get("transmission_angle_min", 0.0)
+            if whole.least_angle < least:
+                degrees = [float(np.rad2deg(one)) for one in (whole.least_angle, least)]
+                self.refuse(
+                    "dyad", name, f"the best transmission angle is {degrees[0]:.4g}, below {degrees[1]:.4g} degrees"
+                )
+                continue
+            self._motor(name, link, whole)
+
+    def _finer(self, link: LinkMotion, found: Driven) -> Driven | None:
+        """A motor and rod at the fine positions."""
+        torque = self.fine.torque(self.asked.load)
+        return driven(link, torque, found.motor, found.pin, found.crank, found.rod, found.extends)
+
+    def _motor(self, name: str, link: LinkMotion, whole: Driven) -> None:
+        coarse = slice(None, None, (FINE - 1) // (self.machine.at.size - 1))
+        fine = self.fine.links[name]
+        pin = fine.place(whole.pin)
+        bar = self._six_bar(name, whole)
+        still = np.zeros(FINE)
+        drive = Drive(
+            kind="dyad",
+            link=name,
+            motor=_xy(whole.motor),
+            pin=_xy(complex(pin[0])),
+            pin_on_link=_xy(whole.pin),
+            length=(float(whole.length[0]), float(whole.length[-1])),
+            extends=whole.extends,
+            swing=abs(link.swing()) / self.place.radian,
+            peak_torque=bar.motor_torque_max,
+            peak_force=float(np.abs(whole.rod_force).max()) if self.loaded else None,
+            stops=_STOPS["dyad"],
+            holds=_HOLDS["dyad"],
+            envelope=_envelope(pin, np.concatenate(list(whole.crank_pin)), still + whole.motor),
+            curve=DriveCurve(
+                self.curve_at,
+                whole.length[coarse],
+                None,
+                whole.rod_force[0][coarse] if self.loaded else None,
+                whole.motor_torque[0][coarse] if self.loaded else None,
+                _plane((still + whole.motor)[coarse]),
+                _plane(pin[coarse]),
+                _plane(whole.crank_pin[0][coarse]),
+            ),
+            six_bar=bar,
+        )
+        self.found.append(((-bar.transmission_angle_min,), drive))
+
+    def _six_bar(self, name: str, whole: Driven) -> SixBar:
+        """The whole turn of a motor at even steps."""
+        radian = self.place.radian
+        forwards, backwards = whole.motor_angle
+        angle = np.concatenate([forwards, backwards[::-1][1:]])
+        angle = np.unwrap(angle)
+        sense = 1.0 if angle[-1] >= angle[0] else -1.0
+        turned = (angle - angle[0]) * sense
+        even = np.linspace(0.0, TURN, 121)
+
+        def over(pair: Floats) -> Floats:
+            values = np.concatenate([pair[0], pair[1][::-1][1:]])
+            return np.interp(even, turned, values)
+
+        at = np.stack([self.fine.at, self.fine.at])
+        crank = over(at)
+        span = abs(self.fine.at[-1] - self.fine.at[0])
+        ways = np.concatenate([at[0], at[1][::-1][1:]])
+        near = [np.abs(ways - end) <= _DWELL * span for end in self.fine.at[[0, -1]]]
+        steps = np.diff(turned)
+        dwell = [float(np.sum(steps[one[1:] & one[:-1]])) for one in near]
+        motor_angle = angle[0] + sense * even
+        kind = "stephenson_3" if self.machine.links[name].pivot is None else "watt_2"
+        if len(self.machine.links) == 1:
+            kind = "crank_rocker"
+        turns = whole.turns
+        return SixBar(
+            whole.crank,
+            whole.rod,
+            kind,
+            whole.time_ratio,
+            whole.least_angle / radian,
+            float(np.abs(whole.motor_torque).max()) if self.loaded else None,
+            (sense * turns[0] / radian, sense * turns[1] / radian),
+            (dwell[0] / radian, dwell[1] / radian),
+            motor_angle / radian,
+            crank / self.unit,
+            over(whole.motor_torque) if self.loaded else None,
+            over(whole.rod_force) if self.loaded else None,
+            _plane(whole.motor + whole.crank * np.exp(1j * motor_angle)),
+        )
+
+    # -- knees ---------------------------------------------------------------------------------------------------------
+
+    def toggle(self, wish: Mapping[str, Any]) -> None:
+        """A knee that locks one end."""
+        for name in wish["links"]:
+            if self.work.expired():
+                return
+            link, reach = self.machine.links[name], self._reach(wish, name)
+            least = _LEAST_ARM * self._longest_way(link, reach) / self.machine.span
+            wanted = Wanted(wish.get("ground_box", self.box), reach, wish.get("arm_min", least))
+            last = wish["at"] == "last"
+            found = locked(
+                link, self.machine.at, self.torque, wanted, last, wish["over_centre"], wish["knee"], self.work
+            )
+            if isinstance(found, Refused):
+                question = Question(link, self.machine.at, self.torque, wanted._replace(extends=last))
+                self.refuse("toggle", name, self._sentence(found, question, Actuator(1.0, 1.0), True))
+                continue
+            self._locked(wish, name, found)
+
+    def _locked(self, wish: Mapping[str, Any], name: str, found: Knee) -> None:
+        place, link = found.placement, self.machine.links[name]
+        if self._turns_back({"on": GROUND}, name, place):
+            return
+        pin = link.place(place.pin)
+        still = np.zeros(pin.size) + place.ground
+        loaded = self.loaded
+        lock = Lock(
+            found.handle,
+            found.strut,
+            wish["over_centre"] / self.place.radian,
+            wish["at"],
+            found.overshoot / self.unit,
+            float(np.abs(found.handle_torque).max()) if loaded else None,
+            found.holds if loaded else None,
+        )
+        held = "with its knee on the stop" if found.holds else "not: the load pulls its knee straight"
+        drive = Drive(
+            kind="toggle",
+            link=name,
+            ground_point=_xy(place.ground),
+            pin=_xy(complex(pin[0])),
+            pin_on_link=_xy(place.pin),
+            length=(float(place.length[0]), float(place.length[-1])),
+            extends=place.extends,
+            swing=abs(link.swing()) / self.place.radian,
+            arm_min=place.least_arm,
+            peak_force=place.peak if loaded else None,
+            peak_torque=lock.handle_torque_max,
+            holding=(float(place.force[0]), float(place.force[-1])) if loaded else None,
+            stops=_STOPS["toggle"],
+            holds=held if loaded else "where the load pushes the strut together",
+            envelope=_envelope(still, pin, found.knee),
+            curve=DriveCurve(
+                self.curve_at,
+                place.length,
+                place.arm,
+                place.force if loaded else None,
+                found.handle_torque if loaded else None,
+                _plane(still),
+                _plane(pin),
+                _plane(found.knee),
+            ),
+            lock=lock,
+        )
+        self.found.append(((not found.holds, place.worst), drive))
+
+    # -- springs -------------------------------------------------------------------------------------------------------
+
+    def spring(self, wish: Mapping[str, Any], number_: int) -> None:
+        """Springs that take load off the drive: ideal ones without a catalogue, else those of the catalogue that do best."""
+        kind, between = wish["kind"], wish.get("between")
+        words = "two springs" if between is None else "-".join(between)
+        if not self.loaded:
+            self.refuse(kind, words, "there is no load to balance")
+            return
+        found: Fitted | str
+        if "kinds" in wish:
+            room = Room(
+                wish.get("ground_box", self.box),
+                float(wish.get("reach_max", self.machine.extent)),
+                float(wish.get("clear", 0.05 * self.machine.extent)),
+            )
+            pivoted = [name for name, one in self.machine.links.items() if one.pivot is not None]
+            if between is None and len(pivoted) > 1:
+                pairs = [(GROUND, name) for name in pivoted[:2]]
+                found = best_pair(self.machine, self.torque, pairs, wish["kinds"], room, self.work)
+            else:
+                pair = between or (GROUND, pivoted[0])
+                found = best_spring(self.machine, self.torque, pair, wish["kinds"], room, self.work)
+        else:
+            found = self._ideal(between, wish.get("stiffness"))
+        if isinstance(found, str):
+            self.refuse(kind, words, found)
+        else:
+            self._sprung(kind, number_, found, "kinds" not in wish)
+
+    def _ideal(self, between: tuple[str, str] | None, stiffness: float | None) -> Fitted | str:
+        """Springs of zero free length that balance in every position, or why there are none."""
+        linkage, load = self.place.linkage, self.asked.load
+        if load.torque or load.speed:
+            return "a torque, or inertia, has no potential that springs of zero free length carry: give a catalogue"
+        if linkage is None:
+            return self._ideal_on_hinge(stiffness)
+        potential = potential_of(linkage, load)
+        if between is None:
+            return fitted(self.machine, self.torque, two_springs(potential, stiffness))
+        found = one_spring(potential, between)
+        if isinstance(found, Placed):
+            if stiffness is not None and abs(stiffness - found.stiffness) > 1e-9 * stiffness and between[0] != GROUND:
+                return (
+                    f"the only spring between {between[0]} and {between[1]} has the stiffness {found.stiffness:.6g}"
+                )
+            if stiffness is not None and between in ((GROUND, "crank"), (GROUND, "rocker")):
+                both = two_springs(potential, stiffness)
+                found = next(one for one in both if one.between == between)
+            return fitted(self.machine, self.torque, [found])
+        if math.isinf(found):
+            return f"one spring between {between[0]} and {between[1]} does not balance this load; two springs do: leave `between`"
+        return f"one spring would need the stiffness {found:.6g}, below 0; two springs balance it: leave `between`"
+
+    def _ideal_on_hinge(self, stiffness: float | None) -> Fitted | str:
+        """One spring of zero free length on a link on a hinge."""
+        names = [name for name, one in self.machine.links.items() if one.pivot is not None]
+        if len(self.machine.links) != 1:
+            return "ideal springs are told of four-bars and of links on a hinge: give a catalogue"
+        link = self.machine.links[names[0]]
+        load, body = self.asked.load, self.machine.body
+        assert link.pivot is not None and body is not None
+        arm = link.point_at(complex(body.origin[0]))
+        part = -np.conj(load.force) * arm - sum(
+            mass.amount * np.conj(load.gravity) * (mass.point + (arm if mass.link == "body" else 0))
+            for mass in load.masses
+        )
+        point = complex(self.machine.extent / 2)
+        rate = abs(part) / abs(point) ** 2 if stiffness is None else stiffness
+        anchor = complex(link.pivot + np.conj(part / (rate * point)))
+        return fitted(self.machine, self.torque, [Placed((GROUND, names[0]), (anchor, point), float(rate))])
+
+    def _sprung(self, kind: Any, number_: int, found: Fitted, exact: bool) -> None:
+        sizes = BeforeAfter(_size(self.torque), _size(found.torque))
+        hand = None
+        body = self.machine.body
+        if self.asked.hand is not None and body is not None:
+            speed = body.speed(body.point_at(self.asked.hand))
+            hand = found.torque / np.abs(speed) * self.machine.sense
+        signs = found.torque[[0, -1]] * self.machine.sense
+        quiet = 1e-9 * max(sizes.before.peak, 1e-300)
+        words = ["stays" if abs(one) <= quiet else "falls back" if one > 0 else "goes on" for one in signs]
+        first = {"stays": "stays", "falls back": "is pressed onto its stop", "goes on": "opens by itself"}[words[0]]
+        last = {"stays": "stays", "falls back": "closes by itself", "goes on": "is held open"}[words[1]]
+        for spring, row, length in zip(found.springs, found.kinds, found.lengths):
+            ends = np.stack(
+                [_plane(self._end(name, point)) for name, point in zip(spring.between, spring.points)], axis=1
+            )
+            force = spring.preload + spring.stiffness * (length - spring.free_length)
+            self.springs.append(
+                Spring(
+                    kind=kind,
+                    set=number_,
+                    name=None if row is None else row.name,
+                    between=spring.between,
+                    points=(_pair(ends[0, 0]), _pair(ends[0, 1])),
+                    points_on_links=(_xy(spring.points[0]), _xy(spring.points[1])),
+                    stiffness=spring.stiffness,
+                    free_length=spring.free_length,
+                    preload=spring.preload,
+                    length=(float(length.min()), float(length.max())),
+                    torque=sizes,
+                    exact=exact,
+                    stays=f"first position: {first}; last: {last}",
+                    curve=SpringCurve(self.curve_at, length, force, found.torque, hand, ends),
+                )
+            )
+
+    def _end(self, name: str, point: complex) -> Complexes:
+        if name == GROUND:
+            return np.full(self.machine.at.size, point, dtype=complex)
+        return self.machine.links[name].place(point)
+
+
+def _simpson(values: Floats) -> float:
+    """The integral over even steps of 1, by Simpson's rule; an odd number of values."""
+    return float((values[0] + values[-1] + 4 * values[1:-1:2].sum() + 2 * values[2:-1:2].sum()) / 3)
+
+
+def _size(torque: Floats) -> TorqueSize:
+    return TorqueSize(float(np.sqrt(np.mean(torque**2))), float(np.abs(torque).max()))
+
+
+def _xy(place: complex) -> tuple[float, float]:
+    return float(np.real(place)), float(np.imag(place))
+
+
+def _pair(values: Any) -> tuple[float, float]:
+    return float(values[0]), float(values[1])
+
+
+def _plane(places: Any) -> Floats:
+    places = np.asarray(places, dtype=complex)
+    return np.stack([places.real, places.imag], axis=-1)
+
+
+def _envelope(*places: Any) -> tuple[float, float, float, float]:
+    every = np.concatenate([np.atleast_1d(one) for one in places])
+    return float(every.real.min()), float(every.imag.min()), float(every.real.max()), float(every.imag.max())

@@ -1,0 +1,332 @@
+"""Which kinds of mechanism a request asks for, and the best of several kinds side by side: none is ranked by its error alone.
+
+A rail or slot is the limit of a circle, so that without limits a four-bar always comes nearest; what sliders buy is a better
+transmission angle, a smaller machine, a straight drive. So of linkages driven alike all stay that no other one beats in error,
+size and transmission angle at once (the Pareto front), ordered by what is preferred.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any, Literal, NamedTuple, get_args
+
+import numpy as np
+
+from linkage_atlas.answers import AnySolution, finished, finished_guided
+from linkage_atlas.motions import Motion
+from linkage_atlas.studies import Studies
+from synthesis.arrays import Floats
+from synthesis.errors import FieldError
+from synthesis.fourbar import solution as fourbar
+from synthesis.fourbar.limits import FORMS, Limits
+from synthesis.fourbar.passage import size_of
+from synthesis.free.poses import Poses
+from synthesis.guided import solution as guided
+from synthesis.guided.linkage import Driver, Kind
+from synthesis.guided.search import search_guided
+from synthesis.ranking import APART, distinct
+from synthesis.search.search import StoppedBy
+from synthesis.target import Samples, Target
+from synthesis.work import Work
+
+MechanismName = Literal["four_bar", "slider_crank", "swinging_block", "rail_slot", "two_rails", "two_slots"]
+MECHANISMS = get_args(MechanismName)
+SIX_BARS = ("watt_1", "stephenson_1")
+DRIVERS = tuple(one.value for one in Driver)
+NO_ROTATION = (
+    "linkages with sliders need rotation and position at two samples or more: only four-bars were searched for"
+)
+_FOUR_BARS = 0.4
+"""Part of a budget that the search among four-bars takes at most, where other kinds are asked for too."""
+_NEAR_ENOUGH = 1.1
+"""Without tolerances: times the least error up to which something else may be preferred."""
+_STEP = np.deg2rad(5.0)
+"""Exact linkages are ordered by their transmission angle in steps."""
+
+
+class Asked(NamedTuple):
+    """Kinds of mechanism, and what drives them."""
+
+    kinds: tuple[Kind, ...] = (Kind.FOUR_BAR,)
+    driver: Driver | None = None
+
+    @property
+    def four_bars_alone(self) -> bool:
+        """Whether four-bars are all that is asked for."""
+        return self.kinds == (Kind.FOUR_BAR,)
+
+    @property
+    def sliders(self) -> list[Kind]:
+        """The kinds that have a rail or a slot."""
+        return [kind for kind in self.kinds if kind is not Kind.FOUR_BAR]
+
+    @property
+    def four_bars(self) -> bool:
+        """Whether four-bars are looked for: they are driven by their crank."""
+        return Kind.FOUR_BAR in self.kinds and self.driver in (None, Driver.CRANK)
+
+
+def read_kinds(mechanisms: Any, driver: Any, motion: Motion) -> Asked:
+    """The kinds that are asked for, checked against the motion. Raises `FieldError` naming the argument."""
+    given = ("four_bar",) if mechanisms is None else MECHANISMS if mechanisms == "all" else mechanisms
+    if isinstance(given, str) or not isinstance(given, Sequence) or not given:
+        raise FieldError("/mechanisms", f"wanted 'all' or a list of some of {', '.join(MECHANISMS)}")
+    for place, name in enumerate(given):
+        if name in SIX_BARS:
+            raise FieldError(f"/mechanisms/{place}", f"six-bars such as {name} are not searched for")
+        if name not in MECHANISMS:
+            raise FieldError(f"/mechanisms/{place}", f"wanted one of {', '.join(MECHANISMS)}, found {name!r}")
+    kinds = tuple(Kind(name) for name in MECHANISMS if name in given)
+    if driver is not None and driver not in DRIVERS:
+        raise FieldError("/driver", f"wanted one of {', '.join(DRIVERS)}, found {driver!r}")
+    asked = Asked(kinds, None if driver is None else Driver(driver))
+    _check(asked, motion)
+    return asked
+
+
+def _check(asked: Asked, motion: Motion) -> None:
+    by = asked.driver
+    if asked.four_bars_alone and by not in (None, Driver.CRANK):
+        raise FieldError(
+            "/driver", f"a four-bar is driven by its crank; `mechanisms` says which kinds a {by} may drive"
+        )
+    if by in (Driver.SLIDER, Driver.CYLINDER, Driver.HINGE) and not _driven(asked, (by,)):
+        raise FieldError("/driver", f"none of the kinds asked for has a {by}")
+    if motion.travel is not None:
+        if asked.four_bars_alone:
+            raise FieldError(
+                "/mechanisms", "travel drives sliders and cylinders: ask for kinds that have one, or 'all'"
+            )
+        if by not in (None, Driver.SLIDER, Driver.CYLINDER):
+            raise FieldError("/driver", f"travel drives sliders and cylinders, not a {by}")
+        if not _driven(asked, (Driver.SLIDER, Driver.CYLINDER)):
+            raise FieldError("/mechanisms", "none of them is driven by a slider or cylinder, as travel does")
+    elif not motion.free:
+        if by not in (None, Driver.CRANK):
+            raise FieldError("/driver", f"crank angles drive cranks, not a {by}: give `travel`, or `timing` 'free'")
+        if not _driven(asked, (Driver.CRANK,)):
+            raise FieldError(
+                "/mechanisms",
+                "none of them has a crank, and crank angles are given: give `travel`, or `timing` 'free'",
+            )
+    if not asked.four_bars and not has_poses(motion.samples):
+        field = "rotation" if motion.samples.rotation is None else "position"
+        raise FieldError(f"/{field}", "linkages with sliders need rotation and position at two samples or more")
+
+
+def check_kinds_alone(prefer: Any, effort: str, refine_from: Any, live: Any) -> None:
+    """FieldError for what only a request for four-bars alone can have."""
+    for name, asked, why in (
+        ("prefer", prefer == "layers", "layers are arranged for four-bars alone"),
+        ("effort", effort == "atlas", "the atlas holds four-bars alone"),
+        ("refine_from", refine_from is not None, "four-bars alone are refined"),
+        ("live", live is not None, "only the search among four-bars goes on from its last answer"),
+    ):
+        if asked:
+            raise FieldError(f"/{name}", f"{why}: leave `mechanisms` out")
+
+
+def check_sliders_alone(limits: Limits) -> None:
+    """FieldError for limits of sliders where four-bars alone are asked for."""
+    for name, form in FORMS.items():
+        if form.concerns == "sliders" and getattr(limits, name) is not None:
+            raise FieldError(
+                f"/limits/{name}", "limits sliders: `mechanisms` asks for four-bars alone, which have none"
+            )
+
+
+_DRIVEN: dict[Driver, tuple[Kind, ...]] = {
+    Driver.CRANK: (Kind.FOUR_BAR, Kind.SLIDER_CRANK, Kind.SWINGING_BLOCK),
+    Driver.SLIDER: (Kind.SLIDER_CRANK, Kind.RAIL_SLOT, Kind.TWO_RAILS),
+    Driver.CYLINDER: (Kind.SWINGING_BLOCK, Kind.RAIL_SLOT, Kind.TWO_SLOTS),
+    Driver.HINGE: (Kind.SWINGING_BLOCK, Kind.RAIL_SLOT, Kind.TWO_SLOTS),
+}
+
+
+def _driven(asked: Asked, drivers: Sequence[Driver]) -> bool:
+    return any(kind in _DRIVEN[driver] for driver in drivers for kind in asked.kinds)
+
+
+def has_poses(samples: Samples) -> bool:
+    """Whether rotation and position are given together at two samples or more."""
+    if samples.rotation is None or samples.position is None:
+        return False
+    poses = as_poses(samples)
+    return poses.full.size >= 2
+
+
+def as_poses(samples: Samples) -> Poses:
+    """Samples without their crank angles."""
+    if isinstance(samples, Poses):
+        return samples
+    names = ("rotation", "position", "length_scale", "rotation_weights", "position_weights")
+    columns: dict[str, Any] = {name: getattr(samples, name) for name in names}
+    return Poses(**columns)
+
+
+# -- the search ------------------------------------------------------------------------------------------------------
+
+FourBars = Callable[[Limits, Work], tuple[list[fourbar.Solution], Any]]
+"""The search among four-bars: linkages and how it went."""
+Found = fourbar.Solution | guided.GuidedSolution
+
+
+class Course(NamedTuple):
+    """How a search among several kinds went."""
+
+    stages: dict[str, float]
+    trace: list[tuple[float, float]]
+    stopped_by: str
+    seeds: int
+    notes: list[str]
+
+
+def search_kinds(
+    asked: Asked, motion: Motion, limits: Limits, tolerance: float, four_bars: FourBars, work: Work
+) -> tuple[list[Found], Course]:
+    """Linkages of all kinds asked for, within the limits, in no order."""
+    found: list[Found] = []
+    trace: list[tuple[float, float]] = []
+    seeds, notes = 0, []
+    stopped: set[str] = set()
+    sliders = bool(asked.sliders) and has_poses(motion.samples)
+    if asked.four_bars and motion.travel is None:
+        part = work.part(_FOUR_BARS * work.budget) if sliders and np.isfinite(work.budget) else work
+        ones, course = four_bars(limits, part)
+        found += ones
+        trace += course.trace
+        seeds += course.counts["seeds"] or 0
+        stopped.add(course.stopped_by)
+    between = work.elapsed
+    if sliders:
+        given, driver = _given(motion, asked.driver)
+        others, report = search_guided(
+            as_poses(motion.samples), limits, asked.sliders, driver, tolerance, work, given=given
+        )
+        found += others
+        least = min((error for _, error in trace), default=np.inf)
+        trace += [(seconds, error) for seconds, error in report.trace if error < least]
+        seeds += report.seeds
+        notes += report.notes
+        stopped.add(report.stopped_by.value)
+    elif asked.sliders:
+        notes.append(NO_ROTATION)
+    how = (StoppedBy.BUDGET, StoppedBy.CONVERGED, StoppedBy.TOLERANCE)
+    stopped_by = next(one.value for one in how if one.value in stopped)
+    stages = {"screen": between, "refine": work.elapsed - between}
+    return found, Course(stages, trace, stopped_by, seeds, notes)
+
+
+def _given(motion: Motion, driver: Driver | None) -> tuple[Floats | None, Driver | None]:
+    """The drive that is given, and what it drives."""
+    if motion.travel is not None:
+        return motion.travel, driver
+    if isinstance(motion.samples, Target):
+        return motion.samples.crank, Driver.CRANK
+    return None, driver
+
+
+# -- side by side ----------------------------------------------------------------------------------------------------
+
+
+class Measures(NamedTuple):
+    """What linkages of several kinds are compared by; less is better."""
+
+    error: float
+    """J, at least the tolerance: below it all are exact."""
+    size: float
+    loss: float
+    """The transmission angle, negative."""
+    driver: str
+
+    def beats(self, other: Measures) -> bool:
+        """Whether it is as good in everything, better in something, and driven alike."""
+        pairs = list(zip(self[:3], other[:3]))
+        return self.driver == other.driver and all(a <= b for a, b in pairs) and any(a < b for a, b in pairs)
+
+
+def measures_of(one: Found, samples: Samples, tolerance: float) -> Measures:
+    """The measures of a linkage."""
+    error = max(one.errors.objective, tolerance)
+    if isinstance(one, guided.GuidedSolution):
+        size, driver = guided.size_of(one, samples), one.linkage.driver.value
+    else:
+        size, driver = size_of(one.linkage, samples), Driver.CRANK.value
+    return Measures(error, np.inf if size is None else size, -one.transmission_angle_min, driver)
+
+
+def front(found: Sequence[Found], motion: Motion, prefer: str, tolerance: float, top: int) -> list[Found]:
+    """The Pareto front of linkages of several kinds, at most ``top``, in the order of what is preferred.
+
+    Law: none of them beats another. Where there are more, the best of each kind and drive come before further ones.
+    """
+    samples = motion.samples
+    known = [(measures_of(one, samples, tolerance), one) for one in found]
+    kept = [(mine, one) for mine, one in known if not any(other.beats(mine) for other, _ in known)]
+    if not kept:
+        return []
+    least = _NEAR_ENOUGH * min(mine.error for mine, _ in kept)
+
+    def place(pair: tuple[Measures, Found]) -> tuple[Any, ...]:
+        mine, one = pair
+        far = not _keeps(one, motion) if motion.tolerances is not None else mine.error > least
+        by_error = (mine.error, np.floor(mine.loss / _STEP), mine.size)
+        if prefer == "error":
+            return False, *by_error
+        if far:
+            return True, *by_error
+        if prefer == "crank_span":
+            span = float(np.ptp(travel_of(one))) if mine.driver in (Driver.CRANK, Driver.HINGE) else np.inf
+            return False, span, *by_error
+        return False, mine.size if prefer == "size" else mine.loss, *by_error
+
+    kept.sort(key=place)
+    rank = {id(one): number for number, (_, one) in enumerate(kept)}
+    apart: list[Found] = []
+    for kind in {_sort(one) for _, one in kept}:
+        alike: list[Any] = [one for _, one in kept if _sort(one) == kind]
+        apart += distinct(alike, top, APART, order=lambda one: rank[id(one)], exact=tolerance)
+    apart.sort(key=lambda one: rank[id(one)])
+    first = {sort: one for one in reversed(apart) if (sort := _sort(one))}
+    chosen = sorted(first.values(), key=lambda one: rank[id(one)])[:top]
+    chosen += [one for one in apart if id(one) not in {id(two) for two in chosen}][: top - len(chosen)]
+    return sorted(chosen, key=lambda one: rank[id(one)])
+
+
+def _keeps(one: Found, motion: Motion) -> bool:
+    """Whether a linkage is inside the tolerances at every sample."""
+    if not isinstance(one, guided.GuidedSolution):
+        return motion.keeps(one.linkage, one.crank)
+    assert motion.tolerances is not None
+    target = guided.as_target(motion.samples, one.linkage, one.travel)
+    return bool(np.all(motion.tolerances.shares(target, one.linkage) <= 1))
+
+
+def travel_of(one: Found) -> Any:
+    """What a linkage's drive goes through from the first sample."""
+    return one.travel if isinstance(one, guided.GuidedSolution) else one.crank
+
+
+def _sort(one: Found) -> tuple[str, str]:
+    if isinstance(one, guided.GuidedSolution):
+        return one.linkage.kind.value, one.linkage.driver.value
+    return Kind.FOUR_BAR.value, Driver.CRANK.value
+
+
+def finished_kinds(
+    chosen: Sequence[Found], motion: Motion, limits: Limits, tolerance: float, studies: Studies, work: Work
+) -> list[AnySolution]:
+    """Linkages of several kinds as a user reads them, in their order but for verdicts."""
+    rank = {id(one): number for number, one in enumerate(chosen)}
+    others = [one for one in chosen if isinstance(one, guided.GuidedSolution)]
+    four_bars = [one for one in chosen if isinstance(one, fourbar.Solution)]
+    solutions: list[AnySolution] = [*finished_guided(others, motion, limits, studies, work)] if others else []
+    if four_bars:
+        solutions += finished(four_bars, motion, limits, tolerance, studies, None, work, by_error=False)
+
+    def place(one: AnySolution) -> tuple[bool, bool, int]:
+        return not one.verdict.works, one.verdict.within_tolerance is False, rank[id(one.origin.found)]
+
+    solutions.sort(key=place)
+    return [replace(one, rank=number) for number, one in enumerate(solutions, 1)]

@@ -1,0 +1,228 @@
+"""A linkage as solid parts: what they are made of, what they weigh, and their files for CAD, printers and simulators."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple
+
+from linkage_atlas.assemblies import ASSEMBLY, Assembly
+from linkage_atlas.motions import MILLIMETRES, number
+from linkage_atlas.records import KEPT, Record
+from synthesis.errors import FieldError
+from synthesis.sheet import csv_text
+from synthesis.solids.fits import FITS, Fit
+from synthesis.solids.solid import DENSITIES, Made, Solids, masses_of_links, parts_list, solids_of
+
+SOLIDS = ("fit", "material", "pins", "fillet", "scale", "layout", "nevertheless")
+"""What may be asked of solids, by the names of the HTTP contract."""
+FIT_NAMES, LAYOUTS = tuple(FITS), ("assembled", "bed")
+MATERIALS = {"H7": ("aluminium", "steel"), "print": ("PLA", "PLA")}
+"""Of plates and of pins unless a request says otherwise, by fit."""
+LEAST_MM, LARGEST_MM = 0.01, 1e6
+"""A pin at least, and a plate at most: what the readers of the files tell apart and hold."""
+LEAST_SCALE, LARGEST_SCALE = 1e-3, 1e3
+PART_KINDS = ("step", "3mf", "stl", "urdf", "sdf", "parts")
+"""Files that are written from solids."""
+NAME = "four-bar linkage"
+
+
+class AskedSolids(NamedTuple):
+    """What is asked of solids, checked."""
+
+    fit: Fit
+    material: str
+    pins: str
+    fillet: float
+    scale: float
+    layout: str | None
+    nevertheless: bool
+
+
+def read_solids(given: Mapping[str, Any] | None, where: str = "solids/") -> AskedSolids:
+    """A checked request for solids: some of `SOLIDS`. ``where``: what stands before its fields in the names that errors have."""
+    given = {} if given is None else given
+    if not isinstance(given, Mapping):
+        raise FieldError(f"/{where.rstrip('/')}", f"wanted a mapping of {', '.join(SOLIDS)}")
+    for name in given:
+        if name not in SOLIDS:
+            raise FieldError.no_such(f"/{where}".rstrip("/"), name, SOLIDS)
+    values = dict.fromkeys(SOLIDS) | {name: value for name, value in given.items() if value is not None}
+
+    def one_of(name: str, allowed: tuple[str, ...], usual: str | None) -> Any:
+        value = usual if values[name] is None else values[name]
+        if value is not None and value not in allowed:
+            raise FieldError(f"/{where}{name}", f"wanted one of {', '.join(allowed)}, found {value!r}")
+        return value
+
+    fit = one_of("fit", FIT_NAMES, "H7")
+    fillet = 0.0 if values["fillet"] is None else number(f"{where}fillet", values["fillet"])
+    if fillet < 0:
+        raise FieldError(f"/{where}fillet", f"wanted a radius of at least 0, found {fillet:g}")
+    scale = 1.0 if values["scale"] is None else number(f"{where}scale", values["scale"])
+    if not LEAST_SCALE <= scale <= LARGEST_SCALE:
+        raise FieldError(f"/{where}scale", f"wanted {LEAST_SCALE:g} to {LARGEST_SCALE:g}, found {scale:g}")
+    if not isinstance(values["nevertheless"], (bool, type(None))):
+        raise FieldError(f"/{where}nevertheless", f"wanted true or false, found {values['nevertheless']!r}")
+    plates, pins = MATERIALS[fit]
+    return AskedSolids(
+        FITS[fit],
+        one_of("material", tuple(DENSITIES), plates),
+        one_of("pins", tuple(DENSITIES), pins),
+        fillet,
+        scale,
+        one_of("layout", LAYOUTS, None),
+        bool(values["nevertheless"]),
+    )
+
+
+class Weight(NamedTuple):
+    """What a moving link weighs with everything that it carries, as `FourBar.analysis` takes it: not scaled."""
+
+    link: Annotated[str, Literal["crank", "coupler", "rocker"]]
+    mass: float
+    """Kilograms."""
+    at: tuple[float, float]
+    """Its centre in the link's frame, in the unit of the lengths."""
+    inertia: float
+    """About the centre, kilograms times length squared."""
+
+
+class Wall(NamedTuple):
+    """The thinnest wall of all parts."""
+
+    value: float
+    """Millimetres."""
+    part: str
+
+
+@dataclass(frozen=True)
+class SolidPart(Record):
+    """A part as it is made; millimetres and kilograms."""
+
+    name: str
+    kind: Annotated[str, Literal["plate", "pin", "post", "head", "board", "washer"]]
+    link: str
+    """That carries it."""
+    material: str
+    volume: float
+    mass: float
+    centre: tuple[float, float, float]
+    """In the frame of its link; z from the lower face of layer 1."""
+
+
+@dataclass(frozen=True)
+class SolidParts(Record):
+    """The parts of a linkage, in millimetres and kilograms."""
+
+    fit: str
+    scale: float
+    parts: list[SolidPart]
+    mass: float
+    """Of all of them."""
+    masses: list[Weight]
+    """Of the moving links, for an analysis."""
+    thinnest_wall: Wall
+    solids: Solids = field(metadata=KEPT, repr=False)
+    asked: AskedSolids = field(metadata=KEPT, repr=False)
+
+    def file(self, kind: str) -> bytes:
+        """A file: step, 3mf, stl (a zip file), urdf, sdf or parts (CSV).
+
+        3MF lies on the printer's bed unless the layout says "assembled"; STEP stands assembled unless it says "bed".
+        """
+        if kind not in PART_KINDS:
+            raise FieldError("/kind", f"wanted one of {', '.join(PART_KINDS)}, found {kind!r}")
+        solids, parts = self.solids, self.solids.parts
+        if kind == "parts":
+            return csv_text(parts_list(solids, self.asked.fit)).encode()
+        if kind in ("urdf", "sdf"):
+            from synthesis.solids.robots import to_sdf, to_urdf
+
+            used = None if solids.machine.whole_turn else solids.machine.used
+            return (to_urdf(solids, "linkage", used) if kind == "urdf" else to_sdf(solids, "linkage")).encode()
+        from synthesis.solids.mesh import on_bed, to_3mf, to_stl_zip
+
+        if kind == "stl":
+            return to_stl_zip(parts)
+        layout = self.asked.layout or ("bed" if kind == "3mf" else "assembled")
+        places = on_bed(parts) if layout == "bed" else solids.posed()
+        if kind == "3mf":
+            return to_3mf(parts, places, NAME)
+        from synthesis.solids.step import to_step
+
+        return to_step(parts, places, NAME).encode("ascii")
+
+    def save(self, path: str | Path) -> None:
+        """Write a file; its ending says which: .step, .3mf, .stl.zip, .urdf, .sdf or .parts.csv."""
+        from linkage_atlas.exports import kind_of
+
+        path = Path(path)
+        path.write_bytes(self.file(kind_of(path.name)))
+
+
+def split(asked: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Arguments of an assembly, and those of solids."""
+    for name in asked:
+        if name not in ASSEMBLY + SOLIDS:
+            raise FieldError.no_such("", name, ASSEMBLY + SOLIDS)
+    return (
+        {name: value for name, value in asked.items() if name in ASSEMBLY},
+        {name: value for name, value in asked.items() if name in SOLIDS},
+    )
+
+
+def solids_in(assembly: Assembly, asked: AskedSolids, given: Mapping[str, Any], length_unit: str) -> SolidParts:
+    """The parts of an assembly. ``given``: what was asked of it, for sizes that are not the defaults.
+
+    Raises `FieldError`: where parts collide, unless they are wanted nevertheless.
+    """
+    if length_unit not in MILLIMETRES:
+        raise FieldError("/length_unit", f"wanted one of {', '.join(MILLIMETRES)}, found {length_unit!r}")
+    if assembly.status == "blocked" and not asked.nevertheless:
+        why = "; ".join(assembly.reasons[:3])
+        raise FieldError(
+            "/assembly", f"parts would collide: {why}. `nevertheless` in `solids` writes them all the same"
+        )
+    unit, machine = MILLIMETRES[length_unit], assembly.machine
+    sizes = (machine.hole * unit * asked.scale, (machine.size + machine.width) * unit * asked.scale)
+    if not (LEAST_MM <= sizes[0] and sizes[1] <= LARGEST_MM):
+        raise FieldError(
+            "/length_unit",
+            f"wanted pins of at least {LEAST_MM:g} mm and plates of at most {LARGEST_MM:g} mm, "
+            f"found {sizes[0]:g} and {sizes[1]:g}",
+        )
+    made = Made(
+        asked.fit,
+        asked.material,
+        asked.pins,
+        given.get("thickness"),
+        given.get("washer"),
+        asked.fillet,
+        asked.scale,
+    )
+    solids = solids_of(machine, assembly.arrangement.stack, made, unit)
+    full = (
+        solids if asked.scale == 1 else solids_of(machine, assembly.arrangement.stack, made._replace(scale=1.0), unit)
+    )
+    wall, part = solids.thinnest_wall
+    masses = [
+        SolidPart(
+            one.name, one.kind, one.link, one.material, one.volume, one.mass.mass, tuple(one.mass.centre.tolist())
+        )
+        for one in solids.parts
+    ]
+    return SolidParts(
+        asked.fit.name,
+        asked.scale,
+        masses,
+        sum(one.mass for one in masses),
+        [
+            Weight(link, one.mass, (one.centre.real, one.centre.imag), one.inertia)
+            for link, one in masses_of_links(full.masses(), full.unit).items()
+        ],
+        Wall(wall, part),
+        solids,
+        asked,
+    )

@@ -1,0 +1,800 @@
+"""Where a linear actuator goes: the ends on ground and link that need the least force, or why there are none.
+
+An actuator of retracted length L0 and stroke s between a point G and a pin q of a moving link has the length
+``L = |X + R q - G|`` and, per radian of the drive, the moment arm dL/dphi; its force is the drive's torque over its arm. It
+uses its whole stroke: its length is L0 at one end of the interval and L0 + s at the other. No placement has a smaller peak
+force than the integral of the torque's amount over s, nor a larger least arm than s over the interval.
+
+On a link that turns about a pivot, with alpha the angle there between G and pin, ``L^2 = S - T cos alpha``: S and T follow from
+alpha at the first position, and one unknown is left. On any other link q follows from G: it lies on two circles, one for each
+end of the motion, in the link's frame. So the search is over G, a plane, in four families: extending or retracting, and two
+intersections. A grid that is a product of matrices finds where to begin; a descent on the largest u with ``arm >= u |torque|``
+at every position ends at the optimum.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from synthesis.arrays import Complexes, Flags, Floats
+from synthesis.drives.links import LinkMotion
+from synthesis.work import Work
+
+GRID = 60
+"""Points of the grid of G, either way."""
+BEGINNINGS = 3
+"""Placements of each family from which a descent may begin."""
+DESCENTS = 6
+"""Descents for one actuator."""
+_ROW_DESCENTS = 4
+"""Descents for a row of a catalogue."""
+ROW_GRID = 30
+"""Points of the grid of G, either way, for a catalogue: its rows take more from one another than from a finer grid."""
+_STROKES = np.array([0.12, 0.25, 0.4, 0.55, 0.7, 0.85, 0.97])
+"""Of the longest way of a pin, where the stroke is free."""
+_RETRACTED = np.array([1.0, 1.5, 2.2])
+"""Of the least retracted length, where it is free."""
+_SIZES = 4
+"""Of these sizes, from how many a descent begins."""
+_NEAREST = ("arm", "dead", "reach", "stroke", "box")
+"""Reasons, the one first that is nearest to a placement."""
+_ANGLES = 2001
+"""Values of alpha that are looked at on a link with a pivot."""
+_NEAR_DEAD = 1e-3
+"""Angles this near to 0 and to pi lose too many digits."""
+_AROUND = 720
+"""Directions in which a circle about a pivot is looked for in a box."""
+
+Box = tuple[float, float, float, float]
+"""xmin, ymin, xmax, ymax."""
+
+
+class Actuator(NamedTuple):
+    """An actuator: its length when retracted, and its stroke."""
+
+    retracted: float
+    stroke: float
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Which sizes of an actuator may change: retracted length, at least stroke and dead length, stroke, both or neither."""
+
+    begin: Actuator
+    retracted_free: bool = False
+    stroke_free: bool = False
+    dead_length: float = 0.0
+
+
+class Wanted(NamedTuple):
+    """What a placement must keep to.
+
+    ``box``: of the ground point. ``reach``: largest distance of the pin from the origin of its link's frame. ``arm``: least
+    moment arm, per radian of the drive. ``extends``: which way it goes, where that matters.
+    """
+
+    box: Box
+    reach: float
+    arm: float
+    extends: bool | None = None
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Where an actuator is, and what that means at the n positions."""
+
+    ground: complex
+    pin: complex
+    """In its link's frame."""
+    extends: bool
+    """Whether it is retracted at the first position."""
+    length: Floats
+    arm: Floats
+    """dL/dphi: negative where it shortens as the drive's parameter grows."""
+    force: Floats
+    """Along the actuator, pushing counted as positive."""
+    worst: float
+    """Largest of |torque / arm|, or without a load of 1 / |arm|: what was made least."""
+
+    @property
+    def peak(self) -> float:
+        """The largest force, of either sign."""
+        return float(np.max(np.abs(self.force)))
+
+    @property
+    def least_arm(self) -> float:
+        """The smallest moment arm."""
+        return float(np.min(np.abs(self.arm)))
+
+
+class Refused(NamedTuple):
+    """Why an actuator finds no place: what binds, with its numbers."""
+
+    reason: str
+    """``stroke``, ``reach``, ``box``, ``dead`` or ``arm``."""
+    needed: float
+    """Reach or arm: what would be needed, or what there is at best; the place of a dead point, in the drive's parameter."""
+    between: tuple[int, int] | None = None
+    """Positions between which the dead point lies, from 0."""
+
+
+class Question:
+    """Placements on one link for actuators of several sizes: what all of them share.
+
+    Parameters
+    ----------
+    link : LinkMotion
+        As seen from where the other end is.
+    at : ndarray, shape (n,)
+        The drive's parameter.
+    torque : ndarray, shape (n,)
+        That the drive must give; zero everywhere: the largest least arm is looked for.
+    wanted : Wanted
+    grid : int
+        Points of the grid of G, either way.
+    amount : float, optional
+        The integral of |torque| over the interval, where it is known better than from the n positions.
+    """
+
+    def __init__(
+        self,
+        link: LinkMotion,
+        at: Floats,
+        torque: Floats,
+        wanted: Wanted,
+        grid: int = GRID,
+        amount: float | None = None,
+    ) -> None:
+        self.link, self.at, self.torque, self.wanted = link, at, torque, wanted
+        self.loaded = bool(np.any(torque))
+        self.burden = np.abs(torque) if self.loaded else np.ones(at.size)
+        self.burden = self.burden / self.burden.max()
+        self.scale_of_burden = float(np.abs(torque).max()) if self.loaded else 1.0
+        self.sense = 1.0 if at[-1] >= at[0] else -1.0
+        span = float(abs(at[-1] - at[0]))
+        self.amount = span if not self.loaded else amount or float(np.trapezoid(np.abs(torque), at) * self.sense)
+        left, bottom, right, top = wanted.box
+        x, y = np.meshgrid(np.linspace(left, right, grid), np.linspace(bottom, top, grid))
+        self.grounds = (x + 1j * y).ravel()
+        self.ways = (True, False) if wanted.extends is None else (wanted.extends,)
+        self.middle = complex(np.mean(link.origin))
+        self.size = max(right - left, top - bottom, wanted.reach)
+        turned = np.conj(link.direction)
+        self.first, self.last = (turned[k] * (self.grounds - link.origin[k]) for k in (0, -1))
+        self._matrices = forms_of(link, self.middle)
+
+    def bound(self, stroke: float) -> float:
+        """The peak force that no placement is below: the integral of |torque| over the stroke; without a load that of 1."""
+        return self.amount / stroke
+
+    # -- what a placement is ------------------------------------------------------------------------------------------
+
+    def placement(self, ground: complex, pin: complex) -> Placement:
+        """What follows from its two ends."""
+        v = self.link.place(pin) - ground
+        length = np.abs(v)
+        arm = np.real(np.conj(v) * self.link.speed(pin)) / length
+        with np.errstate(divide="ignore", invalid="ignore"):
+            force = self.torque / arm
+            worst = float(np.max(self.burden / np.abs(arm))) * self.scale_of_burden
+        return Placement(ground, pin, bool(length[-1] > length[0]), length, arm, force, worst)
+
+    # -- the search ---------------------------------------------------------------------------------------------------
+
+    def best(self, actuator: Actuator, work: Work | None = None, descents: int = DESCENTS) -> Placement | Refused:
+        """The placement of an actuator with the least peak force, or why there is none."""
+        if self.link.pivot is not None:
+            return self._about_pivot(actuator)
+        begin = self.screened(actuator, descents)
+        return begin.refused or self.descend(begin, Sizes(actuator), work)
+
+    def best_of_sizes(self, sizes: Sizes, work: Work | None = None) -> Placement | Refused:
+        """The same where retracted length or stroke may be chosen too."""
+        link = self.link
+        turned = abs(link.direction[-1] - link.direction[0])
+        most = abs(link.origin[-1] - link.origin[0]) + self.wanted.reach * turned
+        first = sizes.begin
+        strokes = _STROKES * most if sizes.stroke_free else np.array([first.stroke])
+        tries: list[tuple[float, Screened, Actuator]] = []
+        refused: list[Refused] = []
+        for stroke in strokes.tolist():
+            least = stroke + sizes.dead_length
+            for retracted in least * _RETRACTED if sizes.retracted_free else (first.retracted,):
+                one = Actuator(float(retracted), stroke)
+                if one.retracted < least:
+                    continue
+                found = self.screened(one, 2)
+                if found.refused is None:
+                    tries.append((found.worth, found, one))
+                else:
+                    refused.append(found.refused)
+        if not tries:
+            return min(refused, key=lambda one: _NEAREST.index(one.reason), default=Refused("stroke", most))
+        tries.sort(key=lambda row: -row[0])
+        answers = [self.descend(begin, replace(sizes, begin=one), work) for _, begin, one in tries[:_SIZES]]
+        placed = [one for one in answers if isinstance(one, Placement)]
+        return min(placed, key=lambda one: one.worst) if placed else answers[0]
+
+    def descend(self, begin: Screened, sizes: Sizes, work: Work | None) -> Placement | Refused:
+        """The best of the descents from placements of the grid."""
+        found = [
+            one
+            for ground, way, side in zip(begin.grounds, begin.ways, begin.sides)
+            if work is None or not work.expired()
+            for one in [self._descended(sizes, complex(ground), bool(way), float(side))]
+            if one is not None
+        ]
+        if not found and begin.short is None:  # no descent ended within what is wanted: the grid's best is
+            return self.placement(complex(begin.grounds[0]), complex(begin.pins[0]))
+        return min(found, key=lambda one: one.worst) if found else begin.short or Refused("arm", 0.0)
+
+    def screened(self, actuator: Actuator, most: int = DESCENTS) -> Screened:
+        """The best placements of the grid, at most so many, with at most `BEGINNINGS` of each family."""
+        grounds, pins, ways, sides, need = self.families(actuator)
+        refused = Refused("stroke", need)
+        if not grounds.size:
+            return Screened.none(refused)
+        near = np.abs(pins) <= self.wanted.reach
+        if not near.any():
+            return Screened.none(Refused("reach", float(np.abs(pins).min())))
+        grounds, pins, ways, sides = grounds[near], pins[near], ways[near], sides[near]
+        arm = self.arms(grounds, pins) * (self.sense * np.where(ways, 1.0, -1.0))[:, None]
+        least = arm.min(axis=1)
+        good = least > 0
+        if not good.any():
+            k = int(np.argmax(least))
+            low = int(np.argmin(arm[k]))
+            other = low + 1 if low == 0 or (low + 1 < arm.shape[1] and arm[k, low + 1] > 0) else low - 1
+            pair = (min(low, other), max(low, other))
+            return Screened.none(Refused("dead", float(self.at[low]), pair))
+        strong = good & (least >= self.wanted.arm)
+        shortfall = not strong.any()
+        # a little below the arm asked for: the descent may still reach it from between the grid's points
+        keep = np.flatnonzero(good & (least >= 0.7 * self.wanted.arm)) if shortfall else np.flatnonzero(strong)
+        if not keep.size:
+            return Screened.none(Refused("arm", float(least.max())))
+        worth = np.min(arm[keep] / np.maximum(self.burden, 1e-300), axis=1)
+        order = keep[np.argsort(-worth, kind="stable")]
+        family = 2 * ways[order].astype(int) + (sides[order] > 0)
+        chosen = [order[family == k][:BEGINNINGS] for k in range(4)]
+        value = np.full(least.size, -np.inf)
+        value[keep] = worth
+        some = np.concatenate(chosen)
+        some = some[np.argsort(-value[some], kind="stable")][:most]
+        reason = Refused("arm", float(least.max())) if shortfall else None
+        return Screened(grounds[some], pins[some], ways[some], sides[some], None, reason, float(value[some[0]]))
+
+    def families(self, actuator: Actuator) -> tuple[Complexes, Complexes, Flags, Floats, float]:
+        """Ground points, pins, ways and intersections of all four families; and by how much the stroke is too long, if it is."""
+        short, long = actuator.retracted, actuator.retracted + actuator.stroke
+        between = self.last - self.first
+        distance = np.abs(between)
+        parts: list[tuple[Any, ...]] = []
+        with np.errstate(divide="ignore", invalid="ignore"):
+            along = between / distance
+            for way in self.ways:
+                begin, end = (short, long) if way else (long, short)
+                foot = ((begin - end) * (begin + end) / distance + distance) / 2
+                height = begin**2 - foot**2
+                meets = np.flatnonzero(height >= 0)
+                root = np.sqrt(height[meets])
+                for side in (1.0, -1.0):
+                    pin = self.first[meets] + (foot[meets] + 1j * side * root) * along[meets]
+                    parts.append((self.grounds[meets], pin, np.full(meets.size, way), np.full(meets.size, side)))
+        grounds, pins, ways, sides = (np.concatenate(column) for column in zip(*parts))
+        return grounds, pins, ways, sides, float(actuator.stroke - distance.max())
+
+    def arms(self, grounds: Complexes, pins: Complexes) -> Floats:
+        """dL/dphi of m placements at n positions, (m, n): products of matrices."""
+        slope, square = self._matrices
+        shifted = grounds - self.middle
+        product = np.conj(shifted) * pins
+        basis = np.empty((grounds.size, 8))
+        basis[:, 0] = 1.0
+        basis[:, 1], basis[:, 2] = shifted.real, shifted.imag
+        basis[:, 3], basis[:, 4] = pins.real, pins.imag
+        basis[:, 5], basis[:, 6] = product.real, product.imag
+        basis[:, 7] = np.abs(shifted) ** 2 + np.abs(pins) ** 2
+        squared = basis @ square
+        # the expanded square can round below 0 only where the actuator is as good as without a length
+        return np.asarray((basis @ slope) / np.sqrt(np.maximum(squared, 1e-300)))
+
+    def _descended(self, sizes: Sizes, ground: complex, way: bool, side: float) -> Placement | None:
+        """The nearest optimum of a family, by sequential quadratic programs; None where it leaves what is wanted."""
+        from scipy.optimize import minimize
+
+        one = _Descent(self, sizes, way, side)
+        try:
+            begin = one.start(ground)
+        except ValueError:
+            return None
+        answer = minimize(
+            lambda z: -z[-1],
+            begin,
+            jac=lambda z: one.gradient,
+            bounds=one.bounds,
+            constraints=[{"type": "ineq", "fun": one.rows, "jac": one.slopes}],
+            method="SLSQP",
+            options={"ftol": 1e-13, "maxiter": 60},
+        )
+        ground = one.ground(answer.x)
+        pin = one.pin(ground, *one.ends(answer.x))
+        if pin is None:
+            return None
+        found = self.placement(ground, pin)
+        return found if self.keeps(found) else None
+
+    def keeps(self, found: Placement, hair: float = 1e-7) -> bool:
+        """Whether a placement is within what is wanted, to a hair."""
+        left, bottom, right, top = self.wanted.box
+        room = hair * self.size
+        inside = left - room <= found.ground.real <= right + room and bottom - room <= found.ground.imag <= top + room
+        signed = found.arm * self.sense * (1.0 if found.extends else -1.0)
+        return bool(
+            inside
+            and abs(found.pin) <= self.wanted.reach + room
+            and np.all(np.isfinite(signed))
+            and signed.min() >= self.wanted.arm - room
+            and signed.min() > 0
+        )
+
+    # -- a link with a pivot ------------------------------------------------------------------------------------------
+
+    def _about_pivot(self, actuator: Actuator) -> Placement | Refused:
+        """On a link that turns about a pivot: one unknown, the angle at the pivot at the retracted end."""
+        link, wanted = self.link, self.wanted
+        assert link.pivot is not None
+        turned = np.unwrap(np.angle(link.direction))
+        swing = float(np.ptp(turned))
+        least = actuator.stroke / (2 * np.sin(min(swing, np.pi) / 2))
+        if least > wanted.reach or swing >= np.pi - 2 * _NEAR_DEAD:
+            return Refused("reach", float(least))
+        steps = np.diff(turned) * np.sign(turned[-1] - turned[0])
+        if steps.min() <= 0:
+            k = int(np.argmin(steps))
+            return Refused("dead", float(self.at[k]), (k, k + 1))
+        ways = [_Pivoted(self, actuator, np.abs(turned - turned[0 if way else -1]), way) for way in self.ways]
+        answers = [one.best() for one in ways]
+        found = [(worst, one, alpha) for one, (worst, alpha) in zip(ways, answers) if np.isfinite(worst)]
+        if not found:
+            return min((one.refusal() for one in ways), key=lambda one: one.reason)
+        _, one, alpha = min(found, key=lambda row: row[0])
+        ground, pin = one.ends(alpha)
+        return self.placement(ground, pin)
+
+
+@dataclass(frozen=True)
+class Row:
+    """One of a catalogue: an actuator, what it pushes and pulls at most, and perhaps its price."""
+
+    name: str
+    actuator: Actuator
+    push: float = np.inf
+    pull: float = np.inf
+    price: float | None = None
+
+    def bears(self, found: Placement) -> bool:
+        """Whether a placement asks no more of it than it can."""
+        return bool(found.force.max() <= self.push and -found.force.min() <= self.pull)
+
+
+class Bought(NamedTuple):
+    """A row of a catalogue at its best place."""
+
+    row: Row
+    placement: Placement
+
+
+class Unfit(NamedTuple):
+    """Why a row does not do: its best place, which asks too much of it, or why it has none."""
+
+    row: Row
+    why: Refused | float
+    """A reason, or the least peak force."""
+
+
+def best_of_rows(
+    question: Question, rows: list[Row], most: int, work: Work | None = None
+) -> tuple[list[Bought], list[Unfit]]:
+    """The rows of a catalogue that do, at most so many, the cheapest first, and why others do not.
+
+    Without prices the weakest first; of equal ones that with the least peak force on the grid. A row whose force is below its
+    bound is not searched for, and once ``most`` are found dearer rows are not looked at.
+    """
+    found: list[Bought] = []
+    unfit: list[Unfit] = []
+    priced = any(row.price is not None for row in rows)
+
+    def cost(row: Row) -> tuple[float, float]:
+        return (np.inf if row.price is None else row.price) if priced else 0.0, max(row.push, row.pull)
+
+    for worth in sorted({cost(row) for row in rows}):
+        if len(found) >= most or (work is not None and work.expired()):
+            break
+        tries: list[tuple[float, Row, Screened | None]] = []
+        for row in (row for row in rows if cost(row) == worth):
+            if question.loaded and question.bound(row.actuator.stroke) > max(row.push, row.pull):
+                unfit.append(Unfit(row, question.bound(row.actuator.stroke)))
+                continue
+            begin = None if question.link.pivot is not None else question.screened(row.actuator, _ROW_DESCENTS)
+            if begin is not None and begin.refused is not None:
+                unfit.append(Unfit(row, begin.refused))
+            else:
+                tries.append((-row.actuator.stroke if begin is None else -begin.worth, row, begin))
+        tries.sort(key=lambda one: one[0])
+        here: list[Bought] = []
+        for _, row, begin in tries:
+            if len(found) + len(here) >= most or (work is not None and work.expired()):
+                break
+            one = question.best(row.actuator) if begin is None else question.descend(begin, Sizes(row.actuator), work)
+            if isinstance(one, Refused):
+                unfit.append(Unfit(row, one))
+            elif question.loaded and not row.bears(one):
+                unfit.append(Unfit(row, one.peak))
+            else:
+                here.append(Bought(row, one))
+        found += sorted(here, key=lambda one: one.placement.worst)
+    return found, unfit
+
+
+class Screened(NamedTuple):
+    """Placements from which descents begin, the best first, or why there are none."""
+
+    grounds: Complexes
+    pins: Complexes
+    ways: Flags
+    sides: Floats
+    refused: Refused | None
+    short: Refused | None = None
+    """Where the grid's arms are all a little below what is asked for."""
+    worth: float = 0.0
+    """Of the best: least of arm over burden."""
+
+    @classmethod
+    def none(cls, refused: Refused) -> Screened:
+        """No placement."""
+        empty, places = np.zeros(0), np.zeros(0, dtype=np.complex128)
+        return cls(places, places, empty > 0, empty, refused)
+
+
+def forms_of(link: LinkMotion, middle: complex) -> tuple[Floats, Floats]:
+    """Coefficients (8, n) of L dL/dphi and of L^2 in 1, G, q, conj(G) q and |G|^2 + |q|^2; G from the middle.
+
+    ``conj(v) Q'`` with v = X + R q - G and Q' = X' + i w R q, multiplied out.
+    """
+    x, r, speed, rate = link.origin - middle, link.direction, link.velocity, link.rate
+    zero = np.zeros(x.size)
+    of_pin = np.conj(speed) * r + 1j * rate * np.conj(x) * r
+    of_both = -1j * rate * r
+    slope = [
+        np.real(np.conj(x) * speed),
+        -speed.real,
+        -speed.imag,
+        of_pin.real,
+        -of_pin.imag,
+        of_both.real,
+        -of_both.imag,
+        zero,
+    ]
+    pin = 2 * np.conj(x) * r
+    both = -2 * r
+    square = [
+        np.abs(x) ** 2,
+        -2 * x.real,
+        -2 * x.imag,
+        pin.real,
+        -pin.imag,
+        both.real,
+        -both.imag,
+        zero + 1,
+    ]
+    return np.array(slope), np.array(square)
+
+
+class _Descent:
+    """Rows and exact derivatives of ``arm >= u burden``, arm, reach and sizes along one family.
+
+    Unknowns: G, then retracted length and stroke where they are free, all over the size; and u.
+    """
+
+    def __init__(self, question: Question, sizes: Sizes, way: bool, side: float) -> None:
+        self.q, self.side, self.way, self.sizes = question, side, way, sizes
+        self.sign = question.sense * (1.0 if way else -1.0)
+        self.size = question.size
+        left, bottom, right, top = question.wanted.box
+        box = [(left / self.size, right / self.size), (bottom / self.size, top / self.size)]
+        free = [sizes.retracted_free, sizes.stroke_free]
+        self.free = [k for k in (0, 1) if free[k]]
+        self.bounds = [*box, *[(1e-6, 1e6)] * len(self.free), (0.0, 1e6)]
+        self.gradient = np.zeros(len(self.bounds))
+        self.gradient[-1] = -1.0
+        # u is told in what a placement at the bound would have, so that all unknowns are of order one
+        whole = float(np.trapezoid(question.burden, question.at) * question.sense)
+        self.unit = sizes.begin.stroke / max(whole, 1e-300)
+        self._seen: tuple[bytes, Floats, Floats] | None = None
+
+    def ground(self, z: Floats) -> complex:
+        return complex(z[0] * self.size, z[1] * self.size)
+
+    def ends(self, z: Floats) -> tuple[float, float]:
+        """Lengths at the first position and at the last."""
+        both = list(self.sizes.begin)
+        for place, k in enumerate(self.free, 2):
+            both[k] = float(z[place]) * self.size
+        short, long = both[0], both[0] + both[1]
+        return (short, long) if self.way else (long, short)
+
+    def pin(self, ground: complex, begin: float, end: float) -> complex | None:
+        """The pin from both circles; None where they do not meet."""
+        link = self.q.link
+        first, last = (np.conj(link.direction[k]) * (ground - link.origin[k]) for k in (0, -1))
+        distance = abs(last - first)
+        if distance == 0:
+            return None
+        foot = ((begin - end) * (begin + end) / distance + distance) / 2
+        height = (begin - foot) * (begin + foot)
+        if height < 0:
+            return None
+        return complex(first + (foot + 1j * self.side * np.sqrt(height)) * (last - first) / distance)
+
+    def start(self, ground: complex) -> Floats:
+        sizes = self.sizes.begin
+        z = np.array([ground.real, ground.imag, *(sizes[k] for k in self.free), 0.0]) / self.size
+        pin = self.pin(ground, *self.ends(z))
+        if pin is None:
+            raise ValueError
+        arm = self.q.placement(ground, pin).arm * self.sign
+        z[-1] = 0.999 * np.min(arm / np.maximum(self.q.burden, 1e-300)) / self.unit
+        return z
+
+    def _evaluated(self, z: Floats) -> tuple[Floats, Floats]:
+        key = z.tobytes()
+        if self._seen is None or self._seen[0] != key:
+            self._seen = (key, *self._computed(z))
+        return self._seen[1], self._seen[2]
+
+    def rows(self, z: Floats) -> Floats:
+        return self._evaluated(z)[0]
+
+    def slopes(self, z: Floats) -> Floats:
+        return self._evaluated(z)[1]
+
+    def _computed(self, z: Floats) -> tuple[Floats, Floats]:
+        q, link, size = self.q, self.q.link, self.size
+        n = q.at.size
+        rows, slopes = np.full(2 * n + 1 + bool(self.free), -1.0), np.zeros((2 * n + 1 + bool(self.free), z.size))
+        if not np.all(np.isfinite(z)):
+            return rows, slopes
+        ground, ends = self.ground(z), self.ends(z)
+        pin = self.pin(ground, *ends)
+        if pin is None:
+            return rows, slopes
+        v = link.place(pin) - ground
+        length = np.abs(v)
+        along = v / length
+        speed = link.speed(pin)
+        arm = np.real(np.conj(along) * speed)
+        # Re(conj(v_k) R_k dq) = Re(conj(v_k) dG) + L_k dL_k at both ends: two real equations for dq
+        of_pin = np.conj(v[[0, -1]]) * link.direction[[0, -1]]
+        system = np.stack([of_pin.real, -of_pin.imag], axis=1)
+        right = np.zeros((2, z.size - 1))
+        right[:, 0], right[:, 1] = v[[0, -1]].real, v[[0, -1]].imag
+        for place, k in enumerate(self.free, 2):
+            longer = 1 if self.way else 0
+            if k == 0:
+                right[:, place] = ends
+            else:
+                right[longer, place] = ends[longer]
+        if abs(system[0, 0] * system[1, 1] - system[0, 1] * system[1, 0]) < 1e-14 * max(ends) ** 2:
+            return rows, slopes
+        dq = np.linalg.solve(system, right * size)
+        moved = dq[0] + 1j * dq[1]
+        changes = np.array([1, 1j, *[0] * len(self.free)]) * size
+        turned = link.direction[:, None] * moved
+        dv = turned - changes
+        back = np.conj(along)[:, None]
+        dn = (dv - along[:, None] * np.real(back * dv)) / length[:, None]
+        arms = np.real(np.conj(dn) * speed[:, None]) + np.real(back * 1j * link.rate[:, None] * turned)
+        arms *= self.sign / self.unit
+        arm *= self.sign / self.unit
+        rows[:n] = arm - z[-1] * q.burden
+        slopes[:n, :-1], slopes[:n, -1] = arms, -q.burden
+        rows[n : 2 * n] = arm - q.wanted.arm / self.unit
+        slopes[n : 2 * n, :-1] = arms
+        reach = q.wanted.reach
+        rows[2 * n] = (1 - abs(pin) / reach) * (1 + abs(pin) / reach)
+        slopes[2 * n, :-1] = -2 * np.real(np.conj(pin) * moved) / reach**2
+        if self.free:
+            stroke = abs(ends[1] - ends[0])
+            rows[-1] = (min(ends) - stroke - self.sizes.dead_length) / size
+            for place, k in enumerate(self.free, 2):
+                slopes[-1, place] = 1.0 if k == 0 else -1.0
+        return rows, slopes
+
+
+class _Pivoted:
+    """All placements on a link that turns about a pivot, for one way: a curve in alpha, the angle at the retracted end."""
+
+    def __init__(self, question: Question, actuator: Actuator, turned: Floats, way: bool) -> None:
+        self.q, self.way, self.turned = question, way, turned
+        self.low, self.high = actuator.retracted, actuator.retracted + actuator.stroke
+        self.swing = float(turned.max())
+        self.rate = np.abs(question.link.rate)
+        self.alphas = np.linspace(_NEAR_DEAD, np.pi - self.swing - _NEAR_DEAD, _ANGLES)
+        left, bottom, right, top = question.wanted.box
+        pivot = question.link.pivot
+        assert pivot is not None
+        across = max(left - pivot.real, 0.0, pivot.real - right), max(bottom - pivot.imag, 0.0, pivot.imag - top)
+        self.nearest = float(np.hypot(*across))
+        corners = np.array([complex(x, y) for x in (left, right) for y in (bottom, top)])
+        self.farthest = float(np.abs(corners - pivot).max())
+
+    def sizes(self, alpha: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """S, T, and the longer and the shorter of the two distances from the pivot; NaN where there are none."""
+        half = self.swing / 2
+        # cos(a) - cos(a + swing) as a product
+        fall = 2 * np.sin(alpha + half) * np.sin(half)
+        t = (self.high - self.low) * (self.high + self.low) / fall
+        # S - T = L0^2 - T (1 - cos alpha), and S + T likewise, without the difference of S and T
+        less = self.low**2 - 2 * t * np.sin(alpha / 2) ** 2
+        more = self.low**2 + 2 * t * np.cos(alpha / 2) ** 2
+        with np.errstate(invalid="ignore"):
+            sum_, difference = np.sqrt(more), np.sqrt(less)
+        return self.low**2 + t * np.cos(alpha), t, (sum_ + difference) / 2, (sum_ - difference) / 2
+
+    def arms(self, alpha: Floats) -> Floats:
+        """Amounts of the moment arms per radian of the drive, (alphas, n)."""
+        s, t, _, _ = self.sizes(alpha)
+        at = alpha[:, None] + self.turned
+        with np.errstate(invalid="ignore"):
+            length = np.sqrt(s[:, None] - t[:, None] * np.cos(at))
+            return np.asarray(t[:, None] / 2 * np.sin(at) / length * self.rate)
+
+    def worst(self, alpha: Floats) -> tuple[Floats, Flags, Flags, Floats]:
+        """Largest burden over arm; whether reach and box, and the arm, are kept; the least arm."""
+        arm = self.arms(alpha)
+        _, _, longer, shorter = self.sizes(alpha)
+        placed = self._placed(longer, shorter) | self._placed(shorter, longer)
+        least = arm.min(axis=1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            value = np.max(self.q.burden / arm, axis=1)
+        return value, placed & np.isfinite(value), least >= self.q.wanted.arm, least
+
+    def _placed(self, ground: Floats, pin: Floats) -> Flags:
+        with np.errstate(invalid="ignore"):
+            kept: Flags = (pin <= self.q.wanted.reach) & (ground >= self.nearest) & (ground <= self.farthest)
+        return kept
+
+    def best(self) -> tuple[float, float]:
+        """The least worst and its alpha; infinite where there is none."""
+        alphas = self.alphas
+        value, placed, strong, _ = self.worst(alphas)
+        good = placed & strong
+        if not good.any():
+            return np.inf, 0.0
+
+        def cost(alpha: float) -> float:
+            value, placed, strong, _ = self.worst(np.array([alpha]))
+            return float(value[0]) if placed[0] and strong[0] else np.inf
+
+        cost_here = np.where(good, value, np.inf)
+        k = int(np.argmin(cost_here))
+        low, high = alphas[max(k - 1, 0)], alphas[min(k + 1, alphas.size - 1)]
+        middle = float(alphas[k])
+        ends = []
+        for end in (float(low), float(high)):
+            if not np.isfinite(cost(end)):  # where what is wanted ends, between here and there
+                inside, outside = middle, end
+                for _ in range(60):
+                    half = (inside + outside) / 2
+                    inside, outside = (half, outside) if np.isfinite(cost(half)) else (inside, half)
+                end = inside
+            ends.append(end)
+        alpha, least = _golden(cost, min(ends), max(ends))
+        every = [(least, alpha), *((cost(end), end) for end in (*ends, middle))]
+        return min(every)
+
+    def ends(self, alpha: float) -> tuple[complex, complex]:
+        """Ground point and pin, turned about the pivot so that the ground point lies in its box."""
+        q, link = self.q, self.q.link
+        assert link.pivot is not None
+        _, _, longer, shorter = (float(value[0]) for value in self.sizes(np.array([alpha])))
+        first = (longer, shorter) if self._placed(np.array(longer), np.array(shorter)) else (shorter, longer)
+        ground, pin = first
+        rising = np.sign(link.swing())
+        angles = np.linspace(0.0, 2 * np.pi, _AROUND, endpoint=False)
+        direction = _within(link.pivot, ground, q.wanted.box, angles)
+        # from the ground's direction to the pin's: alpha at the retracted end, growing with the link's turn as it extends
+        turn = rising * (alpha if self.way else -(alpha + self.swing))
+        at_first = link.pivot + pin * np.exp(1j * (direction + turn))
+        return complex(link.pivot + ground * np.exp(1j * direction)), link.point_at(complex(at_first))
+
+    def refusal(self) -> Refused:
+        """What binds where nothing is kept."""
+        value, placed, _, least = self.worst(self.alphas)
+        exists = np.isfinite(value)
+        if not exists.any():
+            return Refused("stroke", float(self.high - self.low))
+        if not placed.any():
+            _, _, longer, shorter = self.sizes(self.alphas)
+            if np.nanmin(shorter) > self.q.wanted.reach:
+                return Refused("reach", float(np.nanmin(shorter)))
+            return Refused("box", float(self.nearest if np.nanmax(longer) < self.nearest else np.nanmin(longer)))
+        return Refused("arm", float(np.max(np.where(placed, least, -np.inf))))
+
+
+def _within(pivot: complex, radius: float, box: Box, angles: Floats) -> float:
+    """A direction in which a circle about a pivot lies in a box: the middle of its longest arc there."""
+    left, bottom, right, top = box
+    places = pivot + radius * np.exp(1j * angles)
+    inside = (places.real >= left) & (places.real <= right) & (places.imag >= bottom) & (places.imag <= top)
+    if inside.all():
+        return 0.0
+    if not inside.any():  # it touches the box only: the nearest point of the box, or its farthest corner
+        corners = [complex(x, y) for x in (left, right) for y in (bottom, top)]
+        near = complex(min(max(pivot.real, left), right), min(max(pivot.imag, bottom), top))
+        best = min([near, *corners], key=lambda place: abs(abs(place - pivot) - radius))
+        return float(np.angle(best - pivot))
+    step = angles[1] - angles[0]
+    begin = int(np.argmin(inside))
+    run, longest, middle = 0, 0, 0
+    for k in range(angles.size + 1):
+        here = inside[(begin + k) % angles.size]
+        run = run + 1 if here else 0
+        if run > longest:
+            longest, middle = run, 2 * (begin + k) - run + 1
+    return float(step * middle / 2)
+
+
+def _golden(cost: Any, low: float, high: float) -> tuple[float, float]:
+    """The minimum of a function with one valley between two places, by golden section."""
+    ratio = (np.sqrt(5) - 1) / 2
+    a, b = low, high
+    c, d = b - ratio * (b - a), a + ratio * (b - a)
+    at_c, at_d = cost(c), cost(d)
+    for _ in range(80):
+        if at_c <= at_d:
+            b, d, at_d = d, c, at_c
+            c = b - ratio * (b - a)
+            at_c = cost(c)
+        else:
+            a, c, at_c = c, d, at_d
+            d = a + ratio * (b - a)
+            at_d = cost(d)
+    return (c, at_c) if at_c <= at_d else (d, at_d)
+
+
+class Straight(NamedTuple):
+    """The placement with the largest least arm about a pivot: pins at both ends and the ground point on one line."""
+
+    pin_radius: float
+    ground_distance: float
+    arm: float
+    """The least, at both ends, per radian of the link."""
+
+
+def straight(actuator: Actuator, swing: float) -> Straight:
+    """The largest least arm of an actuator on a link that swings about a pivot by an angle below pi.
+
+    Law: no other placement of the same actuator has a larger least arm; the pin's radius is the least possible.
+    """
+    half = abs(swing) / 2
+    arm = actuator.stroke / (2 * np.tan(half))
+    middle = actuator.retracted + actuator.stroke / 2
+    return Straight(float(actuator.stroke / (2 * np.sin(half))), float(np.hypot(middle, arm)), float(arm))
+
+
+def straight_placement(link: LinkMotion, actuator: Actuator) -> tuple[complex, complex]:
+    """Ground point and pin of `straight`, extending, with the ground point where the link's own frame puts it."""
+    assert link.pivot is not None
+    swing = link.swing()
+    found = straight(actuator, swing)
+    sign = np.sign(swing)
+    bisector = link.direction[0] * np.exp(0.5j * swing)
+    half = actuator.stroke / 2
+    first = complex(found.arm, -sign * half)
+    ground = complex(found.arm, -sign * (actuator.retracted + half))
+    return complex(link.pivot + bisector * ground), link.point_at(complex(link.pivot + bisector * first))

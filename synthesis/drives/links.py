@@ -1,0 +1,268 @@
+"""Poses of a machine's links over its drive's interval, with derivatives, and the torque that a load asks of the drive.
+
+Everything is given at n even values of one parameter, the drive's: for a four-bar the crank angle. Derivatives are by that
+parameter, so a torque here times the parameter's rate is a power, and a moment arm is a length per radian of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from synthesis.arrays import Complexes, Floats
+from synthesis.fourbar.kinematics import close_loop, principal
+from synthesis.fourbar.linkage import Linkage
+from synthesis.guided.linkage import Circle, GuidedLinkage, Slot
+from synthesis.target import Interval
+
+SAMPLES = 61
+"""Positions over the interval at which forces and arms are looked at."""
+GROUND = "ground"
+
+
+@dataclass(frozen=True)
+class LinkMotion:
+    """How one link moves: its frame's origin X and direction R (of modulus 1), (n,) each, and their derivatives.
+
+    A point q of the link, in its frame, lies at X + R q. Law: `velocity` and `rate` are the derivatives of X and of R's angle.
+    """
+
+    name: str
+    origin: Complexes
+    direction: Complexes
+    velocity: Complexes
+    rate: Floats
+    acceleration: Complexes
+    rate_change: Floats
+    pivot: complex | None = None
+    """Where it is pinned to what it is seen from, if it is: then the origin of its frame too."""
+
+    def place(self, point: complex) -> Complexes:
+        """Where a point of the link goes, (n,)."""
+        return self.origin + self.direction * point
+
+    def speed(self, point: complex) -> Complexes:
+        """Its derivative by the drive, (n,)."""
+        return self.velocity + 1j * self.rate * self.direction * point
+
+    def change(self, point: complex) -> Complexes:
+        """Its second derivative by the drive, (n,)."""
+        return self.acceleration + (1j * self.rate_change - self.rate**2) * self.direction * point
+
+    def point_at(self, place: complex, sample: int = 0) -> complex:
+        """The point of the link that lies at a place of the plane at one sample."""
+        return complex(np.conj(self.direction[sample]) * (place - self.origin[sample]))
+
+    def swing(self) -> float:
+        """By how much it turns from the first value to the last, in radians."""
+        turned = np.unwrap(np.angle(self.direction))
+        return float(turned[-1] - turned[0])
+
+    def seen_from(self, other: LinkMotion) -> LinkMotion:
+        """The motion as an observer on another link has it, whose frame lies as the world does at the first sample."""
+        level = other.direction * np.conj(other.direction[0])
+        back, rate, change = np.conj(level), other.rate, other.rate_change
+        reach, speed = self.origin - other.origin, self.velocity - other.velocity
+        velocity = back * (speed - 1j * rate * reach)
+        acceleration = back * (
+            self.acceleration - other.acceleration - 2j * rate * speed - (1j * change + rate**2) * reach
+        )
+        return replace(
+            self,
+            origin=other.origin[0] + back * reach,
+            direction=back * self.direction,
+            velocity=velocity,
+            rate=self.rate - rate,
+            acceleration=acceleration,
+            rate_change=self.rate_change - change,
+            pivot=None,
+        )
+
+
+class Mass(NamedTuple):
+    """A mass on a link, at a point of its frame, with a moment of inertia about that point."""
+
+    link: str
+    amount: float
+    point: complex
+    inertia: float = 0.0
+
+
+class Loading(NamedTuple):
+    """What acts on the body and on the links; directions are those of the plane and do not turn.
+
+    The force acts at the body point. With ``speed``, the drive's constant rate, masses resist their acceleration too.
+    """
+
+    force: complex = 0j
+    torque: float = 0.0
+    masses: tuple[Mass, ...] = ()
+    gravity: complex = 0j
+    speed: float = 0.0
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A linkage over its drive's interval, (n,) positions: its moving links by name, the body's among them as ``body``.
+
+    ``at`` (n,): the drive's parameter, from the first sample on. ``drive``: what it is the angle, or the place, of.
+    """
+
+    at: Floats
+    links: dict[str, LinkMotion]
+    body: LinkMotion | None
+    drive: str = "crank"
+    extent: float = 1.0
+    """A length of the machine's size."""
+    reaches: dict[str, float] = field(default_factory=dict)
+    """How far each link goes from its frame's origin to its joints and, of the coupler, to the body point."""
+    middles: dict[str, complex] = field(default_factory=dict)
+    """The middle between the two joints of a link, in its frame."""
+
+    @property
+    def sense(self) -> float:
+        """Which way the parameter runs: 1 or -1."""
+        return 1.0 if self.at[-1] >= self.at[0] else -1.0
+
+    @property
+    def span(self) -> float:
+        """How far it runs."""
+        return float(abs(self.at[-1] - self.at[0]))
+
+    def link(self, name: str) -> LinkMotion:
+        """A link, or the body."""
+        if name == "body":
+            assert self.body is not None
+            return self.body
+        return self.links[name]
+
+    def torque(self, load: Loading) -> Floats:
+        """What the drive must give, (n,): force times length per radian of the parameter.
+
+        Law: minus the power of the load per unit of the parameter's rate, inertia counted as a load.
+        """
+        torque = np.zeros(self.at.size)
+        if self.body is not None:
+            torque -= _dot(load.force, self.body.speed(0j)) + load.torque * self.body.rate
+        for mass in load.masses:
+            link = self.link(mass.link)
+            torque -= mass.amount * _dot(load.gravity, link.speed(mass.point))
+            if load.speed:
+                inertial = mass.amount * _dot(link.change(mass.point), link.speed(mass.point))
+                torque += load.speed**2 * (inertial + mass.inertia * link.rate_change * link.rate)
+        return torque
+
+
+def _dot(one: Complexes | complex, other: Complexes) -> Floats:
+    return np.real(np.conj(one) * other)
+
+
+def machine_of(linkage: Linkage, interval: Interval, samples: int = SAMPLES) -> Machine:
+    """A four-bar between two crank angles from its first sample, at even steps; see `machine_at`."""
+    return machine_at(linkage, np.linspace(*interval, samples))
+
+
+def machine_at(linkage: Linkage, at: Floats) -> Machine:
+    """A four-bar at crank angles (n,) from its first sample; NaN where its loop does not close or is dead.
+
+    Frames: the crank's from pivot A, the coupler's from the crank pin and the rocker's from pivot B, each along its link; the
+    body's from the body point, turned by the body's rotation.
+    """
+    samples = at.size
+    closure = close_loop(np.array(linkage.links), linkage.start + np.concatenate([[0.0], at]))
+    branch, turn = np.array(linkage.branch), linkage.ground_angle
+    theta2 = principal(closure.coupler_angle(branch))[1:] + turn
+    theta3 = closure.rocker_angle(branch)[1:] + turn
+    e1, e2, e3 = (np.exp(1j * angle) for angle in (linkage.start + at + turn, theta2, theta3))
+    one, two, three, _ = linkage.links
+    half, side = 2 * closure.lengths[..., 1], closure.lengths[..., 2]
+    # sin(theta2 - theta3) without a difference of angles, see `synthesis.fourbar.analysis`
+    sine = (-linkage.branch * np.sqrt(closure.excess_x / half) * np.sqrt(closure.excess_y / half) / side)[1:]
+    sine = np.where(sine != 0, sine, np.nan)
+    with np.errstate(all="ignore"):
+        w2 = one / two * np.imag(np.conj(e1) * e3) / sine
+        w3 = one / three * np.imag(np.conj(e1) * e2) / sine
+        pull, own, across = one * _dot(e1, e3), two * w2**2, three * w3**2
+        a2 = -(pull + own * _dot(e2, e3) - across) / (two * sine)
+        a3 = -(one * _dot(e1, e2) + own - across * _dot(e2, e3)) / (three * sine)
+    ones, zeros = np.ones(samples), np.zeros(samples)
+    a, b = complex(linkage.pivot_a), linkage.pivot_b
+    pin, still = a + one * e1, zeros.astype(complex)
+    links = {
+        "crank": LinkMotion("crank", a + still, e1, still, ones, still, zeros, a),
+        "coupler": LinkMotion("coupler", pin, e2, 1j * one * e1, w2, -one * e1, a2),
+        "rocker": LinkMotion("rocker", b + still, e3, still, w3, still, a3, b),
+    }
+    body = None
+    if linkage.mounted:
+        coupler, point = links["coupler"], linkage.arm
+        body = LinkMotion(
+            "body",
+            coupler.place(point),
+            e2 * np.exp(1j * (linkage.body_offset or 0.0)),
+            coupler.speed(point),
+            w2,
+            coupler.change(point),
+            a2,
+        )
+    arm = abs(linkage.arm) if linkage.mounted else 0.0
+    reaches = {"crank": one, "coupler": max(two, arm), "rocker": three}
+    middles = {"crank": one / 2 + 0j, "coupler": two / 2 + 0j, "rocker": three / 2 + 0j}
+    return Machine(at, links, body, "crank", float(max(*linkage.links, arm)), reaches, middles)
+
+
+def machine_of_guided(linkage: GuidedLinkage, interval: Interval, samples: int = SAMPLES) -> Machine:
+    """A body on two guides between two places of its drive from the first sample, at even steps; see `guided_machine_at`."""
+    return guided_machine_at(linkage, np.linspace(*interval, samples))
+
+
+def guided_machine_at(linkage: GuidedLinkage, at: Floats) -> Machine:
+    """A body on two guides at places (n,) of its drive from the first sample; NaN where it does not close or is dead.
+
+    Frames are those of `GuidedLinkage.links`; the coupler's is the body's. A link on a circle, and the block of a slot, turn
+    about fixed pivots.
+    """
+    links = {}
+    for guide, one in zip((linkage.guides[0], None, linkage.guides[1]), linkage.links(at)):
+        pivot = guide.pivot if isinstance(guide, Circle) else guide.pin if isinstance(guide, Slot) else None
+        links[one.name] = LinkMotion(
+            one.name,
+            one.place,
+            np.exp(1j * one.direction),
+            one.place_rate,
+            one.direction_rate,
+            one.place_second,
+            one.direction_second,
+            pivot,
+        )
+    way = float(max(np.ptp(one.origin.real) + np.ptp(one.origin.imag) for one in links.values()))
+    sizes = [guide.radius for guide in linkage.guides if isinstance(guide, Circle)]
+    arms = [abs(guide.body_point) for guide in linkage.guides]
+    extent = max(way, *sizes, *arms, 1e-300)
+    reaches = dict.fromkeys(links, extent)
+    middles = {}
+    for guide, name in zip(linkage.guides, (linkage.link_names[0], linkage.link_names[2])):
+        if isinstance(guide, Circle):
+            reaches[name], middles[name] = guide.radius, guide.radius / 2 + 0j
+    body = replace(links["coupler"], name="body")
+    return Machine(at, links, body, linkage.driver.value, extent, reaches, middles)
+
+
+def hinged(pivot: complex, start: float, swing: float, length: float, samples: int = SAMPLES) -> Machine:
+    """A link that swings about a fixed pivot and is the body itself, its body point at its end: a flap, a wiper, a boom."""
+    at = np.linspace(0.0, swing, samples)
+    direction = np.exp(1j * (start + at))
+    ones, still = np.ones(samples), np.zeros(samples, dtype=complex)
+    rocker = LinkMotion("rocker", pivot + still, direction, still, ones, still, 0 * ones, pivot)
+    end = LinkMotion(
+        "body",
+        rocker.place(length + 0j),
+        direction,
+        rocker.speed(length + 0j),
+        ones,
+        rocker.change(length + 0j),
+        0 * ones,
+    )
+    return Machine(at, {"rocker": rocker}, end, "rocker", length, {"rocker": length}, {"rocker": length / 2 + 0j})

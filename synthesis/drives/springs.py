@@ -1,0 +1,337 @@
+"""Real springs that take load off a drive: tension and gas springs of a catalogue, placed by least squares of the drive's torque.
+
+A spring of length l pulls with ``preload + stiffness (l - free_length)``; a gas spring's pull is negative. The drive gives what
+the load asks for and stretches the spring besides: ``T + F(l) dl/dphi``. Its ends are looked for on a grid, then by a descent
+with exact derivatives within boxes, away from pivots and with every length between the shortest and the longest.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from synthesis.arrays import Complexes, Floats
+from synthesis.drives.actuator import Box, forms_of
+from synthesis.drives.balance import Spring
+from synthesis.drives.links import GROUND, LinkMotion, Machine
+from synthesis.work import Work
+
+_GRID, _DIRECTIONS, _RADII = 12, 12, np.array([0.3, 0.6, 0.95])
+"""The grid: points of a box, either way; directions and distances on a link."""
+_DESCENTS = 4
+"""Descents for a row."""
+_ROWS = 6
+"""Rows of a catalogue that descents are made for: those that are best on the grid."""
+_HAIR = 1e-6
+"""Of the largest length: by so much lengths stay inside their range at the positions looked at."""
+
+
+class Kind(NamedTuple):
+    """A spring of a catalogue: force in tension ``preload + stiffness (l - free_length)`` between two lengths."""
+
+    name: str
+    stiffness: float
+    free_length: float
+    preload: float
+    shortest: float
+    longest: float
+    price: float | None = None
+
+
+class Room(NamedTuple):
+    """Where a spring may take hold.
+
+    ``box``: of its end on the ground. ``reach``: its other ends are at most so far from their frame's origin. ``clear``: every
+    end is at least so far from the pivots, and the origins, of what it is on.
+    """
+
+    box: Box
+    reach: float
+    clear: float
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """Springs in their places, and the drive's torque with them."""
+
+    springs: tuple[Spring, ...]
+    kinds: tuple[Kind | None, ...]
+    lengths: tuple[Floats, ...]
+    torque: Floats
+
+
+def spring_torque(machine: Machine, spring: Spring) -> tuple[Floats, Floats]:
+    """Lengths of a spring over the way, and what the drive must give because of it, (n,) each."""
+    first, second = (_end(machine, name, point) for name, point in zip(spring.between, spring.points))
+    v, speed = second[0] - first[0], second[1] - first[1]
+    length = np.abs(v)
+    if spring.free_length == 0 and spring.preload == 0:
+        return length, spring.stiffness * np.real(np.conj(v) * speed)
+    force = spring.preload + spring.stiffness * (length - spring.free_length)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return length, force * np.real(np.conj(v) * speed) / length
+
+
+def fitted(machine: Machine, torque: Floats, springs: list[Spring], kinds: list[Kind] | None = None) -> Fitted:
+    """Springs at their places, and what they leave of a torque."""
+    both = [spring_torque(machine, one) for one in springs]
+    left = torque + sum((one for _, one in both), np.zeros(torque.size))
+    names: tuple[Kind | None, ...] = tuple(kinds) if kinds else (None,) * len(springs)
+    return Fitted(tuple(springs), names, tuple(length for length, _ in both), left)
+
+
+def _end(machine: Machine, name: str, point: complex) -> tuple[Complexes, Complexes]:
+    if name == GROUND:
+        still = np.zeros(machine.at.size, dtype=complex)
+        return still + point, still
+    link = machine.link(name)
+    return link.place(point), link.speed(point)
+
+
+def best_spring(
+    machine: Machine,
+    torque: Floats,
+    between: tuple[str, str],
+    kinds: list[Kind],
+    room: Room,
+    work: Work | None = None,
+) -> Fitted | str:
+    """The spring of a catalogue, and its places on two links, that leave the least rms torque; or why there is none."""
+    first, second = between
+    link = _seen(machine, first, second)
+    grounds, pins = _grid(machine, first, second, room)
+    slope, square = forms_of(link, 0j)
+    product = np.conj(grounds) * pins
+    basis = np.stack(
+        [
+            np.ones(grounds.size),
+            grounds.real,
+            grounds.imag,
+            pins.real,
+            pins.imag,
+            product.real,
+            product.imag,
+            np.abs(grounds) ** 2 + np.abs(pins) ** 2,
+        ],
+        axis=1,
+    )
+    length = np.sqrt(np.maximum(basis @ square, 1e-300))
+    arm = (basis @ slope) / length
+    shortest, longest = length.min(axis=1), length.max(axis=1)
+    tries: list[tuple[float, Kind, list[int]]] = []
+    for kind in kinds:
+        some = np.flatnonzero((shortest >= kind.shortest) & (longest <= kind.longest))
+        if not some.size:
+            continue
+        left = torque + (kind.preload + kind.stiffness * (length[some] - kind.free_length)) * arm[some]
+        cost = np.einsum("mn,mn->m", left, left)
+        order = np.argsort(cost, kind="stable")[:_DESCENTS]
+        tries.append((float(cost[order[0]]), kind, some[order].tolist()))
+    if not tries:
+        spread = float((longest - shortest).min()) if shortest.size else np.inf
+        return (
+            f"no spring of {len(kinds)} fits between {first} and {second}: the least change of length there is {spread:.4g}, "
+            f"and lengths range from {float(shortest.min()):.4g} to {float(longest.max()):.4g}"
+        )
+    tries.sort(key=lambda row: row[0])
+    best: tuple[float, Kind, complex, complex] | None = None
+    for _, kind, some_ in tries[:_ROWS]:
+        for k in some_:
+            if work is not None and work.expired() and best is not None:
+                break
+            part = _Placing(machine, between, kind, room)
+            rms, z = _together([part], torque, part.start(complex(grounds[k]), complex(pins[k])))
+            if best is None or rms < best[0]:
+                best = (rms, kind, *part.ends(z))
+    assert best is not None
+    _, kind, ground, pin = best
+    spring = Spring(between, (ground, pin), kind.stiffness, kind.free_length, kind.preload)
+    return fitted(machine, torque, [_named(machine, spring)], [kind])
+
+
+def _seen(machine: Machine, first: str, second: str) -> LinkMotion:
+    link = machine.link(second)
+    return link if first == GROUND else link.seen_from(machine.link(first))
+
+
+def _named(machine: Machine, spring: Spring) -> Spring:
+    """A spring whose first point is told in the plane at the first sample, with it in its link's frame."""
+    first = spring.between[0]
+    if first == GROUND:
+        return spring
+    point = machine.link(first).point_at(spring.points[0])
+    return Spring(spring.between, (point, spring.points[1]), spring.stiffness, spring.free_length, spring.preload)
+
+
+def _grid(machine: Machine, first: str, second: str, room: Room) -> tuple[Complexes, Complexes]:
+    """All pairs of places of the first end, in the plane at the first sample, and points of the second link."""
+    angles = np.exp(1j * np.linspace(0, 2 * np.pi, _DIRECTIONS, endpoint=False))
+    around = (np.maximum(_RADII * room.reach, room.clear)[:, None] * angles).ravel()
+    if first == GROUND:
+        left, bottom, right, top = room.box
+        x, y = np.meshgrid(np.linspace(left, right, _GRID), np.linspace(bottom, top, _GRID))
+        grounds = (x + 1j * y).ravel()
+        for pivot in _pivots(machine):
+            grounds = grounds[np.abs(grounds - pivot) >= room.clear]
+    else:
+        link = machine.link(first)
+        grounds = link.origin[0] + link.direction[0] * around
+    return np.repeat(grounds, around.size), np.tile(around, grounds.size)
+
+
+def _pivots(machine: Machine) -> list[complex]:
+    return [link.pivot for link in machine.links.values() if link.pivot is not None]
+
+
+class _Placing:
+    """One spring's part of a fit: lengths and torque with exact derivatives by its four unknowns, its ends over the size."""
+
+    def __init__(self, machine: Machine, between: tuple[str, str], kind: Kind, room: Room) -> None:
+        first, second = between
+        self.link, self.kind, self.room = _seen(machine, first, second), kind, room
+        left, bottom, right, top = room.box
+        self.size = max(right - left, top - bottom, room.reach)
+        self.origin = None if first == GROUND else complex(machine.link(first).origin[0])
+        self.centres = _pivots(machine) if self.origin is None else [self.origin]
+        self.low, self.high = kind.shortest + _HAIR * kind.longest, kind.longest * (1 - _HAIR)
+        free: list[tuple[float | None, float | None]] = [(None, None)] * 2
+        box: list[tuple[float | None, float | None]] = [
+            (left / self.size, right / self.size),
+            (bottom / self.size, top / self.size),
+        ]
+        self.bounds = (box if self.origin is None else free) + free
+
+    def ends(self, z: Floats) -> tuple[complex, complex]:
+        return complex(z[0], z[1]) * self.size, complex(z[2], z[3]) * self.size
+
+    def start(self, ground: complex, pin: complex) -> Floats:
+        return np.array([ground.real, ground.imag, pin.real, pin.imag]) / self.size
+
+    def torque(self, z: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """Length and its derivatives (n, 4), torque and its derivatives (n, 4)."""
+        one, other = self.ends(z)
+        link, size, kind = self.link, self.size, self.kind
+        v = link.place(other) - one
+        length = np.maximum(np.abs(v), 1e-12 * size)
+        along = v / length
+        speed = link.speed(other)
+        arm = np.real(np.conj(along) * speed)
+        turned = np.stack([np.zeros_like(v), np.zeros_like(v), link.direction, 1j * link.direction], axis=1) * size
+        dv = turned + np.array([-1, -1j, 0, 0]) * size
+        back = np.conj(along)[:, None]
+        change = np.real(back * dv)
+        dn = (dv - along[:, None] * change) / length[:, None]
+        arms = np.real(np.conj(dn) * speed[:, None]) + np.real(back * 1j * link.rate[:, None] * turned)
+        force = kind.preload + kind.stiffness * (length - kind.free_length)
+        return length, change, force * arm, kind.stiffness * change * arm[:, None] + force[:, None] * arms
+
+    def rows(self, z: Floats) -> tuple[Floats, Floats]:
+        """What must not be negative: lengths, and distances squared; and its derivatives."""
+        length, change, _, _ = self.torque(z)
+        one, other = self.ends(z)
+        room, size = self.room, self.size
+        clear, reach = room.clear**2, room.reach**2
+        mine = [abs(other) ** 2 - clear, reach - abs(other) ** 2]
+        slopes = [[0, 0, other.real, other.imag], [0, 0, -other.real, -other.imag]]
+        for centre in self.centres:
+            away = one - centre
+            mine.append(abs(away) ** 2 - clear)
+            slopes.append([away.real, away.imag, 0, 0])
+            if self.origin is not None:
+                mine.append(reach - abs(away) ** 2)
+                slopes.append([-away.real, -away.imag, 0, 0])
+        values = [(length - self.low) / size, (self.high - length) / size, np.array(mine) / size**2]
+        return np.concatenate(values), np.concatenate([change / size, -change / size, 2 * np.array(slopes) / size])
+
+
+def _together(parts: list[_Placing], torque: Floats, begin: Floats) -> tuple[float, Floats]:
+    """The nearest optimum of some springs together: rms torque and unknowns, four a spring; no worse than the beginning."""
+    from scipy.optimize import minimize
+
+    rms = float(np.sqrt(np.mean(torque**2))) or 1.0
+    four = [slice(4 * k, 4 * k + 4) for k in range(len(parts))]
+
+    def cost(z: Floats) -> tuple[float, Floats]:
+        found = [one.torque(z[some]) for one, some in zip(parts, four)]
+        left = (torque + sum(one[2] for one in found)) / rms
+        slopes = np.concatenate([one[3] for one in found], axis=1) / rms
+        return float(np.mean(left**2)), np.asarray(2 * left @ slopes / left.size)
+
+    def rows(z: Floats) -> Floats:
+        return np.concatenate([one.rows(z[some])[0] for one, some in zip(parts, four)])
+
+    def slopes(z: Floats) -> Floats:
+        found = [one.rows(z[some])[1] for one, some in zip(parts, four)]
+        table = np.zeros((sum(len(one) for one in found), z.size))
+        row = 0
+        for one, some in zip(found, four):
+            table[row : row + len(one), some] = one
+            row += len(one)
+        return table
+
+    answer: Any = minimize(
+        cost,
+        begin,
+        jac=True,
+        bounds=[bound for one in parts for bound in one.bounds],
+        constraints=[{"type": "ineq", "fun": rows, "jac": slopes}],
+        method="SLSQP",
+        options={"ftol": 1e-12, "maxiter": 80},
+    )
+    z = answer.x
+    if not np.all(np.isfinite(z)) or rows(z).min() < -_HAIR / 2 or cost(z)[0] > cost(begin)[0]:
+        z = begin
+    return float(np.sqrt(cost(z)[0])) * rms, z
+
+
+def best_pair(
+    machine: Machine,
+    torque: Floats,
+    betweens: list[tuple[str, str]],
+    kinds: list[Kind],
+    room: Room,
+    work: Work | None = None,
+    turns: int = 2,
+) -> Fitted | str:
+    """Springs on several pairs of links: one after the other, each against what the others leave, some turns; then together."""
+    placed: list[Fitted | None] = [None] * len(betweens)
+    left = torque
+    for _ in range(turns):
+        for k, between in enumerate(betweens):
+            others = sum(
+                (one.torque - torque for j, one in enumerate(placed) if one and j != k), np.zeros(torque.size)
+            )
+            found = best_spring(machine, torque + others, between, kinds, room, work)
+            if isinstance(found, str):
+                return found
+            before = placed[k]
+            mine = fitted(machine, torque, list(found.springs), [kind for kind in found.kinds if kind is not None])
+            if before is None or _rms(torque + others + mine.torque - torque) < _rms(left):
+                placed[k] = mine
+                left = mine.torque + others
+        if work is not None and work.expired():
+            break
+    springs = [one.springs[0] for one in placed if one is not None]
+    chosen = [one.kinds[0] for one in placed if one is not None]
+    rows = [kind for kind in chosen if kind is not None]
+    parts = [_Placing(machine, between, kind, room) for between, kind in zip(betweens, rows)]
+    begin = [part.start(*_level(machine, spring)) for part, spring in zip(parts, springs)]
+    _, z = _together(parts, torque, np.concatenate(begin))
+    for k, (part, spring) in enumerate(zip(parts, springs)):
+        moved = Spring(
+            spring.between, part.ends(z[4 * k : 4 * k + 4]), spring.stiffness, spring.free_length, spring.preload
+        )
+        springs[k] = _named(machine, moved)
+    return fitted(machine, torque, springs, rows)
+
+
+def _level(machine: Machine, spring: Spring) -> tuple[complex, complex]:
+    """Both ends as unknowns have them: the first in the plane at the first sample."""
+    first, (one, other) = spring.between[0], spring.points
+    return (one if first == GROUND else complex(machine.link(first).place(one)[0])), other
+
+
+def _rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(values**2)))

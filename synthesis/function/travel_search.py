@@ -1,0 +1,462 @@
+"""The search for functions with travel: linkages with a slider or a cylinder whose output follows their input as wanted.
+
+That of `search` with other linkages: beginnings spread over all shapes and zeros, least squares, then sequential quadratic steps
+within the limits, for the largest error over the extremes of each candidate's own error curve. Inputs and outputs are radians,
+or lengths over one scale, in which all lengths are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from synthesis.arrays import Floats
+from synthesis.function.answers import PEAKS, FunctionErrors, alternations, extremes, look
+from synthesis.function.descent import Linear, Linearise
+from synthesis.function.search import FunctionSearch
+from synthesis.function.travel import ANGLE, LAWS, Law
+from synthesis.function.wanted import Wanted
+from synthesis.guided.linkage import GuidedLinkage
+from synthesis.pose import whole_turns
+from synthesis.ranking import APART, Status, distinct
+from synthesis.search.search import SearchReport, StoppedBy
+from synthesis.target import TURN, Interval
+from synthesis.work import Work
+
+Ints = NDArray[np.intp]
+
+_CLOSES = 1e-4
+"""Least sine of the transmission angle: where the linkage locks, the output has no derivative."""
+_MARGIN = 1e-9
+_ROUNDING = 1e-9
+"""Part by which rounding may break a limit that an answer stands at."""
+_FARTHEST = 1e3
+"""Lengths over the scale that are sought where no limit says otherwise."""
+_PLACES = 9
+_LEAST_RATE = 1e-3
+_STEP = 1e-30
+"""Imaginary, of derivatives of sines."""
+_BEGINNINGS, _SEEDS = 6000, 120
+"""Of each branch: shapes and zeros that are looked at, and those that descend."""
+_FEW, _GO_ON, _STEPS_ON = 40, 8, 300
+"""Steps from which on a descent is the last; of its best candidates so many go on, and so far."""
+_TIE = 1e-9
+"""A turn back that is no more than this part of the output is rounding."""
+
+
+@dataclass(frozen=True)
+class TravelLimits:
+    """What a linkage with a slider must keep to; lengths in the user's unit, or over the scale.
+
+    ``given``: lengths that are given, by their names.
+    """
+
+    transmission_angle_min: float | None = None
+    link_min: float | None = None
+    link_max: float | None = None
+    link_ratio_max: float | None = None
+    given: Mapping[str, float] = field(default_factory=dict)
+
+    def over(self, scale: float) -> TravelLimits:
+        """The same with lengths over a scale."""
+        return replace(
+            self,
+            link_min=None if self.link_min is None else self.link_min / scale,
+            link_max=None if self.link_max is None else self.link_max / scale,
+            given={name: value if name == "angle" else value / scale for name, value in self.given.items()},
+        )
+
+
+class TravelProblem:
+    """A wanted function, a law and limits made ready for many evaluations; as `problem.Problem` for the four-bar.
+
+    Unknowns are three of the shape, the zero and the offset; those that the law has not, or that are given, are held.
+    """
+
+    def __init__(self, wanted: Wanted, law: Law, limits: TravelLimits, largest: bool) -> None:
+        self.wanted, self.law, self.limits = wanted, law, limits
+        self.least_sine = max(np.sin(limits.transmission_angle_min or 0.0), _CLOSES)
+        given = np.full(3, np.nan)
+        given[law.size :] = 0.0
+        for name, value in limits.given.items():
+            if name in law.lengths:
+                place = law.lengths.index(name)
+                given[place] = np.log(value) if law.positive[place] else value
+        self.given = given
+        held = np.concatenate([~np.isnan(given), [wanted.start is not None, wanted.offset is not None]])
+        self.free = np.flatnonzero(~held)
+        low, high = np.full(5, -np.inf), np.full(5, np.inf)
+        least, most = limits.link_min or 1 / _FARTHEST, limits.link_max or _FARTHEST
+        for k, above in enumerate(law.positive):
+            low[k], high[k] = (np.log(least), np.log(most)) if above else (-most, most)
+            if law.lengths[k] == "angle":
+                low[k], high[k] = -np.inf, np.inf
+        low[:3], high[:3] = np.where(np.isnan(given), [low[:3], high[:3]], given)
+        if law.input != ANGLE:
+            low[3], high[3] = -4 * _FARTHEST, 4 * _FARTHEST
+        self.box = low, high
+        self.places = (1 - np.cos(np.linspace(0.0, np.pi, _PLACES))) / 2 * wanted.crank[-1]
+
+    # -- conditions ---------------------------------------------------------------------------------------------------
+
+    def conditions(self, unknowns: Floats) -> tuple[Floats, Floats]:
+        """The conditions at unknowns (n, 5), at least 0 where they are kept, (n, m), and derivatives (n, m, 5)."""
+        sines = self.law.sines(unknowns, self.places)
+        value, slope = [sines - self.least_sine - _MARGIN], [np.zeros((*sines.shape, 5))]
+        for k in [*range(self.law.size), 3]:
+            aside: Any = unknowns + 0j
+            aside[:, k] += 1j * _STEP
+            by = self.law.sines(aside, self.places).imag / _STEP
+            slope[0][:, :, k] = np.clip(np.nan_to_num(by), -1e6, 1e6)
+        above = np.flatnonzero(self.law.positive)
+        if self.limits.link_ratio_max is not None and above.size == 2:
+            a, b = above
+            apart = unknowns[:, a] - unknowns[:, b]
+            most = np.log(self.limits.link_ratio_max)
+            value.append(np.stack([most - apart, most + apart], axis=1))
+            rows = np.zeros((len(unknowns), 2, 5))
+            rows[:, 0, a], rows[:, 0, b], rows[:, 1, a], rows[:, 1, b] = -1.0, 1.0, 1.0, -1.0
+            slope.append(rows)
+        return np.concatenate(value, axis=1), np.concatenate(slope, axis=1)
+
+    def _rates(self, unknowns: Floats, branch: Floats) -> tuple[Floats, Floats]:
+        """How fast the output goes the wanted way, less a little, at some places (n, q), and derivatives (n, q, 5)."""
+        rise = self.wanted.output[-1] - self.wanted.output[0]
+        way = np.sign(rise) * np.sign(self.wanted.crank[-1])
+        least = _LEAST_RATE * abs(rise / self.wanted.crank[-1])
+        places = np.broadcast_to(self.places, (len(unknowns), self.places.size))
+
+        def rate(at: Floats) -> Floats:
+            return way * np.clip(self.law.at(at, branch, places).slope[:, 3], -1e3, 1e3)
+
+        by, step = np.zeros((*places.shape, 5)), 1e-6
+        for k in [*range(self.law.size), 3]:
+            aside = step * np.eye(5)[k]
+            by[:, :, k] = (rate(unknowns + aside) - rate(unknowns - aside)) / (2 * step)
+        return rate(unknowns) - least, by
+
+    # -- errors -------------------------------------------------------------------------------------------------------
+
+    def _near(self, gap: Floats) -> Floats:
+        """Errors to the nearest whole turn, where the output is an angle."""
+        return gap - whole_turns(gap) if self.law.output == ANGLE else gap
+
+    def gap(self, unknowns: Floats, branch: Floats, crank: Floats) -> Floats:
+        """Errors (n, M) at inputs (n, M) of the candidates' own; infinite where it does not close."""
+        found = self.law.at(unknowns, branch, crank)
+        gap = self._near(self.wanted.curve(crank) - unknowns[:, 4:] - found.value)
+        return np.where(found.possible, gap, np.inf)
+
+    def with_offset(self, unknowns: Floats, branch: Floats, crank: Floats, root: Floats) -> Floats:
+        """Candidates with the given offset, or the best over inputs (M,), whose errors count ``root`` (M,)."""
+        some = np.broadcast_to(crank, (len(unknowns), crank.size))
+        share = root**2 / np.sum(root**2)
+        gap = self.wanted.curve(some) - self.law.at(unknowns, branch, some).value
+        out = unknowns.copy()
+        if self.law.output == ANGLE:
+            out[:, 4] = np.angle(np.exp(1j * gap) @ share)
+            gap = gap - out[:, 4:]
+            out[:, 4] += (gap - whole_turns(gap)) @ share
+            if self.wanted.offset is not None:
+                out[:, 4] = self.wanted.offset + whole_turns(out[:, 4] - self.wanted.offset)
+        else:
+            out[:, 4] = gap @ share if self.wanted.offset is None else self.wanted.offset
+        return out
+
+    def linear(self, branch: Floats, crank: Floats, root: Floats) -> Linearise:
+        """The errors at inputs (n, M) times ``root`` (n, M), and the conditions, ready for `descent.descend`."""
+        curve = self.wanted.curve(crank)
+
+        def evaluate(unknowns: Floats, which: Ints) -> Linear:
+            scale = root[which]
+            found = self.law.at(unknowns, branch[which], crank[which])
+            error = self._near(curve[which] - unknowns[:, 4:] - found.value) * scale
+            error[~found.possible.all(axis=1)] = np.inf
+            slope = np.empty((*error.shape, 5))
+            slope[:, :, :4] = -found.slope.transpose(0, 2, 1) * scale[:, :, None]
+            slope[:, :, 4] = -scale
+            condition, by = self.conditions(unknowns)
+            if self.wanted.one_way:
+                rate, by_rate = self._rates(unknowns, branch[which])
+                condition, by = np.concatenate([condition, rate], axis=1), np.concatenate([by, by_rate], axis=1)
+            return Linear(error, np.clip(slope, -1e9, 1e9)[:, :, self.free], condition, by[:, :, self.free])
+
+        return evaluate
+
+    # -- beginnings ---------------------------------------------------------------------------------------------------
+
+    def beginnings(self, count: int) -> Floats:
+        """Shapes and zeros (n, 5) spread over all that may serve; the same ones each time."""
+        random, law = np.random.default_rng(21), self.law
+        out = np.zeros((count, 5))
+        size = np.exp(random.uniform(-1.5, 4.5, (count, 1)) + random.uniform(-1.2, 1.2, (count, 3)))
+        for k, above in enumerate(law.positive):
+            out[:, k] = np.log(size[:, k]) if above else random.choice([-1.0, 1.0], count) * size[:, k]
+            if law.lengths[k] == "angle":
+                out[:, k] = random.uniform(-np.pi, np.pi, count)
+            elif law.lengths[k] == "offset":
+                reach = size[:, 0] + size[:, 1]
+                out[:, k] = reach * np.where(random.random(count) < 0.2, 0.0, random.uniform(-0.8, 0.8, count))
+            elif law.lengths[k] == "slot_offset":
+                out[:, k] = out[:, 0] * random.uniform(-1.2, 1.2, count) * (random.random(count) > 0.3)
+        out[:, :3] = np.where(np.isnan(self.given), out[:, :3], self.given)
+        lengths = law.of(out)
+        if law.input == ANGLE:
+            out[:, 3] = random.uniform(0, TURN, count)
+        else:
+            reach = np.abs(lengths[:, 0]) + (np.abs(lengths[:, 1]) if law.lengths[1] != "angle" else 0.0)
+            if law.lengths[1] == "angle":
+                reach = lengths[:, 0] / np.maximum(np.abs(np.sin(lengths[:, 1])), 0.1)
+            out[:, 3] = (
+                1.2 * reach * random.uniform(-1, 1, count) - random.uniform(0, 1, count) * self.wanted.crank[-1]
+            )
+            if "ground" in law.lengths:
+                out[:, 3] = np.abs(out[:, 3])
+        if self.wanted.start is not None:
+            out[:, 3] = self.wanted.start
+        return out
+
+
+class TravelGenerator(NamedTuple):
+    """A linkage whose output follows its input as wanted; lengths over the scale."""
+
+    law: Law
+    lengths: Floats
+    """(k,): those of the law."""
+    branch: int
+    zero: float
+    """The input at the first sample."""
+    offset: float
+    """output = its own + offset; an angle's own lies in (-pi, pi] at the first sample."""
+    errors: FunctionErrors
+    linkage: GuidedLinkage
+    transmission_angle_min: float
+    """Over the used interval, exactly."""
+
+    @property
+    def identity(self) -> Floats:
+        """Numbers that tell linkages apart."""
+        size = np.abs(self.lengths[np.array(self.law.lengths) != "angle"]).max()
+        return np.array([*(self.lengths / size), np.log(size), self.branch, LAWS.index(self.law)])
+
+    @property
+    def looks(self) -> Floats:
+        """Numbers of which two linkages that look alike in a picture differ by less than one."""
+        return self.identity / 0.02
+
+    def output(self, travel: Floats) -> Floats:
+        """Output at inputs (M,) from the first sample, continuous."""
+        unknowns = np.zeros((1, 5))
+        unknowns[0, : self.law.size] = np.where(
+            self.law.positive, np.log(np.where(self.law.positive, self.lengths, 1.0)), self.lengths
+        )
+        unknowns[0, 3] = self.zero
+        places = np.concatenate([[0.0], travel])
+        value = self.law.at(unknowns, np.array([float(self.branch)]), places[None]).value[0]
+        if self.law.output == ANGLE:
+            value = np.unwrap(value)
+            value = value - whole_turns(value[0])
+        return value[1:] + self.offset
+
+
+class TravelSearch(FunctionSearch):
+    """One request to one law."""
+
+    def __init__(
+        self, wanted: Wanted, law: Law, limits: TravelLimits, largest: bool, top: int, tolerance: float, work: Work
+    ) -> None:
+        self.wanted, self.law, self.travel_limits, self.largest = wanted, law, limits, largest
+        self.top, self.tolerance, self.work = top, tolerance, work
+        self.problem: Any = TravelProblem(wanted, law, limits, largest)
+        self.seeds, self.screened = 0, 0.0
+        self.settled = False
+        self.trace: list[tuple[float, float]] = []
+        self.known: list[Any] = []
+
+    @staticmethod
+    def moved(unknowns: Floats, free: Ints, step: Floats) -> Floats:
+        """Unknowns after a straight step."""
+        out = unknowns.copy()
+        out[:, free] += step
+        return out
+
+    def apart(self, unknowns: Floats, branch: Floats, cost: Floats, most: int) -> Ints:
+        """Places of the best candidates of those that end in different valleys."""
+        order = np.argsort(cost, kind="stable")
+        order = order[np.isfinite(cost[order])]
+        cells = np.round(np.column_stack([self._place(unknowns), branch])[order] / 0.02).astype(np.int64)
+        first = np.sort(np.unique(cells, axis=0, return_index=True)[1])[:most]
+        return order[first]
+
+    def least_squares(self, unknowns: Floats, branch: Floats, places: int, steps: int) -> tuple[Floats, Floats]:
+        """As of four-bars; the best go on, as far as narrow valleys need: next to a dead position."""
+        unknowns, cost = super().least_squares(unknowns, branch, places, steps)
+        best = np.argsort(cost, kind="stable")[:_GO_ON]
+        if steps > _FEW and best.size and cost[best[0]] > (0.3 * self.tolerance) ** 2:
+            unknowns[best], cost[best] = super().least_squares(unknowns[best], branch[best], places, _STEPS_ON)
+        return unknowns, cost
+
+    def _place(self, unknowns: Floats) -> Floats:
+        """Where candidates lie, in numbers of order one."""
+        zero = unknowns[:, 3]
+        around = [np.cos(zero), np.sin(zero)] if self.law.input == ANGLE else [np.arcsinh(zero), 0 * zero]
+        return np.column_stack([np.arcsinh(unknowns[:, :3]), *around])
+
+    def run(self, tables: Any = None) -> list[Any]:
+        """The best candidates, different ones, within the limits."""
+        problem, found, sides = self.problem, [], []
+        begin = problem.beginnings(_BEGINNINGS)
+        crank, root = self.some_places(_PLACES)
+        for branch in self.law.branches:
+            side = np.full(len(begin), float(branch))
+            placed = problem.with_offset(begin, side, crank, root)
+            gap = root * problem.gap(placed, side, np.broadcast_to(crank, (len(placed), crank.size)))
+            broken = np.minimum(problem.conditions(placed)[0], 0.0)
+            cost = np.sum(gap * gap, axis=1) / np.sum(root * root) + np.sum((0.5 * broken) ** 2, axis=1)
+            order = np.argsort(cost, kind="stable")
+            order = order[np.isfinite(cost[order])]
+            cells = np.floor(self._place(placed[order]) / 0.4).astype(np.int64)
+            first = np.sort(np.unique(cells, axis=0, return_index=True)[1])[: _SEEDS // len(self.law.branches)]
+            found.append(placed[order[first]])
+            sides.append(side[: len(first)])
+        self.screened = self.work.elapsed
+        every = np.concatenate(sides)
+        self.seeds = len(every)
+        return self.led(np.concatenate(found), every)
+
+    def some_places(self, count: int) -> tuple[Floats, Floats]:
+        """Inputs at which errors count, and their weights, both ends among them."""
+        crank, root = self.places(count)
+        return crank, np.array(root)
+
+    def kept(self, unknowns: Floats, branch: Floats) -> list[Any]:
+        """Candidates as generators with errors recomputed from their own numbers, those outside of the limits left out."""
+        problem, wanted, law = self.problem, self.wanted, self.law
+        if not self.largest:
+            root = np.broadcast_to(wanted.mean.root, wanted.crank.shape)
+            unknowns = problem.with_offset(unknowns, branch, wanted.crank, root)
+        lengths = law.of(unknowns)[:, : law.size]
+        for k, name in enumerate(law.lengths):
+            if name in self.travel_limits.given:
+                lengths[:, k] = self.travel_limits.given[name]
+        crank = np.broadcast_to(wanted.crank, (len(branch), wanted.crank.size))
+        good = np.all(np.isfinite(problem.gap(unknowns, branch, crank)), axis=1)
+        found = []
+        for row, size, side in zip(unknowns[good], lengths[good], branch[good]):
+            one = self._generator(row, size, int(side))
+            if one is not None:
+                found.append(one)
+        return found
+
+    def _generator(self, unknowns: Floats, lengths: Floats, branch: int) -> TravelGenerator | None:
+        law, wanted, limits = self.law, self.wanted, self.travel_limits
+        zero = float(unknowns[3])
+        whole = np.zeros(3)
+        whole[: law.size] = lengths
+        if law.input == ANGLE:
+            zero = zero % TURN
+        linkage = law.linkage(whole, branch, zero)
+        used = Interval(0.0, float(wanted.crank[-1]))
+        least = linkage.transmission_angle_over(used.after(linkage.start))
+        if not least >= (limits.transmission_angle_min or 0.0) * (1 - _ROUNDING) or not least > 0:
+            return None
+        sizes = np.abs(lengths[[name not in ("angle", "offset", "slot_offset") for name in law.lengths]])
+        shortest, longest = sizes.min(), sizes.max()
+        if limits.link_min is not None and shortest < limits.link_min * (1 - _ROUNDING):
+            return None
+        if limits.link_max is not None and longest > limits.link_max * (1 + _ROUNDING):
+            return None
+        if limits.link_ratio_max is not None and longest > shortest * limits.link_ratio_max * (1 + _ROUNDING):
+            return None
+        errors, offset = self._errors(unknowns, branch)
+        one = TravelGenerator(law, lengths, branch, zero, 0.0, errors, linkage, least)
+        own = float(one.output(np.zeros(1))[0])
+        raw = float(law.at(unknowns[None], np.array([float(branch)]), np.zeros((1, 1))).value[0, 0])
+        one = one._replace(offset=offset + raw - own)
+        if law.output == ANGLE:  # the nearest to the wanted one by whole turns
+            one = one._replace(offset=one.offset + float(whole_turns(wanted.output[0] - own - one.offset)))
+        if wanted.one_way and turns_back(wanted, one) is not None:
+            return None
+        return one
+
+    def _errors(self, unknowns: Floats, branch: int) -> tuple[FunctionErrors, float]:
+        problem, wanted = self.problem, self.wanted
+        side = np.array([float(branch)])
+
+        def error(crank: Floats) -> Floats:
+            gap: Floats = problem.gap(unknowns[None], side, np.broadcast_to(crank, (1, crank.shape[-1])))
+            return np.where(wanted.weight(crank) > 0, gap, 0.0)
+
+        residual = error(wanted.crank[None])[0]
+        rms = float(np.sqrt(wanted.mean(residual**2)))
+        if not self.largest:
+            worst = float(np.abs(wanted.mean.given(residual)).max())
+            return FunctionErrors(rms, worst, None, rms), float(unknowns[4])
+
+        def weighted(crank: Floats) -> Floats:
+            return wanted.weight(crank) * error(crank)
+
+        found = plain = extremes(weighted, look(wanted), PEAKS)
+        if wanted.weights is not None:
+            plain = extremes(error, look(wanted), PEAKS)
+        (count,) = alternations(found)
+        return FunctionErrors(rms, float(plain.size.max()), count, float(found.size.max())), float(unknowns[4])
+
+
+def turns_back(wanted: Wanted, one: TravelGenerator) -> str | None:
+    """A sentence where the output turns back though the wanted one goes one way."""
+    steps = np.diff(wanted.output) * np.sign(wanted.output[-1] - wanted.output[0])
+    if not np.all(steps > 0):
+        return None
+    places = look(wanted)
+    made = np.diff(one.output(places)) * np.sign(wanted.output[-1] - wanted.output[0])
+    back = made < -_TIE * abs(wanted.output[-1] - wanted.output[0])
+    if not back.any():
+        return None
+    place = places[int(np.argmin(made))] / wanted.crank[-1]
+    return f"the output turns back at {100 * place:.3g} % of the interval"
+
+
+def laws_for(kinds: Sequence[str], input: str, output: str) -> list[Law]:
+    """The laws of some kinds from an input to an output, each "angle" or "length"."""
+    return [law for law in LAWS if law.kind in kinds and (law.input, law.output) == (input, output)]
+
+
+def generate_travel(
+    laws: Sequence[Law],
+    wanted: Wanted,
+    limits: TravelLimits,
+    largest: bool,
+    top: int,
+    tolerance: float,
+    work: Work | None = None,
+) -> tuple[list[TravelGenerator], SearchReport]:
+    """The best linkages of some laws for a wanted function, best first, different from one another.
+
+    Arguments and reply are those of `search.generate`; lengths are over the scale.
+    """
+    work = work or Work()
+    found: list[Any] = []
+    trace: list[tuple[float, float]] = []
+    seeds, screened, settled = 0, 0.0, True
+    for law in laws:
+        if found and work.expired():
+            break
+        run = TravelSearch(wanted, law, limits, largest, top, tolerance, work)
+        found = distinct(found + run.run(), top, APART)
+        seeds, screened, settled = (
+            seeds + run.seeds,
+            screened + run.screened,
+            settled and (run.settled or not run.known),
+        )
+        best = trace[-1][1] if trace else np.inf
+        trace += [(at, min(value, best)) for at, value in run.trace]
+    if Status.of(found, tolerance) is Status.REACHED:
+        stopped = StoppedBy.TOLERANCE
+    else:
+        stopped = StoppedBy.BUDGET if work.expired() else StoppedBy.CONVERGED
+    return found, SearchReport(stopped, trace, screened, seeds, settled)

@@ -1,0 +1,183 @@
+"""Slider-cranks and swinging blocks for motions whose crank angles are given: `linkages_by_crank`, the search of all mechanisms.
+
+Who answers a request with crank angles for one of these kinds calls ::
+
+    solutions, report = linkages_by_crank(Kind.SLIDER_CRANK, target, family="any", top=10, tolerance=1e-10, work=work)
+
+Each solution's `GuidedLinkage` is driven by its crank and has its body's frame in the motion's. No limit but the family is kept:
+limits are checked on what comes back, and may go on from there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from synthesis.arrays import Complexes, Flags, Floats
+from synthesis.guided.linkage import Circle, Driver, GuidedLinkage, Kind, Rail, Slot
+from synthesis.guided.solution import GuidedSolution, assess
+from synthesis.mechanism import Bounded, Constrained, Placed
+from synthesis.pose import fit_positions
+from synthesis.search.search import DEFAULT_TOLERANCE, SearchReport, search
+from synthesis.search.seeds import SeedTables
+from synthesis.slider.charts import RAIL
+from synthesis.slider.mechanism import FULL_CHARTS, SliderTurning
+from synthesis.target import Target
+from synthesis.work import Work
+
+Family = Literal["full_crank", "any"]
+
+
+def lengths_of(linkage: GuidedLinkage) -> Floats:
+    """Crank, rod or ground, and offset of a linkage with a crank, (3,)."""
+    circle, other = linkage.guides
+    assert isinstance(circle, Circle)
+    if isinstance(other, Rail):
+        beside = (other.point - circle.pivot) * np.exp(-1j * other.direction)
+        return np.array([circle.radius, abs(other.body_point - circle.body_point), beside.imag])
+    assert isinstance(other, Slot)
+    across = (other.body_point - circle.body_point) * np.exp(-1j * other.body_direction)
+    return np.array([circle.radius, abs(other.pin - circle.pivot), across.imag])
+
+
+class _NoLimits:
+    """No limits: solutions are checked afterwards."""
+
+    any = False
+
+    def __call__(self, placed: Placed) -> Constrained:
+        count, width = placed.lengths.shape
+        return Constrained(np.empty((count, 0)), np.empty((count, 0, width + 7)), np.empty(0, dtype=bool), [])
+
+    def compiled(self, posed: bool) -> Any:
+        """None."""
+        return None
+
+
+@dataclass(frozen=True)
+class SliderLimits:
+    """What a search for these kinds keeps to: the family alone."""
+
+    family: Family = "any"
+    only_family: bool = True
+
+    def mirrored(self) -> SliderLimits:
+        """The same: both families hold their mirror images."""
+        return self
+
+
+class CrankGuided(SliderTurning):
+    """A kind of linkage with a crank and a rail or a slot, with what the search needs of its linkages."""
+
+    def bounded(self, target: Target, limits: Any) -> list[Bounded]:
+        """Searches without limits, for motions that no linkage makes exactly."""
+        nothing = _NoLimits()
+        return [Bounded(chart, nothing, nothing, None) for chart in self.charts(limits.family)]
+
+    def keeps(self, target: Target, limits: Any, placed: Placed) -> Flags:
+        """All do: the family alone is limited, and tables hold full cranks."""
+        return np.ones(len(placed.lengths), dtype=bool)
+
+    def within(self, target: Target, limits: Any, solutions: list[GuidedSolution]) -> list[GuidedSolution]:
+        """The solutions of the family that close over the interval."""
+        return [
+            one
+            for one in solutions
+            if np.isfinite(one.errors.objective)
+            and one.transmission_angle_min > 0
+            and (limits.family == "any" or one.linkage.turns_fully)
+        ]
+
+    # -- linkages -----------------------------------------------------------------------------------------------------
+
+    def mounted(self, target: Target, lengths: Floats, branch: ArrayLike, start: Floats) -> list[GuidedLinkage]:
+        """Linkages in their best pose; without positions in the origin, the rod or the ground 1."""
+        lengths, start = np.atleast_2d(np.asarray(lengths, dtype=float)), np.asarray(start, dtype=float)
+        if target.position is None or not len(lengths):
+            return self.posed(lengths / lengths[:, 1:2], np.ones(len(lengths)), start, None)
+        fit = fit_positions(target, self.body_angle(lengths, branch, start[:, None] + target.crank))
+        lengths = lengths * (np.abs(fit.crank_vector) / lengths[:, 0])[:, None]
+        return self.posed(
+            lengths, np.ones(len(lengths)), start, (fit.pivot, np.angle(fit.crank_vector) - start, fit.coupler_vector)
+        )
+
+    def posed(
+        self, lengths: Floats, branch: Floats, start: Floats, pose: tuple[Complexes, Floats, Complexes] | None
+    ) -> list[GuidedLinkage]:
+        """Linkages in a given pose; their body turns as the rod, or the slot, does."""
+        count = len(lengths)
+        pivot, turn, arm = (
+            (np.zeros(count, dtype=complex), np.zeros(count), np.zeros(count)) if pose is None else pose
+        )
+        return [
+            self._linkage(
+                (row[0], row[1], row[2]), float(at), complex(a), float(angle), complex(z * np.exp(-1j * angle))
+            )
+            for row, at, a, angle, z in zip(lengths.tolist(), start, pivot, turn, arm)
+        ]
+
+    def _linkage(
+        self, lengths: tuple[float, float, float], start: float, pivot: complex, turn: float, arm: complex
+    ) -> GuidedLinkage:
+        """``arm``: from the crank pin to the body point, in the frame of rod or slot."""
+        crank, long, offset = lengths
+        along = complex(np.exp(1j * turn))
+        other: Rail | Slot
+        if self.guide == RAIL:
+            other = Rail(pivot + 1j * offset * along, turn, long - arm)
+        else:
+            other = Slot(pivot + long * along, 1j * offset - arm, 0.0)
+        return GuidedLinkage((Circle(pivot, crank, -arm), other), Driver.CRANK, 1, start + turn)
+
+    def assess(
+        self, target: Target, linkages: Sequence[GuidedLinkage], rows: list[int] | None = None
+    ) -> list[GuidedSolution]:
+        """Linkages with their errors, recomputed from their own numbers; their bodies turned by the best offset."""
+        return [assess(target, one, target.crank) for one in linkages]
+
+
+BY_CRANK = {kind: CrankGuided(kind, FULL_CHARTS[kind]) for kind in (Kind.SLIDER_CRANK, Kind.SWINGING_BLOCK)}
+"""The mechanisms of this module by their kind."""
+
+
+@cache
+def seed_tables(kind: Kind) -> SeedTables:
+    """Coarse types of a kind, prepared for searches by the first that asks."""
+    return SeedTables(BY_CRANK[kind])
+
+
+def linkages_by_crank(
+    kind: Kind,
+    target: Target,
+    family: Family = "any",
+    top: int = 10,
+    tolerance: float = DEFAULT_TOLERANCE,
+    work: Work | None = None,
+) -> tuple[list[GuidedSolution], SearchReport]:
+    """The best linkages of a kind for a motion whose crank angles are given: positions, rotations or both.
+
+    Parameters
+    ----------
+    kind : {Kind.SLIDER_CRANK, Kind.SWINGING_BLOCK}
+    target : Target
+    family : {"full_crank", "any"}
+        Whether the crank must be able to turn fully; a crank need turn no farther than the motion goes otherwise.
+    top : int
+        At most so many, different from one another, best first.
+    tolerance : float
+        The search ends once the objective is below it.
+    work : Work, optional
+        Once it has expired the best found so far is returned.
+
+    Returns
+    -------
+    solutions : list of GuidedSolution
+        Driven by their crank. Law: a mirrored target gives the mirrored linkages. No limit but the family is kept.
+    report : SearchReport
+    """
+    return search(seed_tables(kind), target, SliderLimits(family), top, tolerance, work)

@@ -1,0 +1,456 @@
+"""Linkages on two guides as files: CSV for tables, SVG to look at, DXF for CAD, MJCF for simulation.
+
+Coordinates are the user's own; DXF and MJCF know units, so there `unit_mm` says how many millimetres the user's unit has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from synthesis.arrays import Complexes
+from synthesis.errors import FieldError
+from synthesis.fourbar.files import (
+    DXF_COLOURS,
+    FARTHEST,
+    LARGEST_MM,
+    SPEED,
+    STYLE,
+    TIMESTEP,
+    requested_positions,
+)
+from synthesis.guided.linkage import BODY, Circle, Driver, GuidedLinkage, MovingLink, Rail, Slot
+from synthesis.sheet import More, Sheet, csv_text, dxf_document, dxf_text
+from synthesis.target import Interval, Target
+
+SECONDS = 2.0
+"""In which the simulation's drive goes through the used part of a rail or slot."""
+_BEYOND = 0.06
+"""Part of a drawing's size by which rails and slots reach beyond their used ends."""
+_SLIDER = 0.05
+"""Length of a slider or block in a drawing, as a part of its size."""
+_OWN_STYLE = (
+    "<style>.rail{stroke:#7b8794;stroke-width:3}.slot{stroke:#2563eb;stroke-width:3}"
+    ".slider{fill:#fff;stroke:#1d2733;stroke-width:4}</style>"
+)
+
+
+class _Shown(NamedTuple):
+    """A linkage as it is drawn, over the used interval."""
+
+    links: tuple[MovingLink, ...]
+    """Over the interval."""
+    points: list[Complexes]
+    """Of each guide: its body point, or its fixed pin in a slot."""
+    rails: list[Complexes | None]
+    """Of each guide: both ends of a rail, or of a slot at the first sample."""
+    size: float
+
+
+def _pin_of(linkage: GuidedLinkage, place: int, body: MovingLink) -> Complexes:
+    guide = linkage.guides[place]
+    if isinstance(guide, Slot):
+        return np.full(body.place.shape, guide.pin)
+    return body.place + np.exp(1j * body.direction) * guide.body_point
+
+
+def _reach(linkage: GuidedLinkage) -> float:
+    """A length of the linkage's size, wherever it stands."""
+    first, second = linkage.guides
+    radii = [one.radius for one in linkage.guides if isinstance(one, Circle)]
+    return max(*radii, abs(first.body_point - second.body_point), abs(first[0] - second[0]), 0.0)
+
+
+def shown(linkage: GuidedLinkage, interval: Interval) -> _Shown:
+    """What is drawn. FieldError for a linkage that does not close there, at the place that fails."""
+    travel = linkage.over(interval)
+    links = linkage.links(travel)
+    body = links[1]
+    size = _reach(linkage)
+    for place, guide in enumerate(linkage.guides):
+        if not abs(guide[0]) <= FARTHEST * size:
+            raise FieldError(
+                f"/solution/guides/{place}", f"lies more than {FARTHEST:.0e} of its lengths from the origin: move it"
+            )
+    closed = np.isfinite(body.direction)
+    if not closed.all() or not linkage.closes_over(interval.after(linkage.start)):
+        at = travel[int(np.argmin(closed))]
+        where = f"{np.rad2deg(at):.6g} degrees" if linkage.driver.turns else f"{at:.6g}"
+        raise FieldError("/solution/guides", f"both guides cannot hold the body {where} after the start")
+    points = [_pin_of(linkage, place, body) for place in (0, 1)]
+    rails: list[Complexes | None] = []
+    spread = np.concatenate([*points, body.place])
+    size = max(float(np.ptp(spread.real)), float(np.ptp(spread.imag)))
+    for place, guide in enumerate(linkage.guides):
+        if isinstance(guide, Circle):
+            rails.append(None)
+            continue
+        low, high = linkage.used(place, interval)
+        ends = np.array([low - _BEYOND * size, high + _BEYOND * size])
+        if isinstance(guide, Rail):
+            rails.append(guide.point + ends * np.exp(1j * guide.direction))
+        else:
+            along = np.exp(1j * (body.direction[0] + guide.body_direction))
+            rails.append(body.place[0] + np.exp(1j * body.direction[0]) * guide.body_point + ends * along)
+    return _Shown(links, points, rails, size)
+
+
+def _outline(linkage: GuidedLinkage, found: _Shown, positions: bool) -> Complexes:
+    """The body at the first sample: its guided points, or the middle of a slot, and the body point."""
+    corners = []
+    for place, guide in enumerate(linkage.guides):
+        ends = found.rails[place]
+        if isinstance(guide, Slot) and ends is not None:
+            corners.append(complex(ends.mean()))
+        else:
+            corners.append(complex(found.points[place][0]))
+    if positions:
+        corners.append(complex(found.links[1].place[0]))
+    return np.array(corners)
+
+
+def to_svg(linkage: GuidedLinkage, target: Target) -> str:
+    """A drawing at the first sample, y up, with rails, slots, and the names of the joints."""
+    found = shown(linkage, target.interval)
+    body = found.links[1]
+    path, marks = body.place, requested_positions(target)
+    seen = [*found.points, path, marks, *(one for one in found.rails if one is not None)]
+    seen += [np.array([one.pivot]) for one in linkage.guides if isinstance(one, Circle)]
+    sheet = Sheet(np.concatenate(seen), 0.08, 1000, digits=7)
+
+    def line(points: Complexes, name: str, closed: bool = False) -> str:
+        tail = "Z" if closed else ""
+        return f'<path class="{name}" d="M{" L".join(sheet.at(z) for z in points)}{tail}"/>'
+
+    def block(at: complex, direction: float) -> str:
+        half = found.size * _SLIDER / 2
+        corners = np.array([-2 - 1j, 2 - 1j, 2 + 1j, -2 + 1j]) * half / 1.5
+        return line(at + corners * np.exp(1j * direction), "slider", closed=True)
+
+    ground, links, dots, labels = [], [], [], []
+    for place, guide in enumerate(linkage.guides):
+        at, name = complex(found.points[place][0]), "AB"[place]
+        pin = "DC"[place]
+        colour = "crank" if place == 0 and linkage.driver is Driver.CRANK else "rocker"
+        if isinstance(guide, Circle):
+            links.append(line(np.array([guide.pivot, at]), colour))
+            dots += [sheet.dot(guide.pivot, 11, 'class="pivot"'), sheet.dot(at, 8, 'class="pin"')]
+            labels += [sheet.label(guide.pivot, name), sheet.label(at, pin)]
+            labels.append(sheet.label((guide.pivot + at) / 2, f"{guide.radius:.5g}", 'class="size"'))
+            continue
+        ends = found.rails[place]
+        assert ends is not None
+        if isinstance(guide, Rail):
+            ground.append(line(ends, "rail"))
+            links.append(block(at, guide.direction))
+            dots.append(sheet.dot(at, 8, 'class="pin"'))
+            labels.append(sheet.label(at, pin))
+        else:
+            links += [block(at, float(body.direction[0]) + guide.body_direction), line(ends, "slot")]
+            dots.append(sheet.dot(at, 11, 'class="pivot"'))
+            labels.append(sheet.label(at, name))
+    curves = line(path, "path") + "".join(sheet.dot(mark, 5, 'class="pose"') for mark in marks)
+    labels.append(sheet.label(path[0], "P"))
+    words = linkage.kind.replace("_", " ")
+    dots.append(sheet.dot(path[0], 7, 'class="point"'))
+    return sheet.text(
+        f"{words}, driven by a {linkage.driver}",
+        [
+            STYLE,
+            _OWN_STYLE,
+            f'<g id="GROUND">{"".join(ground)}</g>',
+            f'<g id="PATH">{curves}</g>',
+            f'<g id="BODY">{line(_outline(linkage, found, True), "body", closed=True)}</g>',
+            f'<g id="LINKS">{"".join(links)}</g>',
+            f"<g>{''.join(dots)}</g>",
+            f'<g id="NAMES">{"".join(labels)}</g>',
+        ],
+    )
+
+
+def to_csv(
+    linkage: GuidedLinkage, target: Target, unit: float, more: Mapping[str, Iterable[Any]] | None = None
+) -> str:
+    """The motion at the samples: what was asked for, what the linkage does, and where its guided points are.
+
+    Angles are divided by ``unit`` (radians in one unit of angle); an empty cell is a number that was not asked for. ``more`` are
+    further columns, a value a sample.
+    """
+    shown(linkage, target.interval)
+    links, found = linkage.links(target.crank), linkage.body(linkage.start + target.crank)
+    body, blank = links[1], [None] * target.samples
+
+    def xy(name: str, values: Complexes | None) -> dict[str, list[Any]]:
+        x, y = (blank, blank) if values is None else (values.real.tolist(), values.imag.tolist())
+        return {f"x{name}": x, f"y{name}": y}
+
+    own = unit if linkage.driver.turns else 1.0
+    rotation = None if target.rotation is None else target.rotation / unit
+    off = None if target.position is None else np.abs(target.position - body.place)
+    columns: dict[str, Any] = {
+        "crank_angle" if linkage.driver.turns else "travel": (target.crank / own).tolist(),
+        "rotation_wanted": blank if rotation is None else rotation.tolist(),
+        **xy("_wanted", target.position),
+        "rotation": (body.direction / unit).tolist(),
+        **xy("", body.place),
+        "rotation_error": blank if rotation is None else (rotation - body.direction / unit).tolist(),
+        "position_error": blank if off is None else off.tolist(),
+        "transmission_angle": (found.transmission_angle / unit).tolist(),
+        "arm": found.arm.tolist(),
+    }
+    for place, guide in enumerate(linkage.guides):
+        link = links[0] if place == 0 else links[2]
+        at = _pin_of(linkage, place, body)
+        if not isinstance(guide, Rail):
+            columns[f"{link.name}_direction"] = (link.direction / unit).tolist()
+        if not isinstance(guide, Circle):
+            columns[f"{link.name}_travel"] = linkage.along(place, target.crank).tolist()
+        if not isinstance(guide, Slot):
+            columns |= {f"{link.name}_pin_{key}": values for key, values in xy("", at).items()}
+    return csv_text(columns | dict(more or {}))
+
+
+def _check_size(found: _Shown, unit_mm: float) -> None:
+    largest = max(float(np.max(np.abs(one))) for one in (*found.points, found.links[1].place)) * unit_mm
+    if not 1e-9 <= found.size * unit_mm or not largest <= LARGEST_MM:
+        raise FieldError("/length_unit", f"wanted a drawing between 1e-9 and {LARGEST_MM:.0e} mm in size")
+
+
+def to_dxf(linkage: GuidedLinkage, target: Target, unit_mm: float = 1.0, more: More | None = None) -> str:
+    """The linkage for CAD, in millimetres, at the first sample.
+
+    Layers: GROUND (pivots, fixed pins, rails), LINKS (cranks, sliders, blocks, pins), BODY (the body with its slots, and a cross
+    with a direction at each requested pose), PATH (the body point's way over the used interval). See
+    `More` for further parts.
+
+    Law: a slider's middle lies on its rail and a slot's line through its pin to 1e-6 mm; the drawing passes ezdxf's audit.
+    """
+    found = shown(linkage, target.interval)
+    _check_size(found, unit_mm)
+    document = dxf_document(DXF_COLOURS, 4)
+    space = document.modelspace()
+    size = found.size * unit_mm
+
+    def xy(z: complex) -> tuple[float, float]:
+        return float(z.real * unit_mm), float(z.imag * unit_mm)
+
+    def block(at: complex, direction: float) -> None:
+        half = found.size * _SLIDER / 2
+        corners = at + np.array([-2 - 1j, 2 - 1j, 2 + 1j, -2 + 1j]) * half / 1.5 * np.exp(1j * direction)
+        space.add_lwpolyline([xy(z) for z in corners], close=True, dxfattribs={"layer": "LINKS"})
+
+    body = found.links[1]
+    for place, guide in enumerate(linkage.guides):
+        at = complex(found.points[place][0])
+        if isinstance(guide, Circle):
+            space.add_circle(xy(guide.pivot), 0.02 * size, dxfattribs={"layer": "GROUND"})
+            space.add_line(xy(guide.pivot), xy(at), dxfattribs={"layer": "LINKS"})
+            space.add_circle(xy(at), 0.012 * size, dxfattribs={"layer": "LINKS"})
+            continue
+        ends = found.rails[place]
+        assert ends is not None
+        if isinstance(guide, Rail):
+            space.add_line(xy(ends[0]), xy(ends[1]), dxfattribs={"layer": "GROUND"})
+            block(at, guide.direction)
+            space.add_circle(xy(at), 0.012 * size, dxfattribs={"layer": "LINKS"})
+        else:
+            space.add_circle(xy(at), 0.02 * size, dxfattribs={"layer": "GROUND"})
+            block(at, float(body.direction[0]) + guide.body_direction)
+            space.add_line(xy(ends[0]), xy(ends[1]), dxfattribs={"layer": "BODY"})
+    corners = [xy(z) for z in _outline(linkage, found, True)]
+    space.add_lwpolyline(corners, close=True, dxfattribs={"layer": "BODY"})
+    space.add_lwpolyline([xy(z) for z in body.place], dxfattribs={"layer": "PATH"})
+    turns = target.rotation if target.rotation is not None else linkage.links(target.crank)[1].direction
+    for mark, turn in zip(requested_positions(target), turns):
+        space.add_point(xy(mark), dxfattribs={"layer": "BODY"})
+        space.add_line(xy(mark), xy(mark + 0.08 * found.size * np.exp(1j * turn)), dxfattribs={"layer": "BODY"})
+    if more is not None:
+        document.layers.add(more.layer, color=more.colour)
+        more.draw(space, xy, size)
+    return dxf_text(document)
+
+
+def _number(value: float) -> str:
+    return repr(float(value))
+
+
+def _place(z: complex) -> str:
+    return f"{float(z.real)!r} {float(z.imag)!r} 0"
+
+
+def to_mjcf(linkage: GuidedLinkage, target: Target, unit_mm: float = 1.0) -> str:
+    """The linkage as a MuJoCo model in metres: hinges and slides, and the loop closed by an equality constraint.
+
+    Reference position is the first sample. Bodies are named as the links: the driven one carries the coupler, which is the body;
+    the other guide's link is closed to it by a ``connect`` (in a slot by a ``weld``, between the coupler and what slides in the
+    block). The actuator ``drive`` moves the driven joint at the speed of its control, radians or metres a second; the keyframe
+    ``start`` sets it to go the used way. Sites: ``body_point``, and ``loop_coupler`` and ``loop_other``, whose distance is the
+    loop's residual.
+    """
+    found = shown(linkage, target.interval)
+    _check_size(found, unit_mm)
+    metre = unit_mm / 1000
+    size = found.size * metre
+    thick, mass = 0.02 * size, 1.0
+    links = linkage.links(np.zeros(1))
+    names = linkage.link_names
+    body, rates = links[1], {link.name: link for link in links}
+    at = [complex(one[0]) * metre for one in found.points]
+    gamma = float(body.direction[0])
+    origin = at[0]  # of the coupler's frame: the pin about which it turns, or along whose slot it slides
+
+    def local(z: complex) -> complex:
+        """A place in the plane, in metres, in the coupler's frame."""
+        return complex((z - origin) * np.exp(-1j * gamma))
+
+    def rod(name: str, begin: complex, end: complex, colour: str) -> str:
+        if abs(end - begin) < 1e-6 * size:
+            return ""
+        return (
+            f'<geom name="{name}" type="capsule" fromto="{_place(begin)} {_place(end)}" size="{thick / 2!r}" '
+            f'rgba="{colour}"/>'
+        )
+
+    def box(name: str, turn: float) -> str:
+        half = _SLIDER * size / 2
+        return (
+            f'<geom name="{name}_box" type="box" size="{2 * half!r} {half!r} {thick!r}" euler="0 0 {turn!r}" '
+            'rgba="0.6 0.65 0.7 1"/>'
+        )
+
+    def inertial(centre: complex, length: float) -> str:
+        inertia = mass * max(length, thick) ** 2 / 12
+        return f'<inertial pos="{_place(centre)}" mass="{mass!r}" diaginertia="{inertia!r} {inertia!r} {inertia!r}"/>'
+
+    def guide_body(place: int, inner: str) -> tuple[str, list[float]]:
+        """The link of a guide, with what it carries, and the speeds of its joints at a unit speed of the drive."""
+        guide, name = linkage.guides[place], names[0] if place == 0 else names[2]
+        link = rates[name]
+        if isinstance(guide, Circle):
+            pivot, direction = guide.pivot * metre, float(link.direction[0])
+            long = guide.radius * metre
+            colour = "0.76 0.25 0.05 1" if place == 0 else "0.11 0.15 0.2 1"
+            text = (
+                f'<body name="{name}" pos="{_place(pivot)}" euler="0 0 {direction!r}">\n      <joint name="{name}"/>\n      '
+                f"{inertial(complex(long / 2), long)}{rod(f'{name}_rod', 0j, complex(long), colour)}\n      {inner}\n    </body>"
+            )
+            return text, [float(link.direction_rate[0])]
+        if isinstance(guide, Rail):
+            axis = _place(complex(np.exp(1j * guide.direction)))
+            text = (
+                f'<body name="{name}" pos="{_place(at[place])}">\n      <joint name="{name}" type="slide" axis="{axis}"/>\n      '
+                f"{inertial(0j, _SLIDER * size)}{box(name, guide.direction)}\n      {inner}\n    </body>"
+            )
+            along = np.real(np.exp(-1j * guide.direction) * link.place_rate[0]) * (
+                metre if linkage.driver.turns else 1
+            )
+            return text, [float(along)]
+        direction = float(link.direction[0])
+        text = (
+            f'<body name="{name}" pos="{_place(at[place])}" euler="0 0 {direction!r}">\n      <joint name="{name}"/>\n      '
+            f"{inertial(0j, _SLIDER * size)}{box(name, 0.0)}\n      {inner}\n    </body>"
+        )
+        return text, [float(link.direction_rate[0])]
+
+    def per_unit(value: float) -> float:
+        """A rate by the drive's coordinate in metres or radians, of a length in metres."""
+        return value * metre if linkage.driver.turns else value
+
+    def slot_rate(place: int) -> float:
+        step = float(linkage.along_rate(place, np.zeros(1))[0])
+        return per_unit(step)
+
+    # the coupler, carried by the driven link
+    driven, other = linkage.guides
+    point = complex(body.place[0]) * metre
+    parts = [rod("coupler_rod", local(origin), local(at[1]), "0.15 0.39 0.92 1")]
+    parts.append(rod("body", local(origin), local(point), "0.15 0.39 0.92 0.6"))
+    for place, ends in enumerate(found.rails):
+        if ends is not None and isinstance(linkage.guides[place], Slot):
+            low, high = (local(complex(end) * metre) for end in ends)
+            parts.append(rod(f"slot_{place + 1}", low, high, "0.15 0.39 0.92 1"))
+    parts.append(f'<site name="body_point" pos="{_place(local(point))}" size="{thick!r}" rgba="0.06 0.46 0.43 1"/>')
+    parts.append(f'<site name="loop_coupler" pos="{_place(local(at[1]))}" size="{thick / 2!r}"/>')
+    parts.append(inertial((local(at[1]) + local(point)) / 2, size / 2))
+    inner_pieces = "\n        ".join(part for part in parts if part)
+    carrier = links[0]
+    turned = float(carrier.direction[0]) if not isinstance(driven, Rail) else 0.0
+    if isinstance(driven, Slot):
+        # it slides in its block, against the slot's direction
+        axis = _place(complex(-np.exp(1j * driven.body_direction)))
+        joint, speed = f'<joint name="coupler" type="slide" axis="{axis}"/>', slot_rate(0)
+        where = 0j
+    else:
+        joint = '<joint name="coupler"/>'
+        speed = float(body.direction_rate[0]) - (
+            float(carrier.direction_rate[0]) if isinstance(driven, Circle) else 0
+        )
+        where = complex(driven.radius * metre) if isinstance(driven, Circle) else 0j
+    coupler = (
+        f'<body name="{BODY}" pos="{_place(where)}" euler="0 0 {gamma - turned!r}">\n        '
+        f"{joint}\n        {inner_pieces}\n      </body>"
+    )
+    first, speeds = guide_body(0, coupler)
+    speeds.append(speed)
+    end = f'<site name="loop_other" pos="{{}}" size="{thick / 2!r}"/>'
+    solver = f'solref="{2 * TIMESTEP!r} 1" solimp="0.99999 0.99999 1e-6"'
+    if isinstance(other, Slot):
+        slide = (
+            '<body name="slide">\n        <joint name="slide" type="slide" axis="-1 0 0"/>\n        '
+            f"{inertial(0j, _SLIDER * size)}\n        {end.format(_place(0j))}\n      </body>"
+        )
+        second, more = guide_body(1, slide)
+        more.append(slot_rate(1))
+        loop = f'<weld name="loop" body1="slide" body2="{BODY}" {solver}/>'
+    else:
+        inside = complex(other.radius * metre) if isinstance(other, Circle) else 0j
+        second, more = guide_body(1, end.format(_place(inside)))
+        loop = f'<connect name="loop" site1="loop_coupler" site2="loop_other" {solver}/>'
+    speeds += more
+    forward = target.crank[-1] >= 0
+    drive_joint = names[0] if linkage.driver is not Driver.CYLINDER else BODY
+    span = float(abs(target.interval.last - target.interval.first)) * (1.0 if linkage.driver.turns else metre)
+    pace = SPEED if linkage.driver.turns else span / SECONDS
+    gain = mass * 15 * (size**2 if linkage.driver.turns else 1.0)
+    way = pace if forward else -pace
+    moving = ""
+    if np.all(np.isfinite(speeds)):
+        moving = f' qvel="{" ".join(_number(way * value) for value in speeds)}"'
+    unit = "radians" if linkage.driver.turns else "metres"
+    return f"""<mujoco model="{linkage.kind.replace("_", " ")}, {linkage.driver}">
+  <!-- lengths in metres, angles in radians; the used interval takes {span / pace:.6g} s at {pace:.6g} {unit} a second -->
+  <compiler angle="radian" autolimits="true"/>
+  <option timestep="{TIMESTEP!r}" gravity="0 0 0" integrator="implicitfast" iterations="200" tolerance="1e-16"/>
+  <default>
+    <geom contype="0" conaffinity="0" mass="0"/>
+    <joint type="hinge" axis="0 0 1"/>
+  </default>
+  <worldbody>
+    <light pos="0 0 {4 * size!r}" dir="0 0 -1"/>
+    {_rails(found, linkage, metre, thick)}
+    {first}
+    {second}
+  </worldbody>
+  <equality>
+    {loop}
+  </equality>
+  <actuator>
+    <velocity name="drive" joint="{drive_joint}" kv="{gain!r}"/>
+  </actuator>
+  <keyframe>
+    <key name="start" ctrl="{way!r}"{moving}/>
+  </keyframe>
+</mujoco>
+"""
+
+
+def _rails(found: _Shown, linkage: GuidedLinkage, metre: float, thick: float) -> str:
+    rails = [
+        f'<geom name="rail_{place + 1}" type="capsule" fromto="{_place(complex(ends[0]) * metre)} '
+        f'{_place(complex(ends[1]) * metre)}" size="{thick / 4!r}" rgba="0.5 0.5 0.5 1"/>'
+        for place, ends in enumerate(found.rails)
+        if ends is not None and isinstance(linkage.guides[place], Rail)
+    ]
+    return "\n    ".join(rails)

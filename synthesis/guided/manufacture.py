@@ -1,0 +1,308 @@
+"""Linkages on two guides as they are made against as they are designed: poses with dimensions off, derivatives, play.
+
+The drive stands where it should; the other guide is then met by Newton's method from the pose as designed, for many linkages at
+once. Deviations: radii and body points (a slot's line among them) by the tolerance of lengths, fixed pivots, pins and rails by
+that of places, and play at both ends of each guide, which moves its fixed place in a direction that does not turn.
+Directions of rails and slots are exact but for what their body points do.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from synthesis.arrays import Complexes, Floats
+from synthesis.fourbar.tolerance_study import (
+    Spread,
+    Study,
+    Tolerances,
+    contributions_of,
+    linear_quantiles,
+    quantiles_of,
+)
+from synthesis.guided.linkage import Circle, Driver, Guide, GuidedLinkage, Rail, Slot
+from synthesis.pose import whole_turns
+from synthesis.target import TURN
+from synthesis.work import Work
+
+_STEPS = 12
+"""Of Newton's method at most."""
+_SMALL = 1e-8
+"""A step shorter than this is the last: the next would be its square."""
+_CLOSED = 1e-9
+"""Of the linkage's size: a loop that is not met closer than this is open."""
+_BLOCK = 2**16
+"""Positions of made linkages that are computed at once."""
+_STEP = 1e-6
+"""Of the linkage's size: half the difference of two linkages whose motions are compared for a derivative."""
+
+
+class Deviation(NamedTuple):
+    """A change of one guide of many linkages, (count, 1) each or numbers."""
+
+    radius: Floats | float = 0.0
+    body_point: Complexes | complex = 0j
+    fixed: Complexes | complex = 0j
+    """Of its pivot, point or pin."""
+    direction: Floats | float = 0.0
+    """Of a rail, or of a slot in the body."""
+
+
+class Source(NamedTuple):
+    """What contributes to an error: a real number, or a place in the plane."""
+
+    name: str
+    guide: int
+    what: str
+    """Field of `Deviation`."""
+    size: str
+    """Which of `Tolerances` it keeps to."""
+
+
+def sources_of(linkage: GuidedLinkage) -> list[Source]:
+    """All sources of a linkage, guide by guide."""
+    found = []
+    for place, (guide, name) in enumerate(zip(linkage.guides, (linkage.link_names[0], linkage.link_names[2]))):
+        if isinstance(guide, Circle):
+            found += [
+                Source(f"{name} length", place, "radius", "links"),
+                Source(f"{name} body point", place, "body_point", "links"),
+                Source(f"{name} pivot", place, "fixed", "pivots"),
+                Source(f"clearance at the {name} pivot", place, "fixed", "clearance"),
+                Source(f"clearance at the {name} pin", place, "fixed", "clearance"),
+            ]
+        elif isinstance(guide, Rail):
+            found += [
+                Source(f"{name} body point", place, "body_point", "links"),
+                Source(f"{name} rail", place, "fixed", "pivots"),
+                Source(f"clearance at the {name} pin", place, "fixed", "clearance"),
+                Source(f"clearance in the {name} rail", place, "fixed", "clearance"),
+            ]
+        else:
+            found += [
+                Source(f"{name} slot", place, "body_point", "links"),
+                Source(f"{name} pin", place, "fixed", "pivots"),
+                Source(f"clearance at the {name} pin", place, "fixed", "clearance"),
+                Source(f"clearance in the {name} slot", place, "fixed", "clearance"),
+            ]
+    return found
+
+
+class _Guide:
+    """A guide of many linkages, (count, 1) each."""
+
+    def __init__(self, guide: Guide, off: Deviation) -> None:
+        self.sort = type(guide)
+        self.fixed = guide[0] + np.atleast_2d(off.fixed)
+        self.body_point = guide.body_point + np.atleast_2d(off.body_point)
+        self.radius = (guide.radius if isinstance(guide, Circle) else 0.0) + np.atleast_2d(off.radius)
+        direction = guide.direction if isinstance(guide, Rail) else 0.0
+        direction = guide.body_direction if isinstance(guide, Slot) else direction
+        self.direction = direction + np.atleast_2d(off.direction)
+
+
+def made(linkage: GuidedLinkage, coordinate: Floats, first: Deviation, second: Deviation) -> tuple[Complexes, Floats]:
+    """Places and rotations (count, n) of the bodies of linkages that are off, at coordinates (n,) of the drive.
+
+    NaN where one does not close near the pose as designed, on its branch. Law: with no deviation `GuidedLinkage.body`.
+    """
+    driven, other = _Guide(linkage.guides[0], first), _Guide(linkage.guides[1], second)
+    nominal = linkage.body(coordinate)
+    size = _size(linkage)
+    with np.errstate(all="ignore"):
+        if linkage.driver is Driver.HINGE:
+            return _by_hinge(linkage, coordinate, driven, other, size)
+        if driven.sort is Circle:
+            pin = driven.fixed + driven.radius * np.exp(1j * coordinate)
+        elif driven.sort is Rail:
+            pin = driven.fixed + coordinate * np.exp(1j * driven.direction)
+        else:
+            pin = driven.fixed + 0 * coordinate
+        held = driven.body_point + 0 * coordinate
+        if driven.sort is Slot:
+            held = held + coordinate * np.exp(1j * driven.direction)
+        rotation = nominal.rotation + 0 * np.real(pin)
+        for _ in range(_STEPS):
+            value, slope = _beyond(other, pin, np.exp(1j * rotation), held)
+            step = np.clip(np.nan_to_num(value / slope), -0.3, 0.3)
+            rotation = rotation - step
+            if np.abs(step).max() < _SMALL:
+                break
+        turned = np.exp(1j * rotation)
+        value, slope = _beyond(other, pin, turned, held)
+        good = (np.abs(value) < _CLOSED * size) & (np.sign(slope) == np.sign(_beyond_sign(other)) * linkage.branch)
+        position = pin - turned * held
+    good = good & np.isfinite(nominal.rotation)
+    return np.where(good, position, np.nan), np.where(good, rotation, np.nan)
+
+
+def _beyond_sign(other: _Guide) -> int:
+    """The sign of the slope of `_beyond` on branch +1."""
+    return -1 if other.sort is Slot else 1
+
+
+def _beyond(other: _Guide, pin: Complexes, turned: Complexes, held: Complexes) -> tuple[Floats, Floats]:
+    """How far the other guide is from being kept where the body is turned about the pin, and its derivative by the rotation."""
+    if other.sort is Slot:
+        seen = np.conj(turned) * (other.fixed - pin) * np.exp(-1j * other.direction)
+        beside = np.imag((other.body_point - held) * np.exp(-1j * other.direction))
+        return np.imag(seen) - beside, -np.real(seen)
+    arm = turned * (other.body_point - held)
+    at = pin + arm
+    if other.sort is Circle:
+        spoke = at - other.fixed
+        push = spoke / np.abs(spoke)
+        return np.abs(spoke) - other.radius, np.real(np.conj(push) * 1j * arm)
+    push = 1j * np.exp(1j * other.direction)
+    return np.real(np.conj(push) * (at - other.fixed)), np.real(np.conj(push) * 1j * arm)
+
+
+def _by_hinge(
+    linkage: GuidedLinkage, coordinate: Floats, driven: _Guide, other: _Guide, size: float
+) -> tuple[Complexes, Floats]:
+    """The slot stands in its direction: the body slides along it until the other guide holds it."""
+    along = np.exp(1j * coordinate)
+    rotation = coordinate - driven.direction
+    turned = np.exp(1j * rotation)
+    begin = driven.fixed - turned * driven.body_point
+    nominal = linkage.body(coordinate)
+    extension = np.real(np.conj(along) * (begin - nominal.position)) + 0 * np.real(begin)
+    for _ in range(_STEPS):
+        value, slope = _slid(other, begin - extension * along, turned, along)
+        step = np.clip(np.nan_to_num(value / slope), -0.3 * size, 0.3 * size)
+        extension = extension - step
+        if np.abs(step).max() < _SMALL * size:
+            break
+    position = begin - extension * along
+    value, slope = _slid(other, position, turned, along)
+    good = (np.abs(value) < _CLOSED * size) & (np.sign(-slope) == np.sign(nominal.sine)) & np.isfinite(nominal.sine)
+    return np.where(good, position, np.nan), np.where(good, rotation + 0 * np.real(position), np.nan)
+
+
+def _slid(other: _Guide, position: Complexes, turned: Complexes, along: Complexes) -> tuple[Floats, Floats]:
+    """How far the other guide is from being kept, and its derivative by the extension of the slot."""
+    at = position + turned * other.body_point
+    if other.sort is Circle:
+        spoke = at - other.fixed
+        push = spoke / np.abs(spoke)
+        value = np.abs(spoke) - other.radius
+    elif other.sort is Rail:
+        push = 1j * np.exp(1j * other.direction) + 0 * at
+        value = np.real(np.conj(push) * (at - other.fixed))
+    else:
+        push = 1j * turned * np.exp(1j * other.direction)
+        value = np.real(np.conj(push) * (at - other.fixed))
+    return value, -np.real(np.conj(push) * along)
+
+
+def _size(linkage: GuidedLinkage) -> float:
+    first, second = linkage.guides
+    radii = [one.radius for one in linkage.guides if isinstance(one, Circle)]
+    return max(*radii, abs(first.body_point - second.body_point), abs(first[0] - second[0]), 1e-300)
+
+
+# -- to first order ---------------------------------------------------------------------------------------------------
+
+
+def slopes(
+    linkage: GuidedLinkage, coordinate: Floats, changes: list[tuple[int, Deviation]]
+) -> tuple[Complexes, Floats]:
+    """Derivatives (changes, n) of place and rotation by changes, each of one guide by a unit of its own; NaN where dead."""
+    places: list[Complexes] = []
+    turns: list[Floats] = []
+    size = _size(linkage)
+    for guide, unit in changes:
+        ends = []
+        step = _STEP * (1.0 if unit.direction else size)
+        for sign in (1.0, -1.0):
+            off = Deviation(*(np.array([[sign * step * value]]) for value in unit))
+            pair = (off, Deviation()) if guide == 0 else (Deviation(), off)
+            ends.append(made(linkage, coordinate, *pair))
+        places.append((ends[0][0][0] - ends[1][0][0]) / (2 * step))
+        turns.append((ends[0][1][0] - ends[1][1][0]) / (2 * step))
+    return np.array(places), np.array(turns)
+
+
+def dimensions_of(linkage: GuidedLinkage) -> list[tuple[str, int, Deviation]]:
+    """Every dimension by name, the guide that it belongs to, and a unit of it; directions last, in radians."""
+    found: list[tuple[str, int, Deviation]] = []
+    turned: list[tuple[str, int, Deviation]] = []
+    for place, (guide, name) in enumerate(zip(linkage.guides, (linkage.link_names[0], linkage.link_names[2]))):
+        fixed = {Circle: "pivot", Rail: "rail", Slot: "pin"}[type(guide)]
+        if isinstance(guide, Circle):
+            found.append((f"{name} length", place, Deviation(radius=1.0)))
+        else:
+            turned.append((f"{name} direction", place, Deviation(direction=1.0)))
+        for axis, unit in (("x", 1.0), ("y", 1j)):
+            found.append((f"{name} body point {axis}", place, Deviation(body_point=unit)))
+            found.append((f"{name} {fixed} {axis}", place, Deviation(fixed=unit)))
+    return found + turned
+
+
+# -- the study --------------------------------------------------------------------------------------------------------
+
+
+def simulate(
+    linkage: GuidedLinkage, travel: Floats, samples: int, tolerances: Tolerances, count: int, seed: int, work: Work
+) -> Study:
+    """Made linkages against the one as designed; arguments and laws as of `fourbar.tolerance_study.simulate`."""
+    random = np.random.default_rng(seed)
+    sources = sources_of(linkage)
+    offs = [Deviation(), Deviation()]
+    for source in sources:
+        size = float(getattr(tolerances, source.size))
+        if source.what == "radius":
+            off = size * random.uniform(-1, 1, (count, 1))
+        elif source.size == "clearance":
+            off = size / 2 * np.exp(1j * random.uniform(0, TURN, (count, 1)))
+        else:
+            off = size * (random.uniform(-1, 1, (count, 2)) @ [1, 1j])[:, None]
+        before = getattr(offs[source.guide], source.what)
+        offs[source.guide] = offs[source.guide]._replace(**{source.what: before + off})
+    coordinate = linkage.start + travel
+    nominal = linkage.body(coordinate)
+    quantiles: list[list[Floats]] = [[], []]
+    worst = np.zeros((2, count))
+    step = max(1, _BLOCK // count)
+    for places in (slice(first, first + step) for first in range(0, travel.size, step)):
+        work.check()
+        point, direction = made(linkage, coordinate[places], offs[0], offs[1])
+        turned = direction - nominal.rotation[places]
+        gaps = [np.abs(turned - whole_turns(turned)), np.abs(point - nominal.position[places])]
+        inside = np.arange(travel.size)[places] < samples
+        for kind, gap in enumerate(gaps):
+            gap = np.broadcast_to(np.where(np.isnan(gap), np.inf, gap), (count, gap.shape[1]))
+            quantiles[kind].append(quantiles_of(gap))
+            if inside.any():
+                worst[kind] = np.maximum(worst[kind], gap[:, inside].max(axis=1))
+    by_rotation, by_position, variances = _first_order(linkage, coordinate, sources, tolerances)
+
+    def spread(kind: int, derivatives: Floats) -> Spread:
+        return Spread(
+            np.concatenate(quantiles[kind]),
+            linear_quantiles(derivatives, variances),
+            quantiles_of(worst[kind][:, None])[0],
+            contributions_of(derivatives[:, :samples], variances),
+        )
+
+    return Study(spread(1, by_position), spread(0, by_rotation), count, float(np.mean(np.isinf(worst[0]))))
+
+
+def _first_order(
+    linkage: GuidedLinkage, coordinate: Floats, sources: list[Source], tolerances: Tolerances
+) -> tuple[Floats, Floats, Floats]:
+    """Derivatives of rotation (sources, n, 2, 1) and place (sources, n, 2, 2) by each source's coordinates; variances."""
+    units: dict[tuple[int, str], list[Deviation]] = {}
+    for source in sources:
+        both = [1.0, 0.0] if source.what == "radius" else [1.0, 1j]
+        changed: list[dict[str, Any]] = [{source.what: unit} for unit in both]
+        units[source.guide, source.what] = [Deviation(**one) for one in changed]
+    known = {key: slopes(linkage, coordinate, [(key[0], unit) for unit in pair]) for key, pair in units.items()}
+    rotation = np.stack([known[one.guide, one.what][1].T for one in sources])[..., None]
+    place = np.stack([known[one.guide, one.what][0].T for one in sources])
+    variances = [
+        (tolerances.clearance / 2) ** 2 / 2 if one.size == "clearance" else getattr(tolerances, one.size) ** 2 / 3
+        for one in sources
+    ]
+    return rotation, np.stack([place.real, place.imag], axis=-1), np.array(variances)

@@ -1,0 +1,226 @@
+"""Radii and coupler lengths of linkages on two guides that can be had: on a grid or from stock, with all else fitted anew.
+
+The lengths are those of cranks and rockers and, where both guides lead a point of the body, the distance of these points. Where
+the guides stand, how the body lies on them and where the drive is at each sample are refined by least squares; where the drive is
+free, what it could do itself is projected out of each sample's error.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from synthesis.arrays import Floats
+from synthesis.free.poses import Poses
+from synthesis.guided.linkage import Circle, Guide, GuidedLinkage, Rail, Slot
+from synthesis.guided.solution import GuidedSolution, assess, nearest_travel
+from synthesis.target import TURN, Target
+from synthesis.work import Work
+
+AROUND = 2
+"""Of each length the nearest so many are combined."""
+_ROUNDS = 25
+_DAMPED = 1e-3
+_STEP = 1e-6
+"""Of the linkage's size: half of a difference."""
+_ENDED = 1e-12
+"""A round that gains less than this part of the error is the last."""
+
+
+@dataclass(frozen=True)
+class Rounding:
+    """What came of looking for lengths that can be had; as of `fourbar.rounding.Rounding`."""
+
+    solution: GuidedSolution | None
+    tried: int
+    combinations: int | None
+    exhaustive: bool | None
+
+
+def lengths_of(linkage: GuidedLinkage) -> dict[str, float]:
+    """The lengths that are chosen, by name."""
+    found = {}
+    for guide, name in zip(linkage.guides, (linkage.link_names[0], linkage.link_names[2])):
+        if isinstance(guide, Circle):
+            found[name] = guide.radius
+    first, second = linkage.guides
+    if not isinstance(first, Slot) and not isinstance(second, Slot):
+        found["coupler"] = abs(second.body_point - first.body_point)
+    return found
+
+
+def rounded(
+    samples: Poses | Target,
+    solution: GuidedSolution,
+    choices: Callable[[float], Sequence[float]],
+    combinations: int | None,
+    keeps: Callable[[GuidedSolution], bool],
+    tries: int,
+    work: Work,
+) -> Rounding:
+    """The best linkage with lengths that can be had and that keeps limits.
+
+    ``choices``: the nearest lengths that can be had, nearest first. ``combinations``: how many there are of all lengths
+    together; None for a grid.
+    """
+    own = lengths_of(solution.linkage)
+    rows = [list(choices(length))[:AROUND] for length in own.values()]
+    together = sorted(
+        itertools.product(*rows), key=lambda row: sum(abs(np.log(a / b)) for a, b in zip(row, own.values()))
+    )
+    best: GuidedSolution | None = None
+    tried = 0
+    for row in together[:tries]:
+        if tried and work.expired():
+            break
+        work.check()
+        tried += 1
+        found = fitted(samples, solution, dict(zip(own, row)))
+        if found is None or not keeps(found):
+            continue
+        if best is None or found.errors.objective < best.errors.objective:
+            best = found
+    exhaustive = None if combinations is None else tried == combinations
+    return Rounding(best, tried, combinations, exhaustive)
+
+
+def on_grid(grid: float) -> Callable[[float], Sequence[float]]:
+    """The nearest multiples of a grid, above 0."""
+
+    def nearest(length: float) -> list[float]:
+        low = max(1, int(np.floor(length / grid)))
+        return sorted({low * grid, (low + 1) * grid}, key=lambda one: abs(one - length))
+
+    return nearest
+
+
+def from_stock(stock: Sequence[float]) -> Callable[[float], Sequence[float]]:
+    """The nearest of a list of lengths."""
+    return lambda length: sorted(set(stock), key=lambda one: abs(one - length))
+
+
+# -- a linkage of given lengths ---------------------------------------------------------------------------------------
+
+
+class _Chart:
+    """Linkages of given lengths by what is left of their dimensions, in units of their size."""
+
+    def __init__(self, linkage: GuidedLinkage, lengths: dict[str, float], timed: bool) -> None:
+        self.linkage, self.lengths, self.timed = linkage, lengths, timed
+        first, second = linkage.guides
+        sizes = [one.radius for one in linkage.guides if isinstance(one, Circle)]
+        self.size = max(*sizes, abs(second.body_point - first.body_point), abs(second[0] - first[0]), 1e-300)
+        self.along = float(np.angle(second.body_point - first.body_point))
+        self.count = 2 * 4 + timed
+
+    def at(self, x: Floats) -> GuidedLinkage:
+        """The linkage at changes x of the one that it began with."""
+        guides: list[Guide] = []
+        for place, (one, name) in enumerate(
+            zip(self.linkage.guides, (self.linkage.link_names[0], self.linkage.link_names[2]))
+        ):
+            own = x[4 * place : 4 * place + 4]
+            fixed = one[0] + self.size * complex(own[0], own[1])
+            point = one.body_point + self.size * complex(own[2], own[3])
+            if place and "coupler" in self.lengths:
+                # the second body point goes round the first; what would lengthen the coupler does nothing
+                turn = self.along + float(own[2])
+                point = complex(guides[0].body_point + self.lengths["coupler"] * np.exp(1j * turn))
+            if isinstance(one, Circle):
+                guides.append(Circle(fixed, self.lengths.get(name, one.radius), point))
+            elif isinstance(one, Rail):
+                # one change shifts the line, the other turns it
+                normal = 1j * np.exp(1j * one.direction)
+                shifted = complex(one.point + self.size * own[0] * normal)
+                guides.append(Rail(shifted, one.direction + float(own[1]), point))
+            else:
+                normal = 1j * np.exp(1j * one.body_direction)
+                moved = complex(one.body_point + self.size * own[2] * normal)
+                guides.append(Slot(fixed, moved, one.body_direction + float(own[3])))
+        unit = 1.0 if self.linkage.driver.turns else self.size
+        start = self.linkage.start + (unit * float(x[8]) if self.timed else 0.0)
+        return replace(self.linkage, guides=(guides[0], guides[1]), start=start)
+
+
+def fitted(samples: Poses | Target, solution: GuidedSolution, lengths: dict[str, float]) -> GuidedSolution | None:
+    """A linkage of given lengths by least squares from a solution; None where its loop does not close at every sample."""
+    timed = isinstance(samples, Target)
+    chart = _Chart(solution.linkage, lengths, timed)
+    travel = solution.travel if timed else solution.travel[: samples.samples]
+    x = np.zeros(chart.count)
+    rows, jacobian, travel = _evaluated(samples, chart, x, travel)
+    if rows is None:
+        return None
+    cost, damping = float(rows @ rows), _DAMPED
+    for _ in range(_ROUNDS):
+        product = jacobian.T @ jacobian
+        scale = damping * (np.diag(product) + 1e-9 * np.trace(product) + 1e-300)
+        step = np.linalg.solve(product + np.diag(scale), -jacobian.T @ rows)
+        after, slopes, there = _evaluated(samples, chart, x + step, travel)
+        if after is not None and float(after @ after) < cost:
+            gained = cost - float(after @ after)
+            x, rows, jacobian, travel, cost = x + step, after, slopes, there, float(after @ after)
+            damping = max(damping / 10, 1e-12)
+            if gained < _ENDED * cost:
+                break
+        else:
+            damping *= 10
+            if damping > 1e6:
+                break
+    linkage = chart.at(x)
+    whole = travel if timed else _whole(samples, linkage, travel)
+    return assess(samples, linkage, whole)
+
+
+def _whole(samples: Poses | Target, linkage: GuidedLinkage, travel: Floats) -> Floats:
+    """Travel at all samples that were asked for: of a closed way whose last sample repeats the first a turn on, or back there."""
+    if not isinstance(samples, Poses) or samples.asked is None:
+        return travel
+    return samples.whole(travel) if linkage.turns_fully else np.append(travel, travel[0])
+
+
+def _evaluated(
+    samples: Poses | Target, chart: _Chart, x: Floats, travel: Floats
+) -> tuple[Floats | None, Floats, Floats]:
+    """Rows of errors, their derivatives by the chart, and the drive's travel at the samples; no rows where the loop is open."""
+    linkage = chart.at(x)
+    with np.errstate(all="ignore"):
+        if not np.isfinite(linkage.body(linkage.start + travel).rotation).all():
+            return None, np.zeros((0, 0)), travel
+        if not chart.timed:
+            travel = nearest_travel(samples, linkage, travel)
+        rows = _rows(samples, linkage, travel)
+        columns = []
+        for k in range(chart.count):
+            off = _STEP * np.eye(chart.count)[k]
+            ends = [_rows(samples, chart.at(x + sign * off), travel) for sign in (1, -1)]
+            columns.append((ends[0] - ends[1]) / (2 * _STEP))
+        jacobian = np.stack(columns, axis=-1)
+        if not chart.timed:
+            step = _STEP * (1.0 if linkage.driver.turns else chart.size)
+            way = (_rows(samples, linkage, travel + step) - _rows(samples, linkage, travel - step)) / (2 * step)
+            # what the drive could do at a sample is no error of the linkage
+            length = np.sum(way**2, axis=0)
+            part = np.einsum("rn,rnk->nk", way, jacobian) / np.where(length > 0, length, 1.0)[:, None]
+            jacobian = jacobian - way[..., None] * part
+    if not (np.isfinite(rows).all() and np.isfinite(jacobian).all()):
+        return None, np.zeros((0, 0)), travel
+    return rows.ravel(), jacobian.reshape(-1, chart.count), travel
+
+
+def _rows(samples: Poses | Target, linkage: GuidedLinkage, travel: Floats) -> Floats:
+    """Weighted errors (3, N): rotation, and position by x and y over the length scale."""
+    found = linkage.body(linkage.start + travel)
+    rows = np.zeros((3, travel.size))
+    if samples.rotation is not None:
+        gap = found.rotation - samples.rotation
+        # rotations count modulo a turn, or to a constant whole number of turns
+        gap = gap - TURN * np.round((gap if isinstance(samples, Poses) else gap[:1]) / TURN)
+        rows[0] = samples.rotation_mean.root * gap
+    if samples.position is not None:
+        off = samples.position_mean.root * (found.position - samples.position) / samples.length_scale
+        rows[1:] = off.real, off.imag
+    return rows

@@ -1,0 +1,851 @@
+"""The search for linkages of two guides, sliders among them, whose drive is free: from poses to the best within the limits.
+
+Data flow of a request::
+
+    poses -> exact guides (rails and slots in closed form, circles by the four-bar's dyads) -> their pairs, refined together
+      -> where those do not answer: guides of points all over the body and the ground -> pairs, the best of each kind and drive
+      -> descents in which broken limits weigh more from stage to stage, then about the best of what came out, in rounds
+      -> answers within the limits, checked on the linkage's own motion
+
+All kinds and drives descend in one batch: they differ in labels only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from synthesis.arrays import Flags, Floats, Ints
+from synthesis.fourbar.kinematics import wrap
+from synthesis.fourbar.limits import Limits
+from synthesis.free.dyads import (
+    FARTHEST,
+    FEW,
+    Body,
+    circles,
+    distinct_dyads,
+    in_any_order,
+    in_order,
+    landscape,
+    linear_dyads,
+    polished,
+    sampled_dyads,
+)
+from synthesis.free.poses import Poses
+from synthesis.guided.dyads import Guides, Lines, Motion, Straight, as_circles, lines_of
+from synthesis.guided.limits import Bounds, Signs, broken_limits, extension
+from synthesis.guided.linkage import DRIVERS, GUIDES, Circle, Driver, Guide, GuidedLinkage, Kind, Rail, Slot
+from synthesis.guided.pairs import OWN, Chart, Corrected, Driven, Pairs, Samples, evaluate
+from synthesis.guided.solution import GuidedSolution, assess
+from synthesis.least_squares import Evaluation, minimise
+from synthesis.rounds import GAIN
+from synthesis.search.search import DEFAULT_TOLERANCE, StoppedBy
+from synthesis.work import Work
+
+_EXACT = 1e-6
+"""Rms distance, over the length scale, of guides that may be a pair that fits exactly."""
+_DIRECTIONS = 24
+"""Rails and slots of further directions: one that is worse alone may be better in a pair."""
+_ALL_WAYS: Floats = np.linspace(0.0, np.pi, _DIRECTIONS, endpoint=False)
+_RADII, _AROUND = (0.0, 0.35, 0.8, 1.4, 2.2, 3.5), 12
+"""Points that circles, rails and slots are begun with: distances from the middle of the motion, and so many around it."""
+_SEEDS, _HOPS = 12, 8
+"""Candidates of each kind and drive that a round begins with."""
+_LOOKED_AT = 40
+"""Of the guides of a sort that fit best so many are paired."""
+_SAMPLES, _FEWER = 40, 20
+"""Samples up to which descents look at all, and at how many of more."""
+_POOL = 6
+"""Valleys that are kept of each kind and drive."""
+_ANSWERS = 6
+"""Answers that are kept of each."""
+_STAGES = ((8, 0.1, 2), (6, 1.0, 2), (8, 10.0, 2))
+_END = ((8, 1e2, 2), (8, 1e4, 3), (5, 1e6, 3))
+_GIVEN = ((12, 1.0, 3), (20, 100.0, 3))
+_LAST = ((15, 1e4, 3), (10, 1e6, 3))
+"""Steps, the weight of broken limits, and Newton's steps of each pose."""
+_SWEEPS = 8
+"""Newton's steps of the poses of answers."""
+_TIGHTENED = 3
+"""So often a descent is repeated for what falls short between the samples."""
+_LOOKED_AT_WHOLE = 3
+"""Candidates of each drive whose motion is looked at between the samples."""
+_LARGEST = 1e100
+_TURNS = 1e-3
+"""Sine of the angle between two rails, or two slots, below which a body never turns."""
+_EQUAL = 1e-8
+"""To which a given length or place is kept, over the length scale."""
+_SAFETY = 1e-7
+"""By which limits are kept more than asked, so that rounding breaks none."""
+_IDLE = 2
+"""Rounds that gain nothing end the search."""
+
+
+class SearchReport(NamedTuple):
+    """How a search went."""
+
+    stopped_by: StoppedBy
+    trace: list[tuple[float, float]]
+    """(seconds, least J) whenever it fell."""
+    seeds: int
+    notes: list[str]
+    """Where a guide is a rail or slot in place of a circle, and why."""
+
+
+class Drive(NamedTuple):
+    """A kind of linkage, which guide of it is driven, and how."""
+
+    kind: Kind
+    first: Any
+    second: Any
+    driver: Driver
+
+
+def drives(kinds: Sequence[Kind], driver: Driver | None) -> list[Drive]:
+    """All ways to drive linkages of some kinds, or those by one driver."""
+    found = []
+    for kind in kinds:
+        one, other = GUIDES[kind]
+        for first, second in dict.fromkeys(((one, other), (other, one))):
+            found += [Drive(kind, first, second, by) for by in DRIVERS[first] if driver in (None, by)]
+    return found
+
+
+class Candidates(NamedTuple):
+    """Pairs with what they are and how well they fit, best of all first or in any order."""
+
+    pairs: Pairs
+    drive: Ints
+    """(n,): place among the drives of the request."""
+    cost: Floats
+    """(n,): J squared."""
+    branch: Floats
+    way: Floats
+    first: Floats
+    """(n,): the drive at the first sample, where it is given."""
+
+    def take(self, places: Any) -> Candidates:
+        """Some of them."""
+        return Candidates(self.pairs.take(places), *(column[places] for column in self[1:]))
+
+    def joined(self, *others: Candidates) -> Candidates:
+        """These and others after them."""
+        pairs = self.pairs.joined(*(one.pairs for one in others))
+        return Candidates(pairs, *(np.concatenate(columns) for columns in zip(self[1:], *(o[1:] for o in others))))
+
+
+# -- guides ----------------------------------------------------------------------------------------------------------
+
+
+class Sorts(NamedTuple):
+    """Guides of each sort, the best first."""
+
+    circle: Guides
+    rail: Guides
+    slot: Guides
+
+    def of(self, sort: Any) -> Guides:
+        """Those of one sort."""
+        return {Circle: self.circle, Rail: self.rail, Slot: self.slot}[sort]
+
+
+def exact_guides(body: Body, sorts: set[Any]) -> Sorts:
+    """Guides that the poses keep to as well as any: up to four circles, and the best rails and slots."""
+    motion = Motion.of(body)
+    none = _no_guides()
+    few = body.position.size
+    straight = [none, none]
+    for k, (sort, seen) in enumerate(((Rail, motion), (Slot, motion.inverse))):
+        if sort in sorts:
+            straight[k] = _exact_lines(seen).as_guides(k == 1)
+    if Circle not in sorts:
+        return Sorts(none, *straight)
+    if few <= FEW:
+        return Sorts(as_circles(body, sampled_dyads(body, 90, np.random.default_rng(20))), *straight)
+    dyads = linear_dyads(body)
+    if dyads.radius.size:
+        dyads, error = polished(body, dyads)
+        dyads = dyads.take(error < _EXACT)
+    found = [as_circles(body, dyads)]
+    for guides in straight:  # a pencil of rails: the point in its middle goes round
+        if guides.point.size > 2 and not guides.inverse[0]:
+            found.append(as_circles(body, circles(body, np.array([guides.point.mean()]))))
+    return Sorts(found[0].joined(*found[1:]), *straight)
+
+
+def _exact_lines(motion: Motion) -> Lines:
+    if motion.position.size <= 2:  # any point has a line through two places
+        return lines_of(motion, _points(1.0))
+    lines = Straight(motion)
+    best, error = lines.stationary()
+    if motion.position.size == 3 or error[1] < _EXACT:  # a pencil: one in every direction
+        return lines.along(_ALL_WAYS)
+    fits = error < _EXACT
+    return Lines(best.point[fits], best.foot[fits], best.normal[fits])
+
+
+def near_guides(body: Body, sorts: set[Any]) -> Sorts:
+    """Guides of points all over the body, or the ground, and of all directions."""
+    motion = Motion.of(body)
+    straight = [_no_guides(), _no_guides()]
+    for k, (sort, seen) in enumerate(((Rail, motion), (Slot, motion.inverse))):
+        if sort not in sorts:
+            continue
+        lines = Straight(seen) if seen.position.size > 2 else None
+        found = [lines_of(seen, _points(1.0))]
+        if lines is not None:
+            found += [lines.stationary()[0], lines.along(_ALL_WAYS)]
+        straight[k] = found[0].as_guides(k == 1).joined(*(one.as_guides(k == 1) for one in found[1:]))
+    if Circle not in sorts:
+        return Sorts(_no_guides(), *straight)
+    rough = circles(body, _points(1.0))
+    if body.position.size > FEW:
+        fine, error = landscape(body, 10, 24)
+        fine, _ = distinct_dyads(fine, error, 24)
+        rough = fine.joined(rough)
+    proper = (np.abs(rough.fixed) < FARTHEST) & (rough.radius > 1e-6)
+    return Sorts(as_circles(body, rough.take(proper)), *straight)
+
+
+def _points(scale: float) -> Any:
+    radius, angle = np.meshgrid(_RADII[1:], np.arange(_AROUND) * (2 * np.pi / _AROUND), indexing="ij")
+    return scale * np.concatenate([[0j], (radius * np.exp(1j * angle)).ravel()])
+
+
+def _no_guides() -> Guides:
+    nothing, nowhere = np.zeros(0), np.zeros(0, dtype=complex)
+    return Guides(nowhere, nowhere, nothing, nothing, nothing > 0)
+
+
+def pairs_of(sorts: Sorts, ways: Sequence[Drive]) -> tuple[Pairs, Ints]:
+    """All pairs for some drives, and which drive each is for."""
+    firsts, seconds, hinges, numbers = [], [], [], []
+    for number, way in enumerate(ways):
+        one, other = sorts.of(way.first), sorts.of(way.second)
+        i, j = (index.ravel() for index in np.indices((one.point.size, other.point.size)))
+        if way.first is way.second:
+            i, j = i[i != j], j[i != j]
+        firsts.append(one.take(i))
+        seconds.append(other.take(j))
+        hinges.append(np.full(i.size, way.driver is Driver.HINGE))
+        numbers.append(np.full(i.size, number))
+    pairs = Pairs(firsts[0].joined(*firsts[1:]), seconds[0].joined(*seconds[1:]), np.concatenate(hinges))
+    return pairs, np.concatenate(numbers)
+
+
+# -- the search ------------------------------------------------------------------------------------------------------
+
+
+class Search:
+    """One request's search.
+
+    ``given`` (N,): the drive from the first sample on, in radians or in the unit of length; None where it is free.
+    """
+
+    def __init__(
+        self,
+        poses: Poses,
+        limits: Limits,
+        ways: Sequence[Drive],
+        tolerance: float,
+        work: Work,
+        given: Floats | None = None,
+    ) -> None:
+        self.poses, self.limits, self.ways, self.tolerance, self.work = poses, limits, list(ways), tolerance, work
+        self.given = given
+        if given is not None and not ways[0].driver.turns:
+            self.given = given / poses.length_scale
+        self.bounds = Bounds(limits, poses, timed=given is not None)
+        self.samples = Samples.of(poses, self.given)
+        self.few = _some(self.samples, _SAMPLES, _FEWER)
+        self.body = Body(poses)
+        self.sorts = {sort for way in ways for sort in (way.first, way.second)}
+        self.random = np.random.default_rng(20)
+        self.seeds = 0
+        self.found: Candidates | None = None
+        self.trace: list[tuple[float, float]] = []
+        self.notes: list[str] = []
+
+    # -- candidates -------------------------------------------------------------------------------------------------
+
+    def measured(self, pairs: Pairs, drive: Ints, samples: Samples, sweeps: int = 2) -> Candidates:
+        """Pairs with J squared, branch and way at the poses that they allow."""
+        chart = Chart(pairs)
+        with np.errstate(all="ignore"):
+            found = Corrected(samples, chart.start, chart.labels, sweeps)
+            cost = np.einsum("nk,nk->n", found.rows, found.rows)
+            sine, coordinate = found.transmission(), found.drive()
+        branch = np.where(np.sum(sine, axis=1) >= 0, 1.0, -1.0)
+        steps = np.diff(coordinate, axis=1)
+        turns = ~self._slides(pairs)
+        steps = np.where(turns[:, None], (steps + np.pi) % (2 * np.pi) - np.pi, steps)
+        way = np.where(np.sum(steps, axis=1) >= 0, 1.0, -1.0)
+        return Candidates(pairs, drive, np.where(np.isfinite(cost), cost, np.inf), branch, way, np.zeros(cost.size))
+
+    @staticmethod
+    def _slides(pairs: Pairs) -> Any:
+        return pairs.first.straight & ~pairs.hinge
+
+    def descended(
+        self,
+        begin: Candidates,
+        stages: Sequence[tuple[int, float, int]],
+        samples: Samples,
+        margin: Floats | None = None,
+    ) -> Candidates:
+        """Candidates after descents in which broken limits weigh more from stage to stage; their J squared alone."""
+        for steps, weight, sweeps in stages:
+            if not begin.cost.size or (self.work.expired() and self.found is not None):
+                break
+            chart = Chart(begin.pairs)
+            extra = [begin.branch, begin.way, np.zeros_like(begin.way) if margin is None else margin]
+            labels = np.concatenate([chart.labels, np.stack(extra, axis=1)], axis=1)
+
+            def priced(x: Floats, own: Floats, weight: float = weight, sweeps: int = sweeps) -> Evaluation:
+                return self._bounded(samples, x, own, weight, sweeps)
+
+            done = minimise(priced, chart.start, labels, steps, 0.0, self.work, 1e-4, 1e-2)
+            begin = begin._replace(pairs=chart.pairs_at(done.unknowns))
+        return begin
+
+    def _bounded(self, samples: Samples, unknowns: Floats, labels: Floats, weight: float, sweeps: int) -> Evaluation:
+        """As `pairs.evaluate`, with rows for the limits that are broken."""
+        with np.errstate(all="ignore"):
+            return self._bounded_at(Corrected(samples, unknowns, labels[:, :11], sweeps), labels, weight)
+
+    def _bounded_at(self, found: Corrected, labels: Floats, weight: float) -> Evaluation:
+        with np.errstate(all="ignore"):
+            rows, _, _ = found.derivatives()
+            signs = Signs(labels[:, 11:12], labels[:, 12:13], labels[:, 13:14])
+            parts = self.bounds(found, signs)
+            stacks = [np.concatenate([rows, found.rows[:, None]], axis=1)]
+            scale = np.sqrt(weight)
+            broken = []
+            for part in parts:
+                off = part.values if part.equal else np.minimum(part.values - _SAFETY, 0.0)
+                some = off < 0 if not part.equal else np.ones_like(off, dtype=bool)
+                if not some.any():
+                    continue
+                used = some.any(axis=0)
+                off, slope = off[:, used], np.where(some[:, None, used], part.slopes[:, :, used], 0.0)
+                broken.append(scale * np.concatenate([slope, off[:, None]], axis=1))
+            count = rows.shape[1] + 1
+            stacks.append(
+                _condensed(np.concatenate(broken, axis=2)) if broken else np.zeros((len(rows), count, count))
+            )
+            stack = np.concatenate(stacks, axis=2)
+            cost = np.einsum("nk,nk->n", stack[:, -1], stack[:, -1])
+        bad = ~(np.isfinite(cost) & np.isfinite(stack).all(axis=(1, 2)) & found.closed)
+        stack[bad] = 0.0
+        return Evaluation(np.where(bad, np.inf, cost), stack)
+
+    def _signs(self, at: Corrected, way: Floats) -> Floats:
+        """Along which candidates' own coordinate the given drive counts, (n, 1): a cylinder's is longer where it is more."""
+        first = at.at[0].guide
+        # where two slots meet tells nothing of where a rod is fastened
+        cylinder = first.inverse & ~at.hinge & ~at.at[1].guide.inverse
+        slides = first.straight & ~at.hinge
+        return np.where(cylinder, np.sign(extension(at)), np.where(slides, way * np.sign(at.samples.drive[-1]), 1.0))
+
+    def _timing(self, at: Corrected, sign: Floats) -> tuple[Floats, Floats]:
+        """The drive at the first sample (n, 1) for which the given one is nearest to their own, and how near, squared, (n,)."""
+        off = at.drive() - sign * at.samples.drive
+        if self.ways[0].driver.turns:
+            first = np.angle(np.mean(np.exp(1j * off), axis=1))[:, None]
+            off = (off - first + np.pi) % (2 * np.pi) - np.pi
+            return first, np.mean(off**2, axis=1)
+        first = np.mean(off, axis=1, keepdims=True)
+        return first, np.mean((off - first) ** 2, axis=1)
+
+    def _timed(self, begin: Candidates, stages: Sequence[tuple[int, float, int]]) -> Candidates:
+        """Candidates after descents at the drive that is given; with J squared there."""
+        chart = Chart(begin.pairs)
+        with np.errstate(all="ignore"):
+            at = Corrected(self.samples, chart.start, chart.labels, 6)
+            sign = self._signs(at, begin.way[:, None])
+            first, _ = self._timing(at, sign)
+        x = np.concatenate([chart.start, first], axis=1)
+        for steps, weight, _ in stages:
+            extra = np.stack([begin.branch, begin.way, np.zeros_like(begin.way), sign[:, 0]], axis=1)
+            labels = np.concatenate([chart.labels, extra], axis=1)
+
+            def priced(unknowns: Floats, own: Floats, weight: float = weight) -> Evaluation:
+                return self._bounded_at(Driven(self.samples, unknowns, own[:, :11], own[:, 14:15]), own, weight)
+
+            done = minimise(priced, x, labels, steps, 0.0, self.work, 1e-6, 1e-3)
+            begin = begin._replace(pairs=chart.pairs_at(done.unknowns), cost=done.cost)
+            first = done.unknowns[:, 2 * OWN :]
+            chart = Chart(begin.pairs)
+            x = np.concatenate([chart.start, first], axis=1)
+        with np.errstate(all="ignore"):
+            at = Driven(self.samples, x, chart.labels, sign, 12)
+        cost = np.where(at.closed, np.einsum("nk,nk->n", at.rows, at.rows), np.inf)
+        return begin._replace(cost=np.where(np.isfinite(cost), cost, np.inf), first=first[:, 0])
+
+    def broken(self, found: Candidates, samples: Samples) -> tuple[Candidates, Floats]:
+        """Candidates with their J squared at the closed poses, and the most by which each breaks a limit there."""
+        with np.errstate(all="ignore"):
+            at = self._at(found, samples)
+            cost = np.einsum("nk,nk->n", at.rows, at.rows)
+            nothing = np.zeros((found.cost.size, 1))
+            parts = self.bounds(at, Signs(found.branch[:, None], found.way[:, None], nothing))
+            worst = np.where(at.closed, 0.0, np.inf)
+            for part in parts:
+                off = np.abs(part.values) - _EQUAL if part.equal else -part.values
+                worst = np.maximum(worst, off.max(axis=1))
+        worst = np.where(np.isfinite(worst), worst, np.inf)
+        return found._replace(cost=np.where(np.isfinite(cost), cost, np.inf)), worst
+
+    def _at(self, found: Candidates, samples: Samples) -> Corrected:
+        """Candidates at the poses that close, and where the drive is given those that it leads to."""
+        chart = Chart(found.pairs)
+        if self.given is None:
+            return Corrected(samples, chart.start, chart.labels, _SWEEPS)
+        sign = self._signs(Corrected(samples, chart.start, chart.labels, 6), found.way[:, None])
+        x = np.concatenate([chart.start, found.first[:, None]], axis=1)
+        return Driven(samples, x, chart.labels, sign, _SWEEPS)
+
+    # -- seeds ------------------------------------------------------------------------------------------------------
+
+    def exact(self) -> Candidates | None:
+        """Pairs of exact guides, refined together; several kinds at once."""
+        sorts = exact_guides(self.body, self.sorts)
+        pairs, drive = pairs_of(sorts, self.ways)
+        if not pairs.number:
+            return None
+        if self.body.position.size <= FEW:
+            pairs, drive = self._spread(pairs, drive)
+        return self._refined(self.measured(pairs, drive, self.samples))
+
+    def _refined(self, begin: Candidates) -> Candidates:
+        chart = Chart(begin.pairs)
+        done = minimise(
+            lambda x, own: evaluate(self.samples, x, own), chart.start, chart.labels, 12, 0.0, None, 0.1, 1e-8
+        )
+        found = self.measured(chart.pairs_at(done.unknowns), begin.drive, self.samples, 4)
+        self.seeds += begin.cost.size
+        return found
+
+    def _spread(self, pairs: Pairs, drive: Ints) -> tuple[Pairs, Ints]:
+        """Of very many pairs those that break the limits least, as many of each drive."""
+        chosen = self._best(self.measured(pairs, drive, self.samples), 4 * _SEEDS, self.samples)
+        return pairs.take(chosen), drive[chosen]
+
+    def _best(self, found: Candidates, most: int, samples: Samples) -> Ints:
+        """Places of the best of each drive by J squared and broken limits."""
+        chart = Chart(found.pairs)
+        extra = np.stack([found.branch, found.way, np.zeros_like(found.way)], axis=1)
+        labels = np.concatenate([chart.labels, extra], axis=1)
+        merit = np.full(found.cost.size, np.inf)
+        for first in range(0, found.cost.size, 400):
+            part = slice(first, first + 400)
+            merit[part] = self._merit(samples, chart.start[part], labels[part])
+        places = []
+        for number in range(len(self.ways)):
+            own = np.flatnonzero(found.drive == number)
+            own = own[np.argsort(merit[own], kind="stable")]
+            places.append(self._apart(found.pairs, own[np.isfinite(merit[own])], most))
+        return np.concatenate(places)
+
+    def _merit(self, samples: Samples, unknowns: Floats, labels: Floats) -> Floats:
+        with np.errstate(all="ignore"):
+            found = Corrected(samples, unknowns, labels[:, :11], 2)
+            merit = np.einsum("nk,nk->n", found.rows, found.rows)
+            for part in self.bounds(found, Signs(labels[:, 11:12], labels[:, 12:13], labels[:, 13:14])):
+                off = part.values if part.equal else np.minimum(part.values, 0.0)
+                merit = merit + 0.3 * np.mean(np.minimum(np.abs(off), 1.0) ** 2, axis=1)
+            if self.given is not None:
+                merit = merit + self._timing(found, self._signs(found, labels[:, 12:13]))[1]
+        return np.where(np.isfinite(merit), merit, np.inf)
+
+    def _apart(self, pairs: Pairs, places: Ints, most: int) -> Ints:
+        """The first of places that differ."""
+        marks = _marks(pairs)
+        kept: list[int] = []
+        for place in places:
+            if len(kept) == most:
+                break
+            if not kept or np.abs(marks[kept] - marks[place]).max(axis=1).min() > _CELL:
+                kept.append(int(place))
+        return np.array(kept, dtype=int)
+
+    def near(self) -> Candidates:
+        """Pairs of guides of points all over body and ground: the best of each drive."""
+        sorts = near_guides(self.body, self.sorts)
+        motion = Motion.of(self.body)
+        best = []
+        for guides in sorts:
+            error = _errors(guides, motion)
+            best.append(guides.take(np.argsort(error, kind="stable")[:_LOOKED_AT]))
+        pairs, drive = pairs_of(Sorts(*best), self.ways)
+        thin = _some(self.samples, 10, 8)
+        found = self.measured(pairs, drive, thin, 2)
+        # the limits cost more to look at: of each drive the half that fits best
+        places = []
+        for number in range(len(self.ways)):
+            own = np.flatnonzero(found.drive == number)
+            places.append(own[np.argsort(found.cost[own], kind="stable")[:300]])
+        found = found.take(np.concatenate(places))
+        self.seeds += _SEEDS * len(self.ways)
+        return found.take(self._best(found, _SEEDS, thin))
+
+    def hops(self, pool: Candidates) -> Candidates:
+        """Perturbed copies of the best valleys of each drive."""
+        some = []
+        for number in range(len(self.ways)):
+            own = np.flatnonzero(pool.drive == number)
+            own = own[np.argsort(pool.cost[own], kind="stable")[:3]]
+            some.append(np.resize(own, _HOPS) if own.size else own)
+        places = np.concatenate(some)
+        begin = pool.take(places)
+        chart = Chart(begin.pairs)
+        count = places.size
+        noise = self.random.standard_t(3, size=(count, 2 * OWN)) * np.tile([0.25, 0.25, 0.15, 0.15, 0.3], 2)
+        pairs = chart.pairs_at(chart.start + noise)
+        self.seeds += count
+        return self.measured(pairs, begin.drive, self.few, 2)
+
+    # -- rounds -----------------------------------------------------------------------------------------------------
+
+    def run(self) -> bool:
+        """Search until nothing is gained or the time is up; whether it ran to its end."""
+        return self._run_free() if self.given is None else self._run_given()
+
+    def _run_given(self) -> bool:
+        """First the poses alone, then with the drive that is given."""
+        exact = self.exact()
+        if exact is not None:
+            exact = exact.take(self._best(exact, _SEEDS, self.few))
+            self._answers(self._timed(exact, _GIVEN))
+            self.note()
+        idle, pool = 0, None
+        begin = self.near()
+        while idle < _IDLE and self._left.size and not (self.work.expired() and self.found is not None):
+            before = self.levels
+            begin = begin.take(np.isin(begin.drive, self._left))
+            begin = self._measured_again(self.descended(begin, _STAGES[:1], self.few), self.few)
+            begin = self._pooled(begin, _SEEDS)
+            ended = self._timed(begin, _GIVEN)
+            pool = ended if pool is None else pool.joined(ended)
+            pool = self._pooled(pool)
+            self._answers(self._timed(self._pooled(ended, 2), _END))
+            self.note()
+            if self.work.expired():
+                return False
+            idle = 0 if np.any(self.levels < (1 - GAIN) * before) else idle + 1
+            begin = self.hops(pool)
+        return not self.work.expired()
+
+    def _run_free(self) -> bool:
+        exact = self.exact()
+        if exact is not None:
+            self._answers(exact)
+            self.note()
+        left = self._left
+        if not left.size or (self.work.expired() and self.found is not None):
+            return not left.size
+        begin = self.near()
+        if exact is not None:
+            begin = begin.joined(exact.take(self._best(exact, 3, self.few)))
+        pool: Candidates | None = None
+        idle = 0
+        while idle < _IDLE and left.size:
+            begin = begin.take(np.isin(begin.drive, left))
+            before = self.levels
+            begin = self._measured_again(self.descended(begin, _STAGES, self.few), self.few)
+            pool = self._pooled(begin if pool is None else pool.joined(begin))
+            self._to_the_end(self._pooled(begin, 2))
+            self.note()
+            if self.work.expired():
+                return False
+            idle = 0 if np.any(self.levels < (1 - GAIN) * before) else idle + 1
+            left = self._left
+            begin = self.hops(pool)
+        if self.found is not None and left.size:
+            best = self._pooled(self.found, 1)
+            self._to_the_end(best.take(np.isin(best.drive, left)), _LAST)
+            self.note()
+        return not self.work.expired()
+
+    def _to_the_end(self, begin: Candidates, stages: Sequence[tuple[int, float, int]] = _END) -> None:
+        """Descents along the limits on all samples, and once more for what breaks them between samples."""
+        margin = np.zeros(begin.cost.size)
+        for _ in range(_TIGHTENED):
+            if not begin.cost.size:
+                return
+            ended = self.descended(begin, stages, self.samples, margin)
+            ended = self._measured_again(ended, self.samples)._replace(branch=begin.branch, way=begin.way)
+            lacking = self._answers(ended)
+            again = lacking > 0
+            if not again.any() or self.work.expired():
+                return
+            begin, margin = ended.take(again), margin[again] + lacking[again] + _SAFETY
+
+    def _measured_again(self, found: Candidates, samples: Samples) -> Candidates:
+        return self.measured(found.pairs, found.drive, samples, 6)
+
+    @property
+    def levels(self) -> Floats:
+        """The least J of each drive."""
+        least = np.full(len(self.ways), np.inf)
+        if self.found is not None:
+            np.minimum.at(least, self.found.drive, np.sqrt(self.found.cost))
+        return least
+
+    @property
+    def _left(self) -> Ints:
+        """Drives without an answer below the tolerance."""
+        return np.flatnonzero(self.levels >= self.tolerance)
+
+    def note(self) -> None:
+        """Write down the best J."""
+        least = float(self.levels.min())
+        if np.isfinite(least) and (not self.trace or least < self.trace[-1][1]):
+            self.trace.append((self.work.elapsed, least))
+
+    def _answers(self, new: Candidates) -> Floats:
+        """Keep those of candidates that keep the limits over all that they use.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            By how much the transmission angle of the others falls short between the samples, where nothing else is amiss.
+        """
+        lacking = np.zeros(new.cost.size)
+        new, worst = self.broken(new, self.samples)
+        fine = np.flatnonzero((worst <= 0) & np.isfinite(new.cost))
+        kept: list[int] = []
+        for number in range(len(self.ways)):
+            own = fine[new.drive[fine] == number]
+            own = own[np.argsort(new.cost[own], kind="stable")]
+            for place in self._apart(new.pairs, own, _LOOKED_AT_WHOLE):
+                solution = self.solution(new.take([place]))
+                if solution is None:
+                    continue
+                missing = broken_limits(solution, self.poses, self.limits)
+                if not missing:
+                    kept.append(int(place))
+                elif set(missing) == {"transmission_angle_min"} and solution.transmission_angle_min > 0:
+                    lacking[place] = missing["transmission_angle_min"]
+        if kept:
+            more = new.take(np.array(kept))
+            self.found = self._pooled(more if self.found is None else self.found.joined(more), _ANSWERS)
+        return lacking
+
+    def _pooled(self, found: Candidates, most: int = _POOL) -> Candidates:
+        """The best of each drive that differ."""
+        found = found.take(np.isfinite(found.cost))
+        places = []
+        for number in range(len(self.ways)):
+            own = np.flatnonzero(found.drive == number)
+            own = own[np.argsort(found.cost[own], kind="stable")]
+            places.append(self._apart(found.pairs, own, most))
+        return found.take(np.concatenate(places))
+
+    # -- answers ----------------------------------------------------------------------------------------------------
+
+    def solutions(self) -> list[GuidedSolution]:
+        """The best of each drive, in the user's unit."""
+        if self.found is None:
+            return []
+        solutions = [self.solution(self.found.take([k])) for k in range(self.found.cost.size)]
+        return [one for one in solutions if one is not None]
+
+    def solution(self, one: Candidates) -> GuidedSolution | None:
+        """A single candidate as a linkage with its errors; None where it does not pass the samples."""
+        with np.errstate(all="ignore"):
+            at = self._at(one, self.samples)
+        poses, scale = self.poses, self.poses.length_scale
+        rotation, position = at.angle[0], poses.middle + scale * at.position[0]
+        way = self.ways[int(one.drive[0])]
+        guides = [
+            _guide(guide.take([0]), poses, complex(here.place[0, 0])) for guide, here in zip(one.pairs[:2], at.at)
+        ]
+        guides = [_referred(guide, other) for guide, other in zip(guides, guides[::-1])]
+        if _parallel(guides):
+            return None
+        linkage = GuidedLinkage((guides[0], guides[1]), way.driver)
+        drive, sine = linkage.configuration(rotation, position)
+        if not (np.isfinite(drive).all() and np.isfinite(sine).all()) or np.any(sine * sine[0] <= 0):
+            return None
+        if not way.driver.turns:
+            turned = _directed(guides, drive, self.given)
+            linkage = replace(linkage, guides=turned)
+            drive, sine = linkage.configuration(rotation, position)
+        if way.driver.turns:
+            straight, holds = (
+                in_order(drive[None], poses.span_max) if poses.ordered else in_any_order(drive[None], poses.span_max)
+            )
+            drive = straight[0]
+        else:
+            steps = np.diff(drive)
+            holds = np.array([not poses.ordered or bool(np.all(steps > 0) or np.all(steps < 0))])
+        if not holds[0] or (poses.closed and not way.driver.turns):
+            return None
+        linkage = replace(linkage, branch=1 if sine[0] > 0 else -1, start=float(drive[0]))
+        travel = drive - drive[0]
+        if not np.isfinite(linkage.body(drive).rotation).all():
+            return None
+        found = assess(poses, linkage, poses.whole(travel) if way.driver.turns else travel)
+        return found if np.isfinite(found.errors.objective) else None
+
+
+def _guide(one: Guides, poses: Poses, place: complex) -> Guide:
+    """A guide in the user's unit; a rail's point is where its body point is at the first sample, ``place``."""
+    scale, middle = poses.length_scale, poses.middle
+    point, foot, normal = complex(one.point[0]), complex(one.foot[0]), float(one.normal[0])
+    inward = np.exp(1j * normal)
+    on_line = foot + complex(1j * inward * (np.conj(1j * inward) * (place - foot)).real)
+    if one.inverse[0]:
+        return Slot(middle + scale * point, scale * on_line, float(wrap(normal + np.pi / 2)))
+    if one.straight[0]:
+        return Rail(middle + scale * on_line, float(wrap(normal + np.pi / 2)), scale * point)
+    return Circle(middle + scale * complex(one.centre[0]), scale / abs(float(one.curvature[0])), scale * point)
+
+
+def _referred(guide: Guide, other: Guide) -> Guide:
+    """A slot measured from the foot of the other guide's body point on it; of two slots from where they meet."""
+    if not isinstance(guide, Slot):
+        return guide
+    along = np.exp(1j * guide.body_direction)
+    to = other.body_point - guide.body_point
+    if isinstance(other, Slot):
+        across = np.exp(1j * other.body_direction)
+        below = (np.conj(along) * across).imag
+        way = (np.conj(to) * across).imag / below if abs(below) > 1e-12 else 0.0
+    else:
+        way = (np.conj(along) * to).real
+    return guide._replace(body_point=complex(guide.body_point + way * along))
+
+
+def _parallel(guides: Sequence[Guide]) -> bool:
+    """Whether two rails, or two slots, are parallel: the body never turns."""
+    first, second = guides
+    if isinstance(first, Rail) and isinstance(second, Rail):
+        return bool(abs(np.sin(first.direction - second.direction)) < _TURNS)
+    if isinstance(first, Slot) and isinstance(second, Slot):
+        return bool(abs(np.sin(first.body_direction - second.body_direction)) < _TURNS)
+    return False
+
+
+def _directed(guides: Sequence[Guide], drive: Floats, given: Floats | None) -> tuple[Guide, Guide]:
+    """Guides whose first, driven along itself, counts as asked: a cylinder's length is positive, given travel has its sign."""
+    first, second = guides
+    backwards = given is not None and (drive[-1] - drive[0]) * given[-1] < 0
+    if isinstance(first, Rail):
+        turned = first._replace(direction=float(wrap(first.direction + np.pi)))
+        return (turned if backwards else first), second
+    assert isinstance(first, Slot)
+    if backwards or (given is None and drive[0] < 0):
+        first = first._replace(body_direction=float(wrap(first.body_direction + np.pi)))
+        drive = -drive
+    if drive[0] < 0:  # of two slots: the rod is fastened as far on the other side of where they meet
+        along = np.exp(1j * first.body_direction)
+        first = first._replace(body_point=complex(first.body_point - (abs(drive[0]) + np.max(np.abs(drive))) * along))
+    return first, second
+
+
+def search_guided(
+    poses: Poses,
+    limits: Limits,
+    kinds: Sequence[Kind],
+    driver: Driver | None = None,
+    tolerance: float = DEFAULT_TOLERANCE,
+    work: Work | None = None,
+    given: Floats | None = None,
+) -> tuple[list[GuidedSolution], SearchReport]:
+    """The best linkages with sliders for poses whose drive is free, or given.
+
+    Parameters
+    ----------
+    poses : Poses
+        With two samples at least that have both rotation and position.
+    limits : Limits
+    kinds : sequence of Kind
+        Among which; each has at least one rail or slot.
+    driver : Driver, optional
+        Only linkages that are driven so.
+    tolerance : float
+        J below it is exact.
+    work : Work, optional
+        Once it has expired the best found so far is returned.
+    given : ndarray, shape (N,), optional
+        The drive at the samples, from the first one: radians, or the unit of length, as its ``driver`` has it. Without a driver
+        those of sliders and cylinders.
+
+    Returns
+    -------
+    solutions : list of GuidedSolution
+        Of each kind and drive the best that differ, in no order: J alone does not rank them. Law: with more time none of the
+        least errors is larger.
+    report : SearchReport
+    """
+    work = work or Work()
+    ways = drives(kinds, driver)
+    if given is not None and driver is None:
+        ways = [way for way in ways if not way.driver.turns]
+    search = Search(poses, limits, ways, tolerance, work, given)
+    ended = search.run()
+    solutions = search.solutions()
+    reached = not search._left.size
+    stopped = StoppedBy.TOLERANCE if reached else StoppedBy.CONVERGED if ended else StoppedBy.BUDGET
+    return solutions, SearchReport(stopped, search.trace, search.seeds, search.notes)
+
+
+_CELL = 0.02
+
+
+def _marks(pairs: Pairs) -> Floats:
+    """Numbers that tell pairs apart, (n, 12)."""
+    columns: list[Any] = []
+    for one in pairs[:2]:
+        size = np.maximum(1.0, np.abs(one.point))
+        columns += [one.point.real / size, one.point.imag / size, np.cos(2 * one.normal), np.sin(2 * one.normal)]
+        columns += [np.log1p(np.abs(one.curvature)), np.log(size)]
+    return np.stack(columns, axis=1)
+
+
+def _errors(guides: Guides, motion: Motion) -> Floats:
+    """First-order rms distance of guides from the poses, (n,)."""
+    seen = [motion, motion.inverse]
+    out = np.empty(guides.point.size)
+    for k, one in enumerate(seen):
+        own = guides.inverse == (k == 1)
+        places = one.places(guides.point[own])
+        centre, bent = guides.centre[own][:, None], guides.curvature[own][:, None]
+        straight = guides.straight[own][:, None]
+        inward = np.exp(1j * guides.normal[own])[:, None]
+        gap = places - centre
+        normal = np.where(straight, -inward, gap / np.maximum(np.abs(gap), 1e-12))
+        off = np.where(straight, (np.conj(-inward) * gap).real, np.abs(gap) - 1 / np.where(straight, 1.0, bent))
+        swing = (np.conj(normal) * 1j * (places - one.position)).real
+        out[own] = np.sqrt(np.sum((off**2 / (1 + swing**2)) * one.root**2, axis=1))
+    return out
+
+
+def _condensed(stack: Floats) -> Floats:
+    """Rows (n, m, k) as m rows with the same products."""
+    proper: Flags = np.all(np.abs(stack) < _LARGEST, axis=(1, 2))  # no number that is none among them
+    stack = np.where(proper[:, None, None], stack, 0.0)
+    product = stack @ stack.transpose(0, 2, 1)
+    size = np.einsum("nii->ni", product).max(axis=1)
+    count = product.shape[1]
+    product[:, np.arange(count), np.arange(count)] += (1e-13 * size + 1e-40)[:, None]
+    return np.where(proper[:, None, None], np.linalg.cholesky(product), np.nan)
+
+
+def _some(samples: Samples, most: int, few: int) -> Samples:
+    """All samples, or of many a few evenly chosen, whose cost stands for the others."""
+    if samples.number <= most:
+        return samples
+    kept = np.unique(np.round(np.linspace(0, samples.number - 1, few)).astype(int))
+    share = kept.size / samples.number
+    some = Samples(*(column[kept] for column in samples))
+    turn, place = some.rotation_variance, some.position_variance
+    return some._replace(
+        rotation_variance=np.where(some.rotation_missing, turn, turn * share),
+        position_variance=np.where(some.position_missing, place, place * share),
+    )

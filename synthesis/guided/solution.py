@@ -1,0 +1,327 @@
+"""Finished linkages on two guides: the drive's place at each sample, and errors and size recomputed from their own numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from synthesis.arrays import Complexes, Floats
+from synthesis.fourbar.limits import (
+    LINK_RATIO,
+    REACH,
+    TRANSMISSION_ANGLE,
+    TRANSMISSION_ANGLE_TURN,
+    Limits,
+    placed_by,
+)
+from synthesis.fourbar.passage import LEAVES_SAMPLES, SHORTEST_CHORD
+from synthesis.free.poses import Poses
+from synthesis.guided.linkage import Circle, Driver, Guide, GuidedLinkage, Rail, Slot
+from synthesis.ranking import Errors, motion_errors
+from synthesis.target import TURN, Interval, Samples, Target
+
+_STEPS = 30
+"""Newton steps towards the drive's best place at a sample."""
+_BACK = 40
+"""Halvings of a step that would make a sample's error larger, or open the loop."""
+_ROUNDED = 1e-9
+_WAY_STEPS = 48
+"""Chords that the body point's way between two samples is measured by."""
+
+
+@dataclass(frozen=True)
+class GuidedSolution:
+    """A linkage on two guides that answers a request.
+
+    Attributes
+    ----------
+    linkage : GuidedLinkage
+        Started at the first sample.
+    errors : Errors
+        Recomputed from the linkage's numbers: its motion is compared with the request.
+    travel : ndarray, shape (N,)
+        Of the drive from the first sample on, at all samples that were asked for.
+    transmission_angle_min : float
+        Over the used interval, exactly; 0 where it does not close between samples.
+    transmission_angle_min_turn : float or None
+        Over the whole turn; None where the drive does not turn fully.
+    """
+
+    linkage: GuidedLinkage
+    errors: Errors
+    travel: Floats
+    transmission_angle_min: float
+    transmission_angle_min_turn: float | None
+
+    @property
+    def interval(self) -> Interval:
+        """The travel that the motion uses."""
+        return Interval(float(self.travel.min()), float(self.travel.max()))
+
+    @property
+    def identity(self) -> Floats:
+        """Numbers, relative to the linkage's size, that tell linkages of one kind and drive apart; the start does not count."""
+        numbers: list[float] = [self.linkage.branch]
+        size = max(abs(_from_body(one)) for one in self.linkage.guides) + sum(
+            one.radius for one in self.linkage.guides if isinstance(one, Circle)
+        )
+        size = size if size > 0 else 1.0
+        for one in self.linkage.guides:
+            body = _from_body(one) / size
+            fixed = one[0] / size
+            if isinstance(one, Circle):
+                numbers += [one.radius / size, fixed.real, fixed.imag, body.real, body.imag]
+            elif isinstance(one, Rail):
+                # the line itself, not the point that it is named by
+                normal = 1j * np.exp(1j * one.direction)
+                height = np.real(np.conj(normal) * fixed)
+                numbers += [np.cos(2 * one.direction), np.sin(2 * one.direction), abs(height), body.real, body.imag]
+            else:
+                normal = 1j * np.exp(1j * one.body_direction)
+                height = np.real(np.conj(normal) * body)
+                turned = 2 * one.body_direction
+                numbers += [np.cos(turned), np.sin(turned), abs(height), fixed.real, fixed.imag]
+        return np.array([*numbers, math.log(size)])
+
+    @property
+    def looks(self) -> Floats:
+        """Numbers of which two linkages that look alike in a picture differ by less than one."""
+        return self.identity / 0.02
+
+    def mirrored(self) -> GuidedSolution:
+        """The linkage in a mirror, for the mirrored request; its errors are the same."""
+        travel = -self.travel if self.linkage.driver.turns else self.travel
+        return replace(self, linkage=self.linkage.mirrored(), travel=travel)
+
+
+def _from_body(guide: Guide) -> complex:
+    """The body point of a guide, in the body's frame."""
+    return guide.body_point
+
+
+# -- where the drive is -----------------------------------------------------------------------------------------------
+
+
+def nearest_travel(samples: Samples, linkage: GuidedLinkage, begin: Floats) -> Floats:
+    """Travel of the drive from the linkage's start at which the body comes nearest to each sample, by Newton's method.
+
+    ``samples``: rotations count modulo a turn. ``begin`` (N,): where each begins; the loop closes there.
+
+    Law: at every sample the error's derivative by the travel is zero, unless the drive is at the end of its way.
+    """
+    travel = np.array(begin, dtype=float)
+    square = _squares(samples, linkage, travel)
+    weights = _weights(samples)
+    for _ in range(_STEPS):
+        first, second = _slopes(samples, linkage, travel, weights)
+        # towards a minimum where the error is convex, along the first-order step where it is not
+        step = np.nan_to_num(-first / np.where(second > 0, second, np.inf))
+        longest = 0.3 if linkage.driver.turns else 0.3 * samples.length_scale
+        step = np.clip(step, -longest, longest)
+        going = np.abs(step) > 4e-16 * np.maximum(1.0, np.abs(travel))
+        if not going.any():
+            break
+        for _ in range(_BACK):
+            there = _squares(samples, linkage, travel + step)
+            worse = ~(there <= square)
+            if not worse.any():
+                break
+            step = np.where(worse, step / 2, step)
+        keep = there <= square
+        travel, square = np.where(keep, travel + step, travel), np.where(keep, there, square)
+        if not np.any(keep & going):
+            break
+    return travel
+
+
+def _weights(samples: Samples) -> tuple[Floats, Floats]:
+    """What a square of an error of rotation, and of position, counts at each sample, (N,)."""
+    turning = np.zeros(samples.samples) if samples.rotation is None else samples.rotation_mean.root**2
+    placing = (
+        np.zeros(samples.samples)
+        if samples.position is None
+        else samples.position_mean.root**2 / samples.length_scale**2
+    )
+    both = np.stack(np.broadcast_arrays(turning, placing, np.zeros(samples.samples))[:2])
+    # a sample on its own: only the ratio of both counts
+    return both[0], both[1]
+
+
+def _gaps(samples: Samples, linkage: GuidedLinkage, travel: Floats) -> tuple[Floats, Complexes]:
+    """Errors of rotation (to the nearest whole turn) and position, zeros where there is none."""
+    found = linkage.body(linkage.start + travel)
+    turned: Floats = np.zeros(travel.shape)
+    if samples.rotation is not None:
+        turned = found.rotation - samples.rotation
+        turned = turned - TURN * np.round(turned / TURN)
+    off = np.zeros(travel.shape, dtype=complex) if samples.position is None else found.position - samples.position
+    return turned, off
+
+
+def _squares(samples: Samples, linkage: GuidedLinkage, travel: Floats) -> Floats:
+    turning, placing = _weights(samples)
+    turned, off = _gaps(samples, linkage, travel)
+    square = turning * turned**2 + placing * np.abs(off) ** 2
+    return np.where(np.isfinite(square), square, np.inf)
+
+
+def _slopes(
+    samples: Samples, linkage: GuidedLinkage, travel: Floats, weights: tuple[Floats, Floats]
+) -> tuple[Floats, Floats]:
+    """First derivatives of half the squares by the travel, and second ones, at least those of first-order errors."""
+    turning, placing = weights
+    turned, off = _gaps(samples, linkage, travel)
+    rates = linkage.rates(linkage.start + travel)
+    first = turning * turned * rates.rotation + placing * np.real(np.conj(off) * rates.position)
+    gauss = turning * rates.rotation**2 + placing * np.abs(rates.position) ** 2
+    curved = turning * turned * rates.rotation_second + placing * np.real(np.conj(off) * rates.position_second)
+    return first, np.where(gauss + curved > 0.1 * gauss, gauss + curved, gauss)
+
+
+# -- errors -----------------------------------------------------------------------------------------------------------
+
+
+def as_target(samples: Samples, linkage: GuidedLinkage, travel: Floats) -> Target:
+    """A request with the travel of a drive in the place of crank angles; rotations by whole turns nearest to the body's."""
+    if isinstance(samples, Target):
+        return samples
+    assert isinstance(samples, Poses)
+    turns = linkage.body(linkage.start + travel).rotation
+    return samples.timed(travel, None if samples.rotation is None else turns)
+
+
+def assess(samples: Poses | Target, linkage: GuidedLinkage, travel: Floats) -> GuidedSolution:
+    """A linkage with its errors: the best offset of the rotation, and all else recomputed from its own numbers.
+
+    ``travel`` (N,): of the drive from the linkage's start at all samples asked for; of a `Target` its own. The linkage that
+    comes back starts at the first sample, and its body's frame is turned by the best offset.
+    """
+    linkage = replace(linkage, start=linkage.start + float(travel[0]))
+    travel = travel - travel[0]
+    target = as_target(samples, linkage, travel)
+    found = linkage.body(linkage.start + travel)
+    points = None if target.position is None else found.position[None]
+    offsets, errors = motion_errors(target, found.rotation[None], points)
+    if offsets[0] is not None:
+        linkage = turned_frame(linkage, offsets[0] - TURN * round(offsets[0] / TURN))
+    used = Interval(float(travel.min()), float(travel.max()))
+    least = linkage.transmission_angle_over(used.after(linkage.start))
+    turn = linkage.transmission_angle_over(Interval(0.0, TURN).after(linkage.start)) if linkage.turns_fully else None
+    return GuidedSolution(linkage, errors[0], travel, 0.0 if math.isnan(least) else least, turn)
+
+
+def turned_frame(linkage: GuidedLinkage, angle: float) -> GuidedLinkage:
+    """The same linkage with the body's frame turned in the body: rotations are more by the angle, places as they were."""
+    factor = np.exp(-1j * angle)
+    guides: list[Guide] = []
+    for one in linkage.guides:
+        point = complex(one.body_point * factor)
+        if isinstance(one, Slot):
+            guides.append(one._replace(body_point=point, body_direction=one.body_direction - angle))
+        else:
+            guides.append(one._replace(body_point=point))
+    return replace(linkage, guides=(guides[0], guides[1]))
+
+
+# -- as a machine -----------------------------------------------------------------------------------------------------
+
+
+def excursion(solution: GuidedSolution, samples: Samples, ordered: bool = True) -> float | None:
+    """The largest way of the body point between two neighbouring samples over their distance, as of `passage.excursions`.
+
+    Distances below `SHORTEST_CHORD` of the length scale count as that. None where the loop opens between samples.
+    """
+    travel = solution.travel if ordered else np.sort(solution.travel)
+    parts = np.linspace(0.0, 1.0, _WAY_STEPS + 1)
+    places = travel[:-1, None] + np.diff(travel)[:, None] * parts
+    points = solution.linkage.body(solution.linkage.start + places.ravel()).position.reshape(places.shape)
+    ways = np.abs(np.diff(points, axis=1)).sum(axis=1)
+    chords = np.abs(points[:, -1] - points[:, 0])
+    ratios = ways / np.maximum(chords, SHORTEST_CHORD * samples.length_scale)
+    largest = float(np.max(ratios))
+    return max(1.0, largest) if math.isfinite(largest) else None
+
+
+def lengths(solution: GuidedSolution, samples: Samples) -> dict[str, float]:
+    """Every length that makes the linkage large, by name: radii, reaches in the body, distances from the motion's middle."""
+    linkage, middle = solution.linkage, samples.middle
+    found: dict[str, float] = {}
+    for place, one in enumerate(linkage.guides):
+        name = ("first", "second")[place]
+        if isinstance(one, Circle):
+            found[f"{name} radius"] = one.radius
+            found[f"{name} pivot"] = abs(one.pivot - middle)
+            found[f"{name} body point"] = abs(one.body_point)
+            continue
+        ends = np.array(linkage.used(place, solution.interval))
+        if isinstance(one, Rail):
+            found[f"{name} rail"] = float(np.max(np.abs(one.point + ends * np.exp(1j * one.direction) - middle)))
+            found[f"{name} body point"] = abs(one.body_point)
+        else:
+            found[f"{name} pin"] = abs(one.pin - middle)
+            found[f"{name} slot"] = float(np.max(np.abs(one.body_point + ends * np.exp(1j * one.body_direction))))
+        found[f"{name} stroke"] = float(np.ptp(ends))
+    first, second = (_near(one) for one in linkage.guides)
+    if first is not None and second is not None:
+        found["coupler"] = abs(first - second)
+    return found
+
+
+def _near(guide: Guide) -> complex | None:
+    return None if isinstance(guide, Slot) else guide.body_point
+
+
+def size_of(solution: GuidedSolution, samples: Samples) -> float | None:
+    """The largest of `lengths` over the motion's extent; None without positions."""
+    if samples.position is None:
+        return None
+    return max(lengths(solution, samples).values()) / samples.extent
+
+
+def practical_faults(
+    solution: GuidedSolution, samples: Samples, limits: Limits, excursion: float | None = None
+) -> list[str]:
+    """A sentence for each practical limit that a solution breaks; what a request limits itself is judged by its own limit."""
+    faults: list[str] = []
+
+    def angle(found: float, wanted: float, where: str) -> None:
+        if found < wanted - _ROUNDED:
+            degrees = np.rad2deg([found, wanted])
+            faults.append(f"transmission angle {degrees[0]:.3g} degrees {where}, below {degrees[1]:.3g}")
+
+    angle(
+        solution.transmission_angle_min, limits.transmission_angle_min or TRANSMISSION_ANGLE, "over the used interval"
+    )
+    turn = solution.transmission_angle_min_turn
+    if turn is not None and solution.linkage.driver is Driver.CRANK:
+        angle(turn, limits.transmission_angle_min_turn or TRANSMISSION_ANGLE_TURN, "over the whole turn")
+    radii = [one.radius for one in solution.linkage.guides if isinstance(one, Circle)]
+    radii += [abs(second - first) for first, second in [_both(solution.linkage.guides)] if first is not None]
+    if len(radii) > 1 and max(radii) > (limits.link_ratio_max or LINK_RATIO) * min(radii) * (1 + _ROUNDED):
+        ratio = max(radii) / min(radii) if min(radii) > 0 else math.inf
+        faults.append(f"longest link {ratio:.3g} times the shortest, above {limits.link_ratio_max or LINK_RATIO:g}")
+    if samples.position is not None:
+        extent = samples.extent
+        if limits.link_max is None and radii and max(radii) > REACH * extent:
+            faults.append(f"longest link {max(radii) / extent:.3g} times the motion's extent, above {REACH:g}")
+        named = {"pivot_a": solution.linkage.guides[0], "pivot_b": solution.linkage.guides[1]}
+        far = [
+            abs(one[0] - samples.middle) / extent
+            for name, one in named.items()
+            if not isinstance(one, Rail) and not placed_by(limits, name)
+        ]
+        if far and max(far) > REACH * (1 + _ROUNDED):
+            faults.append(f"a fixed pivot {max(far):.3g} extents from the motion's middle, above {REACH:g}")
+    if excursion is not None and excursion > LEAVES_SAMPLES:
+        faults.append(
+            f"the body point goes {excursion:.3g} times as far between two samples as they are apart, above {LEAVES_SAMPLES:g}"
+        )
+    return faults
+
+
+def _both(guides: Sequence[Guide]) -> tuple[complex, complex] | tuple[None, complex]:
+    first, second = (_near(one) for one in guides)
+    return (first, second) if first is not None and second is not None else (None, 0j)

@@ -1,0 +1,102 @@
+"""How slider-cranks and swinging blocks turn: what tables, scan and search ask of a `synthesis.mechanism`, but for linkages.
+
+Angles and lengths are those of `charts`. The linkages that they are, mounted, are those of `guided.by_crank`.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from synthesis.arrays import Flags, Floats
+from synthesis.slider.charts import (
+    RAIL,
+    SLOT,
+    AnySliderChart,
+    SliderChart,
+    SliderCrankChart,
+    SwingingBlockChart,
+    body_angles,
+    excesses,
+)
+
+
+class SliderTurning:
+    """A body on a crank that a rail or a slot guides; lengths are crank, rod or ground, and the signed offset.
+
+    There is one branch: the other way to assemble it is that of the offset negated.
+    """
+
+    branches: tuple[int, ...] = (1,)
+
+    def __init__(self, kind: str, full: SliderChart) -> None:
+        self.kind, self.full, self.guide = kind, full, full.guide
+
+    @cached_property
+    def coarse_types(self) -> Floats:
+        """Types whose crank turns fully, spread over the chart."""
+        if self.guide == RAIL:
+            near = np.linspace(-4.0, 3.5, 16)
+            return self.full.shape(np.array(list(product(near, near)))).lengths
+        ratios = np.concatenate([-np.geomspace(0.05, 3.5, 10), np.geomspace(0.05, 3.5, 10)])
+        return self.full.shape(np.array(list(product(ratios, np.linspace(-3.0, 3.0, 13))))).lengths
+
+    def winding(self, lengths: Floats) -> NDArray[np.int8]:
+        """One for swinging blocks whose ground is shorter than the crank: their body turns with it; for full cranks only."""
+        turns = (lengths[:, 0] > lengths[:, 1]) & (self.guide == SLOT)
+        return turns.astype(np.int8)
+
+    def body_angle(self, lengths: Floats, branch: ArrayLike, crank: Floats) -> Floats:
+        """theta2 at crank angles (n, N) or (N,), continuous; NaN where it does not close, (n, N)."""
+        lengths = np.asarray(lengths, dtype=float)
+        crank = np.broadcast_to(crank, (len(lengths), np.shape(crank)[-1]))
+        angle, _, possible = body_angles(self.guide, lengths, *excesses(self.guide, lengths), crank)
+        return angle if possible.all() else self._where_closed(lengths, crank)
+
+    def _where_closed(self, lengths: Floats, crank: Floats) -> Floats:
+        """The same of linkages that close at some of the crank angles alone."""
+        each, columns = np.repeat(lengths, crank.shape[1], axis=0), crank.reshape(-1, 1)
+        angle, _, possible = body_angles(self.guide, each, *excesses(self.guide, each), columns)
+        return np.where(possible[:, None], angle, np.nan).reshape(crank.shape)
+
+    def in_family(self, family: str, lengths: Floats) -> Flags:
+        """Which types of a table are of a family: all, whose cranks turn fully."""
+        return np.ones(len(lengths), dtype=bool)
+
+    def charts(self, family: str) -> list[Any]:
+        """Full cranks first; all others after them where any will do."""
+        return [self.full, AnySliderChart(self.guide)] if family == "any" else [self.full]
+
+    def bounded_types(self, family: str) -> Floats:
+        """Coarse types for that; of any family those whose crank does not turn fully as well."""
+        if family != "any":
+            return self.coarse_types
+        others = AnySliderChart(self.guide).shape(
+            np.array(list(product(np.linspace(-2, 2, 9), np.linspace(-2, 2, 9))))
+        )
+        swinging = others.lengths[np.minimum(others.x, others.y) <= 0]
+        return np.concatenate([self.coarse_types, swinging])
+
+
+class MirroredTypes(SliderTurning):
+    """The same with mirror images as branch -1, for tables of offsets of at least 0: the rows of a type serve both."""
+
+    branches = (1, -1)
+
+    def body_angle(self, lengths: Floats, branch: ArrayLike, crank: Floats) -> Floats:
+        """theta2; NaN of branch -1 where the offset is 0, which is its own mirror image and so is looked at once."""
+        lengths, side = np.asarray(lengths, dtype=float), np.reshape(branch, (-1, 1))
+        angle = side * super().body_angle(lengths, 1, side * crank)
+        return np.where((side < 0) & (lengths[:, 2:] == 0), np.nan, angle)
+
+
+SLIDER_CRANK = "slider_crank"
+SWINGING_BLOCK = "swinging_block"
+SLIDER_CRANK_TYPES = MirroredTypes(SLIDER_CRANK, SliderCrankChart())
+"""The mechanism of the atlas of slider-cranks."""
+FULL_CHARTS: dict[str, SliderChart] = {SLIDER_CRANK: SliderCrankChart(), SWINGING_BLOCK: SwingingBlockChart()}
+"""Charts of full cranks of each kind."""

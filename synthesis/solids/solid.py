@@ -1,0 +1,346 @@
+"""The parts of an assembly as solids: named, in place, of a material, with the play of their fit and washers between them.
+
+A solid stands in a frame of its own: that of the body that carries it, moved to the middle of a round part; its lower face at
+height 0. All lengths are millimetres, all masses kilograms.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from synthesis.arrays import Floats
+from synthesis.assembly.layers import HEAD, Stack
+from synthesis.assembly.machine import Machine
+from synthesis.assembly.parts import Heights, Part, parts_of
+from synthesis.errors import FieldError
+from synthesis.fourbar.analysis import LinkMass
+from synthesis.solids.fits import Fit, tolerance
+from synthesis.solids.prism import Hole, Mass, Prism, filleted, rounded, together
+
+DENSITIES = {
+    "steel": 7850.0,
+    "stainless": 7930.0,
+    "aluminium": 2700.0,
+    "brass": 8500.0,
+    "plywood": 680.0,
+    "acrylic": 1190.0,
+    "POM": 1410.0,
+    "PLA": 1240.0,
+    "PETG": 1270.0,
+    "ABS": 1040.0,
+}
+"""Materials and their densities in kg/m^3."""
+COLOURS = {"ground": "#7b8794", "crank": "#c2410c", "coupler": "#2563eb", "rocker": "#2f855a"}
+"""Of the plates of each body, as on the page."""
+OTHER_BODY, ROUND, WASHER = "#0f766e", "#b0b7c0", "#d6a93b"
+_CUBIC_MM = 1e-9
+_SIDE_BY_SIDE = 0.48
+"""Of the distance of two holes in a plate: the largest radius of washers on it."""
+_LEAST_RIM = 0.1
+"""Of its hole: a washer with a narrower rim is left out."""
+
+
+class Made(NamedTuple):
+    """What parts are made of and how they fit; lengths in the unit of the linkage."""
+
+    fit: Fit
+    material: str
+    pins: str
+    thickness: float | None = None
+    washer: float | None = None
+    fillet: float = 0.0
+    """Of the convex corners of the body."""
+    scale: float = 1.0
+    """Of a model."""
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """A part; ``at``: where its frame stands in that of body number ``body``, ``up``: at which height."""
+
+    name: str
+    kind: str
+    body: int
+    link: str
+    prism: Prism
+    at: complex
+    up: float
+    material: str
+    colour: str
+    turns: str = ""
+    """Of a pin: the plates that turn on it."""
+
+    @property
+    def volume(self) -> float:
+        """Cubic millimetres."""
+        return self.prism.volume
+
+    @property
+    def mass(self) -> Mass:
+        """Kilograms and millimetres, in the frame of its body."""
+        own = self.prism.mass(DENSITIES[self.material] * _CUBIC_MM)
+        return own.turned(1.0 + 0j, np.array([self.at.real, self.at.imag, self.up]))
+
+
+class Posed(NamedTuple):
+    """Where the frame of a solid stands: turned about z by the unit number, then moved."""
+
+    turn: complex
+    shift: complex
+    up: float
+
+
+class Solids(NamedTuple):
+    """All parts of a machine, and how it moves them; ``unit``: millimetres, as built, of a unit of its lengths."""
+
+    machine: Machine
+    parts: tuple[Solid, ...]
+    unit: float
+
+    def posed(self, travel: float = 0.0) -> list[Posed]:
+        """Where the parts stand at a crank angle from the first sample."""
+        origin, direction = self.machine.movement.bodies(np.array([travel]))[:2]
+        found = []
+        for part in self.parts:
+            turn = complex(direction[part.body, 0])
+            shift = (complex(origin[part.body, 0]) + self.machine.origin) * self.unit + turn * part.at
+            found.append(Posed(turn / abs(turn), shift, part.up))
+        return found
+
+    def masses(self) -> dict[str, Mass]:
+        """Of each body with everything that it carries, in its frame; kilograms and millimetres."""
+        names = self.machine.movement.names
+        return {
+            name: together([part.mass for part in self.parts if part.body == body]) for body, name in enumerate(names)
+        }
+
+    @property
+    def thinnest_wall(self) -> tuple[float, str]:
+        """Of all parts, in millimetres, and the part that has it."""
+        return min((part.prism.thinnest_wall, part.name) for part in self.parts)
+
+
+def solids_of(machine: Machine, stack: Stack, made: Made, unit_mm: float) -> Solids:
+    """The parts of a stack as solids. ``unit_mm``: millimetres in the unit of the machine's lengths.
+
+    A pin is held by the first body that it belongs to and turns in the others: each plate that turns has a washer on either side.
+    A washer between two plates fills the gap of their layers. Next to an empty place it fills the half at its plate, so that
+    no other plate's washer meets it there, and the pin holds it; a pin that ends there reaches through it. Heads are collars.
+
+    Law: in a free stack no two parts overlap anywhere in the used interval.
+
+    Raises `FieldError`: where a plate has no room for the hole of one of its pins.
+    """
+    unit = unit_mm * made.scale
+    heights = _heights(machine, made, unit)
+    thick = heights.thickness * unit
+    parts = parts_of(machine, stack, heights)
+    names = machine.movement.names
+    pin_radius = (machine.hole * unit - made.fit.turning) / 2
+    held = pin_radius + made.fit.held / 2
+    turning = machine.hole * unit / 2
+    if not pin_radius > 0:
+        raise FieldError(
+            "/assembly/hole",
+            f"wanted holes above {made.fit.turning:g} mm, the play of this fit, found {2 * turning:g}",
+        )
+    carriers = {pin.name: pin.places[0].body for pin in machine.pins}
+    washers = _Washers(machine, parts, heights, made, unit, pin_radius, held)
+    found: list[Solid] = []
+
+    def add(part: Part, prism: Prism, at: complex, low: float, material: str, colour: str, turns: str = "") -> None:
+        link = names[part.body]
+        found.append(Solid(part.name, part.kind, part.body, link, prism, at * unit, low, material, colour, turns))
+
+    for part in parts:
+        low = part.z[0] * unit
+        if part.kind in ("plate", "board"):
+            _check_holes(part, machine, stack)
+            holes = tuple(
+                Hole(hole.at * unit, held if carriers.get(hole.pin) == part.body else turning) for hole in part.holes
+            )
+            prism = Prism(_outline(part, made.fillet) * np.array([unit, unit, 1.0]), 0.0, thick, holes)
+            if not prism.thinnest_wall > 1e-9 * unit:
+                raise FieldError(
+                    "/assembly/body" if part.name == "body" else "/assembly/hole",
+                    f"leaves no material around a hole of {part.name}",
+                )
+            colour = COLOURS.get(names[part.body], OTHER_BODY)
+            add(part, prism, 0j, low, made.material, OTHER_BODY if part.name == "body" else colour)
+        elif part.kind == "head":
+            prism = Prism.disc(0j, part.shape.radius * unit, 0.0, thick, held)
+            add(part, prism, part.shape.core[0], low, made.pins, ROUND)
+        else:
+            low, high = washers.reach(part)
+            prism = Prism.disc(0j, pin_radius, 0.0, high - low)
+            add(part, prism, part.shape.core[0], low, made.pins, ROUND, washers.turning_on(part))
+    found += washers.solids()
+    return Solids(machine, tuple(found), unit)
+
+
+def _heights(machine: Machine, made: Made, unit: float) -> Heights:
+    """Thicknesses, in the unit of the machine; for a printer at least those that it makes well."""
+    usual = Heights.of(machine, made.thickness, made.washer)
+    thick = max(usual.thickness, made.fit.plate / unit) if made.thickness is None else made.thickness
+    usual = Heights.of(machine, thick, made.washer)
+    return Heights(thick, max(usual.washer, made.fit.washer / unit) if made.washer is None else made.washer)
+
+
+def _outline(part: Part, fillet: float) -> Floats:
+    if part.shape.radius == 0:
+        return filleted(part.shape.core, fillet)
+    return rounded(part.shape.core, part.shape.radius)
+
+
+def _check_holes(part: Part, machine: Machine, stack: Stack) -> None:
+    has = {hole.pin for hole in part.holes}
+    for pin in machine.pins:
+        if part.name in pin.joins and pin.name not in has:
+            raise FieldError("/assembly/hole", f"the hole for {pin.name} would run into another one of {part.name}")
+
+
+class _Washers:
+    """Washers between and beside plates, and how far pins reach."""
+
+    def __init__(
+        self,
+        machine: Machine,
+        parts: Sequence[Part],
+        heights: Heights,
+        made: Made,
+        unit: float,
+        pin_radius: float,
+        held: float,
+    ) -> None:
+        self.made, self.unit, self.held = made, unit, held
+        self.turning = machine.hole * unit / 2
+        self.names = machine.movement.names
+        self.gap, self.pitch = heights.washer * unit, (heights.thickness + heights.washer) * unit
+        self.thick = heights.thickness * unit
+        self.play = min(made.fit.axial, self.gap / 8)
+        apart = [abs(a.at - b.at) for one in parts for a, b in combinations(one.holes, 2)]
+        self.radius = min(
+            HEAD * machine.hole / 2 * unit,
+            machine.width / 2 * unit,
+            _SIDE_BY_SIDE * min(apart, default=np.inf) * unit,
+        )
+        self.wanted = self.radius - self.turning >= _LEAST_RIM * machine.hole * unit and self.gap > 0
+        self.pins = {part.name: part for part in parts if part.kind == "pin"}
+        self.plates: dict[str, dict[int, Part]] = {}
+        """Of each pin, plates, boards and heads by the layer that they fill."""
+        for part in parts:
+            on = [hole.pin for hole in part.holes] if part.kind != "head" else [part.name.split("_")[1]]
+            for pin in on:
+                self.plates.setdefault(pin, {})[part.layers[0]] = part
+
+    def _turns(self, pin: Part, layer: int) -> bool:
+        """Whether what fills a layer there turns on the pin."""
+        part = self.plates[_pin_of(pin)].get(layer)
+        return part is not None and part.kind != "head" and part.body != pin.body
+
+    def turning_on(self, pin: Part) -> str:
+        """The plates that turn on a pin."""
+        return " ".join(
+            part.name for layer, part in self.plates.get(_pin_of(pin), {}).items() if self._turns(pin, layer)
+        )
+
+    def _above(self, layer: int) -> float:
+        """The upper face of a layer."""
+        return (layer - 1) * self.pitch + self.thick
+
+    def places(self, pin: Part) -> Iterable[tuple[float, float, bool]]:
+        """Lower face and thickness of each washer of a pin, and whether the pin holds it."""
+        if not self.wanted:
+            return
+        layers = self.plates[_pin_of(pin)]
+        for layer in range(min(layers) - 1, max(layers) + 1):
+            below, above = layer in layers, layer + 1 in layers
+            low, half = self._above(layer), self.gap / 2
+            if below and above:
+                if self._turns(pin, layer) or self._turns(pin, layer + 1):
+                    yield low + self.play, self.gap - 2 * self.play, False
+            elif below and self._turns(pin, layer):
+                yield low + self.play, half - self.play, True
+            elif above and self._turns(pin, layer + 1):
+                yield low + half, half - self.play, True
+
+    def reach(self, pin: Part) -> tuple[float, float]:
+        """Lower and upper end of a pin or a post: through its heads, and through the washers beside its last plates."""
+        layers = self.plates[_pin_of(pin)]
+        low, high = self._above(min(layers)) - self.thick, self._above(max(layers))
+        if pin.kind == "pin":
+            ends = [end for at, tall, holds in self.places(pin) if holds for end in (at, at + tall)]
+            low, high = min([low, *ends]), max([high, *ends])
+        return low, high
+
+    def solids_on(self, pin: Part) -> Iterable[Solid]:
+        """The washers of a pin, counted from below."""
+        for number, (low, tall, holds) in enumerate(self.places(pin), 1):
+            prism = Prism.disc(0j, self.radius, 0.0, tall, self.held if holds else self.turning)
+            at = pin.shape.core[0] * self.unit
+            name = f"washer_{_pin_of(pin)}{number}"
+            link = self.names[pin.body]
+            yield Solid(name, "washer", pin.body, link, prism, at, low, self.made.pins, WASHER)
+
+    def solids(self) -> list[Solid]:
+        """All washers."""
+        return [washer for pin in self.pins.values() for washer in self.solids_on(pin)]
+
+
+def _pin_of(part: Part) -> str:
+    """The name of a pin or a post in the machine."""
+    return part.name.split("_", 1)[1]
+
+
+def parts_list(solids: Solids, fit: Fit) -> dict[str, list[object]]:
+    """The columns of a parts list, a row a part: lengths in millimetres, masses in grams; None where there is none."""
+    rows = []
+    for part in solids.parts:
+        prism, low, high = part.prism, *part.prism.extent
+        pin = prism.circle is not None and not prism.holes
+        diameter = None if prism.circle is None else 2 * prism.circle.radius
+        sizes = sorted({2 * hole.radius for hole in prism.holes})
+        counts = [sum(2 * hole.radius == size for hole in prism.holes) for size in sizes]
+        holes = " + ".join(f"{count} x {size:.6g}" for count, size in zip(counts, sizes))
+        nominal = diameter if pin else sizes[0] if sizes else None
+        word = "" if nominal is None or not fit.toleranced else tolerance(nominal, not pin)
+        rows.append(
+            {
+                "name": part.name,
+                "kind": part.kind,
+                "link": part.link,
+                "material": part.material,
+                "length": prism.height if pin else diameter or (high - low).real,
+                "width": None if diameter is not None else (high - low).imag,
+                "thickness": None if pin else prism.height,
+                "diameter": diameter,
+                "holes": holes or None,
+                "tolerance": word or None,
+                "turns_in": part.turns or None,
+                "mass": 1000 * part.mass.mass,
+            }
+        )
+    # to a millionth of a micrometre, or of a milligram: beyond that stands rounding
+    return {name: [_short(row[name]) for row in rows] for name in rows[0]}
+
+
+def _short(value: object) -> object:
+    return round(value, 9) if isinstance(value, float) else value
+
+
+def masses_of_links(masses: Mapping[str, Mass], unit: float) -> dict[str, LinkMass]:
+    """Masses as an analysis takes them: of each moving link its mass, centre and inertia in its frame.
+
+    ``unit``: millimetres in the unit of the lengths.
+    """
+    found = {}
+    for name, mass in masses.items():
+        if name != "ground" and mass.mass > 0:
+            x, y, _ = (mass.centre / unit).tolist()
+            found[name] = LinkMass(mass.mass, complex(x, y), float(mass.inertia[2, 2]) / unit**2)
+    return found

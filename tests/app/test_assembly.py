@@ -1,0 +1,65 @@
+"""Assemblies over HTTP and on the command line: as in Python, and what is wrong is named where it stands."""
+
+from __future__ import annotations
+
+import json
+
+import linkage_atlas as la
+from app import cli
+from app.registry import worked_example
+
+EXAMPLE = {**worked_example(), "top": 1}
+LINKAGE = {"links": {"crank": 60, "coupler": 50, "rocker": 70, "ground": 30}, "branch": 1, "start_angle": 0}
+
+
+def test_the_route_answers_as_python_does(client) -> None:
+    reply = client.post("/v1/assembly", json={"linkage": LINKAGE, "boards": "both"})
+    assert reply.status_code == 200, reply.text
+    assert reply.json() == json.loads(json.dumps(la.assembly(LINKAGE, boards="both").to_dict()))
+
+
+def test_a_solution_as_it_came_with_its_request(client) -> None:
+    solved = client.post("/v1/synthesize", json={**EXAMPLE, "assembly": True}).json()["solutions"][0]
+    reply = client.post("/v1/assembly", json={"linkage": solved, "request": EXAMPLE}).json()
+    assert reply == solved["verdict"]["assembly"]
+    again = client.post("/v1/assembly", json={"request": EXAMPLE}).json()
+    assert again["layers"] == reply["layers"]
+
+
+def test_without_an_assembly_there_is_none(client) -> None:
+    for asked in ({}, {"assembly": False}, {"assembly": None}):
+        verdict = client.post("/v1/synthesize", json={**EXAMPLE, **asked}).json()["solutions"][0]["verdict"]
+        assert verdict["assembly"] is None
+
+
+def test_errors_of_the_linkage_point_to_it(client) -> None:
+    swinging = {**LINKAGE, "links": {"crank": 60, "coupler": 50, "rocker": 70, "ground": 90}}
+    request = {"rotation": [0, 1, 2], "crank_span": 300}
+    error = client.post("/v1/assembly", json={"linkage": swinging, "request": request}).json()["errors"][0]
+    assert error["pointer"] == "#/linkage/links"
+    free = {"timing": "free", "position": [[0, 0], [40, 8], [75, 30]]}
+    error = client.post("/v1/assembly", json={"linkage": swinging, "request": free}).json()["errors"][0]
+    assert error["pointer"] == "#/linkage/crank_angle"
+    error = client.post("/v1/assembly", json={"linkage": swinging, "request": {"rotation": [0, 1, 2]}}).json()[
+        "errors"
+    ]
+    assert error[0]["pointer"] == "#/request/crank_span"
+
+
+def test_the_command_shows_layers_from_the_top_down(capsys, tmp_path) -> None:
+    assert cli.main(["assembly", "--example", "double_crank"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "free: 3 layers"
+    assert [line.split()[:2] for line in lines[4:9]] == [
+        ["4", "board_above"],
+        ["3", "rocker"],
+        ["2", "coupler"],
+        ["1", "crank"],
+        ["0", "board_below"],
+    ]
+    assert cli.main(["assembly", "--example", "double_crank", "--set", "boards=below"]) == 5
+    assert "with boards on both sides" in capsys.readouterr().out
+    path = tmp_path / "poses.csv"
+    path.write_text("x,y,angle\n0,0,0\n40,8,15\n75,30,40\n")
+    assert cli.main(["assembly", str(path), "--set", "request.limits.family=any"]) in (0, 5)
+    assert "layer" in capsys.readouterr().out

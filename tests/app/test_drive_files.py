@@ -1,0 +1,125 @@
+"""Drives in files: columns, a layer of a drawing, and the drive of a model, as a reply has them."""
+
+from __future__ import annotations
+
+import csv
+import io
+import xml.etree.ElementTree as ElementTree
+
+import ezdxf
+import numpy as np
+import pytest
+
+import linkage_atlas as la
+
+ROTATION = [0, 12, 27, 45, 66]
+POSITION = [[0, 0], [22, 5], [41, 17], [52, 36], [50, 58]]
+KINDS = ["rotary", "actuator", "dyad", "toggle"]
+
+
+@pytest.fixture(scope="module")
+def found(client):
+    request = {"timing": "free", "position": POSITION, "rotation": ROTATION, "top": 1}
+    solution = client.post("/v1/synthesize", json=request).json()["solutions"][0]
+    asked = {
+        "linkage": solution,
+        "request": request,
+        "load": {"force": [0, -10]},
+        "drives": [{"kind": one} for one in KINDS],
+    }
+    return request, solution, client.post("/v1/drives", json=asked).json()["drives"]
+
+
+def export(client, found, kind, drive):
+    request, solution, _ = found
+    body = {"request": request, "solution": solution, "format": kind, "drive": drive}
+    reply = client.post("/v1/export", json=body)
+    assert reply.status_code == 200, reply.text
+    return reply.text
+
+
+def one_of(found, kind):
+    return next(one for one in found[2] if one["kind"] == kind)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_table_has_the_drive_at_each_sample(client, found, kind) -> None:
+    drive = one_of(found, kind)
+    rows = list(csv.DictReader(io.StringIO(export(client, found, "csv", drive))))
+    at = [float(row["crank_angle"]) for row in rows]
+    curve = drive["curve"]
+    if kind == "rotary":
+        assert [float(rows[0][f"drive_ground_{axis}"]) for axis in "xy"] == pytest.approx(drive["motor"])
+        return
+    order = np.argsort(curve["crank_angle"])
+    length = np.interp(at, np.array(curve["crank_angle"])[order], np.array(curve["length"])[order])
+    assert [float(row["drive_length"]) for row in rows] == pytest.approx(length, rel=2e-3)
+    if kind in ("dyad", "toggle"):
+        sizes = (drive["six_bar"]["crank"], drive["six_bar"]["coupler"]) if kind == "dyad" else ()
+        sizes = sizes or (drive["lock"]["handle"], drive["lock"]["strut"])
+        for row in rows:
+            ground, pin, knee = (
+                complex(*(float(row[f"drive_{part}_{axis}"]) for axis in "xy")) for part in ("ground", "pin", "knee")
+            )
+            assert (abs(knee - ground), abs(pin - knee)) == pytest.approx(sizes, rel=1e-6)
+        first = [float(rows[0][f"drive_knee_{axis}"]) for axis in "xy"]
+        assert first == pytest.approx(curve["knee"][0], abs=1e-6 * max(sizes))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_drawing_has_the_drive_on_a_layer(client, found, kind) -> None:
+    drive = one_of(found, kind)
+    document = ezdxf.read(io.StringIO(export(client, found, "dxf", drive)))
+    assert not document.audit().errors
+    parts = document.modelspace().query('*[layer=="DRIVE"]')
+    assert parts
+    where = drive["motor"] or drive["ground_point"]
+    centres = [tuple(circle.dxf.center)[:2] for circle in parts.query("CIRCLE")]
+    assert any(np.allclose(centre, where) for centre in centres)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_model_is_moved_by_the_drive(client, found, kind) -> None:
+    drive = one_of(found, kind)
+    model = ElementTree.fromstring(export(client, found, "mjcf", drive))
+    (servo,) = model.find("actuator")
+    assert servo.get("name") == "drive"
+    if kind == "rotary":
+        assert servo.get("joint") == drive["link"]
+    elif kind == "actuator":
+        assert servo.get("tendon") == "drive"
+        low, high = map(float, servo.get("ctrlrange").split())
+        assert (low, high) == pytest.approx(
+            (drive["retracted"] / 1000, (drive["retracted"] + drive["stroke"]) / 1000)
+        )
+        assert float(model.find("keyframe/key").get("ctrl")) == pytest.approx(drive["length"][0] / 1000)
+        body = next(one for one in model.iter("body") if one.get("name") == drive["link"])
+        site = next(one for one in body.findall("site") if one.get("name") == "drive_pin")
+        assert [1000 * float(x) for x in site.get("pos").split()[:2]] == pytest.approx(drive["pin_on_link"])
+    else:
+        assert servo.get("joint") == "motor"
+        assert {one.get("name") for one in model.iter("body")} >= {"motor", "rod", "crank", "coupler", "rocker"}
+        assert len(model.find("equality")) == 2
+
+
+def test_a_drive_that_is_none_or_in_a_file_that_has_none_is_refused(client, found) -> None:
+    request, solution, drives = found
+    body = {"request": request, "solution": solution, "drive": drives[0]}
+    assert client.post("/v1/export", json={**body, "format": "svg"}).json()["errors"][0]["pointer"].endswith("/drive")
+    bad = {**one_of(found, "actuator"), "link": "wing"}
+    assert client.post("/v1/export", json={**body, "drive": bad, "format": "csv"}).status_code == 422
+    short = {"kind": "actuator", "link": "crank"}
+    assert client.post("/v1/export", json={**body, "drive": short, "format": "csv"}).status_code == 422
+
+
+def test_a_body_on_guides_writes_its_drive_too() -> None:
+    crank = {"guide": "circle", "pivot": [0, 0], "radius": 10, "body_point": [0, 0]}
+    rail = {"guide": "rail", "point": [0, 3], "direction": 0, "body_point": [20, 0]}
+    pump = la.GuidedLinkage([crank, rail], "crank", start=30)
+    motion = la.Motion(position=pump.joints([0, 20, 40, 60]).body_point, crank_angle=[0, 20, 40, 60])
+    drive = la.drives(pump, [{"kind": "actuator"}], motion=motion, load={"force": [0, -10]}).drives[0]
+    table = pump.render("csv", motion, drive=drive.to_dict())
+    rows = list(csv.DictReader(io.StringIO(table)))
+    assert float(rows[0]["drive_length"]) == pytest.approx(drive.length[0])
+    assert "DRIVE" in pump.render("dxf", motion, drive=drive.to_dict())
+    assert 'tendon="drive"' in pump.render("mjcf", motion, drive=drive.to_dict())

@@ -1,0 +1,167 @@
+"""Drives over HTTP and on the command line, and in the solutions of a search."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fastapi.testclient import TestClient
+
+import linkage_atlas as la
+from app.cli import main
+from app.query import bundled_requests
+
+EXAMPLES = bundled_requests()["drive"]
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_examples_are_answered_alike_by_service_and_command(
+    client: TestClient, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    reply = client.post("/v1/drives", json=EXAMPLES[name])
+    assert reply.status_code == 200
+    body = reply.json()
+    assert body["drives"] or body["springs"]
+    assert main(["drive", "--example", name, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == body
+    assert main(["drive", "--example", name]) == 0
+    assert "rocker" in capsys.readouterr().out
+
+
+def test_the_window_opener_is_the_designs(client: TestClient) -> None:
+    body = client.post("/v1/drives", json=EXAMPLES["window_opener"]).json()
+    forces = {one["link"]: one["peak_force"] for one in body["drives"] if one["kind"] == "actuator"}
+    assert forces == pytest.approx({"coupler": 200.036417, "rocker": 221.025743}, abs=1e-5)
+    torques = {one["link"]: one["peak_torque"] for one in body["drives"] if one["kind"] == "rotary"}
+    assert torques == pytest.approx({"crank": 61227.275531, "rocker": 20666.310442}, abs=1e-5)
+    assert [one["reason"] for one in body["refused"]] == [
+        "stroke 150 needs a pin at 258.6 from the pivot; reach_max is 250"
+    ]
+    coupler = next(one for one in body["drives"] if one["link"] == "coupler")
+    curve = coupler["curve"]
+    away = np.subtract(curve["pin"], curve["ground"])
+    assert np.hypot(*away.T) == pytest.approx(curve["length"], abs=1e-9)
+    assert coupler["bound"] == pytest.approx(197.985987, abs=1e-6)
+    assert coupler["holding"] == pytest.approx([curve["force"][0], curve["force"][-1]])
+    slope = np.gradient(curve["length"], np.deg2rad(curve["crank_angle"]))
+    assert slope[2:-2] == pytest.approx(curve["arm"][2:-2], rel=2e-3)
+
+
+def test_units_change_numbers_and_nothing_else(client: TestClient) -> None:
+    """Degrees and radians, millimetres and metres: the same drive of a bundled catalogue."""
+    asked = EXAMPLES["cylinder_of_a_catalogue"]
+    first = client.post("/v1/drives", json={**asked, "top": 1}).json()["drives"][0]
+    metres = {
+        "rocker": {"pivot": [0, 0], "start": 0, "swing": np.deg2rad(55), "length": 0.9},
+        "load": {"masses": [{"link": "body", "mass": 8, "at": [-0.4, 0]}]},
+        "drives": [asked["drives"][0] | {"ground_box": [0, -0.5, 0.5, -0.15], "reach_max": 0.4}],
+        "angle_unit": "rad",
+        "length_unit": "m",
+        "top": 1,
+    }
+    other = client.post("/v1/drives", json=metres).json()["drives"][0]
+    assert other["name"] == first["name"]
+    assert other["peak_force"] == pytest.approx(first["peak_force"], rel=1e-6)
+    assert other["stroke"] * 1000 == pytest.approx(first["stroke"])
+    assert np.deg2rad(first["swing"]) == pytest.approx(other["swing"])
+    assert other["buckling"]["critical_force"] == pytest.approx(first["buckling"]["critical_force"], rel=1e-6)
+
+
+def test_a_catalogue_of_ones_own(client: TestClient, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table = "name,retracted,stroke,force,price\nsmall,255,150,60,10\ngood,255,150,900,30\ndear,255,150,9000,80\n"
+    asked = EXAMPLES["window_opener"]
+    wish = {name: value for name, value in asked["drives"][1].items() if name not in ("retracted", "stroke")}
+    body = client.post("/v1/drives", json={**asked, "drives": [{**wish, "catalogue": table}], "top": 1}).json()
+    assert [one["name"] for one in body["drives"]] == ["good"]
+    (tmp_path / "own.csv").write_text(table)
+    (tmp_path / "asked.json").write_text(json.dumps({**asked, "drives": [wish], "top": 1}))
+    assert main(["drive", str(tmp_path / "asked.json"), "--catalogue", str(tmp_path / "own.csv"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == body
+    weak = client.post(
+        "/v1/drives", json={**asked, "drives": [{**wish, "catalogue": table.split("good")[0], "links": ["coupler"]}]}
+    ).json()
+    assert weak["refused"][0]["name"] == "small"
+    assert "needs a force of 198, and it gives 60" in weak["refused"][0]["reason"]
+
+
+POSES = {
+    "timing": "free",
+    "position": [[0, 0], [22, 5], [41, 17], [52, 36], [50, 58]],
+    "rotation": [0, 12, 27, 45, 66],
+    "top": 2,
+}
+
+
+def test_each_solution_of_a_search_gets_its_drives(client: TestClient) -> None:
+    asked = {**POSES, "load": {"force": [0, -10]}, "drives": [{"kind": "rotary"}, {"kind": "actuator"}]}
+    body = client.post("/v1/synthesize", json={**asked, "springs": [{"kind": "tension"}]}).json()
+    for one in body["solutions"]:
+        kinds = [drive["kind"] for drive in one["drives"]]
+        assert len(kinds) == len(set(kinds))
+        assert "actuator" in kinds
+        assert one["drivable"] is None
+        for spring in one["springs"]:
+            assert spring["exact"]
+            assert spring["torque"]["after"]["rms"] < 1e-9 * spring["torque"]["before"]["rms"]
+        # the same of the solution that was sent back
+        again = {"linkage": one, "request": POSES, "load": asked["load"], "drives": asked["drives"], "top": 1}
+        found = client.post("/v1/drives", json=again).json()
+        for mine, other in zip(found["drives"], one["drives"], strict=True):
+            assert (mine["kind"], mine["link"]) == (other["kind"], other["link"])
+            for name in ("peak_force", "peak_torque", "arm_min", "swing"):
+                assert mine[name] is other[name] is None or mine[name] == pytest.approx(other[name], rel=1e-6)
+
+
+def test_solutions_without_a_drive_come_last(client: TestClient) -> None:
+    poses = {**POSES, "top": 6}
+    plain = client.post("/v1/synthesize", json=poses).json()["solutions"]
+    box = [plain[-1]["mount"]["pivot_a"][0] - 60, plain[-1]["mount"]["pivot_a"][1] - 60]
+    box = [*box, box[0] + 60, box[1] + 60]
+    wish = {"kind": "cylinder", "stroke": 30, "retracted": 45, "ground_box": box, "reach_max": 40}
+    found = client.post("/v1/synthesize", json={**poses, "drive": wish}).json()["solutions"]
+    able = [one["drivable"] for one in found]
+    assert able == sorted(able, reverse=True)
+    assert len(found) == len(plain)
+    for one in found:
+        assert bool(one["drives"]) is one["drivable"]
+        assert one["drives"] or one["refused"][0]["reason"]
+
+
+def test_what_no_solution_can_be_asked_is_said_before_the_search(client: TestClient) -> None:
+    for more, pointer in (
+        ({"drives": [{"kind": "rotary", "stroke": 3}]}, "#/drives/0/stroke"),
+        ({"drive": {"kind": "cylinder", "catalogue": "best"}}, "#/drive/catalogue"),
+        ({"load": {"force": [1, 2]}}, "#/load"),
+        ({"springs": [{"kind": "gas", "between": ["ground", "wing"]}]}, "#/springs/0/between"),
+    ):
+        reply = client.post("/v1/synthesize", json={**POSES, **more})
+        assert reply.status_code == 422
+        assert reply.json()["errors"][0]["pointer"] == pointer
+
+
+def test_a_solution_in_python() -> None:
+    solution = la.synthesize(POSES["rotation"], POSES["position"], timing="free", top=1).best
+    found = la.drives(solution, [{"kind": "dyad"}, {"kind": "toggle"}], load={"force": [0, -10]})
+    motor = found.best("dyad")
+    assert motor is not None
+    assert motor.six_bar is not None
+    assert motor.six_bar.motor_torque[[0, -1]] == pytest.approx(0, abs=1e-6)
+    knee = found.best("toggle")
+    assert knee is not None
+    assert knee.lock is not None
+    assert knee.lock.over_centre == pytest.approx(5)
+    assert solution.studied(drives=[{"kind": "rotary"}]).drives
+
+
+def test_a_body_on_guides_is_driven_too() -> None:
+    crank = {"guide": "circle", "pivot": [0, 0], "radius": 10, "body_point": [0, 0]}
+    rail = {"guide": "rail", "point": [0, 3], "direction": 0, "body_point": [20, 0]}
+    pump = la.GuidedLinkage([crank, rail], "crank", start=30)
+    found = la.drives(pump, crank_angle=[0, 60], load={"force": [0, -10]})
+    assert {one.kind for one in found.drives} == {"rotary", "actuator", "dyad"}
+    slid = la.drives(
+        la.GuidedLinkage([rail, crank], "slider", start=24), crank_angle=[0, -4], load={"force": [0, -10]}
+    )
+    assert any(one.kind == "actuator" and one.link == "coupler" for one in slid.drives)

@@ -1,0 +1,85 @@
+"""Linkages with rails and slots in the page: drawn, moved, judged, saved, and changed by hand."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from app.replies import plain_of
+from tests.e2e.page import IDLE
+from tests.linkage_atlas.test_guided import reply_of
+from tests.oracles.guided_cases import DRIVES, NAMES
+
+ANSWERED = """
+const reply = arguments[0], whole = window.fetch;
+window.fetch = (address, ...rest) => String(address).endsWith("/v1/synthesize")
+  ? Promise.resolve(new Response(JSON.stringify(reply), { headers: { "Content-Type": "application/json" } }))
+  : whole(address, ...rest);
+"""
+
+
+def request_of(motion) -> dict:
+    asked = motion.asked
+    position = [[z.real, z.imag] for z in asked.position]
+    return {"position": position, "rotation": np.rad2deg(asked.rotation).tolist(), "timing": "free", "diverse": False}
+
+
+def solved(page, drive, **studies):
+    """The page with a solution of a drive, as the service would send it."""
+    one, motion = reply_of(drive, noise=0.01, **studies)
+    report = {
+        "elapsed_ms": {"total": 5.0},
+        "trace": [[5.0, one.errors.objective]],
+        "stopped_by": "converged",
+        "length_scale": motion.asked.length_scale,
+        "seeds": 1,
+        "windows": None,
+        "exhaustive": None,
+        "notes": [],
+        "live": None,
+    }
+    reply = {"status": "closest", "solutions": [json.loads(json.dumps(plain_of(one)))], "report": report}
+    page.load()
+    page.run(ANSWERED, reply)
+    page.take(request_of(motion))
+    page.click("solve")
+    page.wait(IDLE)
+    return one, motion
+
+
+@pytest.mark.parametrize("drive", DRIVES[1:], ids=NAMES[1:])
+def test_a_linkage_is_drawn_moved_and_described(pages, drive) -> None:
+    page = pages
+    one, _ = solved(page, drive, analysis={"crank_speed": 10, "load": {"force": [0, -5]}})
+    half_pixel = 0.6 / page.view()[2]
+    joints = one.linkage.joints(0)
+    assert abs(page.drawn("p") - complex(*joints.body_point[0])) < half_pixel
+    sorts = [guide.guide for guide in one.guides]
+    words = page.text("numbers")
+    for sort in set(sorts):
+        assert sort in words
+    assert one.driver in words and "Moment arm, least" in words
+    place = one.travel if one.travel is not None else one.crank_angle
+    page.slide(abs(place[-1]))
+    there = one.linkage.joints(place[-1])
+    assert abs(page.drawn("p") - complex(*there.body_point[0])) < 2 * half_pixel
+    assert ("°" in page.value("travel")) == (one.travel is None)
+    page.assert_no_errors()
+
+
+@pytest.mark.parametrize("drive", DRIVES[1::3], ids=NAMES[1::3])
+def test_guides_are_changed_by_hand(pages, drive) -> None:
+    page = pages
+    one, _ = solved(page, drive)
+    page.mode("hand")
+    before = page.text("joints-note")
+    x = float(page.value("joint-b-x"))
+    page.type_into("joint-b-x", f"{x + 2:.3f}\t")
+    assert page.card().startswith("By hand")
+    assert page.text("joints-note") != before and "Off by at most" in page.text("joints-note")
+    if one.guides[1].guide != "rail":  # whose joint is an end of the part that is used, which has changed too
+        assert page.drawn("b").real == pytest.approx(x + 2, abs=1.2 / page.view()[2])
+    assert page.count("#refine-here") == 0, "the service refines four-bars only"
+    page.assert_no_errors()

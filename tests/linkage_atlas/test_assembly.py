@@ -1,0 +1,193 @@
+"""Assemblies as a user asks for them: units, verdicts, ranking, and sentences that say what was found."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import linkage_atlas as la
+from app.registry import worked_example
+from linkage_atlas.records import plain
+
+CRANK_ROCKER = (30, 60, 70, 50)
+CASEMENT = {"family": "any", "pivot_box": [-100, -250, 400, 150], "link_min": 60, "link_max": 500}
+
+
+def motion(**more) -> la.Motion:
+    example = worked_example()
+    return la.Motion(example["rotation"], example["position"], example["crank_span"], **more)
+
+
+def test_the_reply_says_what_was_found() -> None:
+    found = la.FourBar(*CRANK_ROCKER).assembly(hole=6, width=18)
+    assert (found.status, found.count, found.layers) == ("free", 3, {"crank": 1, "coupler": 2, "rocker": 3})
+    assert found.mounts == {"A": "below", "B": "below"}
+    assert found.least_gap.value == pytest.approx(7.787878787878787)
+    assert set(found.least_gap.pair) == {"crank", "B"}
+    assert found.fewer["2"]["pair"] == ["crank", "rocker"]
+    assert found.fewer["2"]["from"] == pytest.approx(345.44264, abs=1e-6)
+    assert not found.shaft["A"].both_sides
+    assert "coupler passes over A" in found.shaft["A"].because
+    assert found.shaft["B"] == (True, None)
+    assert found.stops.low == found.stops.high == (None, None, None)
+    assert found.sizes.thickness == 3.0
+    assert json.loads(json.dumps(found.to_dict()))["collisions"] == []
+
+
+def test_radians_are_degrees_in_radians() -> None:
+    one = la.FourBar(*CRANK_ROCKER).assembly(hole=6, width=18)
+    other = la.FourBar(*CRANK_ROCKER, degrees=False).assembly(hole=6, width=18)
+    assert np.rad2deg(other.fewer["2"]["to"]) == pytest.approx(one.fewer["2"]["to"])
+    assert any(" rad" in reason for reason in other.reasons)
+
+
+def test_lengths_scale() -> None:
+    """Law: k times the lengths gives k times the gaps, and the same angles."""
+    one = la.FourBar(*CRANK_ROCKER).assembly(hole=6, width=18)
+    for k in (1e-20, 3.7, 1e20):
+        other = la.FourBar(*(k * length for length in CRANK_ROCKER)).assembly(hole=6 * k, width=18 * k)
+        assert other.layers == one.layers
+        assert other.least_gap.value / k == pytest.approx(one.least_gap.value)
+        assert other.fewer["2"]["to"] == pytest.approx(one.fewer["2"]["to"], abs=1e-9)
+
+
+def test_a_mirror_changes_nothing_but_signs() -> None:
+    one = la.FourBar(19, 72, 144, 165, start_angle=30).assembly(motion(), boards="both")
+    other = la.FourBar(19, 72, 144, 165, -1, start_angle=-30).assembly(
+        la.Motion([0, -1, -2], crank_span=-70), boards="both"
+    )
+    assert other.layers == one.layers
+    assert other.stops.low.crank_angle == pytest.approx(-one.stops.high.crank_angle)
+    assert other.stops.high.crank_angle == pytest.approx(-one.stops.low.crank_angle)
+
+
+def test_a_blocked_linkage_is_told_what_would_free_it() -> None:
+    found = la.assembly(la.FourBar(60, 50, 70, 30))
+    assert found.status == "blocked"
+    assert found.longest_free == pytest.approx((12.1948754, 347.8051246))
+    assert found.stops.low.cause == "pair"
+    assert any("with boards on both sides 3 layers are free: A below, B above" in one for one in found.reasons)
+    assert la.assembly(la.FourBar(60, 50, 70, 30), boards="both").free
+    assert la.assembly(la.FourBar(60, 50, 70, 30), boards="bar").free
+
+
+def test_a_solution_and_its_plain_values_give_the_same() -> None:
+    result = la.synthesize(timing="free", position=[[0, 0], [40, 8], [75, 30]], rotation=[0, 15, 40], top=1)
+    asked = la.Motion(timing="free", position=[[0, 0], [40, 8], [75, 30]], rotation=[0, 15, 40])
+    one, other = la.assembly(result.best), la.assembly(result.best.to_dict(), asked)
+    assert plain(one.layers) == plain(other.layers)
+    assert one.stops.high.crank_angle == pytest.approx(other.stops.high.crank_angle)
+
+
+def test_buildable_is_practical_and_free() -> None:
+    without = la.synthesize(motion(), top=2)
+    assert all(one.verdict.buildable == one.verdict.practical for one in without)
+    assert without.best.verdict.assembly is None
+    # plates as wide as the ground: nothing passes
+    blocked = la.synthesize(motion(), top=2, limits={"preset": "practical"}, assembly={"hole": 5, "width": 150})
+    for one in blocked:
+        assert one.verdict.practical
+        assert not one.verdict.buildable
+        assert one.verdict.assembly.status == "blocked"
+        assert one.verdict.reasons[-1].startswith("layers:")
+    free = la.synthesize(motion(), top=2, limits={"preset": "practical"}, assembly=True)
+    assert free.best.verdict.buildable
+    assert free.best.verdict.assembly.free
+
+
+def test_sizes_that_a_linkage_cannot_have_are_a_reason_and_no_error() -> None:
+    found = la.synthesize(motion(), top=1, assembly={"hole": 25})
+    assert found.best.verdict.assembly is None
+    assert not found.best.verdict.buildable
+    assert "shortest link" in found.best.verdict.reasons[-1]
+
+
+def test_the_casement_s_first_solution_has_layers() -> None:
+    wanted = la.Motion.read("app/examples/casement.csv")
+    found = la.synthesize(wanted, CASEMENT, top=4, assembly=True, budget=3)
+    assert found.best.verdict.assembly.free
+    assert found.best.verdict.buildable
+    order = [one.verdict.assembly.free for one in found]
+    assert order == sorted(order, reverse=True)
+
+
+def test_preferring_layers_ranks_by_pivots_that_nothing_passes_over() -> None:
+    poses = {"position": [[0, 0], [40, 8], [75, 30], [90, 60]], "rotation": [0, 15, 40, 70], "timing": "free"}
+    found = la.synthesize(**poses, prefer="layers", top=8)
+    keys = []
+    for one in found:
+        assembly = one.verdict.assembly
+        crossed = sum(not shaft.both_sides for shaft in assembly.shaft.values())
+        keys.append((not assembly.free, crossed, assembly.count))
+    assert keys == sorted(keys)
+    assert len(set(keys)) > 1
+
+
+def test_the_body_turns_with_the_requested_rotation() -> None:
+    """A corner of the body's plate at the first sample is where the request's frame has it."""
+    example = worked_example()
+    best = la.synthesize(motion(), top=1).best
+    corners = [[0, 0], [30, 0], [30, 20], [0, 20]]
+    found = la.assembly(best, body=corners)
+    plate = next(part for part in found.parts if part.name == "body")
+    joints = best.linkage.joints([0.0])
+    pin, turn = complex(*joints.crank_pin[0]), np.deg2rad(joints.coupler_direction[0])
+    world = [pin + np.exp(1j * turn) * complex(*corner) for corner in plate.core]
+    frame = complex(*example["position"][0]), np.deg2rad(example["rotation"][0])
+    wanted = [frame[0] + np.exp(1j * frame[1]) * complex(*corner) for corner in corners]
+    assert np.array(world) == pytest.approx(np.array(wanted), abs=1e-6)
+
+
+def test_the_work_is_asked_whether_it_is_still_wanted() -> None:
+    with pytest.raises(la.Cancelled):
+        la.FourBar(*CRANK_ROCKER).assembly(work=la.Work(None, lambda: True))
+
+
+def test_the_request_s_envelope_holds_for_plates_and_the_body() -> None:
+    example = worked_example()
+    free = la.synthesize(motion(), top=1, assembly=True).best
+    joints = free.linkage.joints(np.linspace(0, example["crank_span"], 200))
+    every = np.concatenate(
+        [joints.crank_pin, joints.coupler_pin, joints.body_point, [joints.pivot_a, joints.pivot_b]]
+    )
+    low, high = every.min(axis=0), every.max(axis=0)
+    lines = [*(low - 1), *(high + 1)]
+    # the lines stay within, the plates of half the width around them do not
+    tight = la.assembly(free, envelope=lines)
+    assert tight.status == "blocked"
+    assert "leaves the envelope" in tight.reasons[0]
+    assert tight.collisions[0]["pair"][0] == "envelope"
+    wide = [*(low - 20), *(high + 20)]
+    assert la.assembly(free, envelope=wide).free
+    assert not la.assembly(free, envelope=wide, body=[[0, 0], [300, 0], [300, 20], [0, 20]]).free
+    found = la.synthesize(motion(), {"envelope": lines}, top=1, assembly=True).best
+    assert found.verdict.assembly.status == "blocked"
+    assert not found.verdict.buildable
+
+
+def test_sliders_have_layers_too() -> None:
+    crank = {"guide": "circle", "pivot": [0, 0], "radius": 1, "body_point": [0, 0]}
+    rail = {"guide": "rail", "point": [0, 0.3], "direction": 0, "body_point": [2, 0]}
+    pump = la.GuidedLinkage([crank, rail], "crank")
+    found = pump.assembly()
+    assert found.free
+    assert set(found.layers) == {"crank", "coupler", "rail"}
+    (slit,) = next(part for part in found.parts if part.name == "rail").slits
+    assert slit.last[0] - slit.first[0] == pytest.approx(np.sqrt(9 - 0.09) - np.sqrt(1 - 0.09))
+    assert la.assembly(pump.to_dict()).layers == found.layers
+    pushed = la.GuidedLinkage([rail, {**crank, "body_point": [0, 0]}], "slider", start=2.0)
+    asked = la.Motion([0, 1, 2], [[0, 0], [0.1, 0], [0.2, 0]], timing="free")
+    told = pushed.assembly(asked, travel=[0, 0.3, 0.6])
+    assert all("degrees" not in reason for reason in told.reasons)
+
+
+def test_a_motor_and_its_rod_are_two_more_plates() -> None:
+    linkage, asked = la.FourBar(*CRANK_ROCKER, start_angle=40), la.Motion([0, 1, 2], crank_span=60)
+    drive = next(one for one in la.drives(linkage, [{"kind": "dyad", "links": ["crank"]}], motion=asked).drives)
+    found = linkage.assembly(asked, drive=drive)
+    assert set(found.layers) == {"crank", "coupler", "rocker", "motor_crank", "rod"}
+    assert {pin.name for pin in found.pins} == {"A", "B", "C", "D", "K", "M", "Q"}
+    assert any("those of the motor" in reason for reason in found.reasons)
+    assert linkage.assembly(asked, drive=drive.to_dict()).layers == found.layers

@@ -1,0 +1,177 @@
+"""A body on two guides at the front door and over HTTP: its object, its reply, its files."""
+
+from __future__ import annotations
+
+import json
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+import linkage_atlas as la
+from app.replies import plain_of, reply_model
+from linkage_atlas.answers import GuidedSolution, finished_guided
+from linkage_atlas.limits import read_limits
+from linkage_atlas.studies import read_studies
+from synthesis.guided.solution import assess, nearest_travel
+from synthesis.work import Work
+from tests.oracles.guided_cases import DRIVES, NAMES, random_linkage
+
+CRANK = {"guide": "circle", "pivot": [0, 0], "radius": 1, "body_point": [0, 0]}
+RAIL = {"guide": "rail", "point": [0, 0.3], "direction": 0, "body_point": [2, 0]}
+SLOT = {"guide": "slot", "pin": [2, 0], "body_point": [0, 0.5], "body_direction": 0}
+
+
+def reply_of(drive, *, noise: float = 0.0, **studies) -> tuple[GuidedSolution, la.Motion]:
+    """A solution as a search would hand it over."""
+    random = np.random.default_rng(61)
+    while True:
+        linkage = random_linkage(random, *drive)
+        travel = np.linspace(0.0, 0.8, 7)
+        found = linkage.body(linkage.start + np.linspace(-0.2, 1.0, 60))
+        if np.all(found.transmission_angle > 0.7) and np.all(found.arm > 0.3):
+            break
+    body = linkage.links(travel)[1]
+    place = 50 * (body.place + noise * (random.normal(size=7) + 1j * random.normal(size=7)))
+    motion = la.Motion(np.rad2deg(body.direction), np.stack([place.real, place.imag], 1), timing="free")
+    scaled = linkage.scaled(50.0)
+    begin = travel if scaled.driver.turns else 50 * travel
+    solution = assess(motion.samples, scaled, nearest_travel(motion.samples, scaled, begin))
+    limits = read_limits({"preset": "none"}, motion)
+    (one,) = finished_guided([solution], motion, limits, read_studies(studies, motion), Work(None))
+    return one, motion
+
+
+@pytest.mark.parametrize("drive", DRIVES[1:], ids=NAMES[1:])
+def test_a_reply_holds_all_that_its_errors_are_made_of(drive) -> None:
+    one, motion = reply_of(drive, noise=0.01)
+    plain = json.loads(json.dumps(plain_of(one)))
+    reply_model(GuidedSolution).model_validate(plain)
+    assert plain["rank"] == 1 and plain["kind"] == one.linkage.kind and plain["driver"] == drive[1]
+    again = la.GuidedLinkage.from_dict(plain)
+    place = plain["crank_angle"] if drive[1].turns else plain["travel"]
+    joints = again.joints(place)
+    asked = motion.asked
+    off = np.abs(joints.body_point @ [1, 1j] - asked.position)
+    turned = joints.rotation - np.rad2deg(asked.rotation)
+    turned -= 360 * np.round(turned / 360)
+    assert off.max() == pytest.approx(plain["errors"]["position_max"], rel=1e-9)
+    assert np.abs(turned).max() == pytest.approx(plain["errors"]["rotation_max"], rel=1e-7)
+    mean = np.mean(np.deg2rad(turned) ** 2) + np.mean(off**2) / asked.length_scale**2
+    assert np.sqrt(mean) == pytest.approx(plain["errors"]["objective"], rel=1e-9)
+    assert again.transmission_angle_min(min(place), max(place)) == pytest.approx(plain["transmission_angle_min"])
+    for place_of, guide in enumerate(plain["guides"]):
+        if guide["guide"] != "circle":
+            ends = guide["used"]
+            assert ends[0] <= ends[1]
+            inside = again.plain.along(place_of, np.array(place) * (np.pi / 180 if drive[1].turns else 1))
+            assert ends[0] - 1e-9 <= inside.min() and inside.max() <= ends[1] + 1e-9
+    assert plain["size"] > 0 and plain["arm_min"] > 0 and plain["verdict"]["order"]
+
+
+@pytest.mark.parametrize("drive", DRIVES[1:], ids=NAMES[1:])
+def test_an_analysis_comes_with_the_solution(drive) -> None:
+    one, _ = reply_of(drive, analysis={"crank_speed": 10, "load": {"force": [0, -5], "torque": 2}})
+    found = one.analysis
+    assert found is not None and found.curve is not None
+    names = one.linkage.plain.link_names
+    assert set(found.guide_forces) == {names[0], names[2]}
+    total = sum(found.guide_forces.values()) + np.array([0, -5])
+    assert np.allclose(total, 0, atol=1e-9)
+    again = one.linkage.analysis(10, {"force": [0, -5], "torque": 2})
+    assert np.allclose(again.drive_load, found.drive_load)
+    json.dumps(plain_of(one), allow_nan=False)
+    text = one.linkage.render("csv", analysis={"crank_speed": 10, "load": {"force": [0, -5]}})
+    assert "drive_load" in text.splitlines()[0]
+
+
+def test_the_object_prints_draws_and_keeps_itself() -> None:
+    pump = la.GuidedLinkage([CRANK, RAIL], "crank", start=20)
+    assert repr(pump).startswith(
+        "GuidedLinkage(slider_crank driven by a crank: circle of radius 1 about (0, 0), rail"
+    )
+    ElementTree.fromstring(pump._repr_svg_())
+    again = la.GuidedLinkage.from_dict(pump.to_dict())
+    assert again.plain == pump.plain
+    block = la.GuidedLinkage([SLOT, CRANK], "hinge", start=10)
+    assert block.kind == "swinging_block" and block.driver == "hinge"
+    four = la.GuidedLinkage([CRANK, {**CRANK, "pivot": [3, 0], "body_point": [2.5, 0], "radius": 2}], "crank")
+    assert four.kind == "four_bar" and four.turns_fully
+
+
+@pytest.mark.parametrize(
+    ("guides", "driver", "field"),
+    [
+        ([CRANK], "crank", "/guides"),
+        ([CRANK, {"guide": "ring"}], "crank", "/guides/1/guide"),
+        ([CRANK, {**RAIL, "direction": None}], "crank", "/guides/1/direction"),
+        ([{**CRANK, "radius": 0}, RAIL], "crank", "/guides/0/radius"),
+        ([CRANK, {**RAIL, "body_point": [1]}], "crank", "/guides/1/body_point"),
+        ([CRANK, {**RAIL, "body_point": [0, 0]}], "crank", "/guides/1/body_point"),
+        ([CRANK, RAIL], "slider", "/driver"),
+        ([CRANK, RAIL], "engine", "/driver"),
+        ([RAIL, {**RAIL, "body_point": [5, 1]}], "slider", "/guides/1/direction"),
+        ([SLOT, {**SLOT, "pin": [5, 5]}], "cylinder", "/guides/1/body_direction"),
+        ([SLOT, {**CRANK, "pivot": [2, 0]}], "cylinder", "/guides/1"),
+    ],
+)
+def test_what_is_no_linkage_is_refused_by_name(guides, driver, field) -> None:
+    with pytest.raises(la.FieldError) as caught:
+        la.GuidedLinkage(guides, driver)
+    assert caught.value.field == field
+
+
+@pytest.mark.parametrize("drive", [DRIVES[1], DRIVES[5], DRIVES[8], DRIVES[9]], ids=lambda one: f"{one[1]}")
+def test_files_over_http_from_a_solution(client, drive) -> None:
+    one, motion = reply_of(drive)
+    position = [[z.real, z.imag] for z in motion.asked.position]
+    request = {"position": position, "rotation": np.rad2deg(motion.asked.rotation).tolist(), "timing": "free"}
+    body = {"request": request, "solution": json.loads(json.dumps(plain_of(one)))}
+    for kind, mark in (
+        ("csv", "x_wanted"),
+        ("svg", "<svg"),
+        ("dxf", "AcDb"),
+        ("mjcf", "<mujoco"),
+        ("json", "guides"),
+    ):
+        reply = client.post("/v1/export", json={**body, "format": kind})
+        assert reply.status_code == 200, reply.text
+        assert mark in reply.text
+    refused = client.post("/v1/export", json={**body, "format": "pylinkage"})
+    assert refused.status_code == 422 and "pylinkage has no guides that move" in refused.text
+    refused = client.post("/v1/export", json={**body, "format": "plates"})
+    assert refused.status_code == 422 and "/format" in refused.text
+    del body["solution"]["driver"]
+    refused = client.post("/v1/export", json={**body, "format": "svg"})
+    assert refused.status_code == 422 and "/solution/driver" in refused.text
+    body["solution"] = {"branch": 1}
+    refused = client.post("/v1/export", json={**body, "format": "svg"})
+    assert refused.status_code == 422 and "/solution/links" in refused.text
+
+
+def test_a_four_bar_has_its_guides_too() -> None:
+    made = la.FourBar(19, 72, 144, 165, start_angle=30, coupler_point=(20, 60), body_offset=-75.9, ground_angle=30)
+    joints = made.joints(np.linspace(0, 70, 8))
+    best = la.synthesize(la.Motion(joints.rotation, joints.body_point, crank_span=70), top=1).best
+    assert isinstance(best, la.Solution) and (best.kind, best.driver) == ("four_bar", "crank")
+    crank, rocker = best.guides
+    assert crank.radius == pytest.approx(best.links.crank) and rocker.radius == pytest.approx(best.links.rocker)
+    again = la.GuidedLinkage(best.guides, "crank", best.branch, best.start_angle + best.mount.ground_angle)
+    there = again.joints(np.linspace(0, 70, 8))
+    assert np.allclose(there.body_point, joints.body_point, atol=1e-9)
+    assert np.allclose((there.rotation - joints.rotation + 180) % 360 - 180, 0, atol=1e-9)
+    assert np.array_equal(json.loads(json.dumps(best.to_dict()))["guides"][0]["pivot"], crank.pivot)
+
+
+@pytest.mark.parametrize("drive", DRIVES[1:], ids=NAMES[1:])
+def test_sensitivity_and_tolerances_come_with_the_solution(drive) -> None:
+    sizes = {"links": 0.05, "pivots": 0.05, "clearance": 0.02, "samples": 500}
+    one, _ = reply_of(drive, sensitivity=True, tolerance_study=sizes)
+    plain = json.loads(json.dumps(plain_of(one), allow_nan=False))
+    names = [row["dimension"] for row in plain["sensitivity"]]
+    assert len(names) == len(set(names)) and all(row["position"] >= 0 for row in plain["sensitivity"])
+    study = plain["tolerance_study"]
+    assert study["samples"] == 500 and 0 < study["position"]["worst"]["p95"] < 5
+    assert (study["band"]["travel"] is None) == drive[1].turns
+    again = one.linkage.tolerance_study(**sizes)
+    assert again.position.worst.p95 == pytest.approx(study["position"]["worst"]["p95"])

@@ -1,0 +1,115 @@
+"""Matches of several kinds of mechanisms: the best of all, each row with its kind; atlases of slider-cranks."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import linkage_atlas as la
+from synthesis.atlas.index import check_index
+from tests.oracles.slider_crank import body_angle
+
+KINDS = ["four_bar", "slider_crank"]
+
+
+@pytest.fixture(scope="module")
+def four_bars(tmp_path_factory: pytest.TempPathFactory) -> la.Atlas:
+    """A small atlas with an index, beside which that of slider-cranks is made."""
+    path = tmp_path_factory.mktemp("match") / "atlas.h5"
+    la.build_atlas(path, 80, samples=64, jobs=1)
+    return la.load_atlas(path, index=path.with_name("atlas.h5.index"))
+
+
+@pytest.fixture(scope="module")
+def sliders(tmp_path_factory: pytest.TempPathFactory) -> la.Atlas:
+    return la.build_atlas(tmp_path_factory.mktemp("sliders") / "s.h5", 60, samples=64, kind="slider_crank", jobs=1)
+
+
+def rod(lengths: list[int], start: float, branch: int = 1, span: float = 120.0) -> np.ndarray:
+    """How a rod turns, in degrees, by the formula of books; branch -1 is the offset negated."""
+    crank = np.deg2rad(start + np.linspace(0, span, 13))
+    return np.rad2deg(body_angle([[*lengths[:2], branch * lengths[2]]], crank)[0])
+
+
+@pytest.mark.parametrize("degrees", [True, False])
+@pytest.mark.parametrize("branch", [1, -1])
+def test_a_row_of_slider_cranks_is_matched_to_itself(sliders: la.Atlas, branch: int, degrees: bool) -> None:
+    unit = 1.0 if degrees else np.pi / 180
+    wanted = unit * (rod([12, 40, 8], 70, branch) + 30)
+    found = la.match(wanted, 120 * unit, atlas=sliders, mechanisms=["slider_crank"], top=3, degrees=degrees)
+    first = found.matches[0]
+    assert (first.kind, first.type.lengths, first.branch) == ("slider_crank", [12, 40, 8], branch)
+    assert first.start_angle == pytest.approx(70 * unit) and first.similarity < 1e-12
+    assert first.offset == pytest.approx(30 * unit)
+    for one in found:  # each linkage turns as its row
+        assert one.linkage.kind == "slider_crank" and one.linkage.driver == "crank"
+        joints = one.linkage.joints(np.linspace(0, 120 * unit, 13))
+        assert np.sqrt(np.mean((joints.rotation - wanted) ** 2)) == pytest.approx(one.similarity, abs=1e-9)
+    assert found.report.exhaustive and found.report.windows == len(sliders) * 720
+    assert json.loads(json.dumps(found.to_dict())) == found.to_dict() and "slider-crank" in repr(found)
+
+
+def test_the_rows_of_both_kinds_are_the_best_of_all(four_bars: la.Atlas) -> None:
+    wanted = rod([100, 500, 40], 20) + np.linspace(0, 0.3, 13)
+    alone = {kind: la.match(wanted, 120, atlas=four_bars, mechanisms=[kind], top=6) for kind in KINDS}
+    both = la.match(wanted, 120, atlas=four_bars, mechanisms="all", top=6)
+    every = [one for found in alone.values() for one in found]
+    best = sorted(every, key=lambda one: one.similarity)[:6]
+    assert [(one.kind, one.type, one.similarity) for one in both] == [(o.kind, o.type, o.similarity) for o in best]
+    assert [one.rank for one in both] == [1, 2, 3, 4, 5, 6] and {one.kind for one in both} == set(KINDS)
+    assert both.report.windows == sum(one.report.windows for one in alone.values())
+    assert (
+        both.to_dict()["matches"]
+        == la.match(wanted, 120, atlas=four_bars, mechanisms=KINDS[::-1], top=6).to_dict()["matches"]
+    )
+    assert {one.kind for one in la.match(wanted, 120, atlas=four_bars, top=6)} == {"four_bar"}
+
+
+def test_the_atlas_of_slider_cranks_beside_another_is_kept_in_its_index(four_bars: la.Atlas) -> None:
+    beside = four_bars.of("slider_crank")
+    assert beside is four_bars.slider_cranks and len(beside) == 50_721 and beside.kind == "slider_crank"
+    folder = four_bars._source.path.with_name("atlas.h5.index")
+    beside.make("short_spans")
+    assert {"slider_crank_cells", "slider_crank_short_spans"} <= {one.name for one in folder.iterdir()}
+    check_index(folder)
+    again = la.load_atlas(four_bars._source.path, index=folder)
+    assert again.has("slider_cranks")
+    wanted = rod([100, 500, 40], 20, span=40)
+    found = [
+        la.match(wanted, 40, atlas=one, mechanisms=["slider_crank"]).to_dict()["matches"]
+        for one in (four_bars, again)
+    ]
+    assert found[0] == found[1] and found[0][0]["type"]["lengths"] == [100, 500, 40]
+    details = beside.details_of(found[0][0]["type"]["number"])
+    assert (details["kind"], details["lengths"], details["family"], details["winding"]) == (
+        "slider_crank",
+        [100, 500, 40],
+        None,
+        0,
+    )
+
+
+@pytest.mark.parametrize(
+    ("asked", "field"),
+    [
+        ({"mechanisms": []}, "/mechanisms"),
+        ({"mechanisms": "every"}, "/mechanisms"),
+        ({"mechanisms": ["four_bar", "six_bar"]}, "/mechanisms/1"),
+        ({"mechanisms": ["four_bar"]}, "/mechanisms"),
+        ({"mechanisms": ["slider_crank"], "curve": "rocker"}, "/curve"),
+    ],
+)
+def test_what_is_refused(sliders: la.Atlas, asked: dict, field: str) -> None:
+    with pytest.raises(la.FieldError) as error:
+        la.match([0, 1, 3], 30, atlas=sliders, **asked)
+    assert error.value.field == field
+
+
+def test_a_kind_has_its_own_rule(tmp_path: Path) -> None:
+    for wrong, field in (({"kind": "six_bar"}, "/kind"), ({"kind": "slider_crank", "order": "increasing"}, "/order")):
+        with pytest.raises(la.FieldError) as error:
+            la.build_atlas(tmp_path / "no.h5", **wrong)
+        assert error.value.field == field

@@ -1,0 +1,267 @@
+"""Solid parts by the front door, the command and HTTP: what is asked, what is refused, and what the files hold."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import zipfile
+from importlib.resources import files
+
+import numpy as np
+import pytest
+
+import linkage_atlas as la
+from app import cli
+from app.registry import worked_example
+from linkage_atlas.exports import FORMATS, OF_PARTS, kind_of
+from linkage_atlas.solids import MATERIALS, PART_KINDS, SOLIDS
+from synthesis.solids.fits import FITS
+from synthesis.solids.solid import DENSITIES
+from tests.oracles.solids import deepest, step_shells
+from tests.synthesis.solids.test_mesh import CORE, Mesh, model_of
+
+CASEMENT = {
+    "links": {
+        "crank": 240.0105376700844,
+        "coupler": 101.3117460422971,
+        "rocker": 83.78978818116173,
+        "ground": 155.13780931596696,
+    },
+    "branch": 1,
+    "start_angle": 17.921912545016195,
+    "mount": {
+        "ground_angle": -25.63944908226168,
+        "pivot_a": [-100.0, 22.4],
+        "coupler_point": {"radius": 162.36373344338614, "angle": 115.70717776630909},
+    },
+}
+BOTH = {"boards": "both"}
+WORKED = la.FourBar(19, 72, 144, 165, start_angle=30, ground_angle=30, coupler_point=(20, 60))
+
+
+@pytest.fixture
+def linkage() -> la.FourBar:
+    return la.FourBar(19, 72, 144, 165, start_angle=30, coupler_point=(20, 60), body_offset=-76)
+
+
+@pytest.fixture
+def request_body():
+    return worked_example()
+
+
+def test_kinds_and_names_are_told_once() -> None:
+    assert OF_PARTS == PART_KINDS
+    assert set(OF_PARTS) < set(FORMATS)
+    assert set(MATERIALS) == set(FITS) and {one for both in MATERIALS.values() for one in both} <= set(DENSITIES)
+    assert [kind_of(f"window.{FORMATS[kind].endings[0]}") for kind in FORMATS] == list(FORMATS)
+
+
+@pytest.mark.parametrize("kind", OF_PARTS)
+def test_a_file_is_what_save_writes(linkage, kind, tmp_path) -> None:
+    path = tmp_path / f"window.{FORMATS[kind].endings[-1]}"
+    linkage.save(path, fit="print", boards="both")
+    content = path.read_bytes()
+    assert content == linkage.file(kind, assembly=BOTH, solids={"fit": "print"})
+    assert content == linkage.solids(fit="print", boards="both").file(kind)
+    starts = {"step": b"ISO-10303-21;", "3mf": b"PK", "stl": b"PK", "parts": b"name,kind,"}
+    assert content.startswith(starts.get(kind, b"<?xml"))
+    assert content != linkage.file(kind)
+    if kind in ("3mf", "stl"):
+        with pytest.raises(la.FieldError, match="no text"):
+            linkage.render(kind)
+    else:
+        assert linkage.render(kind).encode() == linkage.file(kind)
+
+
+def test_what_parts_weigh_is_what_an_analysis_and_a_simulation_take(linkage) -> None:
+    parts = linkage.solids(material="steel", thickness=4)
+    assert parts.mass == pytest.approx(sum(one.mass for one in parts.parts))
+    links = {one.link: one for one in parts.masses}
+    crank = next(one for one in parts.parts if one.name == "crank")
+    assert crank.mass == pytest.approx(crank.volume * 7850e-9)
+    assert links["crank"].mass == pytest.approx(sum(one.mass for one in parts.parts if one.link == "crank"))
+    # by virtual work at rest: the drive holds the weights
+    load = {"masses": parts.to_dict()["masses"], "gravity": [0.0, -9.81]}
+    held = linkage.analysis(0, load, crank=[20.0])
+    h = 1e-4
+    ends = [linkage.joints(20.0 + off) for off in (-h, h)]
+    lifted = 0.0
+    for name, origin in (("crank", "pivot_a"), ("coupler", "crank_pin"), ("rocker", "pivot_b")):
+        one = links[name]
+        heights = []
+        for joints in ends:
+            place = np.ravel(getattr(joints, origin)) + 0.0
+            turn = np.exp(1j * np.deg2rad(getattr(joints, f"{name}_direction")[0]))
+            heights.append(place[1] + (complex(*one.at) * turn).imag)
+        lifted += one.mass * 9.81 * (heights[1] - heights[0]) / (2 * np.deg2rad(h))
+    assert held.crank_torque[0] == pytest.approx(lifted, rel=1e-6)
+    text = linkage.file("mjcf", solids={"material": "steel"}, assembly={"thickness": 4}).decode()
+    assert f'mass="{links["rocker"].mass!r}"' in text and "kilograms of its parts" in text
+    # a model is printed smaller, but an analysis is of the linkage itself
+    assert linkage.solids(material="steel", thickness=4, scale=0.5).masses == parts.masses
+
+
+def test_units_of_length_are_told_apart(linkage) -> None:
+    inches = la.FourBar(19 / 25.4, 72 / 25.4, 144 / 25.4, 165 / 25.4, start_angle=30, coupler_point=(20 / 25.4, 60))
+    one, other = linkage.solids(), inches.solids(length_unit="in")
+    assert other.mass == pytest.approx(one.mass, rel=1e-9)
+    assert other.masses[0].at[0] == pytest.approx(one.masses[0].at[0] / 25.4)
+    assert other.masses[2].inertia == pytest.approx(one.masses[2].inertia / 25.4**2)
+
+
+def test_parts_that_would_collide_are_refused_with_the_reason(tmp_path) -> None:
+    double = la.FourBar(60, 50, 70, 30)
+    with pytest.raises(
+        la.FieldError, match=r"would collide: .*with boards on both sides 3 layers are free"
+    ) as refused:
+        double.save(tmp_path / "x.step")
+    assert refused.value.field == "/assembly"
+    assert not list(tmp_path.iterdir())
+    double.save(tmp_path / "x.step", nevertheless=True)
+    double.save(tmp_path / "y.step", boards="both")
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+@pytest.mark.parametrize(
+    ("asked", "field"),
+    [
+        ({"fit": "loose"}, "/fit"),
+        ({"material": "wood"}, "/material"),
+        ({"pins": "iron"}, "/pins"),
+        ({"fillet": -1}, "/fillet"),
+        ({"scale": 0}, "/scale"),
+        ({"scale": 1e9}, "/scale"),
+        ({"layout": "pile"}, "/layout"),
+        ({"nevertheless": 1}, "/nevertheless"),
+        ({"colour": "red"}, "/colour"),
+        ({"boards": "left"}, "/boards"),
+        ({"length_unit": "ft"}, "/length_unit"),
+        ({"scale": 1e-3}, "/length_unit"),
+        ({"scale": 1e3, "length_unit": "m"}, "/length_unit"),
+        ({"hole": 0.3, "fit": "print"}, "/assembly/hole"),
+    ],
+)
+def test_bad_arguments_are_named(linkage, asked, field) -> None:
+    with pytest.raises(la.FieldError) as refused:
+        linkage.solids(**asked)
+    assert refused.value.field == field
+
+
+def test_a_list_of_parts_has_a_row_a_part(linkage) -> None:
+    parts = linkage.solids(heads=True, boards="both")
+    rows = list(csv.DictReader(io.StringIO(parts.file("parts").decode())))
+    assert [row["name"] for row in rows] == [one.name for one in parts.parts]
+    assert all(float(row["mass"]) == pytest.approx(1000 * one.mass) for row, one in zip(rows, parts.parts))
+    assert {row["material"] for row in rows} == {"aluminium", "steel"}
+
+
+# -- the command and HTTP -----------------------------------------------------------------------------------------------
+
+
+def test_one_command_gives_a_window_to_print(tmp_path, monkeypatch, capsys) -> None:
+    """As README says: closed parts on the bed, every wall thicker than 1.2 mm."""
+    monkeypatch.chdir(tmp_path)
+    command = ["export", "--example", "casement", "--format", "3mf", "--fit", "print", "--scale", "0.5"]
+    assert cli.main(command) == 0
+    assert "wrote casement.3mf" in capsys.readouterr().err
+    model = model_of((tmp_path / "casement.3mf").read_bytes())
+    objects = {one.get("id"): one for one in model.iter(f"{CORE}object")}
+    names, volume = set(), 0.0
+    for item in model.iter(f"{CORE}item"):
+        one = objects[item.get("objectid")]
+        names.add(one.get("name"))
+        corners = np.array([[float(v.get(k)) for k in "xyz"] for v in one.iter(f"{CORE}vertex")])
+        triangles = np.array([[int(t.get(k)) for k in ("v1", "v2", "v3")] for t in one.iter(f"{CORE}triangle")])
+        mesh = Mesh(corners, triangles)
+        assert mesh.open_edges == 0 and mesh.volume > 0
+        volume += mesh.volume
+        height = float(item.get("transform").split()[-1])
+        assert corners[:, 2].min() + height == pytest.approx(0, abs=1e-9)
+    assert {"crank", "coupler", "rocker", "pin_A", "pin_B", "pin_C", "pin_D", "board_below"} <= names
+    assert 1e4 < volume < 1e6
+    best = la.FourBar.from_dict(CASEMENT)
+    motion = la.Motion(crank_angle=np.linspace(0, -33.7, 8), rotation=np.zeros(8))
+    parts = best.solids(motion, fit="print", scale=0.5)
+    assert {one.name for one in parts.parts} == names
+    assert parts.thinnest_wall.value > 1.2
+    assert volume == pytest.approx(sum(one.volume for one in parts.parts), rel=0.02)
+
+
+def test_a_saved_solution_is_exported_without_a_search(tmp_path, capsys, request_body) -> None:
+    saved = tmp_path / "best.json"
+    content = {
+        "request": request_body,
+        "solution": WORKED.to_dict(),
+    }
+    saved.write_text(json.dumps(content))
+    for ending in ("step", "stl.zip", "urdf", "parts.csv", "plates.dxf"):
+        out = tmp_path / f"best.{ending}"
+        assert cli.main(["export", str(saved), "--out", str(out), "--set", "assembly.boards=both"]) == 0
+        assert out.stat().st_size > 500
+    with zipfile.ZipFile(tmp_path / "best.stl.zip") as archive:
+        assert "board_above.stl" in archive.namelist() or "board_below.stl" in archive.namelist()
+    for arguments, words in (
+        (["--format", "step", "--set", "solids.fit=loose"], "solids.fit"),
+        (["--out", str(tmp_path / "x.dwg")], "must end in one of"),
+    ):
+        assert cli.main(["export", str(saved), *arguments]) == 2
+        assert words in capsys.readouterr().err
+    reply = tmp_path / "reply.json"
+    reply.write_text(json.dumps({"solutions": []}))
+    assert cli.main(["export", str(reply), "--format", "step"]) == 2
+    assert "this is a reply" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("kind", OF_PARTS)
+def test_http_gives_the_same_files(client, kind, request_body) -> None:
+    body = {
+        "request": request_body,
+        "solution": WORKED.to_dict(),
+        "format": kind,
+        "assembly": BOTH,
+        "solids": {"fit": "print", "pins": "brass"},
+    }
+    reply = client.post("/v1/export", json=body)
+    assert reply.status_code == 200, reply.text
+    assert reply.headers["content-type"] == FORMATS[kind].media_type
+    assert reply.headers["content-disposition"].endswith(f'linkage.{FORMATS[kind].endings[-1]}"')
+    assert len(reply.content) > 500
+    body["assembly"] = {"boards": "both", "mounts": {"A": "below+above", "B": "below+above"}, "width": 60, "hole": 2}
+    refused = client.post("/v1/export", json=body)
+    assert refused.status_code == 422
+    assert "would collide" in refused.text
+    body["solids"]["nevertheless"] = True
+    assert client.post("/v1/export", json=body).status_code == 200
+
+
+def test_every_argument_of_solids_is_one_of_http() -> None:
+    from app.fourbar.export import Material, SolidsRequest
+
+    assert tuple(SolidsRequest.model_fields) == SOLIDS
+    assert set(Material.__args__) == set(DENSITIES)
+
+
+GALLERY = json.loads(files("app").joinpath("static/examples.json").read_text())
+
+
+@pytest.mark.parametrize("machine", GALLERY, ids=lambda one: one["name"])
+def test_a_machine_of_the_gallery_is_reopened_as_it_was(machine, tmp_path) -> None:
+    """In Open CASCADE: names, volumes, holes; its parts apart at 50 places."""
+    asked = {name: machine["request"].get(name) for name in ("rotation", "position", "crank_span", "crank_angle")}
+    motion = la.Motion(**asked, timing=machine["request"].get("timing"))
+    solution = machine["reply"]["solutions"][0]
+    parts = la.FourBar.from_dict(solution).solids(motion, solution["crank_angle"], boards="both")
+    deep, who = deepest(parts.solids, 50)
+    assert deep <= 1e-9, who
+    shells = step_shells(parts.file("step").decode())
+    assert [shell["name"] for shell in shells] == [one.name for one in parts.parts]
+    assert all(shell["closed"] for shell in shells)
+    pytest.importorskip("OCP", reason="the extra [solids] is not installed")
+    from tests.oracles.occt import reopened
+    from tests.synthesis.solids.test_step import check
+
+    title, found = reopened(parts.file("step").decode(), tmp_path)
+    assert title == "four-bar linkage"
+    for one, part, place in zip(found, parts.solids.parts, parts.solids.posed(), strict=True):
+        check(one, part, place)

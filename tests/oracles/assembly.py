@@ -1,0 +1,237 @@
+"""Gaps and layers written as plainly as they can be: shapely at one place, and every arrangement without pruning."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import shapely
+
+from synthesis.assembly.driving import Motor, motor_driven
+from synthesis.assembly.guided import guided
+from synthesis.assembly.layers import Arrangement, Search
+from synthesis.assembly.machine import Machine, Sizes, four_bar
+from synthesis.assembly.parts import Heights, parts_of
+from synthesis.drives.dyad import proportions
+from synthesis.fourbar.linkage import Linkage
+from synthesis.guided.linkage import DRIVERS, Circle, GuidedLinkage, Rail, Slot
+from synthesis.target import TURN, Interval
+
+PLACES = 721
+"""Of each motion, its ends among them."""
+NEAR = 1e-9
+"""Of the size: gaps less than this either way are not compared."""
+SEED = 7
+
+
+def shapely_gap(one, other) -> float:
+    """Distance of two cores: points, lines or polygons, as complex corners."""
+    return shapely.distance(_geometry(one), _geometry(other))
+
+
+def _geometry(core):
+    points = [(z.real, z.imag) for z in np.asarray(core, dtype=complex)]
+    if len(points) == 1:
+        return shapely.Point(points[0])
+    return shapely.LineString(points) if len(points) == 2 else shapely.Polygon(points)
+
+
+def free_stacks(machine, boards, hits, most):
+    """Fewest layers of free stacks, and all of them as (layers, mounts); ``hits(a, b)`` says whether two parts ever collide.
+
+    Without heads, and every plate in every layer: constraints 1 to 4 of `synthesis.assembly.layers` word by word.
+    """
+    names = [plate.name for plate in machine.plates]
+    grounded = [pin.name for pin in machine.pins if pin.grounded] if boards != "bar" else []
+    mounts = {"below": ["below"], "above": ["above"], "both": ["below", "above", "below+above"], "bar": []}[boards]
+    for count in range(1, most + 1):
+        found = []
+        for chosen in itertools.product(range(1, count + 1), repeat=len(names)):
+            layers = dict(zip(names, chosen))
+            if set(chosen) != set(range(1, count + 1)):
+                continue
+            if any(layers[a] == layers[b] for pin in machine.pins for a, b in itertools.combinations(pin.joins, 2)):
+                continue
+            for held in itertools.product(mounts, repeat=len(grounded)):
+                ways = dict(zip(grounded, held))
+                if not _collides(machine, layers, ways, count, hits):
+                    found.append((layers, ways))
+        if found:
+            return count, found
+    return None, []
+
+
+def _collides(machine, layers, ways, count, hits) -> bool:
+    filled = {}
+    for pin in machine.pins:
+        own = [layers[name] for name in pin.joins]
+        low = 1 if "below" in ways.get(pin.name, "") else min(own)
+        high = count if "above" in ways.get(pin.name, "") else max(own)
+        filled[pin.name] = set(range(low, high + 1)), set(own), set(pin.joins)
+    for a, b in itertools.combinations(layers, 2):
+        if layers[a] == layers[b] and hits(a, b):
+            return True
+    for pin, (own, _, joins) in filled.items():
+        if any(layer in own and plate not in joins and hits(plate, pin) for plate, layer in layers.items()):
+            return True
+    for (a, (one, mine, _)), (b, (other, its, _)) in itertools.combinations(filled.items(), 2):
+        if (one & other) - mine - its and hits(a, b):
+            return True
+    return False
+
+
+# -- random machines, and what shapely says of them ---------------------------------------------------------------------
+
+
+def four_bars(count: int) -> Iterator[Machine]:
+    """Random four-bars: lengths over a decade, both branches, plates of all sizes, over a turn or a part of one."""
+    random = np.random.default_rng(SEED)
+    while count:
+        links = tuple(10.0 ** random.uniform(-0.8, 0, 4))
+        point = (random.uniform(0, 0.7), random.uniform(0, TURN))
+        linkage = Linkage(
+            links, int(random.choice([-1, 1])), random.uniform(0, TURN), 0j, random.uniform(0, TURN), point
+        )
+        span = float(random.choice([TURN, random.uniform(0.2, 3.0)]))
+        if not linkage.joints(np.linspace(0.0, span, 400)).closed:
+            continue
+        body: tuple[complex, ...] = ()
+        if random.random() < 0.3:  # a star, mostly not convex
+            angle = np.sort(random.uniform(0, TURN, 9))
+            body = tuple(random.uniform(0.05, 0.3, 9) * np.exp(1j * angle)) if np.all(np.diff(angle) > 1e-3) else ()
+        hole = 0.3 * min(links) * random.uniform(0.3, 1.0)
+        sizes = Sizes(hole, hole * random.uniform(1.3, 3.5), random.uniform(0, 0.02))
+        try:
+            yield four_bar(linkage, Interval(0.0, span), sizes, body)
+        except ValueError:
+            continue
+        count -= 1
+
+
+def sliders(count: int) -> Iterator[Machine]:
+    """Random bodies on two guides of all kinds, by all their drives, over a part of what each can do."""
+    random = np.random.default_rng(SEED)
+
+    def place(size: float = 1.0) -> complex:
+        return complex(*random.normal(size=2)) * size
+
+    def guide(kind: Any) -> Any:
+        if kind is Circle:
+            return Circle(place(2.0), float(random.uniform(0.3, 2.0)), place())
+        if kind is Rail:
+            return Rail(place(2.0), float(random.uniform(0, TURN)), place())
+        return Slot(place(2.0), place(), float(random.uniform(0, TURN)))
+
+    ways = [(one, other, drive) for one in DRIVERS for other in DRIVERS for drive in DRIVERS[one]]
+    ways = [way for way in ways if way[:2] != (Circle, Circle)]
+    while count:
+        one, other, drive = ways[count % len(ways)]
+        linkage = GuidedLinkage(
+            (guide(one), guide(other)), drive, int(random.choice([-1, 1])), float(random.uniform(-3, 3))
+        )
+        span = float(random.uniform(0.2, 1.5)) if random.random() < 0.7 or not drive.turns else TURN
+        with np.errstate(all="ignore"):
+            closes = linkage.closes_over(Interval(linkage.start, linkage.start + span))
+        try:
+            machine = guided(linkage, Interval(0.0, span), Sizes()) if closes else None
+        except ValueError:
+            machine = None
+        # a body that is flung far away tells nothing
+        if machine is None or max(abs(z) for plate in machine.plates for z in plate.shape.core) > 50:
+            continue
+        yield machine
+        count -= 1
+
+
+def six_bars(count: int) -> Iterator[Machine]:
+    """Random four-bars whose crank or rocker a motor with a rod swings there and back."""
+    random = np.random.default_rng(SEED)
+    while count:
+        links = tuple(10.0 ** random.uniform(-0.6, 0, 4))
+        point = (random.uniform(0, 0.5), random.uniform(0, TURN))
+        linkage = Linkage(
+            links, int(random.choice([-1, 1])), random.uniform(0, TURN), 0j, random.uniform(0, TURN), point
+        )
+        used = Interval(0.0, float(random.uniform(0.4, 2.5)))
+        joints = linkage.joints(np.linspace(*used, 400))
+        if not joints.closed:
+            continue
+        link, ends, pivot = "crank", joints.crank_angle[[0, -1]], linkage.pivot_a
+        if random.random() < 0.5:
+            link, ends, pivot = "rocker", joints.rocker_angle[[0, -1]], linkage.pivot_b
+        swing = ends[1] - ends[0]
+        made = proportions(abs(swing), float(random.choice([1.0, random.uniform(1.05, 1.6)])))
+        if made is None or made.transmission_angle_min < 0.2:
+            continue
+        radius, angle = (
+            float(random.uniform(0.4, 1.1)) * links[0 if link == "crank" else 2],
+            random.uniform(-0.5, 0.5),
+        )
+        # the proportions are those of a swing that turns counter-clockwise
+        motor = made.motor if swing > 0 else made.motor.conjugate()
+        at = pivot + radius * motor * np.exp(1j * (ends.mean() + angle))
+        pin = complex(radius * np.exp(1j * angle))
+        hole = 0.25 * min(*links, radius * made.crank)
+        try:
+            yield motor_driven(
+                linkage, used, Motor(link, complex(at), radius * made.crank, radius * made.rod, pin), Sizes(hole)
+            )
+        except ValueError:
+            continue
+        count -= 1
+
+
+def outlines(machine: Machine, body: int, core: tuple[complex, ...], travel: Any) -> Any:
+    """A core as shapely's geometries at places (n,)."""
+    bodies = machine.movement.bodies(travel)
+    points = bodies.origin[body][:, None] + bodies.direction[body][:, None] * np.array(core)
+    places = np.stack([points.real, points.imag], axis=-1)
+    if len(core) == 1:
+        return shapely.points(places[:, 0])
+    return shapely.linestrings(places) if len(core) == 2 else shapely.polygons(places)
+
+
+def disagreements(machine: Machine, search: Search) -> tuple[int, int, int]:
+    """Pairs, places that were compared, and of them those where the proof and shapely differ."""
+    travel = np.linspace(*machine.used, PLACES)
+    drawn: dict[int, Any] = {}
+    compared = wrong = 0
+    shapes, clearance = search.shapes, machine.clearance
+    for (one, other), proof in zip(search.numbers, search.proofs):
+        for number in (one, other):
+            if number not in drawn:
+                drawn[number] = outlines(machine, shapes[number].body, shapes[number].shape.core, travel)
+        radii = shapes[one].shape.radius + shapes[other].shape.radius
+        gap = shapely.distance(drawn[one], drawn[other]) - radii - clearance
+        hits = np.zeros(PLACES, dtype=bool)
+        told = np.abs(gap) > NEAR * machine.size
+        for run in proof.hits:
+            hits |= (run.first <= travel) & (travel <= run.last)
+        for run in proof.touches:
+            told &= ~((run.first <= travel) & (travel <= run.last))
+        compared += int(told.sum())
+        wrong += int((told & (hits != (gap < 0))).sum())
+    return len(search.proofs), compared, wrong
+
+
+def nearest(machine: Machine, found: Arrangement) -> float:
+    """The least gap less clearance of parts that fill a common layer and are not joined, at all places, over the size."""
+    travel = np.linspace(*machine.used, PLACES)
+    joined = {pin.name: set(pin.joins) for pin in machine.pins}
+    parts = [one for one in parts_of(machine, found.stack, Heights.of(machine)) if one.kind != "board"]
+    drawn = [outlines(machine, part.body, part.shape.core, travel) for part in parts]
+    least = np.inf
+    for k, one in enumerate(parts):
+        for n, other in enumerate(parts[:k]):
+            common = set(range(one.layers[0], one.layers[1] + 1)) & set(range(other.layers[0], other.layers[1] + 1))
+            common &= set(range(1, found.stack.count + 1))
+            # where a pin has a plate of its own the plate stands for it
+            for part in (one, other):
+                if part.kind != "plate":
+                    common -= {found.stack.layers[plate] for plate in joined[part.name.split("_")[1]]}
+            if common:
+                gap = shapely.distance(drawn[k], drawn[n]) - one.shape.radius - other.shape.radius - machine.clearance
+                least = min(least, float(np.min(gap)))
+    return least / machine.size

@@ -1,0 +1,31 @@
+"""Random linkages of every family and branch that swing either way, and random loads on them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from synthesis.drives.links import Loading, Mass
+from synthesis.fourbar.linkage import Linkage
+from synthesis.target import Interval
+
+
+def random_linkage(rng: np.random.Generator) -> tuple[Linkage, Interval]:
+    """A linkage of any family and branch and a way that closes with transmission angles above 15 degrees, either way."""
+    while True:
+        links = tuple(rng.uniform(0.3, 2.0, 4))
+        start, span = rng.uniform(0, 2 * np.pi), rng.uniform(0.2, 1.8) * rng.choice([-1, 1])
+        point = (rng.uniform(0.1, 2.0), rng.uniform(-np.pi, np.pi))
+        place = complex(*rng.normal(size=2))
+        one = Linkage(links, int(rng.choice([-1, 1])), start, place, rng.uniform(-3, 3), point, rng.uniform(-3, 3))
+        if one.transmission_angle_min(Interval(0.0, span)) > np.deg2rad(15):
+            return one, Interval(0.0, span)
+
+
+def loads(linkage: Linkage, rng: np.random.Generator) -> Loading:
+    parts = [
+        Mass(name, rng.uniform(0, 2), complex(*rng.normal(size=2)), rng.uniform(0, 0.3))
+        for name in ("crank", "coupler", "rocker", "body")
+    ]
+    return Loading(
+        complex(*rng.normal(size=2)), rng.normal(), tuple(parts), complex(*rng.normal(size=2)), rng.uniform(0, 3)
+    )

@@ -1,0 +1,160 @@
+"""A body on two guides followed step by step: predictor and corrector in rotation and place, from the guides' conditions alone.
+
+It shares with the product what a guide is, and no formula: not poses, branches, circuits or coordinates that close.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from synthesis.guided.linkage import Circle, Driver, Guide, GuidedLinkage, Rail
+
+STEP = 0.01
+"""Length of a step, radians and lengths over one plus the distance from the origin alike."""
+MOST_STEPS = 4000
+FAR = 300.0
+"""Beyond this distance from the origin a way counts as endless."""
+
+
+def condition(guide: Guide, pose: np.ndarray) -> tuple[float, np.ndarray]:
+    """g and its derivatives by (gamma, x, y) at a pose (3,)."""
+    turned = np.exp(1j * pose[0])
+    arm = turned * guide.body_point
+    point = complex(pose[1], pose[2]) + arm
+    if isinstance(guide, Circle):
+        spoke = point - guide.pivot
+        push = spoke / abs(spoke)
+        return abs(spoke) - guide.radius, np.array([np.real(np.conj(push) * 1j * arm), push.real, push.imag])
+    if isinstance(guide, Rail):
+        push = 1j * np.exp(1j * guide.direction)
+        value = np.real(np.conj(push) * (point - guide.point))
+        return value, np.array([np.real(np.conj(push) * 1j * arm), push.real, push.imag])
+    push = 1j * turned * np.exp(1j * guide.body_direction)
+    gap = guide.pin - point
+    turning = np.real(np.conj(1j * push) * gap) - np.real(np.conj(push) * 1j * arm)
+    return np.real(np.conj(push) * gap), np.array([turning, -push.real, -push.imag])
+
+
+def drive_of(linkage: GuidedLinkage, pose: np.ndarray) -> float:
+    """Where the drive is, angles within a turn."""
+    guide = linkage.guides[0]
+    point = complex(pose[1], pose[2]) + np.exp(1j * pose[0]) * guide.body_point
+    if isinstance(guide, Circle):
+        return float(np.angle(point - guide.pivot))
+    if isinstance(guide, Rail):
+        return float(np.real(np.exp(-1j * guide.direction) * (point - guide.point)))
+    if linkage.driver is Driver.HINGE:
+        return float(pose[0])
+    return float(np.real(np.exp(-1j * (pose[0] + guide.body_direction)) * (guide.pin - point)))
+
+
+def _equations(linkage: GuidedLinkage, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    both = [condition(guide, pose) for guide in linkage.guides]
+    return np.array([value for value, _ in both]), np.array([slopes for _, slopes in both])
+
+
+def _scale(pose: np.ndarray) -> np.ndarray:
+    size = 1 + np.hypot(pose[1], pose[2])
+    return np.array([1.0, size, size])
+
+
+def walk(linkage: GuidedLinkage, start: np.ndarray, way: int) -> tuple[np.ndarray, bool]:
+    """Poses (n, 3) from a start one way, and whether they come back to it."""
+    poses, tangent = [start], None
+    for number in range(MOST_STEPS):
+        pose = poses[-1]
+        scale = _scale(pose)
+        slopes = _equations(linkage, pose)[1] * scale
+        direction = np.cross(*slopes)
+        direction /= np.linalg.norm(direction)
+        direction *= way if tangent is None else np.sign(direction @ tangent)
+        tangent = direction
+        reached = pose + STEP * direction * scale
+        for _ in range(4):
+            values, slopes = _equations(linkage, reached)
+            slopes = slopes * scale
+            reached = reached - scale * (slopes.T @ np.linalg.solve(slopes @ slopes.T, values))
+        if np.hypot(reached[1], reached[2]) > FAR:
+            break
+        if number > 20 and _apart(reached, start) < 0.6 * STEP:
+            return np.array(poses), True
+        poses.append(reached)
+    return np.array(poses), False
+
+
+def _apart(one: np.ndarray, other: np.ndarray) -> float:
+    gap = (one - other) / _scale(other)
+    gap[0] = np.angle(np.exp(1j * gap[0]))
+    return float(np.linalg.norm(gap))
+
+
+@dataclass(frozen=True)
+class Followed:
+    """What following a linkage from its first sample says."""
+
+    circuit: bool
+    """Whether all samples were met, whichever way the drive moved."""
+    driven: bool
+    """Whether the drive passes them in their order, moving one way."""
+
+
+def follow(linkage: GuidedLinkage, samples: np.ndarray) -> Followed:
+    """``samples`` (N, 3): poses that keep both guides."""
+    ahead, round_trip = walk(linkage, samples[0], 1)
+    behind = ahead[:1] if round_trip else walk(linkage, samples[0], -1)[0]
+    track = np.concatenate([behind[::-1], ahead[1:]])
+    if round_trip:
+        track = np.concatenate([track, track[:1]])
+    drive = np.array([drive_of(linkage, pose) for pose in track])
+    if linkage.driver.turns:
+        drive = np.unwrap(drive)
+    first = len(behind) - 1
+    places = []
+    length = len(track) - 1 if round_trip else len(track)
+    for sample in samples:
+        gap = (track - sample) / _scale(sample)
+        gap[:, 0] = np.angle(np.exp(1j * gap[:, 0]))
+        distance = np.linalg.norm(gap, axis=1)
+        nearest = int(np.argmin(distance[:length]))
+        if distance[nearest] > 0.8 * STEP:
+            return Followed(False, False)
+        candidates = []
+        for low in (nearest - 1, nearest):
+            if not round_trip and not 0 <= low < length - 1:
+                continue
+            begin, end = gap[low % length], gap[low % length + 1]
+            way = end - begin
+            part = float(np.clip(-(begin @ way) / (way @ way), 0, 1))
+            candidates.append((float(np.linalg.norm(begin + part * way)), low % length + part))
+        places.append(min(candidates)[1])
+    places[0] = float(first)
+    steps = np.sign(np.diff(drive))
+    return Followed(True, any(_passes(places, steps, way, round_trip) for way in (1, -1)))
+
+
+def _passes(places: list[float], steps: np.ndarray, way: int, round_trip: bool) -> bool:
+    """Whether samples are met in order one way along the track before the drive turns back."""
+    length = len(steps)
+    offsets = [way * (place - places[0]) for place in places]
+    if round_trip:
+        offsets = [0.0] + [offset % length for offset in offsets[1:]]
+    if any(b <= a for a, b in pairwise(offsets)):
+        return False
+    begin = int(places[0])
+    run = 0
+    sense = None
+    while run < length:
+        k = begin + run if way > 0 else begin - 1 - run
+        if round_trip:
+            k %= length
+        if not 0 <= k < length:
+            break
+        sense = steps[k] if sense is None else sense
+        if steps[k] != sense:
+            break
+        run += 1
+    # where it turns back lies within the step after the run
+    return max(offsets) <= run + 1

@@ -1,0 +1,126 @@
+"""Machines and their parts for tests of solids, and slow counterparts: overlap by polygons, a STEP file by its topology."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections import Counter
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+
+from synthesis.assembly.layers import Arrangement, Asked, arrange
+from synthesis.assembly.machine import Machine, Sizes, four_bar
+from synthesis.assembly.shapes import distances
+from synthesis.fourbar.linkage import Linkage
+from synthesis.solids.fits import FITS
+from synthesis.solids.mesh import ring_of
+from synthesis.solids.solid import Made, Solid, Solids, solids_of
+from synthesis.target import Interval
+from synthesis.work import Work
+
+TABLE = json.loads((Path(__file__).parents[1] / "reference/assembly.json").read_text())["linkages"]
+SASH = [-40 - 30j, 50 - 30j, 50 + 30j, 10 + 30j, 10 + 16j, -10 + 16j, -10 + 30j, -40 + 30j]
+"""A body whose outline is not convex."""
+
+
+def linkage_of(case) -> Linkage:
+    point = case["body_point"]
+    return Linkage(
+        tuple(case["links"]),
+        case["branch"],
+        np.deg2rad(case["start"]),
+        10 + 5j,
+        np.deg2rad(case["ground"]),
+        None if point is None else (point[0], np.deg2rad(point[1])),
+    )
+
+
+def built(name: str, boards: str = "both", heads: bool = False, fit: str = "H7", body=(), **made) -> Solids:
+    """The parts of a worked linkage."""
+    machine, found = arranged(name, boards, heads, body)
+    assert found.status == "free", (name, boards, heads)
+    return solids_of(machine, found.stack, Made(FITS[fit], "aluminium", "steel", **made), 1.0)
+
+
+def arranged(name: str, boards: str = "both", heads: bool = False, body=()) -> tuple[Machine, Arrangement]:
+    case = TABLE[name]
+    sizes = Sizes(*(case[size] for size in ("hole", "width", "clearance")))
+    machine = four_bar(linkage_of(case), Interval(*np.deg2rad(case["used"])), sizes, body=body, bar=boards == "bar")
+    return machine, arrange(machine, Asked(boards, heads=heads), Work())
+
+
+def places_of(machine: Machine, count: int) -> np.ndarray:
+    return np.linspace(machine.used.first, machine.used.last, count)
+
+
+def deepest(solids: Solids, count: int) -> tuple[float, tuple[str, str]]:
+    """How deep any part reaches into another, at most, over places of the used interval: below 0 where all are apart.
+
+    A pin in its own hole counts by the radii, and must be in the middle; others by polygons.
+    """
+    worst, who = -np.inf, ("", "")
+    posed = [solids.posed(travel) for travel in places_of(solids.machine, count)]
+    turns = np.array([[place.turn for place in places] for places in posed])
+    shifts = np.array([[place.shift for place in places] for places in posed])
+    rings = [ring_of(part.prism) for part in solids.parts]
+    for (i, one), (j, other) in combinations(enumerate(solids.parts), 2):
+        if min(one.up + one.prism.high, other.up + other.prism.high) - max(one.up, other.up) <= 1e-9:
+            continue
+        # parts of one body do not move against each other
+        places = slice(1) if one.body == other.body else slice(None)
+        deep = _in_hole(one, other, shifts[0, [i, j]], turns[0, [i, j]])
+        if deep is None:
+            drawn = [turns[places, k][:, None] * rings[k] + shifts[places, k][:, None] for k in (i, j)]
+            gaps = distances(*drawn)
+            deep = 1.0 if gaps.min() == 0 else -float(gaps.min())
+        if deep > worst:
+            worst, who = deep, (one.name, other.name)
+    return worst, who
+
+
+def _in_hole(one: Solid, other: Solid, at, turn) -> float | None:
+    """What a pin is wider than the hole that it stands in; None for other parts."""
+    for pin, plate, here, there, way in ((one, other, at[0], at[1], turn[1]), (other, one, at[1], at[0], turn[0])):
+        if pin.prism.circle is not None and not pin.prism.holes:
+            for hole in plate.prism.holes:
+                if abs(hole.centre * way + there - here) < 1e-9:
+                    return float(pin.prism.circle.radius - hole.radius)
+    return None
+
+
+def step_shells(text: str) -> list[dict]:
+    """Of each shell of a STEP file its name, faces, edges and corners, and whether every edge is used once in each direction."""
+    entities = dict(re.findall(r"#(\d+)=(.*?);\n", text, re.S))
+    used = set(re.findall(r"#(\d+)", " ".join(entities.values())))
+    assert used <= entities.keys(), "a reference leads nowhere"
+    found = []
+    for entity in entities.values():
+        match = re.fullmatch(r"MANIFOLD_SOLID_BREP\('(.*)',#(\d+)\)", entity)
+        if not match:
+            continue
+        faces = re.findall(r"#(\d+)", entities[match[2]])
+        ways, corners, bounds = Counter(), set(), 0
+        for face in faces:
+            inside = re.search(r"\(((?:#\d+,?)+)\)", entities[face])[1]
+            for bound in re.findall(r"#(\d+)", inside):
+                bounds += 1
+                loop = re.search(r"#(\d+)", entities[bound])[1]
+                for edge in re.findall(r"#(\d+)", entities[loop]):
+                    curve, sign = re.fullmatch(
+                        r"ORIENTED_EDGE\('',\*,\*,#(\d+),\.([TF])\.\)", entities[edge]
+                    ).groups()
+                    ways[curve, sign] += 1
+                    corners |= set(re.findall(r"#(\d+)", entities[curve])[:2])
+        edges = {curve for curve, _ in ways}
+        closed = all(ways[curve, sign] == 1 for curve in edges for sign in "TF")
+        found.append(
+            {
+                "name": match[1],
+                "closed": closed,
+                # each bound beyond the first of a face is a ring
+                "euler": len(corners) - len(edges) + len(faces) - (bounds - len(faces)),
+            }
+        )
+    return found

@@ -1,0 +1,65 @@
+"""A motor and its rod on a four-bar: they swing it from end to end, and all their parts pass one another."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from synthesis.assembly.driving import Motor, motor_driven
+from synthesis.assembly.layers import Asked, Search
+from synthesis.assembly.machine import Sizes, four_bar
+from synthesis.assembly.movement import Place
+from synthesis.errors import FieldError
+from synthesis.fourbar.linkage import Linkage
+from synthesis.target import Interval
+from synthesis.work import Work
+from tests.oracles.assembly import disagreements, nearest, six_bars
+
+LINKAGE = Linkage((30.0, 60.0, 70.0, 50.0), 1, np.deg2rad(40.0))
+USED = Interval(0.0, np.deg2rad(60.0))
+MOTOR = Motor("crank", 74.76662388200997 - 5.0943059670631925j, 12.0, 72.0, 24 + 0j)
+"""As `linkage_atlas.drives` finds it for this linkage."""
+
+
+def test_the_motor_swings_the_linkage_from_end_to_end() -> None:
+    machine, plain = motor_driven(LINKAGE, USED, MOTOR, Sizes()), four_bar(LINKAGE, USED, Sizes())
+    turn = machine.movement.bodies(np.linspace(*machine.used, 7201))
+    for body, end in ((1, 30.0), (2, 60.0), (3, 70.0)):
+        pin = Place(body, complex(end))
+        ends = plain.movement.bodies(np.array(USED)).point(pin)
+        found = turn.point(pin)
+        assert abs(found[0] - ends[0]) < 1e-6
+        assert np.abs(found - ends[1]).min() < 1e-4
+
+
+def test_six_bars_agree_with_shapely_and_their_enclosures_hold() -> None:
+    links = set()
+    for number, machine in enumerate(six_bars(6)):
+        links.add(machine.movement.names[-1])
+        search = Search(machine, Asked("below" if number % 2 else "both"), Work())
+        assert disagreements(machine, search)[2] == 0
+        found = search.answer()
+        if found.status == "free":
+            assert nearest(machine, found) > -1e-9
+        rng = np.random.default_rng(number)
+        for at, half in zip(rng.uniform(*machine.used, 20), 10 ** rng.uniform(-6, -0.5, 20)):
+            cell = machine.movement.bodies(np.array([at]), np.array([half]))
+            moved = machine.movement.bodies(at + half * np.linspace(-1, 1, 33))
+            for body in range(1, len(machine.movement.names)):
+                point = Place(body, complex(*rng.normal(size=2)))
+                far = np.abs(moved.point(point) - cell.point(point)[0]).max()
+                assert far <= cell.spread(point)[0] * (1 + 1e-9) + 1e-9
+    assert links == {"lever", "back_of_coupler"}
+
+
+def test_the_six_bar_of_the_design_s_size_has_three_layers() -> None:
+    found = Search(motor_driven(LINKAGE, USED, MOTOR, Sizes()), Asked("below"), Work()).answer()
+    assert (found.status, found.stack.count) == ("free", 3)
+    assert set(found.stack.layers) == {"crank", "coupler", "rocker", "motor_crank", "rod"}
+    assert len(found.stack.pins) == 7
+
+
+def test_a_motor_that_does_not_fit_is_refused() -> None:
+    for wrong in (MOTOR._replace(crank=15.0), MOTOR._replace(at=80 + 0j)):
+        with pytest.raises(FieldError, match="do not move"):
+            motor_driven(LINKAGE, USED, wrong, Sizes())

@@ -1,0 +1,255 @@
+"""Gaps of moving shapes: the acceptance table, enclosures that are never left, and shapely at many places."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from synthesis.assembly.gaps import Carried, Gaps
+from synthesis.assembly.machine import Sizes, four_bar
+from synthesis.assembly.movement import GROUND, Crank, Dyad, Movement, Place
+from synthesis.assembly.shapes import Shape, contains, crosses_itself, disc, distances, hull, signed_area
+from synthesis.fourbar.linkage import Linkage
+from synthesis.target import TURN, Interval
+from synthesis.work import Work
+from tests.oracles.assembly import shapely_gap
+from tests.synthesis.assembly.test_layers import NEAR, TABLE, linkage_of, machine_of
+
+SEED = 20351
+
+
+def shapes_of(machine):
+    found = {plate.name: Carried(plate.body, plate.shape) for plate in machine.plates}
+    return found | {pin.name: Carried(pin.places[0].body, disc(pin.places[0].at, pin.radius)) for pin in machine.pins}
+
+
+def gaps_of(machine, pairs):
+    shapes = shapes_of(machine)
+    names = list(shapes)
+    numbers = [(names.index(a), names.index(b)) for a, b in pairs]
+    return Gaps(machine.movement, [shapes[name] for name in names], numbers, machine.clearance, machine.size)
+
+
+@pytest.mark.parametrize("name", TABLE)
+def test_gaps_are_those_of_the_table(name) -> None:
+    case = TABLE[name]
+    machine = machine_of(case)
+    gaps = gaps_of(machine, [tuple(pair.split()) for pair in case["pairs"]])
+    proofs = gaps.prove(machine.used, Work())
+    free = [k for k, proof in enumerate(proofs) if proof.free]
+    least = gaps.least(free, machine.used)
+    for k, wanted in enumerate(case["pairs"].values()):
+        if "hits" in wanted:
+            assert np.rad2deg(proofs[k].hits) == pytest.approx(np.array(wanted["hits"]), abs=NEAR)
+        else:
+            assert proofs[k].free
+            assert least[k].gap == pytest.approx(wanted["least"], abs=NEAR)
+            if "at" in wanted:
+                assert np.rad2deg(least[k].at) == pytest.approx(wanted["at"], abs=1e-6)
+
+
+def test_closed_forms() -> None:
+    """E3: the crank leaves pin B where its end's disc does; E4: B lies 20 from the crank's end."""
+    machine = machine_of(TABLE["E3"])
+    gaps = gaps_of(machine, [("crank", "B")])
+    (proof,) = gaps.prove(machine.used, Work())
+    angle = np.arcsin((1.75 + 4.375 + machine.clearance) / 30)
+    assert proof.hits[0].last == pytest.approx(angle, abs=1e-14)
+    assert proof.hits[1].first == pytest.approx(TURN - angle, abs=1e-14)
+    machine = machine_of(TABLE["E4"])
+    gaps = gaps_of(machine, [("crank", "B")])
+    gaps.prove(machine.used, Work())
+    assert gaps.least([0], machine.used)[0].gap == pytest.approx(20 - 3 - 9 - machine.clearance, abs=1e-13)
+
+
+# -- poses and their enclosures -----------------------------------------------------------------------------------------
+
+lengths = st.lists(st.floats(0.1, 1.0), min_size=4, max_size=4)
+
+
+@settings(max_examples=60, deadline=None)
+@given(lengths, st.sampled_from([-1, 1]), st.integers(0, 2**32 - 1))
+def test_no_body_leaves_its_enclosure(links, branch, seed) -> None:
+    """Cells of all widths, also next to dead positions, where the loop closes over all of them."""
+    rng = np.random.default_rng(seed)
+    linkage = Linkage(tuple(links), branch)
+    crank, coupler, rocker, ground = links
+    movement = Movement(
+        ("ground", "crank", "coupler", "rocker"),
+        (
+            Crank(1, Place(GROUND, 0j), 0.0),
+            Dyad(2, 3, Place(1, complex(crank)), Place(GROUND, complex(ground)), coupler, rocker, branch),
+        ),
+    )
+    places = np.linspace(0, TURN, 2000)
+    joints = linkage.joints(places)
+    closed = np.isfinite(joints.coupler_pin)
+    if not closed.any():
+        return
+    bodies = movement.bodies(places[closed])
+    for body, end, wanted in ((1, crank, "crank_pin"), (2, coupler, "coupler_pin"), (3, rocker, "coupler_pin")):
+        found = bodies.point(Place(body, complex(end)))
+        # next to a dead position a place is the root of a small difference
+        near = np.abs(found - getattr(joints, wanted)[closed])
+        assert np.all(near < 1e-7)
+        assert np.median(near) < 1e-13
+    inside = rng.choice(np.flatnonzero(closed), 40)
+    half = 10 ** rng.uniform(-8, -0.5, 40)
+    cells = movement.bodies(places[inside], half)
+    point = complex(*rng.normal(size=2))
+    for k, at in enumerate(places[inside]):
+        times = at + half[k] * np.linspace(-1, 1, 33)
+        whole = np.isfinite(linkage.joints(times).coupler_pin)
+        if not whole.all():
+            continue
+        moved = movement.bodies(times)
+        for body in range(4):
+            place = Place(body, point)
+            far = np.abs(moved.point(place) - cells.point(place)[k])
+            assert np.all(far <= cells.spread(place)[k] * (1 + 1e-9) + 1e-9), (body, half[k])
+
+
+def test_an_enclosure_of_half_the_size_would_be_left() -> None:
+    """The test above can fail: the bounds are not loose everywhere."""
+    movement = machine_of(TABLE["E2"]).movement
+    place, worst = Place(3, 80 + 0j), 0.0
+    for at in np.deg2rad(np.linspace(-60, 25, 40)):
+        cells = movement.bodies(np.array([at]), np.array([0.02]))
+        moved = movement.bodies(at + 0.02 * np.linspace(-1, 1, 33))
+        worst = max(worst, np.abs(moved.point(place) - cells.point(place)[0]).max() / cells.spread(place)[0])
+    assert 0.5 < worst <= 1
+
+
+# -- distances ----------------------------------------------------------------------------------------------------------
+
+
+def random_core(rng, corners):
+    """A point, a line, or a simple polygon: a star about its middle."""
+    middle = complex(*rng.normal(size=2))
+    if corners < 3:
+        return tuple(middle + complex(*rng.normal(size=2)) for _ in range(corners))
+    angle = np.sort(rng.uniform(0, TURN, corners)) + np.arange(corners) * 1e-3
+    return tuple(middle + rng.uniform(0.2, 1.5, corners) * np.exp(1j * angle))
+
+
+def test_distances_are_those_of_shapely() -> None:
+    rng = np.random.default_rng(SEED)
+    for one, other in [(1, 1), (1, 2), (2, 2), (3, 1), (3, 2), (3, 3), (7, 1), (7, 2), (7, 4), (12, 9)]:
+        for _ in range(200):
+            a, b = Shape(random_core(rng, one), 0.0), Shape(random_core(rng, other), 0.0)
+            wanted = shapely_gap(a.core, b.core)
+            found = distances(np.array([a.corners]), np.array([b.corners]))[0]
+            assert found == pytest.approx(wanted, abs=1e-12), (a, b)
+
+
+def test_a_polygon_in_another_is_at_no_distance() -> None:
+    outer, inner = np.array([[0, 4, 4 + 4j, 4j]]), np.array([[1 + 1j, 2 + 1j, 2 + 2j]])
+    assert distances(outer, inner)[0] == distances(inner, outer)[0] == 0
+    # in the bay of one that is not convex it is
+    bay = np.array([[0, 4, 4 + 4j, 3 + 4j, 3 + 1j, 1 + 1j, 1 + 4j, 4j]])
+    assert distances(bay, np.array([[1.5 + 3j, 2.5 + 3j]]))[0] == pytest.approx(0.5)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.lists(st.complex_numbers(max_magnitude=10, allow_nan=False), min_size=1, max_size=8))
+def test_a_hull_holds_its_points(points) -> None:
+    corners = hull(points)
+    if len(corners) > 2:
+        assert signed_area(corners) > 0
+        shape = shapely.Polygon([(z.real, z.imag) for z in corners])
+        assert all(shape.distance(shapely.Point(z.real, z.imag)) < 1e-7 for z in points)
+
+
+def test_outlines_that_cross_themselves() -> None:
+    square = [0, 1, 1 + 1j, 1j]
+    assert not crosses_itself(square)
+    assert not crosses_itself([0, 1, 0.5 + 1j])
+    assert crosses_itself([0, 1 + 1j, 1, 1j])
+    assert crosses_itself([0, 2, 1, 1 + 1j])  # a spike
+    assert crosses_itself([0, 1, 1, 1j])
+    assert contains(square, 0.5 + 0.5j)
+    assert not contains(square, 1.5 + 0.5j)
+
+
+# -- proofs -------------------------------------------------------------------------------------------------------------
+
+
+def random_linkages(rng, count):
+    while count:
+        links = tuple(10 ** rng.uniform(-0.7, 0, 4))
+        linkage = Linkage(links, int(rng.choice([-1, 1])), rng.uniform(0, TURN), 0j, rng.uniform(0, TURN),
+                          (rng.uniform(0, 0.6), rng.uniform(0, TURN)))  # fmt: skip
+        span = rng.choice([TURN, rng.uniform(0.2, 3.0)])
+        if linkage.joints(np.linspace(0, span, 200)).closed:
+            count -= 1
+            yield linkage, Interval(0.0, float(span))
+
+
+def test_proofs_agree_with_shapely_at_many_places() -> None:
+    rng = np.random.default_rng(SEED)
+    seen = set()
+    for linkage, used in random_linkages(rng, 12):
+        machine = four_bar(linkage, used, Sizes())
+        shapes = shapes_of(machine)
+        pairs = [("crank", "rocker"), ("coupler", "A"), ("coupler", "B"), ("crank", "B"), ("rocker", "D")]
+        gaps = gaps_of(machine, pairs)
+        proofs = gaps.prove(machine.used, Work())
+        least = gaps.least([k for k, proof in enumerate(proofs) if proof.free], machine.used)
+        places = np.linspace(*machine.used, 181)
+        bodies = machine.movement.bodies(places)
+        for k, pair in enumerate(pairs):
+            (body, one), (other_body, other) = (shapes[name] for name in pair)
+            for n, at in enumerate(places):
+                ends = [bodies.origin[b, n] + bodies.direction[b, n] * np.array(shape.core)
+                        for b, shape in ((body, one), (other_body, other))]  # fmt: skip
+                gap = shapely_gap(*ends) - one.radius - other.radius - machine.clearance
+                hits = any(run.first <= at <= run.last for run in proofs[k].hits)
+                if abs(gap) > 1e-9:
+                    assert hits == (gap < 0), (pair, at, gap)
+                seen.add(hits)
+                if k in least:
+                    assert gap >= least[k].gap - 1e-9
+    assert seen == {True, False}
+
+
+def test_shapes_that_touch_by_design_are_not_decided() -> None:
+    """A disc on a crank that just reaches a disc of the ground all the way, and one that would only for an instant."""
+    movement = Movement(("ground", "crank"), (Crank(1, Place(GROUND, 0j), 0.0),))
+    shapes = [
+        Carried(GROUND, disc(0j, 1.0)),
+        Carried(1, disc(3 + 0j, 2.0)),
+        Carried(GROUND, disc(6 + 0j, 1.0)),
+        Carried(1, disc(3 + 0j, 1.9)),
+    ]
+    gaps = Gaps(movement, shapes, [(0, 1), (1, 2), (0, 3)], 0.0, 6.0)
+    around, once, clear = gaps.prove(Interval(-1.0, 2.0), Work())
+    assert not around.hits
+    assert [(run.first, run.last) for run in around.touches] == [(-1.0, 2.0)]
+    assert not once.hits
+    assert np.abs(once.touches[0]).max() < 2e-4
+    assert clear.free
+    assert gaps.least([2], Interval(-1.0, 2.0))[2].gap == pytest.approx(0.1, abs=1e-14)
+
+
+def test_overlap_of_sharp_outlines_is_a_collision() -> None:
+    movement = Movement(("ground", "crank"), (Crank(1, Place(GROUND, 0j), 0.0),))
+    box = (1 - 0.5j, 2 - 0.5j, 2 + 0.5j, 1 + 0.5j)
+    shapes = [Carried(GROUND, Shape(box, 0.0)), Carried(1, Shape(box, 0.0))]
+    (proof,) = Gaps(movement, shapes, [(0, 1)], 0.0, 2.0).prove(Interval(0.0, 3.0), Work())
+    assert len(proof.hits) == 1
+    assert proof.hits[0].first == 0.0
+    assert proof.hits[0].last == pytest.approx(2 * np.arctan2(0.5, 1), abs=1e-12)
+
+
+def test_far_from_the_origin_nothing_is_lost() -> None:
+    case = TABLE["E4"]
+    near, far = linkage_of(case), linkage_of(case).__class__(**{**linkage_of(case).__dict__, "pivot_a": 1e9 + 1e9j})
+    found = []
+    for linkage in (near, far):
+        machine = four_bar(linkage, Interval(0.0, TURN), Sizes(6.0, 18.0))
+        (proof,) = gaps_of(machine, [("coupler", "A")]).prove(machine.used, Work())
+        found.append(proof.hits)
+    assert np.array(found[0]) == pytest.approx(np.array(found[1]), abs=1e-6)

@@ -1,0 +1,112 @@
+"""Bodies on two guides: enclosures of every kind and drive, plates with slits, and shapely at many places."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from synthesis.assembly.guided import OnGuides, Rocker, guided
+from synthesis.assembly.layers import Asked, Search
+from synthesis.assembly.machine import Sizes, four_bar
+from synthesis.assembly.movement import Movement, Place
+from synthesis.errors import FieldError
+from synthesis.fourbar.linkage import Linkage
+from synthesis.guided.linkage import DRIVERS, Circle, Driver, GuidedLinkage, Rail, Slot, of_four_bar
+from synthesis.target import TURN, Interval
+from synthesis.work import Work
+from tests.oracles.assembly import disagreements, nearest, sliders
+
+WAYS = [(one, other, drive) for one in DRIVERS for other in DRIVERS for drive in DRIVERS[one]]
+
+
+def place(rng, size=1.0) -> complex:
+    return complex(*rng.normal(size=2)) * size
+
+
+def guide(rng, kind):
+    if kind is Circle:
+        return Circle(place(rng, 2.0), float(rng.uniform(0.3, 2.0)), place(rng))
+    if kind is Rail:
+        return Rail(place(rng, 2.0), float(rng.uniform(0, TURN)), place(rng))
+    return Slot(place(rng, 2.0), place(rng), float(rng.uniform(0, TURN)))
+
+
+@pytest.mark.parametrize("way", WAYS, ids=lambda way: "-".join([way[0].__name__, way[1].__name__, way[2]]))
+def test_no_body_leaves_its_enclosure(way) -> None:
+    """Cells of all widths, many of them next to dead positions; and the bounds are not loose everywhere."""
+    one, other, drive = way
+    rng, seen, worst = np.random.default_rng(WAYS.index(way)), 0, 0.0
+    while seen < 25:
+        linkage = GuidedLinkage(
+            (guide(rng, one), guide(rng, other)), drive, int(rng.choice([-1, 1])), rng.uniform(-3, 3)
+        )
+        half = 10 ** rng.uniform(-6, -0.3)
+        with np.errstate(all="ignore"):
+            if not linkage.closes_over(Interval(linkage.start - half, linkage.start + half)):
+                continue
+        seen += 1
+        names, steps = ["ground", "coupler"], [OnGuides(linkage)]
+        driven, last = linkage.guides
+        if isinstance(last, Circle):
+            names.append("rocker")
+            steps.append(Rocker(2, last.pivot, last.radius, Place(1, last.body_point - driven.body_point)))
+        movement = Movement(names, steps)
+        cell = movement.bodies(np.array([0.0]), np.array([half]))
+        moved = movement.bodies(half * np.linspace(-1, 1, 65))
+        for body in range(1, len(names)):
+            point = Place(body, place(rng))
+            far = np.abs(moved.point(point) - cell.point(point)[0]).max()
+            spread = cell.spread(point)[0]
+            assert far <= spread * (1 + 1e-9) + 1e-9, (body, half)
+            worst = max(worst, far / spread)
+    assert worst > 0.4
+
+
+def test_a_body_on_two_circles_is_the_four_bar() -> None:
+    linkage = Linkage((30.0, 60.0, 70.0, 50.0), 1, 0.3, 2 + 1j, 0.4, (20.0, 1.0), 0.2)
+    used = Interval(0.0, TURN)
+    one, other = four_bar(linkage, used, Sizes(6.0, 18.0)), guided(of_four_bar(linkage), used, Sizes(6.0, 18.0))
+    found = [Search(machine, Asked("below"), Work()).answer() for machine in (one, other)]
+    assert found[0].stack.layers == found[1].stack.layers
+    assert found[0].least[1].gap == pytest.approx(found[1].least[1].gap, abs=1e-9)
+
+
+def test_proofs_of_sliders_agree_with_shapely() -> None:
+    for machine in sliders(11):
+        search = Search(machine, Asked("below"), Work())
+        assert disagreements(machine, search)[2] == 0
+        found = search.answer()
+        if found.status == "free":
+            assert nearest(machine, found) > -1e-9
+
+
+def test_rails_are_plates_on_posts_with_slits_as_long_as_the_motion() -> None:
+    """A slider-crank by formulas: the pin runs over the stroke of crank 1, rod 2, offset 0.3."""
+    crank, rail = Circle(0j, 1.0, 0j), Rail(0.3j, 0.0, 2 + 0j)
+    machine = guided(GuidedLinkage((crank, rail), Driver.CRANK, 1, 0.0), Interval(0.0, TURN), Sizes())
+    (slit,) = machine.plate("rail").slits
+    stroke = np.sqrt((2 + 1) ** 2 - 0.3**2) - np.sqrt((2 - 1) ** 2 - 0.3**2)
+    assert abs(slit.last - slit.first) == pytest.approx(stroke)
+    assert {pin.name for pin in machine.pins} == {"A", "D", "B1", "B2", "C"}
+    posts = [pin for pin in machine.pins if pin.post]
+    assert all(pin.grounded and pin.joins == ("rail",) for pin in posts)
+
+
+def test_a_pin_in_a_slit_meets_the_other_pins_of_its_plate() -> None:
+    """A slot whose pin passes the body's other pin: collides though both are joined to the coupler."""
+    crank, slot = Circle(0j, 1.0, 0j), Slot(1.5 + 0j, 0j, 0.0)
+    linkage = GuidedLinkage((crank, slot), Driver.CRANK, 1, np.pi / 2)
+    machine = guided(linkage, Interval(0.0, 1.0), Sizes(0.3, 0.6, 0.0))
+    names = Search(machine, Asked("below"), Work()).sliding
+    assert names == {("coupler", frozenset(("B", "D")))}
+    # at travel -pi / 2 the crank points at the pin: 0.5 apart
+    near = guided(linkage, Interval(-1.5, 1.0), Sizes(0.45, 0.9, 0.2))
+    found = Search(near, Asked("below"), Work()).answer()
+    assert any(set(one.pair) == {"B", "D"} for one in found.collisions)
+
+
+def test_a_loop_that_opens_is_refused() -> None:
+    crank, rail = Circle(0j, 1.0, 0j), Rail(0.3j, 0.0, 0.5 + 0j)
+    linkage = GuidedLinkage((crank, rail), Driver.CRANK, 1, 0.0)
+    with pytest.raises(FieldError, match="does not close"):
+        guided(linkage, Interval(0.0, TURN), Sizes())

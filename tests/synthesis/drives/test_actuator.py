@@ -1,0 +1,166 @@
+"""Places of actuators: optima against a finer grid, exact derivatives, closed forms, and what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from synthesis.drives.actuator import (
+    Actuator,
+    Placement,
+    Question,
+    Refused,
+    Row,
+    Sizes,
+    Wanted,
+    _Descent,
+    best_of_rows,
+    straight,
+    straight_placement,
+)
+from synthesis.drives.links import hinged, machine_of
+from tests.oracles.driven_cases import loads, random_linkage
+
+
+def random_question(seed: int, grid: int = 60) -> tuple[Question, Actuator]:
+    """A link of a random linkage with a random load, and an actuator that may fit; the box and the reach are of its size."""
+    rng = np.random.default_rng(seed)
+    linkage, interval = random_linkage(rng)
+    machine = machine_of(linkage, interval)
+    torque = machine.torque(loads(linkage, rng)._replace(speed=0.0))
+    link = machine.links[("crank", "coupler", "rocker")[seed % 3]]
+    middle = complex(np.mean(link.origin))
+    box = (middle.real - 2.5, middle.imag - 2.5, middle.real + 2.5, middle.imag + 2.5)
+    stroke = rng.uniform(0.15, 0.8)
+    wanted = Wanted(box, 1.5, 0.02 * stroke)
+    return Question(link, machine.at, torque, wanted, grid), Actuator(stroke * rng.uniform(1.1, 2.5), stroke)
+
+
+@pytest.mark.parametrize("seed", range(24))
+def test_no_grid_four_times_as_fine_finds_a_smaller_force(seed: int) -> None:
+    asked, actuator = random_question(seed)
+    found = asked.best(actuator)
+    fine, _ = random_question(seed, 240)
+    link, fine.link = fine.link, _without_pivot(fine.link)
+    begin = fine.screened(actuator)
+    if isinstance(found, Refused):
+        if begin.refused is None:  # the finer grid has a place: only in between the coarse one's points
+            assert not isinstance(fine.best(actuator), Refused)
+            assert link.pivot is None
+            assert begin.worth < 0.05
+        return
+    assert asked.keeps(found, 1e-6)
+    assert begin.refused is not None or found.worst <= (1 + 1e-6) * asked.scale_of_burden / begin.worth
+    again = fine.best(actuator)
+    assert isinstance(again, Refused) or found.worst <= again.worst * (1 + 1e-6)
+    assert found.length[[0, -1]] == pytest.approx(
+        [actuator.retracted, actuator.retracted + actuator.stroke][:: 1 if found.extends else -1], abs=1e-9
+    )
+    assert found.worst >= asked.bound(actuator.stroke) * (1 - 1e-3)
+
+
+def _without_pivot(link):
+    from dataclasses import replace
+
+    return replace(link, pivot=None)
+
+
+@pytest.mark.parametrize("free", [(False, False), (True, False), (False, True), (True, True)])
+@pytest.mark.parametrize("seed", range(4))
+def test_derivatives_of_the_descent_are_exact(seed: int, free: tuple[bool, bool]) -> None:
+    asked, actuator = random_question(3 * seed + 1)
+    begin = asked.screened(actuator)
+    if begin.refused is not None:
+        pytest.skip("no place to begin from")
+    one = _Descent(asked, Sizes(actuator, *free), bool(begin.ways[0]), float(begin.sides[0]))
+    z = one.start(complex(begin.grounds[0]))
+    slopes, step = one.slopes(z), 1e-6
+    for k in range(z.size):
+        there, here = z.copy(), z.copy()
+        there[k] += step
+        here[k] -= step
+        measured = (one.rows(there) - one.rows(here)) / (2 * step)
+        assert measured == pytest.approx(slopes[:, k], rel=1e-4, abs=1e-4 * max(1, np.abs(slopes[:, k]).max()))
+
+
+def test_the_closed_form_has_the_largest_least_arm() -> None:
+    rng = np.random.default_rng(5)
+    for _ in range(20):
+        swing, stroke = rng.uniform(0.2, 2.0) * rng.choice([-1, 1]), rng.uniform(0.2, 2)
+        actuator = Actuator(stroke * rng.uniform(1, 3), stroke)
+        machine = hinged(0.3 + 0.1j, rng.uniform(0, 6), swing, 1.0)
+        link = machine.links["rocker"]
+        form = straight(actuator, swing)
+        box = (-20.0, -20.0, 20.0, 20.0)
+        asked = Question(link, machine.at, np.zeros(61), Wanted(box, 20.0, 0.0))
+        placed = asked.placement(*straight_placement(link, actuator))
+        assert placed.least_arm == pytest.approx(form.arm, rel=1e-12)
+        assert placed.length[[0, -1]] == pytest.approx([actuator.retracted, sum(actuator)], rel=1e-12)
+        found = asked.best(actuator)
+        assert isinstance(found, Placement)
+        assert found.least_arm == pytest.approx(form.arm, rel=1e-6)
+        bound = asked.bound(stroke) / found.worst
+        assert bound == pytest.approx(abs(swing) / 2 / np.tan(abs(swing) / 2), rel=1e-6)
+
+
+def test_free_sizes_are_at_least_as_good_as_given_ones() -> None:
+    asked, actuator = random_question(4)
+    given = asked.best(actuator)
+    assert isinstance(given, Placement)
+    for free in ((True, False), (False, True), (True, True)):
+        dead = actuator.retracted - actuator.stroke
+        found = asked.best_of_sizes(Sizes(actuator, *free, dead))
+        assert isinstance(found, Placement)
+        assert found.worst <= given.worst * (1 + 1e-3)
+        low, high = sorted(found.length[[0, -1]])
+        assert low >= high - low + dead - 1e-6
+
+
+def test_an_actuator_that_must_extend_does() -> None:
+    asked, actuator = random_question(4)
+    for extends in (True, False):
+        wanted = asked.wanted._replace(extends=extends)
+        one = Question(asked.link, asked.at, asked.torque, wanted)
+        found = one.best(actuator)
+        assert isinstance(found, Refused) or found.extends is extends
+
+
+def test_reasons_name_what_binds() -> None:
+    machine = hinged(0j, 0.0, np.deg2rad(60), 1.0)
+    link, torque = machine.links["rocker"], np.ones(61)
+    box = (-3.0, -3.0, 3.0, 3.0)
+
+    def asked(**more: float) -> Question:
+        return Question(link, machine.at, torque, Wanted(box, 2.0, 0.0)._replace(**more))
+
+    assert asked(reach=0.4).best(Actuator(1.0, 0.5)) == Refused("reach", pytest.approx(0.5))
+    refused = asked(arm=0.6).best(Actuator(1.0, 0.5))
+    assert refused == Refused("arm", pytest.approx(0.25 / np.tan(np.pi / 6), rel=1e-3))
+    away = asked(box=(9.0, 9.0, 9.5, 9.5)).best(Actuator(1.0, 0.5))
+    assert isinstance(away, Refused)
+    assert away.reason == "box"
+    far = Question(_without_pivot(link), machine.at, torque, Wanted((50.0, 50.0, 51.0, 51.0), 2.0, 0.0))
+    assert far.best(Actuator(1.0, 0.5)).reason == "stroke"
+
+
+def test_a_catalogue_gives_its_cheapest_row_that_does() -> None:
+    machine = hinged(0j, 0.0, np.deg2rad(60), 1.0)
+    asked = Question(
+        machine.links["rocker"], machine.at, 100 * np.ones(61), Wanted((-3.0, -3.0, 3.0, 3.0), 2.0, 0.0), 30
+    )
+    rows = [
+        Row("dear", Actuator(1.0, 0.6), 500, 500, 90),
+        Row("weak", Actuator(1.0, 0.6), 150, 150, 10),
+        Row("cheap", Actuator(1.0, 0.5), 500, 500, 40),
+        Row("long", Actuator(6.0, 5.0), 5000, 5000, 5),
+    ]
+    found, unfit = best_of_rows(asked, rows, 1)
+    assert [one.row.name for one in found] == ["cheap"]
+    assert {one.row.name for one in unfit} == {"weak", "long"}
+    weak = next(one for one in unfit if one.row.name == "weak")
+    assert weak.why == pytest.approx(100 * np.pi / 3 / 0.6)
+    unpriced, _ = best_of_rows(asked, [row.__class__(row.name, row.actuator, row.push, row.pull) for row in rows], 5)
+    assert unpriced[0].row.name == "dear"  # of equal forces the one with the longer stroke pushes least
+    pulls = Row("pulls", Actuator(1.0, 0.6), 500, 1)
+    pushes = Row("pushes", Actuator(1.0, 0.6), 1, 500)
+    assert len(best_of_rows(asked, [pulls, pushes], 2)[0]) == 1

@@ -1,0 +1,118 @@
+"""Motors that turn on: swing and times by simulation with circles, angles by definition, on any link; and knees."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from synthesis.drives.actuator import Refused, Wanted
+from synthesis.drives.dyad import about_pivot, driven, on_any_link, proportions
+from synthesis.drives.links import Loading, hinged, machine_of
+from synthesis.drives.toggle import locked
+from synthesis.work import Work
+from tests.oracles.driven_cases import random_linkage
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_simulated_it_swings_as_far_and_in_the_times_that_were_asked_for(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    swing, ratio = rng.uniform(0.2, 2.6), rng.choice([1.0, rng.uniform(1.02, 2)])
+    found = proportions(swing, ratio)
+    assert found is not None
+    angle = np.linspace(0, 2 * np.pi, 20_001)
+    pins = found.motor + found.crank * np.exp(1j * angle)
+    distance = np.abs(pins)
+    along = (1 - found.rod**2 + distance**2) / (2 * distance)
+    high = np.sqrt(1 - along**2)
+    # the side on which the rocker stands at one of its ends, kept all the way round
+    least = np.inf
+    for side in (1, -1):
+        rocker = pins / distance * (along + 1j * side * high)
+        turned = np.unwrap(np.angle(rocker))
+        if abs(np.ptp(turned) - swing) > 1e-5:
+            continue
+        # ends from the dead centres: motor, crank and rod in one line
+        ends = []
+        for reach in (found.rod - found.crank, found.rod + found.crank):
+            ground = abs(found.motor)
+            along_line = (ground**2 + reach**2 - 1) / (2 * ground)
+            offset = np.sqrt(reach**2 - along_line**2)
+            places = [found.motor - found.motor / ground * (along_line + 1j * way * offset) for way in (1, -1)]
+            ends.append(min(places, key=lambda place: np.abs(rocker - place).min()))
+        least = abs(np.angle(ends[1] / ends[0]))
+        directions = [np.angle((end - found.motor) * sign) for end, sign in zip(ends, (-1, 1))]
+        turn = (directions[1] - directions[0]) % (2 * np.pi)
+        times = max(turn, 2 * np.pi - turn) / min(turn, 2 * np.pi - turn)
+        assert times == pytest.approx(ratio, abs=1e-9)
+        rod = (rocker - pins) / found.rod
+        sines = np.abs(np.imag(np.conj(rod) * rocker))
+        assert np.arcsin(sines.min()) == pytest.approx(found.transmission_angle_min, abs=1e-4)
+    assert least == pytest.approx(swing, abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_motor_on_any_link_closes_and_keeps_its_rod(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    linkage, interval = random_linkage(rng)
+    machine = machine_of(linkage, interval, 61)
+    torque = machine.torque(Loading(complex(*rng.normal(size=2))))
+    link = machine.links[("coupler", "crank", "rocker")[seed % 3]]
+    ratio = (None, 1.2)[seed % 2]
+    if link.pivot is None:
+        found = on_any_link(link, machine.at, torque, ratio, 1.5, (-4.0, -4.0, 4.0, 4.0))
+    else:
+        found = about_pivot(link, torque, ratio, 1.0, False, None)
+    if isinstance(found, str):
+        assert len(found) > 20
+        return
+    pins = link.place(found.pin)
+    for way in (0, 1):
+        assert np.abs(found.crank_pin[way] - found.motor) == pytest.approx(np.full(61, found.crank), abs=1e-9)
+        assert np.abs(found.crank_pin[way] - pins) == pytest.approx(np.full(61, found.rod), abs=2e-8)
+    forwards, backwards = found.turns
+    assert forwards + backwards == pytest.approx(2 * np.pi, abs=1e-9)
+    if ratio is not None:
+        assert found.time_ratio == pytest.approx(ratio, abs=1e-6)
+    # the motor turns one way all the way round
+    whole = np.unwrap(np.concatenate([found.motor_angle[0], found.motor_angle[1][::-1]]))
+    assert np.all(np.diff(whole) * found.sense >= -1e-9)
+    # power in is power out: torque by motor angle is torque by crank angle
+    assert found.motor_torque[:, 1:-1] == pytest.approx((torque * found.gain)[:, 1:-1], rel=1e-9, abs=1e-9)
+    assert found.gain[:, [0, -1]] == pytest.approx(0)
+    again = driven(link, torque, found.motor, found.pin, found.crank, found.rod, found.extends)
+    assert again is not None
+    assert again.least_angle == found.least_angle
+
+
+def test_times_and_boxes_that_cannot_be_are_refused_in_words() -> None:
+    machine = hinged(0j, 0.0, np.deg2rad(185), 1.0)
+    link = machine.links["rocker"]
+    assert "no crank-rocker swings" in str(about_pivot(link, np.ones(61), 4.9, 1.0, False, None))
+    small = hinged(0j, 0.0, 1.0, 1.0).links["rocker"]
+    assert "motor_box" in str(about_pivot(small, np.ones(61), 1.0, 1.0, True, (50.0, 50.0, 51.0, 51.0)))
+    placed = about_pivot(small, np.ones(61), 1.1, 1.0, False, (0.4, -0.6, 0.8, -0.2))
+    assert not isinstance(placed, str)
+    assert 0.4 <= placed.motor.real <= 0.8
+    assert -0.6 <= placed.motor.imag <= -0.2
+
+
+@pytest.mark.parametrize("last", [True, False])
+def test_a_knee_goes_over_its_centre_and_holds_what_pushes_it(last: bool) -> None:
+    machine = hinged(0j, 0.0, np.deg2rad(70), 1.0)
+    link, delta, share = machine.links["rocker"], np.deg2rad(6), 0.4
+    wanted = Wanted((-2.0, -2.0, 2.0, 2.0), 1.0, 0.05)
+    push = np.full(61, 10.0 if last else -10.0)
+    found = locked(link, machine.at, push, wanted, last, delta, share, Work())
+    assert not isinstance(found, Refused)
+    assert found.placement.extends is last
+    pins = link.place(found.placement.pin)
+    assert np.abs(found.knee - found.placement.ground) == pytest.approx(np.full(61, found.handle), abs=1e-9)
+    assert np.abs(found.knee - pins) == pytest.approx(np.full(61, found.strut), abs=1e-9)
+    bend = np.angle((pins - found.knee) / (found.knee - found.placement.ground))
+    end = -1 if last else 0
+    assert abs(bend[end]) == pytest.approx(delta, abs=1e-9)
+    others = np.delete(bend, end)
+    assert np.all(others * bend[end] < 0)
+    assert found.holds
+    assert not locked(link, machine.at, -push, wanted, last, delta, share, Work()).holds
+    assert found.overshoot > 0

@@ -1,0 +1,118 @@
+"""Poses, torques and forces of links against joints by circles and the equilibrium of every link; laws of motion."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from synthesis.drives.links import Loading, Machine, hinged, machine_of, machine_of_guided
+from synthesis.fourbar.linkage import Linkage
+from synthesis.guided.linkage import Circle, Driver, GuidedLinkage, Rail, Slot
+from synthesis.target import Interval
+from tests.oracles.driven_cases import loads, random_linkage
+from tests.oracles.equilibrium import Moving, drive_force
+
+
+def poses(linkage: Linkage, machine: Machine, some: list[int]) -> list[Moving]:
+    a, b = linkage.pivot_a, linkage.pivot_b
+    return [
+        Moving(
+            linkage.links,
+            linkage.branch,
+            (a.real, a.imag),
+            (b.real, b.imag),
+            linkage.start + linkage.ground_angle + machine.at[k],
+        )
+        for k in some
+    ]
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_torques_and_forces_hold_every_link_in_equilibrium(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    linkage, interval = random_linkage(rng)
+    machine, load = machine_of(linkage, interval), loads(linkage, rng)
+    torque = machine.torque(load)
+    some = [0, 13, 30, 47, 60]
+    turn = np.exp(1j * (linkage.body_offset or 0.0))
+    masses = [
+        ("coupler", one.amount, complex(linkage.arm + one.point * turn), one.inertia)
+        if one.link == "body"
+        else (one.link, one.amount, one.point, one.inertia)
+        for one in load.masses
+    ]
+    size = np.abs(torque).max()
+    link = ("crank", "coupler", "rocker")[seed % 3]
+    ground, pin = complex(*rng.normal(size=2)) * 3, complex(*rng.normal(size=2))
+    moving = machine.links[link]
+    v = moving.place(pin) - ground
+    arm = np.real(np.conj(v) * moving.speed(pin)) / np.abs(v)
+    for k, at in zip(some, poses(linkage, machine, some)):
+        origin, angle, _ = at.frame(link)
+        assert moving.origin[k] == pytest.approx(complex(*origin), abs=1e-12)
+        assert moving.direction[k] == pytest.approx(np.exp(1j * angle), abs=1e-12)
+        force = (load.force.real, load.force.imag)
+        gravity = (load.gravity.real, load.gravity.imag)
+        held = linkage.arm, force, load.torque, masses, gravity, load.speed
+        assert drive_force(at, *held, ("torque", "crank")) == pytest.approx(torque[k], abs=1e-9 * size)
+        at_rocker = torque[k] / machine.links["rocker"].rate[k]
+        assert drive_force(at, *held, ("torque", "rocker")) == pytest.approx(at_rocker, rel=1e-9, abs=1e-9 * size)
+        rod = drive_force(at, *held, ("rod", link, pin, (ground.real, ground.imag)))
+        assert rod == pytest.approx(torque[k] / arm[k], rel=1e-9, abs=1e-9 * size)
+
+
+GUIDED = [
+    GuidedLinkage((Circle(0j, 1.0, 0.2 + 0.1j), Rail(2 - 0.3j, 0.1, 3 + 0j)), Driver.CRANK, 1, 0.7),
+    GuidedLinkage((Rail(0j, 0.3, 0.1j), Circle(2 + 1j, 1.5, 2 + 0j)), Driver.SLIDER, 1, 0.2),
+    GuidedLinkage((Slot(2 + 1j, 0.1 + 0.2j, 0.3), Circle(0j, 1.2, 0.3j)), Driver.CYLINDER, 1, 1.9),
+]
+
+
+@pytest.mark.parametrize("machine", [machine_of_guided(one, Interval(0.0, 0.25), 241) for one in GUIDED])
+def test_rates_of_linkages_with_sliders_are_derivatives(machine: Machine) -> None:
+    _are_derivatives(machine)
+
+
+@given(st.integers(0, 10_000))
+def test_rates_are_derivatives_also_as_seen_from_another_link(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    linkage, _ = random_linkage(rng)
+    machine = machine_of(linkage, Interval(0.0, 0.05), 241)
+    one, other = rng.permutation(["crank", "coupler", "rocker"])[:2]
+    seen = machine.links[one].seen_from(machine.links[other])
+    _are_derivatives(Machine(machine.at, {one: seen}, None))
+    # distances between points of both links are the same seen from either
+    p, q = complex(*rng.normal(size=2)), complex(*rng.normal(size=2))
+    apart = np.abs(machine.links[one].place(p) - machine.links[other].place(q))
+    there = machine.links[other].place(q)[0]
+    assert np.abs(seen.place(p) - there) == pytest.approx(apart, abs=1e-12)
+
+
+def _are_derivatives(machine: Machine) -> None:
+    """Rates and their changes against differences of fourth order."""
+    step = machine.at[1] - machine.at[0]
+
+    def difference(values: np.ndarray) -> np.ndarray:
+        return (values[:-4] - 8 * values[1:-3] + 8 * values[3:-1] - values[4:]) / (12 * step)
+
+    for link in machine.links.values():
+        assert np.all(np.isfinite(link.origin))
+        size = max(1.0, np.abs(link.acceleration).max(), np.abs(link.rate_change).max()) ** 2
+        point = 0.7 - 0.4j
+        for values, slope in (
+            (link.place(point), link.speed(point)),
+            (link.speed(point), link.change(point)),
+            (np.unwrap(np.angle(link.direction)), link.rate),
+            (link.rate, link.rate_change),
+        ):
+            assert difference(values) == pytest.approx(slope[2:-2], abs=2e-7 * size**2)
+
+
+def test_a_hinged_link_is_its_own_body() -> None:
+    machine = hinged(1 + 2j, 0.3, -0.8, 5.0)
+    assert machine.sense == -1
+    assert machine.body is not None
+    assert machine.body.origin[0] == pytest.approx(1 + 2j + 5 * np.exp(0.3j))
+    assert machine.torque(Loading(-10j))[0] == pytest.approx(50 * np.cos(0.3))

@@ -1,0 +1,129 @@
+"""Springs: balance in every position, fits that keep their lengths, and the torque as a derivative of energy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from synthesis.drives.balance import Spring, one_spring, potential_of, two_springs
+from synthesis.drives.links import Loading, Mass, hinged, machine_of
+from synthesis.drives.springs import Kind, Room, best_pair, best_spring, fitted, spring_torque
+from synthesis.target import Interval
+from tests.oracles.driven_cases import random_linkage
+
+KINDS = [
+    Kind("soft", 0.5, 0.3, 0.1, 0.3, 2.5),
+    Kind("stiff", 4.0, 0.4, 0.5, 0.4, 1.6),
+    Kind("short", 9, 0.05, 1, 0.05, 0.06),
+]
+
+
+def weights(rng: np.random.Generator) -> Loading:
+    parts = [
+        Mass(name, rng.uniform(0, 2), complex(*rng.normal(size=2))) for name in ("crank", "coupler", "rocker", "body")
+    ]
+    return Loading(complex(*rng.normal(size=2)), 0.0, tuple(parts), complex(*rng.normal(size=2)))
+
+
+@given(st.integers(0, 10_000))
+def test_two_springs_balance_any_linkage(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    linkage, interval = random_linkage(rng)
+    machine, load = machine_of(linkage, interval), weights(rng)
+    torque, potential = machine.torque(load), potential_of(linkage, load)
+    size = abs(potential.w1) + abs(potential.w2)
+    for stiffness in (None, 0.7):
+        left = fitted(machine, torque, two_springs(potential, stiffness)).torque
+        assert np.abs(left).max() < 1e-10 * size * 100
+    for between in (("ground", "coupler"), ("crank", "rocker")):
+        spring = one_spring(potential, between)
+        if isinstance(spring, Spring):
+            assert spring.stiffness > 0
+            left = fitted(machine, torque, [spring]).torque
+            moved = np.abs(spring_torque(machine, spring)[1]).max()
+            assert np.abs(left).max() < 1e-9 * (size + moved) * 100
+        else:
+            assert not spring > 0 or np.isinf(spring)
+
+
+@given(st.integers(0, 10_000))
+def test_both_single_springs_exist_in_the_same_cases(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    linkage, _ = random_linkage(rng)
+    potential = potential_of(linkage, weights(rng))
+    kinds = [isinstance(one_spring(potential, both), Spring) for both in (("ground", "coupler"), ("crank", "rocker"))]
+    assert kinds[0] == kinds[1]
+
+
+@given(st.integers(0, 10_000))
+def test_a_springs_torque_is_the_derivative_of_its_energy(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    linkage, _ = random_linkage(rng)
+    machine = machine_of(linkage, Interval(0.0, 0.04), 201)
+    one, other = rng.permutation(["ground", "crank", "coupler", "rocker"])[:2]
+    points = complex(*rng.normal(size=2)) * 3, complex(*rng.normal(size=2))
+    spring = Spring((str(one), str(other)), points, rng.uniform(0.1, 2), rng.uniform(0, 1), rng.normal())
+    length, torque = spring_torque(machine, spring)
+    stretch = length - spring.free_length
+    energy = spring.preload * stretch + spring.stiffness * stretch**2 / 2
+    step = machine.at[1] - machine.at[0]
+    measured = (energy[:-4] - 8 * energy[1:-3] + 8 * energy[3:-1] - energy[4:]) / (12 * step)
+    size = np.abs(torque).max() + np.abs(energy).max()
+    assert measured == pytest.approx(torque[2:-2], abs=1e-6 * max(size, 1.0) * 100)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_fitted_spring_helps_and_keeps_its_lengths_and_places(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    linkage, interval = random_linkage(rng)
+    machine, load = machine_of(linkage, interval), weights(rng)
+    torque = machine.torque(load)
+    room = Room((-3.0, -3.0, 3.0, 3.0), 1.2, 0.1)
+    between = [("ground", "crank"), ("ground", "coupler"), ("crank", "rocker")][seed % 3]
+    found = best_spring(machine, torque, between, KINDS, room)
+    if isinstance(found, str):
+        assert "no spring of 3 fits" in found
+        return
+    (spring,), (kind,), (length,) = found.springs, found.kinds, found.lengths
+    assert kind is not None
+    assert kind.shortest <= length.min()
+    assert length.max() <= kind.longest
+    assert abs(spring.points[1]) <= 1.2 + 1e-6
+    if between[0] == "ground":
+        assert max(abs(spring.points[0].real), abs(spring.points[0].imag)) <= 3 + 1e-6
+        assert min(abs(spring.points[0] - one) for one in (linkage.pivot_a, linkage.pivot_b)) >= 0.1 - 1e-6
+    # no random place within the room does better by more than a little
+    rms = np.sqrt(np.mean(found.torque**2))
+    for _ in range(300):
+        ends = complex(*rng.uniform(-3, 3, 2)), complex(*rng.uniform(-0.8, 0.8, 2))
+        if between[0] != "ground":
+            ends = complex(*rng.uniform(-0.8, 0.8, 2)), ends[1]
+        other = rng.choice(len(KINDS))
+        one = KINDS[other]
+        trial = fitted(machine, torque, [Spring(between, ends, one.stiffness, one.free_length, one.preload)], [one])
+        if trial.lengths[0].min() >= one.shortest and trial.lengths[0].max() <= one.longest:
+            clear = between[0] != "ground" or min(abs(ends[0] - p) for p in (linkage.pivot_a, linkage.pivot_b)) >= 0.1
+            if clear and min(map(abs, ends[1:])) >= 0.1:
+                assert rms <= np.sqrt(np.mean(trial.torque**2)) * 1.02
+
+
+def test_two_fitted_springs_do_at_least_as_well_as_the_better_one() -> None:
+    rng = np.random.default_rng(3)
+    linkage, interval = random_linkage(rng)
+    machine, load = machine_of(linkage, interval), weights(rng)
+    torque, room = machine.torque(load), Room((-3.0, -3.0, 3.0, 3.0), 1.2, 0.1)
+    pairs = [("ground", "crank"), ("ground", "rocker")]
+    both = best_pair(machine, torque, pairs, KINDS, room)
+    alone = best_spring(machine, torque, pairs[0], KINDS, room)
+    assert not isinstance(both, str)
+    assert not isinstance(alone, str)
+    assert len(both.springs) == 2
+    assert np.mean(both.torque**2) <= np.mean(alone.torque**2) * (1 + 1e-9)
+
+
+def test_nothing_fits_where_all_springs_are_too_short() -> None:
+    machine = hinged(0j, 0.0, 1.0, 1.0)
+    found = best_spring(machine, np.ones(61), ("ground", "rocker"), KINDS[2:], Room((2.0, 2.0, 3.0, 3.0), 1.0, 0.1))
+    assert "no spring of 1 fits between ground and rocker" in str(found)

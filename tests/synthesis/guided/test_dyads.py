@@ -1,0 +1,85 @@
+"""Rails and slots in closed form: the checkpoints of the design, and that nothing near them is better."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from synthesis.guided.dyads import Motion, Straight, lines_of
+
+_ANGLE = np.deg2rad([0.0, 20.0, 50.0, 85.0])
+_PLACE = np.array([0, 1 + 0.2j, 1.8 + 0.7j, 2.2 + 1.5j])
+
+
+def motion(angle: np.ndarray, place: np.ndarray) -> Motion:
+    root = np.full(angle.size, angle.size**-0.5)
+    return Motion(place, np.exp(1j * angle), root, root)
+
+
+@pytest.mark.parametrize(
+    ("inverse", "point", "normal", "height"),
+    [
+        (False, -0.173951869 + 1.330564385j, 96.19237246, 1.341564652),
+        (True, 0.848481704 + 1.744674636j, 117.55293200, 1.154320023),
+    ],
+)
+def test_the_one_rail_and_the_one_slot_of_four_poses(inverse, point, normal, height):
+    seen = motion(_ANGLE, _PLACE)
+    seen = seen.inverse if inverse else seen
+    lines, error = Straight(seen).stationary()
+    assert error[0] < 1e-15 < error[1]
+    found = np.exp(1j * lines.normal[0])
+    distance = (np.conj(found) * lines.foot[0]).real
+    found, distance = (found, distance) if distance > 0 else (-found, -distance)
+    assert abs(lines.point[0] - point) < 1e-9
+    assert abs(np.rad2deg(np.angle(found)) - normal) < 1e-8
+    assert abs(distance - height) < 1e-9
+
+
+def test_places_of_the_point_on_the_rail():
+    lines, _ = Straight(motion(_ANGLE, _PLACE)).stationary()
+    wanted = [
+        -0.173951869 + 1.330564385j,
+        0.381458891 + 1.390826491j,
+        0.668914441 + 1.422015438j,
+        0.859337910 + 1.442676398j,
+    ]
+    places = motion(_ANGLE, _PLACE).places(lines.point)[0]
+    assert np.abs(places - wanted).max() < 1e-9
+
+
+def test_no_other_line_is_better_than_the_stationary_one():
+    random = np.random.default_rng(3)
+    for span in (1e-2, 0.5, 3.0):
+        seen = motion(np.sort(random.uniform(0, span, 9)), random.normal(size=9) + 1j * random.normal(size=9))
+        lines, error = Straight(seen).stationary()
+
+        def rms(point: complex, seen: Motion = seen) -> float:
+            """The best line of a point, by the least eigenvalue of its places' spread."""
+            places = seen.places(np.array([point]))[0]
+            rest = places - places.mean()
+            spread = np.cov(rest.real, rest.imag, bias=True)
+            return float(np.sqrt(max(np.linalg.eigvalsh(spread)[0], 0)))
+
+        best = rms(lines.point[0])
+        assert abs(best - error[0]) < 1e-9 * max(1.0, abs(lines.point[0]))
+        for size in (1e-3, 0.1, 1.0, 10.0):
+            for _ in range(20):
+                other = lines.point[0] + size * complex(*random.normal(size=2))
+                assert rms(other) >= best - 1e-9 * (1 + abs(other))
+
+
+def test_three_poses_have_a_rail_in_every_direction():
+    seen = motion(_ANGLE[:3], _PLACE[:3])
+    lines = Straight(seen).along(np.linspace(0, np.pi, 7))
+    gap = (np.exp(-1j * lines.normal)[:, None] * (seen.places(lines.point) - lines.foot[:, None])).real
+    assert np.abs(gap).max() < 1e-11
+
+
+def test_line_of_a_point_is_its_least_squares_line():
+    seen = motion(_ANGLE, _PLACE)
+    lines = lines_of(seen, np.array([0.3 - 0.2j]))
+    gap = (np.exp(-1j * lines.normal[0]) * (seen.places(lines.point)[0] - lines.foot[0])).real
+    for turn in (-1e-3, 1e-3):
+        other = (np.exp(-1j * (lines.normal[0] + turn)) * (seen.places(lines.point)[0] - lines.foot[0])).real
+        assert np.sum(other**2) > np.sum(gap**2)

@@ -1,0 +1,76 @@
+"""Lengths that can be had for linkages on two guides: they are kept, and the rest is at its best."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from synthesis.free.poses import make_poses
+from synthesis.guided.linkage import GuidedLinkage, Kind
+from synthesis.guided.rounding import _Chart, _rows, fitted, from_stock, lengths_of, on_grid, rounded
+from synthesis.guided.solution import GuidedSolution, assess, nearest_travel
+from synthesis.target import make_target
+from synthesis.work import Work
+from tests.oracles.guided_cases import DRIVES, NAMES, random_linkage
+
+
+def _case(drive, seed: int = 91):
+    random = np.random.default_rng(seed)
+    while True:
+        linkage = random_linkage(random, *drive)
+        found = linkage.body(linkage.start + np.linspace(-0.3, 1.3, 60))
+        if np.all(found.transmission_angle > 0.6) and np.all(found.arm > 0.3):
+            break
+    travel = np.linspace(0.0, 1.0, 9)
+    body = linkage.links(travel)[1]
+    return linkage, travel, body
+
+
+def _solution(drive) -> tuple[object, GuidedSolution]:
+    linkage, travel, body = _case(drive)
+    poses = make_poses(body.direction, body.place)
+    return poses, assess(poses, linkage, nearest_travel(poses, linkage, travel))
+
+
+@pytest.mark.parametrize("drive", DRIVES, ids=NAMES)
+def test_rounded_lengths_lie_on_the_grid(drive) -> None:
+    poses, solution = _solution(drive)
+    found = rounded(poses, solution, on_grid(0.25), None, lambda one: True, 8, Work(None))
+    if solution.linkage.kind in (Kind.TWO_SLOTS, Kind.RAIL_SLOT):
+        assert lengths_of(solution.linkage) == {} and found.solution is not None
+        return
+    assert found.solution is not None and found.tried >= 2
+    for length in lengths_of(found.solution.linkage).values():
+        assert abs(length / 0.25 - round(length / 0.25)) < 1e-9
+    assert found.solution.errors.objective < 0.35
+
+
+@pytest.mark.parametrize("drive", DRIVES[1::2], ids=NAMES[1::2])
+def test_the_rest_is_fitted_as_well_as_by_a_general_method(drive) -> None:
+    poses, solution = _solution(drive)
+    own = {name: 1.03 * length for name, length in lengths_of(solution.linkage).items()}
+    found = fitted(poses, solution, own)
+    assert found is not None
+    chart = _Chart(solution.linkage, own, False)
+
+    def errors(u: np.ndarray) -> np.ndarray:
+        rows = _rows(poses, chart.at(u[: chart.count]), u[chart.count :])
+        return np.nan_to_num(rows.ravel(), nan=10.0)
+
+    known = least_squares(errors, np.concatenate([np.zeros(chart.count), solution.travel]), xtol=1e-14, ftol=1e-14)
+    assert found.errors.objective <= np.sqrt(2 * known.cost) * 1.02 + 1e-9
+
+
+def test_with_given_timing_and_stock() -> None:
+    linkage, travel, body = _case(DRIVES[1])
+    target = make_target(body.direction, body.place, crank_angle=travel)
+    solution = assess(target, linkage, target.crank)
+    stock = [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0]
+    count = len(stock) ** len(lengths_of(linkage))
+    found = rounded(target, solution, from_stock(stock), count, lambda one: True, 8, Work(None))
+    assert isinstance(found.solution.linkage, GuidedLinkage) and found.exhaustive is False
+    for length in lengths_of(found.solution.linkage).values():
+        assert min(abs(length - one) for one in stock) < 1e-9
+    none = rounded(target, solution, from_stock(stock), count, lambda one: False, 8, Work(None))
+    assert none.solution is None and none.tried > 0

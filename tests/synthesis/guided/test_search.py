@@ -1,0 +1,136 @@
+"""The search for linkages with sliders: exact motions come back, limits are kept, a line is not called a circle."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from synthesis.fourbar.limits import Limits
+from synthesis.free.poses import Poses, make_poses
+from synthesis.guided.limits import broken_limits
+from synthesis.guided.linkage import Driver, Kind
+from synthesis.guided.search import search_guided
+from synthesis.guided.solution import GuidedSolution
+from synthesis.work import Work
+from tests.oracles.guided import KINDS, random_motion
+
+_ANY = Limits(family="any")
+
+
+def gallery(name: str) -> Poses:
+    """The motion of one of the page's examples."""
+    examples = json.loads((Path(__file__).parents[3] / "app/static/examples.json").read_text())
+    examples = examples if isinstance(examples, list) else examples["examples"]
+    request = next(one["request"] for one in examples if one["name"] == name)
+    return make_poses(np.deg2rad(request["rotation"]), np.array(request["position"]) @ [1, 1j])
+
+
+def least(solutions: list[GuidedSolution]) -> dict[str, float]:
+    found: dict[str, float] = {}
+    for one in solutions:
+        kind = one.linkage.kind.value
+        found[kind] = min(found.get(kind, np.inf), one.errors.objective)
+    return found
+
+
+@pytest.mark.parametrize("samples", [5, 6, 10, 30])
+@pytest.mark.parametrize("kind", KINDS)
+def test_exact_motions_come_back(kind, samples):
+    random = np.random.default_rng(samples)
+    for _ in range(4):
+        rotation, position, _ = random_motion(random, kind, samples)
+        found, report = search_guided(make_poses(rotation, position), _ANY, [Kind(kind)])
+        assert min(one.errors.objective for one in found) < 1e-9
+        assert report.stopped_by.value == "tolerance" or len(found) > 0
+
+
+def test_four_poses_have_one_linkage_of_rail_and_slot():
+    random = np.random.default_rng(2)
+    for _ in range(5):
+        rotation, position, _ = random_motion(random, "rail_slot", 4)
+        found, _ = search_guided(make_poses(rotation, position), _ANY, [Kind.RAIL_SLOT], Driver.SLIDER)
+        exact = [one for one in found if one.errors.objective < 1e-9]
+        assert len(exact) == 1
+
+
+@pytest.mark.parametrize("samples", [2, 3])
+def test_few_poses_have_a_choice(samples):
+    rotation, position, _ = random_motion(np.random.default_rng(1), "rail_slot", samples)
+    limits = Limits(family="any", transmission_angle_min=np.deg2rad(40))
+    found, _ = search_guided(make_poses(rotation, position), limits, [Kind(kind) for kind in KINDS])
+    assert {one.linkage.kind.value for one in found if one.errors.objective < 1e-9} >= {"slider_crank", "rail_slot"}
+    assert all(one.transmission_angle_min >= np.deg2rad(40) - 1e-6 for one in found)
+
+
+def test_casement_window_has_the_errors_of_the_design():
+    """Lengths within four extents and 35 degrees: slider-crank 1.19e-3, swinging block 1.10e-3, rail and slot 1.33e-3."""
+    poses = gallery("casement")
+    limits = Limits(family="any", transmission_angle_min=np.deg2rad(35), link_max=4 * poses.extent)
+    found, _ = search_guided(poses, limits, [Kind.SLIDER_CRANK, Kind.SWINGING_BLOCK, Kind.RAIL_SLOT])
+    errors = least(found)
+    assert errors["slider_crank"] < 1.195e-3
+    assert errors["swinging_block"] < 1.105e-3
+    assert errors["rail_slot"] == pytest.approx(1.32881e-3, rel=1e-4)
+    for one in found:
+        assert not broken_limits(one, poses, limits)
+    # that rail, driven by a slider: 91.08 mm of travel at 68.7 degrees and more
+    slider = min(
+        (one for one in found if one.linkage.kind is Kind.RAIL_SLOT and one.linkage.driver is Driver.SLIDER),
+        key=lambda one: one.errors.objective,
+    )
+    assert np.ptp(slider.travel) == pytest.approx(91.08, abs=0.05)
+    assert np.rad2deg(slider.transmission_angle_min) == pytest.approx(68.7, abs=0.1)
+
+
+def test_limits_of_rails_and_cylinders_are_kept():
+    poses = gallery("casement")
+    limits = Limits(
+        family="any", transmission_angle_min=np.deg2rad(30), rail_box=(-100.0, -400.0, 450.0, 150.0), stroke_max=300.0,
+        cylinder_dead_length=150.0, cylinder_extended_max=420.0, arm_min=40.0, link_max=900.0,
+    )  # fmt: skip
+    found, _ = search_guided(poses, limits, [Kind.RAIL_SLOT, Kind.SWINGING_BLOCK])
+    assert {one.linkage.driver for one in found} >= {Driver.SLIDER, Driver.CYLINDER}
+    for one in found:
+        assert not broken_limits(one, poses, limits)
+        for place, guide in enumerate(one.linkage.guides):
+            if hasattr(guide, "direction"):  # both ends of the used travel, by the linkage's own motion
+                at = one.linkage.along(place, np.linspace(*one.interval, 400))
+                ends = guide.point + at * np.exp(1j * guide.direction)
+                assert ends.real.min() > -100.001 and ends.real.max() < 450.001
+                assert ends.imag.min() > -400.001 and ends.imag.max() < 150.001
+        if one.linkage.driver is Driver.CYLINDER:
+            length = one.linkage.start + one.travel
+            assert length.min() > 150 - 1e-3 and length.max() < 420.001
+
+
+@pytest.mark.parametrize(
+    ("kind", "driver"),
+    [
+        ("slider_crank", Driver.CRANK),
+        ("swinging_block", Driver.CRANK),
+        ("rail_slot", Driver.SLIDER),
+        ("two_rails", Driver.SLIDER),
+    ],
+)
+def test_given_drives_come_back(kind, driver):
+    random = np.random.default_rng(7)
+    for _ in range(3):
+        rotation, position, drive = random_motion(random, kind, 12)
+        found, _ = search_guided(make_poses(rotation, position), _ANY, [Kind(kind)], driver, given=drive)
+        best = min(found, key=lambda one: one.errors.objective)
+        assert best.errors.objective < 1e-9
+        assert np.allclose(best.travel, drive, rtol=1e-7, atol=1e-9 * np.abs(drive).max())
+
+
+def test_a_budget_ends_the_search_and_more_of_it_gives_no_less():
+    poses = gallery("casement")
+    limits = Limits(family="any", transmission_angle_min=np.deg2rad(35), link_max=4 * poses.extent)
+    kinds = [Kind.SLIDER_CRANK, Kind.RAIL_SLOT]
+    short, report = search_guided(poses, limits, kinds, work=Work(0.05))
+    assert report.stopped_by.value == "budget"
+    long, _ = search_guided(poses, limits, kinds)
+    for kind, error in least(short).items():
+        assert least(long)[kind] <= error * (1 + 1e-9)

@@ -1,0 +1,71 @@
+"""Linkages on two guides against requests: the drive's best place at each sample, errors, and size."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from synthesis.fourbar.limits import Limits
+from synthesis.free.poses import make_poses
+from synthesis.guided.linkage import GuidedLinkage
+from synthesis.guided.solution import assess, excursion, nearest_travel, practical_faults, size_of, turned_frame
+from synthesis.target import make_target
+from tests.oracles.guided_cases import DRIVES, NAMES, random_linkage
+
+
+def _used(random: np.random.Generator, drive) -> tuple[GuidedLinkage, np.ndarray]:
+    """A linkage and travel over which it transmits well."""
+    while True:
+        linkage = random_linkage(random, *drive)
+        travel = np.linspace(0.0, 0.6, 8)
+        angle = linkage.body(linkage.start + np.linspace(-0.3, 0.9, 60)).transmission_angle
+        if np.all(angle > 0.3):
+            return linkage, travel
+
+
+@pytest.mark.parametrize("drive", DRIVES, ids=NAMES)
+def test_an_exact_motion_is_met_from_nearby(drive) -> None:
+    random = np.random.default_rng(31)
+    for _ in range(10):
+        linkage, travel = _used(random, drive)
+        body = linkage.links(travel)[1]
+        poses = make_poses(body.direction + 0.3, body.place)
+        begin = travel + random.uniform(-0.05, 0.05, travel.size)
+        found = nearest_travel(poses, turned_frame(linkage, 0.3), begin)
+        assert np.allclose(found, travel, atol=1e-7)
+        solution = assess(poses, linkage, found)
+        # the offset of the rotation is found with the errors
+        assert solution.errors.objective < 1e-7 * (1 + np.abs(body.place).max())
+        turned = solution.linkage.body(solution.linkage.start).rotation[0] - body.direction[0] - 0.3
+        assert abs(np.exp(1j * turned) - 1) < 1e-6
+        assert solution.transmission_angle_min > 0.29
+        assert size_of(solution, poses) > 0 and excursion(solution, poses) >= 1
+        assert isinstance(practical_faults(solution, poses, Limits()), list)
+
+
+@pytest.mark.parametrize("drive", DRIVES, ids=NAMES)
+def test_the_nearest_travel_is_that_of_a_fine_search(drive) -> None:
+    random = np.random.default_rng(32)
+    for _ in range(5):
+        linkage, travel = _used(random, drive)
+        body = linkage.links(travel)[1]
+        off = 0.02 * (random.normal(size=8) + 1j * random.normal(size=8))
+        poses = make_poses(body.direction + 0.02 * random.normal(size=8), body.place + off)
+        found = nearest_travel(poses, linkage, travel)
+        walk = np.linspace(-0.25, 0.85, 22001)
+        there = linkage.body(linkage.start + walk)
+        for k in range(8):
+            square = (there.rotation - poses.rotation[k]) ** 2
+            square = square + np.abs(there.position - poses.position[k]) ** 2 / poses.length_scale**2
+            best = walk[np.argmin(square)]
+            if -0.2 < best < 0.8:
+                assert found[k] == pytest.approx(best, abs=1e-4)
+
+
+def test_with_given_timing_travel_is_taken_as_it_is() -> None:
+    random = np.random.default_rng(33)
+    linkage, travel = _used(random, DRIVES[1])
+    body = linkage.links(travel)[1]
+    target = make_target(body.direction, body.place, crank_angle=travel)
+    solution = assess(target, linkage, target.crank)
+    assert solution.errors.objective < 1e-14 and np.array_equal(solution.travel, travel)

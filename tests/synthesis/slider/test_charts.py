@@ -1,0 +1,130 @@
+"""Shapes of slider-cranks and swinging blocks: closure, checkpoints of the design note, derivatives, and the kernel's own."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from synthesis.slider.charts import (
+    RAIL,
+    SLOT,
+    AnySliderChart,
+    SliderChart,
+    SliderCrankChart,
+    SwingingBlockChart,
+    body_angles,
+    excesses,
+)
+
+CHARTS = [SliderCrankChart(), SwingingBlockChart(), AnySliderChart(RAIL), AnySliderChart(SLOT)]
+every_chart = pytest.mark.parametrize("chart", CHARTS, ids=["slider", "block", "any slider", "any block"])
+unknown = st.floats(-3, 3).filter(lambda q: abs(q) > 1e-3)
+
+
+def turned(guide: int, lengths: Any, crank: Any, derivatives: bool = False) -> Any:
+    lengths = np.atleast_2d(np.asarray(lengths, dtype=float))
+    return body_angles(guide, lengths, *excesses(guide, lengths), np.atleast_2d(crank), derivatives)
+
+
+@pytest.mark.parametrize(
+    ("guide", "lengths", "angle", "slopes"),
+    [
+        (RAIL, (1, 2, 0.3), -13.475068128, (-0.393864763, 0.119809292, 0.514153933, -0.330491777)),
+        (SLOT, (1, 2, 0.5), -48.154355394, (-0.670614768, 0.504673445, -0.677464242, 0.096091789)),
+    ],
+    ids=["slider-crank", "swinging block"],
+)
+def test_checkpoints_of_the_design_note(guide: int, lengths: Any, angle: float, slopes: Any) -> None:
+    found, by, possible = turned(guide, lengths, np.deg2rad(50.0), True)
+    assert possible[0]
+    assert np.rad2deg(found[0, 0]) == pytest.approx(angle, abs=1e-9)
+    np.testing.assert_allclose(by[0, :, 0], slopes, atol=1e-9)
+
+
+@every_chart
+@given(p=unknown, w=unknown, theta1=st.floats(-20, 20))
+def test_the_body_is_where_its_guide_says(chart: SliderChart, p: float, w: float, theta1: float) -> None:
+    found = chart.at(np.array([[p, w]]), np.array([[theta1]]), np.ones(1), derivatives=False)
+    (crank, long, offset), size = chart.shape(np.array([[p, w]])).lengths[0], 1e-12
+    if found.possible is not True and not found.possible[0]:
+        assert type(chart) is AnySliderChart
+        return
+    pin, body = crank * np.exp(1j * theta1), np.exp(1j * found.angle[0, 0])
+    if chart.guide == RAIL:
+        assert (pin + long * body).imag == pytest.approx(offset, abs=size * (crank + long))
+        assert body.real >= 0
+    else:
+        slot = (long - pin) * np.conj(body)
+        assert slot.imag == pytest.approx(offset, abs=size * (crank + long))
+        assert slot.real >= 0
+
+
+@every_chart
+@given(p=unknown, w=unknown)
+def test_unknowns_of_the_lengths_are_the_unknowns(chart: SliderChart, p: float, w: float) -> None:
+    q = np.array([[p, w]])
+    np.testing.assert_allclose(chart.unknowns(7.0 * chart.shape(q).lengths), q, rtol=1e-6, atol=1e-6)
+
+
+@every_chart
+def test_slopes_are_the_derivatives(chart: SliderChart) -> None:
+    random = np.random.default_rng(3)
+    q, theta1, side, h = random.uniform(0.2, 1.5, (60, 2)), random.uniform(0, 6, (60, 1)), np.ones(60), 1e-6
+    found = chart.at(q, theta1, side)
+    keep = np.broadcast_to(found.possible, 60)
+    for k in range(3):
+        moved = [
+            chart.at(q + sign * h * np.eye(3)[k, :2], theta1 + sign * h * (k == 2), side, False) for sign in (1, -1)
+        ]
+        keep = keep & np.broadcast_to(moved[0].possible, 60) & np.broadcast_to(moved[1].possible, 60)
+        difference = (moved[0].angle - moved[1].angle)[:, 0] / (2 * h)
+        np.testing.assert_allclose(found.slope[keep, k, 0], difference[keep], rtol=1e-5, atol=1e-6)
+    assert keep.sum() > 20
+
+
+def test_the_other_way_to_assemble_is_that_of_the_offset_negated_half_a_turn_on() -> None:
+    crank = np.linspace(0, 7, 50)
+    plus, minus = turned(RAIL, (1, 2, 0.3), crank)[0], turned(RAIL, (1, 2, -0.3), crank + np.pi)[0]
+    # branch -1 of e = 0.3: the rod points the other way along the rail
+    other = np.pi - np.arcsin((0.3 - np.sin(crank)) / 2)
+    np.testing.assert_allclose(np.exp(1j * other), np.exp(1j * (minus[0] + np.pi)), atol=1e-14)
+    assert np.ptp(plus[0] - minus[0]) > 0.1
+
+
+@pytest.mark.parametrize("guide", [RAIL, SLOT])
+def test_a_mirror_image_is_that_of_the_offset_negated(guide: int) -> None:
+    crank = np.linspace(-4, 7, 50)
+    for lengths in ((1, 2.5, 0.7), (2.5, 1, 0.7)) if guide == SLOT else ((1, 2.5, 0.7),):
+        mirrored = turned(guide, (*lengths[:2], -lengths[2]), crank)[0]
+        shift = mirrored + turned(guide, lengths, -crank)[0]
+        assert np.ptp(shift) < 1e-14
+
+
+@pytest.mark.parametrize("guide", [RAIL, SLOT])
+def test_angles_are_exact_next_to_a_change_point(guide: int) -> None:
+    from mpmath import mp, mpf
+
+    mp.dps = 40
+    chart: Any = SliderCrankChart() if guide == RAIL else SwingingBlockChart()
+    q = np.array([[np.log(1e-12), 0.3]]) if guide == RAIL else np.array([[0.4, 14.0]])
+    shape = chart.shape(q)
+    near = -np.pi / 2 if guide == RAIL else 0.0
+    theta1 = near + np.array([[-1e-3, 1e-5, 0.2]])
+    found = chart.at(q, theta1, np.ones(1), False).angle[0]
+    r = mpf(shape.lengths[0, 0])
+    for value, t in zip(found, theta1[0]):
+        t, x, y = mpf(t), mpf(shape.x[0]), mpf(shape.y[0])
+        if guide == RAIL:
+            e, rod = (y - x) / 2, r + (x + y) / 2
+            wanted = mp.asin((e - r * mp.sin(t)) / rod)
+        else:
+            d, h = mpf(shape.lengths[0, 1]), (y - x) / 2
+            d = r - (x + y) / 2
+            away = d - r * mp.expj(t)
+            wanted = mp.arg(away) - mp.asin(h / abs(away))
+            wanted += 2 * mp.pi * mp.nint((mpf(value) - wanted) / (2 * mp.pi))
+        assert abs(value - float(wanted)) < 1e-13

@@ -1,0 +1,56 @@
+"""Types of slider-cranks: each once, against a plain double loop."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from synthesis.errors import FieldError
+from synthesis.slider.dimension_types import SliderTypeRule, count_slider_types, enumerate_slider_types
+
+
+def naive(rule: SliderTypeRule) -> list[tuple[int, int, int]]:
+    """All whole lengths of the sum, one after the other."""
+    found = []
+    for crank in range(rule.smallest, rule.perimeter + 1):
+        for offset in range(rule.perimeter + 1):
+            rod = rule.perimeter - crank - offset
+            if crank + offset < rod:
+                found.append((crank, rod, offset))
+    return found
+
+
+@pytest.mark.parametrize("perimeter", [4, 5, 17, 40, 41])
+@pytest.mark.parametrize("smallest", [1, 2, 9, 30])
+def test_the_types_are_those_of_the_plain_loop(perimeter: int, smallest: int) -> None:
+    rule = SliderTypeRule(perimeter, smallest)
+    found = enumerate_slider_types(rule)
+    assert found.shape[1] == 3 and found.dtype == np.int32
+    assert [tuple(row) for row in found.tolist()] == naive(rule)
+    assert count_slider_types(rule) == len(found)
+
+
+def test_the_default_has_more_than_fifty_thousand_none_of_which_is_another_or_its_mirror_image() -> None:
+    lengths = enumerate_slider_types(SliderTypeRule())
+    assert len(lengths) == 50_721
+    ratios = lengths / lengths[:, :1]
+    assert len(np.unique(np.round(np.abs(ratios), 12), axis=0)) == len(lengths)
+    assert (lengths[:, 2] == 0).sum() == 318
+    assert enumerate_slider_types(SliderTypeRule(10_000))[-1].tolist() == [4999, 5001, 0]
+
+
+@given(st.integers(4, 60), st.integers(1, 12), st.integers(-300, 300), st.one_of(st.none(), st.integers(-300, 300)))
+def test_some_rows_are_that_slice_of_all(perimeter: int, smallest: int, begin: int, end: int | None) -> None:
+    rule = SliderTypeRule(perimeter, smallest)
+    np.testing.assert_array_equal(enumerate_slider_types(rule, begin, end), enumerate_slider_types(rule)[begin:end])
+
+
+@pytest.mark.parametrize(
+    ("values", "field"), [((3, 2), "/perimeter"), ((10_001, 2), "/perimeter"), ((40, 0), "/smallest")]
+)
+def test_what_is_refused(values: tuple[int, int], field: str) -> None:
+    with pytest.raises(FieldError) as error:
+        SliderTypeRule(*values)
+    assert error.value.field == field

@@ -1,0 +1,173 @@
+"""Flat parts: closed forms, Monte-Carlo-free counterparts by polygons, and rigid bodies of several parts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from synthesis.assembly.shapes import contains
+from synthesis.solids.fits import FITS, tolerance
+from synthesis.solids.mesh import mesh_of, ring_of
+from synthesis.solids.prism import Hole, Prism, arc_between, filleted, rounded, together
+
+LAW = settings(derandomize=True, deadline=None, max_examples=60)
+TRIANGLE = (0j, 72 + 0j, 10 + 17j)
+LATER = [0j, 60 + 0j, 60 + 20j, 20 + 20j, 20 + 60j, 60j]
+
+
+def near(value, wanted, scale=1.0):
+    assert value == pytest.approx(wanted, rel=1e-12, abs=1e-12 * scale)
+
+
+def test_a_disc_and_a_ring_have_the_closed_forms() -> None:
+    disc, ring = Prism.disc(3 + 4j, 2, 0, 5), Prism.disc(3 + 4j, 2, 0, 5, 1)
+    near(disc.volume, 20 * np.pi)
+    near([disc.moments.xx, disc.moments.yy, disc.moments.xy], [4 * np.pi, 4 * np.pi, 0], 10)
+    near(ring.moments.area, 3 * np.pi)
+    near(ring.moments.xx, 15 / 4 * np.pi)
+    near(ring.moments.centre, 3 + 4j)
+    mass = disc.mass(2.0)
+    near(mass.mass, 40 * np.pi)
+    near(np.diag(mass.inertia), 40 * np.pi * np.array([4 / 4 + 25 / 12, 4 / 4 + 25 / 12, 4 / 2]))
+    near(mass.centre, [3, 4, 2.5])
+
+
+def test_a_capsule_has_the_closed_forms() -> None:
+    length, radius = 72.0, 7.125
+    plate = Prism(rounded((0j, complex(length)), radius), 0, 3)
+    near(plate.moments.area, 2 * radius * length + np.pi * radius**2)
+    near(plate.moments.centre, length / 2, 100)
+    # a rectangle, and two half discs with their centres 4 r / 3 pi beyond its ends
+    half = np.pi * radius**2 / 2
+    off = 4 * radius / (3 * np.pi)
+    own = np.pi * radius**4 / 8 - half * off**2
+    near(plate.moments.xx, 2 * radius * length**3 / 12 + 2 * (own + half * (length / 2 + off) ** 2))
+    near(plate.moments.yy, length * (2 * radius) ** 3 / 12 + np.pi * radius**4 / 4)
+    assert plate.extent == pytest.approx((-7.125 - 7.125j, 79.125 + 7.125j))
+
+
+def test_holes_count_against_the_area_and_far_away_loses_no_digits() -> None:
+    holes = (Hole(0j, 2.85), Hole(72 + 0j, 2.85))
+    plate = Prism(rounded((0j, 72 + 0j), 7.125), 0, 3, holes)
+    full = Prism(plate.outline, 0, 3)
+    near(plate.moments.area, full.moments.area - 2 * np.pi * 2.85**2)
+    near(plate.moments.xx, full.moments.xx - 2 * np.pi * 2.85**2 * (36**2 + 2.85**2 / 4))
+    there = plate.moved(np.exp(0.7j), 1e6 + 2e6j, 3.0)
+    assert there.moments.area == pytest.approx(plate.moments.area, rel=1e-9)
+    near(there.moved(np.exp(-0.7j), -np.exp(-0.7j) * (1e6 + 2e6j)).outline[:, 2], plate.outline[:, 2])
+    near(plate.scaled(0.5).volume, plate.volume / 8)
+    near(plate.thinnest_wall, 3.0)
+    near(Prism(plate.outline, 0, 9, holes).thinnest_wall, 7.125 - 2.85)
+
+
+@LAW
+@given(st.floats(1, 40), st.floats(-50, 50), st.floats(3, 50), st.floats(1, 20))
+def test_a_rounded_triangle_is_what_fine_polygons_tend_to(base, x, y, radius) -> None:
+    prism = Prism(rounded((0j, complex(base), complex(x, y)), radius), 0, 1)
+    # sampled far finer than the mesh's
+    points = []
+    for start, arc in zip(prism.corners, prism.arcs):
+        points += [start] if arc is None else list(arc.at(np.arange(2000) / 2000))
+    ring = np.array(points)
+    on = np.roll(ring, -1)
+    cross = np.imag(np.conj(ring) * on)
+    area = cross.sum() / 2
+    assert prism.moments.area == pytest.approx(area, rel=1e-6)
+    assert prism.moments.centre == pytest.approx(((ring + on) * cross).sum() / 6 / area, rel=1e-5, abs=1e-5)
+    xx = ((ring.real**2 + ring.real * on.real + on.real**2) * cross).sum() / 12
+    assert prism.moments.xx + area * prism.moments.centre.real**2 == pytest.approx(xx, rel=1e-5)
+    xy = np.sum(
+        cross * (2 * ring.real * ring.imag + ring.real * on.imag + on.real * ring.imag + 2 * on.real * on.imag)
+    )
+    mixed = prism.moments.xy + area * prism.moments.centre.real * prism.moments.centre.imag
+    assert mixed == pytest.approx(xy / 24, rel=1e-5, abs=1e-5 * xx)
+
+
+def test_fillets_stay_within_the_polygon_and_leave_inward_corners() -> None:
+    prism = Prism(filleted(LATER, 6), 0, 1)
+    assert 0.97 * 2000 < prism.moments.area < 2000
+    assert np.count_nonzero(prism.outline[:, 2]) == 5
+    assert all(contains(LATER, point + 1e-6 * (10 + 10j - point)) for point in ring_of(prism))
+    near(Prism(filleted(LATER, 0), 0, 1).moments.area, 2000)
+
+
+@LAW
+@given(st.complex_numbers(max_magnitude=10), st.complex_numbers(min_magnitude=1, max_magnitude=9), st.floats(0.05, 3))
+def test_an_arc_ends_where_its_bulge_says(start, way, bulge) -> None:
+    for sign in (1, -1):
+        arc = arc_between(start, start + way, sign * bulge)
+        ends = arc.at(np.array([0.0, 1.0]))
+        assert abs(ends[0] - start) < 1e-9 * max(1, arc.radius) and abs(ends[1] - start - way) < 1e-9 * max(
+            1, arc.radius
+        )
+        middle = arc.at(np.array([0.5]))[0]
+        # the sagitta is the bulge times half the chord, to the right of the way where the bulge is positive
+        assert (start + way / 2 - 1j * way / 2 * sign * bulge) == pytest.approx(middle, abs=1e-8 * max(1, arc.radius))
+
+
+def test_an_arc_around_a_hollow_is_a_polygon_around_it() -> None:
+    square = np.array([[0, 0, 0.0], [40, 0, 0.0], [40, 40, -1.0], [0, 40, 0.0]])
+    prism = Prism(square, 0, 2)
+    near(prism.moments.area, 1600 - np.pi * 200)
+    mesh = mesh_of(prism)
+    assert mesh.open_edges == 0 and mesh.euler_characteristic == 2
+    assert 0 < 1 - mesh.volume / prism.volume < 1e-3
+    assert np.abs(ring_of(prism) - (20 + 40j)).min() > 20 - 1e-9
+
+
+def test_several_masses_are_one_rigid_body() -> None:
+    random = np.random.default_rng(5)
+    parts = [Prism.disc(complex(*random.uniform(-9, 9, 2)), 2, z, z + 3).mass(1.5) for z in random.uniform(-5, 5, 4)]
+    whole = together(parts)
+    # a cloud of points has the same mass, centre and inertia
+    points = [(p.mass / 6, p.centre + off) for p in parts for off in _octahedron(p)]
+    mass = sum(m for m, _ in points)
+    centre = sum(m * x for m, x in points) / mass
+    inertia = sum(m * ((x - centre) @ (x - centre) * np.eye(3) - np.outer(x - centre, x - centre)) for m, x in points)
+    near(whole.mass, mass)
+    near(whole.centre, centre)
+    near(whole.inertia, inertia, 1e3)
+    values = np.linalg.eigvalsh(whole.inertia)
+    assert values[0] + values[1] >= values[2]
+    turn = np.exp(0.9j)
+    shifted = together([part.turned(turn, np.array([1.0, 2, 3])) for part in parts])
+    near(shifted.inertia, whole.turned(turn, np.array([1.0, 2, 3])).inertia, 1e3)
+    assert together([]).mass == 0
+
+
+def _octahedron(part):
+    """Six points whose inertia about their middle is that of a disc, for a sixth of the mass each."""
+    ixx, izz = part.inertia[0, 0] / part.mass, part.inertia[2, 2] / part.mass
+    xx = izz / 2
+    zz = ixx - xx
+    return [
+        np.array(off) * np.sqrt(3)
+        for off in (
+            (np.sqrt(xx), 0, 0),
+            (-np.sqrt(xx), 0, 0),
+            (0, np.sqrt(xx), 0),
+            (0, -np.sqrt(xx), 0),
+            (0, 0, np.sqrt(zz)),
+            (0, 0, -np.sqrt(zz)),
+        )
+    ]
+
+
+@pytest.mark.parametrize(
+    ("diameter", "hole", "pin"),
+    # ISO 286-2: tables of H7 and g6
+    [
+        (3, "H7 +0.01/0", "g6 -0.002/-0.008"),
+        (5.7, "H7 +0.012/0", "g6 -0.004/-0.012"),
+        (12, "H7 +0.018/0", "g6 -0.006/-0.017"),
+        (30, "H7 +0.021/0", "g6 -0.007/-0.02"),
+        (100, "H7 +0.035/0", "g6 -0.012/-0.034"),
+        (500, "H7 +0.063/0", "g6 -0.02/-0.06"),
+        (501, "", ""),
+    ],
+)
+def test_tolerances_are_those_of_the_standard(diameter, hole, pin) -> None:
+    assert (tolerance(diameter, True), tolerance(diameter, False)) == (hole, pin)
+    assert FITS["print"].turning > FITS["print"].held >= 0

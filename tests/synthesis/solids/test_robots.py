@@ -1,0 +1,169 @@
+"""URDF and SDF: trees and joints, frames that meet, masses; and turned once around by MuJoCo where it is installed."""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from synthesis.solids.robots import joints_of, to_sdf, to_urdf
+from tests.oracles.solids import TABLE, built, linkage_of
+
+
+def numbers(text: str) -> np.ndarray:
+    return np.array(list(map(float, text.split())))
+
+
+@pytest.fixture(scope="module", params=["E1", "E2", "E3", "E4"])
+def named(request):
+    return request.param, built(request.param, "both", True)
+
+
+def test_a_four_bar_is_cut_at_c(named) -> None:
+    joints = joints_of(named[1].machine)
+    names = named[1].machine.movement.names
+    assert [(one.name, names[one.parent], names[one.child], one.closing) for one in joints] == [
+        ("A", "ground", "crank", False),
+        ("B", "ground", "rocker", False),
+        ("D", "crank", "coupler", False),
+        ("C", "coupler", "rocker", True),
+    ]
+
+
+def frames_of(root: ElementTree.Element) -> dict[str, tuple[complex, complex]]:
+    """Where the frames of a URDF are with all joints at zero: place, and direction of x."""
+    found = {"ground": (0j, 1 + 0j)}
+    joints = list(root.iter("joint"))
+    while len(found) <= len(joints):
+        for joint in joints:
+            parent, child = joint.find("parent").get("link"), joint.find("child").get("link")
+            if parent in found and child not in found:
+                origin = joint.find("origin")
+                at, turn = numbers(origin.get("xyz")), numbers(origin.get("rpy", "0 0 0"))
+                assert at[2] == turn[0] == turn[1] == 0
+                place, way = found[parent]
+                found[child] = place + way * complex(at[0], at[1]), way * np.exp(1j * turn[2])
+    return found
+
+
+def test_urdf_is_a_tree_whose_frames_stand_where_the_joints_are(named) -> None:
+    name, solids = named
+    root = ElementTree.fromstring(to_urdf(solids, "linkage", solids.machine.used))
+    assert root.tag == "robot" and not root.findall(".//mimic")
+    frames, joints = frames_of(root), linkage_of(TABLE[name]).joints(np.zeros(1))
+    ground = joints.pivot_a
+    for link, place in (("crank", ground), ("coupler", joints.crank_pin[0]), ("rocker", joints.pivot_b)):
+        assert frames[link][0] == pytest.approx((place - ground) / 1000, abs=1e-9)
+    # both halves of the cut meet
+    for frame in ("closing_C_1", "closing_C_2"):
+        assert frames[frame][0] == pytest.approx((joints.coupler_pin[0] - ground) / 1000, abs=1e-9)
+    crank = next(joint for joint in root.iter("joint") if joint.get("name") == "A")
+    assert crank.get("type") == "revolute"
+    limits = [float(crank.find("limit").get(end)) for end in ("lower", "upper")]
+    assert limits == pytest.approx(list(solids.machine.used), abs=1e-9)
+    turning = ElementTree.fromstring(to_urdf(solids, "linkage"))
+    assert {joint.get("type") for joint in turning.iter("joint")} == {"continuous", "fixed"}
+
+
+def check_masses(solids, found: dict[str, tuple[float, np.ndarray, np.ndarray]]) -> None:
+    for name, mass in solids.masses().items():
+        weight, centre, inertia = found[name]
+        assert weight == pytest.approx(mass.mass, rel=1e-9)
+        assert centre == pytest.approx(mass.centre / 1000, abs=1e-11)
+        size = mass.inertia.max() / 1e6
+        assert inertia == pytest.approx(mass.inertia[np.triu_indices(3)] / 1e6, abs=1e-9 * size)
+        values = np.linalg.eigvalsh(mass.inertia)
+        assert values[0] > 0 and values[0] + values[1] > values[2]
+
+
+INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+
+
+def test_urdf_has_the_masses_of_the_parts(named) -> None:
+    root = ElementTree.fromstring(to_urdf(named[1], "linkage"))
+    found = {}
+    for link in root.iter("link"):
+        if (inertial := link.find("inertial")) is not None:
+            found[link.get("name")] = (
+                float(inertial.find("mass").get("value")),
+                numbers(inertial.find("origin").get("xyz")),
+                np.array([float(inertial.find("inertia").get(key)) for key in INERTIA]),
+            )
+    check_masses(named[1], found)
+
+
+def test_sdf_closes_the_loop_by_a_fourth_joint(named) -> None:
+    name, solids = named
+    root = ElementTree.fromstring(to_sdf(solids, "linkage"))
+    model, joints = root.find("model"), linkage_of(TABLE[name]).joints(np.zeros(1))
+    poses, found = {}, {}
+    for link in model.findall("link"):
+        pose, inertial = numbers(link.find("pose").text), link.find("inertial")
+        poses[link.get("name")] = complex(pose[0], pose[1]), np.exp(1j * pose[5])
+        found[link.get("name")] = (
+            float(inertial.find("mass").text),
+            numbers(inertial.find("pose").text)[:3],
+            np.array([float(inertial.find("inertia").find(key).text) for key in INERTIA]),
+        )
+    check_masses(solids, found)
+    wanted = {"A": joints.pivot_a, "B": joints.pivot_b, "D": joints.crank_pin[0], "C": joints.coupler_pin[0]}
+    turning = [joint for joint in model.findall("joint") if joint.get("type") == "revolute"]
+    assert {joint.get("name") for joint in turning} == set(wanted)
+    children = [joint.find("child").text for joint in turning]
+    assert children.count("rocker") == 2
+    for joint in turning:
+        at = numbers(joint.find("pose").text)
+        place, way = poses[joint.find("pose").get("relative_to")]
+        assert place + way * complex(at[0], at[1]) == pytest.approx(wanted[joint.get("name")] / 1000, abs=1e-9)
+        assert joint.find("axis/xyz").text == "0 0 1"
+    assert len(model.findall(".//polyline")) == len(solids.parts)
+
+
+@pytest.mark.parametrize("name", ["E1", "E4"])
+def test_mujoco_turns_a_urdf_once_around(name) -> None:
+    mujoco = pytest.importorskip("mujoco", reason="the extra [mujoco] is not installed")
+    solids, linkage = built(name, "both", True), linkage_of(TABLE[name])
+    spec = mujoco.MjSpec.from_string(to_urdf(solids, "linkage"))
+    # fixed frames are fused away: the loop is closed in the bodies that carried them
+    closing = spec.add_equality()
+    closing.type, closing.objtype = mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtObj.mjOBJ_BODY
+    closing.name1, closing.name2 = "coupler", "rocker"
+    closing.data[0:3] = [linkage.links[1] / 1000, 0, 0]
+    closing.solref[:2], closing.solimp[:3] = [4e-4, 1], [0.99999, 0.99999, 1e-6]
+    masses = solids.masses()
+    size = max(linkage.links) / 1000
+    drive = spec.add_actuator()
+    drive.target, drive.trntype = "A", mujoco.mjtTrn.mjTRN_JOINT
+    drive.gainprm[0] = sum(mass.mass for mass in masses.values()) * size**2 / 0.1
+    drive.biastype = mujoco.mjtBias.mjBIAS_AFFINE
+    drive.biasprm[2] = -drive.gainprm[0]
+    spec.option.timestep, spec.option.gravity = 2e-4, [0, 0, 0]
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    for body in ("crank", "coupler", "rocker"):
+        assert model.body(body).mass[0] == pytest.approx(masses[body].mass, rel=1e-9)
+    mujoco.mj_forward(model, data)
+    # kinematics: the tree follows the linkage, and both sides of the cut meet all around
+    for travel in np.linspace(0, 2 * np.pi, 25):
+        joints, first = linkage.joints(np.array([travel])), linkage.joints(np.zeros(1))
+        data.joint("A").qpos = travel
+        crank = travel
+        data.joint("D").qpos = joints.coupler_angle[0] - first.coupler_angle[0] - crank
+        data.joint("B").qpos = joints.rocker_angle[0] - first.rocker_angle[0]
+        mujoco.mj_forward(model, data)
+        ends = []
+        for body, length in (("coupler", linkage.links[1]), ("rocker", linkage.links[2])):
+            here = data.body(body)
+            ends.append(here.xpos + here.xmat.reshape(3, 3) @ [length / 1000, 0, 0])
+        assert ends[0] == pytest.approx(ends[1], abs=1e-9)
+        assert abs(data.efc_pos).max() < 1e-9
+    # dynamics: driven once around, the loop holds
+    mujoco.mj_resetData(model, data)
+    data.ctrl[0], opened = 2 * np.pi, 0.0
+    while data.joint("A").qpos[0] < 2 * np.pi:
+        mujoco.mj_step(model, data)
+        opened = max(opened, float(abs(data.efc_pos).max()))
+        assert data.time < 3
+    assert opened < 1e-4 * size

@@ -1,0 +1,188 @@
+"""Parts of worked linkages: apart at every place, with their fits, washers and masses."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from synthesis.assembly.layers import Asked, arrange
+from synthesis.assembly.machine import Sizes, four_bar
+from synthesis.errors import FieldError
+from synthesis.fourbar.analysis import LinkMass
+from synthesis.fourbar.linkage import Linkage
+from synthesis.solids.fits import FITS
+from synthesis.solids.mesh import mesh_of
+from synthesis.solids.solid import COLOURS, DENSITIES, Made, masses_of_links, parts_list, solids_of
+from synthesis.target import Interval
+from synthesis.work import Work
+from tests.oracles.solids import SASH, TABLE, arranged, built, deepest, linkage_of, places_of
+
+CASES = [
+    ("E1", "below", False, ()),
+    ("E1", "both", True, ()),
+    ("E2", "below", False, SASH),
+    ("E2", "both", False, ()),
+    ("E3", "both", False, ()),
+    ("E3", "both", True, ()),
+    ("E3", "bar", False, ()),
+    ("E4", "below", True, ()),
+    ("E4", "both", False, ()),
+]
+
+
+@pytest.mark.parametrize(("name", "boards", "heads", "body"), CASES)
+@pytest.mark.parametrize("fit", FITS)
+def test_no_two_parts_overlap_anywhere(name, boards, heads, body, fit) -> None:
+    solids = built(name, boards, heads, fit, body)
+    deep, who = deepest(solids, 50)
+    assert deep <= 1e-9, who
+    names = [part.name for part in solids.parts]
+    assert len(set(names)) == len(names)
+    assert {"crank", "coupler", "rocker"} <= set(names)
+    assert all(part.prism.thinnest_wall > 0 for part in solids.parts)
+    assert solids.thinnest_wall[0] == min(part.prism.thinnest_wall for part in solids.parts)
+
+
+@pytest.mark.parametrize(("name", "boards", "heads", "body"), CASES)
+def test_no_two_parts_overlap_in_manifold(name, boards, heads, body) -> None:
+    manifold = pytest.importorskip("manifold3d", reason="the extra [solids] is not installed")
+    solids = built(name, boards, heads, "print", body)
+    bare = []
+    for part in solids.parts:
+        mesh = mesh_of(part.prism)
+        triangles = np.ascontiguousarray(mesh.triangles.astype(np.uint64))
+        bare.append(manifold.Manifold(manifold.Mesh64(np.ascontiguousarray(mesh.corners), triangles)))
+        assert bare[-1].status() == manifold.Error.NoError
+        assert bare[-1].volume() == pytest.approx(mesh.volume, rel=1e-9)
+    for travel in places_of(solids.machine, 50):
+        posed = solids.posed(travel)
+        solid = [
+            one.transform([[t.real, -t.imag, 0, z.real], [t.imag, t.real, 0, z.imag], [0, 0, 1, up]])
+            for one, (t, z, up) in zip(bare, posed, strict=True)
+        ]
+        # all together take the room of each alone
+        union = manifold.Manifold.batch_boolean(solid, manifold.OpType.Add)
+        assert sum(one.volume() for one in solid) - union.volume() <= 1e-6 * max(1.0, union.volume() * 1e-6)
+
+
+def test_a_part_in_the_wrong_layer_is_seen_to_overlap() -> None:
+    solids = built("E4", "both")
+    wrong = solids._replace(
+        parts=tuple(
+            part if part.name != "rocker" else part.__class__(**{**vars(part), "up": 0.0}) for part in solids.parts
+        )
+    )
+    assert deepest(wrong, 10)[0] > 0
+
+
+def test_poses_are_those_of_the_linkage() -> None:
+    solids, linkage = built("E2", "both"), linkage_of(TABLE["E2"])
+    for travel in places_of(solids.machine, 7):
+        joints = linkage.joints(np.array([travel]))
+        wanted = {
+            "crank": (joints.pivot_a, joints.crank_angle),
+            "coupler": (joints.crank_pin[0], joints.coupler_angle),
+            "rocker": (joints.pivot_b, joints.rocker_angle),
+            "pin_C": (joints.coupler_pin[0], joints.coupler_angle),
+            "board_below": (joints.pivot_a, [0.0]),
+        }
+        for part, (turn, shift, up) in zip(solids.parts, solids.posed(travel), strict=True):
+            assert up == part.up and abs(abs(turn) - 1) < 1e-15
+            if part.name in wanted:
+                origin, angle = wanted[part.name]
+                assert shift == pytest.approx(complex(origin), abs=1e-10)
+                assert turn == pytest.approx(np.exp(1j * angle[0]), abs=1e-11)
+
+
+def test_holes_and_pins_have_the_play_of_their_fit() -> None:
+    for fit, turning, held in (("H7", 0.0, 0.0), ("print", 0.4, 0.1)):
+        solids = {part.name: part for part in built("E4", "both", True, fit).parts}
+        diameter = 2 * solids["pin_D"].prism.circle.radius
+        assert diameter == pytest.approx(6 - turning)
+        # the crank holds pin D and turns on pin A
+        sizes = {hole.centre: 2 * hole.radius for hole in solids["crank"].prism.holes}
+        assert sizes[0j] == pytest.approx(diameter + turning)
+        assert sizes[30 + 0j] == pytest.approx(diameter + held)
+        assert all(2 * hole.radius == pytest.approx(diameter + held) for hole in solids["board_below"].prism.holes)
+        assert 2 * solids["head_C_above"].prism.holes[0].radius == pytest.approx(diameter + held)
+        assert solids["pin_A"].turns == "crank" and solids["pin_C"].turns == "rocker"
+
+
+def test_every_plate_that_turns_lies_between_washers_or_heads() -> None:
+    for boards, heads in (("below", False), ("both", False), ("both", True), ("bar", False)):
+        solids = built("E3" if boards in ("both", "bar") else "E4", boards, heads)
+        travel = solids.posed()
+        stops = [
+            (place.shift, place.up, place.up + part.prism.height)
+            for part, place in zip(solids.parts, travel)
+            if part.kind == "washer"
+        ]
+        for pin, place in zip(solids.parts, travel):
+            for name in pin.turns.split():
+                plate = next(part for part in solids.parts if part.name == name)
+                here = [(low, high) for at, low, high in stops if abs(at - place.shift) < 1e-9]
+                play = 0.1001 * FITS["H7"].axial / 0.1 + 1e-9 + 2 * FITS["H7"].axial
+                top = plate.up + plate.prism.height
+                assert any(0 <= low - top + 1e-9 <= play for low, _ in here), (boards, heads, name)
+                assert any(0 <= plate.up - high + 1e-9 <= play for _, high in here), (boards, heads, name)
+                # the pin reaches through them
+                assert place.up <= plate.up and place.up + pin.prism.height >= top
+
+
+def test_masses_are_those_of_the_parts() -> None:
+    solids = built("E1", "both")
+    masses = solids.masses()
+    assert sum(mass.mass for mass in masses.values()) == pytest.approx(sum(part.mass.mass for part in solids.parts))
+    crank = next(part for part in solids.parts if part.name == "crank")
+    assert crank.mass.mass == pytest.approx(crank.volume * DENSITIES["aluminium"] * 1e-9)
+    rocker = masses_of_links(masses, 1.0)["rocker"]
+    assert isinstance(rocker, LinkMass)
+    # nothing but the plate turns with the rocker: symmetric about the middle between its holes
+    assert rocker.centre == pytest.approx(72, abs=1e-9)
+    assert rocker.inertia == pytest.approx(masses["rocker"].inertia[2, 2])
+    # in metres: the same mass, centre and inertia in their units
+    machine, found = arranged("E1", "both")
+    metres = solids_of(machine, found.stack, Made(FITS["H7"], "aluminium", "steel"), 1000.0)
+    assert metres.masses()["coupler"].mass == pytest.approx(1e9 * masses["coupler"].mass, rel=1e-2)
+
+
+def test_a_model_is_smaller_in_everything_but_its_play() -> None:
+    full, half = built("E2", "below", fit="print"), built("E2", "below", fit="print", scale=0.5)
+    for one, other in zip(full.parts, half.parts, strict=True):
+        assert one.name == other.name
+    pins = [
+        next(part for part in solids.parts if part.name == "pin_A").prism.circle.radius for solids in (full, half)
+    ]
+    assert 2 * pins[0] + 0.4 == pytest.approx(2 * (2 * pins[1] + 0.4))
+    # a printer makes no thinner wall
+    assert half.thinnest_wall[0] > 1.2 and full.thinnest_wall[0] > 1.2
+
+
+def test_what_leaves_no_material_is_refused() -> None:
+    machine, found = arranged("E4", "below")
+    with pytest.raises(FieldError, match="play of this fit"):
+        solids_of(machine, found.stack, Made(FITS["print"], "PLA", "PLA", scale=0.05), 1.0)
+    # a body whose edge passes through the post's hole
+    edge = [-20 - 15j, 0j, 25 + 0j, 25 + 30j, -20 + 30j]
+    machine, found = arranged("E2", "both", body=edge)
+    with pytest.raises(FieldError, match="leaves no material") as refused:
+        solids_of(machine, found.stack, Made(FITS["H7"], "steel", "steel"), 1.0)
+    assert refused.value.field == "/assembly/body"
+    linkage = Linkage((30.0, 60.0, 70.0, 50.0), 1, coupler_point=(2.0, 0.0))
+    machine = four_bar(linkage, Interval(0.0, 1.0), Sizes(6.0, 18.0, 0.2), body=SASH)
+    with pytest.raises(FieldError, match="would run into another"):
+        solids_of(machine, arrange(machine, Asked("both"), Work()).stack, Made(FITS["H7"], "steel", "steel"), 1.0)
+
+
+def test_the_parts_list_says_what_a_workshop_asks() -> None:
+    solids = built("E4", "both", True)
+    columns = parts_list(solids, FITS["H7"])
+    rows = {name: {key: values[k] for key, values in columns.items()} for k, name in enumerate(columns["name"])}
+    assert rows["crank"]["length"] == 48 and rows["crank"]["width"] == 18 and rows["crank"]["thickness"] == 3
+    assert rows["crank"]["holes"] == "2 x 6" and rows["crank"]["tolerance"] == "H7 +0.012/0"
+    assert rows["pin_C"]["diameter"] == 6 and rows["pin_C"]["tolerance"] == "g6 -0.004/-0.012"
+    assert rows["pin_C"]["thickness"] is None and rows["pin_C"]["length"] > 6
+    assert rows["washer_A1"]["diameter"] == pytest.approx(10.8)
+    assert sum(columns["mass"]) == pytest.approx(1000 * sum(part.mass.mass for part in solids.parts))
+    assert set(parts_list(built("E4", "both", fit="print"), FITS["print"])["tolerance"]) == {None}
+    assert set(COLOURS.values()) >= {part.colour for part in solids.parts if part.kind in ("plate", "board")}

@@ -1,0 +1,128 @@
+"""STEP files: by their topology, and reopened in Open CASCADE where it is installed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from synthesis.solids.mesh import on_bed
+from synthesis.solids.prism import Hole, Prism
+from synthesis.solids.solid import Posed, Solid
+from synthesis.solids.step import quoted, real, to_step
+from tests.oracles.solids import SASH, TABLE, built, step_shells
+
+CASES = [
+    ("E1", "below", False, ()),
+    ("E1", "both", True, ()),
+    ("E2", "below", False, SASH),
+    ("E2", "both", True, ()),
+    ("E3", "both", False, ()),
+    ("E3", "both", True, ()),
+    ("E3", "bar", False, ()),
+    ("E4", "below", False, ()),
+    ("E4", "below", True, ()),
+    ("E4", "both", False, ()),
+]
+ODD = [Solid("Bügel – 'L' \\ 漢 𝄞", "plate", 0, "ground", Prism.disc(0j, 5, 0, 3, 2), 0j, 0.0, "steel", "#2563eb")]
+HOLLOW = np.array([[0, 0, 0.0], [40, 0, 0.3], [40, 40, -1.0], [0, 40, 0.0]])
+
+
+@pytest.mark.parametrize(("name", "boards", "heads", "body"), CASES)
+def test_every_solid_is_a_closed_shell_with_its_holes(name, boards, heads, body) -> None:
+    solids = built(name, boards, heads, "print", body, fillet=4.0)
+    text = to_step(solids.parts, solids.posed(), "linkage")
+    shells = step_shells(text)
+    assert [shell["name"] for shell in shells] == [part.name for part in solids.parts]
+    for shell, part in zip(shells, solids.parts):
+        assert shell["closed"], part.name
+        # a seam runs through each hole, so that its cylinder is one face: Euler and Poincare's 2 (1 - holes)
+        assert shell["euler"] == 2 - 2 * len(part.prism.holes), part.name
+    assert text.count("NEXT_ASSEMBLY_USAGE_OCCURRENCE(") == len(solids.parts)
+    assert text.count("STYLED_ITEM(") == len(solids.parts)
+    assert text.count("CYLINDRICAL_SURFACE(") == sum(
+        len(part.prism.holes) + (1 if part.prism.circle else sum(arc is not None for arc in part.prism.arcs))
+        for part in solids.parts
+    )
+    assert text == to_step(solids.parts, solids.posed(), "linkage")
+
+
+def test_a_missing_edge_is_seen() -> None:
+    text = to_step(ODD, [Posed(1 + 0j, 0j, 0.0)], "odd")
+    assert step_shells(text)[0]["closed"]
+    first = text.index("ORIENTED_EDGE(")
+    end = text.index(";", first)
+    turned = text[:end].replace(".T.)", ".?.)")[first:]
+    other = ".F." if ".?." in turned else ".T."
+    wrong = text[:first] + turned.replace(".?.", other).replace(".F.)", other + ")") + text[end:]
+    assert wrong == text or not step_shells(wrong)[0]["closed"]
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(1.0, "1.0"), (-0.0, "0.0"), (1e-5, "1.E-05"), (2.5e-300, "2.5E-300"), (1e22, "1.E+22"), (0.1, "0.1")],
+)
+def test_numbers_keep_every_digit_and_have_a_point(value, text) -> None:
+    assert real(value) == text
+    assert float(text) == value
+
+
+def test_names_are_written_in_ascii() -> None:
+    assert quoted("crank") == "'crank'"
+    assert quoted("it's \\") == "'it''s \\\\'"
+    assert quoted("ä–") == "'\\X2\\00E4\\X0\\\\X2\\2013\\X0\\'"
+    to_step(ODD, [Posed(1 + 0j, 0j, 0.0)], "Fenster – groß").encode("ascii")
+
+
+# -- reopened ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def occt():
+    pytest.importorskip("OCP", reason="the extra [solids] is not installed")
+    from tests.oracles import occt
+
+    return occt
+
+
+@pytest.mark.parametrize(("name", "boards", "heads", "body"), CASES)
+def test_reopened_every_part_is_what_it_was(occt, tmp_path, name, boards, heads, body) -> None:
+    solids = built(name, boards, heads, "H7", body, fillet=4.0)
+    travel = float(np.deg2rad(TABLE[name]["used"][1])) / 3
+    for places in (solids.posed(travel), on_bed(solids.parts)):
+        title, parts = occt.reopened(to_step(solids.parts, places, "linkage"), tmp_path)
+        assert title == "linkage"
+        assert [part.name for part in parts] == [part.name for part in solids.parts]
+        for found, part, place in zip(parts, solids.parts, places, strict=True):
+            check(found, part, place)
+
+
+def check(found, part: Solid, place: Posed) -> None:
+    prism = part.prism
+    assert found.valid and found.solids == 1
+    assert found.volume == pytest.approx(prism.volume, rel=1e-12)
+    middle = prism.moments.centre * place.turn + place.shift
+    wanted = (middle.real, middle.imag, place.up + (prism.low + prism.high) / 2)
+    assert found.centre == pytest.approx(wanted, abs=1e-9)
+    assert found.heights == pytest.approx((place.up + prism.low, place.up + prism.high), abs=1e-6)
+    holes = sorted(_seen(hole, place) for hole in prism.holes)
+    assert np.array(sorted(found.holes)).reshape(-1, 3) == pytest.approx(np.array(holes).reshape(-1, 3), abs=1e-9)
+    rounds = [] if prism.circle is None else [_seen(prism.circle, place)]
+    assert np.array(found.rounds).reshape(-1, 3) == pytest.approx(np.array(rounds).reshape(-1, 3), abs=1e-9)
+    # Open CASCADE keeps colours as light, files have them as a screen does
+    shown = [12.92 * c if c <= 0.0031308 else 1.055 * c ** (1 / 2.4) - 0.055 for c in found.colour]
+    assert shown == pytest.approx([int(part.colour[k : k + 2], 16) / 255 for k in (1, 3, 5)], abs=1e-3)
+
+
+def _seen(hole: Hole, place: Posed) -> tuple[float, float, float]:
+    centre = hole.centre * place.turn + place.shift
+    return centre.real, centre.imag, 2 * hole.radius
+
+
+def test_reopened_odd_names_and_hollows(occt, tmp_path) -> None:
+    parts = [*ODD, Solid("hollow", "plate", 0, "ground", Prism(HOLLOW, 1, 2.5), 0j, 0.0, "steel", "#000000")]
+    places = [Posed(1 + 0j, 0j, 0.0), Posed(np.exp(1j), 3 + 9j, -7.0)]
+    title, found = occt.reopened(to_step(parts, places, "Fenster – groß"), tmp_path)
+    assert title == "Fenster – groß"
+    assert [one.name for one in found] == [part.name for part in parts]
+    for one, part, place in zip(found, parts, places, strict=True):
+        check(one, part, place)
