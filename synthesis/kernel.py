@@ -64,10 +64,8 @@ LONGEST_ANGLE = declare(double, 0.6)  # of a crank angle, where the order is fre
 CLOSER = declare(double, 0.2)  # part of a gap between samples that a step leaves at least,
 WIDER = declare(double, 0.8)  # and of the room below the largest span that it takes at most
 GAP = declare(double, 1e-12)  # least gap between samples
-TOUCHING = declare(
-    double, 0.05
-)  # part of the mean gap below which neighbours that want to pass one another turn as one
-APART = declare(double, 1e9)  # how far apart neighbours that do not touch count where those that do are pooled
+CLOSE = declare(double, 0.05)  # gap over the mean one, below which samples that would pass one another turn as one
+ASIDE = declare(double, 1e4)  # radians between samples that are not so close, where those that are get pooled
 
 FALL = declare(
     double, 0.1
@@ -1168,6 +1166,7 @@ class Descent:
             self.take(0, n)
             if not self.first(0):
                 continue
+            self.joined = False
             self.reduce(0, LOOSE)
             # homogeneous unknowns have a direction in which nothing changes at all: a row of its own holds it
             for c in range(self.columns + 1):
@@ -1201,6 +1200,7 @@ class Descent:
             "by_angle": np.asarray(self.by_angle)[0, :active],
             "at_sample": np.asarray(self.at_sample)[0, :active],
             "inner": np.asarray(self.inner),
+            "block": np.asarray(self.block) if self.joined else np.arange(self.samples),
             "ridge": np.asarray(self.ridge)[:columns],
             "step": np.asarray(self.step)[:columns],
             "turn_step": np.asarray(self.turn_step),
@@ -1697,13 +1697,16 @@ class Descent:
     @cfunc
     def reduce(self, s: cython.int, damping: double):
         """Rows with the crank angles eliminated, into ``red``; squares of its columns."""
-        flat, active = self.flat, self.active[s]
-        self.joined = False
+        n, flat, active = self.samples, self.flat, self.active[s]
         if not self.timed:
             mean = self.angle_squares(s)
-            if self.ordered:
-                self.join_touching(s, mean)
-            for i in range(self.samples):
+            if self.joined:
+                for i in range(n):
+                    if self.block[i] != i:
+                        self.inner[self.block[i]] += self.inner[i]
+                for i in range(n):
+                    self.inner[i] = self.inner[self.block[i]]
+            for i in range(n):
                 own = ANGLE * damping * max(self.inner[i], BLUNT * mean) + FLAT * mean
                 value = self.inner[i] + own
                 value = value if value > 0.0 else 1.0
@@ -1720,37 +1723,8 @@ class Descent:
             self.square[c] = self.dot(c, c)
 
     @cfunc
-    def join_touching(self, s: cython.int, mean: double):
-        """Find the neighbours that touch and want to pass one another: all of a block turn as one, ``inner`` is of them all.
-
-        What each wants is its own Gauss-Newton step; the blocks are those of pooled adjacent violators.
-        """
-        n, last = self.samples, self.columns
-        way = 1.0 if self.phi[s, n - 1] >= self.phi[s, 0] else -1.0
-        touch: bint = False
-        near = TOUCHING * fabs(self.phi[s, n - 1] - self.phi[s, 0]) / max(n - 1, 1)
-        for i in range(n - 1):
-            touch = touch or way * (self.phi[s, i + 1] - self.phi[s, i]) < near
-        if not touch:
-            return
-        self.along_angles(s, last)
-        far = 0.0
-        for i in range(n):
-            if i > 0 and way * (self.phi[s, i] - self.phi[s, i - 1]) >= near:
-                far += APART
-            self.wish[i] = far - way * self.along[last, i] / max(self.inner[i], BLUNT * mean + TINY)
-        self.pool_violators()
-        for i in range(n):
-            if self.head[i] != i:
-                self.inner[self.head[i]] += self.inner[i]
-                self.joined = True
-        for i in range(n):
-            self.block[i] = self.head[i]  # `move` pools again
-            self.inner[i] = self.inner[self.head[i]]
-
-    @cfunc
     def pool_violators(self):
-        """The rising numbers nearest to ``wish``, by the weights ``inner``, in their place; the first of each block into ``head``."""
+        """The rising numbers nearest to ``wish`` by the weights ``inner``, in its place; each block's first into ``head``."""
         top: Py_ssize_t = 0
         for i in range(self.samples):
             self.level[top], self.weight[top], self.head[top] = self.wish[i], max(self.inner[i], TINY), i
@@ -1915,7 +1889,41 @@ class Descent:
 
     @cfunc
     def solve(self, s: cython.int, damping: double) -> double:
-        """The step from a set; returns by how much a linear model's cost falls."""
+        """The step from a set; returns by how much a linear model's cost falls.
+
+        Samples that would pass one another turn as one in a second solution, and come together.
+        """
+        self.joined = False
+        fall = self.solved(s, damping)
+        if self.ordered and not self.timed and self.join(s):
+            fall = self.solved(s, damping)
+            self.meet(s)
+        return fall
+
+    @cfunc
+    def join(self, s: cython.int) -> bint:
+        """Find the samples that are close and would pass one another: the first of each block into ``block``."""
+        n, far = self.samples, 0.0
+        way = self.wanted_in_order(s)
+        passing: bint = False
+        for i in range(n):
+            passing = passing or self.head[i] != i
+        if not passing:
+            return False
+        close = CLOSE * fabs(self.phi[s, n - 1] - self.phi[s, 0]) / (n - 1)
+        for i in range(n):
+            if i > 0 and way * (self.phi[s, i] - self.phi[s, i - 1]) >= close:
+                far += ASIDE
+            self.wish[i] = far + way * (self.turn_step[i] + (1.0 - CLOSER) * (self.phi[s, i] - self.phi[s, 0]))
+        self.pool_violators()
+        for i in range(n):
+            self.block[i] = self.head[i]
+            self.joined = self.joined or self.head[i] != i
+        return self.joined
+
+    @cfunc
+    def solved(self, s: cython.int, damping: double) -> double:
+        """The step, with the samples of a block as one."""
         total = 0.0
         self.reduce(s, damping)
         self.triangle(damping)
@@ -1929,8 +1937,6 @@ class Descent:
         for i in range(self.samples):
             self.turn_step[i] = self.along[self.columns, i]
         self.angles_of(self.step, self.turn_step)
-        if self.joined:
-            self.meet(s)
         return total
 
     @cfunc
@@ -2051,6 +2057,16 @@ class Descent:
         self.q[t, 0] *= sign
 
     @cfunc
+    def wanted_in_order(self, s: cython.int) -> double:
+        """Where the step leads the crank angles, less a part of each gap, in order, into ``wish``; returns the way they turn."""
+        n = self.samples
+        way = 1.0 if self.phi[s, n - 1] >= self.phi[s, 0] else -1.0
+        for i in range(n):
+            self.wish[i] = way * (self.turn_step[i] + (1.0 - CLOSER) * (self.phi[s, i] - self.phi[s, 0]))
+        self.pool_violators()
+        return way
+
+    @cfunc
     def move_in_order(self, s: cython.int, t: cython.int):
         """Crank angles after steps that are cut so that the samples keep their order and the crank stays within its span.
 
@@ -2062,10 +2078,7 @@ class Descent:
         new: double = 0.0
         cut: double = 0.0
         mean: double = 0.0
-        way = 1.0 if self.phi[s, n - 1] >= self.phi[s, 0] else -1.0
-        for i in range(n):
-            self.wish[i] = way * (self.turn_step[i] + (1.0 - CLOSER) * (self.phi[s, i] - self.phi[s, 0]))
-        self.pool_violators()
+        way = self.wanted_in_order(s)
         for i in range(n - 1):
             gap = way * (self.phi[s, i + 1] - self.phi[s, i])
             self.gap[i] = self.wish[i + 1] - self.wish[i] + CLOSER * gap
@@ -2183,7 +2196,7 @@ class Descent:
         closes = self.evaluate(t, True, free, False)
         decrease = before - self.cost[t]
         better: bint = closes and decrease > 0.0
-        taken: bint = better or (closes and self.goes_on(self.cost[t]))
+        taken: bint = better or (closes and not self.joined and self.goes_on(self.cost[t]))
         finished: bint = (better and decrease < self.stall * before) or before < max(EXACT, self.exact)
         if better:
             gain = 2.0 * inside(decrease / max(predicted, TINY), 1.0) - 1.0
