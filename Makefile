@@ -11,7 +11,7 @@ PORT ?= 8000
 export PIP_CONSTRAINT := constraints.txt
 export PIP_BUILD_CONSTRAINT := constraints.txt
 
-.PHONY: help run test tests fault audit parts lock wheel lint style types map report accept everyday engine poses function limits stability studies assembly solids bench docs scenes clean setup
+.PHONY: help run test tests fault audit parts lock wheel lint style types map report accept everyday engine poses function limits stability studies drives assembly solids bench docs scenes clean setup
 .DELETE_ON_ERROR:
 
 help:
@@ -34,6 +34,7 @@ help:
 	@echo "make function   named functions and other programs: docs/function.md (half an hour)"
 	@echo "make stability  extreme cases against high precision: docs/stability.md (a minute)"
 	@echo "make assembly   layers of random machines against shapely: docs/assembly.md (a few minutes)"
+	@echo "make drives     drives against finer grids, circles and equilibrium: docs/drives.md (some minutes)"
 	@echo "make studies    forces, tolerances of manufacture, stock lengths: docs/analysis.md (a few minutes)"
 	@echo "make solids     files of parts of the gallery: docs/export.md (a minute)"
 	@echo "make accept     1,000 random cases of every class, errors recomputed independently: docs/method.md (about half an hour)"
@@ -157,6 +158,9 @@ stability: $(READY)
 assembly: $(READY)
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.assembly
 
+drives: $(READY)
+	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.drives
+	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.drive_machines
 studies: $(READY)
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.studies
 

@@ -14,7 +14,7 @@ from app.fourbar.export import LINKAGE_FILES, ExportRequest, Material, SolidsReq
 from app.query import FILES, LengthUnit, invalid
 from app.registry import examples_of, queries_named
 from linkage_atlas import FieldError
-from linkage_atlas.exports import kind_of
+from linkage_atlas.formats import kind_of
 
 
 def add_export(parser: argparse.ArgumentParser) -> None:

@@ -23,7 +23,7 @@ from pydantic import (
 )
 
 from linkage_atlas import FieldError
-from linkage_atlas.exports import FORMATS, Format
+from linkage_atlas.formats import FORMATS, Format
 
 if TYPE_CHECKING:
     from linkage_atlas import Atlas, Live, Work
@@ -118,12 +118,30 @@ class Invalid(FieldError):
 
 def invalid(error: ValidationError, model: type[BaseModel]) -> Invalid:
     """The first errors of a request, without what it holds; of an unknown field, which ones are near it."""
-    rows = error.errors(include_input=False, include_url=False)[:MAX_ERRORS]
+    rows = _of_fields(error.errors(include_input=False, include_url=False))[:MAX_ERRORS]
     for row in rows:
         if row["type"] == "extra_forbidden":
             *path, name = row["loc"]
             row["msg"] = FieldError.no_such("", str(name), _fields_at(model, path)).message
     return Invalid(rows)
+
+
+def _of_fields(rows: list[Any]) -> list[Any]:
+    """Errors whose places are fields alone: pydantic names the branches of a union too, and has an error of each."""
+
+    def is_branch(part: str | int) -> bool:
+        return isinstance(part, str) and ("[" in part or part.startswith("constrained-"))
+
+    unions = {row["loc"][:k] for row in rows for k, part in enumerate(row["loc"]) if is_branch(part)}
+    found = [row | {"loc": tuple(part for part in row["loc"] if not is_branch(part))} for row in rows]
+    # what is amiss within the branch that was meant says more than that it is none of the others
+    within = {
+        place
+        for place in unions
+        for row in found
+        if len(row["loc"]) > len(place) and row["loc"][: len(place)] == place
+    }
+    return [row for row in found if row["loc"] not in within]
 
 
 def _fields_at(model: type[BaseModel], path: Iterable[str | int]) -> list[str]:

@@ -57,6 +57,13 @@ def _motion_queries() -> tuple[Query, ...]:
                     "rotation": [0, 12, 27, 45, 66],
                     "top": 3,
                 },
+                "sliders": {
+                    "timing": "free",
+                    "position": [[0, 0], [100, 20], [180, 70], [220, 150]],
+                    "rotation": [0, 20, 50, 85],
+                    "mechanisms": ["slider_crank", "rail_slot"],
+                    "top": 3,
+                },
                 "within_limits": {
                     **example,
                     "top": 3,

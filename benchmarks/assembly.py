@@ -60,4 +60,4 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
 
 
 if __name__ == "__main__":
-    report.run(measure, blocks)
+    report.run(measure)

@@ -1,4 +1,4 @@
-"""``python -m docs.figures``: draws notation.svg, limits.svg and motion.svg in docs/img with the project's own linkage and sheet.
+"""``python -m docs.figures``: draws notation.svg, limits.svg, kinds.svg and motion.svg in docs/img by the project's own code.
 
 Both hold their own paper, light or dark as the reader's system asks, so that they are legible on any background.
 """
@@ -13,6 +13,7 @@ import numpy as np
 
 import linkage_atlas as la
 from synthesis.fourbar.linkage import Linkage
+from synthesis.guided.linkage import Circle, Guide, Rail, Slot
 from synthesis.sheet import Sheet
 
 ROOT = Path(__file__).parents[1]
@@ -249,6 +250,107 @@ def limits() -> None:
     figure.save("limits.svg", "What each limit concerns")
 
 
+_CIRCLE = {"guide": "circle", "pivot": [0, 0], "radius": 1.5, "body_point": [-1.2, -1.0]}
+_ROCKER = {"guide": "circle", "pivot": [4.6, -0.2], "radius": 2.3, "body_point": [1.9, -0.9]}
+_RAIL = {"guide": "rail", "point": [2.6, -0.9], "direction": 14, "body_point": [1.9, -1.1]}
+_LEFT = {"guide": "rail", "point": [-0.6, -0.7], "direction": 70, "body_point": [-1.4, -0.9]}
+_SLOT = {"guide": "slot", "pin": [4.4, -0.6], "body_point": [0.7, -1.2], "body_direction": -6}
+_OWN = {"guide": "slot", "pin": [-0.4, -0.4], "body_point": [-1.0, -1.2], "body_direction": 205}
+KINDS = {
+    "four_bar": (_CIRCLE, _ROCKER, "crank"),
+    "slider_crank": (_CIRCLE, _RAIL, "crank"),
+    "swinging_block": (_CIRCLE, _SLOT, "crank"),
+    "rail_slot": (_LEFT, _SLOT, "slider"),
+    "two_rails": (_LEFT, _RAIL, "slider"),
+    "two_slots": (_OWN, _SLOT, "hinge"),
+}
+"""Of each kind its guides, the driven one first, and its driver, as a reply has them."""
+
+
+def kinds() -> None:
+    """A linkage of each kind with the names of its guides' dimensions."""
+    wide, high = 7.6, 6.0
+    figure = Figure([complex(-2.9, -high - 2.2), complex(2 * wide + 5.9, 3.6)], 1500)
+    starts = {
+        "four_bar": 62,
+        "slider_crank": 62,
+        "swinging_block": 62,
+        "rail_slot": 1.3,
+        "two_rails": 1.4,
+        "two_slots": 196,
+    }
+    for number, (kind, (first, second, driver)) in enumerate(KINDS.items()):
+        shift = complex(wide * (number % 3), -high * (number // 3))
+        linkage = next(
+            one
+            for branch in (1, -1)
+            if np.isfinite(
+                (one := la.GuidedLinkage([first, second], driver, branch, starts[kind])).joints(0).rotation[0]
+            )
+        )
+        joints, guides = linkage.joints(0), linkage.plain.guides
+        place, turn = complex(joints.body_point[0] @ [1, 1j]), float(np.deg2rad(joints.rotation[0]))
+        held = [complex(one[0] @ [1, 1j]) for one in joints.guided]
+        corners = []
+        for one, at in zip(guides, held):
+            corners.append(at if not isinstance(one, Slot) else place + np.exp(1j * turn) * one.body_point)
+        figure.line([z + shift for z in (*corners, place)], "body", closed=True)
+        for k, (one, at) in enumerate(zip(guides, held)):
+            _draw_guide(figure, one, at, place, turn, shift, k == 0)
+        figure.dot(place + shift, 8, "point")
+        figure.line([place + shift, place + shift + 0.8 * np.exp(1j * turn)], "mark")
+        figure.text("P", place + shift, (0, 16), "t-path")
+        figure.text(kind, shift + complex(-2.4, 3.0), (0, 0), "big", "start")
+        figure.text(f"driven by a {driver}", shift + complex(-2.4, 3.0), (0, -26), "word", "start")
+    figure.save("kinds.svg", "The kinds of linkages of a body on two guides")
+
+
+def _draw_guide(
+    figure: Figure, guide: Guide, at: complex, place: complex, turn: float, shift: complex, driven: bool
+) -> None:
+    """A guide with the names of its dimensions; ``at``: its body point, or its pin in a slot."""
+    unit = 1 / figure.sheet.scale
+    colour = "crank" if driven else "rocker"
+
+    def block(middle: complex, direction: float) -> None:
+        corners = np.array([-30 - 15j, 30 - 15j, 30 + 15j, -30 + 15j]) * unit * np.exp(1j * direction)
+        figure.parts.append(
+            f'<path style="fill:var(--paper)" d="M{" L".join(map(figure.sheet.at, middle + corners))}Z"/>'
+        )
+
+    if isinstance(guide, Circle):
+        figure.line([guide.pivot + shift, at + shift], colour)
+        figure.pivot(guide.pivot + shift, -np.pi / 2)
+        figure.dot(at + shift, 8, "pin")
+        figure.text("pivot", guide.pivot + shift, (30, -4), "word", "start")
+        figure.text("radius", (guide.pivot + at) / 2 + shift, (14, 0), "word", "start")
+        figure.text("body_point", at + shift, (0, 18), "word")
+    elif isinstance(guide, Rail):
+        way = np.exp(1j * guide.direction)
+        figure.line([at - 1.5 * way + shift, at + 1.5 * way + shift], "ground")
+        for k in range(-3, 4):
+            foot = at + 0.45 * k * way
+            figure.line([foot + shift, foot + shift + (-14 - 14j) * unit * way], "hatch")
+        block(at + shift, guide.direction)
+        figure.dot(at + shift, 8, "pin")
+        steep = abs(way.imag) > abs(way.real)
+        figure.text("body_point", at + shift, (-34, -4) if steep else (10, -48), "word", "end" if steep else "start")
+        figure.text("direction", at + 1.5 * way + shift, (8, 6), "word", "start")
+        figure.dot(at - 1.2 * way + shift, 5, "pivot")
+        figure.text("point", at - 1.2 * way + shift, (8, -26), "word", "start")
+    else:
+        way = np.exp(1j * (turn + guide.body_direction))
+        foot = place + np.exp(1j * turn) * guide.body_point
+        reach = float(np.real(np.conj(way) * (at - foot)))
+        block(at + shift, turn + guide.body_direction)
+        figure.line([foot + shift, foot + (reach + np.copysign(0.9, reach)) * way + shift], "coupler")
+        figure.dot(foot + shift, 6, "pin")
+        figure.text("body_point", foot + shift, (0, -34), "word")
+        figure.text("body_direction", foot + 0.55 * reach * way + shift, (0, 16), "word")
+        figure.pivot(at + shift, -np.pi / 2)
+        figure.text("pin", at + shift, (0, -62), "word")
+
+
 def motion(seconds: float = 8.0, frames: int = 180) -> None:
     """The worked example solved, and its best linkage turning through the motion that was asked for."""
     request = json.loads((ROOT / "app" / "examples" / "worked_example.json").read_text())
@@ -330,5 +432,6 @@ def motion(seconds: float = 8.0, frames: int = 180) -> None:
 if __name__ == "__main__":
     notation()
     limits()
+    kinds()
     motion()
-    print(f"wrote notation.svg, limits.svg and motion.svg to {IMAGES}")
+    print(f"wrote notation.svg, limits.svg, kinds.svg and motion.svg to {IMAGES}")

@@ -43,10 +43,13 @@ from synthesis.fourbar.rounding import Rounding, best_from_stock, round_to_grid
 from synthesis.free.poses import Poses
 from synthesis.free.search import in_turn
 from synthesis.guided import solution as guided
+from synthesis.guided.limits import broken_limits
 from synthesis.guided.linkage import of_four_bar
 from synthesis.guided.passage import verdict as guided_verdict
+from synthesis.guided.rounding import from_stock, lengths_of, on_grid, rounded
 from synthesis.ranking import Errors, Status
-from synthesis.work import Work
+from synthesis.target import Target
+from synthesis.work import OutOfTime, Work
 
 One = TypeVar("One")
 StatusName = Annotated[str, Literal["reached", "closest", "infeasible", "unknown"]]
@@ -56,6 +59,8 @@ FINISHING = 0.1
 """Part of its budget that an answer may take beyond it, to finish what the search has found."""
 _AT_ONCE = 8
 """Solutions finished between two looks at the time; one where each is rounded."""
+ROUNDINGS, MOST_ROUNDINGS, FEWEST_ROUNDINGS = 40, 8, 2
+"""Combinations of lengths that are fitted in all linkages with rails or slots of a request, and at most and at least in each."""
 TRIES, FEWEST_TRIES = 4000, 40
 """Combinations of lengths that are fitted in all solutions of one request (about two seconds), and at least in each."""
 
@@ -239,6 +244,30 @@ class Solution(Record):
         return _in_words(self.errors, self.linkage.degrees)
 
 
+@dataclass(frozen=True, kw_only=True)
+class GuidedRounded(Record):
+    """A linkage with rails or slots whose lengths lie on a grid or are of stock, the rest fitted anew within the limits."""
+
+    closes: bool
+    """Whether a combination of lengths that was tried closes within the limits; if not, the rest is null."""
+    lengths: dict[str, float] | None
+    """Radii of cranks, and the coupler between two points of the body that are guided; none for a slot beside a rail or slot."""
+    guides: list[AnyGuide] | None
+    branch: Literal[-1, 1] | None
+    start: float | None
+    crank_angle: Floats | None
+    travel: Floats | None
+    errors: Errors | None
+    transmission_angle_min: float | None
+    tried: int
+    """Combinations of lengths that were fitted: of each length the nearest two."""
+    combinations: int | None
+    """How many there are; null for a grid."""
+    exhaustive: bool | None
+    """Whether all combinations were tried; null for a grid."""
+    linkage: GuidedLinkage | None = field(default=None, metadata=KEPT)
+
+
 class GuidedOrigin(NamedTuple):
     """What a solution with rails or slots is described from."""
 
@@ -246,6 +275,8 @@ class GuidedOrigin(NamedTuple):
     motion: Motion
     """With the travel of the solution's own drive in the place of crank angles."""
     limits: Limits
+    asked: Poses | Target
+    """The samples of the request."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -284,6 +315,7 @@ class GuidedSolution(Record):
     """Least moment arm of the second guide's push about the driven guide's pin, over the used interval."""
     sensitivity: list[Change] | None = None
     """Rms changes of the motion per unit of each dimension, all else held."""
+    rounded: GuidedRounded | None = None
     analysis: GuidedAnalysis | None = field(default=None, repr=False)
     tolerance_study: ToleranceStudy | None = field(default=None, repr=False)
     drives: list[Drive] | None = field(default=None, repr=False)
@@ -664,16 +696,22 @@ def _guided_described(one: guided.GuidedSolution, motion: Motion, limits: Limits
         transmission_angle_min_turn=None if turn is None else turn / radian,
         arm_min=one.linkage.arm_over(target.interval.after(one.linkage.start)),
         linkage=linkage,
-        origin=GuidedOrigin(one, own, limits),
+        origin=GuidedOrigin(one, own, limits, samples),
     )
 
 
 def _guided_studied(solution: GuidedSolution, studies: Studies, solutions: int, work: Work) -> GuidedSolution:
     """One of several solutions with what else was asked of it."""
     work.check()
-    one, own, _ = solution.origin
+    one, own = solution.origin[:2]
     done: dict[str, Any] = {}
     target, radian, linkage = own.target, own.radian, one.linkage
+    if studies.round_to is not None:
+        done["rounded"] = _guided_rounded(solution, on_grid(studies.round_to), None, solutions, work)
+    if studies.lengths_from is not None:
+        stock = studies.lengths_from
+        count = len(set(stock)) ** len(lengths_of(linkage))
+        done["rounded"] = _guided_rounded(solution, from_stock(stock), count, solutions, work)
     if studies.sensitivity:
         done["sensitivity"] = changes(linkage, target, radian)
     if studies.drive is not None:
@@ -688,10 +726,50 @@ def _guided_studied(solution: GuidedSolution, studies: Studies, solutions: int, 
     return replace(solution, **done) if done else solution
 
 
+def _guided_rounded(
+    solution: GuidedSolution,
+    choices: Callable[[float], Sequence[float]],
+    combinations: int | None,
+    solutions: int,
+    work: Work,
+) -> GuidedRounded:
+    """One of several solutions with lengths that can be had, in the motion's unit."""
+    tries = max(FEWEST_ROUNDINGS, min(MOST_ROUNDINGS, ROUNDINGS // solutions))
+    one, own, limits = solution.origin[:3]
+    samples = solution.origin.asked
+    found = rounded(
+        samples, one, choices, combinations, lambda made: not broken_limits(made, samples, limits), tries, work
+    )
+    values: dict[str, Any] = dict.fromkeys(names_of(GuidedRounded)) | {
+        "closes": False,
+        "tried": found.tried,
+        "combinations": found.combinations,
+        "exhaustive": found.exhaustive,
+    }
+    if found.solution is None:
+        return GuidedRounded(**values)
+    again, radian, free = found.solution, own.radian, isinstance(samples, Poses)
+    target = guided.as_target(samples, again.linkage, again.travel)
+    linkage = GuidedLinkage.of(again.linkage, radian, target)
+    turns = again.linkage.driver.turns
+    values |= {
+        "closes": True,
+        "lengths": lengths_of(again.linkage),
+        "guides": linkage.guides,
+        "branch": again.linkage.branch,
+        "start": linkage.start,
+        "crank_angle": target.crank / radian if turns and free else None,
+        "travel": None if turns or not free else target.crank,
+        "errors": _in_unit(again.errors, radian),
+        "transmission_angle_min": again.transmission_angle_min / radian,
+    }
+    return GuidedRounded(**values, linkage=linkage)
+
+
 def _studied(solution: Solution, studies: Studies, solutions: int, work: Work) -> Solution:
     """One of several solutions with what else was asked of it."""
     work.check()
-    one, own, limits = solution.origin
+    one, own, limits = solution.origin[:3]
     done: dict[str, Any] = {}
     target, radian, linkage = own.target, own.radian, one.linkage
     tries = max(FEWEST_TRIES, TRIES // solutions)
@@ -717,7 +795,7 @@ def _studied(solution: Solution, studies: Studies, solutions: int, work: Work) -
 
 def _with_assembly(solution: AnySolution, asked: AskedAssembly, work: Work) -> Verdict:
     """The verdict with the assembly; the parts of a linkage that does not carry its motion are not arranged."""
-    verdict, (one, own, limits) = solution.verdict, solution.origin
+    verdict, (one, own, limits) = solution.verdict, solution.origin[:3]
     found: Assembly | None = None
     if not verdict.works:
         why = ["layers were not looked for: the drive does not carry the linkage through the samples"]
@@ -728,6 +806,8 @@ def _with_assembly(solution: AnySolution, asked: AskedAssembly, work: Work) -> V
             why = [] if found.free else [f"layers: {found.reasons[0]}"]
         except FieldError as error:
             why = [f"layers were not looked for: {error}"]
+        except OutOfTime:
+            why = ["layers were not looked for: the time was up"]
     free = found is not None and found.free
     return replace(verdict, assembly=found, buildable=verdict.practical and free, reasons=(*verdict.reasons, *why))
 

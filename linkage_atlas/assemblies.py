@@ -50,6 +50,8 @@ MOUNTS = (layers.BELOW, layers.ABOVE, BOTH)
 """How a fixed pin may be held."""
 FIXED_PINS = ("A", "B", "M", "A1", "A2", "B1", "B2")
 """Pins that stand in the ground: of links on circles and of slots, of a motor, and the posts of rails."""
+MOST_TOLD = 5
+"""Places outside of the envelope, or in boxes, that sentences name."""
 NOT_SAID = "tilt of long pins, play and tolerances of thickness are not in the clearance"
 
 Status = Annotated[str, Literal["free", "blocked", "touching"]]
@@ -185,6 +187,8 @@ class Assembly(Record):
     """Further free arrangements in as many layers."""
     tried: int
     """Arrangements that were looked at; those that a part of them excludes count once."""
+    exhaustive: bool
+    """Whether all were, of as many layers, or where blocked of `layers_most`."""
     sizes: PartSizes
     parts: list[AssemblyPart]
     reasons: list[str]
@@ -394,7 +398,8 @@ def assembled(
     if beyond:
         # no layer helps
         found = replace(found, status="blocked", collisions=(*beyond, *found.collisions))
-        reasons = [_beyond(one, machine, unit) for one in beyond] + reasons
+        more = [f"and so {len(beyond) - MOST_TOLD} times more"] * (len(beyond) > MOST_TOLD)
+        reasons = [*(_beyond(one, machine, unit) for one in beyond[:MOST_TOLD]), *more, *reasons]
     return described(machine, asked, found, reasons, unit)
 
 
@@ -424,6 +429,7 @@ def described(
         fewer={str(count): None if one is None else _collision(one, unit) for count, one in found.fewer.items()},
         others=found.others,
         tried=found.tried,
+        exhaustive=found.exhaustive,
         sizes=PartSizes(machine.hole, machine.width, machine.clearance, heights.thickness, heights.washer),
         parts=[
             AssemblyPart(
@@ -506,14 +512,20 @@ def _reasons(machine: Machine, found: Arrangement, asked: Asked, unit: Reading) 
     said = "; ".join(f"layer {layer}: {', '.join(by_layer[layer])}" for layer in sorted(by_layer))
     reasons = []
     if found.status == "blocked":
-        reasons.append(f"no arrangement of up to {asked.most} layers is free over the used interval")
+        if found.exhaustive:
+            reasons.append(f"no arrangement of up to {asked.most} layers is free over the used interval")
+        else:
+            reasons.append(
+                f"none of the {found.tried:,} arrangements that were looked at is free over the used interval"
+            )
         best = found.free
         part = (
             "is free nowhere"
             if best is None
             else f"is free from {best.first / unit.radian:.6g} to {_angle(best.last, unit)}"
         )
-        reasons.append(f"the best ({said}) {part}")
+        best_said = "the best" if found.best_known else "the best of those looked at"
+        reasons.append(f"{best_said} ({said}) {part}")
         ends = [one for one in (found.low, found.high) if one is not None and one.pair is not None]
         for pair in dict.fromkeys(one.pair for one in ends if one.pair is not None):
             at = " and ".join(_angle(one.at, unit) for one in ends if one.pair == pair)

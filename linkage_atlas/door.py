@@ -55,7 +55,7 @@ from synthesis.ranking import APART, Status, distinct, spread
 from synthesis.search.search import DEFAULT_TOLERANCE, StoppedBy, search
 from synthesis.search.seeds import SeedTables
 from synthesis.target import MAX_LENGTH, MIN_LENGTH, MIN_SPAN, TURN, Samples
-from synthesis.work import Work
+from synthesis.work import OutOfTime, Work
 
 DIVERSE_LOSS = 2.0
 """Times the best objective that the objectives of diverse solutions may be."""
@@ -567,7 +567,7 @@ def by_layers(
         rank = (off, True, 0, 0)
         if not off and not work.expired():
             target = motion.one_of(motion.with_angles([one.linkage], [one.crank]), 0).target
-            with suppress(FieldError):
+            with suppress(FieldError, OutOfTime):
                 layers = assembled(one.linkage, asked, target.interval, motion.radian, work)
                 crossed = sum(not shaft.both_sides for shaft in layers.shaft.values())
                 rank = (off, not layers.free, crossed, layers.count)

@@ -19,6 +19,7 @@ from linkage_atlas.guided import GuidedLinkage
 from linkage_atlas.linkages import FourBar
 from linkage_atlas.motions import MILLIMETRES, Motion, check_above_zero, check_top, column, number, radians_in
 from linkage_atlas.records import KEPT, Record, Values, Vectors
+from linkage_atlas.studies import PARTS
 from synthesis.arrays import Complexes, Floats
 from synthesis.drives.actuator import (
     ROW_GRID,
@@ -37,6 +38,7 @@ from synthesis.drives.balance import Spring as Placed
 from synthesis.drives.balance import one_spring, potential_of, two_springs
 from synthesis.drives.dyad import LARGEST_RATIO, Driven, about_pivot, driven, on_any_link
 from synthesis.drives.links import GROUND, LinkMotion, Loading, Machine, Mass, hinged, machine_of, machine_of_guided
+from synthesis.drives.pins import Pull, pin_forces
 from synthesis.drives.springs import Fitted, Room, best_pair, best_spring, fitted
 from synthesis.drives.toggle import Knee, locked
 from synthesis.errors import FieldError
@@ -53,6 +55,8 @@ MOST_DRIVES, MOST_SPRINGS, MOST_MASSES = 8, 4, 20
 """Entries of a request."""
 LARGEST = 1e12
 """Of forces, torques and masses."""
+FAR = 1e6
+"""Times the linkage's size, or of its size, that a length or a place may be: beyond, coordinates lose their digits."""
 FINE = 961
 """Positions at which what is reported of a motor is computed."""
 _DRIVE_FIELDS: dict[str, tuple[str, ...]] = {
@@ -174,6 +178,15 @@ class Lock(NamedTuple):
     """Whether the load presses it onto its stop; null without a load."""
 
 
+class PinPeaks(NamedTuple):
+    """The largest force in each pin of a four-bar over the way, with this drive and the load."""
+
+    pivot_a: float
+    crank_pin: float
+    coupler_pin: float
+    pivot_b: float
+
+
 @dataclass(frozen=True, kw_only=True)
 class Drive(Record):
     """A drive at its place, and what it asks and gives."""
@@ -223,6 +236,8 @@ class Drive(Record):
     envelope: tuple[float, float, float, float] | None = None
     """Range of its pins: xmin, ymin, xmax, ymax."""
     curve: DriveCurve
+    pin_forces: Annotated[PinPeaks | None, PinPeaks] = None
+    """Of a four-bar with a load; of a motor forwards and backwards."""
     six_bar: SixBar | None = None
     lock: Lock | None = None
 
@@ -289,6 +304,8 @@ class Spring(Record):
     torque: BeforeAfter
     exact: bool
     """Balanced in every position, by springs of zero free length."""
+    pin_forces: Annotated[PinPeaks | None, PinPeaks] = None
+    """Of a four-bar, with all springs of the set and the rest of the torque at the crank."""
     stays: str
     """What the linkage does by itself at both ends, without friction."""
     curve: SpringCurve
@@ -419,7 +436,10 @@ def drives(
         place = _Place.of_rocker(rocker, radians_in(degrees))
     else:
         place = _place_of(linkage, motion, crank_angle, degrees)
+    if load is not None and load.get("masses") == PARTS:
+        load = {**load, "masses": place.masses_of_parts(length_unit)}
     asked = read_asked(place.machine, load, drives, springs, hand, place.radian, MILLIMETRES[length_unit])
+    check_sizes(asked, place.machine.extent)
     return found_drives(place, asked, top, watch)
 
 
@@ -432,6 +452,14 @@ class _Place(NamedTuple):
     samples: Floats
     linkage: Linkage | None
     """A four-bar, which ideal springs are computed of."""
+
+    def masses_of_parts(self, length_unit: str) -> list[dict[str, Any]]:
+        """What the links weigh as plates and pins that are made by default."""
+        from linkage_atlas.solids import masses_of_parts
+
+        if self.linkage is None:
+            raise FieldError("/load/masses", "parts are made for four-bars only: give the masses of rails and blocks")
+        return masses_of_parts(self.linkage, _ends(self.samples), length_unit)
 
     @classmethod
     def of_fourbar(cls, linkage: Linkage, ends: Interval, radian: float, samples: Floats) -> _Place:
@@ -448,7 +476,10 @@ class _Place(NamedTuple):
         return 1.0 if self.machine.drive in ("slider", "cylinder") else self.radian
 
     def check(self) -> None:
-        """FieldError where the linkage has no velocities at some place of its way."""
+        """FieldError where the linkage has no velocities at some place of its way, or lies too far from the origin."""
+        far = max(float(np.abs(one.origin).max()) for one in self.machine.links.values())
+        if far > FAR * self.machine.extent:
+            raise FieldError("/linkage", f"lies farther than {FAR:g} times its size from the origin: move the origin")
         for one in self.fine.links.values():
             bad = ~np.isfinite(one.rate)
             if bad.any():
@@ -481,7 +512,9 @@ class _Place(NamedTuple):
         start = number("rocker/start", 0.0 if given.get("start") is None else given["start"]) * radian
         both = (hinged(pivot, start, swing, length, many) for many in (61, FINE))
         machine, fine = both
-        return cls(machine, fine, radian, machine.at[[0, -1]], None)
+        place = cls(machine, fine, radian, machine.at[[0, -1]], None)
+        place.check()
+        return place
 
     def poses_around(self, low: float, high: float) -> str:
         """Between which samples of the motion two places of the drive lie, in words."""
@@ -566,6 +599,24 @@ def read_asked(
     )
 
 
+def check_sizes(asked: Asked, extent: float) -> None:
+    """FieldError for lengths and places that are out of all proportion to the linkage."""
+    lengths = ("retracted", "stroke", "reach_max", "pin_radius", "dead_length", "clear", "arm_min", "rod")
+    for name, wishes in (("drives", asked.drives), ("springs", asked.springs)):
+        for k, wish in enumerate(wishes):
+            for field_ in lengths:
+                if wish.get(field_) and not extent / FAR <= wish[field_] <= extent * FAR:
+                    raise FieldError(
+                        f"/{name}/{k}/{field_}",
+                        f"wanted a length within {FAR:g} times the linkage's size of {extent:.4g}, either way",
+                    )
+            for field_ in ("ground_box", "motor_box"):
+                if field_ in wish and max(map(abs, wish[field_])) > extent * FAR:
+                    raise FieldError(
+                        f"/{name}/{k}/{field_}", f"lies farther than {FAR:g} times the linkage's size from the origin"
+                    )
+
+
 def check_asked(given: Mapping[str, Any], radian: float) -> None:
     """FieldError for what no linkage can be asked, before there is one; as of `driven_solution`."""
     way = Interval(0.0, 0.2)
@@ -604,6 +655,8 @@ def driven_solution(
         else:
             place = _Place.of_guided(linkage, _ends(crank), radian, crank)
         asked, wish = _read_study(place.machine, given, radian)
+        wishes = (*asked.drives, *([] if wish is None else [wish]))
+        check_sizes(asked._replace(drives=wishes), place.machine.extent)
     except FieldError as error:
         refused = [Refusal("any", "linkage", None, error.message)]
         return {"drives": [], "refused": refused, "springs": [], "drivable": None if "drive" not in given else False}
@@ -636,6 +689,8 @@ def _load(machine: Machine, given: Mapping[str, Any], radian: float) -> Loading:
         raise FieldError("/load/force", "acts at the body point, but this linkage has none")
     gravity = -9.81j if given.get("gravity") is None else _bounded_pair("load/gravity", given["gravity"])
     masses = given.get("masses") or ()
+    if masses == PARTS:
+        raise FieldError("/load/masses", f"{PARTS!r} is for one linkage: /v1/drives, or `linkage_atlas.drives`")
     if len(masses) > MOST_MASSES:
         raise FieldError("/load/masses", f"wanted at most {MOST_MASSES}")
     speed = 0.0 if given.get("speed") is None else _bounded("load/speed", given["speed"]) * radian
@@ -796,7 +851,11 @@ def _box(at: str, given: Any) -> Box:
 
 def found_drives(place: _Place, asked: Asked, top: int, work: Work) -> Drives:
     """The best drives of each kind, and springs."""
-    search = _Search(place, asked, top, work)
+    with np.errstate(all="ignore"):
+        return _found(_Search(place, asked, top, work), place, asked, top, work)
+
+
+def _found(search: _Search, place: _Place, asked: Asked, top: int, work: Work) -> Drives:
     for wish in asked.drives:
         {"rotary": search.rotary, "actuator": search.actuator, "dyad": search.dyad, "toggle": search.toggle}[
             wish["kind"]
@@ -853,6 +912,15 @@ class _Search:
         """How far a pin may be from its link's origin: what is asked, or the link's own size."""
         return float(wish.get("reach_max", self.machine.reaches.get(name, self.machine.extent)))
 
+    def _pins(
+        self, machine: Machine, pulls: Sequence[Sequence[Pull]], on_rocker: Floats | float = 0.0
+    ) -> PinPeaks | None:
+        """The largest pin forces of a four-bar; ``pulls``: of each way of a motor, or one list."""
+        if self.place.linkage is None or not self.loaded:
+            return None
+        every = [pin_forces(machine, self.asked.load, some, on_rocker) for some in pulls]
+        return PinPeaks(*(max(float(np.abs(one[k]).max()) for one in every) for k in range(4)))
+
     def refuse(self, kind: str, link: str, reason: str, name: str | None = None) -> None:
         self.refused.append(Refusal(kind, link, name, reason))
 
@@ -892,6 +960,7 @@ class _Search:
                 stops=_STOPS["rotary"],
                 holds=_HOLDS["rotary"],
                 curve=DriveCurve(self.curve_at, None, None, None, torque if self.loaded else None, None, None, None),
+                pin_forces=self._pins(self.machine, [[]], torque if name == "rocker" else 0.0),
             )
             self.found.append(((peak if peak is not None else 0.0,), drive))
 
@@ -972,8 +1041,9 @@ class _Search:
             return
         link = self.machine.links[name]
         other = self.machine.links.get(wish["on"])
-        still = np.zeros(self.machine.at.size)
-        ground = still + found.ground if other is None else other.place(other.point_at(found.ground))
+        ground: Complexes = np.full(self.machine.at.size, found.ground, dtype=np.complex128)
+        if other is not None:
+            ground = other.place(other.point_at(found.ground))
         pin = link.place(found.pin)
         rod = wish.get("rod") if row is None else wish["rods"].get(row.name, wish.get("rod"))
         peak = found.peak if self.loaded else None
@@ -1001,6 +1071,15 @@ class _Search:
             stops=_STOPS["actuator"],
             holds=_HOLDS["actuator"],
             envelope=_envelope(ground, pin),
+            pin_forces=self._pins(
+                self.machine,
+                [
+                    [
+                        Pull(name, pin, push := found.force * (pin - ground) / found.length),
+                        Pull(wish["on"], ground, -push),
+                    ]
+                ],
+            ),
             curve=DriveCurve(
                 self.curve_at,
                 found.length,
@@ -1139,6 +1218,13 @@ class _Search:
             stops=_STOPS["dyad"],
             holds=_HOLDS["dyad"],
             envelope=_envelope(pin, np.concatenate(list(whole.crank_pin)), still + whole.motor),
+            pin_forces=self._pins(
+                self.fine,
+                [
+                    [Pull(name, pin, force * (pin - knee) / whole.rod)]
+                    for force, knee in zip(whole.rod_force, whole.crank_pin)
+                ],
+            ),
             curve=DriveCurve(
                 self.curve_at,
                 whole.length[coarse],
@@ -1346,6 +1432,16 @@ class _Search:
         words = ["stays" if abs(one) <= quiet else "falls back" if one > 0 else "goes on" for one in signs]
         first = {"stays": "stays", "falls back": "is pressed onto its stop", "goes on": "opens by itself"}[words[0]]
         last = {"stays": "stays", "falls back": "closes by itself", "goes on": "is held open"}[words[1]]
+        pulls: list[Pull] = []
+        for spring, length in zip(found.springs, found.lengths):
+            one, other = (self._end(name, point) for name, point in zip(spring.between, spring.points))
+            # over a length of 0 a spring of zero free length has no force either
+            pull = (spring.preload + spring.stiffness * (length - spring.free_length)) / np.maximum(length, 1e-300)
+            pulls += [
+                Pull(spring.between[0], one, pull * (other - one)),
+                Pull(spring.between[1], other, pull * (one - other)),
+            ]
+        pins = self._pins(self.machine, [pulls])
         for spring, row, length in zip(found.springs, found.kinds, found.lengths):
             ends = np.stack(
                 [_plane(self._end(name, point)) for name, point in zip(spring.between, spring.points)], axis=1
@@ -1365,6 +1461,7 @@ class _Search:
                     length=(float(length.min()), float(length.max())),
                     torque=sizes,
                     exact=exact,
+                    pin_forces=pins,
                     stays=f"first position: {first}; last: {last}",
                     curve=SpringCurve(self.curve_at, length, force, found.torque, hand, ends),
                 )

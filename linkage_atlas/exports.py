@@ -1,10 +1,11 @@
-"""A linkage as a file: the formats there are."""
+"""A linkage as the content of a file."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from linkage_atlas.formats import FORMATS, OF_PARTS
 from synthesis.errors import FieldError
 
 if TYPE_CHECKING:
@@ -14,41 +15,6 @@ if TYPE_CHECKING:
     from synthesis.guided.linkage import GuidedLinkage
     from synthesis.sheet import More
     from synthesis.target import Target
-
-
-class Format(NamedTuple):
-    """How a file is declared over HTTP, and how its name may end: first as in the name of a route, last as it is sent."""
-
-    media_type: str
-    endings: tuple[str, ...]
-
-
-FORMATS = {
-    "parts": Format("text/csv; charset=utf-8", ("parts.csv",)),
-    "csv": Format("text/csv; charset=utf-8", ("csv",)),
-    "svg": Format("image/svg+xml", ("svg",)),
-    "plates": Format("image/vnd.dxf", ("plates.dxf",)),
-    "dxf": Format("image/vnd.dxf", ("dxf",)),
-    "mjcf": Format("application/xml", ("mjcf", "xml")),
-    "pylinkage": Format("application/json", ("pylinkage.json",)),
-    "step": Format("model/step", ("step",)),
-    "3mf": Format("model/3mf", ("3mf",)),
-    "stl": Format("application/zip", ("stl.zip",)),
-    "urdf": Format("application/xml", ("urdf",)),
-    "sdf": Format("application/xml", ("sdf",)),
-}
-"""Kinds of files; of two whose ending fits the first."""
-OF_PARTS = ("step", "3mf", "stl", "urdf", "sdf", "parts")
-"""Kinds that are written from solid parts."""
-
-
-def kind_of(name: str) -> str:
-    """The kind that the name of a file means."""
-    for kind, known in FORMATS.items():
-        if name.lower().endswith(tuple(f".{ending}" for ending in known.endings)):
-            return kind
-    endings = ", ".join(ending for known in FORMATS.values() for ending in known.endings)
-    raise FieldError("/path", f"the file must end in one of {endings}, found {name!r}")
 
 
 def content_of(
@@ -61,10 +27,12 @@ def content_of(
     plates: Mapping[str, Any] | None,
     parts: Callable[[bool], Any],
     drive: Mapping[str, Any] | None = None,
+    arranged: bool = False,
 ) -> bytes:
     """The content of a file; see `FourBar.file` for what the arguments mean.
 
     ``parts``: makes the `SolidParts`, with an error where they collide, or (True) nevertheless.
+    ``arranged``: plates are those of an assembly, not the links alone.
     """
     from linkage_atlas.motions import MILLIMETRES
     from linkage_atlas.studies import analysed, read_drive
@@ -86,7 +54,11 @@ def content_of(
     if kind in OF_PARTS:
         return parts(False).file(kind)
     if kind == "plates":
-        return files.to_plates(linkage, unit_mm, **_sizes(plates or {})).encode()
+        if arranged and plates:
+            raise FieldError("/plates", "with `assembly` or `solids` sizes stand there: `hole` and `width`")
+        from synthesis.solids.plates import to_plates
+
+        return parts(False).file(kind) if arranged else to_plates(linkage, unit_mm, **_sizes(plates or {})).encode()
     if kind == "dxf":
         return files.to_dxf(linkage, target, unit_mm, with_drive.drawn()).encode()
     try:

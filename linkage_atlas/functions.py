@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, Literal, NamedTuple
@@ -16,6 +16,17 @@ from linkage_atlas.limits import read_function_limits
 from linkage_atlas.linkages import FourBar, Links
 from linkage_atlas.motions import Motion, check_above_zero, check_top, column, number, radians_in
 from linkage_atlas.records import KEPT, Record, Values, names_of
+from linkage_atlas.travels import (
+    Dial,
+    Scales,
+    TravelAsked,
+    TravelSolution,
+    laws_of,
+    read_dial,
+    read_kinds,
+    read_travel_limits,
+    render_travel,
+)
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.fourbar.determination import determinations, sensitivities
@@ -24,6 +35,7 @@ from synthesis.fourbar.passage import practical_faults, verdicts
 from synthesis.from_linkage import refine_function
 from synthesis.function.answers import Generator, exchanged, rocker_angles, to_csv, turns_back
 from synthesis.function.search import generate, refit
+from synthesis.function.travel_search import generate_travel
 from synthesis.function.wanted import Wanted
 from synthesis.ranking import Status
 from synthesis.search.search import DEFAULT_TOLERANCE
@@ -56,6 +68,10 @@ def function(
     weights: ArrayLike | None = None,
     one_way: bool = False,
     degrees: bool = True,
+    travel_span: float | None = None,
+    input_unit: Literal["deg", "rad", "length"] | None = None,
+    output_unit: Literal["deg", "rad", "length"] | None = None,
+    mechanisms: Sequence[str] | Literal["all"] | None = None,
     limits: Mapping[str, Any] | None = None,
     top: int = 10,
     tolerance: float = DEFAULT_TOLERANCE,
@@ -66,7 +82,7 @@ def function(
     curves: bool = False,
     work: Callable[[float | None], Work] = Work,
 ) -> FunctionResult:
-    """The four-bar linkages whose rocker's angle is a wanted function of the crank's.
+    """The four-bar linkages whose rocker's angle is a wanted function of the crank's; with sliders, functions of travel too.
 
     Parameters
     ----------
@@ -99,8 +115,18 @@ def function(
         The rocker must not turn back within the interval.
     degrees : bool
         Unit of every angle in and out; False: radians.
+    travel_span : float, optional
+        In place of ``crank_span`` where the input is a travel: from the first sample to the last, in the unit of length.
+    input_unit, output_unit : {"deg", "rad", "length"}, optional
+        "length": the input, or the output, is the travel of a slider or cylinder. Default: angles of crank and rocker.
+    mechanisms : sequence of str, or "all", optional
+        What makes the function: "four_bar" from angle to angle; "slider_crank", "swinging_block" (a cylinder between two pins)
+        from angle to length and back; "rail_slot" (a slotted lever) from length to angle; "two_rails" (two sliders and a rod)
+        from length to length. Default: the first that there is.
     limits : mapping, optional
-        Those of `linkage_atlas.Limits` that concern shape and lengths. The family is any ("any": closes over the interval)
+        Of functions with travel: transmission_angle_min, link_min, link_max, link_ratio_max, links (crank, coupler for the rod,
+        ground), offset (of the rail from the crank's pivot), preset. Otherwise those of `linkage_atlas.Limits` that concern
+        shape and lengths. The family is any ("any": closes over the interval)
         where none is given; links are {"ground": 100, ...}: lengths that are given; a ground that is not is 1.
     top : int
         At most so many linkages, different from one another.
@@ -144,6 +170,17 @@ def function(
     check_top(top)
     check_above_zero(budget=budget, round_to=round_to)
     tolerance = number("tolerance", tolerance, 0.0)
+    dial = read_dial(input_unit, output_unit, degrees)
+    kinds = read_kinds(mechanisms, dial)
+    if dial.travels:
+        asked_for = {"refine_from": refine_from, "round_to": round_to, "sensitivity": sensitivity or None}
+        if foreign := [name for name, value in asked_for.items() if value is not None]:
+            raise FieldError(f"/{foreign[0]}", "belongs to functions from angle to angle")
+    elif travel_span is not None:
+        raise FieldError("/travel_span", "the input is an angle: give `crank_span`, or `input_unit` 'length'")
+    elif "offset" in (limits or {}) and (limits or {})["offset"] is not None:
+        raise FieldError("/limits/offset", "belongs to slider-cranks: give `output_unit` or `input_unit` 'length'")
+    limits = limits if dial.travels else {n: v for n, v in (limits or {}).items() if n != "offset"}
     begin = None if refine_from is None else read_start(refine_from, degrees)
     tables = begin or seed_tables()
     watch = work(budget)
@@ -155,6 +192,25 @@ def function(
     elif given := [name for name, value in called.items() if value is not None]:
         name = "interval" if given[0] == "x" else given[0]
         raise FieldError(f"/{name}", "belongs to an `output` that is a callable")
+    if dial.travels:
+        if crank_span is not None and dial.input != "angle":
+            raise FieldError("/crank_span", "the input is a travel: give `travel_span`")
+        if travel_span is not None and dial.input == "angle":
+            raise FieldError("/travel_span", "the input is an angle: give `crank_span`")
+        span = crank_span if dial.input == "angle" else travel_span
+        motion = TravelMotion(
+            output,
+            span,
+            input=input,
+            function=function,
+            input_zero=input_zero,
+            output_zero=output_zero,
+            weights=weights,
+            one_way=one_way,
+            dial=dial,
+            degrees=degrees,
+        )
+        return motion.answered(kinds, limits, objective, top, tolerance, watch, curves)
     wanted, dials = read_wanted(
         output,
         crank_span,
@@ -179,7 +235,7 @@ def function(
         found, went = generate(tables, wanted, kept, largest, top, tolerance, watch.extended(-FINISHING))
     searched = watch.elapsed
     asked = Asked(wanted, dials, degrees, largest, tolerance)
-    solutions = described(asked, found, kept, sensitivity, curves)
+    solutions: list[Any] = described(asked, found, kept, sensitivity, curves)
     if round_to is not None:
         solutions = [
             replace(one, rounded=rounded(asked, generator, round_to, watch))
@@ -233,17 +289,24 @@ def read_wanted(
     output_zero: float | None = None,
     weights: ArrayLike | None = None,
     degrees: bool = True,
+    scales: tuple[float, float] | None = None,
 ) -> tuple[Wanted, Dials | None]:
-    """A checked function in radians, and its dials where it was named; see `function`."""
+    """A checked function in radians, and its dials where it was named; see `function`.
+
+    ``scales``: what one unit of input and output is instead, where they are no angles.
+    """
     radian = radians_in(degrees)
+    of_input, of_output = scales or (radian, radian)
     if (output is None) == (function is None):
         raise FieldError("/output", "give either `output` or `function`")
-    span = None if crank_span is None else number("crank_span", crank_span) * radian
-    angles = None if input is None else column("input", input) * radian
+    span = None if crank_span is None else number("crank_span", crank_span) * of_input
+    angles = None if input is None else column("input", input) * of_input
     dials = exact = None
     if function is not None:
         if angles is not None:
             raise FieldError("/input", "the input dial of a `function` is linear: give `crank_span`")
+        if scales is not None and "output_span" in function:  # dials take it as an angle
+            function = {**function, "output_span": function["output_span"] * of_output / radian}
         try:
             dials = read_dials(function, span, degrees)
         except FieldError as error:
@@ -253,7 +316,7 @@ def read_wanted(
         values, angles, span, exact = dials.output, dials.input, None, dials.exact
     else:
         assert output is not None
-        values = column("output", output) * radian
+        values = column("output", output) * of_output
     given = None if weights is None else column("weights", weights)
     try:
         target = make_target(rotation=values, crank_span=span, crank_angle=angles, rotation_weights=given)
@@ -268,11 +331,124 @@ def read_wanted(
         message = error.message.replace("rotation", "output").replace("crank_angle", "input")
         raise FieldError(place + error.field[len(at) :], message, **error.details) from error
     assert target.rotation is not None
-    start = None if input_zero is None else number("input_zero", input_zero) * radian
+    start = None if input_zero is None else number("input_zero", input_zero) * of_input
     offset = None
     if output_zero is not None:
-        offset = float(target.rotation[0]) - number("output_zero", output_zero) * radian
+        offset = float(target.rotation[0]) - number("output_zero", output_zero) * of_output
     return Wanted(target.crank, target.rotation, target.rotation_weights, start, offset, exact), dials
+
+
+class TravelMotion:
+    """A checked function with travel, in the unit of its search; arguments as of `function`."""
+
+    def __init__(
+        self,
+        output: ArrayLike | None,
+        span: float | None,
+        *,
+        input: ArrayLike | None = None,
+        function: Mapping[str, Any] | None = None,
+        input_zero: float | None = None,
+        output_zero: float | None = None,
+        weights: ArrayLike | None = None,
+        one_way: bool = False,
+        dial: Dial,
+        degrees: bool = True,
+    ) -> None:
+        self.dial, self.degrees = dial, degrees
+        name = "crank_span" if dial.input == "angle" else "travel_span"
+        if (output is None) == (function is None):
+            raise FieldError("/output", "give either `output` or `function`")
+        if function is None and (span is None) == (input is None):
+            raise FieldError(f"/{name}", f"give either `{name}` or `input`")
+        if function is not None and span is None:
+            raise FieldError(f"/{name}", "needed for a `function`")
+        self.scales = Scales.of(dial, degrees, _way(name, span, input), _output_way(output, function))
+        try:
+            wanted, self.dials = read_wanted(
+                output,
+                span,
+                input=input,
+                function=function,
+                input_zero=input_zero,
+                output_zero=output_zero,
+                weights=weights,
+                degrees=degrees,
+                scales=self.scales[1:],
+            )
+        except FieldError as error:
+            raise FieldError(
+                error.field.replace("/crank_span", f"/{name}"), error.message, **error.details
+            ) from error
+        if one_way:
+            _check_one_way(wanted, "/function" if function is not None else "/output")
+        self.wanted = replace(wanted, one_way=one_way)
+
+    def answered(
+        self,
+        kinds: Sequence[str],
+        limits: Mapping[str, Any] | None,
+        objective: str,
+        top: int,
+        tolerance: float,
+        watch: Work,
+        curves: bool,
+    ) -> FunctionResult:
+        """The best linkages of some kinds."""
+        wanted, scales, dials = self.wanted, self.scales, self.dials
+        laws = laws_of(kinds, self.dial)
+        kept = read_travel_limits(limits, laws, self.degrees)
+        largest = objective == "max"
+        found, went = generate_travel(
+            laws, wanted, kept.over(scales.length), largest, top, tolerance, watch.extended(-FINISHING)
+        )
+        searched = watch.elapsed
+        asked = TravelAsked(wanted, scales, self.dial, self.degrees, None if dials is None else dials.y_of_radian)
+        solutions: list[Any] = asked.described(found, kept, curves)
+        notes = _jumps(wanted, self.dial.output)
+        if len(kinds) > 1:
+            notes.append("linkages of several kinds are listed by error alone: transmission angle and size differ")
+        status = Status.of(found, tolerance).value
+        if not solutions and went.stopped_by == "budget":
+            status = "unknown"
+            notes.append("nothing within the limits was found before the search was cut short; that proves nothing")
+        total = watch.elapsed
+        stages = {"screen": went.screen_seconds, "refine": searched - went.screen_seconds}
+        stages |= {"report": total - searched, "total": total}
+        report = FunctionReport(
+            elapsed_ms={name: 1000 * seconds for name, seconds in stages.items()},
+            trace=[(1000 * seconds, value) for seconds, value in went.trace],
+            stopped_by=went.stopped_by.value,
+            seeds=went.seeds,
+            notes=notes,
+        )
+        x, y = (None, None) if dials is None else (dials.x, dials.y)
+        given = wanted.crank / scales.input, wanted.output / scales.output
+        return FunctionResult(
+            status, solutions, *given, x, y, report, wanted, self.degrees, dial=self.dial, scales=scales
+        )
+
+
+def _way(name: str, span: float | None, input: ArrayLike | None) -> float:
+    """How far the input goes, from the first sample to the last."""
+    if input is None:
+        return number(name, span)
+    values = column("input", input)
+    if values.ndim != 1 or values.size < 2 or not np.isfinite(values).all():
+        raise FieldError("/input", "wanted at least 3 finite numbers")
+    return float(values[-1] - values[0])
+
+
+def _output_way(output: ArrayLike | None, function: Mapping[str, Any] | None) -> float:
+    """How far the output goes, from its least to its largest."""
+    if function is not None:
+        if function.get("output_span") is None:
+            raise FieldError("/function/output_span", "needed: how far the output goes")
+        return number("function/output_span", function["output_span"])
+    values = column("output", output)  # type: ignore[arg-type]
+    if values.ndim != 1 or values.size < 2 or not np.isfinite(values).all():
+        raise FieldError("/output", "wanted at least 3 finite numbers")
+    return float(np.ptp(values))
 
 
 def _check_one_way(wanted: Wanted, where: str) -> None:
@@ -285,6 +461,11 @@ def _check_one_way(wanted: Wanted, where: str) -> None:
             at,
             f"the rocker must not turn back, but sample {place + 1} of the output does not go on from the one before",
         )
+
+
+def _jumps(wanted: Wanted, output: str) -> list[str]:
+    """The same of a function with travel."""
+    return _notes(wanted) if output == "angle" else []
 
 
 def _notes(wanted: Wanted) -> list[str]:
@@ -406,7 +587,7 @@ class FunctionReport(Record):
 
 
 @dataclass(frozen=True)
-class FunctionResult(Record, Ranked[FunctionSolution]):
+class FunctionResult(Record, Ranked[FunctionSolution | TravelSolution]):
     """The answer to `linkage_atlas.function`: linkages, best first, and a report; indexed and iterated as ``solutions``.
 
     ``status`` is "reached" (the best objective is below the tolerance), "closest", "infeasible" (none within the limits),
@@ -415,29 +596,32 @@ class FunctionResult(Record, Ranked[FunctionSolution]):
     """
 
     status: StatusName
-    solutions: list[FunctionSolution]
+    solutions: list[FunctionSolution | TravelSolution]
+    """Of functions from angle to angle the first, with travel the second."""
     input: Floats
-    """Crank angle at the samples, from the first."""
+    """Crank angle, or travel, at the samples, from the first."""
     output: Floats
-    """Wanted rocker angle there."""
+    """Wanted rocker angle, or travel, there."""
     x: Floats | None
     """The samples' x and y, where a function was named."""
     y: Floats | None
     report: FunctionReport
     wanted: Wanted = field(repr=False, metadata=KEPT)
     degrees: bool = field(default=True, metadata=KEPT)
+    dial: Dial = field(default=Dial("angle", "angle"), repr=False, metadata=KEPT)
+    scales: Scales | None = field(default=None, repr=False, metadata=KEPT)
 
     @property
-    def _answers(self) -> list[FunctionSolution]:
+    def _answers(self) -> list[FunctionSolution | TravelSolution]:
         return self.solutions
 
     @property
-    def best(self) -> FunctionSolution:
-        """The best solution; IndexError where there is none."""
+    def best(self) -> Any:
+        """The best solution, of either kind; IndexError where there is none."""
         return self.solutions[0]
 
     @property
-    def linkage(self) -> FourBar:
+    def linkage(self) -> Any:
         """The linkage of the best solution."""
         return self.best.linkage
 
@@ -448,10 +632,16 @@ class FunctionResult(Record, Ranked[FunctionSolution]):
                 "/limits" if not self.solutions else "/rank",
                 f"there are {len(self.solutions)} linkages in this reply",
             )
-        return render_function(self.wanted, self.solutions[rank - 1], kind, length_unit, self.degrees)
+        chosen = self.solutions[rank - 1]
+        if isinstance(chosen, TravelSolution):
+            assert self.scales is not None
+            return render_travel(
+                self.wanted, self.scales, self.dial, chosen.linkage, chosen.output_offset, kind, length_unit
+            )
+        return render_function(self.wanted, chosen, kind, length_unit, self.degrees)
 
     def __repr__(self) -> str:
-        unit = "deg" if self.degrees else "rad"
+        unit = ("deg" if self.degrees else "rad") if self.dial.output == "angle" else "(length)"
         rows = [f"  {s.rank}  {s.linkage!r}  within {s.errors.max:.3g} {unit}" for s in self.solutions]
         return "\n".join([f"{self.status}: {len(self.solutions)} linkages", *rows])
 

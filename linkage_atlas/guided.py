@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkage_atlas.assemblies import Assembly, assembled, read_assembly
-from linkage_atlas.exports import guided_text, kind_of
+from linkage_atlas.exports import guided_text
+from linkage_atlas.formats import kind_of
 from linkage_atlas.guided_studies import GuidedAnalysis, analysed, studied
 from linkage_atlas.motions import Motion, column, number, radians_in
 from linkage_atlas.records import plain

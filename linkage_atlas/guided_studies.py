@@ -8,13 +8,14 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
+from linkage_atlas.motions import MILLIMETRES
 from linkage_atlas.records import Record, Values, Vectors, plain
 from linkage_atlas.studies import BAND_STEPS, Drive, Manufacture, ToleranceStudy, described_study
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.fourbar.analysis import CURVE_LEAST, CURVE_STEP
-from synthesis.guided.analysis import Load, forces
-from synthesis.guided.linkage import GuidedLinkage
+from synthesis.guided.analysis import Load, Mass, forces
+from synthesis.guided.linkage import BODY, GuidedLinkage
 from synthesis.guided.manufacture import dimensions_of, simulate, slopes, sources_of
 from synthesis.target import Interval, Target
 from synthesis.work import Work
@@ -78,9 +79,9 @@ def analysed(
     linkage: GuidedLinkage, drive: Drive, travel: Floats, radian: float, over: Interval | None = None
 ) -> GuidedAnalysis:
     """An analysis at travel (n,) of the drive from the first sample, and over an interval."""
-    if drive.masses:
+    if drive.parts:
         raise FieldError(
-            "/analysis/load/masses", "masses of links count in four-bars only, not on rails and in slots"
+            "/analysis/load/masses", "'parts' are made of four-bars only: say what sliders and blocks weigh"
         )
     curve = None if over is None else GuidedRates(**_rates(linkage, drive, curve_over(linkage, over), radian))
     return GuidedAnalysis(**_rates(linkage, drive, travel, radian), crank_speed=drive.crank_speed, curve=curve)
@@ -140,7 +141,9 @@ def _rates(linkage: GuidedLinkage, drive: Drive, travel: Floats, radian: float) 
     body, found = links[1], linkage.body(linkage.start + travel)
     held = None
     if drive.load is not None:
-        held = forces(linkage, travel, Load(drive.load.force, drive.load.torque), speed)
+        masses = [Mass(BODY if one.link == "body" else one.link, *one[1:]) for one in drive.masses]
+        load = Load(drive.load.force, drive.load.torque, masses, drive.gravity, MILLIMETRES[drive.length_unit] / 1000)
+        held = forces(linkage, travel, load, speed)
     sliding = {
         name: linkage.along_rate(place, travel) * speed
         for place, name in enumerate((links[0].name, links[2].name))

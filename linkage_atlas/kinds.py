@@ -23,6 +23,8 @@ from synthesis.fourbar.limits import FORMS, Limits
 from synthesis.fourbar.passage import size_of
 from synthesis.free.poses import Poses
 from synthesis.guided import solution as guided
+from synthesis.guided.by_crank import BY_CRANK, linkages_by_crank
+from synthesis.guided.limits import broken_limits
 from synthesis.guided.linkage import Driver, Kind
 from synthesis.guided.search import search_guided
 from synthesis.ranking import APART, distinct
@@ -35,12 +37,16 @@ MECHANISMS = get_args(MechanismName)
 SIX_BARS = ("watt_1", "stephenson_1")
 DRIVERS = tuple(one.value for one in Driver)
 NO_ROTATION = (
-    "linkages with sliders need rotation and position at two samples or more: only four-bars were searched for"
+    "linkages with sliders need rotation and position at two samples or more, or positions at given crank angles: only four-bars "
+    "were searched for"
 )
+NO_TIME = "the time was up before linkages with sliders were searched for"
 _FOUR_BARS = 0.4
 """Part of a budget that the search among four-bars takes at most, where other kinds are asked for too."""
 _NEAR_ENOUGH = 1.1
 """Without tolerances: times the least error up to which something else may be preferred."""
+_SAME = 1e-3
+"""Part by which all measures of two linkages differ at most that are shown once."""
 _STEP = np.deg2rad(5.0)
 """Exact linkages are ordered by their transmission angle in steps."""
 
@@ -70,8 +76,10 @@ class Asked(NamedTuple):
 def read_kinds(mechanisms: Any, driver: Any, motion: Motion) -> Asked:
     """The kinds that are asked for, checked against the motion. Raises `FieldError` naming the argument."""
     given = ("four_bar",) if mechanisms is None else MECHANISMS if mechanisms == "all" else mechanisms
-    if isinstance(given, str) or not isinstance(given, Sequence) or not given:
-        raise FieldError("/mechanisms", f"wanted 'all' or a list of some of {', '.join(MECHANISMS)}")
+    if isinstance(given, str):
+        given = (given,)
+    if not isinstance(given, Sequence) or not given:
+        raise FieldError("/mechanisms", f"wanted 'all', or a list of some of {', '.join(MECHANISMS)}")
     for place, name in enumerate(given):
         if name in SIX_BARS:
             raise FieldError(f"/mechanisms/{place}", f"six-bars such as {name} are not searched for")
@@ -110,6 +118,9 @@ def _check(asked: Asked, motion: Motion) -> None:
                 "/mechanisms",
                 "none of them has a crank, and crank angles are given: give `travel`, or `timing` 'free'",
             )
+    along = isinstance(motion.samples, Target) and motion.samples.position is not None
+    if along and any(kind in BY_CRANK for kind in asked.kinds):
+        return
     if not asked.four_bars and not has_poses(motion.samples):
         field = "rotation" if motion.samples.rotation is None else "position"
         raise FieldError(f"/{field}", "linkages with sliders need rotation and position at two samples or more")
@@ -199,7 +210,9 @@ def search_kinds(
         seeds += course.counts["seeds"] or 0
         stopped.add(course.stopped_by)
     between = work.elapsed
-    if sliders:
+    if sliders and found and work.expired():
+        notes.append(NO_TIME)
+    elif sliders:
         given, driver = _given(motion, asked.driver)
         others, report = search_guided(
             as_poses(motion.samples), limits, asked.sliders, driver, tolerance, work, given=given
@@ -210,7 +223,14 @@ def search_kinds(
         seeds += report.seeds
         notes += report.notes
         stopped.add(report.stopped_by.value)
-    elif asked.sliders:
+    by_crank = [kind for kind in asked.sliders if kind in BY_CRANK]
+    if isinstance(motion.samples, Target) and motion.samples.position is not None and by_crank and not sliders:
+        for kind in by_crank:
+            ones_by_crank, by_report = linkages_by_crank(kind, motion.samples, tolerance=tolerance, work=work)
+            found += [one for one in ones_by_crank if not broken_limits(one, motion.samples, limits)]
+            seeds += by_report.seeds
+            stopped.add(by_report.stopped_by.value)
+    elif asked.sliders and not sliders:
         notes.append(NO_ROTATION)
     how = (StoppedBy.BUDGET, StoppedBy.CONVERGED, StoppedBy.TOLERANCE)
     stopped_by = next(one.value for one in how if one.value in stopped)
@@ -245,6 +265,10 @@ class Measures(NamedTuple):
         pairs = list(zip(self[:3], other[:3]))
         return self.driver == other.driver and all(a <= b for a, b in pairs) and any(a < b for a, b in pairs)
 
+    def same_as(self, other: Measures) -> bool:
+        """Whether nobody could tell both apart by them."""
+        return all(abs(a - b) <= _SAME * max(abs(a), abs(b)) for a, b in zip(self[:3], other[:3]))
+
 
 def measures_of(one: Found, samples: Samples, tolerance: float) -> Measures:
     """The measures of a linkage."""
@@ -263,7 +287,12 @@ def front(found: Sequence[Found], motion: Motion, prefer: str, tolerance: float,
     """
     samples = motion.samples
     known = [(measures_of(one, samples, tolerance), one) for one in found]
-    kept = [(mine, one) for mine, one in known if not any(other.beats(mine) for other, _ in known)]
+    kept: list[tuple[Measures, Found]] = []
+    for mine, one in known:
+        if not any(other.beats(mine) for other, _ in known) and not any(
+            _sort(one) == _sort(before) and mine.same_as(other) for other, before in kept
+        ):
+            kept.append((mine, one))
     if not kept:
         return []
     least = _NEAR_ENOUGH * min(mine.error for mine, _ in kept)

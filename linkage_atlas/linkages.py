@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkage_atlas.assemblies import Assembly, assembled, read_assembly
-from linkage_atlas.exports import content_of, kind_of
+from linkage_atlas.exports import content_of
+from linkage_atlas.formats import kind_of
 from linkage_atlas.motions import Motion, column, number, radians_in
 from linkage_atlas.records import plain
 from linkage_atlas.solids import AskedSolids, SolidParts, read_solids, solids_in, split
@@ -321,7 +322,8 @@ class FourBar:
         load : mapping, optional
             ``force`` [fx, fy] at the body point and ``torque`` on the body, in directions that do not turn with it; ``masses``, a
             list of ``link`` (crank, coupler, rocker or body), ``mass`` in kg, centre ``at`` [x, y] and ``inertia`` in the link's
-            frame; ``gravity`` [gx, gy] in m/s^2 ([0, -9.81]). With masses forces are in newtons.
+            frame, or "parts", what `solids` weigh by default; ``gravity`` [gx, gy] in m/s^2 ([0, -9.81]). With masses forces are
+            in newtons.
         crank : array_like, shape (n,), optional
             Crank angles from the start angle on. Default: the samples of the motion that it answers (or a whole turn), with the
             `curve` over their interval.
@@ -526,10 +528,10 @@ class FourBar:
         analysis : mapping, optional
             ``crank_speed`` and ``load`` as of `analysis`: further columns of a CSV file.
         plates : mapping, optional
-            ``hole``, the diameter of the holes, and ``width`` of the plates, for a DXF of plates.
+            ``hole``, the diameter of the holes, and ``width`` of the plates, for a DXF of the links alone.
         assembly, solids : mapping, optional
-            How its parts are arranged and made, as of `assembly` and `solids`: for STEP and what follows it above, and the masses
-            in an MJCF file.
+            How its parts are arranged and made, as of `assembly` and `solids`: for STEP and what follows it above, the masses in
+            an MJCF file, and a DXF of all flat parts in place of the links alone.
         work : Work, optional
             Asked whether the answer is still wanted.
         drive : mapping, optional
@@ -544,7 +546,18 @@ class FourBar:
                 read = read._replace(nevertheless=True)
             return self._solids(target, assembly or {}, read, length_unit, work or Work())
 
-        return content_of(self._linkage, target, self._radian, kind, length_unit, analysis, plates, parts, drive)
+        return content_of(
+            self._linkage,
+            target,
+            self._radian,
+            kind,
+            length_unit,
+            analysis,
+            plates,
+            parts,
+            drive,
+            arranged=bool(assembly or solids),
+        )
 
     def render(
         self,

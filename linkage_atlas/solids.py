@@ -7,13 +7,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
-from linkage_atlas.assemblies import ASSEMBLY, Assembly
+from linkage_atlas.assemblies import ASSEMBLY, Assembly, assembled, read_assembly
+from linkage_atlas.formats import OF_PARTS, kind_of
 from linkage_atlas.motions import MILLIMETRES, number
 from linkage_atlas.records import KEPT, Record
 from synthesis.errors import FieldError
+from synthesis.fourbar.linkage import Linkage
 from synthesis.sheet import csv_text
 from synthesis.solids.fits import FITS, Fit
 from synthesis.solids.solid import DENSITIES, Made, Solids, masses_of_links, parts_list, solids_of
+from synthesis.target import Interval
+from synthesis.work import Work
 
 SOLIDS = ("fit", "material", "pins", "fillet", "scale", "layout", "nevertheless")
 """What may be asked of solids, by the names of the HTTP contract."""
@@ -23,8 +27,6 @@ MATERIALS = {"H7": ("aluminium", "steel"), "print": ("PLA", "PLA")}
 LEAST_MM, LARGEST_MM = 0.01, 1e6
 """A pin at least, and a plate at most: what the readers of the files tell apart and hold."""
 LEAST_SCALE, LARGEST_SCALE = 1e-3, 1e3
-PART_KINDS = ("step", "3mf", "stl", "urdf", "sdf", "parts")
-"""Files that are written from solids."""
 NAME = "four-bar linkage"
 
 
@@ -128,13 +130,17 @@ class SolidParts(Record):
     asked: AskedSolids = field(metadata=KEPT, repr=False)
 
     def file(self, kind: str) -> bytes:
-        """A file: step, 3mf, stl (a zip file), urdf, sdf or parts (CSV).
+        """A file: step, 3mf, stl (a zip file), urdf, sdf, parts (CSV) or plates (DXF of all that is flat).
 
         3MF lies on the printer's bed unless the layout says "assembled"; STEP stands assembled unless it says "bed".
         """
-        if kind not in PART_KINDS:
-            raise FieldError("/kind", f"wanted one of {', '.join(PART_KINDS)}, found {kind!r}")
+        if kind not in (*OF_PARTS, "plates"):
+            raise FieldError("/kind", f"wanted one of {', '.join(OF_PARTS)}, plates, found {kind!r}")
         solids, parts = self.solids, self.solids.parts
+        if kind == "plates":
+            from synthesis.solids.plates import parts_to_plates
+
+            return parts_to_plates(solids).encode()
         if kind == "parts":
             return csv_text(parts_list(solids, self.asked.fit)).encode()
         if kind in ("urdf", "sdf"):
@@ -156,10 +162,17 @@ class SolidParts(Record):
 
     def save(self, path: str | Path) -> None:
         """Write a file; its ending says which: .step, .3mf, .stl.zip, .urdf, .sdf or .parts.csv."""
-        from linkage_atlas.exports import kind_of
-
         path = Path(path)
         path.write_bytes(self.file(kind_of(path.name)))
+
+
+def masses_of_parts(linkage: Linkage, used: Interval, length_unit: str) -> list[dict[str, Any]]:
+    """The masses that a load calls "parts": of the moving links as they are made by default, also where parts collide."""
+    asked = read_assembly(True)
+    assert asked is not None
+    found = assembled(linkage, asked, used, 1.0, Work())
+    parts = solids_in(found, read_solids({"nevertheless": True}), {}, length_unit)
+    return [one._asdict() for one in parts.masses]
 
 
 def split(asked: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:

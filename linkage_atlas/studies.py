@@ -116,8 +116,19 @@ class Drive(NamedTuple):
     load: Load | None
     masses: tuple[MassAt, ...] = ()
     gravity: complex = 0j
-    metre: float = 1.0
-    """Metres in the unit of length."""
+    length_unit: str = "mm"
+    parts: bool = False
+    """Whether the links weigh what their parts do."""
+
+    def weighed(self, linkage: Linkage, used: Interval) -> Drive:
+        """With the masses of the linkage's parts, if those are meant."""
+        if not self.parts:
+            return self
+        from linkage_atlas.solids import masses_of_parts
+
+        found = masses_of_parts(linkage, used, self.length_unit)
+        masses = tuple(MassAt(one["link"], one["mass"], complex(*one["at"]), one["inertia"]) for one in found)
+        return self._replace(masses=masses, parts=False)
 
     def load_of(self, linkage: Linkage) -> Load | None:
         """The load on a linkage, with the masses of its links."""
@@ -135,11 +146,13 @@ class Drive(NamedTuple):
             centre = sum(one.mass * one.at for one in several) / mass
             inertia = sum(one.inertia + one.mass * abs(one.at - centre) ** 2 for one in several)
             links[link] = LinkMass(mass, complex(centre), float(inertia))
-        return self.load._replace(own=Own(links, self.gravity, self.metre))
+        return self.load._replace(own=Own(links, self.gravity, MILLIMETRES[self.length_unit] / 1000))
 
 
-LINKS_WITH_MASS = ("crank", "coupler", "rocker", "body")
+LINKS_WITH_MASS = ("crank", "coupler", "rocker", "body", "slider", "block", "second_slider", "second_block")
 MOST_LINK_MASSES = 64
+PARTS = "parts"
+"""In place of masses: those of the plates and pins that the linkage is made of by default."""
 GRAVITY = -9.81j
 """Of masses unless a load says otherwise, m/s^2."""
 
@@ -165,10 +178,12 @@ def read_drive(analysis: Mapping[str, Any], mounted: bool) -> Drive:
     if load.get("gravity") is not None:
         gravity = _pair("analysis/load/gravity", load["gravity"], "[gx, gy]")
     masses = load.get("masses") or ()
+    if masses == PARTS:
+        return Drive(speed, Load(force, torque), (), gravity, unit, True)
     if not isinstance(masses, Sequence) or isinstance(masses, str) or len(masses) > MOST_LINK_MASSES:
-        raise FieldError("/analysis/load/masses", f"wanted a list of at most {MOST_LINK_MASSES} masses")
+        raise FieldError("/analysis/load/masses", f"wanted {PARTS!r}, or a list of at most {MOST_LINK_MASSES} masses")
     read = tuple(_mass(f"analysis/load/masses/{k}", mass, mounted) for k, mass in enumerate(masses))
-    return Drive(speed, Load(force, torque), read, gravity, MILLIMETRES[unit] / 1000)
+    return Drive(speed, Load(force, torque), read, gravity, unit)
 
 
 def _mass(field: str, given: Any, mounted: bool) -> MassAt:
@@ -202,6 +217,7 @@ def _pair(field: str, given: Any, words: str) -> complex:
 
 def analysed(linkage: Linkage, drive: Drive, travel: Floats, radian: float, over: Interval | None = None) -> Analysis:
     """An analysis at crank angles (n,) in radians from the first sample, and over an interval."""
+    drive = drive.weighed(linkage, over or Interval(float(travel.min()), float(travel.max())))
     curve = None if over is None else Rates(**_rates(linkage, drive, curve_over(over), radian))
     return Analysis(**_rates(linkage, drive, travel, radian), crank_speed=drive.crank_speed, curve=curve)
 

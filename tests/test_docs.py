@@ -185,9 +185,10 @@ def test_the_notebook_gives_what_it_shows(tmp_path, monkeypatch) -> None:
 
 
 def test_the_figures_are_those_of_their_script(tmp_path, monkeypatch) -> None:
-    committed = {name: (figures.IMAGES / name).read_text() for name in ("notation.svg", "motion.svg")}
+    committed = {name: (figures.IMAGES / name).read_text() for name in ("notation.svg", "kinds.svg", "motion.svg")}
     monkeypatch.setattr(figures, "IMAGES", tmp_path)
     figures.notation()
+    figures.kinds()
     figures.motion()
     number = re.compile(r"-?\d+\.?\d*(?:e[-+]?\d+)?")
     for name, wanted in committed.items():

@@ -8,7 +8,7 @@ from typing import Any
 
 QUESTIONS = {
     "synthesize": "Rotation, positions or both: actual dimensions and mounting pose.",
-    "function": "Function generation: whose rocker turns as a wanted function of its crank?",
+    "function": "Function generation: whose rocker, crank or slider moves as a wanted function of the input?",
     "drive": "What moves a linkage: rotary drives, cylinders, motors that turn on, locks and springs.",
     "assembly": "Plates in layers: can a linkage be built so that its parts pass one another, and how far does it move?",
     "match": "Rotation only: which atlas rows, at which start?",

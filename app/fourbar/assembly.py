@@ -8,8 +8,8 @@ from pydantic import Field
 
 import linkage_atlas as la
 from app.fourbar import QUESTIONS, worked_example
+from app.fourbar.answers import budget_of, motion_of
 from app.fourbar.answers import is_long as is_long_search
-from app.fourbar.answers import motion_of
 from app.fourbar.export import pointing, ranked
 from app.fourbar.models import AssemblyOptions, GivenLinkage, Rank, SynthesizeRequest
 from app.query import Query, Resources
@@ -59,7 +59,7 @@ def answer_assembly(request: AssemblyRequest, resources: Resources) -> la.Assemb
             asked[name] = asked[name] or getattr(question.limits, name)
         with pointing(lambda field: "/request" + field):
             motion = la.Motion(**motion_of(question))
-    work = resources.work()
+    work = resources.work(budget_of(None, resources))
     if given is None:
         assert question is not None
         with pointing(lambda field: field if field == "/rank" else "/request" + field):

@@ -140,7 +140,9 @@ def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
     place = one.crank_angle if one.crank_angle is not None else getattr(one, "travel", None)
     with pointing(lambda field: _PREFIXES.get(field.lstrip("/").partition("/")[0], "") + field):
         plates = None if body.plates is None else body.plates.model_dump(exclude_none=True)
-        assembly = parts_of(request) if body.assembly is None else body.assembly.model_dump(exclude_none=True)
+        assembly = None if body.assembly is None else body.assembly.model_dump(exclude_none=True)
+        if assembly is None and body.format != "plates":
+            assembly = parts_of(request)
         solids = None if body.solids is None else body.solids.model_dump(exclude_none=True)
         drive = None if body.drive is None else body.drive.model_dump(exclude_none=True)
         return linkage.file(

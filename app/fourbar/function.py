@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -15,6 +15,7 @@ from app.fourbar.export import as_json, exports_of, pointing
 from app.fourbar.models import (
     Curve,
     GivenGenerator,
+    GivenMaker,
     Length,
     limits_request,
 )
@@ -58,8 +59,8 @@ class FunctionOfX(RequestModel):
     )
 
 
-FunctionLimitsRequest = limits_request(
-    "FunctionLimitsRequest",
+_FunctionLimits: Any = limits_request(
+    "_FunctionLimits",
     "What every linkage must keep to.",
     FUNCTION_LIMITS,
     "any",
@@ -67,25 +68,59 @@ FunctionLimitsRequest = limits_request(
 )
 
 
+class FunctionLimitsRequest(_FunctionLimits):
+    """What every linkage must keep to."""
+
+    offset: Number | None = Field(
+        None,
+        description="Of a slider-crank: distance of the rail from the crank's pivot, as it is given; 0: in line.",
+    )
+
+
+Unit = Literal["deg", "rad", "length"]
+MakerKind = Literal["four_bar", "slider_crank", "swinging_block", "rail_slot", "two_rails"]
+"""Kinds that make functions."""
+
+
 class FunctionRequest(RequestModel):
-    """Which linkage's rocker turns as a wanted function of its crank?"""
+    """Which linkage's output, of rocker, crank or slider, is a wanted function of its input?"""
 
     output: Curve | None = Field(
         None,
-        description="Rocker angles at the samples, continuous, up to a constant; falling: against a rising input.",
+        description="Rocker angles, or travel, at the samples, continuous, up to a constant; falling: against a rising input.",
     )
     crank_span: Number | None = Field(
         None, description="Crank angle from the first sample to the last, evenly spaced; < 0: clockwise."
     )
+    travel_span: Number | None = Field(
+        None, description="Where the input is a travel: from the first sample to the last, evenly spaced."
+    )
     input: Curve | None = Field(
-        None, description="Crank angles in place of `crank_span`; what counts is the increment from the first."
+        None,
+        description="Crank angles, or travel, in place of the span; what counts is the increment from the first.",
+    )
+    input_unit: Unit | None = Field(
+        None,
+        description="`length`: the input is the travel of a slider or cylinder. Default: an angle, in `angle_unit`.",
+    )
+    output_unit: Unit | None = Field(
+        None,
+        description="`length`: the output is the travel of a slider or cylinder. Default: an angle, in `angle_unit`.",
+    )
+    mechanisms: Annotated[list[MakerKind], Field(min_length=1, max_length=5)] | Literal["all"] | None = Field(
+        None,
+        description="From angle to angle `four_bar`; from angle to length, and back, `slider_crank` and `swinging_block`; from "
+        "length to angle `rail_slot` too; from length to length `two_rails`. Default: the first that there is.",
     )
     function: FunctionOfX | None = Field(None, description="A function by name or table in place of `output`.")
     objective: Literal["rms", "max"] = Field(
         "rms", description="Make least the rms error at the samples, or the largest error over the whole interval."
     )
-    input_zero: Number | None = Field(None, description="Crank angle at the first sample, from the ground line A->B.")
-    output_zero: Number | None = Field(None, description="Rocker angle that is wanted there, from the ground line.")
+    input_zero: Number | None = Field(
+        None,
+        description="Crank angle at the first sample, from the ground line A->B or the rail; or the place of slider or cylinder.",
+    )
+    output_zero: Number | None = Field(None, description="The output that is wanted there, measured alike.")
     weights: Annotated[list[Annotated[Number, Field(ge=0)]], Field(min_length=3, max_length=MAX_SAMPLES)] | None = (
         Field(None, description="What each squared error counts; for `max` each error, linear between samples.")
     )
@@ -112,7 +147,16 @@ class FunctionRequest(RequestModel):
 def solve_function(request: FunctionRequest, resources: Resources) -> la.FunctionResult:
     """Linkages that make a function, best first."""
     names = ("output", "crank_span", "input", "objective", "input_zero", "output_zero", "weights", "one_way")
-    names += ("tolerance", "round_to", "sensitivity", "curves")
+    names += (
+        "tolerance",
+        "round_to",
+        "sensitivity",
+        "curves",
+        "travel_span",
+        "input_unit",
+        "output_unit",
+        "mechanisms",
+    )
     asked = None if request.function is None else request.function.model_dump(exclude_none=True)
     return la.function(
         **{name: getattr(request, name) for name in names},
@@ -128,6 +172,8 @@ def solve_function(request: FunctionRequest, resources: Resources) -> la.Functio
 
 def is_long(request: FunctionRequest) -> bool:
     """Whether an answer may take more than a fraction of a second."""
+    if "length" in (request.input_unit, request.output_unit):
+        return request.budget_ms is None or request.budget_ms > SHORT_MS
     return request.round_to is not None or request.top > 20 or seconds_of(request) > SHORT_MS / 1000
 
 
@@ -135,26 +181,40 @@ class FunctionExportRequest(RequestModel):
     """A function, one of its linkages, and the kind of file that is wanted."""
 
     request: FunctionRequest = Field(description="The request of /v1/function; angles are in its unit.")
-    solution: GivenGenerator
+    solution: GivenMaker
     format: Literal["json", "csv", "svg", "dxf", "mjcf"] = "json"
     length_unit: LengthUnit = Field("mm", description="The unit of the lengths, for DXF and MJCF.")
 
 
 def _function_file(body: FunctionExportRequest, resources: Resources) -> bytes:
-    from linkage_atlas.functions import read_wanted, render_function
+    from linkage_atlas.functions import TravelMotion, read_wanted, render_function
+    from linkage_atlas.travels import read_dial, render_travel
 
     request, solution = body.request, body.solution
     if body.format == "json":
         return as_json(request, solution.model_dump(mode="json"))
     degrees = request.angle_unit == "deg"
     asked = None if request.function is None else request.function.model_dump(exclude_none=True)
+    with pointing(lambda field: "/solution" + field):
+        given = solution.linkage(degrees)
+    with pointing(lambda field: "/request" + field):
+        dial = read_dial(request.input_unit, request.output_unit, degrees)
+        if dial.travels != isinstance(given, la.GuidedLinkage):
+            raise la.FieldError("/output_unit", "the solution belongs to a request of another unit")
+        if dial.travels:
+            span = request.crank_span if dial.input == "angle" else request.travel_span
+            motion = TravelMotion(
+                request.output, span, input=request.input, function=asked, dial=dial, degrees=degrees
+            )
+    if isinstance(given, la.GuidedLinkage):
+        return render_travel(
+            motion.wanted, motion.scales, dial, given, solution.output_offset, body.format, body.length_unit
+        ).encode()
     with pointing(lambda field: "/request" + field):
         wanted, _ = read_wanted(
             request.output, request.crank_span, input=request.input, function=asked, degrees=degrees
         )
-    links = {name: getattr(solution.links, name) for name in ("crank", "coupler", "rocker", "ground")}
-    linkage = la.FourBar(**links, branch=solution.branch, start_angle=solution.start_angle, degrees=degrees)
-    made = SimpleNamespace(linkage=linkage, output_offset=solution.output_offset)
+    made = SimpleNamespace(linkage=given, output_offset=solution.output_offset)
     return render_function(wanted, made, body.format, body.length_unit, degrees).encode()
 
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
-from pydantic import BeforeValidator, ConfigDict, Field, create_model
+from pydantic import BeforeValidator, ConfigDict, Field, WithJsonSchema, create_model
 
 import linkage_atlas as la
 from app.query import AngleUnit, Count, Flag, LengthUnit, Number, PositiveNumber, RequestModel
@@ -31,6 +31,27 @@ Tolerances = Annotated[list[PositiveNumber], Field(min_length=MIN_POSES, max_len
 Travel = Annotated[list[Coordinate], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)]
 Mechanism = Literal[
     "four_bar", "slider_crank", "swinging_block", "rail_slot", "two_rails", "two_slots", "watt_1", "stephenson_1"
+]
+ALL_MECHANISMS = ["four_bar", "slider_crank", "swinging_block", "rail_slot", "two_rails", "two_slots"]
+Mechanisms = Annotated[
+    list[Mechanism],
+    Field(min_length=1, max_length=8),
+    BeforeValidator(
+        lambda given: list(ALL_MECHANISMS) if given == "all" else [given] if isinstance(given, str) else given
+    ),
+    WithJsonSchema(
+        {
+            "anyOf": [
+                {"const": "all", "type": "string"},
+                {
+                    "items": {"enum": list(get_args(Mechanism)), "type": "string"},
+                    "maxItems": 8,
+                    "minItems": 1,
+                    "type": "array",
+                },
+            ]
+        }
+    ),
 ]
 Top = Annotated[Count, Field(ge=1, le=MAX_TOP)]
 MatchedKind = Literal["four_bar", "slider_crank"]
@@ -209,6 +230,12 @@ class GivenGenerator(_ReplyPart):
     output_offset: Angle
 
 
+class GivenMaker(GivenLinkage):
+    """One of the `solutions` of a reply of /v1/function, a four-bar with `links` or one with a slider and `guides`."""
+
+    output_offset: FarCoordinate
+
+
 # -- what a designer asks of a linkage next ----------------------------------------------------------------------------
 
 Size = Annotated[Number, Field(ge=0, le=MAX_LENGTH)]
@@ -219,7 +246,7 @@ Pair = Annotated[list[Bounded], Field(min_length=2, max_length=2)]
 class LinkMassRequest(RequestModel):
     """A mass on a link."""
 
-    link: Literal["crank", "coupler", "rocker", "body"]
+    link: Literal["crank", "coupler", "rocker", "body", "slider", "block", "second_slider", "second_block"]
     mass: Annotated[Number, Field(gt=0, le=LARGEST)] = Field(description="In kg.")
     at: Pair | None = Field(
         None,
@@ -236,8 +263,9 @@ class LoadRequest(RequestModel):
 
     force: Pair | None = Field(None, description="[fx, fy] at the body point.")
     torque: Bounded = Field(0.0, description="Counter-clockwise: force times length.")
-    masses: Annotated[list[LinkMassRequest], Field(max_length=MOST_LINK_MASSES)] | None = Field(
-        None, description="Of the links; with them forces are in newtons."
+    masses: Literal["parts"] | Annotated[list[LinkMassRequest], Field(max_length=MOST_LINK_MASSES)] | None = Field(
+        None,
+        description="Of the links; with them forces are in newtons. `parts`: those of their plates and pins, made by default.",
     )
     gravity: Pair | None = Field(None, description="Of the masses, [gx, gy] in m/s^2; default [0, -9.81].")
 
@@ -292,7 +320,9 @@ class DriveLoadRequest(RequestModel):
 
     force: Pair | None = Field(None, description="[fx, fy] at the body point.")
     torque: Bounded | None = Field(None, description="On the body, counter-clockwise: force times length.")
-    masses: Annotated[list[MassRequest], Field(max_length=MOST_MASSES)] | None = None
+    masses: Literal["parts"] | Annotated[list[MassRequest], Field(max_length=MOST_MASSES)] | None = Field(
+        None, description="`parts`, to /v1/drives: those of the linkage's plates and pins, made by default."
+    )
     gravity: Pair | None = Field(None, description="Acceleration [gx, gy] of the masses; default [0, -9.81].")
     speed: Bounded | None = Field(
         None, description="Of the crank, constant: then the masses resist their acceleration too."
@@ -542,7 +572,7 @@ class SynthesizeRequest(CrankMotion):
     travel_span: Number | None = Field(
         None, description="The same from the first sample to the last, evenly spaced; < 0: a cylinder retracts."
     )
-    mechanisms: Literal["all"] | Annotated[list[Mechanism], Field(min_length=1, max_length=8)] | None = Field(
+    mechanisms: Mechanisms | None = Field(
         None,
         description="Kinds of mechanism, default `four_bar` alone. Of several kinds those come back that no other one driven "
         "alike beats in error, size and transmission angle at once. Six-bars (`watt_1`, `stephenson_1`) are refused.",

@@ -9,7 +9,7 @@ import numpy as np
 
 from app.tables import DEGREES, Units, columns, number
 from linkage_atlas import GuidedSolution, Matches, Result, Solution
-from linkage_atlas.answers import Errors, Rounded
+from linkage_atlas.answers import Errors
 
 _LENGTHS = ("crank", "coupler", "rocker", "ground")
 _LINKAGE = (
@@ -57,7 +57,7 @@ def _lengths(links: Any) -> str:
     return " ".join(number(getattr(links, name)) for name in _LENGTHS)
 
 
-def _proof(rounded: Rounded) -> str:
+def _proof(rounded: Any) -> str:
     """Whether a choice of stock lengths is the best of all."""
     if rounded.combinations is None:
         return ""
@@ -65,17 +65,20 @@ def _proof(rounded: Rounded) -> str:
     return f", the best {of}" if rounded.exhaustive else f", the best of {rounded.tried:,} {of}"
 
 
-def _analysis_lines(best: Solution) -> list[str]:
+def _analysis_lines(best: Solution | GuidedSolution) -> list[str]:
     """The largest values of an analysis over the used interval."""
     if best.analysis is None:
         return []
     curve, found = best.analysis.curve, []
-    rows = {
-        "velocity": curve.velocity,
-        "acceleration": curve.acceleration,
-        "crank torque": curve.crank_torque,
-        "pin force": None if curve.pin_forces is None else np.concatenate(curve.pin_forces),
-    }
+    rows = {"velocity": curve.velocity, "acceleration": curve.acceleration}
+    if isinstance(best, Solution):
+        pins = curve.pin_forces
+        rows |= {"crank torque": curve.crank_torque, "pin force": None if pins is None else np.concatenate(pins)}
+    else:
+        drive = "torque of the drive" if curve.travel is None else "force of the drive"
+        guides = curve.guide_forces
+        rows[drive] = curve.drive_load
+        rows["guide force"] = None if guides is None else np.concatenate(list(guides.values()))
     for name, values in rows.items():
         if values is None:
             continue
@@ -85,7 +88,7 @@ def _analysis_lines(best: Solution) -> list[str]:
     return [f"largest over the interval: {', '.join(found)}"] if found else []
 
 
-def _tolerance_lines(best: Solution, units: Units) -> list[str]:
+def _tolerance_lines(best: Solution | GuidedSolution, units: Units) -> list[str]:
     """What tolerances of manufacture do at worst, and what contributes most."""
     if best.tolerance_study is None:
         return []
@@ -133,7 +136,14 @@ def _kinds_lines(reply: Result, units: Units) -> list[str]:
             lines.append(f"{name.replace('_', ' ')} of rank 1: {', '.join(number(value, 4) for value in values)}")
     if best.verdict.reasons:
         lines.append(f"rank 1: {'; '.join(best.verdict.reasons)}")
-    return lines
+    rounded = best.rounded
+    if rounded is not None and rounded.closes:
+        lengths = rounded.links._asdict() if isinstance(best, Solution) else rounded.lengths
+        words = ", ".join(f"{name} {number(length)}" for name, length in lengths.items()) or "no lengths"
+        lines.append(f"rounded: {words}; {_errors(rounded.errors, units)}{_proof(rounded)}")
+    elif rounded is not None:
+        lines.append(f"rounded: none of {rounded.tried} combinations of lengths closes within the limits")
+    return lines + _analysis_lines(best) + _tolerance_lines(best, units)
 
 
 def _guide(guide: Any) -> str:
@@ -185,6 +195,9 @@ def synthesize_table(reply: Result, units: Units = DEGREES) -> str:
             ]
         if best.crank_angle is not None:
             lines.append(f"crank angles of rank 1: {', '.join(number(angle, 4) for angle in best.crank_angle)}")
+        if best.verdict.assembly is not None and best.verdict.assembly.free:
+            found = best.verdict.assembly
+            lines.append(f"rank 1 has {found.count} free layers: {found.reasons[0]}")
         if best.verdict.reasons:
             lines.append(f"rank 1: {'; '.join(best.verdict.reasons)}")
         if best.rounded is not None and best.rounded.closes:
@@ -194,10 +207,34 @@ def synthesize_table(reply: Result, units: Units = DEGREES) -> str:
     return "\n".join(lines + _search_lines(reply.report))
 
 
+def _travel_lines(reply: Any, units: Units) -> list[str]:
+    """Linkages with sliders that make a function, and what is amiss with the first."""
+    unit = units.length if reply.dial.output == "length" else units.angle
+    text = columns(
+        reply.solutions,
+        ("rank", "d", "rank"),
+        ("kind", "", "kind"),
+        ("driver", "", "driver"),
+        ("lengths", "", lambda one: ", ".join(f"{name} {number(value)}" for name, value in one.lengths.items())),
+        ("branch", "+d", "branch"),
+        ("input zero", ".6g", "input_zero"),
+        ("offset", ".6g", "output_offset"),
+        ("transm.", ".4g", "transmission_angle_min"),
+        (units.head("rms", unit), ".3g", "errors.rms"),
+        (units.head("max", unit), ".3g", "errors.max"),
+        ("max y", ".3g", "errors.max_y"),
+        ("alt.", "d", "errors.alternations"),
+    )
+    reasons = reply.solutions[0].verdict.reasons
+    return ["", text, *([f"rank 1: {'; '.join(reasons)}"] if reasons else [])]
+
+
 def function_table(reply: Any, units: Units = DEGREES) -> str:
     """Ranked linkages of the reply; errors in the request's unit of angle."""
     lines = [_found(reply, "linkage")]
-    if reply.solutions:
+    if reply.solutions and hasattr(reply.solutions[0], "kind"):
+        lines += _travel_lines(reply, units)
+    elif reply.solutions:
         text = columns(
             reply.solutions,
             *_LINKAGE,

@@ -6,7 +6,7 @@ import { PATH_POINTS, Pen } from "./pen.js";
 import { Poses } from "./poses.js";
 import { drawBody, drawBox, drawCurves, drawGhosts, drawGrid, drawOverlay, drawWay } from "./scenery.js";
 
-const LAYERS = ["grid", "box", "way", "overlay", "ghosts", "curves", "plates", "targets", "linkage", "body", "poses", "pen"];
+const LAYERS = ["grid", "box", "way", "overlay", "ghosts", "curves", "plates", "targets", "linkage", "body", "drive", "poses", "pen"];
 const CLICK = 4; // pixels: a press that moves less is a click
 const EMPTY = { move: "No poses yet: draw a path or add poses", add: "Click the place of the first pose", path: "Draw a path here", box: "Drag a box for both fixed pivots", hand: "", outline: "Click the corners of the body" };
 const HELP = {

@@ -2,7 +2,7 @@
 
 import { text } from "./drawing.js";
 import { toRequest } from "./formats.js";
-import { PRESET, clone, preferable, setTiming, scaleTravels, wantsAngles } from "./motion.js";
+import { PRESET, clone, preferable, setTiming, scaleTravels, slidable, wantsAngles } from "./motion.js";
 import { preferred } from "./service.js";
 import { $ } from "./shell.js";
 
@@ -49,6 +49,7 @@ const CHOICES = {
   direction: [(m) => String(m.direction), (m, value) => { m.direction = Number(value); }],
   wanted: [(m) => m.wanted, (m, value) => { m.wanted = value; }],
   prefer: [(m) => preferred(toRequest(m)), (m, value) => { m.prefer = value; }],
+  mechanisms: [(m) => (Array.isArray(m.mechanisms) ? "some" : m.mechanisms), (m, value) => { if (value !== "some") m.mechanisms = value; }],
   family: [(m) => m.limits.family, (m, value) => { m.limits.family = value; }],
   "length-unit": [(m) => m.unit, (m, value) => { m.unit = value; }],
 };
@@ -198,6 +199,8 @@ export class Fields {
     $("timing-note").textContent = NOTES[motion.timing](wantsAngles(motion) ? "pose" : "point") + (!free && !some ? " The practical limits are off, unless chosen below." : "");
     $("motion-title").textContent = wantsAngles(motion) ? "Motion" : "Path";
     for (const option of $("prefer").options) option.hidden = option.disabled = !preferable(motion, option.value);
+    for (const option of $("mechanisms").options) option.hidden = option.disabled = option.value === "some" && !Array.isArray(motion.mechanisms);
+    $("mechanisms").disabled = !slidable(motion);
     $("weights").hidden = !this.#has("wr", "wp", "er", "ep");
     $("box-clear").hidden = !limits.box;
     $("add-row").textContent = wantsAngles(motion) ? "Add a pose" : "Add a point";
@@ -205,9 +208,10 @@ export class Fields {
     $("limits-summary").textContent = this.#summary(motion).join(", ");
   }
 
-  #summary({ limits, round, stock, tolerance, unit, prefer }) {
+  #summary({ limits, round, stock, tolerance, unit, prefer, mechanisms }) {
     const { kept } = limits, all = Object.values(kept).every(Boolean), none = !Object.values(kept).some(Boolean);
     const found = [all ? "practical" : none ? "none practical" : "some practical"];
+    if (mechanisms !== "four_bar" && slidable(this.motion())) found.push($("mechanisms").selectedOptions[0]?.textContent);
     if (limits.family !== "full_crank") found.push($("family").selectedOptions[0]?.textContent);
     if (limits.transmission) found.push(`transmission ≥ ${text(limits.transmission, 3)}°`);
     if (limits.min || limits.max) found.push(`links ${[limits.min && `≥ ${text(limits.min, 4)}`, limits.max && `≤ ${text(limits.max, 4)}`].filter(Boolean).join(" and ")} ${unit}`);

@@ -1,6 +1,6 @@
 // The motion as a request and as what a link or a draft holds of it, and back.
 
-import { PRESET, UNITS, emptyMotion, fixTravels, placeOf, preferable, wantsAngles, wantsPlaces } from "./motion.js";
+import { PRESET, UNITS, emptyMotion, fixTravels, placeOf, preferable, slidable, wantsAngles, wantsPlaces } from "./motion.js";
 
 const NO_RATIO = 1e6; // a ratio of lengths that limits nothing
 
@@ -40,6 +40,7 @@ export function toRequest(motion) {
   if (motion.prefer && preferable(motion, motion.prefer)) request.prefer = motion.prefer;
   request.top = motion.top;
   if (motion.diverse) request.diverse = true;
+  if (motion.mechanisms !== "four_bar" && slidable(motion)) request.mechanisms = motion.mechanisms === "all" ? "all" : [motion.mechanisms].flat();
   const asked = { ...limits.extra, ...practical(limits, motion.timing === "free") };
   if (limits.family !== "full_crank") asked.family = limits.family;
   if (limits.box && places) asked.pivot_box = limits.box;
@@ -131,7 +132,7 @@ export function fromPage(content) {
 export function fromRequest(body) {
   const {
     rotation, position, crank_span, crank_angle, timing, order, closed, crank_span_max, weights, tolerances, prefer,
-    limits = {}, round_to, lengths_from, analysis, tolerance_study, top, diverse, angle_unit, ...extra
+    limits = {}, round_to, lengths_from, analysis, tolerance_study, top, diverse, mechanisms, angle_unit, ...extra
   } = body ?? {};
   const unit = angle_unit === "rad" ? 180 / Math.PI : 1, free = timing === "free";
   const count = (rotation ?? position)?.length;
@@ -166,6 +167,7 @@ export function fromRequest(body) {
     box: pivot_box ?? null, min: link_min ?? null, max: link_max ?? null, extra: more,
   };
   motion.diverse = diverse === true;
+  motion.mechanisms = Array.isArray(mechanisms) && mechanisms.length === 1 ? mechanisms[0] : mechanisms ?? "four_bar";
   motion.prefer = prefer ?? null;
   motion.round = round_to ?? null;
   motion.stock = isNumbers(lengths_from) ? lengths_from : null;

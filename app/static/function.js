@@ -1,13 +1,15 @@
-// The page of function generation: a function chosen, drawn or typed; the linkages whose rocker turns so; their error.
+// The page of function generation: a function chosen, drawn or typed; the linkages whose rocker, crank or slider moves so; their error.
 
 import { redrawOn, titledChart } from "./charts.js";
 import { Draft } from "./draft.js";
 import { LinkageShape, View, make, put, text, thumbnail } from "./drawing.js";
+import { linkageOf } from "./guided.js";
 import { Linkage } from "./kinematics.js";
 import { fromFragment, toFragment } from "./link.js";
 import { functionTable } from "./rows.js";
 import { ask, download } from "./service.js";
 import { $, markEarlier, say, startScenes, startTheme } from "./shell.js";
+import { DRIVES, sign, travelRows } from "./travel.js";
 import { mark, plainNote, reasons } from "./verdict.js";
 
 const RAD = Math.PI / 180;
@@ -20,6 +22,8 @@ const STATUS = {
   unknown: "No linkage was found before the search was cut short, which proves nothing.",
 };
 const LINKS = ["crank", "coupler", "rocker", "ground"];
+/** The linkage of a solution; a four-bar that makes a function is not mounted. */
+const drawnOf = (solution) => (solution.guides ? linkageOf(solution) : new Linkage({ ...solution, mount: null }));
 
 let drawn = []; // points [px, py] of the pad, from left to right
 let answer = null; // {request, reply, solutions, from}: the reply in degrees, its solutions as they came, the crank angle given first
@@ -66,15 +70,19 @@ function wantedOf(name) {
 }
 
 function toRequest() {
-  const wanted = wantedOf($("name").value);
-  const limits = { family: $("family").value };
+  const drive = $("drive").value, { asks } = DRIVES[drive], travels = drive !== "four_bar";
+  const { crank_span, ...others } = wantedOf($("name").value);
+  if (travels && others.angle_unit) throw new Error("Give angles in degrees here.");
+  const span = crank_span === undefined ? {} : { [asks.input_unit ? "travel_span" : "crank_span"]: crank_span };
+  const wanted = { ...others, ...span, ...asks }, limits = travels ? {} : { family: $("family").value };
   if ($("practical").checked) limits.preset = "practical";
   if (number("transmission") !== null) limits.transmission_angle_min = number("transmission") * (wanted.angle_unit === "rad" ? RAD : 1);
   if (number("ratio") !== null) limits.link_ratio_max = number("ratio");
-  if (number("ground") !== null) limits.links = { ground: number("ground") };
+  if (number("ground") !== null && ["four_bar", "crank_cylinder", "cylinder_crank"].includes(drive)) limits.links = { ground: number("ground") };
+  if (number("offset") !== null && asks.mechanisms?.[0] === "slider_crank") limits.offset = number("offset");
   const request = { ...wanted, objective: $("objective").value, limits, top: number("top"), curves: true };
   if ($("one-way").checked) request.one_way = true;
-  if (number("round") !== null) request.round_to = number("round");
+  if (number("round") !== null && !travels) request.round_to = number("round");
   return request;
 }
 
@@ -87,6 +95,12 @@ function showFields() {
   const name = $("name").value, pairs = name === "pairs";
   const kinds = { name: !["drawn", "table", "pairs"].includes(name), crank: !pairs || !columns.input, rocker: !pairs, [name]: true };
   for (const block of document.querySelectorAll("[data-for]")) block.hidden = !block.dataset.for.split(" ").some((kind) => kinds[kind]);
+  const { asks, says } = DRIVES[$("drive").value];
+  for (const [k, end] of ["input", "output"].entries()) {
+    $(`${end}-label`).textContent = says[k];
+    $(`${end}-unit`).textContent = asks[`${end}_unit`] ? "length" : "°";
+  }
+  for (const field of document.querySelectorAll("[data-drive]")) field.hidden = !field.dataset.drive.split(" ").includes($("drive").value);
   for (const [id, kind] of [["x0", "name"], ["x1", "name"], ["crank-span", "crank"], ["output-span", "rocker"]]) $(id).disabled = !kinds[kind];
   changed();
 }
@@ -204,6 +218,7 @@ function startPad() {
 // -- the answer -------------------------------------------------------------------------------------------------------
 
 function rows(solution) {
+  if (solution.guides && solution.lengths) return travelRows(solution, answer.signs);
   const { errors, rounded } = solution;
   const list = LINKS.map((name) => [name[0].toUpperCase() + name.slice(1), text(solution.links[name], 8)]);
   list.push(["Branch", solution.branch > 0 ? "+1" : "−1"], ["Crank at the first x", `${text(solution.start_angle, 8)}°`], ["Output less rocker angle", `${text(solution.output_offset, 8)}°`]);
@@ -229,7 +244,7 @@ function showNumbers() {
 }
 
 function showLinkage() {
-  const span = answer.reply.input.at(-1) * RAD, linkage = new Linkage({ ...shown, mount: null });
+  const span = answer.reply.input.at(-1) * RAD, linkage = drawnOf(shown), [into, out] = answer.signs;
   const view = new View(640, 360), used = linkage.over(0, span, 120).filter(Boolean);
   $("canvas").replaceChildren();
   if (!used.length) return;
@@ -241,10 +256,10 @@ function showLinkage() {
   const move = () => {
     const share = Number($("slider").value), joints = linkage.at(share * span);
     shape.show(joints, view);
-    const made = joints && (joints.rocker / RAD + shown.output_offset);
-    const wrapped = made === null ? null : made - 360 * Math.round((made - wantedAt(share)) / 360);
+    const made = joints && (shown.links ? joints.rocker / RAD + shown.output_offset : wantedAt(share) - errorAt(share));
+    const wrapped = made === null || !out ? made : made - 360 * Math.round((made - wantedAt(share)) / 360);
     const crank = answer.from + (share * span) / RAD;
-    $("where").textContent = joints ? `${text(crank, 4)}°, rocker ${text(wrapped, 5)}°` : "does not close here";
+    $("where").textContent = joints ? `${text(crank, 4)}${into}, ${shown.links ? "rocker" : "output"} ${text(wrapped, 5)}${out}` : "does not close here";
     for (const plot of charts) plot.mark(crank);
   };
   $("slider").oninput = move;
@@ -260,19 +275,25 @@ function wantedAt(share) {
   return output[k - 1] + ((output[k] - output[k - 1]) * (x - input[k - 1])) / (input[k] - input[k - 1]);
 }
 
+/** The error of the solution that is shown, at a share of the interval. */
+function errorAt(share) {
+  const { error } = shown.error_curve, place = share * (error.length - 1), k = Math.min(Math.floor(place), error.length - 2);
+  return error[k] + (error[k + 1] - error[k]) * (place - k);
+}
+
 function showCurves() {
   if (!shown) return;
-  const { error } = shown.error_curve, { x, y, output } = answer.reply;
+  const { error } = shown.error_curve, { x, y, output } = answer.reply, out = answer.signs[1];
   const [input, samples] = [shown.error_curve.input, answer.reply.input].map((angles) => angles.map((angle) => angle + answer.from));
   const turn = answer.reply.input.at(-1) < 0 ? (values) => values.slice().reverse() : (values) => values;
   $("curves").replaceChildren();
-  charts = [titledChart($("curves"), "Error in degrees of the rocker", { x: turn(input), degreesY: true, series: [{ values: turn(error), colour: "accent" }] })];
+  charts = [titledChart($("curves"), `Error ${shown.links ? "in degrees of the rocker" : out ? "in degrees" : "of the travel"}`, { x: turn(input), degreesY: Boolean(out), series: [{ values: turn(error), colour: "accent" }] })];
   const range = (values) => Math.max(...values) - Math.min(...values);
   if (y && range(output)) {
     const unit = range(y) / range(output);
     charts.push(titledChart($("curves"), "Error in units of y", { x: turn(input), series: [{ values: turn(error.map((value) => value * unit)), colour: "path" }] }));
   }
-  charts.push(titledChart($("curves"), "Wanted angle of the rocker", { x: turn(samples), degreesY: true, series: [{ values: turn(output), colour: "ink" }] }));
+  charts.push(titledChart($("curves"), shown.links ? "Wanted angle of the rocker" : "Wanted output", { x: turn(samples), degreesY: Boolean(out), series: [{ values: turn(output), colour: "ink" }] }));
   const ends = x ? `x from ${text(x[0])} to ${text(x.at(-1))} over this interval. ` : "";
   $("error-note").textContent = ends + answer.reply.report.notes.map(plainNote).join(" ");
 }
@@ -286,8 +307,8 @@ function select(k) {
 
 function card(solution, k) {
   const button = Object.assign(document.createElement("button"), { type: "button" });
-  button.append(thumbnail(new Linkage({ ...solution, mount: null }), [0, answer.reply.input.at(-1) * RAD], []));
-  button.append(Object.assign(document.createElement("span"), { className: "name", textContent: `${solution.rank}. ${text(solution.errors.max, 3)}°` }));
+  button.append(thumbnail(drawnOf(solution), [0, answer.reply.input.at(-1) * RAD], []));
+  button.append(Object.assign(document.createElement("span"), { className: "name", textContent: `${solution.rank}. ${text(solution.errors.max, 3)}${answer.signs[1]}` }));
   const verdict = mark(solution.verdict);
   button.append(Object.assign(document.createElement("span"), { className: `verdict ${verdict.kind}`, textContent: `${verdict.sign} ${verdict.text}` }));
   button.addEventListener("click", () => select(k));
@@ -315,7 +336,8 @@ function sayStatus() {
 
 function show(request, reply) {
   const unit = request.angle_unit === "rad" ? 1 / RAD : 1;
-  answer = { request, reply: inDegrees(reply, unit), solutions: reply.solutions, from: unit * (request.input?.[0] ?? 0) };
+  const signs = [sign(request.input_unit), sign(request.output_unit)];
+  answer = { request, reply: inDegrees(reply, unit), solutions: reply.solutions, signs, from: unit * (request.input?.[0] ?? 0) };
   shown = null;
   const found = reply.solutions.length > 0;
   for (const id of ["picture-card", "error-card", "results", "numbers-card"]) $(id).hidden = !found;

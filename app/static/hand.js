@@ -130,7 +130,7 @@ export function assessed(solution, motion) {
 }
 
 /** A request to refine a solution from just there. */
-export function fromHere({ diverse: _diverse, prefer: _prefer, ...request }, { links, branch, start_angle, body_offset, mount, crank_angle }) {
+export function fromHere({ diverse: _diverse, prefer: _prefer, mechanisms: _mechanisms, ...request }, { links, branch, start_angle, body_offset, mount, crank_angle }) {
   return { ...request, top: 1, refine_from: { links, branch, start_angle, body_offset, mount, crank_angle } };
 }
 
@@ -140,5 +140,6 @@ export function nearby(request, solution, share = 0.05) {
   const around = ([x, y]) => [x - share * extent, y - share * extent, x + share * extent, y + share * extent].map((value) => Number(value.toPrecision(6)));
   // boxes of their own take the place of whatever else was said of the pivots
   const { pivot_a: _a, pivot_b: _b, pivot_box: _box, ...limits } = request.limits ?? {};
-  return { ...request, limits: { ...limits, pivot_a_box: around(solution.mount.pivot_a), pivot_b_box: around(solution.mount.pivot_b) } };
+  const { mechanisms: _mechanisms, ...asked } = request;
+  return { ...asked, limits: { ...limits, pivot_a_box: around(solution.mount.pivot_a), pivot_b_box: around(solution.mount.pivot_b) } };
 }

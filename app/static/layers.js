@@ -1,13 +1,14 @@
 // Layers of the plates of a linkage: asked for after an answer, the stack drawn from the side, plates and collisions on the canvas.
 
 import { element, make, put, text } from "./drawing.js";
+import { driveTurns } from "./drive.js";
 import { fitOf } from "./fit.js";
 import { ask } from "./service.js";
 import { $ } from "./shell.js";
 
 const FIRST = 10; // solutions of an answer whose layers are asked for without being selected
 const MOST_CORNERS = 200;
-const COLUMNS = ["A", "D", "P", "C", "B"]; // pins from left to right
+const COLUMNS = ["M", "K", "Q", "A1", "A", "A2", "D", "P", "C", "B1", "B", "B2"]; // pins from left to right
 const WIDE = 64, HIGH = 26, LEFT = 42; // pixels between columns and layers of the stack, and beside it
 const EDGE = 1.5;
 const RAD = Math.PI / 180;
@@ -29,14 +30,26 @@ function bodyOf(outline, solution, motion) {
   return corners.map(([x, y]) => [cosine * x - sine * y, sine * x + cosine * y]);
 }
 
-/** Where the frame of a link is: {at, angle}, at joints of `Linkage.at`. */
-const frames = { ground: (j) => ({ at: j.a, angle: 0 }), crank: (j) => ({ at: j.a, angle: j.crank }), coupler: (j) => ({ at: j.d, angle: j.coupler }), rocker: (j) => ({ at: j.b, angle: j.rocker }) };
+/** Where the frame of a link of a four-bar is: {at, angle}, at joints of `Linkage.at`. */
+const FRAMES = { ground: (j) => ({ at: j.a, angle: 0 }), crank: (j) => ({ at: j.a, angle: j.crank }), coupler: (j) => ({ at: j.d, angle: j.coupler }), rocker: (j) => ({ at: j.b, angle: j.rocker }) };
 
-const angleText = (value) => `${text(value, 5)}°`;
-const inWords = (pair) => pair.map((name) => (name.startsWith("head ") ? `head of pin ${name.slice(5)}` : name.length === 1 ? `pin ${name}` : name)).join(" and ");
+const fromTo = ([x, y], [u, v]) => ({ at: [x, y], angle: Math.atan2(v - y, u - x) });
 
-/** Whether a crank angle lies within a collision, also one over the seam of a turn. */
-const within = ({ from, to }, degrees) => [-360, 0, 360].some((turn) => from <= degrees + turn && degrees + turn <= to);
+/** Where the frame of a link of a solution is; null for one that is not drawn. */
+function frameOf(link, joints, { links, guides }) {
+  if (links) return FRAMES[link]?.(joints) ?? null;
+  const [driven] = guides, { p, rotation } = joints, [x, y] = driven.body_point, cosine = Math.cos(rotation), sine = Math.sin(rotation);
+  if (link === "ground") return { at: driven.pivot ?? driven.point ?? driven.pin, angle: 0 };
+  if (link === "coupler") return { at: [p[0] + cosine * x - sine * y, p[1] + sine * x + cosine * y], angle: rotation };
+  const circle = joints.links[driven.guide === "circle" && link === "crank" ? 0 : 1];
+  return circle ? fromTo(...circle) : null;
+}
+
+const placeText = (value, sign) => `${text(value, 5)}${sign}`;
+const inWords = (pair) => pair.map((name) => (name.startsWith("head ") ? `head of pin ${name.slice(5)}` : name.length <= 2 ? `pin ${name}` : name)).join(" and ");
+
+/** Whether a place of the drive lies within a collision, also one over the seam of a turn. */
+const within = ({ from, to }, place, turns) => (turns ? [-360, 0, 360] : [0]).some((turn) => from <= place + turn && place + turn <= to);
 
 export class Layers {
   /** `jump(degrees)` moves the crank; `told(solution)` is called when the verdict of a solution has its assembly. */
@@ -57,7 +70,7 @@ export class Layers {
   }
 
   /** What is asked for besides linkage and request. */
-  #options(solution, motion) {
+  options(solution, motion) {
     const sizes = Object.entries(SIZES).map(([name, id]) => [name, $(id).valueAsNumber]).filter(([, value]) => value > 0);
     const body = $("layer-body").checked ? bodyOf(this.outline, solution, motion) : null;
     return { boards: $("layer-boards").value, heads: $("layer-heads").checked, ...Object.fromEntries(sizes), ...(body ? { body } : {}) };
@@ -92,14 +105,8 @@ export class Layers {
 
   async #ask(solution, answer, signal) {
     if (!solution.verdict || solution.verdict.assembly || this.wrong.has(solution)) return;
-    if (!solution.links) {
-      this.wrong.set(solution, "for rails and slots layers are not drawn here: ask /v1/assembly, or the command line");
-      this.told(solution);
-      if (solution === this.solution) this.#describe();
-      return;
-    }
     try {
-      const assembly = await (await ask("/v1/assembly", { linkage: solution, request: answer.request, ...this.#options(solution, answer.motion) }, signal)).json();
+      const assembly = await (await ask("/v1/assembly", { linkage: solution, request: answer.request, ...this.options(solution, answer.motion) }, signal)).json();
       const { verdict } = solution, free = assembly.status === "free";
       solution.verdict = { ...verdict, practical: verdict.practical ?? verdict.buildable, assembly };
       solution.verdict.buildable = solution.verdict.practical && free;
@@ -120,6 +127,9 @@ export class Layers {
     if (solution && this.answer && this.control) this.#ask(solution, this.answer, this.control.signal);
   }
 
+  /** Behind a place of the drive: degrees, or for a slider or cylinder the unit of length. */
+  get #sign() { return driveTurns(this.solution) ? "°" : ` ${this.answer.motion.unit}`; }
+
   get assembly() { return this.solution?.verdict?.assembly ?? null; }
 
   #describe() {
@@ -134,7 +144,7 @@ export class Layers {
     }
     const { status, count, least_gap: gap } = assembly, { unit } = this.answer.motion;
     const state = { free: `Nothing collides in ${count} layers`, touching: `In ${count} layers parts may just touch`, blocked: "No layers are free" }[status];
-    words.textContent = `${state}${gap ? `; least gap ${text(gap.value, 4)} ${unit} beyond the clearance, ${inWords(gap.pair)} at ${angleText(gap.crank_angle)}` : ""}.`;
+    words.textContent = `${state}${gap ? `; least gap ${text(gap.value, 4)} ${unit} beyond the clearance, ${inWords(gap.pair)} at ${placeText(gap.crank_angle, this.#sign)}` : ""}.`;
     host.removeAttribute("hidden");
     drawStack(host, assembly);
     list.append(...assembly.reasons.filter((_, k) => status === "blocked" || k > 0).map((one) => element("li", "", `${one[0].toUpperCase()}${one.slice(1)}.`.replaceAll(/(\d) degrees/g, "$1°"))));
@@ -149,7 +159,7 @@ export class Layers {
       places.push(...Object.values(stops).filter(({ crank_angle }) => crank_angle !== null).map(({ crank_angle, cause, pair }) => [cause === "loop" ? "the loop ends" : `stop: ${inWords(pair)}`, crank_angle]));
     }
     host.append(...places.map(([words, angle]) => {
-      const button = Object.assign(element("button", "", `${words}: ${angleText(angle)}`), { type: "button" });
+      const button = Object.assign(element("button", "", `${words}: ${placeText(angle, this.#sign)}`), { type: "button" });
       button.addEventListener("click", () => this.jump(angle));
       return button;
     }));
@@ -162,16 +172,19 @@ export class Layers {
     layer.replaceChildren();
     board.svg.classList.toggle("plated", Boolean(assembly && $("layer-plates").checked && joints && board.linkage && !board.stale));
     if (!board.svg.classList.contains("plated")) return;
-    const degrees = joints.travel / RAD, hit = new Set(assembly.collisions.filter((one) => within(one, degrees)).flatMap(({ pair }) => pair));
+    const degrees = joints.travel / RAD, hit = new Set(assembly.collisions.filter((one) => within(one, degrees, driveTurns(this.solution))).flatMap(({ pair }) => pair));
     const flat = assembly.parts.filter(({ kind }) => kind !== "board").toSorted((a, b) => a.layers[1] - b.layers[1] || (a.kind === "plate" ? -1 : 1));
-    for (const { name, kind, link, core, radius } of flat) {
-      if (!frames[link]) continue;
-      const { at, angle } = frames[link](joints), cosine = Math.cos(angle), sine = Math.sin(angle);
-      const points = core.map(([x, y]) => view.at([at[0] + cosine * x - sine * y, at[1] + sine * x + cosine * y])), wide = 2 * radius * view.scale;
+    for (const { name, kind, link, core, radius, slits } of flat) {
+      const frame = frameOf(link, joints, this.solution);
+      if (!frame) continue;
+      const { at, angle } = frame, cosine = Math.cos(angle), sine = Math.sin(angle);
+      const placed = ([x, y]) => view.at([at[0] + cosine * x - sine * y, at[1] + sine * x + cosine * y]);
+      const points = core.map(placed), wide = 2 * radius * view.scale;
       const own = kind === "plate" ? name : name.split("_")[1], d = `M${points.map(([x, y]) => `${x.toFixed(1)} ${y.toFixed(1)}`).join("L")}${points.length === 1 ? "h0" : points.length > 2 ? "Z" : ""}`;
       const group = make("g", { class: `plate ${kind} ${name}${hit.has(own) || (kind === "head" && hit.has(`head ${own}`)) ? " hit" : ""}`, "data-plate": name }, layer);
       make("path", { class: "edge", d, "stroke-width": (wide + 2 * EDGE).toFixed(1) }, group);
       make("path", { class: "face", d, "stroke-width": wide.toFixed(1) }, group);
+      for (const { first, last } of slits) make("path", { class: "edge", d: `M${placed(first).join(" ")}L${placed(last).join(" ")}`, "stroke-width": (assembly.sizes.hole * view.scale).toFixed(1) }, group);
     }
   }
 }
@@ -182,15 +195,15 @@ function forget(solution) {
 }
 
 /** The stack from the side: a row a layer, plates between their pins, pins upright through the layers that they fill. */
-function drawStack(svg, { count, parts, status }) {
+export function drawStack(svg, { count, parts, status }) {
   const used = COLUMNS.filter((name) => parts.some((one) => one.name.endsWith(`_${name}`)));
   const x = (name) => LEFT + 30 + WIDE * used.indexOf(name), rows = parts.flatMap(({ layers }) => layers), low = Math.min(...rows), high = Math.max(...rows);
   const y = (layer) => 8 + HIGH * (high - layer), width = LEFT + WIDE * (used.length - 1) + 90, height = y(low) + HIGH + 4;
   put(svg, { viewBox: `0 0 ${width} ${height}`, width, height, role: "img", "aria-label": `${count} layers from the side, from the top: ${parts.filter(({ kind }) => kind === "plate").toSorted((a, b) => b.layers[0] - a.layers[0]).map(({ name, layers }) => `${name} in layer ${layers[0]}`).join(", ")}` });
   svg.classList.toggle("blocked", status === "blocked");
   for (let layer = 1; layer <= count; layer += 1) make("text", { class: "number", x: 4, y: y(layer) + HIGH / 2 + 4 }, svg).textContent = layer;
-  for (const { name, kind, holes, layers } of parts) {
-    const at = kind === "board" ? [x(used[0]) - 26, x(used.at(-1)) + 26] : holes.filter(({ pin }) => used.includes(pin)).map(({ pin }) => x(pin));
+  for (const { name, kind, holes, slits, layers } of parts) {
+    const at = kind === "board" ? [x(used[0]) - 26, x(used.at(-1)) + 26] : [...holes, ...slits].filter(({ pin }) => used.includes(pin)).map(({ pin }) => x(pin));
     if (kind === "plate" || kind === "board") {
       const left = Math.min(...at) - (kind === "board" ? 0 : 14), right = Math.max(...at) + (kind === "board" ? 0 : 14);
       make("rect", { class: `${kind} ${name}`, x: left, y: y(layers[0]) + 4, width: Math.max(28, right - left), height: HIGH - 8, rx: 3 }, svg);

@@ -310,8 +310,14 @@ function bindButtons() {
     const place = links ? { links, start_angle, body_offset, mount, family } : { kind, driver, guides, start: begin, travel }, chosen = current ? { ...place, branch, crank_angle } : null;
     await copy(await sources.linkTo(current ? answer.request : toRequest(editor.motion), editor.motion, chosen), "The link is copied; it holds the whole request and the chosen linkage.");
   });
-  addEventListener("beforeprint", () => fillSheet(answer, results.solution));
-  $("print").addEventListener("click", () => { fillSheet(answer, results.solution); print(); });
+  let parts = null; // of the linkage that is being printed
+  addEventListener("beforeprint", () => fillSheet(answer, results.solution, results.driving, parts));
+  $("print").addEventListener("click", async () => {
+    parts = await results.partsList().catch(() => null);
+    fillSheet(answer, results.solution, results.driving, parts);
+    print();
+    parts = null;
+  });
 }
 
 /** Searches for the motion of the page's address; without one, after a link that is as it came, there is again what was there before. */

@@ -25,12 +25,15 @@ const STUDY_SAMPLES = 2000; // linkages of a tolerance study: the search is aske
 export const emptyMotion = (wanted = "both") => ({
   poses: [], wanted, timing: "free", span: 90, direction: 1, anyOrder: false, closed: false, spanMax: null,
   limits: clone(LIMITS), tolerance: { rotation: null, position: null }, prefer: null, round: null, stock: null,
-  analysis: { speed: null, force: [null, null], torque: null }, study: { links: null, pivots: null, clearance: null, extra: { samples: STUDY_SAMPLES } }, top: 8, diverse: true, unit: "mm", outline: null, note: "", extra: {},
+  analysis: { speed: null, force: [null, null], torque: null }, study: { links: null, pivots: null, clearance: null, extra: { samples: STUDY_SAMPLES } }, top: 8, diverse: true, mechanisms: "all", unit: "mm", outline: null, note: "", extra: {},
 });
 
 /** Whether the motion asks for places, for angles. */
 export const wantsPlaces = (motion) => motion.wanted !== "rotation";
 export const wantsAngles = (motion) => motion.wanted !== "position";
+
+/** Whether rails and slots can be looked for: they need angles and places. */
+export const slidable = (motion) => wantsPlaces(motion) && wantsAngles(motion);
 
 /** Whether all linkages are not alike in what is to be preferred: lengths need places, swings free crank angles. */
 export const preferable = (motion, prefer) => (prefer !== "size" || wantsPlaces(motion)) && (prefer !== "crank_span" || motion.timing === "free");

@@ -3,6 +3,7 @@
 import { card, sign, sorted } from "./cards.js";
 import { chart, redrawOn } from "./charts.js";
 import { element, signed, text } from "./drawing.js";
+import { Driving } from "./driving.js";
 import { driveName, drivePlaces, driveTurns } from "./drive.js";
 import { alike, errorText, fitOf, guideRows, limitName, worstRows } from "./fit.js";
 import { assessed, fromJoints } from "./hand.js";
@@ -17,7 +18,8 @@ import { judged, mark, plainNote, reasons } from "./verdict.js";
 
 const CARDS = ["results", "trace-card", "curves-card", "numbers-card", "player"];
 const LINKS = ["crank", "coupler", "rocker", "ground"];
-const ENDINGS = { mjcf: "xml", plates: "plates.dxf", pylinkage: "pylinkage.json" };
+const ENDINGS = { mjcf: "xml", plates: "plates.dxf", pylinkage: "pylinkage.json", stl: "stl.zip", parts: "parts.csv" };
+const OF_PARTS = ["step", "3mf", "stl", "urdf", "sdf", "parts"];
 const ENDS = { tolerance: "tolerance reached", converged: "no further improvement found", budget: "the time was up" };
 const REST_MS = 120; // without a further drag, after which the curves are drawn anew
 const NEAR = 2.5; // other solutions are fitted into the view where they lie within so many sizes of the selected one
@@ -126,6 +128,7 @@ export class Results {
   constructor(board, keep) {
     Object.assign(this, { keep, answer: null, solution: null, board, player: new Player(board), picked: false });
     this.layers = new Layers(board, (degrees) => { this.player.stop(); this.player.goto(degrees); }, (solution) => this.#judgedAnew(solution));
+    this.driving = new Driving(board, this.player);
     this.fields = new JointFields(board, (name, place) => this.drag(name, place, null), () => this.player.stop());
     $("copy").addEventListener("click", () => copy(this.#rows().map((row) => row.join("\t")).join("\n"), "The numbers are copied."));
     for (const button of document.querySelectorAll("[data-format]")) button.addEventListener("click", () => this.#save(button.dataset.format));
@@ -145,8 +148,10 @@ export class Results {
     const solutions = answer?.reply.solutions ?? [];
     for (const id of CARDS) $(id).hidden = !solutions.length;
     if (!solutions.length) {
-      this.layers.show(null);
-      this.layers.select(null);
+      for (const one of [this.layers, this.driving]) {
+        one.show(null);
+        one.select(null);
+      }
       this.solution = null;
       $("solutions").replaceChildren();
       this.board.showOthers([]);
@@ -160,6 +165,7 @@ export class Results {
     this.solution = (before && solutions.find((one) => alike(one, before))) ?? solutions[0];
     this.#list();
     this.layers.show(answer);
+    this.driving.show(answer);
     this.#select(this.solution, stays ? "holds" : "all", false);
     // the linkage first: charts take as long to draw as all the rest
     clearTimeout(this.charts);
@@ -211,6 +217,7 @@ export class Results {
     this.player.show(solution, motion, false, false);
     this.player.goto(travel);
     this.layers.select(solution);
+    this.driving.select(solution);
     clearTimeout(this.later);
     this.later = setTimeout(() => this.player.drawCurves(), REST_MS);
     this.#showNumbers();
@@ -266,6 +273,7 @@ export class Results {
     this.#showNumbers();
     this.#showOthers();
     this.layers.select(solution);
+    this.driving.select(solution);
   }
 
   /** Fits all solutions that are not much larger than the selected one, so that the scale can stay while one looks at them. */
@@ -301,8 +309,8 @@ export class Results {
     if (drivePlaces(this.solution)) parts.push(crankBlock(this.solution, motion));
     if (this.solution.determination?.ill_posed) parts.push(element("p", "note", "Clearly different linkages make this motion about equally well: the motion does not determine the link lengths."));
     $("numbers").replaceChildren(...parts);
-    // links are cut as plates, and pylinkage knows, four-bars only
-    for (const format of ["plates", "pylinkage"]) document.querySelector(`[data-format=${format}]`).disabled = !this.solution.links;
+    // parts are made, links are cut as plates, and pylinkage knows, four-bars only
+    for (const format of ["plates", "pylinkage", ...OF_PARTS]) document.querySelector(`[data-format="${format}"]`).disabled = !this.solution.links;
     if (!again) note("");
   }
 
@@ -320,13 +328,30 @@ export class Results {
     });
   }
 
+  /** A file of the selected linkage, parts as its layers and the fields beside the buttons say. */
+  #file(format) {
+    const { solution, answer: { request, motion } } = this, scale = $("parts-scale").valueAsNumber;
+    const sizes = ["hole", "width"].map((name) => [name, $(`plate-${name}`).valueAsNumber]).filter(([, value]) => value > 0);
+    const plates = sizes.length && format === "plates" ? { plates: Object.fromEntries(sizes) } : {};
+    const solids = { fit: $("parts-fit").value, ...(scale > 0 ? { scale } : {}), nevertheless: $("parts-nevertheless").checked };
+    const parts = [...OF_PARTS, "mjcf"].includes(format) && solution.links ? { assembly: this.layers.options(solution, motion), solids } : {};
+    const drive = this.driving.shown && ["dxf", "csv", "mjcf"].includes(format) ? { drive: this.driving.shown } : {};
+    return ask("/v1/export", { request, solution, format, length_unit: motion.unit, ...plates, ...parts, ...drive });
+  }
+
+  /** The parts list of the selected linkage, a row a part by column; null where its layers are not free. */
+  async partsList() {
+    const status = this.solution?.verdict?.assembly?.status;
+    if (!status || status === "blocked") return null;
+    const [head, ...rows] = (await (await this.#file("parts")).text()).trim().split("\r\n").map((line) => line.split(","));
+    return rows.map((row) => Object.fromEntries(row.map((cell, k) => [head[k], cell])));
+  }
+
   async #save(format) {
-    const { solution, answer: { request } } = this;
+    const { solution } = this;
     note(`Making ${format.toUpperCase()}…`);
     try {
-      const sizes = ["hole", "width"].map((name) => [name, $(`plate-${name}`).valueAsNumber]).filter(([, value]) => value > 0);
-      const plates = sizes.length && format === "plates" ? { plates: Object.fromEntries(sizes) } : {};
-      const reply = await ask("/v1/export", { request, solution, format, length_unit: this.answer.motion.unit, ...plates });
+      const reply = await this.#file(format);
       const name = `linkage-${solution.rank ?? "by-hand"}.${ENDINGS[format] ?? format}`;
       download(await reply.blob(), name);
       note(`Saved ${name}.`);

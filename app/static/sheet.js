@@ -1,7 +1,8 @@
-// The sheet that is printed: the linkage at its first pose with all wanted poses, its dimensions, its errors pose by pose, on one page.
+// The sheet that is printed: first pose, wanted poses, dimensions and errors on one page; layers and the list of parts on a second one.
 
 import { LinkageShape, View, element, make, pathData, text } from "./drawing.js";
 import { driveName } from "./drive.js";
+import { drawStack } from "./layers.js";
 import { fitOf, guideRows, limitName } from "./fit.js";
 import { nameOf } from "./cards.js";
 import { placeOf, wantsAngles, wantsPlaces } from "./motion.js";
@@ -13,15 +14,20 @@ const SIZE = [720, 400];
 const CHART = [720, 120];
 const MOST_GHOSTS = 24;
 
-function drawing(fit, motion) {
+function drawing(fit, motion, drive) {
   const svg = make("svg", { viewBox: `0 0 ${SIZE.join(" ")}`, class: "sheet-drawing" }), view = new View(...SIZE);
   const { linkage, at, pass: { sense, low, high } } = fit, used = linkage.over(sense * low * RAD, sense * high * RAD, 180).filter(Boolean);
   const wanted = wantsPlaces(motion) ? motion.poses.map(placeOf) : [];
   if (!used.length) return svg;
-  view.fit([used[0].a, used[0].b, ...used.flatMap((j) => [j.c, j.d, j.p]), ...wanted], 26);
+  const parts = drive?.lines() ?? [];
+  view.fit([used[0].a, used[0].b, ...used.flatMap((j) => [j.c, j.d, j.p]), ...wanted, ...parts.flat()], 26);
   at.forEach((j, k) => { if (j && k % Math.ceil(at.length / MOST_GHOSTS) === 0) make("path", { class: "ghost", d: `${pathData([j.d, j.c, j.p].filter(Boolean), view)}Z` }, svg); });
   make("path", { class: "curve", d: pathData(used.map((j) => j.p ?? j.c), view) }, svg);
   new LinkageShape(svg).show(at[0] ?? used[0], view);
+  for (const line of parts) {
+    make("path", { class: "drive-rod", d: pathData(line, view) }, svg);
+    for (const [cx, cy] of line.map((place) => view.at(place))) make("circle", { class: "drive-joint", cx, cy, r: 3.5 }, svg);
+  }
   wanted.forEach((place, k) => {
     if (!place) return;
     const [x, y] = view.at(place), turn = motion.poses[k].angle;
@@ -63,8 +69,19 @@ function table(head, rows) {
 
 const number = (value, digits = 6) => (value === null || value === undefined ? "" : text(value, digits));
 
-/** Fills the sheet with a solution of an answer; without one the page prints as it is. */
-export function fillSheet(answer, solution) {
+const PARTS = { name: "part", material: "material", length: "length", thickness: "thickness", diameter: "diameter", holes: "holes", tolerance: "tolerance", mass: "mass, g" };
+
+/** The stack from the side, and the list of its parts in millimetres. */
+function partsOf(assembly, parts) {
+  const section = element("section", "parts"), stack = make("svg", { class: "pile" });
+  drawStack(stack, assembly);
+  const columns = Object.keys(PARTS).filter((name) => parts.some((part) => part[name]));
+  section.append(element("h3", "", "Layers from the side; parts in mm"), stack, table(columns.map((name) => PARTS[name]), parts.map((part) => columns.map((name) => (part[name] && !Number.isNaN(Number(part[name])) ? number(Number(part[name]), 5) : part[name])))));
+  return section;
+}
+
+/** Fills the sheet with a solution of an answer, its drive, {rows(), lines()}, and the list of its parts; without one the page prints as it is. */
+export function fillSheet(answer, solution, drive, parts = null) {
   const sheet = $("sheet");
   sheet.replaceChildren();
   document.body.classList.toggle("has-sheet", Boolean(solution));
@@ -86,5 +103,8 @@ export function fillSheet(answer, solution) {
   ]);
   const columns = element("div", motion.poses.length > 30 ? "sheet-columns long" : "sheet-columns");
   columns.append(table(["Dimension", ""], rows), table(["pose", fit.pass.turns ? "crank°" : `${solution.driver}, ${unit}`, "x", "y", "angle°", `off, ${unit}`, "off, °", ""], poses));
-  sheet.append(head, drawing(fit, motion), columns, element("h3", "", `Transmission angle over the ${driveName(solution)} from pose 1`), transmission(fit));
+  const driven = drive?.rows() ?? [];
+  if (driven.length) columns.append(table(["Drive", ""], driven));
+  sheet.append(head, drawing(fit, motion, drive), columns, element("h3", "", `Transmission angle over the ${driveName(solution)} from pose 1`), transmission(fit));
+  if (parts && solution.verdict?.assembly) sheet.append(partsOf(solution.verdict.assembly, parts));
 }

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from synthesis.arrays import Flags, Floats, Ints
-from synthesis.assembly.movement import Movement
+from synthesis.assembly.movement import Bodies, Movement
 from synthesis.assembly.shapes import OVERLAP, Shape, distances
 from synthesis.target import Interval
 from synthesis.work import Work
@@ -26,15 +26,23 @@ CELLS = 48
 """Cells at the beginning, of each pair."""
 FINE = 1e-9
 """Of the size: below this bound a cell is decided by the sign at its middle, or it touches."""
+ROUGH = 1e-5
+"""The same of a rough proof, whose ends of collisions are no finer."""
+SEEN = 1e-2
+"""The same of a rough proof where shapes collide in the middle of a cell."""
 ROUNDING = 1e-12
 """Of the size: gaps less than this either way are as good as none."""
 MOST_CELLS = 6000
 """Undecided cells of a pair at once: with more it touches where it does not collide."""
 NEAR = 1e-3
 """Of the size: cells in which a gap may be less than the least known by this are halved."""
+AT_ONCE = 2_000_000
+"""Pairs of corners that are compared at once: a bound of the memory."""
 LOOKS, PLACES = 8, 65
 """Of the last refinement of a least gap: how often, and places at each."""
-_ROOTS = 60
+_FEW = 8
+"""Pairs of corners that are compared as fast as the discs around them."""
+_ROOTS, _ROUGH_ROOTS = 60, 12
 """Steps to an end of a collision at most."""
 _FREE, _HITS, _TOUCHES = 0, 1, 2
 
@@ -104,7 +112,8 @@ class Gaps:
     """The gaps of pairs of shapes that a movement carries.
 
     ``pairs`` (n, 2): numbers of shapes. ``size``: a length of the mechanism, against which lengths are small. Pairs on one body
-    are evaluated once.
+    are evaluated once. ``rough``: ends of collisions to `ROUGH` only, and where shapes of many corners are far
+    apart the gap of the discs around them does; then there are no least gaps.
 
     Law: no gap at any crank angle of the interval is below 0 where a proof says free.
     """
@@ -116,8 +125,9 @@ class Gaps:
         pairs: Sequence[tuple[int, int]],
         clearance: float,
         size: float,
+        rough: bool = False,
     ) -> None:
-        self.movement, self.size = movement, size
+        self.movement, self.size, self._rough = movement, size, rough
         # of two shapes that with more corners first: fewer kinds of pairs
         counts = [len(one.shape.corners) for one in shapes]
         ordered = [pair if counts[pair[0]] >= counts[pair[1]] else pair[::-1] for pair in pairs]
@@ -127,6 +137,10 @@ class Gaps:
         self._corners = np.zeros((len(shapes), max(counts)), dtype=complex)
         for row, one in zip(self._corners, shapes):
             row[: len(one.shape.corners)] = one.shape.corners
+        self._middle = np.array([np.mean(one.shape.corners) for one in shapes])
+        self._around = np.array(
+            [np.abs(np.array(one.shape.corners) - np.mean(one.shape.corners)).max() for one in shapes]
+        )
         radius = np.array([one.shape.radius for one in shapes])
         self._apart = radius[self._pairs].sum(axis=-1) + clearance
         kinds = [(counts[i], counts[j]) for i, j in self._pairs.tolist()]
@@ -147,21 +161,33 @@ class Gaps:
         bound: Floats = np.empty(travel.size)
         kind = self._kind[pair]
         for number, counts in enumerate(self._kinds):
-            rows = np.flatnonzero(kind == number) if len(self._kinds) > 1 else np.arange(travel.size)
-            if not rows.size:
-                continue
-            ends, spread = [], []
-            for side, count in enumerate(counts):
-                shape = self._pairs[pair[rows], side]
-                body, time = self._body[shape], place[rows]
-                corners = self._corners[shape, :count]
-                ends.append(bodies.origin[body, time][:, None] + bodies.direction[body, time][:, None] * corners)
-                turn = np.minimum(2.0, bodies.turn[body, time])
-                spread.append(bodies.shift[body, time] + self._reach[shape] * turn)
-            apart = self._apart[pair[rows]]
-            distance = distances(*ends)
-            gap[rows] = np.where(distance > 0, distance - apart, -np.maximum(apart, OVERLAP * self.size))
-            bound[rows] = np.where(self._still[pair[rows]], 0.0, spread[0] + spread[1])
+            every = np.flatnonzero(kind == number) if len(self._kinds) > 1 else np.arange(travel.size)
+            step = max(1, AT_ONCE // (counts[0] * counts[1]))
+            for first in range(0, every.size, step):
+                rows = every[first : first + step]
+                gap[rows], bound[rows] = self._of(pair[rows], place[rows], counts, bodies)
+        return gap, bound
+
+    def _of(self, pair: Ints, time: Ints, counts: tuple[int, int], bodies: Bodies) -> tuple[Floats, Floats]:
+        """Gaps and bounds of pairs (m,) of shapes with as many corners, at places of the motion by number."""
+        ends, spread, middles = [], [], []
+        for side, count in enumerate(counts):
+            shape = self._pairs[pair, side]
+            body = self._body[shape]
+            corners = self._corners[shape, :count]
+            ends.append(bodies.origin[body, time][:, None] + bodies.direction[body, time][:, None] * corners)
+            middles.append(bodies.origin[body, time] + bodies.direction[body, time] * self._middle[shape])
+            turn = np.minimum(2.0, bodies.turn[body, time])
+            spread.append(bodies.shift[body, time] + self._reach[shape] * turn)
+        apart, bound = self._apart[pair], np.where(self._still[pair], 0.0, spread[0] + spread[1])
+        gap: Floats = np.empty(pair.size)
+        near = np.ones(pair.size, dtype=bool)
+        if self._rough and counts[0] * counts[1] > _FEW:
+            between = np.abs(np.subtract(*middles)) - self._around[self._pairs[pair]].sum(axis=-1) - apart
+            near = between <= bound
+            gap = np.where(near, gap, between)
+        distance = distances(ends[0][near], ends[1][near]) if near.any() else np.zeros(0)
+        gap[near] = np.where(distance > 0, distance - apart[near], -np.maximum(apart[near], OVERLAP * self.size))
         return gap, bound
 
     def prove(self, interval: Interval, work: Work) -> list[Proof]:
@@ -194,8 +220,10 @@ class Gaps:
         """Which cells are to be halved, and what the others do."""
         gap, bound = cells.gap, cells.bound
         free, hits = gap > bound, gap < -bound
+        if self._rough:  # sharp outlines in one another have no depth that would decide: the place in the middle does
+            hits |= (gap < 0) & (bound < SEEN * self.size)
         open_ = ~(free | hits)
-        small = (bound < FINE * self.size) | (cells.half < 4e-16 * self._extent)
+        small = (bound < (ROUGH if self._rough else FINE) * self.size) | (cells.half < 4e-16 * self._extent)
         many = np.bincount(cells.pair[open_], minlength=len(self._pairs)) > MOST_CELLS
         small |= many[cells.pair]
         touches = np.abs(gap) <= ROUNDING * self.size
@@ -239,7 +267,7 @@ class Gaps:
         low, high = values[: pair.size], values[pair.size :]
         inner, outer = inner.copy(), outer.copy()
         weights = np.ones((2, pair.size))
-        for step in range(_ROOTS):
+        for step in range(_ROUGH_ROOTS if self._rough else _ROOTS):
             wide = np.abs(outer - inner)
             if np.all(wide <= 4e-16 * self._extent):
                 break

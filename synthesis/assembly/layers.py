@@ -13,9 +13,9 @@ Layers are numbered from 1; board 0 lies below them, board N + 1 above. What is 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
-from itertools import product
+from itertools import combinations, product
 from typing import NamedTuple
 
 from synthesis.assembly.gaps import Carried, Gaps, Least, Proof, Run
@@ -29,6 +29,8 @@ BOARDS = ("below", "above", "both", "bar")
 HEAD = 1.8
 """Diameter of a head, in diameters of its pin."""
 BELOW, ABOVE, BOTH = "below", "above", "below+above"
+MOST_LOOKED, MOST_BLOCKED = 40_000, 4_000
+"""Arrangements that are looked at for free ones, and for the best of those that are not: a few seconds."""
 _LEVEL = 1e-9
 """Of the size: least gaps nearer than this are alike."""
 
@@ -112,6 +114,10 @@ class Arrangement:
     """Further free stacks of as many layers."""
     tried: int
     shaft: dict[str, Shaft] = field(default_factory=dict)
+    exhaustive: bool = True
+    """Whether all arrangements of as many layers, and where blocked of all layers allowed, were looked at."""
+    best_known: bool = True
+    """Where blocked: whether the stack is the best of all, and not only of those that were looked at."""
 
 
 class Asked(NamedTuple):
@@ -172,7 +178,7 @@ class Search:
         self.shapes, self.numbers = shapes, numbers
         self.number = {pair: k for k, pair in enumerate(self.pairs)}
         self.strict = _Masks(self.proofs, machine, touching=True)
-        self.tried = 0
+        self.tried, self.cut = 0, False
         # more layers than plates would leave one empty; heads need some of their own
         self.counts = range(1, asked.most + 1 if asked.heads else min(asked.most, len(self.plates)) + 1)
 
@@ -206,13 +212,22 @@ class Search:
         for layers in self._layers(count, masks, bound, {}, 0):
             self.work.check()
             for mounts in product(*options):
+                if self.tried >= bound.most_looked or self.work.expired():
+                    self.cut = True
+                    return
                 stack = self._stack(count, layers, dict(zip(grounded, mounts)))
                 if stack is None:
                     continue
                 self.tried += 1
-                mask = masks.of(stack.pairs)
-                if bound.lets_pass(mask):
-                    yield stack, mask
+                mask, found = 0, set()
+                for pair in self._meeting(stack):
+                    found.add(number := self.pair(*pair))
+                    mask |= masks.by_pair[number]
+                    if mask and not bound.lets_pass(mask):
+                        break
+                else:
+                    if bound.lets_pass(mask):
+                        yield replace(stack, pairs=tuple(sorted(found))), mask
 
     def _mounts(self, pin: str) -> tuple[str, ...]:
         given = self.asked.mounts.get(pin)
@@ -232,6 +247,9 @@ class Search:
         self, count: int, masks: _Masks, bound: _Bound, placed: dict[str, int], mask: int
     ) -> Iterator[dict[str, int]]:
         """Layers of all plates, where those placed so far and the pins between them do not exclude them."""
+        if self.tried >= bound.most_looked:
+            self.cut = True
+            return
         if len(placed) == len(self.plates):
             yield dict(placed)
             return
@@ -287,31 +305,31 @@ class Search:
             highest = max(filled) if roof else max(layers.values())
             if lowest != 1 or highest != count:
                 return None
-        return Stack(count, dict(layers), mounts, pins, tuple(heads), self._meeting(count, layers, pins, heads))
+        return Stack(count, dict(layers), mounts, pins, tuple(heads))
 
-    def _meeting(
-        self, count: int, layers: Mapping[str, int], pins: Mapping[str, tuple[int, int]], heads: Sequence[Head]
-    ) -> tuple[int, ...]:
-        """Numbers of the pairs that meet in a layer."""
-        found = set()
-        for layer in range(count + 2):
-            plates = [name for name, own in layers.items() if own == layer]
-            through = [name for name, (low, high) in pins.items() if low <= layer <= high and 1 <= layer <= count]
-            bare = [name for name in through if all(layers[one] != layer for one in self.joined[name])]
-            found |= {
-                (a, b)
-                for k, a in enumerate(through)
-                for b in through[k + 1 :]
-                if any((plate, frozenset((a, b))) in self.sliding for plate in plates)
-            }
-            tops = [head.pin for head in heads if head.layer == layer]
-            found |= {(a, b) for k, a in enumerate(plates) for b in plates[k + 1 :]}
-            found |= {(plate, pin) for plate in plates for pin in through if plate not in self.joined[pin]}
-            found |= {(a, b) for k, a in enumerate(bare) for b in bare[k + 1 :]}
-            found |= {(plate, _head(pin)) for plate in plates for pin in tops}
-            found |= {(pin, _head(other)) for pin in bare for other in tops if pin != other}
-            found |= {(_head(a), _head(b)) for k, a in enumerate(tops) for b in tops[k + 1 :] if a != b}
-        return tuple(sorted(self.pair(*pair) for pair in found))
+    def _meeting(self, stack: Stack) -> Iterator[Pair]:
+        """Pairs that meet in a layer; some more than once."""
+        for layer in range(stack.count + 2):
+            plates = [name for name, own in stack.layers.items() if own == layer]
+            yield from combinations(plates, 2)
+            inner = 1 <= layer <= stack.count
+            through = [name for name, (low, high) in stack.pins.items() if inner and low <= layer <= high]
+            bare = []
+            for pin in through:
+                joined = self.joined[pin]
+                yield from ((plate, pin) for plate in plates if plate not in joined)
+                if not joined.intersection(plates):
+                    bare.append(pin)
+            yield from combinations(bare, 2)
+            for plate, pair in self.sliding:
+                if plate in plates and pair <= set(through):
+                    one, other = pair
+                    yield one, other
+            tops = [head.pin for head in stack.heads if head.layer == layer]
+            for pin in tops:
+                yield from ((plate, _head(pin)) for plate in plates)
+                yield from ((other, _head(pin)) for other in bare if other != pin)
+            yield from ((_head(a), _head(b)) for a, b in combinations(tops, 2) if a != b)
 
     # -- the answer -------------------------------------------------------------------------------------------------
 
@@ -321,11 +339,12 @@ class Search:
         for status, masks in (("free", self.strict), ("touching", loose)):
             if status == "touching" and masks.by_pair == self.strict.by_pair:
                 continue
-            self.tried = 0
+            self.tried, self.cut = 0, False
             for count in self.counts:
                 free = [stack for stack, _ in self.stacks(count, masks, Free())]
                 if free:
                     return self._told(status, *self._best(free), None, len(free) - 1, masks)
+        looked, cut = self.tried, self.cut
         self.tried, longest = 0, _Longest(loose)
         best: Stack | None = None
         for count in self.counts:
@@ -339,7 +358,9 @@ class Search:
             )
         _, first, last = loose.longest(loose.of(best.pairs))
         free_part = None if first is None or last is None else Interval(first, last)
-        return self._told("blocked", best, None, free_part, 0, loose)
+        best_known, self.cut = not self.cut, cut
+        self.tried = max(self.tried, looked)
+        return replace(self._told("blocked", best, None, free_part, 0, loose), best_known=best_known)
 
     def _best(self, free: Sequence[Stack]) -> tuple[Stack, tuple[Pair, Least] | None]:
         """The first by pins held on both sides, by length of pins, and by least gap."""
@@ -366,7 +387,7 @@ class Search:
         others: int,
         masks: _Masks,
     ) -> Arrangement:
-        tried = self.tried
+        tried, exhaustive = self.tried, not self.cut
         low, high = self._stops(stack, self.machine.used if status != "blocked" else free)
         fewer: dict[int, Collision | None] = {}
         if status != "blocked" and stack.count > 1:
@@ -384,6 +405,7 @@ class Search:
             others,
             tried,
             {pin.name: self._shaft(pin.name) for pin in self.machine.pins if pin.grounded},
+            exhaustive,
         )
 
     def _collisions(self, pairs: Sequence[int], what: str) -> tuple[Collision, ...]:
@@ -399,6 +421,7 @@ class Search:
 
     def _why_not(self, count: int, masks: _Masks) -> Collision | None:
         """The collision that takes most of the motion from the best stack of so few layers."""
+        self.tried = 0
         longest, best = _Longest(masks), None
         for stack, mask in self.stacks(count, masks, longest):
             best = stack
@@ -521,7 +544,9 @@ class _Masks:
 
 
 class _Bound:
-    """Whether a stack, or a part of one, is still of interest by where it collides."""
+    """Whether a stack, or a part of one, is still of interest by where it collides; and how many are looked at, at most."""
+
+    most_looked = MOST_LOOKED
 
     def lets_pass(self, mask: int) -> bool:
         """``mask``: collisions so far; more plates only add to them."""
@@ -538,6 +563,8 @@ class Free(_Bound):
 
 class _Longest(_Bound):
     """Those that are free over a longer part of the motion than the best so far."""
+
+    most_looked = MOST_BLOCKED
 
     def __init__(self, masks: _Masks) -> None:
         self.masks, self.most = masks, -1.0

@@ -18,7 +18,7 @@ ENVELOPE = "envelope"
 def outside(machine: Machine, envelope: Box | None, keep_out: Sequence[Box], work: Work) -> list[Collision]:
     """Where plates leave the envelope, or enter a box; boxes in the user's plane, named envelope, keep_out 1, keep_out 2, ...
 
-    Law: with plates of no width these are the places where the lines of the links do so.
+    To 1e-5 of the machine's size. Law: with plates of no width these are the places where the lines of the links do so.
     """
     if envelope is None and not keep_out:
         return []
@@ -41,7 +41,8 @@ def outside(machine: Machine, envelope: Box | None, keep_out: Sequence[Box], wor
     plates = len(shapes)
     shapes += [Carried(GROUND, shape) for _, shape in walls]
     pairs = [(k, plates + n) for k in range(plates) for n in range(len(walls))]
-    proofs = Gaps(machine.movement, shapes, pairs, machine.clearance, machine.size).prove(machine.used, work)
+    gaps = Gaps(machine.movement, shapes, pairs, machine.clearance, machine.size, rough=True)
+    proofs = gaps.prove(machine.used, work)
     found = [
         Collision((walls[n - plates][0], machine.plates[k].name), *run)
         for (k, n), proof in zip(pairs, proofs)

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from synthesis.arrays import Complexes, Flags, Floats
+from synthesis.arrays import Complexes, Flags, Floats, Ints
 from synthesis.drives.links import LinkMotion
 from synthesis.work import Work
 
@@ -27,10 +27,16 @@ GRID = 60
 """Points of the grid of G, either way."""
 BEGINNINGS = 3
 """Placements of each family from which a descent may begin."""
-DESCENTS = 6
+_APART = 0.06
+"""Of the box or the reach: distance of such placements from one another."""
+_AGAIN, _GAIN = 6, 1e-8
+"""Descents from the best end of all, at most, and the part that each must gain for another."""
+DESCENTS = 8
 """Descents for one actuator."""
-_ROW_DESCENTS = 4
+_ROW_DESCENTS = 3
 """Descents for a row of a catalogue."""
+_NEARLY = 1.1
+"""Times its force that a row may lack before its place is gone over once more."""
 ROW_GRID = 30
 """Points of the grid of G, either way, for a catalogue: its rows take more from one another than from a finer grid."""
 _STROKES = np.array([0.12, 0.25, 0.4, 0.55, 0.7, 0.85, 0.97])
@@ -218,8 +224,8 @@ class Question:
         placed = [one for one in answers if isinstance(one, Placement)]
         return min(placed, key=lambda one: one.worst) if placed else answers[0]
 
-    def descend(self, begin: Screened, sizes: Sizes, work: Work | None) -> Placement | Refused:
-        """The best of the descents from placements of the grid."""
+    def descend(self, begin: Screened, sizes: Sizes, work: Work | None, closer: bool = True) -> Placement | Refused:
+        """The best of the descents from placements of the grid; ``closer``: gone over once more."""
         found = [
             one
             for ground, way, side in zip(begin.grounds, begin.ways, begin.sides)
@@ -229,7 +235,30 @@ class Question:
         ]
         if not found and begin.short is None:  # no descent ended within what is wanted: the grid's best is
             return self.placement(complex(begin.grounds[0]), complex(begin.pins[0]))
-        return min(found, key=lambda one: one.worst) if found else begin.short or Refused("arm", 0.0)
+        if not found:
+            return begin.short or Refused("arm", 0.0)
+        best = min(found, key=lambda one: one.worst)
+        return self.closer(best, sizes) if closer else best
+
+    def closer(self, best: Placement, sizes: Sizes) -> Placement:
+        """Descents from the end of one: with the curvature learnt anew, and where that gains nothing with the other intersection.
+
+        A descent can end early along a narrow ridge, and does where the two circles just touch: both intersections become one.
+        """
+        first, last = (np.conj(self.link.direction[k]) * (best.ground - self.link.origin[k]) for k in (0, -1))
+        side = 1.0 if np.imag((best.pin - first) * np.conj(last - first)) >= 0 else -1.0
+        turned = False
+        for _ in range(_AGAIN):
+            low, high = sorted(best.length[[0, -1]].tolist())
+            again = self._descended(replace(sizes, begin=Actuator(low, high - low)), best.ground, best.extends, side)
+            gain = -1.0 if again is None else 1 - again.worst / best.worst
+            if again is not None and gain > 0:
+                best = again
+            if gain < _GAIN:
+                if turned:
+                    break
+                side, turned = -side, True
+        return best
 
     def screened(self, actuator: Actuator, most: int = DESCENTS) -> Screened:
         """The best placements of the grid, at most so many, with at most `BEGINNINGS` of each family."""
@@ -257,15 +286,24 @@ class Question:
         if not keep.size:
             return Screened.none(Refused("arm", float(least.max())))
         worth = np.min(arm[keep] / np.maximum(self.burden, 1e-300), axis=1)
-        order = keep[np.argsort(-worth, kind="stable")]
-        family = 2 * ways[order].astype(int) + (sides[order] > 0)
-        chosen = [order[family == k][:BEGINNINGS] for k in range(4)]
         value = np.full(least.size, -np.inf)
         value[keep] = worth
-        some = np.concatenate(chosen)
+        family = 2 * ways.astype(int) + (sides > 0)
+        some = np.concatenate([self._apart(grounds, np.where(family == k, value, -np.inf)) for k in range(4)])
         some = some[np.argsort(-value[some], kind="stable")][:most]
         reason = Refused("arm", float(least.max())) if shortfall else None
         return Screened(grounds[some], pins[some], ways[some], sides[some], None, reason, float(value[some[0]]))
+
+    def _apart(self, grounds: Complexes, value: Floats) -> Ints:
+        """The best placements of a family that lie apart from one another: valleys, not neighbours in one."""
+        found, value = [], value.copy()
+        for _ in range(BEGINNINGS):
+            k = int(np.argmax(value))
+            if value[k] == -np.inf:
+                break
+            found.append(k)
+            value[np.abs(grounds - grounds[k]) < _APART * self.size] = -np.inf
+        return np.array(found, dtype=np.int64)
 
     def families(self, actuator: Actuator) -> tuple[Complexes, Complexes, Flags, Floats, float]:
         """Ground points, pins, ways and intersections of all four families; and by how much the stroke is too long, if it is."""
@@ -381,6 +419,11 @@ class Row:
         return bool(found.force.max() <= self.push and -found.force.min() <= self.pull)
 
 
+def _nearly(row: Row, found: Placement) -> bool:
+    """Whether a row bears a placement, or one that is a little better."""
+    return bool(found.force.max() <= _NEARLY * row.push and -found.force.min() <= _NEARLY * row.pull)
+
+
 class Bought(NamedTuple):
     """A row of a catalogue at its best place."""
 
@@ -429,7 +472,10 @@ def best_of_rows(
         for _, row, begin in tries:
             if len(found) + len(here) >= most or (work is not None and work.expired()):
                 break
-            one = question.best(row.actuator) if begin is None else question.descend(begin, Sizes(row.actuator), work)
+            sizes = Sizes(row.actuator)
+            one = question.best(row.actuator) if begin is None else question.descend(begin, sizes, work, False)
+            if begin is not None and isinstance(one, Placement) and (not question.loaded or _nearly(row, one)):
+                one = question.closer(one, sizes)
             if isinstance(one, Refused):
                 unfit.append(Unfit(row, one))
             elif question.loaded and not row.bears(one):

@@ -30,6 +30,9 @@ _ZETAS = 2000
 """Values of zeta that are looked at before the best is closed in upon."""
 _ROD = 3.0
 """Rod over pin radius for equal times, where any rod will do: at most 1.7 degrees worse than an endless one."""
+_LOOSE = 1e-5
+"""Of crank and rod together: by so much the ends of the way may differ from the dead centres."""
+_OTHER_RODS = [2.5, 2.0, 1.6, 1.3, 1.1, 0.9, 4.0, 6.0]
 LARGEST_RATIO = 5.0
 """Time ratio at most: the rod then stands at 60 degrees less than half the swing at best."""
 _GRID, _SPARSE = 22, 5
@@ -183,6 +186,9 @@ def driven(
     length = np.abs(v)
     along = v / length
     way = np.diff(length)
+    ends = [rod - crank, rod + crank] if extends else [rod + crank, rod - crank]
+    if np.max(np.abs(length[[0, -1]] - ends)) > _LOOSE * (rod + crank):
+        return None
     if not (np.all(way > 0) if extends else np.all(way < 0)):
         return None
     # the angle at the pin between rod and line to the motor, from the triangle's sides: nothing cancels at its ends
@@ -259,29 +265,36 @@ def about_pivot(
     if np.min(np.diff(turned) * np.sign(turned[-1] - turned[0])) <= 0:
         return "the link turns back within the way: no motor drives it through"
     ratio = 1.0 if time_ratio is None else max(time_ratio, 1 / time_ratio)
-    found = proportions(swing, ratio) if rod is None else proportions(swing, ratio, rod / radius)
-    if found is None:
+    # for equal times any rod will do: others than the usual one where the motor's box asks for them
+    rods = [_ROD if rod is None else rod / radius]
+    if rod is None and ratio == 1.0 and box is not None:
+        rods += _OTHER_RODS
+    known = [one for one in (proportions(swing, ratio, length) for length in rods) if one is not None]
+    if not known:
         return f"no crank-rocker swings by {np.rad2deg(swing):.6g} degrees with a time ratio of {ratio:.6g}"
     rising = float(np.sign(turned[-1] - turned[0]))
     around = np.linspace(0.0, TURN, 360, endpoint=False)
+    turns = sorted(around.tolist(), key=lambda angle: min(angle, TURN - angle))
     radii = (
-        np.array([radius]) if radius_given else radius * np.array([1, 0.8, 1.25, 0.6, 1.6, 0.4, 2.2, 0.25, 3, 0.15])
+        [radius] if radius_given else [radius * part for part in (1, 0.8, 1.25, 0.6, 1.6, 0.4, 2.2, 0.25, 3, 0.15)]
     )
-    turns = sorted(around, key=lambda angle: min(angle, TURN - angle))
     bisector = link.direction[0] * np.exp(0.5j * rising * swing)
-    for size in radii:
-        for angle in turns:
-            answers = []
-            for extends in (True, False):
-                # extending counter-clockwise as it stands; the mirror image for either the other way or the other sense
-                place = found.motor if (rising > 0) == extends else found.motor.conjugate()
-                pin = complex(size * np.exp(1j * angle))
-                motor = complex(link.pivot + bisector * pin * place)
-                if box is None or _inside(motor, box):
-                    answers.append(driven(link, torque, motor, pin, size * found.crank, size * found.rod, extends))
-            good = [one for one in answers if one is not None]
-            if good:
-                return min(good, key=lambda one: float(np.abs(one.motor_torque).max()))
+    for found in known:
+        for size in radii:
+            for angle in turns:
+                answers = []
+                for extends in (True, False):
+                    # extending counter-clockwise as it stands; the mirror image for either the other way or the other sense
+                    place = found.motor if (rising > 0) == extends else found.motor.conjugate()
+                    pin = complex(size * np.exp(1j * angle))
+                    motor = complex(link.pivot + bisector * pin * place)
+                    if box is None or _inside(motor, box):
+                        answers.append(
+                            driven(link, torque, motor, pin, size * found.crank, size * found.rod, extends)
+                        )
+                good = [one for one in answers if one is not None]
+                if good:
+                    return min(good, key=lambda one: float(np.abs(one.motor_torque).max()))
     return "no place of the pin puts the motor into motor_box"
 
 
@@ -402,7 +415,8 @@ def _improved(
         pins = first + (foot + 1j * side * np.sqrt(height)) * (last - first) / distance
         sines = _sines(link, slice(None), motors, pins, way, every[:, 2], every[:, 3], question.sense)
         sines[:, :, [0, -1]] = sines[0, :, [0, -1]].T
-        rows = [*sines.transpose(0, 2, 1).reshape(2 * n, 5), 1 - np.abs(pins) ** 2 / reach**2]
+        meets = (begin - foot) * (begin + foot) / size**2
+        rows = [*sines.transpose(0, 2, 1).reshape(2 * n, 5), 1 - np.abs(pins) ** 2 / reach**2, meets]
         if angle is not None:
             rows.append(_turned(link, motors, pins) - angle)
         return np.array(rows)
@@ -418,16 +432,16 @@ def _improved(
         return seen[key]
 
     def rows(z: Floats) -> Floats:
-        found = known(z)[: 2 * n + 1, 0].copy()
+        found = known(z)[: 2 * n + 2, 0].copy()
         found[: 2 * n] -= z[4]
         return found
 
     def slopes(z: Floats) -> Floats:
-        found = known(z)[: 2 * n + 1]
-        table = np.empty((2 * n + 1, 5))
+        found = known(z)[: 2 * n + 2]
+        table = np.empty((2 * n + 2, 5))
         table[:, :4] = (found[:, 1:] - found[:, :1]) / 1e-7
         table[:, 4] = -1.0
-        table[2 * n, 4] = 0.0
+        table[2 * n :, 4] = 0.0
         return table
 
     begin = np.append(sizes, 0.0)
@@ -450,15 +464,23 @@ def _improved(
         method="SLSQP",
         options={"ftol": 1e-10, "maxiter": 60},
     )
-    found = known(answer.x)
-    if found[: 2 * n + 1, 0].min() < -1e-7 or (angle is not None and abs(found[-1, 0]) > 1e-7):
+    z = answer.x.copy()
+    for _ in range(4 if angle is not None else 0):  # the times exactly, by the stroke
+        off, slope = known(z)[-1, 0], (known(z)[-1, 4] - known(z)[-1, 0]) / 1e-7
+        if abs(off) > 1e-3 or not slope:
+            return None
+        z[3] -= off / slope
+    found = known(z)
+    if found[: 2 * n + 2, 0].min() < -1e-7:
         return None
-    x, y, retracted, stroke = (answer.x[:4] * size).tolist()
+    x, y, retracted, stroke = (z[:4] * size).tolist()
     short, long = retracted, retracted + stroke
     motor, (begun, ended) = complex(x, y), (short, long) if way else (long, short)
     first, last = (complex(np.conj(link.direction[k]) * (motor - link.origin[k])) for k in (0, -1))
     distance = abs(last - first)
     foot = ((begun - ended) * (begun + ended) / distance + distance) / 2
-    height = max((begun - foot) * (begun + foot), 0.0)
+    height = (begun - foot) * (begun + foot)
+    if height < 0:
+        return None
     pin = first + (foot + 1j * side * np.sqrt(height)) * (last - first) / distance
     return driven(link, torque, motor, complex(pin), stroke / 2, retracted + stroke / 2, way)

@@ -7,7 +7,7 @@ or lengths over one scale, in which all lengths are.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -42,8 +42,12 @@ _STEP = 1e-30
 """Imaginary, of derivatives of sines."""
 _BEGINNINGS, _SEEDS = 6000, 120
 """Of each branch: shapes and zeros that are looked at, and those that descend."""
+_SPARE = 4
+"""More than are wanted, of which some turn out to lie in one valley."""
 _FEW, _GO_ON, _STEPS_ON = 40, 8, 300
 """Steps from which on a descent is the last; of its best candidates so many go on, and so far."""
+_OPEN = 1e3
+"""Error where a linkage does not close."""
 _TIE = 1e-9
 """A turn back that is no more than this part of the output is rounding."""
 
@@ -240,8 +244,12 @@ class TravelGenerator(NamedTuple):
     @property
     def identity(self) -> Floats:
         """Numbers that tell linkages apart."""
-        size = np.abs(self.lengths[np.array(self.law.lengths) != "angle"]).max()
-        return np.array([*(self.lengths / size), np.log(size), self.branch, LAWS.index(self.law)])
+        angle = np.array(self.law.lengths) == "angle"
+        size = np.abs(self.lengths[~angle]).max()
+        # two sliders do the same in a mirror
+        shape = np.where(angle, np.abs(self.lengths), self.lengths / size)
+        missing = np.zeros(3 - shape.size)
+        return np.array([*shape, *missing, np.log(size), self.branch, LAWS.index(self.law)])
 
     @property
     def looks(self) -> Floats:
@@ -300,6 +308,11 @@ class TravelSearch(FunctionSearch):
             unknowns[best], cost[best] = super().least_squares(unknowns[best], branch[best], places, _STEPS_ON)
         return unknowns, cost
 
+    def weighted_gap(self, unknowns: Floats, branch: Floats) -> Callable[[Floats], Floats]:
+        """As of four-bars; very large where a candidate does not close between the places that its steps looked at."""
+        error = super().weighted_gap(unknowns, branch)
+        return lambda crank: np.minimum(error(crank), _OPEN)
+
     def _place(self, unknowns: Floats) -> Floats:
         """Where candidates lie, in numbers of order one."""
         zero = unknowns[:, 3]
@@ -308,7 +321,7 @@ class TravelSearch(FunctionSearch):
 
     def run(self, tables: Any = None) -> list[Any]:
         """The best candidates, different ones, within the limits."""
-        problem, found, sides = self.problem, [], []
+        problem, found, sides, before = self.problem, [], [], self.work.elapsed
         begin = problem.beginnings(_BEGINNINGS)
         crank, root = self.some_places(_PLACES)
         for branch in self.law.branches:
@@ -323,9 +336,13 @@ class TravelSearch(FunctionSearch):
             first = np.sort(np.unique(cells, axis=0, return_index=True)[1])[: _SEEDS // len(self.law.branches)]
             found.append(placed[order[first]])
             sides.append(side[: len(first)])
-        self.screened = self.work.elapsed
+        self.screened = self.work.elapsed - before
         every = np.concatenate(sides)
         self.seeds = len(every)
+        if not problem.free.size:  # everything is given: nothing is left to search
+            self.settled = True
+            self.add(np.concatenate(found), every)
+            return self.known
         return self.led(np.concatenate(found), every)
 
     def some_places(self, count: int) -> tuple[Floats, Floats]:
@@ -434,20 +451,20 @@ def generate_travel(
     top: int,
     tolerance: float,
     work: Work | None = None,
-) -> tuple[list[TravelGenerator], SearchReport]:
-    """The best linkages of some laws for a wanted function, best first, different from one another.
+) -> tuple[list[Any], SearchReport]:
+    """The best linkages of some laws for a wanted function, best first, different from one another, of each kind the best.
 
     Arguments and reply are those of `search.generate`; lengths are over the scale.
     """
     work = work or Work()
-    found: list[Any] = []
+    of_each: list[list[Any]] = []
     trace: list[tuple[float, float]] = []
     seeds, screened, settled = 0, 0.0, True
     for law in laws:
-        if found and work.expired():
+        if any(of_each) and work.expired():
             break
-        run = TravelSearch(wanted, law, limits, largest, top, tolerance, work)
-        found = distinct(found + run.run(), top, APART)
+        run = TravelSearch(wanted, law, limits, largest, top + _SPARE, tolerance, work)
+        of_each.append(distinct(run.run(), top, APART, exact=tolerance))
         seeds, screened, settled = (
             seeds + run.seeds,
             screened + run.screened,
@@ -455,6 +472,9 @@ def generate_travel(
         )
         best = trace[-1][1] if trace else np.inf
         trace += [(at, min(value, best)) for at, value in run.trace]
+    best_of = [one[0] for one in of_each if one]
+    others = distinct([other for one in of_each for other in one[1:]], max(0, top - len(best_of)), APART)
+    found = sorted(best_of + others, key=lambda one: one.errors.objective)[:top]
     if Status.of(found, tolerance) is Status.REACHED:
         stopped = StoppedBy.TOLERANCE
     else:

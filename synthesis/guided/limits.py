@@ -362,6 +362,8 @@ def _centre_change(guide: Curve) -> Complexes:
 
 # -- of finished linkages -----------------------------------------------------------------------------------------------
 
+_BY_ENDS = {"stroke_max", "rail_box", "pivot_reach", "link_max", "cylinder_dead_length", "cylinder_extended_max"}
+"""Limits of what is used of rails and slots."""
 Used = tuple[float, float] | None
 """The least and the largest place in use of a rail or slot; None of a circle."""
 
@@ -421,7 +423,7 @@ def _pin(guide: Guide) -> complex:
 def broken_limits(solution: GuidedSolution, samples: Samples, limits: Limits) -> dict[str, float]:
     """By how much a linkage breaks limits over what it uses, by name: as a part of the motion's extent, or in radians."""
     broken = _broken(solution, samples, limits, _no_more_than(solution))
-    return _broken(solution, samples, limits, used_of(solution)) if broken else {}
+    return _broken(solution, samples, limits, used_of(solution)) if broken.keys() & _BY_ENDS else broken
 
 
 def _broken(solution: GuidedSolution, samples: Samples, limits: Limits, ends: tuple[Used, Used]) -> dict[str, float]:

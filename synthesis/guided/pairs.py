@@ -53,6 +53,11 @@ class Pairs(NamedTuple):
     hinge: Flags
     """(n,): whether the first, a slot, is turned about its pin; otherwise its pin is pushed along it."""
 
+    @property
+    def guides(self) -> tuple[Guides, Guides]:
+        """Both."""
+        return self.first, self.second
+
     def take(self, places: Any) -> Pairs:
         """Some of them."""
         return Pairs(self.first.take(places), self.second.take(places), self.hinge[places])
@@ -422,6 +427,16 @@ class Driven(Corrected):
                 far = np.maximum(np.abs(step[0]), np.hypot(step[1], step[2])) / _LONGEST
                 part = 1 / np.maximum(1.0, far)
                 angle, position = angle - part * step[0], position - part * (step[1] + 1j * step[2])
+        self.open = np.max(np.abs(np.stack(gaps)), axis=0) > _CLOSES
+        self.closed = ~self.open.any(axis=1)
+        if not self.closed.all():
+            # where the drive does not reach so far the nearest pose that the guides allow, and what the drive lacks there
+            near = Corrected(samples, unknowns[:, : 2 * OWN], labels)
+            angle, position = np.where(self.open, near.angle, angle), np.where(self.open, near.position, position)
+            self.at = tuple(At(guide, angle, position) for guide in self.guides)
+            self.angle, self.position = angle, position
+            gaps = self._gaps(wanted)
+            self._factor()
         off = samples.angle - angle
         off -= TURN * np.round(off / TURN)
         away = samples.position - position
@@ -433,9 +448,8 @@ class Driven(Corrected):
             )
         ]
         turn, place = self._roots
-        self.rows = np.concatenate([off * turn, away.real * place, away.imag * place], axis=1)
-        # where Newton's steps did not end the pose is none
-        self.closed = np.max(np.abs(np.stack(gaps)), axis=(0, 2)) < _CLOSES
+        lacking = np.where(self.open, gaps[2], 0.0)
+        self.rows = np.concatenate([off * turn, away.real * place, away.imag * place, lacking], axis=1)
 
     def _gaps(self, wanted: Floats) -> list[Floats]:
         off = self.drive() - wanted
@@ -468,9 +482,11 @@ class Driven(Corrected):
         own = np.zeros((3, count, 2 * OWN + 1, samples))
         own[0, :, :OWN], own[1, :, OWN : 2 * OWN] = one.columns(), other.columns()
         own[2, :, : 2 * OWN], own[2, :, 2 * OWN] = self._own, -1.0
-        turned, across, up = (-part for part in self._solved(list(own)))
+        gone = self.open[:, None]
+        turned, across, up = (np.where(gone, 0.0, -part) for part in self._solved(list(own)))
         turn, place = self._roots
-        rows = np.concatenate([-turned * turn, -across * place, -up * place], axis=2)
+        lacking = np.where(gone, own[2], 0.0)
+        rows = np.concatenate([-turned * turn, -across * place, -up * place, lacking], axis=2)
         return rows, turned, across + 1j * up
 
 

@@ -22,11 +22,11 @@ from synthesis.work import Work
 
 AROUND = 2
 """Of each length the nearest so many are combined."""
-_ROUNDS = 25
+_ROUNDS = 15
 _DAMPED = 1e-3
 _STEP = 1e-6
 """Of the linkage's size: half of a difference."""
-_ENDED = 1e-12
+_ENDED = 1e-5
 """A round that gains less than this part of the error is the last."""
 
 

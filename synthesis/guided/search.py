@@ -41,8 +41,8 @@ from synthesis.guided.linkage import DRIVERS, GUIDES, Circle, Driver, Guide, Gui
 from synthesis.guided.pairs import OWN, Chart, Corrected, Driven, Pairs, Samples, evaluate
 from synthesis.guided.solution import GuidedSolution, assess
 from synthesis.least_squares import Evaluation, minimise
-from synthesis.rounds import GAIN
 from synthesis.search.search import DEFAULT_TOLERANCE, StoppedBy
+from synthesis.target import TURN
 from synthesis.work import Work
 
 _EXACT = 1e-6
@@ -50,14 +50,18 @@ _EXACT = 1e-6
 _DIRECTIONS = 24
 """Rails and slots of further directions: one that is worse alone may be better in a pair."""
 _ALL_WAYS: Floats = np.linspace(0.0, np.pi, _DIRECTIONS, endpoint=False)
+_FEWER_WAYS = 3
+"""Where any direction is as good every third of them will do."""
+_FINE = 1440
+"""Directions among which those are looked for that a given drive goes."""
 _RADII, _AROUND = (0.0, 0.35, 0.8, 1.4, 2.2, 3.5), 12
 """Points that circles, rails and slots are begun with: distances from the middle of the motion, and so many around it."""
-_SEEDS, _HOPS = 12, 8
+_SEEDS, _HOPS = 18, 10
 """Candidates of each kind and drive that a round begins with."""
 _LOOKED_AT = 40
 """Of the guides of a sort that fit best so many are paired."""
-_SAMPLES, _FEWER = 40, 20
-"""Samples up to which descents look at all, and at how many of more."""
+_SAMPLES, _FEWER, _MANY = 40, 24, 300
+"""Samples up to which descents look at all, at how many of more, and up to which the best are refined on all in the end."""
 _POOL = 6
 """Valleys that are kept of each kind and drive."""
 _ANSWERS = 6
@@ -67,6 +71,8 @@ _END = ((8, 1e2, 2), (8, 1e4, 3), (5, 1e6, 3))
 _GIVEN = ((12, 1.0, 3), (20, 100.0, 3))
 _LAST = ((15, 1e4, 3), (10, 1e6, 3))
 """Steps, the weight of broken limits, and Newton's steps of each pose."""
+_BETWEEN = 4
+"""Poses between two samples at which pairs for few samples are looked at."""
 _SWEEPS = 8
 """Newton's steps of the poses of answers."""
 _TIGHTENED = 3
@@ -78,10 +84,16 @@ _TURNS = 1e-3
 """Sine of the angle between two rails, or two slots, below which a body never turns."""
 _EQUAL = 1e-8
 """To which a given length or place is kept, over the length scale."""
+_NOISE, _EVEN = 0.05, 1e-3
+"""Part of its range by which a drive may step back between noisy samples; and of the way to even steps when put in order."""
+_AS_EXACT = 1e-9
+"""J of a rail below which a circle in its place tells nothing."""
+_LONG, _CHANCE = 10.0, 10.0
+"""Radius, over the length scale, from which on a circle is compared with a rail; and the F up to which that is as good."""
 _SAFETY = 1e-7
 """By which limits are kept more than asked, so that rounding breaks none."""
-_IDLE = 2
-"""Rounds that gain nothing end the search."""
+_IDLE, _ROUNDS, _WORTH = 2, 6, 0.01
+"""A drive is left alone after so many rounds that gain nothing; rounds at most; and the part of J that is a gain."""
 
 
 class SearchReport(NamedTuple):
@@ -152,15 +164,18 @@ class Sorts(NamedTuple):
         return {Circle: self.circle, Rail: self.rail, Slot: self.slot}[sort]
 
 
-def exact_guides(body: Body, sorts: set[Any]) -> Sorts:
-    """Guides that the poses keep to as well as any: up to four circles, and the best rails and slots."""
+def exact_guides(body: Body, sorts: set[Any], drive: Floats | None = None) -> Sorts:
+    """Guides that the poses keep to: up to four circles, the best rails and slots, and where any direction does, some of all.
+
+    ``drive`` (N,): the way along a rail or slot, where it is given.
+    """
     motion = Motion.of(body)
     none = _no_guides()
     few = body.position.size
     straight = [none, none]
     for k, (sort, seen) in enumerate(((Rail, motion), (Slot, motion.inverse))):
         if sort in sorts:
-            straight[k] = _exact_lines(seen).as_guides(k == 1)
+            straight[k] = _exact_lines(seen, drive).as_guides(k == 1)
     if Circle not in sorts:
         return Sorts(none, *straight)
     if few <= FEW:
@@ -176,15 +191,27 @@ def exact_guides(body: Body, sorts: set[Any]) -> Sorts:
     return Sorts(found[0].joined(*found[1:]), *straight)
 
 
-def _exact_lines(motion: Motion) -> Lines:
+def _exact_lines(motion: Motion, drive: Floats | None) -> Lines:
     if motion.position.size <= 2:  # any point has a line through two places
         return lines_of(motion, _points(1.0))
     lines = Straight(motion)
     best, error = lines.stationary()
     if motion.position.size == 3 or error[1] < _EXACT:  # a pencil: one in every direction
-        return lines.along(_ALL_WAYS)
+        ways = _ALL_WAYS if motion.position.size == 3 else _ALL_WAYS[::_FEWER_WAYS]
+        return lines.along(ways if drive is None else np.concatenate([_timely(lines, drive), ways]))
     fits = error < _EXACT
     return Lines(best.point[fits], best.foot[fits], best.normal[fits])
+
+
+def _timely(lines: Straight, drive: Floats) -> Floats:
+    """Of the directions of a pencil those few along which the way is most like the given one (N,)."""
+    fine = lines.along(np.linspace(0.0, np.pi, _FINE, endpoint=False))
+    way = (np.conj(1j * np.exp(1j * fine.normal))[:, None] * lines.motion.places(fine.point)).real
+    off = np.stack([way - drive, way + drive])
+    miss = np.min(np.std(off, axis=2), axis=0)
+    lowest = (miss <= np.roll(miss, 1)) & (miss <= np.roll(miss, -1))
+    best = np.flatnonzero(lowest)
+    return fine.normal[best[np.argsort(miss[best], kind="stable")[:4]]]
 
 
 def near_guides(body: Body, sorts: set[Any]) -> Sorts:
@@ -268,6 +295,8 @@ class Search:
         self.found: Candidates | None = None
         self.trace: list[tuple[float, float]] = []
         self.notes: list[str] = []
+        self._made: dict[tuple[int, float], GuidedSolution] = {}
+        """Answers as linkages, by their drive and J squared."""
 
     # -- candidates -------------------------------------------------------------------------------------------------
 
@@ -307,7 +336,7 @@ class Search:
             def priced(x: Floats, own: Floats, weight: float = weight, sweeps: int = sweeps) -> Evaluation:
                 return self._bounded(samples, x, own, weight, sweeps)
 
-            done = minimise(priced, chart.start, labels, steps, 0.0, self.work, 1e-4, 1e-2)
+            done = minimise(priced, chart.start, labels, steps, 0.0, self.work, 3e-4, 1e-2)
             begin = begin._replace(pairs=chart.pairs_at(done.unknowns))
         return begin
 
@@ -338,7 +367,7 @@ class Search:
             )
             stack = np.concatenate(stacks, axis=2)
             cost = np.einsum("nk,nk->n", stack[:, -1], stack[:, -1])
-        bad = ~(np.isfinite(cost) & np.isfinite(stack).all(axis=(1, 2)) & found.closed)
+        bad = ~(np.isfinite(cost) & np.isfinite(stack).all(axis=(1, 2)))
         stack[bad] = 0.0
         return Evaluation(np.where(bad, np.inf, cost), stack)
 
@@ -360,7 +389,7 @@ class Search:
         first = np.mean(off, axis=1, keepdims=True)
         return first, np.mean((off - first) ** 2, axis=1)
 
-    def _timed(self, begin: Candidates, stages: Sequence[tuple[int, float, int]]) -> Candidates:
+    def timed(self, begin: Candidates, stages: Sequence[tuple[int, float, int]]) -> Candidates:
         """Candidates after descents at the drive that is given; with J squared there."""
         chart = Chart(begin.pairs)
         with np.errstate(all="ignore"):
@@ -394,6 +423,8 @@ class Search:
             parts = self.bounds(at, Signs(found.branch[:, None], found.way[:, None], nothing))
             worst = np.where(at.closed, 0.0, np.inf)
             for part in parts:
+                if part.name == "order":  # which is looked at with the whole motion
+                    continue
                 off = np.abs(part.values) - _EQUAL if part.equal else -part.values
                 worst = np.maximum(worst, off.max(axis=1))
         worst = np.where(np.isfinite(worst), worst, np.inf)
@@ -410,9 +441,16 @@ class Search:
 
     # -- seeds ------------------------------------------------------------------------------------------------------
 
+    @property
+    def _straight_drive(self) -> Floats | None:
+        """The given travel at the poses that have both parts."""
+        if self.given is None or self.ways[0].driver.turns:
+            return None
+        return self.given[self.poses.full]
+
     def exact(self) -> Candidates | None:
         """Pairs of exact guides, refined together; several kinds at once."""
-        sorts = exact_guides(self.body, self.sorts)
+        sorts = exact_guides(self.body, self.sorts, self._straight_drive)
         pairs, drive = pairs_of(sorts, self.ways)
         if not pairs.number:
             return None
@@ -431,10 +469,11 @@ class Search:
 
     def _spread(self, pairs: Pairs, drive: Ints) -> tuple[Pairs, Ints]:
         """Of very many pairs those that break the limits least, as many of each drive."""
-        chosen = self._best(self.measured(pairs, drive, self.samples), 4 * _SEEDS, self.samples)
+        found = self.measured(pairs, drive, self.samples)
+        chosen = self._best(found, 4 * _SEEDS, _with_between(self.samples), errors=False)
         return pairs.take(chosen), drive[chosen]
 
-    def _best(self, found: Candidates, most: int, samples: Samples) -> Ints:
+    def _best(self, found: Candidates, most: int, samples: Samples, errors: bool = True) -> Ints:
         """Places of the best of each drive by J squared and broken limits."""
         chart = Chart(found.pairs)
         extra = np.stack([found.branch, found.way, np.zeros_like(found.way)], axis=1)
@@ -442,7 +481,7 @@ class Search:
         merit = np.full(found.cost.size, np.inf)
         for first in range(0, found.cost.size, 400):
             part = slice(first, first + 400)
-            merit[part] = self._merit(samples, chart.start[part], labels[part])
+            merit[part] = self._merit(samples, chart.start[part], labels[part], errors)
         places = []
         for number in range(len(self.ways)):
             own = np.flatnonzero(found.drive == number)
@@ -450,10 +489,10 @@ class Search:
             places.append(self._apart(found.pairs, own[np.isfinite(merit[own])], most))
         return np.concatenate(places)
 
-    def _merit(self, samples: Samples, unknowns: Floats, labels: Floats) -> Floats:
+    def _merit(self, samples: Samples, unknowns: Floats, labels: Floats, errors: bool) -> Floats:
         with np.errstate(all="ignore"):
             found = Corrected(samples, unknowns, labels[:, :11], 2)
-            merit = np.einsum("nk,nk->n", found.rows, found.rows)
+            merit = np.einsum("nk,nk->n", found.rows, found.rows) * errors
             for part in self.bounds(found, Signs(labels[:, 11:12], labels[:, 12:13], labels[:, 13:14])):
                 off = part.values if part.equal else np.minimum(part.values, 0.0)
                 merit = merit + 0.3 * np.mean(np.minimum(np.abs(off), 1.0) ** 2, axis=1)
@@ -519,7 +558,7 @@ class Search:
         exact = self.exact()
         if exact is not None:
             exact = exact.take(self._best(exact, _SEEDS, self.few))
-            self._answers(self._timed(exact, _GIVEN))
+            self._answers(self.timed(exact, _GIVEN))
             self.note()
         idle, pool = 0, None
         begin = self.near()
@@ -528,14 +567,14 @@ class Search:
             begin = begin.take(np.isin(begin.drive, self._left))
             begin = self._measured_again(self.descended(begin, _STAGES[:1], self.few), self.few)
             begin = self._pooled(begin, _SEEDS)
-            ended = self._timed(begin, _GIVEN)
+            ended = self.timed(begin, _GIVEN)
             pool = ended if pool is None else pool.joined(ended)
             pool = self._pooled(pool)
-            self._answers(self._timed(self._pooled(ended, 2), _END))
+            self._answers(self.timed(self._pooled(ended, 2), _END))
             self.note()
             if self.work.expired():
                 return False
-            idle = 0 if np.any(self.levels < (1 - GAIN) * before) else idle + 1
+            idle = 0 if np.any(self.levels < (1 - _WORTH) * before) else idle + 1
             begin = self.hops(pool)
         return not self.work.expired()
 
@@ -551,24 +590,102 @@ class Search:
         if exact is not None:
             begin = begin.joined(exact.take(self._best(exact, 3, self.few)))
         pool: Candidates | None = None
-        idle = 0
-        while idle < _IDLE and left.size:
+        idle = np.zeros(len(self.ways), dtype=int)
+        for _ in range(_ROUNDS):
+            left = np.intersect1d(self._left, np.flatnonzero(idle < _IDLE))
             begin = begin.take(np.isin(begin.drive, left))
+            if not begin.cost.size:
+                break
             before = self.levels
-            begin = self._measured_again(self.descended(begin, _STAGES, self.few), self.few)
+            begin = self._valued(self.descended(begin, _STAGES, self.few))
             pool = self._pooled(begin if pool is None else pool.joined(begin))
             self._to_the_end(self._pooled(begin, 2))
             self.note()
             if self.work.expired():
                 return False
-            idle = 0 if np.any(self.levels < (1 - GAIN) * before) else idle + 1
-            left = self._left
+            idle = np.where(np.isfinite(self.levels) & (self.levels >= (1 - _WORTH) * before), idle + 1, 0)
             begin = self.hops(pool)
+        left = self._left
         if self.found is not None and left.size:
             best = self._pooled(self.found, 1)
-            self._to_the_end(best.take(np.isin(best.drive, left)), _LAST)
+            if self.samples.number <= _MANY:
+                self._to_the_end(best.take(np.isin(best.drive, left)), _LAST)
             self.note()
         return not self.work.expired()
+
+    def straighten(self) -> None:
+        """Replace circles that are too large to be told from rails, where rails are asked for too; and say so.
+
+        A rail has one unknown less: it is taken where J rises by less than a hundredth, or by less than what chance makes of
+        one unknown more (F below 10), or where it is exact too.
+        """
+        found = self.found
+        if found is None or self.work.expired():
+            return
+        gone = np.zeros(found.cost.size, dtype=bool)
+        for place in (0, 1):
+            guides = found.pairs.guides[place]
+            long = ~guides.straight & (np.abs(guides.curvature) * _LONG < 1)
+            for k in np.flatnonzero(long & ~gone):
+                one = found.take([k])
+                way = self.ways[int(one.drive[0])]
+                number = self._straight_way(way, place)
+                if number is None:
+                    continue
+                line = self._as_rail(one, place, number)
+                if line is None:
+                    continue
+                worse, circle = float(line.cost[0]), float(one.cost[0])
+                chance = (worse - circle) * (self.samples.number - 5) / max(circle, 1e-300)
+                radius = self.poses.length_scale / abs(float(guides.curvature[k]))
+                words = f"a circle of radius {radius:.3g} was found in a {way.kind.value}"
+                exact = max(self.tolerance, _AS_EXACT) ** 2
+                if worse <= max(exact, circle * 1.01**2) or chance < _CHANCE:
+                    gone[k] = True
+                    self.found = self.found.joined(line) if self.found is not None else line
+                    reason = (
+                        "both are exact"
+                        if worse <= self.tolerance**2
+                        else f"F = {max(chance, 0):.2g}, below {_CHANCE:g}"
+                    )
+                    note = f"{words}: the samples do not tell it from a rail ({reason}), so the rail is answered"
+                else:
+                    note = f"{words}: a rail in its place fits worse (F = {chance:.3g}), so the circle is answered"
+                if note not in self.notes:
+                    self.notes.append(note)
+        assert self.found is not None
+        more = self.found.cost.size - gone.size
+        self.found = self._pooled(self.found.take(~np.concatenate([gone, np.zeros(more, dtype=bool)])), _ANSWERS)
+
+    def _straight_way(self, way: Drive, place: int) -> int | None:
+        """The drive of the request that has a rail in the place of a circle."""
+        sorts = [way.first, way.second]
+        sorts[place] = Rail
+        driver = Driver.SLIDER if place == 0 else way.driver
+        for number, other in enumerate(self.ways):
+            if [other.first, other.second] == sorts and other.driver is driver:
+                return number
+        return None
+
+    def _as_rail(self, one: Candidates, place: int, number: int) -> Candidates | None:
+        """A candidate with the tangent of a circle in its place, refined; None where that breaks the limits."""
+        guide = one.pairs.guides[place]
+        middle = np.mean(self._at(one, self.samples).at[place].place, axis=1)
+        inward = guide.centre - middle
+        normal = np.angle(inward)
+        foot = guide.centre - np.exp(1j * normal) / np.abs(guide.curvature)
+        straight = guide._replace(foot=foot, normal=normal, curvature=0.0 * guide.curvature)
+        guides = [straight if k == place else guide for k, guide in enumerate(one.pairs.guides)]
+        pairs = Pairs(guides[0], guides[1], one.pairs.hinge)
+        begin = self.measured(pairs, np.full(1, number), self.samples)
+        if self.given is not None:
+            begin = self.timed(begin, _END)
+        else:
+            begin = self._refined(begin)
+            if not self.limits.only_family:
+                begin = self.descended(begin, _END, self.samples)
+        line, worst = self.broken(begin, self.samples)
+        return line if worst[0] <= 0 and np.isfinite(line.cost[0]) and self.solution(line) is not None else None
 
     def _to_the_end(self, begin: Candidates, stages: Sequence[tuple[int, float, int]] = _END) -> None:
         """Descents along the limits on all samples, and once more for what breaks them between samples."""
@@ -576,7 +693,7 @@ class Search:
         for _ in range(_TIGHTENED):
             if not begin.cost.size:
                 return
-            ended = self.descended(begin, stages, self.samples, margin)
+            ended = self.descended(begin, stages, self.samples if stages is _LAST else self.few, margin)
             ended = self._measured_again(ended, self.samples)._replace(branch=begin.branch, way=begin.way)
             lacking = self._answers(ended)
             again = lacking > 0
@@ -586,6 +703,17 @@ class Search:
 
     def _measured_again(self, found: Candidates, samples: Samples) -> Candidates:
         return self.measured(found.pairs, found.drive, samples, 6)
+
+    def _valued(self, found: Candidates) -> Candidates:
+        """Candidates with what they break of the limits in their cost, as the last descent priced it."""
+        chart = Chart(found.pairs)
+        with np.errstate(all="ignore"):
+            at = Corrected(self.few, chart.start, chart.labels, 6)
+            cost = np.einsum("nk,nk->n", at.rows, at.rows)
+            for part in self.bounds(at, Signs(found.branch[:, None], found.way[:, None], 0.0 * found.way[:, None])):
+                off = part.values if part.equal else np.minimum(part.values, 0.0)
+                cost = cost + _STAGES[-1][1] * np.sum(off**2, axis=1)
+        return found._replace(cost=np.where(np.isfinite(cost), cost, np.inf))
 
     @property
     def levels(self) -> Floats:
@@ -618,16 +746,20 @@ class Search:
         new, worst = self.broken(new, self.samples)
         fine = np.flatnonzero((worst <= 0) & np.isfinite(new.cost))
         kept: list[int] = []
+        most = _LOOKED_AT_WHOLE * (4 if self.body.position.size <= FEW else 1)  # few samples leave much between them
         for number in range(len(self.ways)):
             own = fine[new.drive[fine] == number]
             own = own[np.argsort(new.cost[own], kind="stable")]
-            for place in self._apart(new.pairs, own, _LOOKED_AT_WHOLE):
+            if self.work.expired() and (kept or self.found is not None):
+                break
+            for place in self._apart(new.pairs, own, most):
                 solution = self.solution(new.take([place]))
                 if solution is None:
                     continue
                 missing = broken_limits(solution, self.poses, self.limits)
                 if not missing:
                     kept.append(int(place))
+                    self._made[int(new.drive[place]), float(new.cost[place])] = solution
                 elif set(missing) == {"transmission_angle_min"} and solution.transmission_angle_min > 0:
                     lacking[place] = missing["transmission_angle_min"]
         if kept:
@@ -651,7 +783,10 @@ class Search:
         """The best of each drive, in the user's unit."""
         if self.found is None:
             return []
-        solutions = [self.solution(self.found.take([k])) for k in range(self.found.cost.size)]
+        solutions = [
+            self._made.get((number, cost)) or self.solution(self.found.take([k]))
+            for k, (number, cost) in enumerate(zip(self.found.drive.tolist(), self.found.cost.tolist()))
+        ]
         return [one for one in solutions if one is not None]
 
     def solution(self, one: Candidates) -> GuidedSolution | None:
@@ -675,22 +810,49 @@ class Search:
             turned = _directed(guides, drive, self.given)
             linkage = replace(linkage, guides=turned)
             drive, sine = linkage.configuration(rotation, position)
-        if way.driver.turns:
-            straight, holds = (
-                in_order(drive[None], poses.span_max) if poses.ordered else in_any_order(drive[None], poses.span_max)
-            )
-            drive = straight[0]
+        if not poses.ordered:
+            drive, holds = _in_any_order(drive, poses.span_max) if way.driver.turns else (drive, True)
         else:
-            steps = np.diff(drive)
-            holds = np.array([not poses.ordered or bool(np.all(steps > 0) or np.all(steps < 0))])
-        if not holds[0] or (poses.closed and not way.driver.turns):
+            drive, holds = _in_order(drive, way.driver.turns, poses.span_max)
+        if not holds:
             return None
         linkage = replace(linkage, branch=1 if sine[0] > 0 else -1, start=float(drive[0]))
         travel = drive - drive[0]
+        if poses.closed and not linkage.turns_fully:
+            return None
         if not np.isfinite(linkage.body(drive).rotation).all():
             return None
         found = assess(poses, linkage, poses.whole(travel) if way.driver.turns else travel)
         return found if np.isfinite(found.errors.objective) else None
+
+
+def _in_any_order(drive: Floats, span_max: float) -> tuple[Floats, bool]:
+    """Directions (N,) on the shortest arc that holds all, and whether that is short enough."""
+    along, holds = in_any_order(drive[None], span_max)
+    return along[0], bool(holds[0])
+
+
+def _in_order(drive: Floats, turns: bool, span_max: float) -> tuple[Floats, bool]:
+    """The drive (N,) as it goes one way, and whether it does: samples out of order by no more than noise are put in it."""
+    if turns:
+        straight, holds = in_order(drive[None], span_max)
+        if holds[0]:
+            return straight[0], True
+        steps = np.diff(drive)
+        steps -= TURN * np.round(steps / TURN)
+        drive = drive[0] + np.concatenate([[0.0], np.cumsum(steps)])
+    way = 1.0 if drive[-1] >= drive[0] else -1.0
+    along = way * (drive - drive[0])
+    if np.all(np.diff(along) > 0):
+        return drive, not turns or along[-1] < span_max
+    rising, falling = np.maximum.accumulate(along), np.minimum.accumulate(along[::-1])[::-1]
+    middle = (rising + falling) / 2
+    noise = float(np.max(np.abs(middle - along)))
+    middle = middle + _EVEN * (middle[0] + np.linspace(0.0, 1.0, along.size) * (middle[-1] - middle[0]) - middle)
+    holds_now = noise < _NOISE * (middle[-1] - middle[0]) and bool(np.all(np.diff(middle) > 0))
+    if turns:
+        holds_now = holds_now and middle[-1] - middle[0] < span_max
+    return drive[0] + way * middle, holds_now
 
 
 def _guide(one: Guides, poses: Poses, place: complex) -> Guide:
@@ -789,6 +951,7 @@ def search_guided(
         ways = [way for way in ways if not way.driver.turns]
     search = Search(poses, limits, ways, tolerance, work, given)
     ended = search.run()
+    search.straighten()
     solutions = search.solutions()
     reached = not search._left.size
     stopped = StoppedBy.TOLERANCE if reached else StoppedBy.CONVERGED if ended else StoppedBy.BUDGET
@@ -835,6 +998,23 @@ def _condensed(stack: Floats) -> Floats:
     count = product.shape[1]
     product[:, np.arange(count), np.arange(count)] += (1e-13 * size + 1e-40)[:, None]
     return np.where(proper[:, None, None], np.linalg.cholesky(product), np.nan)
+
+
+def _with_between(samples: Samples) -> Samples:
+    """Samples with others between them, as the body would go straight on: where limits are looked at, not errors."""
+    number = samples.number
+    at = np.linspace(0, number - 1, (number - 1) * (_BETWEEN + 1) + 1)
+    place = np.arange(number)
+    whole = np.arange(at.size) // (_BETWEEN + 1)
+    return Samples(
+        np.interp(at, place, np.unwrap(samples.angle)),
+        np.interp(at, place, samples.position.real) + 1j * np.interp(at, place, samples.position.imag),
+        samples.rotation_variance[whole],
+        samples.position_variance[whole],
+        samples.rotation_missing[whole],
+        samples.position_missing[whole],
+        np.interp(at, place, samples.drive),
+    )
 
 
 def _some(samples: Samples, most: int, few: int) -> Samples:

@@ -25,7 +25,9 @@ from synthesis.target import TURN, Interval, Samples, Target
 
 _STEPS = 30
 """Newton steps towards the drive's best place at a sample."""
-_BACK = 40
+_ARRIVED = 1e-7
+"""A step below this part of the longest is the last: the next would be its square."""
+_BACK = 20
 """Halvings of a step that would make a sample's error larger, or open the loop."""
 _ROUNDED = 1e-9
 _WAY_STEPS = 48
@@ -121,12 +123,13 @@ def nearest_travel(samples: Samples, linkage: GuidedLinkage, begin: Floats) -> F
         step = np.nan_to_num(-first / np.where(second > 0, second, np.inf))
         longest = 0.3 if linkage.driver.turns else 0.3 * samples.length_scale
         step = np.clip(step, -longest, longest)
-        going = np.abs(step) > 4e-16 * np.maximum(1.0, np.abs(travel))
+        going = np.abs(step) > _ARRIVED * longest
         if not going.any():
-            break
+            there = _squares(samples, linkage, travel + step)
+            return np.where(np.isfinite(there), travel + step, travel)
         for _ in range(_BACK):
             there = _squares(samples, linkage, travel + step)
-            worse = ~(there <= square)
+            worse = going & ~(there <= square)
             if not worse.any():
                 break
             step = np.where(worse, step / 2, step)

@@ -112,7 +112,7 @@ def test_a_request_that_does_not_say_how_the_crank_turns_is_told_all_ways_to_say
 
 def test_a_file_of_unknown_ending_is_refused_before_anything_is_computed(run, monkeypatch) -> None:
     monkeypatch.setattr("linkage_atlas.synthesize", None)
-    code, out, err = run("synthesize", "--example", "worked_example", "--export", "linkage.step")
+    code, out, err = run("synthesize", "--example", "worked_example", "--export", "linkage.dwg")
     assert (code, out) == (Exit.USAGE, "") and "plates.dxf" in err
 
 

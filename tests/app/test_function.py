@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 from fastapi.testclient import TestClient
@@ -59,3 +60,46 @@ def test_the_command_names_what_is_wrong(capsys: pytest.CaptureFixture[str], tmp
     (tmp_path / "bad.json").write_text(json.dumps({**PAIRS, "input": [0, 1, 1, 2, 3]}))
     assert main(["function", str(tmp_path / "bad.json")]) == 2
     assert "input.2" in capsys.readouterr().err
+
+
+TRAVEL: dict[str, Any] = {
+    "function": {"name": "power", "exponent": 2, "x": [0, 1], "output_span": 40, "samples": 21},
+    "crank_span": 90,
+    "output_unit": "length",
+    "top": 2,
+}
+
+
+@pytest.mark.parametrize("kind", ["json", "csv", "svg", "dxf", "mjcf"])
+def test_a_function_with_travel_and_its_files(client: TestClient, kind: str) -> None:
+    reply = client.post("/v1/function", json=TRAVEL).json()
+    one = reply["solutions"][1]
+    assert one["kind"] == "slider_crank" and one["driver"] == "crank" and one["errors"]["max"] < 1
+    assert one["lengths"].keys() == {"crank", "rod", "offset"} and reply["output"][-1] == pytest.approx(40)
+    body = {"request": TRAVEL, "solution": one, "format": kind}
+    made = client.post("/v1/function/export", json=body)
+    assert made.status_code == 200, made.text
+    if kind == "csv":
+        head, *rows = [line.split(",") for line in made.text.splitlines()]
+        errors = [abs(float(row[head.index("error")])) for row in rows]
+        assert max(errors) == pytest.approx(one["errors"]["max"], rel=1e-6)
+    best = client.post(f"/v1/function.{kind}", json=TRAVEL)
+    assert best.status_code == (404 if kind == "json" else 200)
+
+
+def test_what_travel_refuses(client: TestClient) -> None:
+    for changes, pointer in (
+        ({"mechanisms": ["four_bar"]}, "#/mechanisms/0"),
+        ({"travel_span": 3}, "#/travel_span"),
+        ({"limits": {"family": "crank_rocker"}}, "#/limits/family"),
+        ({"round_to": 1}, "#/round_to"),
+    ):
+        wrong = client.post("/v1/function", json={**TRAVEL, **changes})
+        assert wrong.status_code == 422 and wrong.json()["errors"][0]["pointer"] == pointer
+    four_bar = client.post("/v1/function", json={"output": [0, 8, 19], "crank_span": 40, "top": 1}).json()[
+        "solutions"
+    ][0]
+    wrong = client.post("/v1/function/export", json={"request": TRAVEL, "solution": four_bar})
+    assert wrong.status_code == 200  # JSON is what was sent
+    wrong = client.post("/v1/function/export", json={"request": TRAVEL, "solution": four_bar, "format": "csv"})
+    assert wrong.status_code == 422 and wrong.json()["errors"][0]["pointer"] == "#/request/output_unit"

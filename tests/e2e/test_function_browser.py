@@ -169,3 +169,27 @@ def test_cards_of_an_earlier_question_say_so(page) -> None:
     page.run("window.fetch = () => Promise.reject(new TypeError('gone'))")
     solve(page)
     assert set(page.run(marks)) == {True} and "cannot be reached" in page.text("status")
+
+
+@pytest.mark.parametrize(
+    ("drive", "named", "unit"),
+    [
+        ("crank_slider", "Slider moves", "°"),
+        ("cylinder_crank", "Crank turns", "length"),
+        ("slider_slider", "Other slider moves", "length"),
+    ],
+)
+def test_a_function_with_travel_is_asked_drawn_and_saved(page, drive: str, named: str, unit: str) -> None:
+    """Each drive has its own fields, numbers and files, and the linkage with rails or slots moves."""
+    page.select("drive", drive)
+    assert page.text("output-label") == named and page.text("input-unit") == unit
+    assert not page.shown("family") and not page.shown("round")
+    solve(page)
+    assert page.cards() and "come closest" in page.text("status")
+    assert "driven by its" in page.text("numbers") and "Largest error" in page.text("numbers")
+    before = page.one("#canvas .block").get_attribute("d")
+    page.slide(1)
+    assert page.one("#canvas .block").get_attribute("d") != before
+    turns = drive == "cylinder_crank"
+    assert abs(float(page.text("where").split("output ")[1].rstrip("°")) - 90) < (10 if turns else 5)
+    assert page.saved("function-1.csv", "#exports [data-format=csv]").startswith(b"input,output_wanted")

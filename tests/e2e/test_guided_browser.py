@@ -83,3 +83,27 @@ def test_guides_are_changed_by_hand(pages, drive) -> None:
         assert page.drawn("b").real == pytest.approx(x + 2, abs=1.2 / page.view()[2])
     assert page.count("#refine-here") == 0, "the service refines four-bars only"
     page.assert_no_errors()
+
+
+def test_the_page_asks_for_all_kinds_and_lists_several(pages) -> None:
+    page = pages
+    page.load()
+    page.take(
+        {
+            "position": [[0, 0], [22, 5], [41, 17], [52, 36], [50, 58]],
+            "rotation": [0, 12, 27, 45, 66],
+            "timing": "free",
+            "mechanisms": "all",
+        }
+    )
+    page.unfold("limits")
+    assert page.value("mechanisms") == "all" and page.request()["mechanisms"] == "all"
+    page.click("solve")
+    page.wait(IDLE, 60)
+    names = page.texts("#solutions .name")
+    assert len({name.split(". ", 1)[1] for name in names}) >= 3, names
+    page.select("mechanisms", "two_rails")
+    assert page.request()["mechanisms"] == ["two_rails"]
+    page.select("mechanisms", "four_bar")
+    assert "mechanisms" not in page.request()
+    page.assert_no_errors()

@@ -165,6 +165,27 @@ def test_what_a_designer_asks_next_is_shown_and_taken_away(page) -> None:
     assert {link["id"] for link in json.loads(links)["links"]} == {"ground", "crank", "coupler", "rocker"}
 
 
+def test_parts_are_taken_away_and_stand_on_the_sheet(page) -> None:
+    page.choose("casement")
+    page.solve_soon()
+    page.wait("document.querySelectorAll('#stack rect').length > 5")
+    assert page.saved("linkage-1.step", "[data-format=step]").startswith(b"ISO-10303-21;")
+    page.select("layer-boards", "both")
+    page.select("parts-fit", "print")
+    page.type_into("parts-scale", "0.5")
+    page.wait("document.querySelectorAll('#stack rect.board').length == 2")
+    rows = list(csv.DictReader(io.StringIO(page.saved("linkage-1.parts.csv", "[data-format=parts]").decode())))
+    assert {row["material"] for row in rows} == {"PLA"} and "board_above" in {row["name"] for row in rows}
+    crank = next(row for row in rows if row["name"] == "crank")
+    page.run("window.print = () => { window.printed = true; }")
+    page.find("print").click()
+    page.wait("window.printed")
+    sheet = page.content("sheet")
+    assert "pin_A" in sheet and "Layers from the side" in sheet and f"{float(crank['length']):.5g}" in sheet
+    pages = page.cdp("Page.printToPDF", {"preferCSSPageSize": True})["data"]
+    assert base64.b64decode(pages)
+
+
 def test_a_link_holds_the_whole_request(page) -> None:
     page.choose("gear")
     page.solve_soon()

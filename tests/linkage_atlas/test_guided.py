@@ -85,6 +85,18 @@ def test_an_analysis_comes_with_the_solution(drive) -> None:
     assert "drive_load" in text.splitlines()[0]
 
 
+def test_masses_resist_and_weigh() -> None:
+    pump = la.GuidedLinkage([CRANK, RAIL], "crank", start=20)
+    still = pump.analysis(0, {"masses": [{"link": "slider", "mass": 2}], "gravity": [0, -9.81]}, [0, 60])
+    # the rail carries the slider's weight, the drive nothing of it
+    assert np.allclose(still.drive_load, 0, atol=1e-12)
+    turning = pump.analysis(3600, {"masses": [{"link": "slider", "mass": 2}], "gravity": [0, 0]}, [0.0, 60.0])
+    links = pump.plain.links(np.deg2rad([0.0, 60.0]))
+    speed = np.deg2rad(3600)
+    along, gain = links[2].place_rate.real, links[2].place_second.real * speed**2
+    assert np.allclose(turning.drive_load, 2 * gain * along / 1000, rtol=1e-9)
+
+
 def test_the_object_prints_draws_and_keeps_itself() -> None:
     pump = la.GuidedLinkage([CRANK, RAIL], "crank", start=20)
     assert repr(pump).startswith(
@@ -139,6 +151,9 @@ def test_files_over_http_from_a_solution(client, drive) -> None:
         assert mark in reply.text
     refused = client.post("/v1/export", json={**body, "format": "pylinkage"})
     assert refused.status_code == 422 and "pylinkage has no guides that move" in refused.text
+    for kind in ("step", "3mf", "parts"):
+        refused = client.post("/v1/export", json={**body, "format": kind})
+        assert refused.status_code == 422 and "for four-bars only" in refused.text
     refused = client.post("/v1/export", json={**body, "format": "plates"})
     assert refused.status_code == 422 and "/format" in refused.text
     del body["solution"]["driver"]
@@ -175,3 +190,41 @@ def test_sensitivity_and_tolerances_come_with_the_solution(drive) -> None:
     assert (study["band"]["travel"] is None) == drive[1].turns
     again = one.linkage.tolerance_study(**sizes)
     assert again.position.worst.p95 == pytest.approx(study["position"]["worst"]["p95"])
+
+
+@pytest.mark.parametrize("drive", DRIVES[1:], ids=NAMES[1:])
+def test_lengths_that_can_be_had_come_with_their_errors(drive) -> None:
+    one, motion = reply_of(drive, round_to=5.0)
+    found = one.rounded
+    assert found is not None and found.closes and found.tried > 0
+    for length in found.lengths.values():
+        assert length / 5 == pytest.approx(round(length / 5), abs=1e-9)
+    plain = json.loads(json.dumps(plain_of(one), allow_nan=False))["rounded"]
+    again = la.GuidedLinkage(plain["guides"], one.driver, plain["branch"], plain["start"])
+    joints = again.joints(plain["crank_angle"] or plain["travel"])
+    off = np.abs(joints.body_point @ [1, 1j] - motion.asked.position)
+    assert off.max() == pytest.approx(plain["errors"]["position_max"], rel=1e-6, abs=1e-9)
+    stocked, _ = reply_of(drive, lengths_from=[20, 40, 60, 80, 100, 120])
+    assert stocked.rounded is not None and stocked.rounded.combinations == 6 ** len(found.lengths)
+    assert all(round(length) in (20, 40, 60, 80, 100, 120) for length in stocked.rounded.lengths.values())
+
+
+def test_the_command_line_says_what_was_found_of_several_kinds() -> None:
+    from app.fourbar.tables import synthesize_table
+    from linkage_atlas.answers import Report, Result
+
+    load = {"crank_speed": 10, "load": {"force": [0, -5]}}
+    sizes = {"links": 0.05, "samples": 200}
+    one, _ = reply_of(DRIVES[5], noise=0.01, round_to=5.0, analysis=load, tolerance_study=sizes)
+    report = Report({"total": 1.0}, [(1.0, 1e-3)], "converged", 50.0, 1, None, None, [])
+    text = synthesize_table(Result("closest", [one], report))
+    for words in (
+        "slider",
+        "guide of rank 1: rail through",
+        "used from",
+        "travel of rank 1: 0",
+        "rounded: ",
+        "as made, ",
+    ):
+        assert words in text, text
+    assert "force of the drive" in text and "guide force" in text

@@ -8,14 +8,15 @@ import json
 import zipfile
 from importlib.resources import files
 
+import ezdxf
 import numpy as np
 import pytest
 
 import linkage_atlas as la
 from app import cli
 from app.registry import worked_example
-from linkage_atlas.exports import FORMATS, OF_PARTS, kind_of
-from linkage_atlas.solids import MATERIALS, PART_KINDS, SOLIDS
+from linkage_atlas.formats import FORMATS, OF_PARTS, kind_of
+from linkage_atlas.solids import MATERIALS, SOLIDS
 from synthesis.solids.fits import FITS
 from synthesis.solids.solid import DENSITIES
 from tests.oracles.solids import deepest, step_shells
@@ -51,7 +52,6 @@ def request_body():
 
 
 def test_kinds_and_names_are_told_once() -> None:
-    assert OF_PARTS == PART_KINDS
     assert set(OF_PARTS) < set(FORMATS)
     assert set(MATERIALS) == set(FITS) and {one for both in MATERIALS.values() for one in both} <= set(DENSITIES)
     assert [kind_of(f"window.{FORMATS[kind].endings[0]}") for kind in FORMATS] == list(FORMATS)
@@ -100,6 +100,25 @@ def test_what_parts_weigh_is_what_an_analysis_and_a_simulation_take(linkage) -> 
     assert f'mass="{links["rocker"].mass!r}"' in text and "kilograms of its parts" in text
     # a model is printed smaller, but an analysis is of the linkage itself
     assert linkage.solids(material="steel", thickness=4, scale=0.5).masses == parts.masses
+
+
+def test_parts_stand_for_their_masses_in_analysis_and_drives(linkage, client, request_body) -> None:
+    masses = linkage.solids().to_dict()["masses"]
+    for unit in ("mm", "cm"):
+        given = linkage.solids(length_unit=unit).to_dict()["masses"]
+        one, other = (linkage.analysis(90, {"masses": one}, length_unit=unit) for one in ("parts", given))
+        assert one.crank_torque == pytest.approx(other.crank_torque, rel=1e-12)
+    asked = [{"kind": "rotary"}]
+    ways = [la.drives(linkage, crank_angle=[0, 70], drives=asked, load={"masses": one}) for one in ("parts", masses)]
+    torques = [way.drives[0].peak_torque for way in ways]
+    assert torques[0] == pytest.approx(torques[1], rel=1e-12) and torques[0] > 0
+    # double cranks have parts, and weights, though their layers collide
+    assert np.abs(la.FourBar(60, 50, 70, 30).analysis(0, {"masses": "parts"}).crank_torque).max() > 0
+    body = {**request_body, "top": 2, "analysis": {"crank_speed": 90, "load": {"masses": "parts"}}}
+    for one in client.post("/v1/synthesize", json=body).json()["solutions"]:
+        assert max(map(abs, one["analysis"]["crank_torque"])) > 0
+    with pytest.raises(la.FieldError, match="parts"):
+        linkage.analysis(90, {"masses": "all"})
 
 
 def test_units_of_length_are_told_apart(linkage) -> None:
@@ -154,6 +173,27 @@ def test_a_list_of_parts_has_a_row_a_part(linkage) -> None:
     assert [row["name"] for row in rows] == [one.name for one in parts.parts]
     assert all(float(row["mass"]) == pytest.approx(1000 * one.mass) for row, one in zip(rows, parts.parts))
     assert {row["material"] for row in rows} == {"aluminium", "steel"}
+
+
+def test_plates_of_an_assembly_are_its_parts_flat(linkage) -> None:
+    parts = linkage.solids(boards="both", fit="print", heads=True)
+    text = linkage.file("plates", assembly={"boards": "both", "heads": True}, solids={"fit": "print"}).decode()
+    # the file has a mark of its own each time it is written
+    assert len(text) == len(parts.file("plates").decode())
+    document = ezdxf.read(io.StringIO(text))
+    assert not document.audit().errors
+    space = document.modelspace()
+    for one in parts.solids.parts:
+        outlines = space.query(f'LWPOLYLINE[layer=="{one.name.upper()}"]')
+        assert len(outlines) == (one.kind not in ("pin", "post")), one.name
+        if outlines:
+            radii = sorted(circle.dxf.radius for circle in space.query(f'CIRCLE[layer=="{one.name.upper()}"]'))
+            assert radii == pytest.approx(sorted(hole.radius for hole in one.prism.holes))
+            bulges = [point[4] for point in outlines[0].get_points()]
+            assert bulges == pytest.approx(one.prism.outline[:, 2].tolist())
+    assert "BOARD_ABOVE" not in linkage.file("plates").decode()
+    with pytest.raises(la.FieldError, match="sizes stand there"):
+        linkage.file("plates", plates={"hole": 5}, assembly=BOTH)
 
 
 # -- the command and HTTP -----------------------------------------------------------------------------------------------

@@ -68,7 +68,21 @@ def drive_force(
     speed: float,
     drive: Any,
 ) -> float:
-    """The unknown of the drive at one position.
+    """The unknown of the drive at one position, see `equilibrium`."""
+    return float(equilibrium(at, body, force, torque, masses, gravity, speed, drive)[8])
+
+
+def equilibrium(
+    at: Moving,
+    body: Any,
+    force: Any,
+    torque: float,
+    masses: Any,
+    gravity: Any,
+    speed: float,
+    drive: Any,
+) -> Any:
+    """All nine unknowns at one position: x and y at pivot A, crank pin, coupler pin and pivot B, and the drive's.
 
     ``body``: the body point in the coupler's frame, ``force`` and ``torque`` on it. ``masses``: (link, amount, point, inertia).
     ``drive``: ("torque", link) at a fixed pivot, or ("rod", link, point, place of its other end): pushing is positive.
@@ -111,4 +125,4 @@ def drive_force(
         row, origin = 3 * names.index(link), origins[link]
         matrix[row, 8], matrix[row + 1, 8] = push
         matrix[row + 2, 8] = (place[0] - origin[0]) * push[1] - (place[1] - origin[1]) * push[0]
-    return float(np.linalg.solve(matrix, right)[8])
+    return np.linalg.solve(matrix, right)

@@ -9,7 +9,8 @@ import numpy as np
 from synthesis.arrays import Complexes, Floats
 
 KINDS = ("slider_crank", "swinging_block", "rail_slot", "two_rails", "two_slots")
-_WIDTH = 1.2
+_BETWEEN = 400
+"""Places of the crank at which a linkage must close, for it to reach one sample from the other."""
 
 
 def random_motion(random: np.random.Generator, kind: str, samples: int) -> tuple[Floats, Complexes, Floats]:
@@ -50,6 +51,8 @@ def _crank(random: np.random.Generator, samples: int) -> Floats:
 def _slider_crank(random: np.random.Generator, samples: int) -> Any:
     r, rod = random.uniform(0.3, 1.5), random.uniform(0.8, 3.0)
     offset, t = random.uniform(-0.5, 0.5), _crank(random, samples)
+    if np.any(np.abs(offset - r * np.sin(np.linspace(t[0], t[-1], _BETWEEN))) >= rod):
+        return t, np.full(samples, np.nan), 0j * t
     with np.errstate(invalid="ignore"):
         angle = np.arcsin((offset - r * np.sin(t)) / rod)
     return t, angle, r * np.exp(1j * t)
@@ -58,6 +61,8 @@ def _slider_crank(random: np.random.Generator, samples: int) -> Any:
 def _swinging_block(random: np.random.Generator, samples: int) -> Any:
     r, ground, beside = random.uniform(0.3, 1.5), random.uniform(0.5, 3.0), random.uniform(-0.3, 0.3)
     t = _crank(random, samples)
+    if np.any(np.abs(ground - r * np.exp(1j * np.linspace(t[0], t[-1], _BETWEEN))) <= abs(beside)):
+        return t, np.full(samples, np.nan), 0j * t
     gap = ground - r * np.exp(1j * t)
     with np.errstate(invalid="ignore"):
         s = np.sqrt(np.abs(gap) ** 2 - beside**2)
@@ -90,7 +95,8 @@ def _two_slots(random: np.random.Generator, samples: int) -> Any:
     begin = random.uniform(0, 2 * np.pi)
     angle = _even(random, begin, begin + random.uniform(0.3, 1.5) * random.choice([-1, 1]), samples)
     first = ground * np.sin(angle + delta) / np.sin(delta)
-    if np.any(np.diff(first) * (first[-1] - first[0]) <= 0) or first.min() < 0.05:
+    rate = np.cos(angle + delta)  # of the first: it does not turn back, not even between samples
+    if np.any(rate * rate[0] <= 0) or np.ptp(angle) > np.pi or first.min() < 0.05:
         return first, np.full(samples, np.nan), 0j * first
     return first, angle, first * np.exp(1j * angle)
 

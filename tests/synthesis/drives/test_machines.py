@@ -8,11 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from synthesis.drives.links import Loading, Machine, hinged, machine_of, machine_of_guided
+from synthesis.drives.pins import Pull, pin_forces
 from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.linkage import Circle, Driver, GuidedLinkage, Rail, Slot
 from synthesis.target import Interval
 from tests.oracles.driven_cases import loads, random_linkage
-from tests.oracles.equilibrium import Moving, drive_force
+from tests.oracles.equilibrium import Moving, drive_force, equilibrium
 
 
 def poses(linkage: Linkage, machine: Machine, some: list[int]) -> list[Moving]:
@@ -61,6 +62,19 @@ def test_torques_and_forces_hold_every_link_in_equilibrium(seed: int) -> None:
         assert drive_force(at, *held, ("torque", "rocker")) == pytest.approx(at_rocker, rel=1e-9, abs=1e-9 * size)
         rod = drive_force(at, *held, ("rod", link, pin, (ground.real, ground.imag)))
         assert rod == pytest.approx(torque[k] / arm[k], rel=1e-9, abs=1e-9 * size)
+        for drive, found in (
+            (("torque", "crank"), pin_forces(machine, load, [])),
+            (("torque", "rocker"), pin_forces(machine, load, [], torque / machine.links["rocker"].rate)),
+            (
+                ("rod", link, pin, (ground.real, ground.imag)),
+                pin_forces(machine, load, [Pull(link, moving.place(pin), torque / arm * v / np.abs(v))]),
+            ),
+        ):
+            wanted = equilibrium(at, *held, drive)
+            scale = 1 + np.abs(wanted).max()
+            assert [part for one in found for part in (one[k].real, one[k].imag)] == pytest.approx(
+                wanted[:8].tolist(), abs=1e-9 * scale
+            )
 
 
 GUIDED = [

@@ -103,6 +103,13 @@ def test_a_model_has_a_joint_of_every_sort_and_one_loop(drive) -> None:
     assert joints[names[0]] == ("slide" if isinstance(linkage.guides[0], Rail) else "hinge")
     assert joints[names[2]] == ("slide" if isinstance(linkage.guides[1], Rail) else "hinge")
     assert joints["coupler"] == ("slide" if slots[0] else "hinge") and ("slide" in joints) == slots[1]
+    # longer extensions push the body back along its slot
+    axes = {one.get("name"): one.get("axis") for one in model.iter("joint") if one.get("type") == "slide"}
+    if slots[1]:
+        assert axes["slide"] == "-1 0 0"
+    if slots[0]:
+        along = complex(*[float(part) for part in axes["coupler"].split()[:2]])
+        assert along == pytest.approx(-np.exp(1j * linkage.guides[0].body_direction), abs=1e-12)
     drive_joint = model.find("actuator/velocity").get("joint")
     assert drive_joint == ("coupler" if linkage.driver is Driver.CYLINDER else names[0])
     assert len(list(model.find("equality"))) == 1

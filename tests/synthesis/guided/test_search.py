@@ -113,6 +113,7 @@ def test_limits_of_rails_and_cylinders_are_kept():
         ("swinging_block", Driver.CRANK),
         ("rail_slot", Driver.SLIDER),
         ("two_rails", Driver.SLIDER),
+        ("two_slots", Driver.CYLINDER),
     ],
 )
 def test_given_drives_come_back(kind, driver):
@@ -123,6 +124,34 @@ def test_given_drives_come_back(kind, driver):
         best = min(found, key=lambda one: one.errors.objective)
         assert best.errors.objective < 1e-9
         assert np.allclose(best.travel, drive, rtol=1e-7, atol=1e-9 * np.abs(drive).max())
+
+
+def arc(radius: float, noise: float) -> Poses:
+    """A body whose one point runs over a chord of 2 of a circle, while a line of it through that point passes a fixed pin."""
+    random = np.random.default_rng(5)
+    along = np.linspace(-1, 1, 12)
+    point = along + 1j * along**2 / (radius + np.sqrt(radius**2 - along**2))
+    angle = np.angle(0.3 + 1.4j - point)
+    mixed = noise * (random.normal(size=12) + 1j * random.normal(size=12))
+    return make_poses(angle + noise * random.normal(size=12), point + 0.5 * np.exp(1j * (angle + 0.4)) + mixed)
+
+
+def test_a_huge_circle_is_called_a_rail():
+    found, _ = search_guided(arc(1e8, 0.0), _ANY, [Kind.SWINGING_BLOCK, Kind.RAIL_SLOT])
+    best = min(found, key=lambda one: one.errors.objective)
+    assert best.errors.objective < 1e-8
+    exact = {one.linkage.kind for one in found if one.errors.objective < 1e-7}
+    assert exact == {Kind.RAIL_SLOT}
+
+
+def test_a_large_circle_is_told_from_a_rail_through_noise():
+    found, report = search_guided(arc(1e3, 1e-6), _ANY, [Kind.SWINGING_BLOCK, Kind.RAIL_SLOT])
+    best = min(found, key=lambda one: one.errors.objective)
+    assert best.linkage.kind is Kind.SWINGING_BLOCK
+    assert best.errors.objective < 3e-6
+    radius = max(guide.radius for guide in best.linkage.guides if hasattr(guide, "radius"))
+    assert radius == pytest.approx(1e3, rel=0.05)  # as well as the noise lets it be known
+    assert any("the circle is answered" in note for note in report.notes)
 
 
 def test_a_budget_ends_the_search_and_more_of_it_gives_no_less():

@@ -171,3 +171,18 @@ def _octahedron(part):
 def test_tolerances_are_those_of_the_standard(diameter, hole, pin) -> None:
     assert (tolerance(diameter, True), tolerance(diameter, False)) == (hole, pin)
     assert FITS["print"].turning > FITS["print"].held >= 0
+
+
+def test_the_inertia_of_a_long_plate_is_least_about_its_length_and_turns_with_it() -> None:
+    plate = Prism(rounded((0j, 72 + 0j), 7.125), 0, 3)
+    one, base = plate.mass(2e-6), plate.moments
+    across = 72 * 14.25**3 / 12 + np.pi * 7.125**4 / 4  # about the line between its holes
+    near(one.inertia[0, 0], 2e-6 * 3 * across + one.mass * 9 / 12)
+    near(one.inertia[1, 1], 2e-6 * 3 * base.xx + one.mass * 9 / 12)
+    near(one.inertia[2, 2], 2e-6 * 3 * (base.xx + across))
+    assert one.inertia[0, 0] < one.inertia[1, 1] < one.inertia[2, 2]
+    turn, shift = np.exp(0.6j), 5 - 2j
+    there = plate.moved(turn, shift, 4.0).mass(2e-6)
+    wanted = one.turned(turn, np.array([5.0, -2.0, 4.0]))
+    near(there.centre, wanted.centre, 100)
+    near(there.inertia, wanted.inertia, 1.0)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -43,6 +45,11 @@ def test_every_solid_is_a_closed_shell_with_its_holes(name, boards, heads, body)
         len(part.prism.holes) + (1 if part.prism.circle else sum(arc is not None for arc in part.prism.arcs))
         for part in solids.parts
     )
+    # only the walls of holes are turned over: their axis lies outside of the material
+    turned = re.findall(r"=ADVANCED_FACE\('',\([#\d,]+\),#(\d+),\.F\.\);", text)
+    assert len(turned) == sum(len(part.prism.holes) for part in solids.parts)
+    for surface in turned:
+        assert re.search(rf"^#{surface}=CYLINDRICAL_SURFACE\(", text, re.M)
     assert text == to_step(solids.parts, solids.posed(), "linkage")
 
 

@@ -17,8 +17,9 @@ from hypothesis import strategies as st
 import linkage_atlas as la
 from synthesis.errors import FieldError
 from synthesis.fourbar.analysis import curve_over
-from synthesis.fourbar.files import to_plates, to_pylinkage
+from synthesis.fourbar.files import to_pylinkage
 from synthesis.fourbar.linkage import Linkage
+from synthesis.solids.plates import to_plates
 from synthesis.target import make_target
 
 LINKS = ("CRANK", "COUPLER", "ROCKER", "GROUND")

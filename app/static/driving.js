@@ -1,0 +1,301 @@
+// What drives the selected linkage: asks for cylinders, motors, locks and springs, moves one on the canvas, and lets its pins be dragged.
+
+import { redrawOn, titledChart } from "./charts.js";
+import { element, make, put, text } from "./drawing.js";
+import { fitOf } from "./fit.js";
+import { ask } from "./service.js";
+import { $ } from "./shell.js";
+
+const RAD = Math.PI / 180;
+const KINDS = { actuator: "cylinder", rotary: "drive in a hinge", dyad: "motor and rod", toggle: "lock" };
+const FIELDS = ["kind", "catalogue", "retracted", "stroke", "ratio", "reach", "force-x", "force-y", "torque", "mass"];
+const WIDE = 0.09; // of a cylinder's body, over its retracted length
+const HANDLE = 8; // pixels
+
+const value = (id) => { const number = $(`drive-${id}`).valueAsNumber; return Number.isFinite(number) ? number : null; };
+const given = (fields) => Object.fromEntries(Object.entries(fields).filter(([, one]) => one !== null && one !== ""));
+const less = ([a, b], [c, d]) => [a - c, b - d];
+const turned = ([x, y], angle) => [x * Math.cos(angle) - y * Math.sin(angle), x * Math.sin(angle) + y * Math.cos(angle)];
+
+/** Frames of a four-bar's links at its joints, as the service has them. */
+const FRAMES = { crank: (j) => [j.a, j.crank], coupler: (j) => [j.d, j.coupler], rocker: (j) => [j.b, j.rocker] };
+
+/** The value of a curve at a place between its even steps, numbers or points. */
+function between(curve, values, at) {
+  const x = curve.crank_angle, last = x.length - 1, share = Math.min(1, Math.max(0, (at - x[0]) / (x[last] - x[0] || 1))) * last, k = Math.min(last - 1, Math.floor(share)), t = share - k;
+  const [one, other] = [values[k], values[k + 1]];
+  if (one === null || other === null) return null;
+  return Array.isArray(one) ? one.map((part, i) => part + t * (other[i] - part)) : one + t * (other - one);
+}
+
+/** A drive with other ends, its lengths, arms and forces computed here from the torque of the load. */
+function moved(drive, linkage, torque) {
+  const { crank_angle: at } = drive.curve, joints = at.map((angle) => linkage.at(angle * RAD)), frame = FRAMES[drive.link];
+  const pin = joints.map((j) => { const [origin, angle] = frame(j); return turned(drive.pin_on_link, angle).map((part, i) => part + origin[i]); });
+  const ground = at.map(() => drive.ground_point), length = pin.map((place, k) => Math.hypot(...less(place, ground[k])));
+  // slopes at even steps: of second order, at the ends too
+  const step = (at[1] - at[0]) * RAD, n = length.length, arm = length.map((_, k) => (k === 0 ? -3 * length[0] + 4 * length[1] - length[2] : k === n - 1 ? 3 * length[k] - 4 * length[k - 1] + length[k - 2] : length[k + 1] - length[k - 1]) / (2 * step));
+  const force = drive.curve.force && arm.map((one, k) => torque.torque[k] / one), turns = arm.findIndex((one) => one * arm[0] <= 0);
+  const stroke = Math.abs(length.at(-1) - length[0]), peak = force && turns < 0 ? Math.max(...force.map(Math.abs)) : null, bound = peak === null ? null : torque.amount / stroke;
+  return {
+    ...drive, name: null, price: null, pin: pin[0], length: [length[0], length.at(-1)], retracted: Math.min(...length), stroke, extends: length.at(-1) > length[0], arm_min: Math.min(...arm.map(Math.abs)),
+    peak_force: peak, bound, over_bound: peak && peak / bound, byHand: true, dead: turns < 0 ? null : at[turns], curve: { ...drive.curve, ground, pin, length, arm, force: turns < 0 ? force : null },
+  };
+}
+
+export class Driving {
+  constructor(board, player) {
+    Object.assign(this, { board, player, answer: null, solution: null, reply: null, drive: null, control: null, charts: [], kept: new Map() });
+    $("drive-find").addEventListener("click", () => this.#find());
+    $("drive-kind").addEventListener("change", () => this.#offer());
+    $("drive-catalogue").addEventListener("change", () => { this.#offer(); if ($("drive-catalogue").value === "own") $("drive-file").click(); });
+    $("drive-file").addEventListener("change", async () => { this.table = await $("drive-file").files[0]?.text(); this.#say(this.table ? `Rows of ${$("drive-file").files[0].name}.` : ""); });
+    for (const id of FIELDS) $(`drive-${id}`).addEventListener("keydown", (event) => { if (event.key === "Enter") { event.preventDefault(); this.#find(); } });
+    board.seen.push(() => this.#draw());
+    board.redrawn.push(() => this.#draw());
+    redrawOn($("drive-curves"), () => this.#curves());
+    this.#offer();
+  }
+
+  /** A new answer, or with null none. */
+  show(answer) {
+    this.control?.abort();
+    this.answer = answer;
+    this.kept = new Map();
+    $("drive-card").hidden = !answer?.reply.solutions.length;
+  }
+
+  /** The selected solution; what was found for it before is shown again. */
+  select(solution) {
+    this.control?.abort();
+    this.solution = solution;
+    this.#use(this.kept.get(solution) ?? null);
+    this.#say("");
+  }
+
+  /** What is exported with the linkage: the drive that is shown. */
+  get shown() { return this.drive && this.drive.kind ? this.drive : null; }
+
+  /** Fields that belong to the kind that is picked. */
+  #offer() {
+    const kind = $("drive-kind").value, own = $("drive-catalogue").value;
+    for (const part of document.querySelectorAll("#drive-card [data-kinds]")) part.hidden = !part.dataset.kinds.split(" ").includes(kind);
+    for (const part of document.querySelectorAll("#drive-card [data-sizes]")) part.hidden ||= own !== "";
+  }
+
+  #say(words, bad = false) {
+    $("drive-note").textContent = words;
+    $("drive-note").classList.toggle("bad", bad);
+  }
+
+  /** The request: linkage and motion, the load, and one kind of drive or spring. */
+  #request() {
+    const { solution, answer: { request, motion } } = this, kind = $("drive-kind").value, catalogue = $("drive-catalogue").value;
+    const force = [value("force-x") ?? 0, value("force-y") ?? 0], mass = value("mass");
+    const load = given({ force: force.some(Boolean) ? force : null, torque: value("torque"), masses: mass ? [{ link: "body", mass }] : null });
+    const rows = catalogue === "own" ? this.table ?? "" : catalogue;
+    const sizes = catalogue === "" ? { retracted: value("retracted"), stroke: value("stroke") } : { catalogue: rows };
+    const wish = { actuator: { ...sizes, reach_max: value("reach") }, dyad: { time_ratio: value("ratio"), reach_max: value("reach") }, toggle: { reach_max: value("reach") } }[kind] ?? {};
+    const springs = { tension: [{ kind: "tension", catalogue: "tension_springs" }], ideal: [{ kind: "tension" }], gas: [{ kind: "gas", between: ["ground", this.solution.links ? "rocker" : "coupler"] }] }[kind];
+    return { linkage: solution, request, load, length_unit: motion.unit, top: 6, ...(springs ? { drives: [], springs } : { drives: [{ kind, ...given(wish) }] }) };
+  }
+
+  async #find() {
+    if (!this.solution) return;
+    this.control?.abort();
+    const control = new AbortController(), { solution } = this;
+    this.control = control;
+    this.#say("Looking…");
+    try {
+      const reply = await (await ask("/v1/drives", this.#request(), control.signal)).json();
+      if (control.signal.aborted) return;
+      this.kept.set(solution, reply);
+      const found = reply.drives.length + reply.springs.length;
+      this.#use(reply);
+      this.#say([found ? "" : "None was found.", ...reply.notes.map((one) => `${one[0].toUpperCase()}${one.slice(1)}.`)].join(" ").trim(), !found);
+    } catch (error) {
+      if (error.name !== "AbortError") this.#say(error.message, true);
+    }
+  }
+
+  #use(reply) {
+    this.reply = reply;
+    this.drive = reply?.drives[0] ?? (reply?.springs.length ? { springs: reply.springs } : null);
+    this.#list();
+    this.#describe();
+  }
+
+  /** A button for each drive that was found, and a line for each link without one. */
+  #list() {
+    const { reply } = this, buttons = (reply?.drives ?? []).map((drive) => {
+      const sizes = drive.retracted ? ` ${text(drive.retracted, 4)} + ${text(drive.stroke, 4)}` : "";
+      const button = Object.assign(element("button", "", `${drive.name ?? `${KINDS[drive.kind]}${sizes}`} on the ${drive.link}`), { type: "button" });
+      button.addEventListener("click", () => { this.drive = drive; this.#list(); this.#describe(); });
+      button.setAttribute("aria-pressed", String(drive === this.drive || (this.drive?.byHand && this.drive.from === drive)));
+      return button;
+    });
+    $("drive-found").replaceChildren(...buttons);
+    $("drive-found").hidden = !buttons.length;
+    const refused = reply?.refused ?? [];
+    $("drive-refused").replaceChildren(...refused.map(({ kind, link, name, reason }) => element("li", "", `${KINDS[kind] ?? `${kind} spring`} on the ${link}${name ? ` (${name})` : ""}: ${reason}.`)));
+  }
+
+  /** Rows [name, value] of what is shown: for the card and for the sheet. */
+  rows() {
+    const { drive } = this, unit = this.answer?.motion.unit ?? "";
+    if (!drive) return [];
+    const number = (one, digits = 5) => text(one, digits), place = (pair) => `${pair.map((one) => number(one)).join(", ")} ${unit}`;
+    if (drive.springs) {
+      return drive.springs.flatMap((one) => [
+        [`${one.kind} spring`, `${one.name ?? `${number(one.stiffness)} per ${unit}`}, ${one.between.join(" to ")}`], ["its ends", one.points.map(place).join(" and ")], ["its length", `${number(one.length[0])} to ${number(one.length[1])} ${unit}`],
+        ["torque left (rms)", `${number(one.torque.after.rms, 3)} of ${number(one.torque.before.rms, 3)}`], ["by itself", one.stays],
+      ]);
+    }
+    const rows = [["drive", `${drive.name ?? KINDS[drive.kind]} on the ${drive.link}${drive.byHand ? ", by hand" : ""}`]];
+    if (drive.motor) rows.push(["motor", place(drive.motor)]);
+    if (drive.ground_point) rows.push(["ground point", place(drive.ground_point)]);
+    if (drive.pin) rows.push(["pin at pose 1", place(drive.pin)], ["pin on the link", place(drive.pin_on_link)]);
+    if (drive.retracted) rows.push(["retracted, stroke", `${number(drive.retracted)} + ${number(drive.stroke)} ${unit}, ${drive.extends ? "extends" : "retracts"}`]);
+    if (drive.dead !== undefined && drive.dead !== null) rows.push(["dead point", `at ${number(drive.dead)}°`]);
+    if (drive.arm_min !== null && drive.arm_min !== undefined) rows.push(["least arm", `${number(drive.arm_min)} ${unit} a radian`]);
+    if (drive.peak_force !== null) rows.push(["peak force", `${number(drive.peak_force)}${drive.over_bound ? `, ${number(drive.over_bound, 4)} × the least there can be` : ""}`]);
+    if (drive.peak_torque !== null) rows.push([drive.kind === "toggle" ? "torque at the handle" : "peak torque", number(drive.peak_torque)]);
+    if (drive.holding) rows.push(["holding, first and last", drive.holding.map((one) => number(one, 4)).join(", ")]);
+    if (drive.buckling) rows.push(["buckling", drive.buckling.safety === null ? "never pushed" : `${number(drive.buckling.safety, 3)} times safe`]);
+    if (drive.six_bar) rows.push(["crank and rod", `${number(drive.six_bar.crank)}, ${number(drive.six_bar.coupler)} ${unit}`], ["time ratio", number(drive.six_bar.time_ratio, 4)], ["transmission of the rod", `${number(drive.six_bar.transmission_angle_min, 4)}° or more`]);
+    if (drive.lock) rows.push(["handle and strut", `${number(drive.lock.handle)}, ${number(drive.lock.strut)} ${unit}`], ["over centre", `${number(drive.lock.over_centre, 3)}° at the ${drive.lock.at} pose`]);
+    rows.push(["stops", drive.stops], ["without power", drive.holds]);
+    return rows;
+  }
+
+  /** Its parts at the first pose as lines, for the sheet. */
+  lines() {
+    const { drive } = this;
+    if (!drive) return [];
+    if (drive.springs) return drive.springs.map(({ points }) => points);
+    if (drive.kind === "rotary") return [[drive.motor]];
+    const { ground, knee, pin } = drive.curve;
+    return [[ground[0], knee?.[0], pin[0]].filter(Boolean)];
+  }
+
+  #describe() {
+    const table = document.createElement("table");
+    for (const [name, words] of this.rows()) {
+      const row = table.insertRow();
+      row.append(Object.assign(element("th", "", name), { scope: "row" }));
+      row.insertCell().textContent = words;
+    }
+    $("drive-numbers").replaceChildren(...(this.drive ? [table] : []));
+    this.#curves();
+    this.#draw();
+  }
+
+  /** Force, torque and arm over the way, the force beside the least peak that any cylinder of this stroke has. */
+  #curves() {
+    const host = $("drive-curves"), { drive, reply } = this;
+    host.replaceChildren();
+    this.charts = [];
+    if (!drive || $("drive-card").hidden) return;
+    const sense = this.player.shown?.pass.sense ?? 1, unit = this.answer.motion.unit, add = (title, x, series) => {
+      const order = x.map((at, k) => [sense * at, k]).sort((a, b) => a[0] - b[0]);
+      this.charts.push(titledChart(host, title, { x: order.map(([at]) => at), series: series.map((one) => ({ ...one, values: order.map(([, k]) => one.values[k]) })), height: 140 }));
+    };
+    if (drive.springs) {
+      const { curve } = drive.springs[0];
+      add("Torque of the drive with the springs (dashed: without)", curve.crank_angle, [{ values: curve.torque, colour: "body" }, { values: reply.torque.torque, colour: "muted", dash: [6, 4], width: 1.2 }]);
+      return;
+    }
+    const { curve, bound } = drive, level = (one) => ({ values: curve.crank_angle.map(() => one), colour: "box", dash: [6, 4], width: 1.2 });
+    if (curve.force) {
+      const amounts = curve.force.map(Math.abs);
+      add(`Force of the ${KINDS[drive.kind]}${bound ? " (dashed: no peak is below this)" : ""}`, curve.crank_angle, [{ values: amounts, colour: "body" }, ...(bound ? [level(bound)] : [])]);
+    }
+    if (curve.torque) add(drive.kind === "dyad" ? "Torque of the motor, forwards" : drive.kind === "toggle" ? "Torque at the handle" : "Torque", curve.crank_angle, [{ values: curve.torque, colour: "body" }]);
+    if (curve.arm) add(`Moment arm, ${unit} a radian`, curve.crank_angle, [{ values: curve.arm.map(Math.abs), colour: "path" }]);
+    this.#mark();
+  }
+
+  #mark() {
+    const travel = this.board.joints ? Number($("slider").value) : null;
+    if (travel !== null) for (const one of this.charts) one.mark(travel);
+  }
+
+  /** The drive on the canvas at the crank's place: its parts, and handles at its ends. */
+  #draw() {
+    const { board, drive, solution } = this, { driveLayer: layer, joints } = board;
+    this.#mark();
+    // an end that has the keys keeps them when it is drawn anew
+    this.focused = layer.contains(document.activeElement) ? document.activeElement.dataset.end : null;
+    layer.replaceChildren();
+    if (!drive || !joints || !board.linkage || board.stale || solution !== this.player.shown?.solution) return;
+    const at = this.player.shown.pass.turns ? joints.travel / RAD : this.player.travel;
+    if (drive.springs) {
+      for (const { curve, kind } of drive.springs) {
+        const ends = between(curve, curve.ends.map((pair) => pair.flat()), at);
+        if (ends) this.#line(kind === "gas" ? "rod" : "spring", [ends.slice(0, 2), ends.slice(2)]);
+      }
+      return;
+    }
+    const { curve } = drive, [ground, pin, knee] = ["ground", "pin", "knee"].map((name) => (curve[name] ? between(curve, curve[name], at) : drive.motor));
+    if (drive.kind === "rotary") { this.#dot(drive.motor, "motor"); return; }
+    if (!ground || !pin) return;
+    if (curve.knee && knee) {
+      this.#line("rod", [ground, knee, pin]);
+      for (const place of [ground, knee, pin]) this.#dot(place, "joint");
+      return;
+    }
+    const length = Math.hypot(...less(pin, ground)), way = less(pin, ground).map((part) => part / length), body = 0.85 * drive.retracted, half = (WIDE / 2) * drive.retracted;
+    const corner = (along, across) => [ground[0] + way[0] * along - way[1] * across, ground[1] + way[1] * along + way[0] * across];
+    this.#line("rod", [ground, pin]);
+    this.#line("cylinder", [corner(0.04 * body, half), corner(body, half), corner(body, -half), corner(0.04 * body, -half)], true);
+    const free = drive.on === "ground" && Boolean(FRAMES[drive.link]) && Boolean(solution.links);
+    this.#handle(ground, "ground", free);
+    this.#handle(pin, "pin", free);
+    put(layer, { "data-length": text(length, 6) });
+  }
+
+  #line(name, points, closed = false) {
+    const { view } = this.board;
+    make("path", { class: `drive-${name}`, d: `M${points.map((place) => view.at(place).map((one) => one.toFixed(1)).join(" ")).join("L")}${closed ? "Z" : ""}` }, this.board.driveLayer);
+  }
+
+  #dot(place, name) {
+    const [cx, cy] = this.board.view.at(place);
+    return make("circle", { class: `drive-${name}`, cx, cy, r: name === "motor" ? 12 : 5 }, this.board.driveLayer);
+  }
+
+  /** An end of a cylinder, which drags and arrow keys move. */
+  #handle(place, end, free) {
+    const dot = this.#dot(place, "end");
+    if (!free) return;
+    put(dot, { r: HANDLE, tabindex: 0, role: "button", "data-end": end, "aria-label": end === "ground" ? "Ground point of the cylinder: drag, or arrow keys" : "Pin of the cylinder: drag, or arrow keys" });
+    if (this.focused === end) dot.focus({ preventScroll: true });
+    dot.addEventListener("keydown", (event) => {
+      const go = (event.shiftKey ? 1 : 0.1) * this.board.step, by = { ArrowLeft: [-go, 0], ArrowRight: [go, 0], ArrowDown: [0, -go], ArrowUp: [0, go] }[event.key];
+      if (!by) return;
+      event.preventDefault();
+      event.stopPropagation();
+      this.#put(end, place.map((part, i) => part + by[i]));
+    });
+    dot.addEventListener("pointerdown", (event) => {
+      event.preventDefault();
+      event.stopPropagation();
+      this.player.stop();
+      const { svg } = this.board, box = svg.getBoundingClientRect();
+      svg.setPointerCapture(event.pointerId);
+      const follow = (move) => { if (move.pointerId === event.pointerId) this.#put(end, this.board.view.world(move.clientX - box.left, move.clientY - box.top)); };
+      const done = () => { svg.removeEventListener("pointermove", follow); for (const name of ["pointerup", "pointercancel"]) svg.removeEventListener(name, done); };
+      svg.addEventListener("pointermove", follow);
+      for (const name of ["pointerup", "pointercancel"]) svg.addEventListener(name, done);
+    });
+  }
+
+  /** One end is put elsewhere by hand, where the crank stands now. */
+  #put(end, place) {
+    const { drive, board } = this, [origin, angle] = FRAMES[drive.link](board.joints), from = drive.from ?? drive;
+    const ends = end === "ground" ? { ground_point: place } : { pin_on_link: turned(less(place, origin), -angle) };
+    this.drive = { ...moved({ ...drive, ...ends }, fitOf(this.solution, this.answer.motion).linkage, this.reply.torque), from };
+    this.#list();
+    this.#describe();
+  }
+}

@@ -1,0 +1,122 @@
+"""The search for linkages with sliders: exact motions, given drives with and without noise, motions that none meets exactly."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import Annotated, Any
+
+import numpy as np
+
+from benchmarks import report
+from benchmarks.report import ROOT, Times
+from synthesis.fourbar.limits import Limits
+from synthesis.free.poses import Poses, make_poses
+from synthesis.guided.linkage import Driver, Kind
+from synthesis.guided.search import Search, drives, search_guided
+from synthesis.work import Work
+from tests.oracles.guided import KINDS, random_motion
+
+_DRIVERS = dict(zip(KINDS, (Driver.CRANK, Driver.CRANK, Driver.SLIDER, Driver.SLIDER, Driver.CYLINDER)))
+_ANY = Limits(family="any")
+_EXACT = 1e-9
+_MOTIONS = ("casement", "bucket", "hood", "flap", "pick", "wiper")
+
+
+def measure(
+    cases: Annotated[int, "of each kind and number of poses"] = 100,
+    given: Annotated[int, "of each kind with given drive"] = 40,
+) -> Iterator[dict[str, Any]]:
+    """Exact motions; given drives; and the page's examples within limits."""
+    rows = [_exact(kind, poses, cases) for kind in KINDS for poses in (4, 5, 6, 10, 30)]
+    yield {
+        "exact": [row for row in rows if row["cases"]],
+        "given": [_given(kind, given) for kind in KINDS],
+        "approximate": [_approximate(name, degrees) for degrees in (35, 55) for name in _MOTIONS],
+    }
+
+
+def _exact(kind: str, poses: int, cases: int) -> dict[str, Any]:
+    """Motions of random linkages of a kind, driven as they were made; where nothing is found the error counts as 1."""
+    random, times, worst, found = np.random.default_rng([poses, KINDS.index(kind)]), Times(), 0.0, 0
+    if poses == 4 and kind != "rail_slot":
+        cases = 0
+    for _ in range(cases):
+        rotation, position, _ = random_motion(random, kind, poses)
+        asked = make_poses(rotation, position)
+        solutions, _ = times.run(search_guided, asked, _ANY, [Kind(kind)], _DRIVERS[kind])
+        least = min((one.errors.objective for one in solutions), default=np.inf)
+        found += least < _EXACT
+        worst = max(worst, least if np.isfinite(least) else 1.0)
+    row: dict[str, Any] = {"kind": kind, "poses": poses, "cases": cases}
+    if cases:
+        row |= {"share": found / cases, "worst": worst} | times.summary()
+    return row
+
+
+def _given(kind: str, cases: int) -> dict[str, Any]:
+    """Twelve poses at a given drive: exact, and with noise of 1e-3 compared with the descent from the linkage they are of."""
+    random, times, exact, near = np.random.default_rng(KINDS.index(kind)), Times(), 0, 0
+    ways = drives([Kind(kind)], _DRIVERS[kind])
+    for _ in range(cases):
+        rotation, position, drive = random_motion(random, kind, 12)
+        poses = make_poses(rotation, position)
+        truth = Search(poses, _ANY, ways, 1e-10, Work(), drive)
+        times.run(truth.run)
+        exact += bool(truth.found is not None and truth.levels.min() < _EXACT)
+        off = 1e-3 * random.normal(size=(3, 12))
+        noisy = make_poses(
+            rotation + off[0],
+            position + poses.length_scale * (off[1] + 1j * off[2]),
+            length_scale=poses.length_scale,
+        )
+        search = Search(noisy, _ANY, ways, 1e-10, Work(), drive)
+        search.run()
+        if truth.found is not None:
+            down = np.sqrt(search.timed(truth.found, ((60, 1.0, 3),)).cost.min())
+            near += bool(search.levels.min() <= 1.01 * down)
+    return {
+        "kind": kind,
+        "driver": _DRIVERS[kind].value,
+        "cases": cases,
+        "exact": exact / cases,
+        "near": near / cases,
+    } | times.summary()
+
+
+def example(name: str) -> Poses:
+    """The motion of one of the page's examples."""
+    examples = json.loads((ROOT / "app/static/examples.json").read_text())
+    request = next(one["request"] for one in examples if one["name"] == name)
+    return make_poses(np.deg2rad(request["rotation"]), np.array(request["position"]) @ [1, 1j])
+
+
+def _approximate(name: str, degrees: int) -> dict[str, Any]:
+    """The least J of each kind with lengths within four extents and a least transmission angle, all drives at once."""
+    poses, times = example(name), Times()
+    limits = Limits(family="any", transmission_angle_min=float(np.deg2rad(degrees)), link_max=4 * poses.extent)
+    solutions, _ = times.run(search_guided, poses, limits, [Kind(kind) for kind in KINDS])
+    row: dict[str, Any] = {"motion": name, "degrees": degrees} | dict.fromkeys(KINDS)
+    for one in solutions:
+        kind = one.linkage.kind.value
+        row[kind] = min(row[kind] or np.inf, one.errors.objective)
+    return row | times.summary()
+
+
+def blocks(results: dict[str, Any]) -> dict[str, str]:
+    """The tables, and the exact motions in words."""
+    rows = results["exact"]
+    total, found = sum(row["cases"] for row in rows), sum(round(row["share"] * row["cases"]) for row in rows)
+    tables = {name: results[name] for name in ("exact", "given")}
+    said = [
+        row | {kind: "-" if row[kind] is None else f"{row[kind]:.2e}" for kind in KINDS}
+        for row in results["approximate"]
+    ]
+    return {
+        **report.tables("slider_search", tables | {"approximate": said}),
+        "words": f"{found:,} of {total:,} exact motions are met with an error below 1e-9",
+    }
+
+
+if __name__ == "__main__":
+    report.run(measure)

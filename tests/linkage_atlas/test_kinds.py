@@ -1,0 +1,104 @@
+"""Several kinds of mechanism in one request: what is refused, what comes back side by side; four-bars alone stay as they were."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import linkage_atlas as la
+from linkage_atlas.kinds import Measures
+
+_FOUR = {"rotation": [0, 20, 50, 85], "position": [[0, 0], [100, 20], [180, 70], [220, 150]]}
+_FLAP = {
+    "rotation": [0, 12, 28, 46, 64, 80, 90],
+    "position": [[0, 0], [20, 60], [60, 115], [115, 155], [180, 175], [250, 170], [315, 145]],
+}
+
+
+def test_the_one_rail_and_slot_of_four_poses():
+    found = la.synthesize(
+        **_FOUR, timing="free", mechanisms=["rail_slot"], driver="slider", limits={"preset": "none"}
+    )
+    best = found.best
+    assert found.status == "reached"
+    assert (best.kind, best.driver) == ("rail_slot", "slider")
+    assert best.errors.objective < 1e-9
+    assert best.travel is not None and len(best.travel) == 4
+    # its own numbers lead the body through the poses
+    again = la.GuidedLinkage.from_dict(best.to_dict()).joints(best.travel)
+    assert np.allclose(again.body_point, _FOUR["position"], atol=1e-7)
+    assert np.allclose(again.rotation, _FOUR["rotation"], atol=1e-7)
+
+
+def test_four_bars_alone_answer_as_ever():
+    plain = la.synthesize(**_FLAP, timing="free", top=3)
+    named = la.synthesize(**_FLAP, timing="free", top=3, mechanisms=["four_bar"])
+    assert [one.to_dict() for one in plain] == [one.to_dict() for one in named]
+
+
+def test_no_solution_beats_another_that_is_driven_alike():
+    found = la.synthesize(**_FLAP, timing="free", mechanisms=["four_bar", "slider_crank", "rail_slot"])
+    assert {one.kind for one in found} >= {"four_bar", "slider_crank"}
+    assert [one.rank for one in found] == list(range(1, len(found) + 1))
+    measures = [Measures(one.errors.objective, one.size, -one.transmission_angle_min, one.driver) for one in found]
+    assert not any(one.beats(other) for one in measures for other in measures)
+    assert all(one.transmission_angle_min > 35 - 1e-6 for one in found)
+
+
+def test_given_travel_is_gone_along():
+    free = la.synthesize(**_FOUR, timing="free", mechanisms=["rail_slot"], driver="slider", limits={"preset": "none"})
+    timed = la.synthesize(**_FOUR, travel=free.best.travel, mechanisms="all", driver="slider")
+    assert timed.status == "reached"
+    assert any(one.kind == "rail_slot" and np.allclose(one.travel, free.best.travel) for one in timed)
+
+
+def test_crank_angles_and_positions_alone_find_a_slider_crank():
+    t = np.linspace(0.4, 2.0, 9)
+    angle = np.arcsin((0.2 - np.sin(t)) / 2.5)
+    place = np.exp(1j * t) + 0.8 * np.exp(1j * (angle + 0.5))
+    found = la.synthesize(
+        position=np.c_[place.real, place.imag], crank_angle=t - t[0], degrees=False, mechanisms=["slider_crank"]
+    )
+    assert found.best.errors.objective < 1e-8
+
+
+@pytest.mark.parametrize(
+    ("asked", "field"),
+    [
+        ({"mechanisms": ["watt_1"]}, "/mechanisms/0"),
+        ({"mechanisms": ["slider-crank"]}, "/mechanisms/0"),
+        ({"mechanisms": []}, "/mechanisms"),
+        ({"mechanisms": "some"}, "/mechanisms/0"),
+        ({"mechanisms": 3}, "/mechanisms"),
+        ({"driver": "slider"}, "/driver"),
+        ({"driver": "belt", "mechanisms": "all"}, "/driver"),
+        ({"driver": "slider", "mechanisms": ["two_slots"]}, "/driver"),
+        ({"limits": {"stroke_max": 5}}, "/limits/stroke_max"),
+        ({"prefer": "layers", "mechanisms": "all"}, "/prefer"),
+        ({"live": la.Live(), "mechanisms": "all"}, "/live"),
+    ],
+)
+def test_what_is_refused_names_its_field(asked, field):
+    with pytest.raises(la.FieldError) as error:
+        la.synthesize(**_FOUR, timing="free", **asked)
+    assert error.value.field == field
+
+
+@pytest.mark.parametrize(
+    ("asked", "field"),
+    [
+        ({"travel": [0, 1, 2]}, "/travel"),
+        ({"travel": [0, 1, 2, 1]}, "/travel/3"),
+        ({"travel_span": 0}, "/travel_span"),
+        ({"travel_span": 5, "timing": "free"}, "/timing"),
+        ({"travel_span": 5, "crank_span": 50}, "/travel"),
+        ({"travel_span": 5, "driver": "crank"}, "/driver"),
+        ({"travel_span": 5, "mechanisms": None}, "/mechanisms"),
+        ({"crank_span": 50, "driver": "slider"}, "/driver"),
+        ({"crank_span": 50, "mechanisms": ["rail_slot"]}, "/mechanisms"),
+    ],
+)
+def test_what_drives_is_checked(asked, field):
+    with pytest.raises(la.FieldError) as error:
+        la.synthesize(**({**_FOUR, "mechanisms": "all"} | asked))
+    assert error.value.field == field

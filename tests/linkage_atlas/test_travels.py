@@ -1,0 +1,235 @@
+"""Functions with travel by the front door: replies recomputed from their own numbers, units, limits, zeros, refusals."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+
+import linkage_atlas as la
+
+CASES: dict[str, dict[str, Any]] = {
+    "crank to slider": {"output": [0, 4, 11, 20, 29, 36, 40], "crank_span": 90, "output_unit": "length"},
+    "crank to cylinder": {
+        "output": [0, 4, 11, 20, 29, 36, 40],
+        "crank_span": -90,
+        "output_unit": "length",
+        "mechanisms": ["swinging_block"],
+    },
+    "slider to crank": {"output": [0, 6, 13, 22, 34, 47, 60], "travel_span": 35, "input_unit": "length"},
+    "cylinder to crank": {
+        "output": [75.0, 53.6, 35.2, 17.8, 0.0],
+        "input": [60, 45, 30, 15, 0],
+        "input_unit": "length",
+        "mechanisms": ["swinging_block"],
+    },
+    "slider to lever": {
+        "output": [0, 6, 13, 22, 34, 47, 60],
+        "travel_span": -35,
+        "input_unit": "length",
+        "mechanisms": ["rail_slot"],
+    },
+    "slider to slider": {
+        "output": [0, 3, 8, 14, 22],
+        "travel_span": 35,
+        "input_unit": "length",
+        "output_unit": "length",
+    },
+}
+every_case = pytest.mark.parametrize("case", CASES)
+LENGTHS = ("link_min", "link_max", "offset")
+
+
+def output_of(one: Any, case: dict[str, Any], travel: np.ndarray) -> np.ndarray:
+    """The output of a solution from its lengths and zeros, by formulas of books, up to whole turns."""
+    size, place, side = one.lengths, one.input_zero + travel, one.branch
+    if one.kind == "slider_crank" and one.driver == "crank":
+        t, across = np.deg2rad(place), one.lengths["offset"] - size["crank"] * np.sin(np.deg2rad(place))
+        return size["crank"] * np.cos(t) + side * np.sqrt(size["rod"] ** 2 - across**2)
+    if one.kind == "swinging_block" and one.driver == "crank":
+        return np.abs(size["ground"] - size["crank"] * np.exp(1j * np.deg2rad(place)))
+    if one.kind == "two_rails":
+        angle = np.deg2rad(size["angle"])
+        along = np.sqrt(size["rod"] ** 2 - (place * np.sin(angle)) ** 2)
+        return np.array([place * np.cos(angle) + way * along for way in (1, -1)])
+    if one.kind == "slider_crank":
+        far = place + 1j * size["offset"]
+        between = np.arccos(
+            (np.abs(far) ** 2 + size["crank"] ** 2 - size["rod"] ** 2) / (2 * size["crank"] * np.abs(far))
+        )
+        return np.rad2deg(np.array([np.angle(far) + way * between for way in (1, -1)]))
+    if one.kind == "swinging_block":
+        cosine = (size["ground"] ** 2 + size["crank"] ** 2 - place**2) / (2 * size["ground"] * size["crank"])
+        return np.rad2deg(np.array([way * np.arccos(cosine) for way in (1, -1)]))
+    arm = 1j * size["pin_distance"] - place
+    return np.rad2deg(np.angle(arm) - np.arcsin(size["slot_offset"] / np.abs(arm)))
+
+
+@every_case
+@pytest.mark.parametrize("objective", ["rms", "max"])
+def test_the_reply_does_what_it_says(case: str, objective: str) -> None:
+    asked = CASES[case]
+    found = la.function(**asked, objective=objective, top=3, curves=True)
+    assert found.status == "closest" and found.solutions
+    travel, wanted = found.input, found.output
+    for one in found:
+        made = np.atleast_2d(output_of(one, asked, travel)) + one.output_offset
+        gaps = wanted - made
+        if asked.get("output_unit") != "length":
+            gaps = (gaps + 180) % 360 - 180
+        gap = gaps[np.argmin(np.abs(gaps).max(axis=1))]
+        assert np.sqrt(np.mean(gap**2)) == pytest.approx(one.errors.rms, rel=1e-5, abs=1e-9)
+        assert np.abs(gap).max() <= one.errors.max * (1 + 1e-6)
+        assert np.abs(one.error_curve.error).max() == pytest.approx(one.errors.max, rel=0.02) or objective == "rms"
+        # the linkage is that of the numbers, and its file too
+        table = [line.split(",") for line in found.render("csv", one.rank).splitlines()]
+        errors = np.array([float(row[table[0].index("error")]) for row in table[1:]])
+        np.testing.assert_allclose(errors, gap, atol=1e-6)
+        assert one.transmission_angle_min > 0 and one.verdict.works
+        again = la.GuidedLinkage.from_dict(one.to_dict())
+        np.testing.assert_allclose(again.joints(travel).rotation, one.linkage.joints(travel).rotation, atol=1e-9)
+        for kind in ("svg", "dxf", "mjcf"):
+            assert found.render(kind, one.rank)
+    assert json.loads(json.dumps(found.to_dict())) == found.to_dict() and one.kind in repr(found)
+
+
+@every_case
+def test_units_only_name(case: str) -> None:
+    """Millimetres or metres, degrees or radians: the same linkages."""
+    asked = CASES[case]
+    first = la.function(**asked, top=1).best
+    lengths = {"output": asked.get("output_unit") == "length", "input": asked.get("input_unit") == "length"}
+    other: dict[str, Any] = dict(asked)
+    for name, kind in (("output", "output"), ("input", "input"), ("crank_span", "input"), ("travel_span", "input")):
+        if name in asked:
+            other[name] = np.multiply(asked[name], 1e-3 if lengths[kind] else np.pi / 180)
+    second = la.function(**other, degrees=False, top=1).best
+    if "cylinder" not in case:  # crank and ground can be exchanged
+        for name, value in first.lengths.items():
+            mine, size = second.lengths[name], np.pi / 180 if name == "angle" else 1e-3
+            assert abs(mine) == pytest.approx(abs(value) * size, rel=1e-4)
+    unit = 1e-3 if lengths["output"] else np.pi / 180
+    assert second.errors.rms == pytest.approx(first.errors.rms * unit, rel=1e-6)
+    assert second.errors.objective == pytest.approx(first.errors.objective, rel=1e-6)
+
+
+@every_case
+def test_an_exact_function_is_found(case: str) -> None:
+    asked = CASES[case]
+    near = la.function(**asked, top=1).best
+    travel = la.function(**asked, top=1).input
+    exact = np.atleast_2d(output_of(near, asked, travel))
+    made = exact[np.argmin(np.ptp(np.array(asked["output"]) - exact, axis=1))]
+    if asked.get("output_unit") != "length":
+        made = np.rad2deg(np.unwrap(np.deg2rad(made)))
+    found = la.function(**{**asked, "output": made}, tolerance=1e-7)
+    assert found.status == "reached"
+
+
+def test_limits_are_kept_and_the_first_is_the_best_of_them() -> None:
+    asked = CASES["crank to slider"]
+    free = la.function(**asked, top=1).best
+    limits = {"transmission_angle_min": free.transmission_angle_min + 5, "link_max": 200, "link_ratio_max": 3}
+    found = la.function(**asked, limits=limits, top=5)
+    for one in found:
+        links = [one.lengths["crank"], one.lengths["rod"]]
+        assert one.transmission_angle_min >= limits["transmission_angle_min"] - 1e-6
+        assert max(links) <= 200 * (1 + 1e-6) and max(links) <= 3 * min(links) * (1 + 1e-6)
+        assert one.errors.rms >= free.errors.rms * (1 - 1e-9)
+    given = la.function(**asked, limits={"offset": 0, "links": {"crank": 30, "coupler": 90}}, top=1).best
+    assert given.lengths == {"crank": 30.0, "rod": 90.0, "offset": 0.0}
+    practical = la.function(**asked, limits={"preset": "practical"}, top=1).best
+    assert practical.verdict.practical and practical.transmission_angle_min >= 35 - 1e-6
+
+
+@every_case
+def test_zeros_that_are_given_are_kept(case: str) -> None:
+    asked = CASES[case]
+    near = la.function(**asked, top=1).best
+    zeros = {"input_zero": near.input_zero, "output_zero": asked["output"][0] - near.output_offset}
+    found = la.function(**asked, **zeros, top=1).best
+    turn = 0 if asked.get("input_unit") == "length" else 360
+    assert (found.input_zero - near.input_zero) % (turn or 1e9) == pytest.approx(0, abs=1e-9)
+    assert found.errors.rms == pytest.approx(near.errors.rms, rel=1e-3)
+
+
+def test_one_way_and_several_kinds_and_little_time() -> None:
+    asked = CASES["slider to crank"]
+    found = la.function(**{**asked, "mechanisms": "all"}, one_way=True, objective="max", top=10)
+    assert {one.kind for one in found} == {"slider_crank", "swinging_block", "rail_slot"}
+    assert any("several kinds" in note for note in found.report.notes)
+    for one in found:
+        assert not [reason for reason in one.verdict.reasons if "turns back" in reason]
+    objectives = [one.errors.objective for one in found]
+    assert objectives == sorted(objectives) and [one.rank for one in found] == list(range(1, len(found) + 1))
+    quick = la.function(**asked, budget=0.02)
+    assert quick.status in ("closest", "unknown") and quick.report.elapsed_ms["total"] < 1000
+
+
+BASE = CASES["crank to slider"]
+WRONG: list[tuple[dict[str, Any], str]] = [
+    ({"mechanisms": ["four_bar"]}, "/mechanisms/0"),
+    ({"mechanisms": []}, "/mechanisms"),
+    ({"mechanisms": "some"}, "/mechanisms"),
+    ({"output_unit": "mm"}, "/output_unit"),
+    ({"output_unit": "rad"}, "/output_unit"),
+    ({"output_unit": None, "mechanisms": ["slider_crank"]}, "/mechanisms/0"),
+    ({"output_unit": None, "limits": {"offset": 0}}, "/limits/offset"),
+    ({"output_unit": None, "travel_span": 3}, "/travel_span"),
+    ({"travel_span": 3}, "/travel_span"),
+    ({"input_unit": "length"}, "/crank_span"),
+    ({"crank_span": None}, "/crank_span"),
+    ({"crank_span": 0}, "/crank_span"),
+    ({"output": [1, 1, 1]}, "/output"),
+    ({"output": [1, float("nan"), 1]}, "/output"),
+    ({"output": [[1, 2, 3]]}, "/output"),
+    ({"output": None}, "/output"),
+    ({"round_to": 1}, "/round_to"),
+    ({"sensitivity": True}, "/sensitivity"),
+    ({"refine_from": {}}, "/refine_from"),
+    ({"limits": {"family": "crank_rocker"}}, "/limits/family"),
+    ({"limits": {"transmission_angle_min": 90}}, "/limits/transmission_angle_min"),
+    ({"limits": {"transmission_angle_min_turn": 20}}, "/limits/transmission_angle_min_turn"),
+    ({"limits": {"link_min": 9, "link_max": 3}}, "/limits/link_max"),
+    ({"limits": {"link_ratio_max": 0.5}}, "/limits/link_ratio_max"),
+    ({"limits": {"links": {"ground": 3}}}, "/limits/links/ground"),
+    ({"limits": {"links": {"crank": -3}}}, "/limits/links/crank"),
+    ({"limits": {"preset": "none of"}}, "/limits/preset"),
+    ({"one_way": True, "output": [0, 3, 2, 8]}, "/output/2"),
+    ({"output": None, "function": {"name": "ln", "x": [1, 2]}}, "/function/output_span"),
+    ({"output": None, "function": {"name": "ln", "x": [-1, 2], "output_span": 9}}, "/function/x"),
+]
+
+
+@pytest.mark.parametrize(("changes", "field"), WRONG, ids=lambda value: str(value)[:40])
+def test_what_is_refused_names_its_field(changes: dict[str, Any], field: str) -> None:
+    with pytest.raises(la.FieldError) as error:
+        la.function(**{**BASE, **changes})
+    assert error.value.field == field
+
+
+def test_where_everything_is_given_its_error_is_told() -> None:
+    limits = {"links": {"crank": 20, "coupler": 60}, "offset": 5}
+    found = la.function(**BASE, limits=limits, input_zero=10, output_zero=0, objective="max")
+    for one in found:
+        assert one.lengths == {"crank": 20.0, "rod": 60.0, "offset": 5.0} and one.input_zero == pytest.approx(10)
+    assert la.function(**BASE, limits={"transmission_angle_min": 89.99}).status == "infeasible"
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        {"output": np.cumsum(np.random.default_rng(0).normal(size=1024)), "travel_span": 500, "input_unit": "length"},
+        {"output": [0, 5e-40, 11e-40], "crank_span": 30, "output_unit": "length"},
+        {"output": [0, 5e40, 11e40], "travel_span": 1e40, "input_unit": "length", "output_unit": "length"},
+        {"output": np.linspace(0, 400, 20), "crank_span": 720, "output_unit": "length", "one_way": True},
+        {"output": np.linspace(0, 400, 20), "travel_span": -10, "input_unit": "length"},
+    ],
+    ids=["noise", "tiny", "huge", "two turns one way", "more than a turn"],
+)
+def test_extreme_requests_are_answered(asked: dict[str, Any]) -> None:
+    found = la.function(**asked, mechanisms="all", objective="max", top=100, curves=True)
+    assert found.status in ("closest", "reached", "infeasible")
+    assert json.loads(json.dumps(found.to_dict())) == found.to_dict()
