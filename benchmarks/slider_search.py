@@ -107,8 +107,13 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     """The tables, and the exact motions in words."""
     rows = results["exact"]
     total, found = sum(row["cases"] for row in rows), sum(round(row["share"] * row["cases"]) for row in rows)
+    tables = {name: results[name] for name in ("exact", "given")}
+    said = [
+        row | {kind: "-" if row[kind] is None else f"{row[kind]:.2e}" for kind in KINDS}
+        for row in results["approximate"]
+    ]
     return {
-        **report.tables("slider_search", {name: results[name] for name in ("exact", "given", "approximate")}),
+        **report.tables("slider_search", tables | {"approximate": said}),
         "words": f"{found:,} of {total:,} exact motions are met with an error below 1e-9",
     }
 

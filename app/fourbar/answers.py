@@ -47,6 +47,7 @@ def is_long(request: SynthesizeRequest | MatchRequest) -> bool:
     if any(getattr(request, name) is not None for name in DRIVE_STUDIES):
         return True
     studied = request.lengths_from is not None or request.tolerance_study is not None or request.round_to is not None
+    studied = studied or request.assembly is not None
     wished = request.diverse or request.tolerances is not None or request.prefer not in (None, "error")
     windows = request.effort == "atlas" and request.position is not None
     kinds = request.mechanisms not in (None, ["four_bar"])

@@ -195,6 +195,9 @@ def synthesize_table(reply: Result, units: Units = DEGREES) -> str:
             ]
         if best.crank_angle is not None:
             lines.append(f"crank angles of rank 1: {', '.join(number(angle, 4) for angle in best.crank_angle)}")
+        if best.verdict.assembly is not None and best.verdict.assembly.free:
+            found = best.verdict.assembly
+            lines.append(f"rank 1 has {found.count} free layers: {found.reasons[0]}")
         if best.verdict.reasons:
             lines.append(f"rank 1: {'; '.join(best.verdict.reasons)}")
         if best.rounded is not None and best.rounded.closes:

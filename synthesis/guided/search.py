@@ -42,6 +42,7 @@ from synthesis.guided.pairs import OWN, Chart, Corrected, Driven, Pairs, Samples
 from synthesis.guided.solution import GuidedSolution, assess
 from synthesis.least_squares import Evaluation, minimise
 from synthesis.search.search import DEFAULT_TOLERANCE, StoppedBy
+from synthesis.target import TURN
 from synthesis.work import Work
 
 _EXACT = 1e-6
@@ -59,8 +60,8 @@ _SEEDS, _HOPS = 18, 10
 """Candidates of each kind and drive that a round begins with."""
 _LOOKED_AT = 40
 """Of the guides of a sort that fit best so many are paired."""
-_SAMPLES, _FEWER = 40, 20
-"""Samples up to which descents look at all, and at how many of more."""
+_SAMPLES, _FEWER, _MANY = 40, 24, 300
+"""Samples up to which descents look at all, at how many of more, and up to which the best are refined on all in the end."""
 _POOL = 6
 """Valleys that are kept of each kind and drive."""
 _ANSWERS = 6
@@ -83,6 +84,8 @@ _TURNS = 1e-3
 """Sine of the angle between two rails, or two slots, below which a body never turns."""
 _EQUAL = 1e-8
 """To which a given length or place is kept, over the length scale."""
+_NOISE, _EVEN = 0.05, 1e-3
+"""Part of its range by which a drive may step back between noisy samples; and of the way to even steps when put in order."""
 _AS_EXACT = 1e-9
 """J of a rail below which a circle in its place tells nothing."""
 _LONG, _CHANCE = 10.0, 10.0
@@ -420,6 +423,8 @@ class Search:
             parts = self.bounds(at, Signs(found.branch[:, None], found.way[:, None], nothing))
             worst = np.where(at.closed, 0.0, np.inf)
             for part in parts:
+                if part.name == "order":  # which is looked at with the whole motion
+                    continue
                 off = np.abs(part.values) - _EQUAL if part.equal else -part.values
                 worst = np.maximum(worst, off.max(axis=1))
         worst = np.where(np.isfinite(worst), worst, np.inf)
@@ -603,7 +608,8 @@ class Search:
         left = self._left
         if self.found is not None and left.size:
             best = self._pooled(self.found, 1)
-            self._to_the_end(best.take(np.isin(best.drive, left)), _LAST)
+            if self.samples.number <= _MANY:
+                self._to_the_end(best.take(np.isin(best.drive, left)), _LAST)
             self.note()
         return not self.work.expired()
 
@@ -687,7 +693,7 @@ class Search:
         for _ in range(_TIGHTENED):
             if not begin.cost.size:
                 return
-            ended = self.descended(begin, stages, self.samples, margin)
+            ended = self.descended(begin, stages, self.samples if stages is _LAST else self.few, margin)
             ended = self._measured_again(ended, self.samples)._replace(branch=begin.branch, way=begin.way)
             lacking = self._answers(ended)
             again = lacking > 0
@@ -804,15 +810,11 @@ class Search:
             turned = _directed(guides, drive, self.given)
             linkage = replace(linkage, guides=turned)
             drive, sine = linkage.configuration(rotation, position)
-        if way.driver.turns:
-            straight, holds = (
-                in_order(drive[None], poses.span_max) if poses.ordered else in_any_order(drive[None], poses.span_max)
-            )
-            drive = straight[0]
+        if not poses.ordered:
+            drive, holds = _in_any_order(drive, poses.span_max) if way.driver.turns else (drive, True)
         else:
-            steps = np.diff(drive)
-            holds = np.array([not poses.ordered or bool(np.all(steps > 0) or np.all(steps < 0))])
-        if not holds[0]:
+            drive, holds = _in_order(drive, way.driver.turns, poses.span_max)
+        if not holds:
             return None
         linkage = replace(linkage, branch=1 if sine[0] > 0 else -1, start=float(drive[0]))
         travel = drive - drive[0]
@@ -822,6 +824,35 @@ class Search:
             return None
         found = assess(poses, linkage, poses.whole(travel) if way.driver.turns else travel)
         return found if np.isfinite(found.errors.objective) else None
+
+
+def _in_any_order(drive: Floats, span_max: float) -> tuple[Floats, bool]:
+    """Directions (N,) on the shortest arc that holds all, and whether that is short enough."""
+    along, holds = in_any_order(drive[None], span_max)
+    return along[0], bool(holds[0])
+
+
+def _in_order(drive: Floats, turns: bool, span_max: float) -> tuple[Floats, bool]:
+    """The drive (N,) as it goes one way, and whether it does: samples out of order by no more than noise are put in it."""
+    if turns:
+        straight, holds = in_order(drive[None], span_max)
+        if holds[0]:
+            return straight[0], True
+        steps = np.diff(drive)
+        steps -= TURN * np.round(steps / TURN)
+        drive = drive[0] + np.concatenate([[0.0], np.cumsum(steps)])
+    way = 1.0 if drive[-1] >= drive[0] else -1.0
+    along = way * (drive - drive[0])
+    if np.all(np.diff(along) > 0):
+        return drive, not turns or along[-1] < span_max
+    rising, falling = np.maximum.accumulate(along), np.minimum.accumulate(along[::-1])[::-1]
+    middle = (rising + falling) / 2
+    noise = float(np.max(np.abs(middle - along)))
+    middle = middle + _EVEN * (middle[0] + np.linspace(0.0, 1.0, along.size) * (middle[-1] - middle[0]) - middle)
+    holds_now = noise < _NOISE * (middle[-1] - middle[0]) and bool(np.all(np.diff(middle) > 0))
+    if turns:
+        holds_now = holds_now and middle[-1] - middle[0] < span_max
+    return drive[0] + way * middle, holds_now
 
 
 def _guide(one: Guides, poses: Poses, place: complex) -> Guide:
