@@ -386,8 +386,9 @@ def _of_kinds(
         notes.append("nothing within the limits was found before the search was cut short; that proves nothing")
     elif not solutions and not limits.only_family:
         notes += what_excludes(limits, motion, search_all, watch)
-    if not motion.free and "preset" not in given and solutions and not solutions[0].verdict.practical:
-        notes.append(UNASKED)
+    timed = not motion.free or motion.travel is not None
+    if timed and "preset" not in given and solutions and not solutions[0].verdict.practical:
+        notes.append(UNASKED if motion.travel is None else UNASKED.replace("crank angles are", "travel is", 1))
     if len(solutions) < len(chosen):
         notes.append(f"the time was up: of {len(chosen)} linkages found the best {len(solutions)} are reported")
     total = watch.elapsed

@@ -19,7 +19,6 @@ from linkage_atlas.guided import GuidedLinkage
 from linkage_atlas.linkages import FourBar
 from linkage_atlas.motions import MILLIMETRES, Motion, check_above_zero, check_top, column, number, radians_in
 from linkage_atlas.records import KEPT, Record, Values, Vectors
-from linkage_atlas.studies import PARTS
 from synthesis.arrays import Complexes, Floats
 from synthesis.drives.actuator import (
     ROW_GRID,
@@ -436,8 +435,8 @@ def drives(
         place = _Place.of_rocker(rocker, radians_in(degrees))
     else:
         place = _place_of(linkage, motion, crank_angle, degrees)
-    if load is not None and load.get("masses") == PARTS:
-        load = {**load, "masses": place.masses_of_parts(length_unit)}
+    if load is not None and load.get("parts"):
+        load = {**load, "parts": False, "masses": [*(load.get("masses") or ()), *place.masses_of_parts(length_unit)]}
     asked = read_asked(place.machine, load, drives, springs, hand, place.radian, MILLIMETRES[length_unit])
     check_sizes(asked, place.machine.extent)
     return found_drives(place, asked, top, watch)
@@ -458,7 +457,7 @@ class _Place(NamedTuple):
         from linkage_atlas.solids import masses_of_parts
 
         if self.linkage is None:
-            raise FieldError("/load/masses", "parts are made for four-bars only: give the masses of rails and blocks")
+            raise FieldError("/load/parts", "parts are made for four-bars only: give the masses of rails and blocks")
         return masses_of_parts(self.linkage, _ends(self.samples), length_unit)
 
     @classmethod
@@ -645,7 +644,7 @@ def _read_study(machine: Machine, given: Mapping[str, Any], radian: float) -> tu
 def driven_solution(
     linkage: Linkage | Guided, crank: Floats, given: Mapping[str, Any], radian: float, work: Work
 ) -> dict[str, Any]:
-    """The fields of a solution that `load`, `drives`, `springs` and `drive` ask for: the best of each kind.
+    """The fields of a solution that `load`, `drives`, `springs` and `drive` ask for: `drive`'s, then the best of each kind.
 
     ``crank`` (n,): travel of its drive at the samples, radians or lengths. ``given``: in the user's units.
     """
@@ -664,9 +663,8 @@ def driven_solution(
     if wish is None:
         return {"drives": found.drives, "refused": found.refused, "springs": found.springs}
     only = found_drives(place, asked._replace(drives=(wish,), springs=()), 1, work)
-    known = {one.kind for one in found.drives}
     return {
-        "drives": [*(one for one in only.drives if one.kind not in known), *found.drives],
+        "drives": [*only.drives, *found.drives],
         "refused": [*only.refused, *found.refused],
         "springs": found.springs,
         "drivable": bool(only.drives),
@@ -682,15 +680,15 @@ def _list(name: str, given: Sequence[Mapping[str, Any]] | None) -> Sequence[Mapp
 
 
 def _load(machine: Machine, given: Mapping[str, Any], radian: float) -> Loading:
-    _known("load", given, ("force", "torque", "masses", "gravity", "speed"))
+    _known("load", given, ("force", "torque", "masses", "parts", "gravity", "speed"))
     force = 0j if given.get("force") is None else _bounded_pair("load/force", given["force"])
     torque = 0.0 if given.get("torque") is None else _bounded("load/torque", given["torque"])
     if force and machine.body is None:
         raise FieldError("/load/force", "acts at the body point, but this linkage has none")
     gravity = -9.81j if given.get("gravity") is None else _bounded_pair("load/gravity", given["gravity"])
     masses = given.get("masses") or ()
-    if masses == PARTS:
-        raise FieldError("/load/masses", f"{PARTS!r} is for one linkage: /v1/drives, or `linkage_atlas.drives`")
+    if given.get("parts"):
+        raise FieldError("/load/parts", "for one linkage only: /v1/drives, or `linkage_atlas.drives`")
     if len(masses) > MOST_MASSES:
         raise FieldError("/load/masses", f"wanted at most {MOST_MASSES}")
     speed = 0.0 if given.get("speed") is None else _bounded("load/speed", given["speed"]) * radian

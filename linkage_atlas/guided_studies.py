@@ -81,7 +81,7 @@ def analysed(
     """An analysis at travel (n,) of the drive from the first sample, and over an interval."""
     if drive.parts:
         raise FieldError(
-            "/analysis/load/masses", "'parts' are made of four-bars only: say what sliders and blocks weigh"
+            "/analysis/load/parts", "parts are made of four-bars only: say by `masses` what sliders and blocks weigh"
         )
     curve = None if over is None else GuidedRates(**_rates(linkage, drive, curve_over(linkage, over), radian))
     return GuidedAnalysis(**_rates(linkage, drive, travel, radian), crank_speed=drive.crank_speed, curve=curve)

@@ -322,8 +322,8 @@ class FourBar:
         load : mapping, optional
             ``force`` [fx, fy] at the body point and ``torque`` on the body, in directions that do not turn with it; ``masses``, a
             list of ``link`` (crank, coupler, rocker or body), ``mass`` in kg, centre ``at`` [x, y] and ``inertia`` in the link's
-            frame, or "parts", what `solids` weigh by default; ``gravity`` [gx, gy] in m/s^2 ([0, -9.81]). With masses forces are
-            in newtons.
+            frame; ``parts``, true for also what `solids` weigh by default; ``gravity`` [gx, gy] in m/s^2 ([0, -9.81]). With
+            masses forces are in newtons.
         crank : array_like, shape (n,), optional
             Crank angles from the start angle on. Default: the samples of the motion that it answers (or a whole turn), with the
             `curve` over their interval.

@@ -92,7 +92,7 @@ class Weight(NamedTuple):
 
 
 class Wall(NamedTuple):
-    """The thinnest wall of all parts."""
+    """The thinnest wall of all parts: their thickness, and around their holes; not the necks of a body's outline."""
 
     value: float
     """Millimetres."""

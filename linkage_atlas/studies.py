@@ -118,7 +118,7 @@ class Drive(NamedTuple):
     gravity: complex = 0j
     length_unit: str = "mm"
     parts: bool = False
-    """Whether the links weigh what their parts do."""
+    """Whether the links also weigh what their parts do."""
 
     def weighed(self, linkage: Linkage, used: Interval) -> Drive:
         """With the masses of the linkage's parts, if those are meant."""
@@ -127,8 +127,8 @@ class Drive(NamedTuple):
         from linkage_atlas.solids import masses_of_parts
 
         found = masses_of_parts(linkage, used, self.length_unit)
-        masses = tuple(MassAt(one["link"], one["mass"], complex(*one["at"]), one["inertia"]) for one in found)
-        return self._replace(masses=masses, parts=False)
+        own = tuple(MassAt(one["link"], one["mass"], complex(*one["at"]), one["inertia"]) for one in found)
+        return self._replace(masses=self.masses + own, parts=False)
 
     def load_of(self, linkage: Linkage) -> Load | None:
         """The load on a linkage, with the masses of its links."""
@@ -151,8 +151,6 @@ class Drive(NamedTuple):
 
 LINKS_WITH_MASS = ("crank", "coupler", "rocker", "body", "slider", "block", "second_slider", "second_block")
 MOST_LINK_MASSES = 64
-PARTS = "parts"
-"""In place of masses: those of the plates and pins that the linkage is made of by default."""
 GRAVITY = -9.81j
 """Of masses unless a load says otherwise, m/s^2."""
 
@@ -169,7 +167,7 @@ def read_drive(analysis: Mapping[str, Any], mounted: bool) -> Drive:
     load = analysis.get("load")
     if load is None:
         return Drive(speed, None)
-    _known("analysis/load", load, ("force", "torque", "masses", "gravity"))
+    _known("analysis/load", load, ("force", "torque", "masses", "parts", "gravity"))
     force = _pair("analysis/load/force", load.get("force"), "[fx, fy]")
     if force and not mounted:
         raise FieldError("/analysis/load/force", "acts at the body point, but without `position` there is none")
@@ -178,12 +176,13 @@ def read_drive(analysis: Mapping[str, Any], mounted: bool) -> Drive:
     if load.get("gravity") is not None:
         gravity = _pair("analysis/load/gravity", load["gravity"], "[gx, gy]")
     masses = load.get("masses") or ()
-    if masses == PARTS:
-        return Drive(speed, Load(force, torque), (), gravity, unit, True)
+    parts = load.get("parts") or False
+    if not isinstance(parts, bool):
+        raise FieldError("/analysis/load/parts", f"wanted true or false, found {parts!r}")
     if not isinstance(masses, Sequence) or isinstance(masses, str) or len(masses) > MOST_LINK_MASSES:
-        raise FieldError("/analysis/load/masses", f"wanted {PARTS!r}, or a list of at most {MOST_LINK_MASSES} masses")
+        raise FieldError("/analysis/load/masses", f"wanted a list of at most {MOST_LINK_MASSES} masses")
     read = tuple(_mass(f"analysis/load/masses/{k}", mass, mounted) for k, mass in enumerate(masses))
-    return Drive(speed, Load(force, torque), read, gravity, unit)
+    return Drive(speed, Load(force, torque), read, gravity, unit, parts)
 
 
 def _mass(field: str, given: Any, mounted: bool) -> MassAt:

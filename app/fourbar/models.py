@@ -263,10 +263,10 @@ class LoadRequest(RequestModel):
 
     force: Pair | None = Field(None, description="[fx, fy] at the body point.")
     torque: Bounded = Field(0.0, description="Counter-clockwise: force times length.")
-    masses: Literal["parts"] | Annotated[list[LinkMassRequest], Field(max_length=MOST_LINK_MASSES)] | None = Field(
-        None,
-        description="Of the links; with them forces are in newtons. `parts`: those of their plates and pins, made by default.",
+    masses: Annotated[list[LinkMassRequest], Field(max_length=MOST_LINK_MASSES)] | None = Field(
+        None, description="Of the links; with them forces are in newtons."
     )
+    parts: Flag = Field(False, description="Also what the plates and pins of each linkage weigh, made by default.")
     gravity: Pair | None = Field(None, description="Of the masses, [gx, gy] in m/s^2; default [0, -9.81].")
 
 
@@ -320,8 +320,9 @@ class DriveLoadRequest(RequestModel):
 
     force: Pair | None = Field(None, description="[fx, fy] at the body point.")
     torque: Bounded | None = Field(None, description="On the body, counter-clockwise: force times length.")
-    masses: Literal["parts"] | Annotated[list[MassRequest], Field(max_length=MOST_MASSES)] | None = Field(
-        None, description="`parts`, to /v1/drives: those of the linkage's plates and pins, made by default."
+    masses: Annotated[list[MassRequest], Field(max_length=MOST_MASSES)] | None = None
+    parts: Flag = Field(
+        False, description="To /v1/drives: also what the linkage's plates and pins weigh, made by default."
     )
     gravity: Pair | None = Field(None, description="Acceleration [gx, gy] of the masses; default [0, -9.81].")
     speed: Bounded | None = Field(

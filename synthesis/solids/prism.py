@@ -223,7 +223,7 @@ class Prism:
     def thinnest_wall(self) -> float:
         """The least of its height, the room between two holes, and between a hole and the outline; of a pin its diameter.
 
-        Law: no straight way through the material from one boundary to another is shorter.
+        A plate rounded about its holes has no thinner place; narrow necks of an outline that was drawn are not looked for.
         """
         walls = [self.height]
         if self.circle is not None and not self.holes:

@@ -106,19 +106,31 @@ def test_parts_stand_for_their_masses_in_analysis_and_drives(linkage, client, re
     masses = linkage.solids().to_dict()["masses"]
     for unit in ("mm", "cm"):
         given = linkage.solids(length_unit=unit).to_dict()["masses"]
-        one, other = (linkage.analysis(90, {"masses": one}, length_unit=unit) for one in ("parts", given))
+        one, other = (linkage.analysis(90, one, length_unit=unit) for one in ({"parts": True}, {"masses": given}))
         assert one.crank_torque == pytest.approx(other.crank_torque, rel=1e-12)
     asked = [{"kind": "rotary"}]
-    ways = [la.drives(linkage, crank_angle=[0, 70], drives=asked, load={"masses": one}) for one in ("parts", masses)]
+    ways = [
+        la.drives(linkage, crank_angle=[0, 70], drives=asked, load=one)
+        for one in ({"parts": True}, {"masses": masses})
+    ]
     torques = [way.drives[0].peak_torque for way in ways]
     assert torques[0] == pytest.approx(torques[1], rel=1e-12) and torques[0] > 0
     # double cranks have parts, and weights, though their layers collide
-    assert np.abs(la.FourBar(60, 50, 70, 30).analysis(0, {"masses": "parts"}).crank_torque).max() > 0
-    body = {**request_body, "top": 2, "analysis": {"crank_speed": 90, "load": {"masses": "parts"}}}
+    assert np.abs(la.FourBar(60, 50, 70, 30).analysis(0, {"parts": True}).crank_torque).max() > 0
+    body = {**request_body, "top": 2, "analysis": {"crank_speed": 90, "load": {"parts": True}}}
     for one in client.post("/v1/synthesize", json=body).json()["solutions"]:
         assert max(map(abs, one["analysis"]["crank_torque"])) > 0
-    with pytest.raises(la.FieldError, match="parts"):
-        linkage.analysis(90, {"masses": "all"})
+    # with a sash on the body too
+    sash = [{"link": "body", "mass": 2.0}]
+    both, sum_of = (
+        linkage.analysis(9, {"parts": True, "masses": sash}),
+        linkage.analysis(9, {"masses": sash + masses}),
+    )
+    assert both.crank_torque == pytest.approx(sum_of.crank_torque, rel=1e-12)
+    for wrong, field in (({"masses": "parts"}, "/analysis/load/masses"), ({"parts": 1}, "/analysis/load/parts")):
+        with pytest.raises(la.FieldError) as refused:
+            linkage.analysis(90, wrong)
+        assert refused.value.field == field
 
 
 def test_units_of_length_are_told_apart(linkage) -> None:
