@@ -347,6 +347,7 @@ def synthesize(
         length_scale=None if wanted.samples.position is None else wanted.samples.length_scale,
         notes=notes,
         live=None if begun is None else Continued(bool(len(begun.branch))),
+        unseen=course.unseen,
         **course.counts,
     )
     if live is not None and course.left is not None:
@@ -418,6 +419,7 @@ class Course(NamedTuple):
     counts: dict[str, Any]
     left: Kept | None = None
     """For the search after it, where that was asked for."""
+    unseen: float | None = None
 
 
 def _search(
@@ -453,7 +455,7 @@ def _search(
         found, report = search(source, samples, limits, top, tolerance, work, kept=begun)
     stages = {"screen": report.screen_seconds, "refine": work.elapsed - report.screen_seconds}
     counts["seeds"] = report.seeds
-    return found, Course(stages, report.trace, report.stopped_by.value, counts, report.kept)
+    return found, Course(stages, report.trace, report.stopped_by.value, counts, report.kept, report.unseen)
 
 
 # -- what is preferred ------------------------------------------------------------------------------------------------

@@ -644,7 +644,7 @@ def _read_study(machine: Machine, given: Mapping[str, Any], radian: float) -> tu
 def driven_solution(
     linkage: Linkage | Guided, crank: Floats, given: Mapping[str, Any], radian: float, work: Work
 ) -> dict[str, Any]:
-    """The fields of a solution that `load`, `drives`, `springs` and `drive` ask for: the best of each kind.
+    """The fields of a solution that `load`, `drives`, `springs` and `drive` ask for: `drive`'s, then the best of each kind.
 
     ``crank`` (n,): travel of its drive at the samples, radians or lengths. ``given``: in the user's units.
     """
@@ -663,9 +663,8 @@ def driven_solution(
     if wish is None:
         return {"drives": found.drives, "refused": found.refused, "springs": found.springs}
     only = found_drives(place, asked._replace(drives=(wish,), springs=()), 1, work)
-    known = {one.kind for one in found.drives}
     return {
-        "drives": [*(one for one in only.drives if one.kind not in known), *found.drives],
+        "drives": [*only.drives, *found.drives],
         "refused": [*only.refused, *found.refused],
         "springs": found.springs,
         "drivable": bool(only.drives),

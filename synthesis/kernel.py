@@ -64,6 +64,8 @@ LONGEST_ANGLE = declare(double, 0.6)  # of a crank angle, where the order is fre
 CLOSER = declare(double, 0.2)  # part of a gap between samples that a step leaves at least,
 WIDER = declare(double, 0.8)  # and of the room below the largest span that it takes at most
 GAP = declare(double, 1e-12)  # least gap between samples
+CLOSE = declare(double, 0.05)  # gap over the mean one, below which samples that would pass one another turn as one
+ASIDE = declare(double, 1e4)  # radians between samples that are not so close, where those that are get pooled
 
 FALL = declare(
     double, 0.1
@@ -441,6 +443,8 @@ class Limits:
         """
         count = lengths.shape[0]
         values, slopes = np.empty((count, self.rows)), np.empty((count, self.rows, COLUMNS))
+        value: double[:, ::1] = values
+        slope: double[:, :, ::1] = slopes
         for n in range(count):
             self.loop.side = branch[n]
             self.loop.of_lengths(lengths[n, 0], lengths[n, 1], lengths[n, 2], lengths[n, 3])
@@ -451,8 +455,10 @@ class Limits:
                 vector(cos(turned[n]), sin(turned[n])),
                 vector(body[n, 0], body[n, 1]),
             )
-            values[n] = np.asarray(self.values)[: self.rows]
-            slopes[n] = np.asarray(self.slopes)[: self.rows]
+            for row in range(self.rows):
+                value[n, row] = self.values[row]
+                for c in range(COLUMNS):
+                    slope[n, row, c] = self.slopes[row, c]
         return values, slopes
 
     @cfunc
@@ -981,6 +987,12 @@ class Descent:
     along: double[:, ::1]
     inner: double[::1]
     coefficient: double[::1]
+    wish: double[::1]
+    level: double[::1]
+    weight: double[::1]
+    head: Py_ssize_t[::1]
+    block: Py_ssize_t[::1]
+    joined: bint
     square: double[::1]
     ridge: double[::1]
     upper: double[:, ::1]
@@ -1066,6 +1078,8 @@ class Descent:
         self.e1, self.e2, self.lever = np.zeros((3, samples), dtype=complex)
         self.slope, self.basis = np.zeros((5, samples)), np.zeros((3, samples), dtype=complex)
         self.missing, self.gap, self.inner, self.coefficient, self.turn_step, self.bow_turn = np.zeros((6, samples))
+        self.wish, self.level, self.weight = np.zeros((3, samples))
+        self.head, self.block = np.zeros((2, samples), dtype=np.intp)
         self.column, self.square, self.ridge, self.step, self.straight, self.bow_step = np.zeros((6, columns))
         self.shift, self.way = np.zeros(rows), np.zeros(5)
         self.red, self.upper = np.zeros((columns, self.width)), np.zeros((columns, columns))
@@ -1152,6 +1166,7 @@ class Descent:
             self.take(0, n)
             if not self.first(0):
                 continue
+            self.joined = False
             self.reduce(0, LOOSE)
             # homogeneous unknowns have a direction in which nothing changes at all: a row of its own holds it
             for c in range(self.columns + 1):
@@ -1185,6 +1200,7 @@ class Descent:
             "by_angle": np.asarray(self.by_angle)[0, :active],
             "at_sample": np.asarray(self.at_sample)[0, :active],
             "inner": np.asarray(self.inner),
+            "block": np.asarray(self.block) if self.joined else np.arange(self.samples),
             "ridge": np.asarray(self.ridge)[:columns],
             "step": np.asarray(self.step)[:columns],
             "turn_step": np.asarray(self.turn_step),
@@ -1193,6 +1209,7 @@ class Descent:
 
     def moved(self, steps, turns):
         """Move the candidates by steps (n, m) of shape, pose and offset, and (n, N) of the crank angles, cut as in a descent."""
+        np.asarray(self.inner)[:] = 1.0
         for n in range(self.costs.shape[0]):
             self.take(0, n)
             np.asarray(self.step)[: self.columns], np.asarray(self.turn_step)[:] = steps[n], turns[n]
@@ -1683,6 +1700,12 @@ class Descent:
         n, flat, active = self.samples, self.flat, self.active[s]
         if not self.timed:
             mean = self.angle_squares(s)
+            if self.joined:
+                for i in range(n):
+                    if self.block[i] != i:
+                        self.inner[self.block[i]] += self.inner[i]
+                for i in range(n):
+                    self.inner[i] = self.inner[self.block[i]]
             for i in range(n):
                 own = ANGLE * damping * max(self.inner[i], BLUNT * mean) + FLAT * mean
                 value = self.inner[i] + own
@@ -1700,9 +1723,30 @@ class Descent:
             self.square[c] = self.dot(c, c)
 
     @cfunc
-    def eliminate(self, s: cython.int, c: cython.int):
-        """A column of ``red``, and what it has along the crank angles."""
-        n, flat = self.samples, self.flat
+    def pool_violators(self):
+        """The rising numbers nearest to ``wish`` by the weights ``inner``, in its place; each block's first into ``head``."""
+        top: Py_ssize_t = 0
+        for i in range(self.samples):
+            self.level[top], self.weight[top], self.head[top] = self.wish[i], max(self.inner[i], TINY), i
+            while top > 0 and self.level[top - 1] >= self.level[top]:
+                total = self.weight[top - 1] + self.weight[top]
+                self.level[top - 1] += self.weight[top] / total * (self.level[top] - self.level[top - 1])
+                self.weight[top - 1] = total
+                top -= 1
+            top += 1
+        end: Py_ssize_t = self.samples
+        while top > 0:  # from behind, since heads lie where those of later samples go
+            top -= 1
+            first: Py_ssize_t = self.head[top]
+            for i in range(first, end):
+                self.wish[i] = self.level[top]
+                self.head[i] = first
+            end = first
+
+    @cfunc
+    def along_angles(self, s: cython.int, c: cython.int):
+        """What a column has along the crank angles."""
+        n = self.samples
         for i in range(n):
             self.along[c, i] = self.m[s, c, i] * self.turn[s, i]
         for r in range(1, self.parts):
@@ -1710,7 +1754,19 @@ class Descent:
             for i in range(n):
                 self.along[c, i] += self.m[s, c, base + i] * self.turn[s, base + i]
         for k in range(self.active[s]):
-            self.along[c, self.at_sample[s, k]] += self.by_angle[s, k] * self.m[s, c, flat + k]
+            self.along[c, self.at_sample[s, k]] += self.by_angle[s, k] * self.m[s, c, self.flat + k]
+
+    @cfunc
+    def eliminate(self, s: cython.int, c: cython.int):
+        """A column of ``red``, and what it has along the crank angles."""
+        n, flat = self.samples, self.flat
+        self.along_angles(s, c)
+        if self.joined:
+            for i in range(n):
+                if self.block[i] != i:
+                    self.along[c, self.block[i]] += self.along[c, i]
+            for i in range(n):
+                self.along[c, i] = self.along[c, self.block[i]]
         for r in range(self.parts):
             base = r * n
             for i in range(n):
@@ -1833,7 +1889,41 @@ class Descent:
 
     @cfunc
     def solve(self, s: cython.int, damping: double) -> double:
-        """The step from a set; returns by how much a linear model's cost falls."""
+        """The step from a set; returns by how much a linear model's cost falls.
+
+        Samples that would pass one another turn as one in a second solution, and come together.
+        """
+        self.joined = False
+        fall = self.solved(s, damping)
+        if self.ordered and not self.timed and self.join(s):
+            fall = self.solved(s, damping)
+            self.meet(s)
+        return fall
+
+    @cfunc
+    def join(self, s: cython.int) -> bint:
+        """Find the samples that are close and would pass one another: the first of each block into ``block``."""
+        n, far = self.samples, 0.0
+        way = self.wanted_in_order(s)
+        passing: bint = False
+        for i in range(n):
+            passing = passing or self.head[i] != i
+        if not passing:
+            return False
+        close = CLOSE * fabs(self.phi[s, n - 1] - self.phi[s, 0]) / (n - 1)
+        for i in range(n):
+            if i > 0 and way * (self.phi[s, i] - self.phi[s, i - 1]) >= close:
+                far += ASIDE
+            self.wish[i] = far + way * (self.turn_step[i] + (1.0 - CLOSER) * (self.phi[s, i] - self.phi[s, 0]))
+        self.pool_violators()
+        for i in range(n):
+            self.block[i] = self.head[i]
+            self.joined = self.joined or self.head[i] != i
+        return self.joined
+
+    @cfunc
+    def solved(self, s: cython.int, damping: double) -> double:
+        """The step, with the samples of a block as one."""
         total = 0.0
         self.reduce(s, damping)
         self.triangle(damping)
@@ -1850,8 +1940,22 @@ class Descent:
         return total
 
     @cfunc
+    def meet(self, s: cython.int):
+        """Let the samples of each block come together, into its middle."""
+        n, end = self.samples, self.samples
+        for k in range(n):
+            first = n - 1 - k
+            if self.block[first] == first:
+                middle = 0.5 * (self.phi[s, first] + self.phi[s, end - 1])
+                for i in range(first, end):
+                    self.turn_step[i] += middle - self.phi[s, i]
+                end = first
+
+    @cfunc
     def bow(self, s: cython.int):
         """Bend the step by its second-order correction, from one more residual, unless that is not small beside it."""
+        if self.joined:
+            return
         n, longest, length = self.samples, 0.0, 0.0
         for c in range(self.columns):
             longest += self.step[c] * self.step[c]
@@ -1953,32 +2057,44 @@ class Descent:
         self.q[t, 0] *= sign
 
     @cfunc
+    def wanted_in_order(self, s: cython.int) -> double:
+        """Where the step leads the crank angles, less a part of each gap, in order, into ``wish``; returns the way they turn."""
+        n = self.samples
+        way = 1.0 if self.phi[s, n - 1] >= self.phi[s, 0] else -1.0
+        for i in range(n):
+            self.wish[i] = way * (self.turn_step[i] + (1.0 - CLOSER) * (self.phi[s, i] - self.phi[s, 0]))
+        self.pool_violators()
+        return way
+
+    @cfunc
     def move_in_order(self, s: cython.int, t: cython.int):
         """Crank angles after steps that are cut so that the samples keep their order and the crank stays within its span.
 
-        The gaps between neighbours are cut, not the angles: a turn that all of them make together changes no order, and long
-        valleys run that way.
+        Of all angles that leave a part of each gap those nearest to the steps, by the weights ``inner``: who passes a neighbour
+        meets it between, the others turn as they want, and a turn that all make together changes no order.
         """
         n = self.samples
         span: double = 0.0
         new: double = 0.0
         cut: double = 0.0
-        mean: double = self.turn_step[0]
-        way = 1.0 if self.phi[s, n - 1] >= self.phi[s, 0] else -1.0
+        mean: double = 0.0
+        way = self.wanted_in_order(s)
         for i in range(n - 1):
             gap = way * (self.phi[s, i + 1] - self.phi[s, i])
-            self.gap[i] = max(gap + way * (self.turn_step[i + 1] - self.turn_step[i]), CLOSER * gap)
+            self.gap[i] = self.wish[i + 1] - self.wish[i] + CLOSER * gap
             span += gap
             new += self.gap[i]
         room = self.span_max - GAP * (n - 1) - span
         longest = span + (WIDER * room if room > 0.0 else room)
         factor = min(1.0, longest / max(new, TINY))
+        mean = way * self.wish[0]
         self.bow_turn[0] = 0.0
         for i in range(n - 1):
             gap = way * (self.phi[s, i + 1] - self.phi[s, i])
             cut += way * (max(self.gap[i] * factor, min(gap, GAP)) - gap)
             self.bow_turn[i + 1] = cut
-            mean += self.turn_step[i + 1] - cut
+            # the turn that was wanted, less what is made of it
+            mean += way * self.wish[i + 1] - (1.0 - CLOSER) * (self.phi[s, i + 1] - self.phi[s, 0]) - cut
         mean = inside(mean / n, PI)
         for i in range(n):
             self.phi[t, i] = self.phi[s, i] + (self.bow_turn[i] + mean)
@@ -2080,7 +2196,7 @@ class Descent:
         closes = self.evaluate(t, True, free, False)
         decrease = before - self.cost[t]
         better: bint = closes and decrease > 0.0
-        taken: bint = better or (closes and self.goes_on(self.cost[t]))
+        taken: bint = better or (closes and not self.joined and self.goes_on(self.cost[t]))
         finished: bint = (better and decrease < self.stall * before) or before < max(EXACT, self.exact)
         if better:
             gain = 2.0 * inside(decrease / max(predicted, TINY), 1.0) - 1.0

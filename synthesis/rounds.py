@@ -43,6 +43,8 @@ _ORIGINS, _COPIES, _WIDTHS = 8, 6, (1.0, 0.5, 0.25)
 """Valleys that a round's hops begin from, hops from each, and their widths in turn."""
 GAIN = 2e-3
 """A round that lowers J by a smaller part gains nothing."""
+SAME = 1.01
+"""Rounds that lead to J within this factor of the best one found its valley, or one as good, again."""
 
 
 class Plan(NamedTuple):
@@ -88,6 +90,8 @@ class Found:
         self.pools: dict[Any, Pool] = {}
         """By the chart that the candidates are in."""
         self.least = np.inf
+        self.led: list[float] = []
+        """J that each round led to, on the samples that descents look at."""
 
     def add(self, rounds: Rounds, pool: Pool) -> None:
         """Take candidates that keep the limits."""
@@ -103,6 +107,19 @@ class Found:
     def reached(self) -> bool:
         """Whether an answer is below the tolerance."""
         return self.least <= self.tolerance
+
+    def unseen(self, odds: tuple[float, float]) -> float | None:
+        """The estimated chance that a better valley was missed; None where an answer is exact. ``odds``: see `Rounds`."""
+        if self.reached:
+            return None
+        constant, slope = odds
+        return float(1 / (1 + np.exp(-constant - slope * np.log(self.elsewhere))))
+
+    @property
+    def elsewhere(self) -> float:
+        """The part of the rounds that did not lead to the best valley, nor to one as good; half a round at least."""
+        led = np.array(self.led or [1.0])
+        return float((np.sum(led > SAME * led.min()) + 0.5) / led.size)
 
 
 class Rounds:
@@ -125,8 +142,11 @@ class Rounds:
 
     bent_below = np.inf
     """J from which on steps are bent."""
-    idle = 8
+    idle = 16
     """So many rounds that gain nothing end the search, or half as many as there were before, whichever is more."""
+    odds = (-1.3, 0.4)
+    """The logarithm of the odds that a better valley was missed: a constant, and what the logarithm of the part of the rounds
+    that led elsewhere adds. Fitted to `benchmarks.unseen`."""
 
     def __init__(
         self,
@@ -210,17 +230,17 @@ class Rounds:
     def closest(self, seeds: Iterator[Timed], most: float = np.inf) -> Iterator[Timed]:
         """Rounds within the limits until they gain nothing, at most so many; gives what each began from.
 
-        The first two and every second later one begin from seeds, the others from hops.
+        The first two and every third later one begin from seeds, the others from hops.
         """
         number = last = 0
         while number - last < max(self.idle, 0.5 * last) and number < most:
             before = self.found.least
-            begin = next(seeds, None) if number < 2 or number % 2 == 0 else None
+            begin = next(seeds, None) if number < 2 or number % 3 == 0 else None
             if begin is None:
                 if self.pool is None or not self.pool.cost.size:
                     return
                 begin = self.hops(_ORIGINS, _COPIES, _WIDTHS[number // 2 % len(_WIDTHS)])
-            self.round(begin, FEW_TO_THEIR_END)
+            self.found.led.append(self.round(begin, FEW_TO_THEIR_END))
             number += 1
             if self.found.least < (1 - GAIN) * before:
                 last = number
@@ -233,14 +253,15 @@ class Rounds:
 
     # -- a round ----------------------------------------------------------------------------------------------------
 
-    def round(self, seeds: Timed, plan: Plan) -> None:
-        """Descents from seeds that have crank angles at the few samples."""
+    def round(self, seeds: Timed, plan: Plan) -> float:
+        """Descents from seeds that have crank angles at the few samples; J of the best that they led to."""
         found = self._descended(seeds, plan.first)
         if plan.on:
             going = self.valleys(found, plan.going, _POOL_APART)
             self._first_answer(going)
             found = self._descended(going.timed, plan.on)
         self._take(found)
+        led = found.least
         assert self.pool is not None
         best = [k for k in range(min(plan.ended, self.pool.cost.size)) if self.pool.cost[k] not in self._ended]
         if best and not (self.found.reached or self.work.expired()):
@@ -248,9 +269,11 @@ class Rounds:
             found = self._descended(self.pool.take(best).timed, plan.end)
             self._ended |= before | set(found.cost)
             self._take(found)
+            led = min(led, found.least)
+        return led
 
     def _descended(self, timed: Timed, stages: tuple[Stage, ...]) -> Pool:
-        exact, between = 0.3 * self.found.tolerance, self._answer if len(stages) > 2 else None
+        exact, between = 0.3 * self.found.tolerance, self._first_answer if len(stages) > 2 else None
         return self.problem.descended(timed, stages, exact, self.work, bent_below=self.bent_below, between=between)
 
     def _take(self, found: Pool) -> None:

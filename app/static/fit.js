@@ -71,7 +71,7 @@ function alikeGuides(one, other) {
 
 /** Rows of the guides of a solution with rails or slots; body points are in the body's frame. */
 export function guideRows({ guides, driver }, number, length) {
-  const pair = (point) => point.map(number).join(", ");
+  const pair = (point) => point.map((value) => number(value)).join(", ");
   return [["Driven by", driver], ...guides.flatMap((one, k) => {
     const name = `${k ? "Second" : "First"} guide`, rows = [[name, one.guide]];
     if (one.guide === "circle") rows.push(["– pivot", pair(one.pivot)], ["– radius", length(one.radius)]);

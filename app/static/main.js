@@ -313,6 +313,7 @@ function bindButtons() {
   let parts = null; // of the linkage that is being printed
   addEventListener("beforeprint", () => fillSheet(answer, results.solution, results.driving, parts));
   $("print").addEventListener("click", async () => {
+    fillSheet(answer, results.solution, results.driving);
     parts = await results.partsList().catch(() => null);
     fillSheet(answer, results.solution, results.driving, parts);
     print();

@@ -445,7 +445,9 @@ def search_free(
         if not trace or trace[-1][1] != least:
             trace.append((work.elapsed, least))
     stopped = StoppedBy.TOLERANCE if reached else StoppedBy.CONVERGED if ended else StoppedBy.BUDGET
-    return solutions, SearchReport(stopped, trace, 0.0, search.seeds, kept=None if kept is None else search.left())
+    left = None if kept is None else search.left()
+    unseen = found.unseen(FreeRounds.odds) if solutions else None
+    return solutions, SearchReport(stopped, trace, 0.0, search.seeds, unseen=unseen, kept=left)
 
 
 class _Search:

@@ -129,7 +129,7 @@ class GivenRounds(Rounds):
         Searches that this one goes on from.
     """
 
-    bent_below, idle = 1e-3, 2
+    bent_below, idle, odds = 1e-3, 2, (-3.0, 0.5)
     within: GivenProblem
     problem: GivenProblem
 
@@ -214,6 +214,8 @@ class SearchReport(NamedTuple):
     seeds: int
     settled: bool = True
     """False where the best was still getting better when the steps that it is given were used up."""
+    unseen: float | None = None
+    """The estimated chance that a better valley was missed, of a search in rounds that found nothing exact."""
     kept: Kept | None = None
     """What it leaves, where that was asked for."""
 
@@ -250,6 +252,7 @@ class _Search:
         self.screen_seconds = 0.0
         self.random = np.random.default_rng(20)
         self.screened: Pool | None = None
+        self.found: Found | None = None
         self.taken = 0
         self.use(self.mechanism.charts(limits.family)[0])
 
@@ -403,7 +406,7 @@ class _Search:
             self.free_search(TO_THE_END)
             return solutions + self.polished(_FINISHED, 30)
         first, solutions = solutions, []
-        found = Found(self.tolerance, lambda least: self.note(np.array([least**2])))
+        found = self.found = Found(self.tolerance, lambda least: self.note(np.array([least**2])))
         for chart, way in zip(charts, ways):
             # the first way is that of full cranks alone, so that the larger family is never worse
             family = "full_crank" if self.limits.family == "any" and way is ways[0] else self.limits.family
@@ -458,7 +461,9 @@ class _Search:
         trace = [(seconds, max(objective, best)) for seconds, objective in self.trace] if solutions else []
         if solutions and (not trace or trace[-1][1] != best):
             trace.append((self.work.elapsed, best))
-        return SearchReport(stopped, trace, self.screen_seconds, self.seeds)
+        reached = stopped is StoppedBy.TOLERANCE
+        unseen = None if reached or not solutions or self.found is None else self.found.unseen(GivenRounds.odds)
+        return SearchReport(stopped, trace, self.screen_seconds, self.seeds, unseen=unseen)
 
 
 def search(

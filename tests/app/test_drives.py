@@ -129,6 +129,23 @@ def test_solutions_without_a_drive_come_last(client: TestClient) -> None:
         assert one["drives"] or one["refused"][0]["reason"]
 
 
+def test_the_drive_that_decides_stands_before_the_best_of_each_kind(client: TestClient) -> None:
+    wish = {"kind": "cylinder", "catalogue": "iso_6432"}
+    asked = {
+        **POSES,
+        "top": 1,
+        "drives": [{"kind": "rotary"}, {"kind": "actuator"}],
+        "drive": wish,
+        "load": {"force": [0, -10]},
+    }
+    for more, kind in (({}, None), ({"mechanisms": ["slider_crank"]}, "slider_crank")):
+        (one,) = client.post("/v1/synthesize", json={**asked, **more}).json()["solutions"]
+        assert kind is None or one["kind"] == kind
+        assert one["drivable"]
+        assert "ISO 6432" in one["drives"][0]["name"]
+        assert [drive["kind"] for drive in one["drives"]] == ["actuator", "rotary", "actuator"]
+
+
 def test_what_no_solution_can_be_asked_is_said_before_the_search(client: TestClient) -> None:
     for more, pointer in (
         ({"drives": [{"kind": "rotary", "stroke": 3}]}, "#/drives/0/stroke"),

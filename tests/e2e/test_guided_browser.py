@@ -107,3 +107,16 @@ def test_the_page_asks_for_all_kinds_and_lists_several(pages) -> None:
     page.select("mechanisms", "four_bar")
     assert "mechanisms" not in page.request()
     page.assert_no_errors()
+
+
+@pytest.mark.parametrize("drive", [DRIVES[1], DRIVES[5]], ids=[NAMES[1], NAMES[5]])
+def test_files_and_sheet_of_a_linkage_with_a_rail(pages, drive) -> None:
+    page = pages
+    one, _ = solved(page, drive)
+    assert b"<mujoco" in page.saved("linkage-1.xml", "[data-format=mjcf]")
+    assert b"AcDb" in page.saved("linkage-1.dxf", "[data-format=dxf]")
+    assert page.one("[data-format=pylinkage]").get_attribute("disabled")
+    page.run("dispatchEvent(new Event('beforeprint'))")
+    sheet = page.run("return document.getElementById('sheet').textContent")
+    assert one.driver in sheet and "First guide" in sheet
+    page.assert_no_errors()

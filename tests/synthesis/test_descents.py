@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.optimize import lsq_linear
 
 from synthesis import descents
 from synthesis.descents import Problem, Stage, Timed
@@ -89,7 +90,7 @@ def candidates(
     ``fixed``: start or offset of a given timing; ``posed``: whether its limits concern the pose.
     """
     asked = poses(rotation, position)
-    angles = np.sort(np.random.default_rng(8).uniform(0, 5, (2, asked.samples)), axis=1)
+    angles = np.cumsum(np.random.default_rng(8).uniform(0.1, 0.8, (2, asked.samples)), axis=1)
     lengths, branch = (SLIDERS, np.ones(2)) if isinstance(chart, SliderChart) else (LENGTHS, np.array([1.0, -1]))
     timed = Timed(chart.unknowns(lengths), np.zeros((2, 3), dtype=complex), np.zeros(2), angles, branch)
     if timing == "free":
@@ -592,13 +593,13 @@ def test_a_descent_whose_time_is_up_stays_where_it_came_to(timing: str) -> None:
 def test_after_an_exact_candidate_the_others_take_as_many_steps_as_are_asked_for(timing: str) -> None:
     """One is exact, and takes no further step, once its J is below the tolerance."""
     problem, timed = candidates(GrashofChart(), timing=timing)
-    timed = timed.take(np.argsort(problem.descended(timed, [Stage(40)]).cost))
-    steps = [problem.descended(timed, [Stage(count)]) for count in range(41)]
-    tolerance = 1.05 * steps[40].least
+    timed = timed.take(np.argsort(problem.descended(timed, [Stage(80)]).cost))
+    steps = [problem.descended(timed, [Stage(count)]) for count in range(81)]
+    tolerance = 1.05 * steps[80].least
     taken = next(count for count, one in enumerate(steps) if one.cost[0] <= tolerance**2)
-    assert 2 < taken < 16 and steps[40].cost[1] > tolerance**2
-    for others, most in ((0.0, 0), (1.0, taken), (2.5, int(2.5 * taken)), (np.inf, 40)):
-        found = problem.descended(timed, [Stage(40)], tolerance, others=others)
+    assert 2 < taken < 32 and steps[80].cost[1] > tolerance**2
+    for others, most in ((0.0, 0), (1.0, taken), (2.5, int(2.5 * taken)), (np.inf, 80)):
+        found = problem.descended(timed, [Stage(80)], tolerance, others=others)
         wanted = steps[taken].cost[0], steps[most].cost[1] if most else steps[0].cost[1]
         np.testing.assert_array_equal(found.cost, wanted)
 
@@ -622,6 +623,84 @@ def test_any_step_of_the_crank_angles_keeps_their_order(size: float) -> None:
             assert np.all(way * np.diff(here.angles, axis=1) > 0)
             assert np.all(np.ptp(here.angles, axis=1) <= 2 * np.pi * (1 + 1e-12))  # the sums' rounding
             here = here._replace(angles=here.angles - here.angles[:, :1])
+
+
+@settings(max_examples=40)
+@given(st.integers(0, 10**6), st.floats(0.01, 3.0))
+def test_angles_are_cut_to_the_nearest_in_order(seed: int, size: float) -> None:
+    problem, timed = candidates(GrashofChart(), False)
+    way = np.array([1.0, -1.0])[:, None]
+    timed = timed._replace(
+        angles=way * np.sort(np.random.default_rng(seed).uniform(0, 3, timed.angles.shape), axis=1)
+    )
+    turn = np.clip(size * np.random.default_rng(seed + 1).standard_normal(timed.angles.shape), -0.2, 0.2)
+    moved = problem.moved(timed, np.zeros((2, 10)), turn).angles
+    for side, before, wanted, after in zip(way[:, 0], timed.angles, timed.angles + turn, moved):
+        # the nearest numbers whose gaps are a fifth of what they were at least, by quadratic programming
+        least = 0.2 * np.diff(side * before)
+        free = np.concatenate([[-np.inf], np.zeros(least.size)])
+        steps = np.tril(np.ones((free.size, free.size)))
+        base = np.concatenate([[0.0], np.cumsum(least)])
+        found = lsq_linear(steps, side * wanted - base, (free, np.inf), method="bvls", tol=1e-14).x
+        np.testing.assert_allclose(side * after, steps @ found + base, atol=1e-9)
+
+
+@pytest.mark.parametrize("exchanged", [[], [3], [3, 7], [5, 4]])
+def test_descents_end_where_no_step_in_order_lowers_the_cost(exchanged: list[int]) -> None:
+    # once samples that wanted to pass one another moved all others aside, and descents ended beside minima
+    problem, timed = candidates(GrashofChart(), False)
+    angles = 0.3 * np.arange(11.0)
+    place = 0.4 * np.exp(1j * angles) + 0.7 * np.exp(1j * coupler_angle(LENGTHS[:1], np.ones(1), angles)[0])
+    for k in exchanged:
+        place[[k, k + 1]] = place[[k + 1, k]]
+    problem = JointProblem(Poses(None, place + 0.01 * np.sin(7 * angles)), GrashofChart())
+    done = problem.descended(timed.take([0])._replace(angles=angles[None] + 0.1), [Stage(2000, 1e-15)])
+
+    def cost(angles: np.ndarray) -> float:
+        return problem.measured(done.timed._replace(angles=angles[None]), posed=False).cost[0]
+
+    angles, size = done.timed.angles[0], 1e-6
+    slope = (
+        np.array([cost(angles + size * one) - cost(angles - size * one) for one in np.eye(angles.size)]) / 2 / size
+    )
+    blocks = np.split(slope, 1 + np.flatnonzero(np.diff(angles) > 1e-6))
+    assert len(blocks) == angles.size - len(exchanged)
+    for block in blocks:
+        scale = np.sqrt(done.cost[0])
+        assert abs(block.sum()) < 1e-4 * scale  # all of a block turn together
+        assert np.all(np.cumsum(block) < 1e-4 * scale)  # and none of them is held back that would stay behind
+
+
+def test_samples_that_would_pass_one_another_turn_as_one() -> None:
+    problem, timed = candidates(GrashofChart())
+    joined = 0
+    for k in range(10):
+        angles = timed.angles[:1].copy()
+        angles[0, k + 1 :] += angles[0, k] - angles[0, k + 1] + 1e-9
+        (one,) = problem.linearised(timed.take([0])._replace(angles=angles), 1e-2)
+        turn = one["turn"].reshape(-1, 11)
+        rows = np.zeros((turn.size, 11))
+        for row, part in enumerate(turn):
+            rows[11 * row + np.arange(11), np.arange(11)] = part
+
+        def solved(rows: np.ndarray, one: dict[str, Any] = one) -> np.ndarray:
+            ridge = np.concatenate([one["ridge"], 1e-4 * np.sum(rows**2, axis=0)])
+            dense = np.vstack([np.hstack([one["rows"][:-1].T, rows]), np.diag(np.sqrt(ridge))])
+            return np.linalg.lstsq(dense, np.append(-one["rows"][-1], np.zeros(ridge.size)), rcond=None)[0]
+
+        # the step of least squares over unknowns and angles; and where both would pass one another, as one angle
+        expected = solved(rows)
+        turns = expected[-11:]
+        passing = turns[k + 1] < turns[k]
+        assert passing == (one["block"][k + 1] == k)
+        if passing:
+            joined += 1
+            expected = solved(np.hstack([rows[:, :k], rows[:, [k]] + rows[:, [k + 1]], rows[:, k + 2 :]]))
+            turns = np.insert(expected[-10:], k + 1, expected[k - 10])
+            turns[[k, k + 1]] += [0.5e-9, -0.5e-9]
+        np.testing.assert_allclose(one["step"], expected[: len(one["step"])], atol=1e-6 * np.abs(expected).max())
+        np.testing.assert_allclose(one["turn_step"], turns, atol=1e-6 * np.abs(expected).max())
+    assert 1 < joined < 9
 
 
 def test_descents_leave_their_starting_points_as_they_were() -> None:

@@ -186,7 +186,7 @@ def test_descents(timing: str, rotation: bool, position: bool, bent_below: float
         assert not descent.kernel.run(3) and descent.kernel.run(100)
         return [*descent.state, descent.kernel.steps]
 
-    same(work, 1e-9)
+    same(work, 1e-6)  # normal equations of a condition up to 1e11 are solved in each step
 
 
 @pytest.mark.parametrize(

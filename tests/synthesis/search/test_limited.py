@@ -311,7 +311,7 @@ def test_what_excludes_everything_is_named() -> None:
 def test_diverse_solutions_lie_farther_apart() -> None:
     """Over several requests: those of one may lie far apart by chance."""
     apart: dict[bool, float] = {False: 0.0, True: 0.0}
-    for seed in range(4):
+    for seed in range(12):
         request, best = make_case("unreachable", seed, 12).request, []
         for diverse in apart:
             found = la.synthesize(**request, top=5, diverse=diverse).solutions
@@ -320,7 +320,7 @@ def test_diverse_solutions_lie_farther_apart() -> None:
             rows = np.array([np.log(one.linkage.links) for one in found])
             apart[diverse] += float(np.mean(np.abs(rows[:, None] - rows)))
         assert best[0] == best[1]
-    assert apart[True] > 1.2 * apart[False]
+    assert apart[True] > 1.1 * apart[False]
 
 
 def test_determination_leaves_out_what_limits_hold() -> None:
