@@ -52,8 +52,7 @@ def test_a_cylinder_is_found_moves_and_its_pins_are_dragged(page) -> None:
         page.browser.execute_script("document.getElementById('drive-card').scrollIntoView()")
         page.browser.save_screenshot(PICTURE.replace(".png", "_card.png"))
     page.run("window.print = () => {}; document.getElementById('print').click()")
-    sheet = page.run("return document.getElementById('sheet').textContent")
-    assert "255 + 150 mm" in sheet
+    page.wait("document.getElementById('sheet').textContent.includes('255 + 150 mm')")
     assert page.run("return document.querySelectorAll('#sheet .drive-rod').length") == 1
     # an arrow key on the ground point: its numbers are computed anew, and the optimum was better
     page.run(
