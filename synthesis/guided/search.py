@@ -75,6 +75,8 @@ _BETWEEN = 4
 """Poses between two samples at which pairs for few samples are looked at."""
 _SWEEPS = 8
 """Newton's steps of the poses of answers."""
+_SPARE = 1.05, 2e-5
+"""What falls short is asked for this many times over, and so many radians more: what is asked for moves the worst place on."""
 _TIGHTENED = 3
 """So often a descent is repeated for what falls short between the samples."""
 _LOOKED_AT_WHOLE = 3
@@ -699,7 +701,7 @@ class Search:
             again = lacking > 0
             if not again.any() or self.work.expired():
                 return
-            begin, margin = ended.take(again), margin[again] + lacking[again] + _SAFETY
+            begin, margin = ended.take(again), margin[again] + _SPARE[0] * lacking[again] + _SPARE[1]
 
     def _measured_again(self, found: Candidates, samples: Samples) -> Candidates:
         return self.measured(found.pairs, found.drive, samples, 6)

@@ -85,6 +85,16 @@ def test_casement_window_has_the_errors_of_the_design():
     assert np.rad2deg(slider.transmission_angle_min) == pytest.approx(68.7, abs=0.1)
 
 
+def test_an_angle_that_is_least_between_the_samples_is_kept_there_too():
+    """A hatch that slides and then turns: the best slider-crank's transmission angle is least between two samples."""
+    place = np.array([0, 80 + 5j, 160 + 12j, 240 + 25j, 310 + 55j, 365 + 105j, 400 + 170j])
+    poses = make_poses(np.deg2rad([0.0, 0, 2, 8, 20, 38, 58]), place)
+    limits = Limits(family="any", transmission_angle_min=np.deg2rad(35), link_max=4 * poses.extent)
+    found, _ = search_guided(poses, limits, [Kind.SLIDER_CRANK], Driver.CRANK)
+    assert min(one.errors.objective for one in found) < 8.7e-3
+    assert all(one.transmission_angle_min >= np.deg2rad(35) - 1e-9 for one in found)
+
+
 def test_limits_of_rails_and_cylinders_are_kept():
     poses = gallery("casement")
     limits = Limits(
