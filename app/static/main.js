@@ -6,6 +6,7 @@ import { alike, fitOf, limitName, worstRows } from "./fit.js";
 import { fromRequest, requestText, toPage, toRequest } from "./formats.js";
 import { Gallery } from "./gallery.js";
 import { fromHere, nearby } from "./hand.js";
+import { Live } from "./live.js";
 import { fault, wantsAngles } from "./motion.js";
 import { Results, copy } from "./results.js";
 import { STAGES, preferred, refine, solve, together } from "./service.js";
@@ -30,6 +31,7 @@ const results = new Results(editor.board, (kind) => editor.keep(kind));
 const sources = new Sources(() => editor.motion, useMotion);
 const draft = new Draft("linkage-atlas-motion", (content) => sources.openDraft(content), () => sources.useExample(sources.examples[0]?.name));
 const gallery = new Gallery((name) => sources.useExample(name));
+const live = new Live(followed);
 
 function pathDrawn(places, closed) {
   sources.useDrawn(places, closed);
@@ -77,8 +79,9 @@ function sentenceOf({ reply: { status, solutions, report }, request, motion, sto
   const limited = held.length && status !== "reached" ? `, held by ${held.map(limitName).join(" and ")}` : "";
   const kept = status === "reached" && request.tolerances ? "Within the allowed errors at every pose" : !request.tolerances && request.prefer && "Near the least error", first = FIRST[preferred(request)];
   const parts = [`${kept && first ? `${kept}, ${first}` : kept || "Best found"}: ${near}${limited}.`];
-  if (report.stopped_by === "budget" && !stored) parts.push(`The time was up after ${seconds.toFixed(1)} s: there may be better ones.`);
+  if (report.stopped_by === "budget" && !stored && !answer?.live) parts.push(`The time was up after ${seconds.toFixed(1)} s: there may be better ones.`);
   if (stored) parts.push("Searched beforehand.");
+  if (answer?.live) parts.push("Found while dragging, among four-bars: Solve searches on.");
   if (defects(solutions[0].verdict).length) parts.push("But none is free of defects: see the verdicts.");
   return parts.join(" ");
 }
@@ -146,7 +149,28 @@ function motionChanged() {
   updateStale();
   $("suggestions").hidden ||= editor.board.stale;
   if (running) return;
+  follow();
   if (answer && (editor.board.stale || !passed)) sayAnswer();
+}
+
+/** Whether a pose or a point is being dragged. */
+const dragged = () => /^drag \d/.test(editor.history.kind ?? "");
+
+/** Lets the answer that is shown follow. */
+function follow() {
+  const motion = structuredClone(editor.motion);
+  if (dragged() && answer?.reply.solutions.length && !editor.fault && !fault(motion)) live.follow(toRequest(motion), motion);
+}
+
+/** Shows an answer that came while dragging, unless the motion has been left for another. */
+function followed(request, motion, reply) {
+  if (running || !answer || !reply.solutions.length || !(dragged() || fits({ request }))) return;
+  answer = { request, reply, motion, last: true, live: true, seconds: reply.report.elapsed_ms.total / 1000 };
+  passed = false;
+  updateStale();
+  results.show(answer, true);
+  editor.board.draw();
+  sayAnswer();
 }
 
 function useMotion(motion, { mode = null, fit = true, reply = null, card = null }) {

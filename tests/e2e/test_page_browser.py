@@ -235,6 +235,17 @@ def test_poses_move_by_mouse_and_keyboard_and_back(standing) -> None:
     assert len(standing.table()) == len(start)
 
 
+def test_the_answer_follows_a_drag(standing) -> None:
+    standing.choose("carton")
+    before = standing.text("status")
+    standing.drag(standing.pick("[data-pose='4'] .hit"), 8, -6)
+    standing.wait("document.getElementById('status').textContent.includes('Found while dragging')")
+    assert standing.earlier() is False
+    assert standing.run("return document.querySelectorAll('#solutions li').length") > 0
+    standing.click("undo")
+    assert standing.text("status") == before
+
+
 def test_a_pivot_box_is_drawn_and_kept_to(page) -> None:
     page.choose("worked")
     page.unfold("limits")
