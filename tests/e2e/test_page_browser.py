@@ -648,7 +648,7 @@ def test_files_come_from_this_service_alone_and_are_light(page) -> None:
     entries = page.run("return performance.getEntriesByType('resource').map(e => [e.name, e.decodedBodySize])")
     assert all(name.startswith(page.address) for name, _ in entries)
     page = len(httpx.get(page.address).content)
-    assert page + sum(size for _, size in entries) < 440_000
+    assert page + sum(size for _, size in entries) < 450_000
 
 
 def test_the_machine_of_the_readme_is_whole_in_its_picture(page) -> None:

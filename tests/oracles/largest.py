@@ -107,7 +107,7 @@ QUICK = {
 
 def requests() -> dict[str, Largest]:
     """What they are, by name."""
-    return {**_timed(), **_free(), **_functions(), **_matches(), **_scenes()}
+    return {**_timed(), **_free(), **_functions(), **_matches(), **_machines(), **_scenes()}
 
 
 def _asked(path: str, bodies: dict[str, Any], atlas: bool = False, always: bool = False) -> dict[str, Largest]:
@@ -267,6 +267,23 @@ def _matches() -> dict[str, Largest]:
 
 
 Bodies = dict[str, tuple[str, dict[str, Any]]]
+
+
+def _machines() -> dict[str, Largest]:
+    request = {"rotation": [0.0, 20.0, 45.0, 70.0], "crank_span": 70.0, "limits": {"keep_out": LIMITS["keep_out"]}}
+    request |= {"position": [[0.0, 0.0], [30.0, 10.0], [60.0, 35.0], [70.0, 70.0]]}
+    star = [
+        [r * np.cos(k * np.pi / 100), r * np.sin(k * np.pi / 100)] for k in range(200) for r in [60 - 25 * (k % 2)]
+    ]
+    asked: dict[str, Any] = {"linkage": GIVEN, "request": request}
+    plates = {"body": star, "boards": "both", "heads": True, "layers_most": 6}
+    drives = [{"kind": "actuator", "catalogue": "iso_15552", "arm_min": 1.0}, {"kind": "dyad"}, {"kind": "rotary"}]
+    springs = [{"kind": "tension", "between": ["ground", "coupler"]}, {"kind": "gas", "between": ["ground", "crank"]}]
+    driven = {"load": {"force": [0.0, -100.0]}, "drives": drives, "springs": springs, "top": 20}
+    return {
+        "assembly: a star of 200 corners": Largest("/v1/assembly", {**asked, **plates}),
+        "drives: a catalogue, a motor and springs": Largest("/v1/drives", {**asked, **driven}),
+    }
 
 
 def _scenes() -> dict[str, Largest]:
