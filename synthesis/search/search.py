@@ -129,7 +129,7 @@ class GivenRounds(Rounds):
         Searches that this one goes on from.
     """
 
-    bent_below, idle, odds = 1e-3, 2, (-3.0, 0.5)
+    bent_below, idle, idle_in_sight, odds = 1e-3, 2, 8, (-3.0, 0.5)
     within: GivenProblem
     problem: GivenProblem
 
