@@ -43,8 +43,6 @@ _ORIGINS, _COPIES, _WIDTHS = 8, 6, (1.0, 0.5, 0.25)
 """Valleys that a round's hops begin from, hops from each, and their widths in turn."""
 GAIN = 2e-3
 """A round that lowers J by a smaller part gains nothing."""
-IN_SIGHT = 1e-4
-"""J below which an exact answer may lie in another valley."""
 SAME = 1.01
 """Rounds that lead to J within this factor of the best one found its valley, or one as good, again."""
 
@@ -146,8 +144,6 @@ class Rounds:
     """J from which on steps are bent."""
     idle = 16
     """So many rounds that gain nothing end the search, or half as many as there were before, whichever is more."""
-    idle_in_sight = 16
-    """The same where J is below `IN_SIGHT`."""
     odds = (-1.3, 0.4)
     """The logarithm of the odds that a better valley was missed: a constant, and what the logarithm of the part of the rounds
     that led elsewhere adds. Fitted to `benchmarks.unseen`."""
@@ -237,11 +233,8 @@ class Rounds:
         The first two and every third later one begin from seeds, the others from hops.
         """
         number = last = 0
-        while number < most:
+        while number - last < max(self.idle, 0.5 * last) and number < most:
             before = self.found.least
-            idle = self.idle_in_sight if before < IN_SIGHT else self.idle
-            if number - last >= max(idle, 0.5 * last):
-                break
             begin = next(seeds, None) if number < 2 or number % 3 == 0 else None
             if begin is None:
                 if self.pool is None or not self.pool.cost.size:

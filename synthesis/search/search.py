@@ -129,7 +129,7 @@ class GivenRounds(Rounds):
         Searches that this one goes on from.
     """
 
-    bent_below, idle, idle_in_sight, odds = 1e-3, 2, 8, (-3.0, 0.5)
+    bent_below, idle, odds = 1e-3, 2, (-3.0, 0.5)
     within: GivenProblem
     problem: GivenProblem
 
@@ -187,6 +187,8 @@ _NEAR, _NEARER, _FINISHED = 1e-2, 1e-5, 12
 From the second on it does, in a narrow valley."""
 
 
+_IN_SIGHT, _IDLE_IN_SIGHT = 1e-4, 6
+"""J below which further rounds look for an exact answer in another valley, and how many that gain nothing end them."""
 _BENT_BELOW = 1e-3
 """J from which on valleys are narrow: steps are bent along them."""
 _EDGE_STARTS, _EDGE_SAMPLES = 24, 12
@@ -424,31 +426,39 @@ class _Search:
                     if len(first) >= top:
                         return first
                     most = 1  # for alternatives
-            for one in run.closest(chain(begin, seeds), most):
-                self.seeds += len(one.branch)
-                if found.least < _EXACT_NEAR or self.work.expired():
+            every = chain(begin, seeds)
+            for idle in (run.idle, _IDLE_IN_SIGHT):
+                run.idle = idle
+                for one in run.closest(every, most):
+                    self.seeds += len(one.branch)
+                    if found.least < _EXACT_NEAR or self.work.expired():
+                        break
+                if way.chart in found.pools:
+                    solutions = solutions + self._finished(run, found.pools[way.chart], chart, top)
+                least = min((one.errors.objective for one in solutions), default=np.inf)
+                # where J is so small, an exact answer may lie in another valley
+                if self.reached or self.work.expired() or not self.tolerance < least < _IN_SIGHT:
                     break
-            if way.chart not in found.pools:
-                continue
-            pool = found.pools[way.chart]
-            linkages = run.within.linkages(self.mechanism, pool.take(slice(0, 8 * top + 20)))
-            solutions = solutions + self.mechanism.within(
-                self.target, self.limits, self.mechanism.assess(self.target, linkages)
-            )
-            near = pool.take(pool.cost < _NEAR**2)
-            if near.cost.size:  # in the chart without bounds: an exact answer may lie there
-                self.use(chart)
-                shape = chart.unknowns(way.chart.shape(near.timed.shape).lengths)
-                self.pool = near._replace(timed=near.timed._replace(shape=shape))
-                solutions = solutions + self.polished(_FINISHED, 100)
-                if not self.reached and near.cost.min() < _NEARER**2:
-                    self.free_search(TO_THE_END)
-                    solutions = solutions + self.polished(_FINISHED, 30)
             if self.done(sorted(solutions, key=lambda one: one.errors.objective)):
                 break
         best = min((one.errors.objective for one in solutions), default=np.inf)
         reached = Status.of(first, self.tolerance) is Status.REACHED
         return solutions + [one for one in first if reached or one.errors.objective < best]
+
+    def _finished(self, run: GivenRounds, pool: Pool, chart: Chart, top: int) -> list[Any]:
+        """Solutions of a pool; near an exact answer in the chart without bounds too."""
+        chosen = run.within.linkages(self.mechanism, pool.take(slice(0, 8 * top + 20)))
+        solutions = self.mechanism.within(self.target, self.limits, self.mechanism.assess(self.target, chosen))
+        near = pool.take(pool.cost < _NEAR**2)
+        if near.cost.size:
+            self.use(chart)
+            shape = chart.unknowns(run.chart.shape(near.timed.shape).lengths)
+            self.pool = near._replace(timed=near.timed._replace(shape=shape))
+            solutions = solutions + self.polished(_FINISHED, 100)
+            if not self.reached and near.cost.min() < _NEARER**2:
+                self.free_search(TO_THE_END)
+                solutions = solutions + self.polished(_FINISHED, 30)
+        return list(solutions)
 
     def report(self, solutions: list[Any]) -> SearchReport:
         """How it went, by the objectives of the solutions that are returned."""

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +12,7 @@ import pytest
 from app.replies import plain_of
 from tests.e2e.page import IDLE
 from tests.linkage_atlas.test_guided import reply_of
-from tests.oracles.guided_cases import DRIVES, NAMES
+from tests.oracles.guided_cases import DRIVES
 
 ANSWERED = """
 const reply = arguments[0], whole = window.fetch;
@@ -49,7 +51,13 @@ def solved(page, drive, **studies):
     return one, motion
 
 
-@pytest.mark.parametrize("drive", DRIVES[1:], ids=NAMES[1:])
+def driven(places: Iterable[int], default: int) -> list[Any]:
+    """Drives at some places of the list; the default run takes the first so many."""
+    wide = [pytest.mark.wide]
+    return [pytest.param(DRIVES[k], id=NAMES[k], marks=wide * (n >= default)) for n, k in enumerate(places)]
+
+
+@pytest.mark.parametrize("drive", driven(range(1, len(DRIVES)), 3))
 def test_a_linkage_is_drawn_moved_and_described(pages, drive) -> None:
     page = pages
     one, _ = solved(page, drive, analysis={"crank_speed": 10, "load": {"force": [0, -5]}})
@@ -69,7 +77,7 @@ def test_a_linkage_is_drawn_moved_and_described(pages, drive) -> None:
     page.assert_no_errors()
 
 
-@pytest.mark.parametrize("drive", DRIVES[1::3], ids=NAMES[1::3])
+@pytest.mark.parametrize("drive", driven(range(1, len(DRIVES), 3), 2))
 def test_guides_are_changed_by_hand(pages, drive) -> None:
     page = pages
     one, _ = solved(page, drive)
@@ -109,7 +117,7 @@ def test_the_page_asks_for_all_kinds_and_lists_several(pages) -> None:
     page.assert_no_errors()
 
 
-@pytest.mark.parametrize("drive", [DRIVES[1], DRIVES[5]], ids=[NAMES[1], NAMES[5]])
+@pytest.mark.parametrize("drive", driven([1, 5], 1))
 def test_files_and_sheet_of_a_linkage_with_a_rail(pages, drive) -> None:
     page = pages
     one, _ = solved(page, drive)
