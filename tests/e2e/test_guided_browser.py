@@ -12,7 +12,7 @@ import pytest
 from app.replies import plain_of
 from tests.e2e.page import IDLE
 from tests.linkage_atlas.test_guided import reply_of
-from tests.oracles.guided_cases import DRIVES
+from tests.oracles.guided_cases import DRIVES, NAMES
 
 ANSWERED = """
 const reply = arguments[0], whole = window.fetch;
