@@ -1,0 +1,36 @@
+"""What a search says of itself."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import linkage_atlas as la
+from synthesis.rounds import Found, Rounds
+
+PATH = [[0, 0], [40, 12], [75, 40], [60, 80], [20, 95], [-20, 70], [-25, 30], [10, -20], [50, -35], [90, 10]]
+
+
+def found(*led: float, least: float = 1.0) -> Found:
+    one = Found(1e-10, lambda least: None)
+    one.led, one.least = list(led), least
+    return one
+
+
+def test_the_more_rounds_lead_elsewhere_the_likelier_a_better_valley_was_missed() -> None:
+    said = [found(*[0.5] * k, *[0.6] * (10 - k)).unseen(Rounds.odds) for k in range(1, 11)]
+    assert all(0 < one < 1 for one in said) and np.all(np.diff(said) < 0)
+    assert found(0.5, 0.504).unseen(Rounds.odds) == found(0.5, 0.5).unseen(Rounds.odds)
+    assert found(0.5, 0.6, least=1e-11).unseen(Rounds.odds) is None
+    assert found().unseen(Rounds.odds) == pytest.approx(
+        1 / (1 + np.exp(-Rounds.odds[0] - Rounds.odds[1] * np.log(0.5)))
+    )
+
+
+def test_a_reply_carries_it_unless_it_is_exact() -> None:
+    approximate = la.synthesize(position=PATH, timing="free", closed=True)
+    assert approximate.status == "closest" and 0 < approximate.report.unseen < 1
+    given = la.synthesize(rotation=[0, 30, 0, 30, 0, 30], crank_span=200, limits={"preset": "practical"})
+    assert given.status == "closest" and 0 < given.report.unseen < 1
+    exact = la.synthesize(position=PATH[:5], timing="free")
+    assert exact.status == "reached" and exact.report.unseen is None
