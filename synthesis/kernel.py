@@ -1903,19 +1903,14 @@ class Descent:
     @cfunc
     def join(self, s: cython.int) -> bint:
         """Find the samples that are close and would pass one another: the first of each block into ``block``."""
-        n, far = self.samples, 0.0
-        way = self.wanted_in_order(s)
+        n = self.samples
+        self.wanted_in_order(s, INFINITE)
         passing: bint = False
         for i in range(n):
             passing = passing or self.head[i] != i
         if not passing:
             return False
-        close = CLOSE * fabs(self.phi[s, n - 1] - self.phi[s, 0]) / (n - 1)
-        for i in range(n):
-            if i > 0 and way * (self.phi[s, i] - self.phi[s, i - 1]) >= close:
-                far += ASIDE
-            self.wish[i] = far + way * (self.turn_step[i] + (1.0 - CLOSER) * (self.phi[s, i] - self.phi[s, 0]))
-        self.pool_violators()
+        self.wanted_in_order(s, CLOSE * fabs(self.phi[s, n - 1] - self.phi[s, 0]) / (n - 1))
         for i in range(n):
             self.block[i] = self.head[i]
             self.joined = self.joined or self.head[i] != i
@@ -2057,12 +2052,17 @@ class Descent:
         self.q[t, 0] *= sign
 
     @cfunc
-    def wanted_in_order(self, s: cython.int) -> double:
-        """Where the step leads the crank angles, less a part of each gap, in order, into ``wish``; returns the way they turn."""
-        n = self.samples
+    def wanted_in_order(self, s: cython.int, close: double) -> double:
+        """Where the step leads the crank angles, less a part of each gap, in order, into ``wish``; returns the way they turn.
+
+        Samples farther apart than ``close`` don't meet: they are pooled as if they were far aside.
+        """
+        n, far = self.samples, 0.0
         way = 1.0 if self.phi[s, n - 1] >= self.phi[s, 0] else -1.0
         for i in range(n):
-            self.wish[i] = way * (self.turn_step[i] + (1.0 - CLOSER) * (self.phi[s, i] - self.phi[s, 0]))
+            if i > 0 and way * (self.phi[s, i] - self.phi[s, i - 1]) >= close:
+                far += ASIDE
+            self.wish[i] = far + way * (self.turn_step[i] + (1.0 - CLOSER) * (self.phi[s, i] - self.phi[s, 0]))
         self.pool_violators()
         return way
 
@@ -2078,7 +2078,7 @@ class Descent:
         new: double = 0.0
         cut: double = 0.0
         mean: double = 0.0
-        way = self.wanted_in_order(s)
+        way = self.wanted_in_order(s, INFINITE)
         for i in range(n - 1):
             gap = way * (self.phi[s, i + 1] - self.phi[s, i])
             self.gap[i] = self.wish[i + 1] - self.wish[i] + CLOSER * gap
