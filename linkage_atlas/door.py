@@ -93,6 +93,7 @@ LOCAL = (
     "refined from the given linkage to the nearest optimum that the descent came to: linkages elsewhere were not looked at, "
     "and may be better"
 )
+CUT_SHORT = "nothing within the limits was found before the search was cut short; that proves nothing"
 NOWHERE = "no descent from the given linkage led within the limits; that proves nothing about other linkages"
 
 
@@ -335,7 +336,7 @@ def synthesize(
             kept, wanted, lambda eased, some: _search(source, wanted, eased, 3, tolerance, some), watch
         )
     elif not solutions and cut_short:
-        notes.append("nothing within the limits was found before the search was cut short; that proves nothing")
+        notes.append(CUT_SHORT)
     if len(solutions) < len(found):
         notes.append(f"the time was up: of {len(found)} linkages found the best {len(solutions)} are reported")
     total = watch.elapsed
@@ -383,7 +384,7 @@ def _of_kinds(
     solutions = finished_kinds(chosen, motion, limits, tolerance, studies, watch.extended(FINISHING))
     cut_short = course.stopped_by == StoppedBy.BUDGET.value
     if not solutions and cut_short:
-        notes.append("nothing within the limits was found before the search was cut short; that proves nothing")
+        notes.append(CUT_SHORT)
     elif not solutions and not limits.only_family:
         notes += what_excludes(limits, motion, search_all, watch)
     timed = not motion.free or motion.travel is not None

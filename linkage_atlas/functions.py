@@ -11,7 +11,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkage_atlas.answers import FINISHING, Ranked, StatusName, StoppedBy, Verdict, verdict_of
-from linkage_atlas.door import LOCAL, NOWHERE, Start, StartingLinkage, pointing_to_start, read_start, seed_tables
+from linkage_atlas.door import (
+    CUT_SHORT,
+    LOCAL,
+    NOWHERE,
+    Start,
+    StartingLinkage,
+    pointing_to_start,
+    read_start,
+    seed_tables,
+)
 from linkage_atlas.limits import read_function_limits
 from linkage_atlas.linkages import FourBar, Links
 from linkage_atlas.motions import Motion, check_above_zero, check_top, column, number, radians_in
@@ -38,7 +47,7 @@ from synthesis.function.search import generate, refit
 from synthesis.function.travel_search import generate_travel
 from synthesis.function.wanted import Wanted
 from synthesis.ranking import Status
-from synthesis.search.search import DEFAULT_TOLERANCE
+from synthesis.search.search import DEFAULT_TOLERANCE, SearchReport
 from synthesis.target import MAX_SAMPLES, MIN_SAMPLES, Target, make_target
 from synthesis.work import Work
 
@@ -259,20 +268,24 @@ def function(
         notes.append(NOWHERE)
     elif not solutions and went.stopped_by == "budget":
         status = "unknown"
-        notes.append("nothing within the limits was found before the search was cut short; that proves nothing")
-    total, radian = watch.elapsed, radians_in(degrees)
+        notes.append(CUT_SHORT)
+    report, radian = _report(went, searched, watch.elapsed, notes), radians_in(degrees)
+    x, y = (None, None) if dials is None else (dials.x, dials.y)
+    return FunctionResult(
+        status, solutions, wanted.crank / radian, wanted.output / radian, x, y, report, wanted, degrees
+    )
+
+
+def _report(went: SearchReport, searched: float, total: float, notes: list[str]) -> FunctionReport:
+    """Of a search that took so many seconds, with all that was made of its answers so many in total."""
     stages = {"screen": went.screen_seconds, "refine": searched - went.screen_seconds}
     stages |= {"report": total - searched, "total": total}
-    report = FunctionReport(
+    return FunctionReport(
         elapsed_ms={name: 1000 * seconds for name, seconds in stages.items()},
         trace=[(1000 * seconds, value) for seconds, value in went.trace],
         stopped_by=went.stopped_by.value,
         seeds=went.seeds,
         notes=notes,
-    )
-    x, y = (None, None) if dials is None else (dials.x, dials.y)
-    return FunctionResult(
-        status, solutions, wanted.crank / radian, wanted.output / radian, x, y, report, wanted, degrees
     )
 
 
@@ -411,17 +424,8 @@ class TravelMotion:
         status = Status.of(found, tolerance).value
         if not solutions and went.stopped_by == "budget":
             status = "unknown"
-            notes.append("nothing within the limits was found before the search was cut short; that proves nothing")
-        total = watch.elapsed
-        stages = {"screen": went.screen_seconds, "refine": searched - went.screen_seconds}
-        stages |= {"report": total - searched, "total": total}
-        report = FunctionReport(
-            elapsed_ms={name: 1000 * seconds for name, seconds in stages.items()},
-            trace=[(1000 * seconds, value) for seconds, value in went.trace],
-            stopped_by=went.stopped_by.value,
-            seeds=went.seeds,
-            notes=notes,
-        )
+            notes.append(CUT_SHORT)
+        report = _report(went, searched, watch.elapsed, notes)
         x, y = (None, None) if dials is None else (dials.x, dials.y)
         given = wanted.crank / scales.input, wanted.output / scales.output
         return FunctionResult(

@@ -31,7 +31,7 @@ const results = new Results(editor.board, (kind) => editor.keep(kind));
 const sources = new Sources(() => editor.motion, useMotion);
 const draft = new Draft("linkage-atlas-motion", (content) => sources.openDraft(content), () => sources.useExample(sources.examples[0]?.name));
 const gallery = new Gallery((name) => sources.useExample(name));
-const live = new Live(followed);
+const follower = new Live(followed);
 
 function pathDrawn(places, closed) {
   sources.useDrawn(places, closed);
@@ -69,7 +69,7 @@ function howNear({ reply, motion }) {
   return `off by ${off.map(([, error, pose]) => `${error} (pose ${pose})`).join(" and ")}`;
 }
 
-function sentenceOf({ reply: { status, solutions, report }, request, motion, stored, seconds }) {
+function sentenceOf({ reply: { status, solutions, report }, request, motion, stored, live, seconds }) {
   if (!solutions.length) {
     const why = report.notes.filter((note) => !note.startsWith("nothing within")).map(plainNote).join(" ");
     const proved = status === "infeasible" ? "No linkage was found within these limits, and the search ran to its end." : `None found in ${seconds.toFixed(1)} s, when the time was up; that proves nothing.`;
@@ -79,9 +79,9 @@ function sentenceOf({ reply: { status, solutions, report }, request, motion, sto
   const limited = held.length && status !== "reached" ? `, held by ${held.map(limitName).join(" and ")}` : "";
   const kept = status === "reached" && request.tolerances ? "Within the allowed errors at every pose" : !request.tolerances && request.prefer && "Near the least error", first = FIRST[preferred(request)];
   const parts = [`${kept && first ? `${kept}, ${first}` : kept || "Best found"}: ${near}${limited}.`];
-  if (report.stopped_by === "budget" && !stored && !answer?.live) parts.push(`The time was up after ${seconds.toFixed(1)} s: there may be better ones.`);
+  if (report.stopped_by === "budget" && !stored && !live) parts.push(`The time was up after ${seconds.toFixed(1)} s: there may be better ones.`);
   if (stored) parts.push("Searched beforehand.");
-  if (answer?.live) parts.push("Found while dragging, among four-bars: Solve searches on.");
+  if (live) parts.push("Found while dragging, among four-bars: Solve searches on.");
   if (defects(solutions[0].verdict).length) parts.push("But none is free of defects: see the verdicts.");
   return parts.join(" ");
 }
@@ -159,7 +159,7 @@ const dragged = () => /^drag \d/.test(editor.history.kind ?? "");
 /** Lets the answer that is shown follow. */
 function follow() {
   const motion = structuredClone(editor.motion);
-  if (dragged() && answer?.reply.solutions.length && !editor.fault && !fault(motion)) live.follow(toRequest(motion), motion);
+  if (dragged() && answer?.reply.solutions.length && !editor.fault && !fault(motion)) follower.follow(toRequest(motion), motion);
 }
 
 /** Shows an answer that came while dragging, unless the motion has been left for another. */
