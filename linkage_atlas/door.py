@@ -339,14 +339,12 @@ def synthesize(
         notes.append(CUT_SHORT)
     if len(solutions) < len(found):
         notes.append(f"the time was up: of {len(found)} linkages found the best {len(solutions)} are reported")
-    total = watch.elapsed
-    seconds = course.stages | {"report": total - searched, "total": total}
-    report = Report(
-        elapsed_ms={name: 1000 * value for name, value in seconds.items()},
-        trace=[(1000 * value, objective) for value, objective in course.trace],
-        stopped_by=course.stopped_by,
-        length_scale=None if wanted.samples.position is None else wanted.samples.length_scale,
-        notes=notes,
+    report = _report(
+        course,
+        wanted,
+        searched,
+        watch.elapsed,
+        notes,
         live=None if begun is None else Continued(bool(len(begun.branch))),
         unseen=course.unseen,
         **course.counts,
@@ -392,19 +390,25 @@ def _of_kinds(
         notes.append(UNASKED if motion.travel is None else UNASKED.replace("crank angles are", "travel is", 1))
     if len(solutions) < len(chosen):
         notes.append(f"the time was up: of {len(chosen)} linkages found the best {len(solutions)} are reported")
-    total = watch.elapsed
+    report = _report(
+        course, motion, searched, watch.elapsed, notes, seeds=course.seeds, windows=None, exhaustive=None
+    )
+    return Result(status_of(solutions, tolerance, motion.tolerances is not None, cut_short), solutions, report)
+
+
+def _report(
+    course: Course | KindsCourse, motion: Motion, searched: float, total: float, notes: list[str], **more: Any
+) -> Report:
+    """Of a search that took so many seconds, with all that was made of its answers so many in total."""
     seconds = course.stages | {"report": total - searched, "total": total}
-    report = Report(
+    return Report(
         elapsed_ms={name: 1000 * value for name, value in seconds.items()},
         trace=[(1000 * value, objective) for value, objective in course.trace],
         stopped_by=course.stopped_by,
         length_scale=None if motion.samples.position is None else motion.samples.length_scale,
-        seeds=course.seeds,
-        windows=None,
-        exhaustive=None,
         notes=notes,
+        **more,
     )
-    return Result(status_of(solutions, tolerance, motion.tolerances is not None, cut_short), solutions, report)
 
 
 # -- the search -------------------------------------------------------------------------------------------------------
