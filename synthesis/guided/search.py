@@ -290,7 +290,10 @@ class Search:
         self.bounds = Bounds(limits, poses, timed=given is not None)
         self.samples = Samples.of(poses, self.given)
         self.few = _some(self.samples, _SAMPLES, _FEWER)
+        self.some = _some(self.samples, _MANY, _FEWER)
         self.body = Body(poses)
+        full = poses.full
+        self.thin = self.body if full.size <= _MANY else Body(poses.at(full[:: -(-full.size // _MANY) * 3]))
         self.sorts = {sort for way in ways for sort in (way.first, way.second)}
         self.random = np.random.default_rng(20)
         self.seeds = 0
@@ -391,11 +394,11 @@ class Search:
         first = np.mean(off, axis=1, keepdims=True)
         return first, np.mean((off - first) ** 2, axis=1)
 
-    def timed(self, begin: Candidates, stages: Sequence[tuple[int, float, int]]) -> Candidates:
+    def timed(self, begin: Candidates, stages: Sequence[tuple[int, float, int]], samples: Samples) -> Candidates:
         """Candidates after descents at the drive that is given; with J squared there."""
         chart = Chart(begin.pairs)
         with np.errstate(all="ignore"):
-            at = Corrected(self.samples, chart.start, chart.labels, 6)
+            at = Corrected(samples, chart.start, chart.labels, 6)
             sign = self._signs(at, begin.way[:, None])
             first, _ = self._timing(at, sign)
         x = np.concatenate([chart.start, first], axis=1)
@@ -404,7 +407,7 @@ class Search:
             labels = np.concatenate([chart.labels, extra], axis=1)
 
             def priced(unknowns: Floats, own: Floats, weight: float = weight) -> Evaluation:
-                return self._bounded_at(Driven(self.samples, unknowns, own[:, :11], own[:, 14:15]), own, weight)
+                return self._bounded_at(Driven(samples, unknowns, own[:, :11], own[:, 14:15]), own, weight)
 
             done = minimise(priced, x, labels, steps, 0.0, self.work, 1e-6, 1e-3)
             begin = begin._replace(pairs=chart.pairs_at(done.unknowns), cost=done.cost)
@@ -412,7 +415,7 @@ class Search:
             chart = Chart(begin.pairs)
             x = np.concatenate([chart.start, first], axis=1)
         with np.errstate(all="ignore"):
-            at = Driven(self.samples, x, chart.labels, sign, 12)
+            at = Driven(samples, x, chart.labels, sign, 12)
         cost = np.where(at.closed, np.einsum("nk,nk->n", at.rows, at.rows), np.inf)
         return begin._replace(cost=np.where(np.isfinite(cost), cost, np.inf), first=first[:, 0])
 
@@ -515,8 +518,8 @@ class Search:
 
     def near(self) -> Candidates:
         """Pairs of guides of points all over body and ground: the best of each drive."""
-        sorts = near_guides(self.body, self.sorts)
-        motion = Motion.of(self.body)
+        sorts = near_guides(self.thin, self.sorts)
+        motion = Motion.of(self.thin)
         best = []
         for guides in sorts:
             error = _errors(guides, motion)
@@ -560,7 +563,7 @@ class Search:
         exact = self.exact()
         if exact is not None:
             exact = exact.take(self._best(exact, _SEEDS, self.few))
-            self._answers(self.timed(exact, _GIVEN))
+            self._answers(self.timed(exact, _GIVEN, self.some))
             self.note()
         idle, pool = 0, None
         begin = self.near()
@@ -569,15 +572,19 @@ class Search:
             begin = begin.take(np.isin(begin.drive, self._left))
             begin = self._measured_again(self.descended(begin, _STAGES[:1], self.few), self.few)
             begin = self._pooled(begin, _SEEDS)
-            ended = self.timed(begin, _GIVEN)
+            ended = self.timed(begin, _GIVEN, self.few)
             pool = ended if pool is None else pool.joined(ended)
             pool = self._pooled(pool)
-            self._answers(self.timed(self._pooled(ended, 2), _END))
+            self._answers(self.timed(self._pooled(ended, 2), _END, self.some))
             self.note()
             if self.work.expired():
                 return False
             idle = 0 if np.any(self.levels < (1 - _WORTH) * before) else idle + 1
             begin = self.hops(pool)
+        if self.found is not None and self._left.size and self.some is not self.samples and not self.work.expired():
+            best = self._pooled(self.found, 1)
+            self._answers(self.timed(best.take(np.isin(best.drive, self._left)), _LAST, self.samples))
+            self.note()
         return not self.work.expired()
 
     def _run_free(self) -> bool:
@@ -681,7 +688,7 @@ class Search:
         pairs = Pairs(guides[0], guides[1], one.pairs.hinge)
         begin = self.measured(pairs, np.full(1, number), self.samples)
         if self.given is not None:
-            begin = self.timed(begin, _END)
+            begin = self.timed(begin, _END, self.some)
         else:
             begin = self._refined(begin)
             if not self.limits.only_family:
