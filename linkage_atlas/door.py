@@ -380,6 +380,7 @@ def _of_kinds(
     chosen = front(found, motion, prefers, tolerance, top)
     searched = watch.elapsed
     solutions = finished_kinds(chosen, motion, limits, tolerance, studies, watch.extended(FINISHING))
+    notes += study_notes(studies.manufacture, solutions)
     cut_short = course.stopped_by == StoppedBy.BUDGET.value
     if not solutions and cut_short:
         notes.append(CUT_SHORT)

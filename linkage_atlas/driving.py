@@ -859,6 +859,8 @@ def _found(search: _Search, place: _Place, asked: Asked, top: int, work: Work) -
             wish["kind"]
         ](wish)
     for number_, wish in enumerate(asked.springs, 1):
+        if work.expired():
+            break
         search.spring(wish, number_)
     order = {"rotary": 0, "actuator": 1, "dyad": 2, "toggle": 3}
     found = sorted(search.found, key=lambda row: (order[row[1].kind], row[0]))
@@ -1363,7 +1365,9 @@ class _Search:
                 float(wish.get("clear", 0.05 * self.machine.extent)),
             )
             pivoted = [name for name, one in self.machine.links.items() if one.pivot is not None]
-            if between is None and len(pivoted) > 1:
+            if between is None and not pivoted:
+                found = "no link turns about a fixed pivot: say in `between` where the spring is to be"
+            elif between is None and len(pivoted) > 1:
                 pairs = [(GROUND, name) for name in pivoted[:2]]
                 found = best_pair(self.machine, self.torque, pairs, wish["kinds"], room, self.work)
             else:

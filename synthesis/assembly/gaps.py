@@ -36,7 +36,7 @@ MOST_CELLS = 6000
 """Undecided cells of a pair at once: with more it touches where it does not collide."""
 NEAR = 1e-3
 """Of the size: cells in which a gap may be less than the least known by this are halved."""
-AT_ONCE = 2_000_000
+AT_ONCE = 400_000
 """Pairs of corners that are compared at once: a bound of the memory."""
 LOOKS, PLACES = 8, 65
 """Of the last refinement of a least gap: how often, and places at each."""
