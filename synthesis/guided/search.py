@@ -959,9 +959,10 @@ def search_guided(
     if given is not None and driver is None:
         ways = [way for way in ways if not way.driver.turns]
     search = Search(poses, limits, ways, tolerance, work, given)
-    ended = search.run()
-    search.straighten()
-    solutions = search.solutions()
+    with np.errstate(all="ignore"):  # candidates may be impossible: those cost infinitely much
+        ended = search.run()
+        search.straighten()
+        solutions = search.solutions()
     reached = not search._left.size
     stopped = StoppedBy.TOLERANCE if reached else StoppedBy.CONVERGED if ended else StoppedBy.BUDGET
     return solutions, SearchReport(stopped, search.trace, search.seeds, search.notes)
