@@ -3259,6 +3259,14 @@ class PairDescent:
                     places[n, i, k] = self.poses[i, k]
         return table, poses, drive
 
+    def gradient(self, unknowns: double[::1], labels: double[::1], weight: double, sweeps: cython.int):
+        """The derivatives of a candidate's cost."""
+        self.weight, self.sweeps = weight, sweeps
+        self.take(unknowns, labels)
+        self.evaluate(True, weight > 0.0)
+        table = np.asarray(self.m)[: self.size + 1, : self.size + 1]
+        return 2.0 * (table[:-1] @ table[-1])
+
     # -- descents ----------------------------------------------------------------------------------------------------
 
     def begin(self, unknowns, labels, iterations, damping, stall, weight, sweeps):
