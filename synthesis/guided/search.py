@@ -7,7 +7,7 @@ Data flow of a request::
       -> descents in which broken limits weigh more from stage to stage, then about the best of what came out, in rounds
       -> answers within the limits, checked on the linkage's own motion
 
-All kinds and drives descend in one batch: they differ in labels only.
+All kinds and drives share the rounds of one search: they differ in labels only.
 """
 
 from __future__ import annotations
