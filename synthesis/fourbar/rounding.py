@@ -363,7 +363,7 @@ def place(
     begin = np.concatenate([starts[rows, columns], np.full(len(links), old.start)])
     own, around = links[tried], _best_pose(target, links[tried], branch, begin)[1]
     best: list[Solution | None] = [None] * len(links)
-    refined = _refined(target, own, branch, around.unknowns(target))
+    refined = _refined(target, own, branch, around.unknowns(target), work)
     kept = _offer(best, target, own, branch, tried, Places.of(target, refined), limits)
     open_rows = np.flatnonzero(~kept)
     if open_rows.size and not limits.only_family:
@@ -409,11 +409,12 @@ def _offer(
     return kept
 
 
-def _refined(target: Target, links: Floats, branch: int, unknowns: Floats) -> Floats:
+def _refined(target: Target, links: Floats, branch: int, unknowns: Floats, work: Work) -> Floats:
     def evaluate(some: Floats, which: Floats) -> Evaluation:
         return _evaluation(_rows(target, links[which.astype(int)], branch, some))
 
-    return minimise(evaluate, unknowns, np.arange(len(links), dtype=float), _STEPS, stall=0.0, damping=1e-6).unknowns
+    which = np.arange(len(links), dtype=float)
+    return minimise(evaluate, unknowns, which, _STEPS, work=work, stall=0.0, damping=1e-6).unknowns
 
 
 def _held_back(target: Target, links: Floats, branch: int, unknowns: Floats, limits: Limits, work: Work) -> Floats:
