@@ -136,13 +136,15 @@ class Target(Samples):
     (clockwise). Where they were found and not given, the samples may be passed in another order. ``start``: theta1 at
     the first sample, where it is given. ``offset``: what is added to theta2 to give the rotation, where it is given;
     whole turns do not count. ``found``: whether the crank angles were found together with a linkage; then crank and
-    rotation may have leading axes, one linkage each.
+    rotation may have leading axes, one linkage each. ``closed``: whether the crank turns on from the last sample to the
+    first, so that the motion uses a whole turn.
     """
 
     crank: Floats
     start: float | None = None
     offset: float | None = None
     found: bool = False
+    closed: bool = False
 
     @property
     def samples(self) -> int:
@@ -154,6 +156,9 @@ class Target(Samples):
         """The crank angles that the motion uses, from the first sample."""
         if not self.found:
             return Interval(0.0, float(self.crank[-1]))
+        if self.closed:
+            low = np.where(self.crank[..., -1] < self.crank[..., 0], -TURN, 0.0) + self.crank[..., 0]
+            return Interval(low, low + TURN)
         return Interval(self.crank.min(axis=-1), self.crank.max(axis=-1))
 
     def one_of(self, place: int) -> Target:

@@ -69,7 +69,7 @@ class Poses(Samples):
 
     def used(self, crank: Floats) -> Target:
         """Crank angles (n, N) and length scale alone: all that limits need to know of the request."""
-        return Target(None, None, self.length_scale, crank=crank, found=True)
+        return Target(None, None, self.length_scale, crank=crank, found=True, closed=self.closed)
 
     def timed(self, crank: Floats, rotation: Floats | None) -> Target:
         """The request with crank angles from the first sample, of one linkage or of several.
@@ -87,7 +87,9 @@ class Poses(Samples):
             assert rotation is not None
             turns = turns + TURN * np.round((rotation - turns) / TURN)
         weights = asked.rotation_weights, asked.position_weights
-        return Target(turns, asked.position, asked.length_scale, *weights, crank=crank, found=True)
+        return Target(
+            turns, asked.position, asked.length_scale, *weights, crank=crank, found=True, closed=self.closed
+        )
 
 
 def make_poses(

@@ -9,6 +9,9 @@ import linkage_atlas as la
 
 CRANK = [0.0, 10.0, 35.0, 50.0, 80.0, 110.0]
 
+HALF = np.linspace(0, np.pi, 10)
+LETTER_D = [*([-50 + 10 * k, 0] for k in range(10)), *np.transpose([50 * np.cos(HALF), 40 * np.sin(HALF)])[:-1].tolist()]
+
 
 @pytest.fixture(scope="module")
 def motion():
@@ -124,6 +127,27 @@ def test_a_closed_way_may_end_where_it_began() -> None:
         joints.rotation[:-1], joints.body_point[:-1], timing="free", limits={"preset": "none"}, closed=True
     ).best
     assert less.linkage.links == pytest.approx([19, 72, 64, 80], rel=1e-8) and less.crank_angle.size == 8
+
+
+@pytest.mark.parametrize("points", [[[0, 0], [10, 0], [5, 8]], [[0, 0], [10, 0], [10, 10], [0, 10]], LETTER_D])
+def test_a_closed_way_keeps_its_limits_on_the_way_back_too(points) -> None:
+    """From the last point the crank turns on to the first: a transmission angle below the limit there is met at every turn."""
+    found = la.synthesize(position=points, timing="free", closed=True, assembly=True)
+    assert len(found) > 2
+    for one in found:
+        turned = one.linkage.joints(np.linspace(0, 360, 721)).transmission_angle.min()
+        assert turned > 35 - 1e-6 and one.transmission_angle_min == pytest.approx(turned, abs=1e-3)
+        free = one.verdict.assembly is not None and one.verdict.assembly.status == "free"
+        assert free == (one.linkage.assembly().status == "free"), "as over the whole turn"
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_an_analysis_of_a_closed_way_goes_round(way) -> None:
+    points = [[0, 0], [10, 0], [5, 8], [1, 4]][::way]
+    best = la.synthesize(position=points, timing="free", closed=True, analysis={"crank_speed": 60}).best
+    curve = best.analysis.curve.crank_angle
+    assert abs(curve[-1] - curve[0]) == pytest.approx(360) and 0 in (curve[0], curve[-1])
+    assert min(curve) <= min(best.crank_angle) and max(curve) >= max(best.crank_angle)
 
 
 LID = (
