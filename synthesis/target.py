@@ -153,13 +153,15 @@ class Target(Samples):
 
     @property
     def interval(self) -> Interval:
-        """The crank angles that the motion uses, from the first sample."""
+        """The crank angles that the motion uses, from the first sample on; where that is at neither end, from the least."""
         if not self.found:
             return Interval(0.0, float(self.crank[-1]))
+        low, high = self.crank.min(axis=-1), self.crank.max(axis=-1)
+        down = self.crank[..., 0] >= high
+        first = np.where(down, high, low)[()]
         if self.closed:
-            low = np.where(self.crank[..., -1] < self.crank[..., 0], -TURN, 0.0) + self.crank[..., 0]
-            return Interval(low, low + TURN)
-        return Interval(self.crank.min(axis=-1), self.crank.max(axis=-1))
+            return Interval(first, first + np.where(down, -TURN, TURN))
+        return Interval(first, np.where(down, low, high)[()])
 
     def one_of(self, place: int) -> Target:
         """The target of one linkage, where each has crank angles of its own."""
