@@ -62,9 +62,7 @@ def read_limits(limits: Mapping[str, Any] | None, motion: Motion) -> fourbar.Lim
     checked.check_against(motion.samples)
     angle = checked.transmission_angle_min
     if isinstance(motion.samples, Poses) and motion.samples.closed and angle:  # which uses the whole turn
-        return replace(
-            checked, transmission_angle_min_turn=max(angle, checked.transmission_angle_min_turn or 0.0)
-        )
+        return replace(checked, transmission_angle_min_turn=max(angle, checked.transmission_angle_min_turn or 0.0))
     return checked
 
 

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from synthesis.arrays import Complexes
+from synthesis.arrays import Complexes, Floats
 from synthesis.errors import FieldError
 from synthesis.fourbar.analysis import LinkMass, curve_over
 from synthesis.fourbar.kinematics import close_loop
 from synthesis.fourbar.linkage import Joints, Linkage
-from synthesis.sheet import More, Sheet, csv_text, dxf_document, dxf_text
+from synthesis.sheet import More, Sheet, csv_text, dxf_document, dxf_text, given_cells
 from synthesis.target import Interval, Target
 
 FARTHEST = 1e9
@@ -59,8 +59,18 @@ def used_joints(linkage: Linkage, interval: Interval) -> Joints:
 
 
 def requested_positions(target: Target) -> Complexes:
-    """The positions of a target; none where it has none."""
-    return np.empty(0, dtype=complex) if target.position is None else target.position
+    """The positions that a target asks for; none where it asks for none."""
+    asked = target.asked.position
+    return np.empty(0, dtype=complex) if asked is None else asked[np.isfinite(asked)]
+
+
+def requested_poses(target: Target, turned: Floats) -> Iterable[tuple[complex, float]]:
+    """Position and rotation of each pose that a target asks for; ``turned`` (N,): of the body, where no rotation is asked for."""
+    rotation, places, _ = target.asked
+    if places is None:
+        return []
+    turns = turned if rotation is None else np.where(np.isnan(rotation), turned, rotation)
+    return ((place, turn) for place, turn in zip(places, turns) if np.isfinite(place))
 
 
 def to_svg(linkage: Linkage, target: Target) -> str:
@@ -116,23 +126,23 @@ def to_csv(linkage: Linkage, target: Target, unit: float, more: Mapping[str, Ite
     further columns, a value a sample.
     """
     used_joints(linkage, target.interval)
-    joints = linkage.joints(target.crank)
-    blank = [None] * target.samples
+    joints, asked, rows = linkage.joints(target.crank), target.asked, target.samples
 
     def xy(values: Complexes | None) -> list[Any]:
-        return [blank, blank] if values is None else [values.real.tolist(), values.imag.tolist()]
+        return [given_cells(None if values is None else part(values), rows) for part in (np.real, np.imag)]
 
-    rotation = None if target.rotation is None else target.rotation / unit
+    rotation = None if asked.rotation is None else asked.rotation / unit
+    turned = (joints.rotation - asked.moved) / unit
     point = joints.body_point
-    off = None if point is None or target.position is None else np.abs(target.position - point)
+    off = None if point is None or asked.position is None else np.abs(asked.position - point)
     columns = {
         "crank_angle": (target.crank / unit).tolist(),
-        "rotation_wanted": blank if rotation is None else rotation.tolist(),
-        **dict(zip(("x_wanted", "y_wanted"), xy(target.position))),
-        "rotation": (joints.rotation / unit).tolist(),
+        "rotation_wanted": given_cells(rotation, rows),
+        **dict(zip(("x_wanted", "y_wanted"), xy(asked.position))),
+        "rotation": turned.tolist(),
         **dict(zip(("x", "y"), xy(point))),
-        "rotation_error": blank if rotation is None else (rotation - joints.rotation / unit).tolist(),
-        "position_error": blank if off is None else off.tolist(),
+        "rotation_error": given_cells(None if rotation is None else rotation - turned, rows),
+        "position_error": given_cells(off, rows),
         "transmission_angle": (joints.transmission_angle / unit).tolist(),
         "crank_direction": (joints.crank_angle / unit).tolist(),
         "coupler_direction": (joints.coupler_angle / unit).tolist(),
@@ -182,8 +192,7 @@ def to_dxf(linkage: Linkage, target: Target, unit_mm: float = 1.0, more: More | 
         point = used.body_point
         space.add_lwpolyline([xy(d), xy(c), xy(point[0])], close=True, dxfattribs={"layer": "BODY"})
         space.add_lwpolyline([xy(z) for z in point], dxfattribs={"layer": "PATH"})
-    turns = target.rotation if target.rotation is not None else linkage.joints(target.crank).rotation
-    for place, turn in zip(requested_positions(target), turns):
+    for place, turn in requested_poses(target, linkage.joints(target.crank).rotation):
         space.add_point(xy(place), dxfattribs={"layer": "BODY"})
         arm = place + 0.08 * size / unit_mm * np.exp(1j * turn)
         space.add_line(xy(place), xy(arm), dxfattribs={"layer": "BODY"})

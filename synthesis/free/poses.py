@@ -82,13 +82,21 @@ class Poses(Samples):
             The body's rotation there: those asked for are moved by whole turns to lie nearest to it.
         """
         asked = self if self.asked is None else self.asked
-        turns = asked.rotation
+        turns, moved = asked.rotation, np.zeros(1)
         if turns is not None:
             assert rotation is not None
-            turns = turns + TURN * np.round((rotation - turns) / TURN)
-        weights = asked.rotation_weights, asked.position_weights
+            moved = TURN * np.round((rotation - turns) / TURN)
+            turns = turns + moved
         return Target(
-            turns, asked.position, asked.length_scale, *weights, crank=crank, found=True, closed=self.closed
+            turns,
+            asked.position,
+            asked.length_scale,
+            asked.rotation_weights,
+            asked.position_weights,
+            crank=crank,
+            found=True,
+            closed=self.closed,
+            moved=moved,
         )
 
 

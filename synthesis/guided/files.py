@@ -19,10 +19,11 @@ from synthesis.fourbar.files import (
     SPEED,
     STYLE,
     TIMESTEP,
+    requested_poses,
     requested_positions,
 )
 from synthesis.guided.linkage import BODY, Circle, Driver, GuidedLinkage, MovingLink, Rail, Slot
-from synthesis.sheet import More, Sheet, csv_text, dxf_document, dxf_text
+from synthesis.sheet import More, Sheet, csv_text, dxf_document, dxf_text, given_cells
 from synthesis.target import Interval, Target
 
 SECONDS = 2.0
@@ -180,23 +181,24 @@ def to_csv(
     """
     shown(linkage, target.interval)
     links, found = linkage.links(target.crank), linkage.body(linkage.start + target.crank)
-    body, blank = links[1], [None] * target.samples
+    body, asked, rows = links[1], target.asked, target.samples
 
     def xy(name: str, values: Complexes | None) -> dict[str, list[Any]]:
-        x, y = (blank, blank) if values is None else (values.real.tolist(), values.imag.tolist())
+        x, y = (given_cells(None if values is None else part(values), rows) for part in (np.real, np.imag))
         return {f"x{name}": x, f"y{name}": y}
 
     own = unit if linkage.driver.turns else 1.0
-    rotation = None if target.rotation is None else target.rotation / unit
-    off = None if target.position is None else np.abs(target.position - body.place)
+    rotation = None if asked.rotation is None else asked.rotation / unit
+    turned = (body.direction - asked.moved) / unit
+    off = None if asked.position is None else np.abs(asked.position - body.place)
     columns: dict[str, Any] = {
         "crank_angle" if linkage.driver.turns else "travel": (target.crank / own).tolist(),
-        "rotation_wanted": blank if rotation is None else rotation.tolist(),
-        **xy("_wanted", target.position),
-        "rotation": (body.direction / unit).tolist(),
+        "rotation_wanted": given_cells(rotation, rows),
+        **xy("_wanted", asked.position),
+        "rotation": turned.tolist(),
         **xy("", body.place),
-        "rotation_error": blank if rotation is None else (rotation - body.direction / unit).tolist(),
-        "position_error": blank if off is None else off.tolist(),
+        "rotation_error": given_cells(None if rotation is None else rotation - turned, rows),
+        "position_error": given_cells(off, rows),
         "transmission_angle": (found.transmission_angle / unit).tolist(),
         "arm": found.arm.tolist(),
     }
@@ -262,8 +264,7 @@ def to_dxf(linkage: GuidedLinkage, target: Target, unit_mm: float = 1.0, more: M
     corners = [xy(z) for z in _outline(linkage, found, True)]
     space.add_lwpolyline(corners, close=True, dxfattribs={"layer": "BODY"})
     space.add_lwpolyline([xy(z) for z in body.place], dxfattribs={"layer": "PATH"})
-    turns = target.rotation if target.rotation is not None else linkage.links(target.crank)[1].direction
-    for mark, turn in zip(requested_positions(target), turns):
+    for mark, turn in requested_poses(target, linkage.links(target.crank)[1].direction):
         space.add_point(xy(mark), dxfattribs={"layer": "BODY"})
         space.add_line(xy(mark), xy(mark + 0.08 * found.size * np.exp(1j * turn)), dxfattribs={"layer": "BODY"})
     if more is not None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+
 import ezdxf
 import numpy as np
 import pytest
@@ -11,7 +13,10 @@ import linkage_atlas as la
 CRANK = [0.0, 10.0, 35.0, 50.0, 80.0, 110.0]
 
 HALF = np.linspace(0, np.pi, 10)
-LETTER_D = [*([-50 + 10 * k, 0] for k in range(10)), *np.transpose([50 * np.cos(HALF), 40 * np.sin(HALF)])[:-1].tolist()]
+LETTER_D = [
+    *([-50 + 10 * k, 0] for k in range(10)),
+    *np.transpose([50 * np.cos(HALF), 40 * np.sin(HALF)])[:-1].tolist(),
+]
 
 
 @pytest.fixture(scope="module")
@@ -148,6 +153,33 @@ def test_an_analysis_of_a_closed_way_goes_round(way) -> None:
     best = la.synthesize(position=points, timing="free", closed=True, analysis={"crank_speed": 60}).best
     curve = best.analysis.curve.crank_angle
     assert curve[0] == 0 and curve[-1] == pytest.approx(360 * np.sign(best.crank_angle[-1]))
+
+
+@pytest.mark.parametrize("kind", ["four_bar", "slider_crank"])
+def test_a_table_tells_what_was_asked_for_as_it_was(kind, tmp_path) -> None:
+    """Rotations as they were given, though they count modulo a turn; nothing where nothing was asked for."""
+    turns, points = [340, None, 0, 10, 20], [[0, 0], [20, 2], None, [60, 10], [80, 8]]
+    best = la.synthesize(turns, points, timing="free", mechanisms=[kind], top=1).best
+    best.linkage.save(tmp_path / "poses.csv")
+    rows = list(csv.DictReader((tmp_path / "poses.csv").read_text().splitlines()))
+    cells = [row["rotation_wanted"] for row in rows]
+    assert cells[1] == "" and [float(cells[k]) for k in (0, 2, 3, 4)] == pytest.approx([340, 0, 10, 20])
+    assert (
+        rows[1]["rotation_error"] == ""
+        and rows[2]["x_wanted"] == rows[2]["y_wanted"] == rows[2]["position_error"] == ""
+    )
+    errors = [float(row["rotation_error"]) for row in rows if row["rotation_error"]]
+    assert max(map(abs, errors)) == pytest.approx(best.errors.rotation_max, abs=1e-9)
+    assert [float(row["rotation"]) for row in rows[2:]] == pytest.approx(
+        [0, 10, 20], abs=best.errors.rotation_max + 1e-9
+    )
+    assert abs(float(rows[1]["rotation"]) - 350) < 20, "between the rotations of its neighbours"
+    best.linkage.save(tmp_path / "poses.dxf")
+    places = [
+        (point.dxf.location.x, point.dxf.location.y)
+        for point in ezdxf.readfile(tmp_path / "poses.dxf").modelspace().query("POINT")
+    ]
+    assert np.allclose(places, [place for place in points if place])
 
 
 @pytest.mark.parametrize("kind", ["four_bar", "slider_crank", "swinging_block", "rail_slot"])
