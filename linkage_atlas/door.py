@@ -346,7 +346,7 @@ def synthesize(
         watch.elapsed,
         notes,
         live=None if begun is None else Continued(bool(len(begun.branch))),
-        unseen=course.unseen,
+        unseen=None if cut_short else course.unseen,
         **course.counts,
     )
     if live is not None and course.left is not None:

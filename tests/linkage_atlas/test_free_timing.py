@@ -173,7 +173,7 @@ def test_a_table_tells_what_was_asked_for_as_it_was(kind, tmp_path) -> None:
     assert [float(row["rotation"]) for row in rows[2:]] == pytest.approx(
         [0, 10, 20], abs=best.errors.rotation_max + 1e-9
     )
-    assert abs(float(rows[1]["rotation"]) - 350) < 20, "between the rotations of its neighbours"
+    assert abs(float(rows[1]["rotation"]) - 350) < 90, "within half a turn of its neighbours"
     best.linkage.save(tmp_path / "poses.dxf")
     places = [
         (point.dxf.location.x, point.dxf.location.y)
