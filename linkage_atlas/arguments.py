@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -72,15 +72,16 @@ def known_fields(field: str, given: Any, names: tuple[str, ...]) -> None:
 
 def kinds_among(given: Any, known: Sequence[str], there_are: str = "") -> list[str]:
     """The kinds of mechanism that are asked for, each once, in the order of all that are known."""
-    if not given or isinstance(given, str):
-        if given != "all":
-            raise FieldError("/mechanisms", f"wanted a list of {', '.join(known)}, or 'all'")
+    if isinstance(given, str) and given == "all":
         return list(known)
-    for place, name in enumerate(given):
+    asked = [] if isinstance(given, str) or not isinstance(given, Iterable) else list(given)
+    if not asked:
+        raise FieldError("/mechanisms", f"wanted a list of {', '.join(known)}, or 'all'")
+    for place, name in enumerate(asked):
         if name not in known:
             words = there_are or f"wanted one of {', '.join(known)}"
             raise FieldError(f"/mechanisms/{place}", f"{words}, found {name!r}")
-    return [name for name in known if name in given]
+    return [name for name in known if name in asked]
 
 
 def bounded(field: str, value: Any, most: float = LARGEST) -> float:

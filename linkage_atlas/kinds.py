@@ -78,9 +78,8 @@ class Asked(NamedTuple):
 def read_kinds(mechanisms: Any, driver: Any, motion: Motion) -> Asked:
     """The kinds that are asked for, checked against the motion. Raises `FieldError` naming the argument."""
     given = ("four_bar",) if mechanisms is None else mechanisms
-    if given in (*MECHANISMS, *SIX_BARS):
-        given = (given,)
-    for place, name in enumerate(given):
+    given = (given,) if isinstance(given, str) and given != "all" else given
+    for place, name in enumerate(given if isinstance(given, Sequence) else ()):
         if name in SIX_BARS:
             raise FieldError(f"/mechanisms/{place}", f"six-bars such as {name} are not searched for")
     kinds = tuple(map(Kind, kinds_among(given, MECHANISMS)))

@@ -83,7 +83,7 @@ def match(
     check_above_zero(budget=budget)
     if curve not in ("coupler", "rocker"):
         raise FieldError("/curve", f"wanted 'coupler' or 'rocker', found {curve!r}")
-    kinds = kinds_among(tuple(mechanisms) if mechanisms != "all" else mechanisms, MECHANISMS)
+    kinds = kinds_among(mechanisms, MECHANISMS)
     if curve == "rocker" and SLIDER_CRANK in kinds:
         raise FieldError("/curve", "a slider-crank has no rocker: ask for mechanisms ['four_bar']")
     if crank_span is None and crank_angle is None:
