@@ -106,8 +106,14 @@ def standing(pages):
 
 
 @pytest.fixture
-def edited(page):
+def opened(standing):
+    """The page as the test before has left it, with its first machine opened again and at rest."""
+    standing.choose("casement")
+    return standing
+
+
+@pytest.fixture
+def edited(opened):
     """The page with its first machine at rest, in the mode that edits the linkage."""
-    page.rest()
-    page.mode("hand")
-    return page
+    opened.mode("hand")
+    return opened

@@ -123,8 +123,13 @@ class Page:
     def active(self) -> Any:
         return self.browser.switch_to.active_element
 
+    def read(self, selector: str) -> str:
+        """Text of a part as it is shown: none of a part that is hidden. By one call: the page may put another in its place."""
+        script = "const e = document.querySelector(arguments[0]); return e.checkVisibility() ? e.innerText : ''"
+        return re.sub("[ \t]+", " ", self.run(script, selector)).strip()
+
     def text(self, name: str) -> str:
-        return self.find(name).text
+        return self.read(f"#{name}")
 
     @property
     def focus(self) -> str:
@@ -138,13 +143,15 @@ class Page:
         return self.run("return [...document.querySelectorAll(arguments[0])].map((one) => one.innerText)", selector)
 
     def value(self, name: str) -> str:
-        return self.find(name).get_attribute("value")
+        return self.run("return document.getElementById(arguments[0]).value", name)
 
     def shown(self, name: str) -> bool:
-        return self.find(name).is_displayed()
+        return self.run(
+            "return document.getElementById(arguments[0]).checkVisibility({visibilityProperty: true})", name
+        )
 
     def ticked(self, name: str) -> bool:
-        return self.find(name).is_selected()
+        return self.run("return document.getElementById(arguments[0]).checked", name)
 
     def count(self, selector: str) -> int:
         return self.run("return document.querySelectorAll(arguments[0]).length", selector)
@@ -161,8 +168,11 @@ class Page:
         self.cdp("Emulation.setDeviceMetricsOverride", size)
 
     def forget(self) -> None:
-        """Leave the page; its browser knows it no longer."""
-        self.browser.get("about:blank")
+        """Leave the page for a picture of the same service; its browser knows it no longer.
+
+        An address elsewhere would end the browser's process for the page, and the next page would wait for another.
+        """
+        self.browser.get(f"{self.address}/static/icon.svg")
         self.cdp("Storage.clearDataForOrigin", {"origin": self.address, "storageTypes": "local_storage"})
 
     def go(self, path: str = "", seconds: float = 60.0) -> None:
@@ -324,9 +334,11 @@ class MotionPage(Page):
         cell.send_keys(*keys)
 
     def paste(self, rows: str) -> None:
-        self.click("paste")
-        self.run("document.getElementById('paste-text').value = arguments[0]", rows)
-        self.click("paste-use")
+        self.run(
+            "const part = (name) => document.getElementById(name);"
+            "part('paste').click(); part('paste-text').value = arguments[0]; part('paste-use').click()",
+            rows,
+        )
 
     def take(self, request: dict[str, Any]) -> None:
         self.paste(json.dumps(request))
@@ -422,9 +434,13 @@ class MotionPage(Page):
     def cards(self) -> list[Any]:
         return self.all("#solutions button")
 
+    def choose_card(self, k: int) -> None:
+        """By one call: cards are drawn again when their layers are known."""
+        self.run("document.querySelectorAll('#solutions button')[arguments[0]].click()", k)
+
     def card(self) -> str:
         """Text of the card that is chosen."""
-        return self.pick("#solutions [aria-pressed=true]").text
+        return self.read("#solutions [aria-pressed=true]")
 
     def earlier(self) -> bool | None:
         """Whether each card that is shown says that it is of an earlier request; they all do, or none."""

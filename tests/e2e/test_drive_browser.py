@@ -27,70 +27,70 @@ def number(page, name: str) -> float:
     return float(re.search(rf"{name}\s+(-?[\d.]+)", rows)[1])
 
 
-def test_a_cylinder_is_found_moves_and_its_pins_are_dragged(page) -> None:
-    page.wait("document.querySelectorAll('#solutions li').length > 0")
-    fill(page, retracted=255, stroke=150, reach=250, **{"force-y": 100})
-    found(page)
-    assert "reach_max is 250" in page.text("drive-refused")
-    assert "255 + 150 mm" in page.text("drive-numbers")
-    best = number(page, "peak force")
-    assert page.run("return document.querySelectorAll('#drive-curves .chart').length") == 2
-    page.run("const s = document.getElementById('slider'); s.value = s.min; s.dispatchEvent(new Event('input'))")
+def test_a_cylinder_is_found_moves_and_its_pins_are_dragged(opened) -> None:
+    opened.wait("document.querySelectorAll('#solutions li').length > 0")
+    fill(opened, retracted=255, stroke=150, reach=250, **{"force-y": 100})
+    found(opened)
+    assert "reach_max is 250" in opened.text("drive-refused")
+    assert "255 + 150 mm" in opened.text("drive-numbers")
+    best = number(opened, "peak force")
+    assert opened.run("return document.querySelectorAll('#drive-curves .chart').length") == 2
+    opened.run("const s = document.getElementById('slider'); s.value = s.min; s.dispatchEvent(new Event('input'))")
     lengths = []
     for end in ("min", "max"):
-        page.run(
+        opened.run(
             f"const s = document.getElementById('slider'); s.value = s.{end}; s.dispatchEvent(new Event('input'))"
         )
-        lengths.append(float(page.run("return document.querySelector('[data-layer=drive]').dataset.length")))
+        lengths.append(float(opened.run("return document.querySelector('[data-layer=drive]').dataset.length")))
     assert sorted(lengths) == pytest.approx([255, 405], abs=0.01)
     if PICTURE:
-        page.run(
+        opened.run(
             "const s = document.getElementById('slider'); s.value = (+s.min + +s.max) / 2; s.dispatchEvent(new Event('input'))"
         )
-        page.browser.execute_script("document.getElementById('board-title').scrollIntoView()")
-        page.browser.save_screenshot(PICTURE)
-        page.browser.execute_script("document.getElementById('drive-card').scrollIntoView()")
-        page.browser.save_screenshot(PICTURE.replace(".png", "_card.png"))
-    page.run("window.print = () => {}; document.getElementById('print').click()")
-    page.wait("document.getElementById('sheet').textContent.includes('255 + 150 mm')")
-    assert page.run("return document.querySelectorAll('#sheet .drive-rod').length") == 1
+        opened.browser.execute_script("document.getElementById('board-title').scrollIntoView()")
+        opened.browser.save_screenshot(PICTURE)
+        opened.browser.execute_script("document.getElementById('drive-card').scrollIntoView()")
+        opened.browser.save_screenshot(PICTURE.replace(".png", "_card.png"))
+    opened.run("window.print = () => {}; document.getElementById('print').click()")
+    opened.wait("document.getElementById('sheet').textContent.includes('255 + 150 mm')")
+    assert opened.run("return document.querySelectorAll('#sheet .drive-rod').length") == 1
     # an arrow key on the ground point: its numbers are computed anew, and the optimum was better
-    page.run(
+    opened.run(
         "const dot = document.querySelector('[data-end=ground]'); dot.focus();"
         "dot.dispatchEvent(new KeyboardEvent('keydown', {key: 'ArrowRight', shiftKey: true, bubbles: true}))"
     )
-    assert "by hand" in page.text("drive-numbers")
-    assert number(page, "peak force") != pytest.approx(best, rel=1e-6)
-    assert page.run("return document.activeElement.dataset.end") == "ground"
+    assert "by hand" in opened.text("drive-numbers")
+    assert number(opened, "peak force") != pytest.approx(best, rel=1e-6)
+    assert opened.run("return document.activeElement.dataset.end") == "ground"
 
 
 @pytest.mark.parametrize("kind", ["rotary", "dyad", "toggle", "gas", "tension", "ideal"])
-def test_other_kinds_are_found_and_drawn(page, kind) -> None:
-    page.wait("document.querySelectorAll('#solutions li').length > 0")
-    fill(page, kind=kind, **{"force-y": 100})
-    found(page)
-    assert page.run("return document.querySelectorAll('#drive-numbers tr').length") >= 3
-    assert page.run("return document.querySelectorAll('[data-layer=drive] *').length") >= 1
-    assert page.run("return document.querySelectorAll('#drive-curves .chart').length") >= 1
+def test_other_kinds_are_found_and_drawn(opened, kind) -> None:
+    opened.wait("document.querySelectorAll('#solutions li').length > 0")
+    fill(opened, kind=kind, **{"force-y": 100})
+    found(opened)
+    assert opened.run("return document.querySelectorAll('#drive-numbers tr').length") >= 3
+    assert opened.run("return document.querySelectorAll('[data-layer=drive] *').length") >= 1
+    assert opened.run("return document.querySelectorAll('#drive-curves .chart').length") >= 1
 
 
-def test_a_catalogue_offers_its_rows_and_the_drawing_has_the_drive(page) -> None:
-    page.wait("document.querySelectorAll('#solutions li').length > 0")
-    page.run("document.getElementById('drive-catalogue').value = 'iso_6432'")
-    fill(page, **{"force-y": 5})
-    found(page)
-    page.wait("document.querySelectorAll('#drive-found button').length > 1")
-    assert "ISO 6432" in page.text("drive-found")
-    second = page.run("return document.querySelectorAll('#drive-found button')[1].textContent")
-    page.run("document.querySelectorAll('#drive-found button')[1].click()")
-    assert second.split(" on the ")[0] in page.text("drive-numbers")
-    assert b"DRIVE" in page.saved("linkage-1.dxf", "#exports [data-format=dxf]", "mouse")
+def test_a_catalogue_offers_its_rows_and_the_drawing_has_the_drive(opened) -> None:
+    opened.wait("document.querySelectorAll('#solutions li').length > 0")
+    opened.run("document.getElementById('drive-catalogue').value = 'iso_6432'")
+    fill(opened, kind="actuator", **{"force-y": 5})
+    found(opened)
+    opened.wait("document.querySelectorAll('#drive-found button').length > 1")
+    assert "ISO 6432" in opened.text("drive-found")
+    second = opened.run("return document.querySelectorAll('#drive-found button')[1].textContent")
+    opened.run("document.querySelectorAll('#drive-found button')[1].click()")
+    assert second.split(" on the ")[0] in opened.text("drive-numbers")
+    assert b"DRIVE" in opened.saved("linkage-1.dxf", "#exports [data-format=dxf]", "mouse")
 
 
-def test_bad_numbers_are_answered_in_words(page) -> None:
-    page.wait("document.querySelectorAll('#solutions li').length > 0")
-    fill(page, kind="dyad", ratio=9)
-    page.click("drive-find")
-    page.wait("document.getElementById('drive-note').className.includes('bad')")
-    assert "ratio" in page.text("drive-note")
-    page.browser.get_log("browser")  # the browser's own line on a refused request
+def test_bad_numbers_are_answered_in_words(opened) -> None:
+    opened.wait("document.querySelectorAll('#solutions li').length > 0")
+    fill(opened, kind="dyad", ratio=9)
+    opened.click("drive-find")
+    opened.wait("document.getElementById('drive-note').className.includes('bad')")
+    assert "ratio" in opened.text("drive-note")
+    opened.browser.get_log("browser")  # the browser's own line on a refused request

@@ -28,22 +28,22 @@ DEG = np.pi / 180
 FIRST_RESULT_MS = 300
 
 
-def test_a_motion_is_drawn_solved_and_watched(page) -> None:
-    page.click("new-motion")
-    assert page.table() == []
-    page.click_canvas((-150, 60), (-80, 10), (0, -20), (80, -10), (150, 40))
-    assert len(page.table()) == 5
-    cx, cy, scale = page.view()
-    assert page.table()[0][1:3] == pytest.approx([cx - 150 / scale, cy - 60 / scale], abs=2 / scale)
-    page.mode("move")
+def test_a_motion_is_drawn_solved_and_watched(standing) -> None:
+    standing.click("new-motion")
+    assert standing.table() == []
+    standing.click_canvas((-150, 60), (-80, 10), (0, -20), (80, -10), (150, 40))
+    assert len(standing.table()) == 5
+    cx, cy, scale = standing.view()
+    assert standing.table()[0][1:3] == pytest.approx([cx - 150 / scale, cy - 60 / scale], abs=2 / scale)
+    standing.mode("move")
     for k, angle in enumerate([0, 8, 20, 30, 35]):
-        page.cell(f"Pose {k + 1}, angle", str(angle), Keys.TAB)
-    assert not page.shown("span") and page.shown("any-order")
-    page.select("timing", "even")
-    page.type_into("span", "120")
-    page.solve_soon()
-    page.slide(60)
-    assert page.text("travel") == "60.0°"
+        standing.cell(f"Pose {k + 1}, angle", str(angle), Keys.TAB)
+    assert not standing.shown("span") and standing.shown("any-order")
+    standing.select("timing", "even")
+    standing.type_into("span", "120")
+    standing.solve_soon()
+    standing.slide(60)
+    assert standing.text("travel") == "60.0°"
 
 
 NAMES = [e["name"] for e in EXAMPLES]
@@ -53,20 +53,20 @@ NAMES = [e["name"] for e in EXAMPLES]
     "example",
     ["casement", "line", *(pytest.param(n, marks=pytest.mark.wide) for n in NAMES if n not in ("casement", "line"))],
 )
-def test_joints_are_drawn_where_the_reply_says(page, example) -> None:
-    page.choose(example)
-    page.run(
+def test_joints_are_drawn_where_the_reply_says(standing, example) -> None:
+    standing.choose(example)
+    standing.run(
         "window.replies=[];const own=window.fetch;window.fetch=async(...a)=>{const r=await own(...a);"
         "if(a[0]!=='/v1/synthesize')return r;const t=await r.text();window.replies.push(JSON.parse(t));"
         "return new Response(t,{status:r.status,headers:r.headers})}"
     )
-    page.solve_soon()
-    replied = [one for reply in page.run("return window.replies") for one in reply["solutions"]]
+    standing.solve_soon()
+    replied = [one for reply in standing.run("return window.replies") for one in reply["solutions"]]
     request = next(e["request"] for e in EXAMPLES if e["name"] == example)
-    cards = page.cards()
+    cards = standing.cards()
     for rank in (0, min(2, len(cards) - 1)):
-        page.centre(cards[rank]).click()
-        rows = page.run(
+        standing.centre(cards[rank]).click()
+        rows = standing.run(
             "const rows = [...document.querySelectorAll('#numbers tr')];"
             "return Object.fromEntries(rows.map(r => [r.cells[0].textContent, r.cells[1].textContent]))"
         )
@@ -84,10 +84,10 @@ def test_joints_are_drawn_where_the_reply_says(page, example) -> None:
         span = own[-1] if own else request.get("crank_span") or request["crank_angle"][-1]
         linkage = la.FourBar.from_dict(shown)
         for share in (0.0, 0.37, 1.0):
-            page.slide(abs(span) * share)
+            standing.slide(abs(span) * share)
             wanted = linkage.joints([share * span])
             places = wanted.pivot_a, wanted.pivot_b, wanted.crank_pin[0], wanted.coupler_pin[0], wanted.body_point[0]
-            joints, half_pixel = page.all_drawn(), 0.5 / page.view()[2]
+            joints, half_pixel = standing.all_drawn(), 0.5 / standing.view()[2]
             for joint, place in zip("abdcp", places):
                 assert abs(joints[joint] - complex(*place)) < half_pixel, joint
 
@@ -246,25 +246,25 @@ def test_the_answer_follows_a_drag(standing) -> None:
     assert standing.text("status") == before
 
 
-def test_a_pivot_box_is_drawn_and_kept_to(page) -> None:
-    page.choose("worked")
-    page.unfold("limits")
-    page.mode("box")
+def test_a_pivot_box_is_drawn_and_kept_to(standing) -> None:
+    standing.choose("worked")
+    standing.unfold("limits")
+    standing.mode("box")
     for _ in range(4):
-        page.click("zoom-out")
-    page.drag(page.canvas(), 360, 260, (-180, -130))
-    box = [float(page.value(f"box-{k}")) for k in range(4)]
-    cx, cy, scale = page.view()
+        standing.click("zoom-out")
+    standing.drag(standing.canvas(), 360, 260, (-180, -130))
+    box = [float(standing.value(f"box-{k}")) for k in range(4)]
+    cx, cy, scale = standing.view()
     assert box == pytest.approx(
         [cx - 180 / scale, cy - 130 / scale, cx + 180 / scale, cy + 130 / scale], abs=2 / scale
     )
-    page.solve()
-    slack = 1 / page.view()[2]
+    standing.solve()
+    slack = 1 / standing.view()[2]
     for joint in ("a", "b"):
-        at = page.drawn(joint)
+        at = standing.drawn(joint)
         assert box[0] - slack <= at.real <= box[2] + slack and box[1] - slack <= at.imag <= box[3] + slack
-    page.click("box-clear")
-    assert page.value("box-0") == ""
+    standing.click("box-clear")
+    assert standing.value("box-0") == ""
 
 
 @pytest.mark.parametrize(
@@ -478,7 +478,7 @@ def test_a_path_is_solved_and_its_samples_are_passed(standing) -> None:
         assert abs(standing.drawn("p") - complex(*request["position"][k])) < 1 / standing.view()[2]
     assert standing.text("travel") == "-200.0°"
     assert standing.count("#marks .mark") == 6
-    standing.cards()[3].click()
+    standing.choose_card(3)
     details = standing.text("numbers")
     assert "different branches" in details and "dead position" in details
     standing.pick("#numbers summary").click()
@@ -635,7 +635,7 @@ def test_axe_finds_no_serious_fault_and_nothing_sticks_out(page, width, theme) -
     page.stub(request, np.linspace(0, 330, 12))
     page.solve()
     for k in range(len(VERDICTS)):
-        page.cards()[k].click()
+        page.choose_card(k)
         page.run("for (const d of document.querySelectorAll('#numbers details')) d.open = true")
         assert page.width <= width
         assert page.faults("#results, #numbers-card, .canvas-frame, #curves" if k else "html") == []

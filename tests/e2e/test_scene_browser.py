@@ -185,7 +185,7 @@ def test_the_chains_pins_wheels_and_slot_are_drawn_and_follow_the_phase(at) -> N
 
 def test_the_knotter_shows_entries_and_verdicts_and_can_be_turned(at) -> None:
     page = at("knotter")
-    verdict = page.one(".verdicts-list").text
+    verdict = page.read(".verdicts-list")
     assert "wraps over S3S4 at 90.1396°" in verdict and "bites the rope over S8S9 at 311.963°" in verdict
     drawing = page.one("#picture .stage")
     assert len(drawing.find_elements("css selector", "circle.enter:not(.wrong)")) == 2
@@ -213,5 +213,5 @@ def test_the_knotter_shows_entries_and_verdicts_and_can_be_turned(at) -> None:
     assert len(shapes) == 4 and before in shapes
     page.select("example", "fails_to_wrap")
     page.wait("document.querySelector('.verdicts-list li.no')")
-    assert "through S5S3" in page.one(".verdicts-list").text
+    assert "through S5S3" in page.read(".verdicts-list")
     assert page.all("circle.enter.wrong")

@@ -31,7 +31,7 @@ def test_a_practical_machine_moves_on_load(moving, page) -> None:
     assert page.find("play").get_attribute("aria-label") == "Pause"
     before = page.run("return document.querySelector('#canvas .crank').getAttribute('d')")
     page.wait(f"document.querySelector('#canvas .crank').getAttribute('d') !== {json.dumps(before)}")
-    assert GOOD.fullmatch(page.pick("#solutions .verdict").text)
+    assert GOOD.fullmatch(page.read("#solutions .verdict"))
     assert re.search(r"off by 0\.\d+ mm \(pose \d\) and 0\.\d+° \(pose \d\)", page.text("status"))
     lead = page.find("lead").rect
     assert lead["y"] + lead["height"] < 160 and page.shown("new-path")
@@ -52,29 +52,29 @@ def test_nothing_is_cut_off_at_any_size(page) -> None:
     assert page.width <= 360, "long numbers stay within a phone"
 
 
-def test_the_gallery_has_eight_machines_with_their_errors(page) -> None:
-    page.click("open-gallery")
-    machines = page.all("#machines button")
+def test_the_gallery_has_eight_machines_with_their_errors(standing) -> None:
+    standing.click("open-gallery")
+    machines = standing.all("#machines button")
     assert len(machines) == 8 and all("off by at most" in one.text for one in machines)
-    assert page.faults() == []
+    assert standing.faults() == []
     machines[4].click()
-    assert "Film advance" in page.text("example-note") and not page.shown("gallery")
-    assert "off by" in page.text("status") and "Searched beforehand" in page.text("status")
+    assert "Film advance" in standing.text("example-note") and not standing.shown("gallery")
+    assert "off by" in standing.text("status") and "Searched beforehand" in standing.text("status")
 
 
-def test_the_tour_leads_through_and_terms_are_explained(page) -> None:
-    page.click("start-tour")
+def test_the_tour_leads_through_and_terms_are_explained(standing) -> None:
+    standing.click("start-tour")
     for k in range(5):
-        assert page.text("tour-count") == f"{k + 1} of 5"
-        page.active.send_keys(Keys.ENTER)
-    assert not page.shown("tour")
-    assert page.focus == "start-tour"
-    page.unfold("limits")
-    for button in page.all("#limits .explain"):
-        page.centre(button).click()
+        assert standing.text("tour-count") == f"{k + 1} of 5"
+        standing.active.send_keys(Keys.ENTER)
+    assert not standing.shown("tour")
+    assert standing.focus == "start-tour"
+    standing.unfold("limits")
+    for button in standing.all("#limits .explain"):
+        standing.centre(button).click()
         assert button.get_attribute("aria-expanded") == "true"
-    assert all(one.is_displayed() for one in page.all("#limits .explanation"))
-    assert page.faults() == []
+    assert all(one.is_displayed() for one in standing.all("#limits .explanation"))
+    assert standing.faults() == []
 
 
 # -- tasks, from the empty page to DXF -----------------------------------------------------------------------------------
@@ -162,22 +162,22 @@ def test_each_task_from_the_empty_page_to_dxf(page, task, way) -> None:
     assert task == "function" or layers >= {"GROUND", "LINKS", "BODY"}
 
 
-def test_the_tutorial(page) -> None:
+def test_the_tutorial(opened) -> None:
     """The clicks of docs/tutorial.md, with the rows that it shows."""
     tutorial = (ROOT / "docs/tutorial.md").read_text()
     rows = re.search(r"((?:    [^\n]+\n){9})", tutorial).group(1)
-    page.paste("\n".join(row.strip() for row in rows.splitlines()))
-    assert len(page.table()) == 8 and page.value("timing") == "free"
-    assert page.value("box-0") == "", "the limits of the machine shown before do not hold"
-    page.unfold("limits")
-    page.select("family", "any")
+    opened.paste("\n".join(row.strip() for row in rows.splitlines()))
+    assert len(opened.table()) == 8 and opened.value("timing") == "free"
+    assert opened.value("box-0") == "", "the limits of the machine shown before do not hold"
+    opened.unfold("limits")
+    opened.select("family", "any")
     entries = {"link-min": "60", "link-max": "500", "box-0": "-100", "box-1": "-250", "box-2": "400", "box-3": "150"}
     for name, entry in entries.items():
-        page.type_into(name, entry)
-    page.listen()
-    page.click("solve")
-    page.wait(f"{CARDS} && {IDLE}")
-    limits = page.asked()["limits"]
+        opened.type_into(name, entry)
+    opened.listen()
+    opened.click("solve")
+    opened.wait(f"{CARDS} && {IDLE}")
+    limits = opened.asked()["limits"]
     assert limits == {
         "preset": "practical",
         "family": "any",
@@ -185,72 +185,72 @@ def test_the_tutorial(page) -> None:
         "link_min": 60,
         "link_max": 500,
     }
-    assert GOOD.fullmatch(page.pick("#solutions .verdict").text)
-    assert good_dxf(page.saved("linkage-1.dxf", "#exports [data-format=dxf]")) >= {"GROUND", "LINKS", "BODY"}
-    sheet = page.cdp("Page.printToPDF", {"preferCSSPageSize": True})["data"]
+    assert GOOD.fullmatch(opened.read("#solutions .verdict"))
+    assert good_dxf(opened.saved("linkage-1.dxf", "#exports [data-format=dxf]")) >= {"GROUND", "LINKS", "BODY"}
+    sheet = opened.cdp("Page.printToPDF", {"preferCSSPageSize": True})["data"]
     assert re.findall(rb"/Count (\d+)", base64.b64decode(sheet)) == [b"1"]
-    printed = page.content("sheet")
+    printed = opened.content("sheet")
     assert "worst place" in printed and "pivot box-100, -250, 400, 150" in printed
 
 
 # -- what is typed -------------------------------------------------------------------------------------------------------
 
 
-def test_nothing_that_is_typed_is_changed_silently(page) -> None:
-    page.type_into("transmission", "95" + Keys.TAB)
-    assert page.value("transmission") == "95"
-    assert page.text("transmission-error").endswith(": 95 is not from 0 to 89.9.")
-    page.click("solve")
-    assert "95 is not from 0" in page.text("status"), "Solve says so and does not search"
-    page.type_into("transmission", "40" + Keys.TAB)
-    assert page.text("transmission-error") == ""
-    page.select("timing", "even")
-    page.type_into("span", "0" + Keys.TAB)
-    assert page.value("span") == "0" and "still in use" in page.text("span-error")
-    page.cell("Pose 3, x", "abc", Keys.TAB)
-    assert page.pick("#poses [aria-label='Pose 3, x']").get_attribute("value") == "abc"
-    assert "“abc” is not a number" in page.text("table-error")
+def test_nothing_that_is_typed_is_changed_silently(opened) -> None:
+    opened.type_into("transmission", "95" + Keys.TAB)
+    assert opened.value("transmission") == "95"
+    assert opened.text("transmission-error").endswith(": 95 is not from 0 to 89.9.")
+    opened.click("solve")
+    assert "95 is not from 0" in opened.text("status"), "Solve says so and does not search"
+    opened.type_into("transmission", "40" + Keys.TAB)
+    assert opened.text("transmission-error") == ""
+    opened.select("timing", "even")
+    opened.type_into("span", "0" + Keys.TAB)
+    assert opened.value("span") == "0" and "still in use" in opened.text("span-error")
+    opened.cell("Pose 3, x", "abc", Keys.TAB)
+    assert opened.pick("#poses [aria-label='Pose 3, x']").get_attribute("value") == "abc"
+    assert "“abc” is not a number" in opened.text("table-error")
 
 
-def test_the_pivot_box_can_be_typed(page) -> None:
-    page.click("new-motion")
+def test_the_pivot_box_can_be_typed(standing) -> None:
+    standing.click("new-motion")
     for k, entry in enumerate(["-10", "-20,5", "30", "40"]):
-        page.type_into(f"box-{k}", entry + Keys.TAB)
-        assert page.value(f"box-{k}") == entry
-        assert (page.text("box-error") == "") is (k == 3)
-    assert page.request()["limits"]["pivot_box"] == [-10, -20.5, 30, 40]
+        standing.type_into(f"box-{k}", entry + Keys.TAB)
+        assert standing.value(f"box-{k}") == entry
+        assert (standing.text("box-error") == "") is (k == 3)
+    assert standing.request()["limits"]["pivot_box"] == [-10, -20.5, 30, 40]
 
 
-def test_each_practical_limit_can_be_switched_off(page) -> None:
-    page.click("new-motion")
-    page.unfold("limits")
-    assert page.limits() == {"preset": "practical"}
-    page.click("keep-turn")
-    assert page.limits() == {"preset": "practical", "transmission_angle_min_turn": 0}
-    page.click("keep-reach")
-    assert page.limits() == {"preset": "none", "transmission_angle_min": 35, "link_ratio_max": 10}
-    page.select("timing", "even")
-    assert page.limits() == {"transmission_angle_min": 35, "link_ratio_max": 10}
-    page.select("timing", "free")
-    page.take({"position": [[0, 0], [3, 4]], "timing": "free", "limits": page.limits()})
-    assert not page.ticked("keep-turn") and page.ticked("keep-ratio")
-    page.click("practical")
-    assert page.limits() == {"preset": "practical", "transmission_angle_min": 35, "link_ratio_max": 10}
+def test_each_practical_limit_can_be_switched_off(standing) -> None:
+    standing.click("new-motion")
+    standing.unfold("limits")
+    assert standing.limits() == {"preset": "practical"}
+    standing.click("keep-turn")
+    assert standing.limits() == {"preset": "practical", "transmission_angle_min_turn": 0}
+    standing.click("keep-reach")
+    assert standing.limits() == {"preset": "none", "transmission_angle_min": 35, "link_ratio_max": 10}
+    standing.select("timing", "even")
+    assert standing.limits() == {"transmission_angle_min": 35, "link_ratio_max": 10}
+    standing.select("timing", "free")
+    standing.take({"position": [[0, 0], [3, 4]], "timing": "free", "limits": standing.limits()})
+    assert not standing.ticked("keep-turn") and standing.ticked("keep-ratio")
+    standing.click("practical")
+    assert standing.limits() == {"preset": "practical", "transmission_angle_min": 35, "link_ratio_max": 10}
 
 
-def test_practical_limits_follow_what_is_known_of_the_crank_until_they_are_chosen(page) -> None:
-    page.click("new-motion")
-    page.unfold("limits")
-    assert page.ticked("practical") and "off" not in page.text("timing-note")
-    page.select("timing", "even")
-    assert not page.ticked("practical") and page.limits() == {}
-    assert "The practical limits are off" in page.text("timing-note")
-    page.click("practical")
-    assert page.limits() == {"preset": "practical"} and "off" not in page.text("timing-note")
-    page.select("timing", "free")
-    page.click("keep-use")
-    page.select("timing", "even")
-    assert page.ticked("keep-turn"), "what was chosen stays"
+def test_practical_limits_follow_what_is_known_of_the_crank_until_they_are_chosen(standing) -> None:
+    standing.click("new-motion")
+    standing.unfold("limits")
+    assert standing.ticked("practical") and "off" not in standing.text("timing-note")
+    standing.select("timing", "even")
+    assert not standing.ticked("practical") and standing.limits() == {}
+    assert "The practical limits are off" in standing.text("timing-note")
+    standing.click("practical")
+    assert standing.limits() == {"preset": "practical"} and "off" not in standing.text("timing-note")
+    standing.select("timing", "free")
+    standing.click("keep-use")
+    standing.select("timing", "even")
+    assert standing.ticked("keep-turn"), "what was chosen stays"
 
 
 def test_what_is_preferred_is_asked_for_and_kept(page) -> None:
@@ -281,34 +281,34 @@ def test_what_is_preferred_is_asked_for_and_kept(page) -> None:
     assert prefers() == ("error", None) and not page.pick("#prefer [value=size]").is_enabled()
 
 
-def test_with_allowed_errors_the_first_card_is_the_smallest_linkage(page) -> None:
+def test_with_allowed_errors_the_first_card_is_the_smallest_linkage(opened) -> None:
     """As the service ranks them, through both of its answers; the least error is a card further down or gone."""
     stored = next(one["reply"]["solutions"][0] for one in EXAMPLES if one["name"] == "casement")
-    page.rest()
-    page.type_into("tolerance-position", "2" + Keys.TAB)
-    page.type_into("tolerance-rotation", "1" + Keys.TAB)
-    page.listen()
-    page.click("solve")
-    page.wait(f"window.asked.length && {IDLE}")
-    assert "prefer" not in page.asked() and page.asked()["tolerances"] == {"rotation": 1, "position": 2}
-    assert len(page.run("return window.asked")) == 2, "one for a first answer, one for the final one"
-    sizes = page.run(
+    opened.rest()
+    opened.type_into("tolerance-position", "2" + Keys.TAB)
+    opened.type_into("tolerance-rotation", "1" + Keys.TAB)
+    opened.listen()
+    opened.click("solve")
+    opened.wait(f"window.asked.length && {IDLE}")
+    assert "prefer" not in opened.asked() and opened.asked()["tolerances"] == {"rotation": 1, "position": 2}
+    assert len(opened.run("return window.asked")) == 2, "one for a first answer, one for the final one"
+    sizes = opened.run(
         "return [...document.querySelectorAll('#solutions dt')].filter((one) => one.textContent === 'size')"
         ".map((one) => Number.parseFloat(one.nextSibling.textContent))"
     )
     assert len(sizes) > 1 and min(sizes) == sizes[0] < 0.8 * stored["size"]
-    assert page.text("status").startswith("Within the allowed errors at every pose, the smallest found: off by")
+    assert opened.text("status").startswith("Within the allowed errors at every pose, the smallest found: off by")
 
 
-def test_a_limit_of_ones_own_that_is_kept_is_no_fault(page) -> None:
+def test_a_limit_of_ones_own_that_is_kept_is_no_fault(standing) -> None:
     """The landing gear asks for 30 degrees of transmission, less than the practical limit, and gets them: stored and searched."""
-    page.choose("gear")
-    assert "transmission ≥ 30°" in page.text("limits-summary")
+    standing.choose("gear")
+    assert "transmission ≥ 30°" in standing.text("limits-summary")
     for _ in range(2):
-        marks = page.texts("#solutions .verdict")
+        marks = standing.texts("#solutions .verdict")
         assert GOOD.fullmatch(marks[0]) and not any("used interval" in mark for mark in marks)
-        page.solve()
-    assert "30°" in page.pick("#solutions li").text
+        standing.solve()
+    assert "30°" in standing.read("#solutions li")
 
 
 def test_digits_are_not_clipped(standing) -> None:
@@ -357,47 +357,47 @@ def test_status_and_errors_are_in_view(page) -> None:
     assert page.run("return scrollY") + 800 >= box["y"] + box["height"]
 
 
-def test_a_drag_of_a_pose_adds_none(page) -> None:
-    page.mode("add")
-    before = page.table()
-    page.drag(page.pick("[data-pose='3'] .hit"), 30, 20)
-    after = page.table()
+def test_a_drag_of_a_pose_adds_none(opened) -> None:
+    opened.mode("add")
+    before = opened.table()
+    opened.drag(opened.pick("[data-pose='3'] .hit"), 30, 20)
+    after = opened.table()
     assert len(after) == len(before) and after[3] != before[3]
-    middle = page.view()
-    page.drag(page.find("canvas"), 40, 0, (150, -120))
-    assert len(page.table()) == len(before) and page.view() != middle, "a drag beside the poses moves the view"
-    page.click_canvas((150, -100))
-    assert len(page.table()) == len(before) + 1
+    middle = opened.view()
+    opened.drag(opened.find("canvas"), 40, 0, (150, -120))
+    assert len(opened.table()) == len(before) and opened.view() != middle, "a drag beside the poses moves the view"
+    opened.click_canvas((150, -100))
+    assert len(opened.table()) == len(before) + 1
 
 
-def test_solve_is_few_tabs_away_and_keeps_the_focus(page) -> None:
-    page.rest()
-    page.run("document.activeElement.blur(); scrollTo(0, 0)")
+def test_solve_is_few_tabs_away_and_keeps_the_focus(opened) -> None:
+    opened.rest()
+    opened.run("document.activeElement.blur(); scrollTo(0, 0)")
     tabs = 0
-    while page.focus != "solve":
-        page.active.send_keys(Keys.TAB)
+    while opened.focus != "solve":
+        opened.active.send_keys(Keys.TAB)
         tabs += 1
         assert tabs < 50
-    page.solve_soon()
-    page.press("#solve", "keyboard")
-    page.found()
-    assert page.focus == "solve"
+    opened.solve_soon()
+    opened.press("#solve", "keyboard")
+    opened.found()
+    assert opened.focus == "solve"
 
 
-def test_texts_are_free_of_jargon(page) -> None:
-    note = page.later(
+def test_texts_are_free_of_jargon(standing) -> None:
+    note = standing.later(
         "import('/static/verdict.js').then(v => arguments[0](v.plainNote('the problem is ill-posed: quite different"
         " linkages give this motion to within the resolution; see `determination` of each solution')))"
     )
     assert "determination" not in note and note.endswith(".")
     reason = "the body point goes 2.94 times as far between two samples as they are apart, above 2.5"
-    said = page.later(
+    said = standing.later(
         "const [reasons, done] = arguments; import('/static/verdict.js').then(v => done("
         "[v.mark({order: true, branch: true, circuit: true, practical: false, reasons}).text, ...v.reasons({reasons})]))",
         [reason],
     )
     assert said == ["goes 2.94 times the way between two samples", f"{reason[0].upper()}{reason[1:]}."]
-    assert "determination" not in page.run("return document.body.innerText")
+    assert "determination" not in standing.run("return document.body.innerText")
 
 
 def test_a_linkage_that_breaks_a_limit_is_red_with_its_reason(standing) -> None:
@@ -437,19 +437,19 @@ def test_no_linkage_is_said_without_a_claim_that_was_not_proved(standing, status
         assert standing.asked()["limits"]["link_min"] == 42.5
 
 
-def test_a_linkage_is_changed_by_hand(page) -> None:
+def test_a_linkage_is_changed_by_hand(opened) -> None:
     """What the page computes of it is what the library computes: at the crank angles found its errors are no larger there."""
-    page.rest()
-    page.mode("hand")
-    before = page.drawn("c")
-    page.drag(page.pick("#canvas [data-joint=c]"), 14, -9)
-    scale = page.view()[2]
-    assert abs(page.drawn("c") - (before + complex(14, 9) / scale)) < 3 / scale
-    assert page.card().startswith("By hand") and "not judged" in page.card()
-    page.run("window.copied = ''; navigator.clipboard.writeText = async (t) => { window.copied = t; }")
-    page.click("copy")
-    page.wait("window.copied")
-    rows = dict(row.split("\t", 1) for row in page.run("return window.copied").split("\n"))
+    opened.rest()
+    opened.mode("hand")
+    before = opened.drawn("c")
+    opened.drag(opened.pick("#canvas [data-joint=c]"), 14, -9)
+    scale = opened.view()[2]
+    assert abs(opened.drawn("c") - (before + complex(14, 9) / scale)) < 3 / scale
+    assert opened.card().startswith("By hand") and "not judged" in opened.card()
+    opened.run("window.copied = ''; navigator.clipboard.writeText = async (t) => { window.copied = t; }")
+    opened.click("copy")
+    opened.wait("window.copied")
+    rows = dict(row.split("\t", 1) for row in opened.run("return window.copied").split("\n"))
     number = {name: [float(v) for v in re.findall(r"-?[\d.]+(?:e-?\d+)?", value)] for name, value in rows.items()}
     linkage = la.FourBar(
         *(number[name][0] for name in ("Crank", "Coupler", "Rocker", "Ground")),
@@ -464,34 +464,34 @@ def test_a_linkage_is_changed_by_hand(page) -> None:
     made = linkage.joints(number["Crank angles"]).body_point
     off = np.hypot(*(made - wanted).T).max()
     assert f"{off:.3g}" == f"{number['Position error, largest'][0]:.3g}", "to all digits shown"
-    page.pick("#search-near").click()
-    page.wait(IDLE)
-    assert "off by" in page.text("status")
-    assert not page.pick("#solutions .name").text.startswith("By hand")
-    assert abs(page.drawn("a") - complex(*number["Pivot A"][:2])) < 0.05 * 1.42 * 297 + 1
+    opened.pick("#search-near").click()
+    opened.wait(IDLE)
+    assert "off by" in opened.text("status")
+    assert not opened.read("#solutions .name").startswith("By hand")
+    assert abs(opened.drawn("a") - complex(*number["Pivot A"][:2])) < 0.05 * 1.42 * 297 + 1
 
 
 def test_a_link_brings_the_chosen_card_back(page) -> None:
     page.choose("worked")
     Select(page.find("length-unit")).select_by_visible_text("cm")
     page.solve()
-    page.cards()[1].click()
-    longest = page.pick("#numbers tr").text
+    page.choose_card(1)
+    longest = page.read("#numbers tr")
     page.follow_link()
     page.wait(f"{CARDS} && {IDLE}")
-    assert page.pick("#numbers tr").text == longest and longest.endswith("cm")
+    assert page.read("#numbers tr") == longest and longest.endswith("cm")
 
 
-def test_cards_are_sorted_and_the_scale_stays(page) -> None:
-    scale = page.view()
-    for button in page.cards():
-        page.run("arguments[0].click()", button)
-        assert page.view() == scale
-    page.select("sort", "transmission")
-    angles = [float(re.search(r"transmission\s+([\d.]+)°", one.text).group(1)) for one in page.cards()]
+def test_cards_are_sorted_and_the_scale_stays(opened) -> None:
+    scale = opened.view()
+    for button in opened.cards():
+        opened.run("arguments[0].click()", button)
+        assert opened.view() == scale
+    opened.select("sort", "transmission")
+    angles = [float(re.search(r"transmission\s+([\d.]+)°", one.text).group(1)) for one in opened.cards()]
     assert angles == sorted(angles, reverse=True)
-    page.click("overlay")
-    assert page.count("[data-layer=overlay] .small") == 2
+    opened.click("overlay")
+    assert opened.count("[data-layer=overlay] .small") == 2
 
 
 CODES = "0 SECTION 2 ENTITIES 0 LWPOLYLINE 70 1 90 4 10 0 20 0 10 40 20 0 42 1 10 40 20 20 10 0 20 20 0 ENDSEC 0 EOF"
@@ -545,10 +545,10 @@ def test_layers_come_by_themselves_and_collisions_are_shown_where_they_are(page)
     page.run("document.getElementById('layer-width').value = 400")
     page.run("document.getElementById('layer-width').dispatchEvent(new Event('change'))")
     page.wait("document.getElementById('layers-note').textContent.startsWith('No layers are free')")
-    assert "layers:" in page.pick("#solutions .verdict").text
+    assert "layers:" in page.read("#solutions .verdict")
     page.pick("#layers-jumps button").click()
     page.wait("document.querySelector('[data-layer=plates] .hit')")
-    angle = float(re.search(r"(-?[\d.]+)°", page.pick("#layers-jumps button").text)[1])
+    angle = float(re.search(r"(-?[\d.]+)°", page.read("#layers-jumps button"))[1])
     assert float(page.content("travel").rstrip("°").replace("−", "-")) == pytest.approx(angle, abs=0.06)
 
 

@@ -250,11 +250,11 @@ def test_an_answer_to_a_motion_that_was_changed_meanwhile_says_so(page) -> None:
     assert page.earlier() is False and "off by" in page.text("status")
 
 
-def test_a_note_goes_with_its_motion(page) -> None:
-    page.paste("0,0,0\n10,4,350\n10,4,350\n20,5,10")
-    assert "Poses 2 and 3 are the same" in page.text("example-note") and page.shown("unwrap")
-    page.undo()
-    assert "Casement" in page.text("example-note") and not page.shown("unwrap")
+def test_a_note_goes_with_its_motion(opened) -> None:
+    opened.paste("0,0,0\n10,4,350\n10,4,350\n20,5,10")
+    assert "Poses 2 and 3 are the same" in opened.text("example-note") and opened.shown("unwrap")
+    opened.undo()
+    assert "Casement" in opened.text("example-note") and not opened.shown("unwrap")
 
 
 def replies(page, *sizes: float) -> None:
