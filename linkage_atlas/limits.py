@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from linkage_atlas.motions import Motion, column, number, radians_in
+from linkage_atlas.arguments import column, number, radians_in
+from linkage_atlas.motions import Motion
 from synthesis.errors import FieldError
 from synthesis.fourbar import limits as fourbar
 from synthesis.fourbar.limits import FORMS, LINKS, Form, practical_limits

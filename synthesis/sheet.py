@@ -70,6 +70,11 @@ class Sheet:
         x, y = self.at(point).split(",")
         return f'<circle {attributes}{" " if attributes else ""}cx="{x}" cy="{y}" r="{radius:.6g}"/>'
 
+    def line(self, points: NDArray[np.complex128], name: str, closed: bool = False) -> str:
+        """A line through points, of a class of the style sheet."""
+        tail = "Z" if closed else ""
+        return f'<path class="{name}" d="M{" L".join(self.at(z) for z in points)}{tail}"/>'
+
     def label(self, point: complex, words: str, attributes: str = "") -> str:
         """Words beside a point, a little above it to the right."""
         x, y = self.at(point).split(",")
