@@ -55,8 +55,6 @@ SOURCES = (
 )
 """What contributes to the error, in this order; each a real number (the lengths) or a place in the plane."""
 _LENGTHS = 3
-_PLACES = 6
-"""Sources before this one are even within their tolerance, those from it on lie on a circle."""
 
 
 @dataclass(frozen=True)
