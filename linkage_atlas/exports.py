@@ -2,55 +2,73 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from linkage_atlas.arguments import millimetres_in, number, pair
 from linkage_atlas.formats import FORMATS, OF_PARTS
+from linkage_atlas.guided_studies import analysed as guided_analysed
+from linkage_atlas.studies import analysed, read_drive
 from synthesis.errors import FieldError
+from synthesis.fourbar import files as of_four_bars
+from synthesis.fourbar.analysis import LinkMass
+from synthesis.fourbar.linkage import Linkage
+from synthesis.guided import files as of_guided
+from synthesis.guided.linkage import GuidedLinkage
 
 if TYPE_CHECKING:
     from synthesis.drives.attached import Attached
     from synthesis.drives.links import Machine
-    from synthesis.fourbar.linkage import Linkage
-    from synthesis.guided.linkage import GuidedLinkage
     from synthesis.sheet import More
     from synthesis.target import Target
 
+_FOUR_BARS_ONLY = {
+    "plates": "links are cut as plates for four-bars only: rails and slots are not drawn as plates",
+    "pylinkage": "pylinkage has no guides that move or slots in a moving body: this linkage cannot be written for it",
+    **{kind: f"{kind!r} is written for four-bars only" for kind in OF_PARTS},
+}
+"""Why there is no file of some kinds of a body on two guides."""
+
 
 def content_of(
-    linkage: Linkage,
+    linkage: Linkage | GuidedLinkage,
     target: Target,
     radian: float,
     kind: str,
     length_unit: str,
     analysis: Mapping[str, Any] | None,
-    plates: Mapping[str, Any] | None,
-    parts: Callable[[bool], Any],
-    drive: Mapping[str, Any] | None = None,
+    drive: Mapping[str, Any] | None,
+    parts: Callable[[bool], Any] | None = None,
+    plates: Mapping[str, Any] | None = None,
     arranged: bool = False,
 ) -> bytes:
     """The content of a file; see `FourBar.file` for what the arguments mean.
 
-    ``parts``: makes the `SolidParts`, with an error where they collide, or (True) nevertheless.
+    ``parts``: makes the `SolidParts` of a four-bar, with an error where they collide, or (True) nevertheless.
     ``arranged``: plates are those of an assembly, not the links alone.
     """
-    from linkage_atlas.motions import MILLIMETRES
-    from linkage_atlas.studies import analysed, read_drive
-    from synthesis.fourbar import files
-    from synthesis.fourbar.analysis import LinkMass
-
     if kind not in FORMATS:
         raise FieldError("/kind", f"wanted one of {', '.join(FORMATS)}, found {kind!r}")
+    if isinstance(linkage, GuidedLinkage) and kind in _FOUR_BARS_ONLY:
+        raise FieldError("/format", _FOUR_BARS_ONLY[kind])
     with_drive = drive_on(linkage, target, drive, kind)
     if kind == "csv":
-        asked = None if analysis is None else read_drive(analysis, linkage.mounted)
-        more = {} if asked is None else analysed(linkage, asked, target.crank, radian).columns()
-        return files.to_csv(linkage, target, radian, more | with_drive.columns()).encode()
+        more = _analysis_columns(linkage, target, radian, analysis) | with_drive.columns()
+        if isinstance(linkage, Linkage):
+            return of_four_bars.to_csv(linkage, target, radian, more).encode()
+        return of_guided.to_csv(linkage, target, radian, more).encode()
+    if kind == "svg" and isinstance(linkage, GuidedLinkage):
+        return of_guided.to_svg(linkage, target).encode()
     if kind in ("svg", "pylinkage"):
-        return (files.to_svg if kind == "svg" else files.to_pylinkage)(linkage, target).encode()
-    if length_unit not in MILLIMETRES:
-        raise FieldError("/length_unit", f"wanted one of {', '.join(MILLIMETRES)}, found {length_unit!r}")
-    unit_mm = MILLIMETRES[length_unit]
+        assert isinstance(linkage, Linkage)
+        return (of_four_bars.to_svg if kind == "svg" else of_four_bars.to_pylinkage)(linkage, target).encode()
+    unit_mm = millimetres_in(length_unit)
+    if isinstance(linkage, GuidedLinkage):
+        if kind == "dxf":
+            return of_guided.to_dxf(linkage, target, unit_mm, with_drive.drawn()).encode()
+        return with_drive.simulated(of_guided.to_mjcf(linkage, target, unit_mm), unit_mm / 1000).encode()
+    assert parts is not None
     if kind in OF_PARTS:
         return parts(False).file(kind)
     if kind == "plates":
@@ -60,12 +78,23 @@ def content_of(
 
         return parts(False).file(kind) if arranged else to_plates(linkage, unit_mm, **_sizes(plates or {})).encode()
     if kind == "dxf":
-        return files.to_dxf(linkage, target, unit_mm, with_drive.drawn()).encode()
+        return of_four_bars.to_dxf(linkage, target, unit_mm, with_drive.drawn()).encode()
     try:
         masses = {one.link: LinkMass(one.mass, complex(*one.at), one.inertia) for one in parts(True).masses}
     except FieldError:
         masses = None  # no plates of these sizes: the file says that its links are rods
-    return with_drive.simulated(files.to_mjcf(linkage, target, unit_mm, masses), unit_mm / 1000).encode()
+    return with_drive.simulated(of_four_bars.to_mjcf(linkage, target, unit_mm, masses), unit_mm / 1000).encode()
+
+
+def _analysis_columns(
+    linkage: Linkage | GuidedLinkage, target: Target, radian: float, analysis: Mapping[str, Any] | None
+) -> dict[str, Any]:
+    if analysis is None:
+        return {}
+    if isinstance(linkage, Linkage):
+        asked = read_drive(analysis, linkage.mounted)
+        return analysed(linkage, asked, target.crank, radian).columns()
+    return guided_analysed(linkage, read_drive(analysis, True), target.crank, radian).columns()
 
 
 class DriveOn(NamedTuple):
@@ -102,7 +131,6 @@ def drive_on(linkage: Linkage | GuidedLinkage, target: Target, drive: Mapping[st
     if kind not in ("csv", "dxf", "mjcf"):
         raise FieldError("/drive", f"a file of the kind {kind!r} holds no drive: ask for csv, dxf or mjcf")
     from synthesis.drives.links import guided_machine_at, machine_at
-    from synthesis.fourbar.linkage import Linkage
 
     if isinstance(linkage, Linkage):
         machine = machine_at(linkage, target.crank)
@@ -113,7 +141,6 @@ def drive_on(linkage: Linkage | GuidedLinkage, target: Target, drive: Mapping[st
 
 def _attached(given: Mapping[str, Any], machine: Machine) -> Attached:
     """A drive of a reply, as it came, on a machine at its samples."""
-    from linkage_atlas.motions import number
     from synthesis.drives.attached import Attached
     from synthesis.drives.links import GROUND
 
@@ -125,8 +152,8 @@ def _attached(given: Mapping[str, Any], machine: Machine) -> Attached:
         if name not in (GROUND, *machine.links):
             raise FieldError("/drive/link", f"wanted one of {', '.join(machine.links)}, found {name!r}")
     where = given.get("motor") if kind in ("rotary", "dyad") else given.get("ground_point")
-    ground = _place(f"drive/{'motor' if kind in ('rotary', 'dyad') else 'ground_point'}", where)
-    pin = 0j if kind == "rotary" else _place("drive/pin_on_link", given.get("pin_on_link"))
+    ground = pair(f"drive/{'motor' if kind in ('rotary', 'dyad') else 'ground_point'}", where, math.inf)
+    pin = 0j if kind == "rotary" else pair("drive/pin_on_link", given.get("pin_on_link"), math.inf)
     part, names = {
         "rotary": ({}, ()),
         "actuator": (given, ("retracted", "stroke")),
@@ -145,63 +172,11 @@ def _attached(given: Mapping[str, Any], machine: Machine) -> Attached:
         pin,
         (sizes[0], sizes[1]) if sizes else (0.0, 0.0),
         bool(given.get("extends", True)),
-        None if not knee or knee[0] is None else _place("drive/curve/knee/0", knee[0]),
+        None if not knee or knee[0] is None else pair("drive/curve/knee/0", knee[0], math.inf),
     )
 
 
-def _place(field: str, given: Any) -> complex:
-    from linkage_atlas.motions import number
-
-    if not isinstance(given, (list, tuple)) or len(given) != 2:
-        raise FieldError(f"/{field}", "wanted two numbers [x, y]")
-    return complex(*(number(field, value) for value in given))
-
-
-_FOUR_BARS_ONLY = {
-    "plates": "links are cut as plates for four-bars only: rails and slots are not drawn as plates",
-    "pylinkage": "pylinkage has no guides that move or slots in a moving body: this linkage cannot be written for it",
-}
-
-
-def guided_text(
-    linkage: GuidedLinkage,
-    target: Target,
-    radian: float,
-    kind: str,
-    length_unit: str,
-    analysis: Mapping[str, Any] | None,
-    drive: Mapping[str, Any] | None = None,
-) -> str:
-    """The text of a file of a body on two guides, rails and slots among them."""
-    from linkage_atlas.guided_studies import analysed
-    from linkage_atlas.motions import MILLIMETRES
-    from linkage_atlas.studies import read_drive
-    from synthesis.guided import files
-
-    if kind not in FORMATS:
-        raise FieldError("/kind", f"wanted one of {', '.join(FORMATS)}, found {kind!r}")
-    if kind in _FOUR_BARS_ONLY:
-        raise FieldError("/format", _FOUR_BARS_ONLY[kind])
-    with_drive = drive_on(linkage, target, drive, kind)
-    if kind == "csv":
-        asked = None if analysis is None else read_drive(analysis, True)
-        more = {} if asked is None else analysed(linkage, asked, target.crank, radian).columns()
-        return files.to_csv(linkage, target, radian, more | with_drive.columns())
-    if kind == "svg":
-        return files.to_svg(linkage, target)
-    if kind not in ("dxf", "mjcf"):
-        raise FieldError("/format", f"{kind!r} is written for four-bars only")
-    if length_unit not in MILLIMETRES:
-        raise FieldError("/length_unit", f"wanted one of {', '.join(MILLIMETRES)}, found {length_unit!r}")
-    unit_mm = MILLIMETRES[length_unit]
-    if kind == "dxf":
-        return files.to_dxf(linkage, target, unit_mm, with_drive.drawn())
-    return with_drive.simulated(files.to_mjcf(linkage, target, unit_mm), unit_mm / 1000)
-
-
 def _sizes(plates: Mapping[str, Any]) -> dict[str, float]:
-    from linkage_atlas.motions import number
-
     for name in plates:
         if name not in ("hole", "width"):
             raise FieldError.no_such("/plates", name, ("hole", "width"), "size")

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from linkage_atlas.answers import FINISHING, Ranked, StatusName, StoppedBy, Verdict, verdict_of
+from linkage_atlas.arguments import check_above_zero, check_top, column, number, radians_in
 from linkage_atlas.door import (
     CUT_SHORT,
     LOCAL,
@@ -23,10 +24,12 @@ from linkage_atlas.door import (
 )
 from linkage_atlas.limits import read_function_limits
 from linkage_atlas.linkages import FourBar, Links
-from linkage_atlas.motions import Motion, check_above_zero, check_top, column, number, radians_in
+from linkage_atlas.motions import Motion
 from linkage_atlas.records import KEPT, Record, Values, names_of
 from linkage_atlas.travels import (
     Dial,
+    ErrorCurve,
+    FunctionErrors,
     Scales,
     TravelAsked,
     TravelSolution,
@@ -495,23 +498,6 @@ _SHOWN = 361
 """Places of an error curve."""
 
 
-@dataclass(frozen=True)
-class FunctionErrors(Record):
-    """Errors of the output."""
-
-    rms: float
-    """At the samples, weighted."""
-    max: float
-    """Over the whole interval for objective `max`, over the samples for `rms`."""
-    alternations: int | None
-    """Objective `max`: extremes of the error, of alternating sign, that are as large as the largest."""
-    rms_y: float | None
-    """`rms` in units of y; null without `function`."""
-    max_y: float | None
-    objective: float
-    """What was made least, in radians."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class RoundedFunction(Record):
     """A generator whose links lie on a grid, the zeros fitted anew; null where it does not close."""
@@ -524,14 +510,6 @@ class RoundedFunction(Record):
     transmission_angle_min: float | None
     """Over the used interval; limits are not applied again."""
     linkage: FourBar | None = field(default=None, metadata=KEPT)
-
-
-class ErrorCurve(NamedTuple):
-    """The error over the interval."""
-
-    input: Floats
-    error: Floats
-    """Wanted less made."""
 
 
 @dataclass(frozen=True)
@@ -666,22 +644,13 @@ class Asked:
         return radians_in(self.degrees)
 
     @property
-    def motion(self) -> Motion:
+    def target(self) -> Target:
         """The interval, for drawings."""
-        return Motion.of(Target(None, None, crank=self.wanted.crank), self.degrees)
+        return Target(None, None, crank=self.wanted.crank)
 
     def errors(self, one: Generator) -> FunctionErrors:
         """A generator's errors in the user's units."""
-        errors, radian = one.errors, self.radian
-        unit = None if self.dials is None else self.dials.y_of_radian
-        return FunctionErrors(
-            errors.rms / radian,
-            errors.max / radian,
-            errors.alternations,
-            None if unit is None else errors.rms * unit,
-            None if unit is None else errors.max * unit,
-            errors.objective,
-        )
+        return FunctionErrors.of(one.errors, self.radian, None if self.dials is None else self.dials.y_of_radian)
 
 
 def described(
@@ -706,7 +675,7 @@ def described(
         faults = practical_faults(one, wanted.target, limits)
         reasons = [*passed[k].reasons, *filter(None, [back[k]]), *faults]
         determined, turn = fixed[k], one.transmission_angle_min_turn
-        linkage = FourBar.of(one.linkage, asked.motion)
+        linkage = FourBar.of(one.linkage, radian, asked.target)
         solutions.append(
             FunctionSolution(
                 rank=k + 1,
@@ -748,7 +717,7 @@ def rounded(asked: Asked, one: Generator, grid: float, work: Work) -> RoundedFun
     values: dict[str, Any] = dict.fromkeys(names_of(RoundedFunction)) | {"closes": False}
     if again is None:
         return RoundedFunction(**values)
-    linkage = FourBar.of(again.linkage, asked.motion)
+    linkage = FourBar.of(again.linkage, asked.radian, asked.target)
     values |= {
         "closes": True,
         "links": linkage.dimensions.links,

@@ -9,9 +9,9 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from linkage_atlas.answers import Verdict, verdict_of
+from linkage_atlas.arguments import kinds_among, number, radians_in
 from linkage_atlas.guided import AnyGuide, DriverName, GuidedLinkage, KindName, guides_of
 from linkage_atlas.limits import PRESETS
-from linkage_atlas.motions import number, radians_in
 from linkage_atlas.records import KEPT, Record
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
@@ -70,17 +70,7 @@ def read_kinds(mechanisms: Sequence[str] | str | None, dial: Dial) -> list[str]:
     known = [law.kind.value for law in LAWS if (law.input, law.output) == dial] if dial.travels else [FOUR_BAR]
     if mechanisms is None:
         return known[:1]
-    if isinstance(mechanisms, str):
-        if mechanisms != "all":
-            raise FieldError("/mechanisms", f"wanted a list of {', '.join(known)}, or 'all'")
-        return known
-    if not mechanisms:
-        raise FieldError("/mechanisms", "wanted at least one")
-    for place, name in enumerate(mechanisms):
-        if name not in known:
-            what = f"from {dial.input} to {dial.output}"
-            raise FieldError(f"/mechanisms/{place}", f"{what} there is {' or '.join(known)}, found {name!r}")
-    return [name for name in known if name in mechanisms]
+    return kinds_among(mechanisms, known, f"from {dial.input} to {dial.output} there is {' or '.join(known)}")
 
 
 def read_travel_limits(limits: Mapping[str, Any] | None, laws: Sequence[Law], degrees: bool) -> TravelLimits:
@@ -154,7 +144,7 @@ class Scales(NamedTuple):
 
 
 @dataclass(frozen=True)
-class TravelErrors(Record):
+class FunctionErrors(Record):
     """Errors of the output, in its unit."""
 
     rms: float
@@ -169,8 +159,20 @@ class TravelErrors(Record):
     objective: float
     """What was made least: in radians, or of a travel as a part of the largest travel that is wanted."""
 
+    @classmethod
+    def of(cls, errors: Errors, unit: float, y_of_unit: float | None) -> FunctionErrors:
+        """A generator's errors in the user's unit of the output; ``y_of_unit``: size of y that one unit of the search's is."""
+        return cls(
+            errors.rms / unit,
+            errors.max / unit,
+            errors.alternations,
+            None if y_of_unit is None else errors.rms * y_of_unit,
+            None if y_of_unit is None else errors.max * y_of_unit,
+            errors.objective,
+        )
 
-class TravelErrorCurve(NamedTuple):
+
+class ErrorCurve(NamedTuple):
     """The error over the interval."""
 
     input: Floats
@@ -198,11 +200,11 @@ class TravelSolution(Record):
     """The input at the first sample: the crank's angle from the rail or the ground line, or the place of slider or cylinder."""
     output_offset: float
     """output = the linkage's own + this: an angle of the crank or lever, or a place of slider or cylinder."""
-    errors: TravelErrors
+    errors: FunctionErrors
     verdict: Verdict
     transmission_angle_min: float
     """Over the used interval, exactly."""
-    error_curve: TravelErrorCurve | None
+    error_curve: ErrorCurve | None
     linkage: GuidedLinkage = field(metadata=KEPT)
     """It moves, draws and saves itself."""
 
@@ -222,18 +224,6 @@ class TravelAsked:
         """Radians in one unit of angle."""
         return radians_in(self.degrees)
 
-    def errors(self, errors: Errors) -> TravelErrors:
-        """Errors in the user's units."""
-        unit, y = self.scales.output, self.y_of_output
-        return TravelErrors(
-            errors.rms / unit,
-            errors.max / unit,
-            errors.alternations,
-            None if y is None else errors.rms * y,
-            None if y is None else errors.max * y,
-            errors.objective,
-        )
-
     def described(self, found: Sequence[TravelGenerator], limits: TravelLimits, curves: bool) -> list[TravelSolution]:
         """Generators as a user reads them, best first."""
         return [self._described(one, rank, limits, curves) for rank, one in enumerate(found, 1)]
@@ -250,7 +240,7 @@ class TravelAsked:
         curve = None
         if curves:
             shown = np.linspace(0.0, float(wanted.crank[-1]), _SHOWN)
-            curve = TravelErrorCurve(shown / scales.input, (wanted.curve(shown) - one.output(shown)) / scales.output)
+            curve = ErrorCurve(shown / scales.input, (wanted.curve(shown) - one.output(shown)) / scales.output)
         used = Interval(float(travel.min()), float(travel.max()))
         return TravelSolution(
             rank=rank,
@@ -262,7 +252,7 @@ class TravelAsked:
             start=linkage.start,
             input_zero=one.zero / scales.input,
             output_offset=one.offset / scales.output,
-            errors=self.errors(one.errors),
+            errors=FunctionErrors.of(one.errors, scales.output, self.y_of_output),
             verdict=verdict_of(passed, None, reasons, practical=not faults),
             transmission_angle_min=one.transmission_angle_min / self.radian,
             error_curve=curve,

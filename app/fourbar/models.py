@@ -9,12 +9,13 @@ from pydantic import BeforeValidator, ConfigDict, Field, WithJsonSchema, create_
 
 import linkage_atlas as la
 from app.query import AngleUnit, Count, Flag, LengthUnit, Number, PositiveNumber, RequestModel
+from linkage_atlas.arguments import LARGEST
 from linkage_atlas.assemblies import FIXED_PINS, LAYERS_MOST, MOST_CORNERS, MOST_LAYERS
 from linkage_atlas.catalogues import ACTUATORS, MOST_ROWS
 from linkage_atlas.driving import MOST_DRIVES, MOST_MASSES, MOST_SPRINGS
 from linkage_atlas.limits import LIMITS
 from linkage_atlas.motions import MAX_LENGTH, MAX_SAMPLES, MIN_LENGTH, MIN_POSES, MIN_SAMPLES, MOST_STOCK
-from linkage_atlas.studies import FEWEST_SAMPLES, LARGEST, MOST_LINK_MASSES, MOST_SAMPLES, SAMPLES
+from linkage_atlas.studies import FEWEST_SAMPLES, MOST_LINK_MASSES, MOST_SAMPLES, SAMPLES
 
 MAX_TOP = 1000
 

@@ -41,6 +41,9 @@ from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.vectors import Condition, Round, Still, Straight, Vector, places_within
 from synthesis.target import TURN, Interval
 
+_LOOKS, _NODES = 4, 33
+"""Looks, each between two nodes of the one before, at where a travel turns back: to 2e-8 radians, its end to all digits."""
+
 
 class Circle(NamedTuple):
     """A body point on a circle: a crank, or a rocker."""
@@ -712,20 +715,21 @@ class GuidedLinkage:
     def used(self, place: int, interval: Interval) -> tuple[float, float]:
         """The least and the largest coordinate of a rail or slot over an interval of travel of the drive.
 
-        Where it turns back in between is found by bisection of its derivative between steps of at most a degree.
+        Where it turns back in between is found from its derivative, between steps of at most a degree.
         """
         travel = self.over(interval)
-        at = [float(interval.first), float(interval.last)]
+        at = np.array([float(interval.first), float(interval.last)])
         if place == 1 or self.driver.turns:
             rate = self.along_rate(place, travel)
-            for k in np.flatnonzero(rate[:-1] * rate[1:] < 0):
-                low, high = travel[k], travel[k + 1]
-                for _ in range(60):
-                    middle = (low + high) / 2
-                    same = self.along_rate(place, np.array([middle]))[0] * rate[k] > 0
-                    low, high = (middle, high) if same else (low, middle)
-                at.append(low)
-        values = self.along(place, np.array(at))
+            turns = np.flatnonzero(rate[:-1] * rate[1:] < 0)
+            low, high, sign = travel[turns], travel[turns + 1], np.sign(rate[turns])
+            for _ in range(_LOOKS if turns.size else 0):
+                looks = np.linspace(low, high, _NODES)
+                before = self.along_rate(place, looks.ravel()).reshape(looks.shape) * sign > 0
+                last = np.clip(np.argmin(before, axis=0) - 1, 0, _NODES - 2)
+                low, high = (np.take_along_axis(looks, (last + k)[None], 0)[0] for k in (0, 1))
+            at = np.concatenate([at, low])
+        values = self.along(place, at)
         return float(np.min(values)), float(np.max(values))
 
     def along_rate(self, place: int, travel: Floats) -> Floats:
@@ -790,24 +794,3 @@ def of_four_bar(linkage: Linkage) -> GuidedLinkage:
     first, second = complex(-point * turn), complex((coupler - point) * turn)
     guides = Circle(linkage.pivot_a, crank, first), Circle(linkage.pivot_b, rocker, second)
     return GuidedLinkage(guides, Driver.CRANK, linkage.branch, linkage.start + linkage.ground_angle)
-
-
-def as_four_bar(linkage: GuidedLinkage) -> Linkage:
-    """A body on two circles as a four-bar, the driven circle its crank.
-
-    Law: `of_four_bar` takes it back, to rounding.
-    """
-    driven, other = linkage.guides
-    assert isinstance(driven, Circle) and isinstance(other, Circle)
-    ground, coupler = other.pivot - driven.pivot, other.body_point - driven.body_point
-    ground_angle, along = float(np.angle(ground)), float(np.angle(coupler))
-    point = complex(-driven.body_point * np.exp(-1j * along))
-    return Linkage(
-        (driven.radius, abs(coupler), other.radius, abs(ground)),
-        linkage.branch,
-        (linkage.start - ground_angle) % TURN,
-        driven.pivot,
-        ground_angle,
-        (abs(point), float(np.angle(point))),
-        float(np.angle(np.exp(-1j * along))),
-    )

@@ -7,18 +7,19 @@ Data flow of a request::
       -> descents in which broken limits weigh more from stage to stage, then about the best of what came out, in rounds
       -> answers within the limits, checked on the linkage's own motion
 
-All kinds and drives descend in one batch: they differ in labels only.
+All kinds and drives share the rounds of one search: they differ in labels only.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from synthesis.arrays import Flags, Floats, Ints
+from synthesis.arrays import Floats, Ints
 from synthesis.fourbar.kinematics import wrap
 from synthesis.fourbar.limits import Limits
 from synthesis.free.dyads import (
@@ -36,11 +37,10 @@ from synthesis.free.dyads import (
 )
 from synthesis.free.poses import Poses
 from synthesis.guided.dyads import Guides, Lines, Motion, Straight, as_circles, lines_of
-from synthesis.guided.limits import Bounds, Signs, broken_limits, extension
+from synthesis.guided.limits import broken_limits
 from synthesis.guided.linkage import DRIVERS, GUIDES, Circle, Driver, Guide, GuidedLinkage, Kind, Rail, Slot
-from synthesis.guided.pairs import OWN, Chart, Corrected, Driven, Pairs, Samples, evaluate
+from synthesis.guided.pairs import OWN, Chart, Looked, Pairs, Problem, Samples, Stage
 from synthesis.guided.solution import GuidedSolution, assess
-from synthesis.least_squares import Evaluation, minimise
 from synthesis.search.search import DEFAULT_TOLERANCE, StoppedBy
 from synthesis.target import TURN
 from synthesis.work import Work
@@ -56,6 +56,8 @@ _FINE = 1440
 """Directions among which those are looked for that a given drive goes."""
 _RADII, _AROUND = (0.0, 0.35, 0.8, 1.4, 2.2, 3.5), 12
 """Points that circles, rails and slots are begun with: distances from the middle of the motion, and so many around it."""
+_SWEEPS, _AGAIN = 8, 6
+"""Newton's steps of the poses of answers, and of those looked at before they are."""
 _SEEDS, _HOPS = 18, 10
 """Candidates of each kind and drive that a round begins with."""
 _LOOKED_AT = 40
@@ -66,34 +68,29 @@ _POOL = 6
 """Valleys that are kept of each kind and drive."""
 _ANSWERS = 6
 """Answers that are kept of each."""
-_STAGES = ((8, 0.1, 2), (6, 1.0, 2), (8, 10.0, 2))
-_END = ((8, 1e2, 2), (8, 1e4, 3), (5, 1e6, 3))
-_GIVEN = ((12, 1.0, 3), (20, 100.0, 3))
-_LAST = ((15, 1e4, 3), (10, 1e6, 3))
-"""Steps, the weight of broken limits, and Newton's steps of each pose."""
+_STAGES = Stage(8, 0.1, 2), Stage(6, 1.0, 2), Stage(8, 10.0, 2)
+_END = Stage(8, 1e2, 2), Stage(8, 1e4, 3), Stage(5, 1e6, 3)
+_LAST = Stage(15, 1e4, 3), Stage(10, 1e6, 3)
+_GIVEN = Stage(12, 1.0, _SWEEPS, 1e-6, 1e-3), Stage(20, 100.0, _SWEEPS, 1e-6, 1e-3)
+_GIVEN_END = tuple(stage._replace(sweeps=_SWEEPS, stall=1e-6, damping=1e-3) for stage in _END)
+_EXACTLY = Stage(12, 0.0, 4, 0.1, 1e-8)
+"""Stages of descents: among the limits, along them, on all samples in the end; where the drive is given; and of exact guides."""
 _BETWEEN = 4
 """Poses between two samples at which pairs for few samples are looked at."""
-_SWEEPS = 8
-"""Newton's steps of the poses of answers."""
 _SPARE = 1.05, 2e-5
 """What falls short is asked for this many times over, and so many radians more: what is asked for moves the worst place on."""
 _TIGHTENED = 3
 """So often a descent is repeated for what falls short between the samples."""
 _LOOKED_AT_WHOLE = 3
 """Candidates of each drive whose motion is looked at between the samples."""
-_LARGEST = 1e100
 _TURNS = 1e-3
 """Sine of the angle between two rails, or two slots, below which a body never turns."""
-_EQUAL = 1e-8
-"""To which a given length or place is kept, over the length scale."""
 _NOISE, _EVEN = 0.05, 1e-3
 """Part of its range by which a drive may step back between noisy samples; and of the way to even steps when put in order."""
 _AS_EXACT = 1e-9
 """J of a rail below which a circle in its place tells nothing."""
 _LONG, _CHANCE = 10.0, 10.0
 """Radius, over the length scale, from which on a circle is compared with a rail; and the F up to which that is as good."""
-_SAFETY = 1e-7
-"""By which limits are kept more than asked, so that rounding breaks none."""
 _IDLE, _ROUNDS, _WORTH = 2, 6, 0.01
 """A drive is left alone after so many rounds that gain nothing; rounds at most; and the part of J that is a gain."""
 
@@ -287,10 +284,14 @@ class Search:
         self.given = given
         if given is not None and not ways[0].driver.turns:
             self.given = given / poses.length_scale
-        self.bounds = Bounds(limits, poses, timed=given is not None)
-        self.samples = Samples.of(poses, self.given)
-        self.few = _some(self.samples, _SAMPLES, _FEWER)
+        self.all = self._problem(Samples.of(poses, self.given))
+        self.samples = self.all.samples
+        self.few = (
+            self.all if self.samples.number <= _SAMPLES else self._problem(_some(self.samples, _SAMPLES, _FEWER))
+        )
         self.body = Body(poses)
+        full = poses.full
+        self.thin = self.body if full.size <= _MANY else Body(poses.at(full[:: 3 * full.size // _MANY]))
         self.sorts = {sort for way in ways for sort in (way.first, way.second)}
         self.random = np.random.default_rng(20)
         self.seeds = 0
@@ -302,144 +303,83 @@ class Search:
 
     # -- candidates -------------------------------------------------------------------------------------------------
 
-    def measured(self, pairs: Pairs, drive: Ints, samples: Samples, sweeps: int = 2) -> Candidates:
-        """Pairs with J squared, branch and way at the poses that they allow."""
-        chart = Chart(pairs)
-        with np.errstate(all="ignore"):
-            found = Corrected(samples, chart.start, chart.labels, sweeps)
-            cost = np.einsum("nk,nk->n", found.rows, found.rows)
-            sine, coordinate = found.transmission(), found.drive()
-        branch = np.where(np.sum(sine, axis=1) >= 0, 1.0, -1.0)
-        steps = np.diff(coordinate, axis=1)
-        turns = ~self._slides(pairs)
-        steps = np.where(turns[:, None], (steps + np.pi) % (2 * np.pi) - np.pi, steps)
-        way = np.where(np.sum(steps, axis=1) >= 0, 1.0, -1.0)
-        return Candidates(pairs, drive, np.where(np.isfinite(cost), cost, np.inf), branch, way, np.zeros(cost.size))
+    def _problem(self, samples: Samples, given: bool = False) -> Problem:
+        """The limits of the request at some samples; ``given``: at the drive that is given."""
+        return Problem(samples, self.limits, self.poses, given)
 
-    @staticmethod
-    def _slides(pairs: Pairs) -> Any:
-        return pairs.first.straight & ~pairs.hinge
+    def measured(self, pairs: Pairs, drive: Ints, problem: Problem, sweeps: int = 2) -> Candidates:
+        """Pairs with J squared, branch and way at the poses that they allow."""
+        at = problem.look(Chart(pairs), np.zeros((drive.size, 4)), sweeps, bounded=False)
+        branch, way = np.where(at.sines >= 0, 1.0, -1.0), np.where(at.gone >= 0, 1.0, -1.0)
+        return Candidates(pairs, drive, at.cost, branch, way, np.zeros(drive.size))
+
+    def _measured_again(self, found: Candidates, problem: Problem) -> Candidates:
+        return self.measured(found.pairs, found.drive, problem, _AGAIN)
+
+    def look(self, found: Candidates, problem: Problem, sweeps: int) -> Looked:
+        """Candidates with what they break of the limits."""
+        return problem.look(Chart(found.pairs), _labels(found), sweeps)
 
     def descended(
-        self,
-        begin: Candidates,
-        stages: Sequence[tuple[int, float, int]],
-        samples: Samples,
-        margin: Floats | None = None,
+        self, begin: Candidates, stages: Sequence[Stage], problem: Problem, margin: Floats | None = None
     ) -> Candidates:
         """Candidates after descents in which broken limits weigh more from stage to stage; their J squared alone."""
-        for steps, weight, sweeps in stages:
+        for stage in stages:
             if not begin.cost.size or (self.work.expired() and self.found is not None):
                 break
-            chart = Chart(begin.pairs)
-            extra = [begin.branch, begin.way, np.zeros_like(begin.way) if margin is None else margin]
-            labels = np.concatenate([chart.labels, np.stack(extra, axis=1)], axis=1)
-
-            def priced(x: Floats, own: Floats, weight: float = weight, sweeps: int = sweeps) -> Evaluation:
-                return self._bounded(samples, x, own, weight, sweeps)
-
-            done = minimise(priced, chart.start, labels, steps, 0.0, self.work, 3e-4, 1e-2)
-            begin = begin._replace(pairs=chart.pairs_at(done.unknowns))
+            pairs, _, _ = problem.descended(Chart(begin.pairs), _labels(begin, margin), stage, self.work)
+            begin = begin._replace(pairs=pairs)
         return begin
 
-    def _bounded(self, samples: Samples, unknowns: Floats, labels: Floats, weight: float, sweeps: int) -> Evaluation:
-        """As `pairs.evaluate`, with rows for the limits that are broken."""
-        with np.errstate(all="ignore"):
-            return self._bounded_at(Corrected(samples, unknowns, labels[:, :11], sweeps), labels, weight)
-
-    def _bounded_at(self, found: Corrected, labels: Floats, weight: float) -> Evaluation:
-        with np.errstate(all="ignore"):
-            rows, _, _ = found.derivatives()
-            signs = Signs(labels[:, 11:12], labels[:, 12:13], labels[:, 13:14])
-            parts = self.bounds(found, signs)
-            stacks = [np.concatenate([rows, found.rows[:, None]], axis=1)]
-            scale = np.sqrt(weight)
-            broken = []
-            for part in parts:
-                off = part.values if part.equal else np.minimum(part.values - _SAFETY, 0.0)
-                some = off < 0 if not part.equal else np.ones_like(off, dtype=bool)
-                if not some.any():
-                    continue
-                used = some.any(axis=0)
-                off, slope = off[:, used], np.where(some[:, None, used], part.slopes[:, :, used], 0.0)
-                broken.append(scale * np.concatenate([slope, off[:, None]], axis=1))
-            count = rows.shape[1] + 1
-            stacks.append(
-                _condensed(np.concatenate(broken, axis=2)) if broken else np.zeros((len(rows), count, count))
-            )
-            stack = np.concatenate(stacks, axis=2)
-            cost = np.einsum("nk,nk->n", stack[:, -1], stack[:, -1])
-        bad = ~(np.isfinite(cost) & np.isfinite(stack).all(axis=(1, 2)))
-        stack[bad] = 0.0
-        return Evaluation(np.where(bad, np.inf, cost), stack)
-
-    def _signs(self, at: Corrected, way: Floats) -> Floats:
-        """Along which candidates' own coordinate the given drive counts, (n, 1): a cylinder's is longer where it is more."""
-        first = at.at[0].guide
+    def _signs(self, found: Candidates, at: Looked) -> Floats:
+        """Along which candidates' own coordinate the given drive counts, (n,): a cylinder's is longer where it is more."""
+        first, second, hinge = found.pairs
         # where two slots meet tells nothing of where a rod is fastened
-        cylinder = first.inverse & ~at.hinge & ~at.at[1].guide.inverse
-        slides = first.straight & ~at.hinge
-        return np.where(cylinder, np.sign(extension(at)), np.where(slides, way * np.sign(at.samples.drive[-1]), 1.0))
+        cylinder = first.inverse & ~hinge & ~second.inverse
+        slides = first.straight & ~hinge
+        return np.where(
+            cylinder, np.sign(at.extension), np.where(slides, found.way * np.sign(self.samples.drive[-1]), 1.0)
+        )
 
-    def _timing(self, at: Corrected, sign: Floats) -> tuple[Floats, Floats]:
-        """The drive at the first sample (n, 1) for which the given one is nearest to their own, and how near, squared, (n,)."""
-        off = at.drive() - sign * at.samples.drive
+    def _timing(self, at: Looked, sign: Floats, drive: Floats) -> tuple[Floats, Floats]:
+        """The drive at the first sample (n,) for which the given one is nearest to their own, and how near, squared."""
+        off = at.drive - sign[:, None] * drive
         if self.ways[0].driver.turns:
-            first = np.angle(np.mean(np.exp(1j * off), axis=1))[:, None]
-            off = (off - first + np.pi) % (2 * np.pi) - np.pi
+            first = np.angle(np.mean(np.exp(1j * off), axis=1))
+            off = (off - first[:, None] + np.pi) % (2 * np.pi) - np.pi
             return first, np.mean(off**2, axis=1)
-        first = np.mean(off, axis=1, keepdims=True)
-        return first, np.mean((off - first) ** 2, axis=1)
+        first = np.mean(off, axis=1)
+        return first, np.mean((off - first[:, None]) ** 2, axis=1)
 
-    def timed(self, begin: Candidates, stages: Sequence[tuple[int, float, int]]) -> Candidates:
+    @cached_property
+    def given_at_all(self) -> Problem:
+        """All samples with the drive that is given."""
+        return self._problem(self.samples, given=True)
+
+    def timed(self, begin: Candidates, stages: Sequence[Stage]) -> Candidates:
         """Candidates after descents at the drive that is given; with J squared there."""
-        chart = Chart(begin.pairs)
-        with np.errstate(all="ignore"):
-            at = Corrected(self.samples, chart.start, chart.labels, 6)
-            sign = self._signs(at, begin.way[:, None])
-            first, _ = self._timing(at, sign)
-        x = np.concatenate([chart.start, first], axis=1)
-        for steps, weight, _ in stages:
-            extra = np.stack([begin.branch, begin.way, np.zeros_like(begin.way), sign[:, 0]], axis=1)
-            labels = np.concatenate([chart.labels, extra], axis=1)
+        at = self.look(begin, self.all, _AGAIN)
+        sign = self._signs(begin, at)
+        first, _ = self._timing(at, sign, self.samples.drive)
+        for stage in stages:
+            chart, labels = Chart(begin.pairs), _labels(begin, sign=sign)
+            pairs, first, _ = self.given_at_all.descended(chart, labels, stage, self.work, first)
+            begin = begin._replace(pairs=pairs)
+        at = self.given_at_all.look(Chart(begin.pairs), _labels(begin, sign=sign), 12, first)
+        return begin._replace(cost=np.where(at.closed, at.cost, np.inf), first=first)
 
-            def priced(unknowns: Floats, own: Floats, weight: float = weight) -> Evaluation:
-                return self._bounded_at(Driven(self.samples, unknowns, own[:, :11], own[:, 14:15]), own, weight)
-
-            done = minimise(priced, x, labels, steps, 0.0, self.work, 1e-6, 1e-3)
-            begin = begin._replace(pairs=chart.pairs_at(done.unknowns), cost=done.cost)
-            first = done.unknowns[:, 2 * OWN :]
-            chart = Chart(begin.pairs)
-            x = np.concatenate([chart.start, first], axis=1)
-        with np.errstate(all="ignore"):
-            at = Driven(self.samples, x, chart.labels, sign, 12)
-        cost = np.where(at.closed, np.einsum("nk,nk->n", at.rows, at.rows), np.inf)
-        return begin._replace(cost=np.where(np.isfinite(cost), cost, np.inf), first=first[:, 0])
-
-    def broken(self, found: Candidates, samples: Samples) -> tuple[Candidates, Floats]:
+    def broken(self, found: Candidates) -> tuple[Candidates, Floats]:
         """Candidates with their J squared at the closed poses, and the most by which each breaks a limit there."""
-        with np.errstate(all="ignore"):
-            at = self._at(found, samples)
-            cost = np.einsum("nk,nk->n", at.rows, at.rows)
-            nothing = np.zeros((found.cost.size, 1))
-            parts = self.bounds(at, Signs(found.branch[:, None], found.way[:, None], nothing))
-            worst = np.where(at.closed, 0.0, np.inf)
-            for part in parts:
-                if part.name == "order":  # which is looked at with the whole motion
-                    continue
-                off = np.abs(part.values) - _EQUAL if part.equal else -part.values
-                worst = np.maximum(worst, off.max(axis=1))
-        worst = np.where(np.isfinite(worst), worst, np.inf)
-        return found._replace(cost=np.where(np.isfinite(cost), cost, np.inf)), worst
+        at = self._at(found)
+        worst = np.where(at.closed & np.isfinite(at.cost), at.worst, np.inf)
+        return found._replace(cost=at.cost), worst
 
-    def _at(self, found: Candidates, samples: Samples) -> Corrected:
+    def _at(self, found: Candidates) -> Looked:
         """Candidates at the poses that close, and where the drive is given those that it leads to."""
-        chart = Chart(found.pairs)
         if self.given is None:
-            return Corrected(samples, chart.start, chart.labels, _SWEEPS)
-        sign = self._signs(Corrected(samples, chart.start, chart.labels, 6), found.way[:, None])
-        x = np.concatenate([chart.start, found.first[:, None]], axis=1)
-        return Driven(samples, x, chart.labels, sign, _SWEEPS)
+            return self.look(found, self.all, _SWEEPS)
+        sign = self._signs(found, self.look(found, self.all, _AGAIN))
+        return self.given_at_all.look(Chart(found.pairs), _labels(found, sign=sign), _SWEEPS, found.first)
 
     # -- seeds ------------------------------------------------------------------------------------------------------
 
@@ -458,49 +398,31 @@ class Search:
             return None
         if self.body.position.size <= FEW:
             pairs, drive = self._spread(pairs, drive)
-        return self._refined(self.measured(pairs, drive, self.samples))
+        return self._refined(self.measured(pairs, drive, self.all))
 
     def _refined(self, begin: Candidates) -> Candidates:
-        chart = Chart(begin.pairs)
-        done = minimise(
-            lambda x, own: evaluate(self.samples, x, own), chart.start, chart.labels, 12, 0.0, None, 0.1, 1e-8
-        )
-        found = self.measured(chart.pairs_at(done.unknowns), begin.drive, self.samples, 4)
+        pairs, _, _ = self.all.descended(Chart(begin.pairs), _labels(begin), _EXACTLY, Work())
         self.seeds += begin.cost.size
-        return found
+        return self.measured(pairs, begin.drive, self.all, 4)
 
     def _spread(self, pairs: Pairs, drive: Ints) -> tuple[Pairs, Ints]:
         """Of very many pairs those that break the limits least, as many of each drive."""
-        found = self.measured(pairs, drive, self.samples)
-        chosen = self._best(found, 4 * _SEEDS, _with_between(self.samples), errors=False)
+        found = self.measured(pairs, drive, self.all)
+        chosen = self._best(found, 4 * _SEEDS, self._problem(_with_between(self.samples)), errors=False)
         return pairs.take(chosen), drive[chosen]
 
-    def _best(self, found: Candidates, most: int, samples: Samples, errors: bool = True) -> Ints:
+    def _best(self, found: Candidates, most: int, problem: Problem, errors: bool = True) -> Ints:
         """Places of the best of each drive by J squared and broken limits."""
-        chart = Chart(found.pairs)
-        extra = np.stack([found.branch, found.way, np.zeros_like(found.way)], axis=1)
-        labels = np.concatenate([chart.labels, extra], axis=1)
-        merit = np.full(found.cost.size, np.inf)
-        for first in range(0, found.cost.size, 400):
-            part = slice(first, first + 400)
-            merit[part] = self._merit(samples, chart.start[part], labels[part], errors)
+        at = self.look(found, problem, 2)
+        merit = 0.3 * at.merit + (at.cost if errors else np.where(np.isfinite(at.cost), 0.0, np.inf))
+        if self.given is not None:
+            merit = merit + self._timing(at, self._signs(found, at), problem.samples.drive)[1]
         places = []
         for number in range(len(self.ways)):
             own = np.flatnonzero(found.drive == number)
             own = own[np.argsort(merit[own], kind="stable")]
             places.append(self._apart(found.pairs, own[np.isfinite(merit[own])], most))
         return np.concatenate(places)
-
-    def _merit(self, samples: Samples, unknowns: Floats, labels: Floats, errors: bool) -> Floats:
-        with np.errstate(all="ignore"):
-            found = Corrected(samples, unknowns, labels[:, :11], 2)
-            merit = np.einsum("nk,nk->n", found.rows, found.rows) * errors
-            for part in self.bounds(found, Signs(labels[:, 11:12], labels[:, 12:13], labels[:, 13:14])):
-                off = part.values if part.equal else np.minimum(part.values, 0.0)
-                merit = merit + 0.3 * np.mean(np.minimum(np.abs(off), 1.0) ** 2, axis=1)
-            if self.given is not None:
-                merit = merit + self._timing(found, self._signs(found, labels[:, 12:13]))[1]
-        return np.where(np.isfinite(merit), merit, np.inf)
 
     def _apart(self, pairs: Pairs, places: Ints, most: int) -> Ints:
         """The first of places that differ."""
@@ -515,14 +437,14 @@ class Search:
 
     def near(self) -> Candidates:
         """Pairs of guides of points all over body and ground: the best of each drive."""
-        sorts = near_guides(self.body, self.sorts)
-        motion = Motion.of(self.body)
+        sorts = near_guides(self.thin, self.sorts)
+        motion = Motion.of(self.thin)
         best = []
         for guides in sorts:
             error = _errors(guides, motion)
             best.append(guides.take(np.argsort(error, kind="stable")[:_LOOKED_AT]))
         pairs, drive = pairs_of(Sorts(*best), self.ways)
-        thin = _some(self.samples, 10, 8)
+        thin = self._problem(_some(self.samples, 10, 8))
         found = self.measured(pairs, drive, thin, 2)
         # the limits cost more to look at: of each drive the half that fits best
         places = []
@@ -572,7 +494,7 @@ class Search:
             ended = self.timed(begin, _GIVEN)
             pool = ended if pool is None else pool.joined(ended)
             pool = self._pooled(pool)
-            self._answers(self.timed(self._pooled(ended, 2), _END))
+            self._answers(self.timed(self._pooled(ended, 2), _GIVEN_END))
             self.note()
             if self.work.expired():
                 return False
@@ -672,50 +594,42 @@ class Search:
     def _as_rail(self, one: Candidates, place: int, number: int) -> Candidates | None:
         """A candidate with the tangent of a circle in its place, refined; None where that breaks the limits."""
         guide = one.pairs.guides[place]
-        middle = np.mean(self._at(one, self.samples).at[place].place, axis=1)
+        angle, x, y = np.moveaxis(self._at(one).poses, 2, 0)
+        middle = np.mean(x + 1j * y + np.exp(1j * angle) * guide.point[:, None], axis=1)
         inward = guide.centre - middle
         normal = np.angle(inward)
         foot = guide.centre - np.exp(1j * normal) / np.abs(guide.curvature)
         straight = guide._replace(foot=foot, normal=normal, curvature=0.0 * guide.curvature)
         guides = [straight if k == place else guide for k, guide in enumerate(one.pairs.guides)]
         pairs = Pairs(guides[0], guides[1], one.pairs.hinge)
-        begin = self.measured(pairs, np.full(1, number), self.samples)
+        begin = self.measured(pairs, np.full(1, number), self.all)
         if self.given is not None:
-            begin = self.timed(begin, _END)
+            begin = self.timed(begin, _GIVEN_END)
         else:
             begin = self._refined(begin)
             if not self.limits.only_family:
-                begin = self.descended(begin, _END, self.samples)
-        line, worst = self.broken(begin, self.samples)
+                begin = self.descended(begin, _END, self.all)
+        line, worst = self.broken(begin)
         return line if worst[0] <= 0 and np.isfinite(line.cost[0]) and self.solution(line) is not None else None
 
-    def _to_the_end(self, begin: Candidates, stages: Sequence[tuple[int, float, int]] = _END) -> None:
+    def _to_the_end(self, begin: Candidates, stages: Sequence[Stage] = _END) -> None:
         """Descents along the limits on all samples, and once more for what breaks them between samples."""
         margin = np.zeros(begin.cost.size)
         for _ in range(_TIGHTENED):
             if not begin.cost.size:
                 return
-            ended = self.descended(begin, stages, self.samples if stages is _LAST else self.few, margin)
-            ended = self._measured_again(ended, self.samples)._replace(branch=begin.branch, way=begin.way)
+            ended = self.descended(begin, stages, self.all if stages is _LAST else self.few, margin)
+            ended = self._measured_again(ended, self.all)._replace(branch=begin.branch, way=begin.way)
             lacking = self._answers(ended)
             again = lacking > 0
             if not again.any() or self.work.expired():
                 return
             begin, margin = ended.take(again), margin[again] + _SPARE[0] * lacking[again] + _SPARE[1]
 
-    def _measured_again(self, found: Candidates, samples: Samples) -> Candidates:
-        return self.measured(found.pairs, found.drive, samples, 6)
-
     def _valued(self, found: Candidates) -> Candidates:
         """Candidates with what they break of the limits in their cost, as the last descent priced it."""
-        chart = Chart(found.pairs)
-        with np.errstate(all="ignore"):
-            at = Corrected(self.few, chart.start, chart.labels, 6)
-            cost = np.einsum("nk,nk->n", at.rows, at.rows)
-            for part in self.bounds(at, Signs(found.branch[:, None], found.way[:, None], 0.0 * found.way[:, None])):
-                off = part.values if part.equal else np.minimum(part.values, 0.0)
-                cost = cost + _STAGES[-1][1] * np.sum(off**2, axis=1)
-        return found._replace(cost=np.where(np.isfinite(cost), cost, np.inf))
+        at = self.look(found, self.few, _AGAIN)
+        return found._replace(cost=at.cost + _STAGES[-1].weight * at.excess)
 
     @property
     def levels(self) -> Floats:
@@ -745,7 +659,7 @@ class Search:
             By how much the transmission angle of the others falls short between the samples, where nothing else is amiss.
         """
         lacking = np.zeros(new.cost.size)
-        new, worst = self.broken(new, self.samples)
+        new, worst = self.broken(new)
         fine = np.flatnonzero((worst <= 0) & np.isfinite(new.cost))
         kept: list[int] = []
         most = _LOOKED_AT_WHOLE * (4 if self.body.position.size <= FEW else 1)  # few samples leave much between them
@@ -793,14 +707,11 @@ class Search:
 
     def solution(self, one: Candidates) -> GuidedSolution | None:
         """A single candidate as a linkage with its errors; None where it does not pass the samples."""
-        with np.errstate(all="ignore"):
-            at = self._at(one, self.samples)
-        poses, scale = self.poses, self.poses.length_scale
-        rotation, position = at.angle[0], poses.middle + scale * at.position[0]
+        rotation, *places = self._at(one).poses[0].T
+        poses, place = self.poses, places[0] + 1j * places[1]
+        position = poses.middle + poses.length_scale * place
         way = self.ways[int(one.drive[0])]
-        guides = [
-            _guide(guide.take([0]), poses, complex(here.place[0, 0])) for guide, here in zip(one.pairs[:2], at.at)
-        ]
+        guides = [_guide(guide.take([0]), poses, float(rotation[0]), complex(place[0])) for guide in one.pairs.guides]
         guides = [_referred(guide, other) for guide, other in zip(guides, guides[::-1])]
         if _parallel(guides):
             return None
@@ -857,11 +768,12 @@ def _in_order(drive: Floats, turns: bool, span_max: float) -> tuple[Floats, bool
     return drive[0] + way * middle, holds_now
 
 
-def _guide(one: Guides, poses: Poses, place: complex) -> Guide:
-    """A guide in the user's unit; a rail's point is where its body point is at the first sample, ``place``."""
+def _guide(one: Guides, poses: Poses, rotation: float, position: complex) -> Guide:
+    """A guide in the user's unit; a rail's point is where its body point is at the first sample, whose pose is given."""
     scale, middle = poses.length_scale, poses.middle
     point, foot, normal = complex(one.point[0]), complex(one.foot[0]), float(one.normal[0])
-    inward = np.exp(1j * normal)
+    inward, turned = np.exp(1j * normal), np.exp(1j * rotation)
+    place = np.conj(turned) * (point - position) if one.inverse[0] else position + turned * point
     on_line = foot + complex(1j * inward * (np.conj(1j * inward) * (place - foot)).real)
     if one.inverse[0]:
         return Slot(middle + scale * point, scale * on_line, float(wrap(normal + np.pi / 2)))
@@ -991,15 +903,12 @@ def _errors(guides: Guides, motion: Motion) -> Floats:
     return out
 
 
-def _condensed(stack: Floats) -> Floats:
-    """Rows (n, m, k) as m rows with the same products."""
-    proper: Flags = np.all(np.abs(stack) < _LARGEST, axis=(1, 2))  # no number that is none among them
-    stack = np.where(proper[:, None, None], stack, 0.0)
-    product = stack @ stack.transpose(0, 2, 1)
-    size = np.einsum("nii->ni", product).max(axis=1)
-    count = product.shape[1]
-    product[:, np.arange(count), np.arange(count)] += (1e-13 * size + 1e-40)[:, None]
-    return np.where(proper[:, None, None], np.linalg.cholesky(product), np.nan)
+def _labels(found: Candidates, margin: Floats | None = None, sign: Floats | None = None) -> Floats:
+    """As of `Problem.descended`, (n, 4)."""
+    nothing = np.zeros(found.cost.size)
+    return np.stack(
+        [found.branch, found.way, nothing if margin is None else margin, nothing if sign is None else sign], 1
+    )
 
 
 def _with_between(samples: Samples) -> Samples:

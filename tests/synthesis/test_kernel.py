@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -15,6 +16,8 @@ import pytest
 from synthesis import kernel
 from synthesis.fourbar.charts import AnyChart, FullCrankChart, GrashofChart
 from synthesis.fourbar.limits import Constraints, Limits, Reach
+from synthesis.free.poses import make_poses
+from synthesis.guided.limits import numbers_of
 from synthesis.slider.charts import SliderChart
 from tests.oracles.kernel import LIBRARY, SOURCE, compiled_from, uncompiled
 from tests.oracles.slider_crank import SLIDER_CHARTS, SLIDER_NAMES, SLIDERS, body_angle
@@ -279,3 +282,44 @@ def test_rows_that_are_apart() -> None:
         and kernel.apart(rows, reach, (), 0, 3).tolist() == kept[:3]
     )
     assert kernel.apart(rows, reach, (7, 9), 60, 100).tolist() == [7, 9]
+
+
+@pytest.mark.parametrize("driven", [False, True])
+def test_pairs_of_guides(driven: bool) -> None:
+    """Looked at, sloped, and descended a little: pairs of all sorts within limits of every kind."""
+    random, count, number = np.random.default_rng(3), 9, 5
+    along = np.linspace(0, 1, number)
+    poses = make_poses(0.5 * along, along + 0.05 * random.normal(size=number) + 0.2j * along**2)
+    samples = np.stack(
+        [0.5 * along, along - 0.5, 0.2 * along**2, np.full(number, 5.0), np.full(number, 5.0), 0 * along, 0 * along,
+         0.3 * along], axis=1,
+    )  # fmt: skip
+    samples[2, [3, 5]] = 1e10, 1.0
+    limits = replace(
+        EVERY_KIND,
+        arm_min=0.3,
+        stroke_max=0.2,
+        rail_box=(-1.0, -0.2, 0.4, 0.3),
+        cylinder_dead_length=0.9,
+        cylinder_extended_max=1.0,
+    )
+    numbers = numbers_of(limits, poses, driven)
+    sort = np.arange(count)
+    labels = np.zeros((count, 15))
+    labels[:, 0] = sort % 3 == 2
+    for first, kind in ((1, sort % 3), (6, sort // 3)):
+        labels[:, first : first + 2] = random.normal(size=(count, 2))
+        labels[:, first + 2], labels[:, first + 3], labels[:, first + 4] = 1.0, kind == 2, kind > 0
+    labels[:, 0] *= sort % 2
+    labels[:, 11:13], labels[:, 14] = np.sign(random.normal(size=(count, 2))), 1.0
+    x = 0.7 * random.normal(size=(count, 11))[:, : 11 if driven else 10]
+
+    def work(module: ModuleType) -> list[Any]:
+        kernel = module.PairDescent(samples, numbers, driven)
+        here = x.copy()
+        cost = kernel.begin(here, labels, 2, 1e-2, 1e-9, 10.0, 3)
+        while not kernel.run(3):
+            pass
+        return [*kernel.look(x, labels, 3, True), kernel.gradient(x[0], labels[0], 1.0, 3), here, cost]
+
+    same(work, 1e-8)

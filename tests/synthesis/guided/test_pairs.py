@@ -1,146 +1,202 @@
-"""Pairs of guides as functions: derivatives against differences, and circles as large as can be."""
+"""Pairs of guides as the compiled descents see them: poses by the kinds' own equations, slopes by differences, huge circles."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from synthesis.fourbar.limits import Limits, Reach
-from synthesis.free.poses import make_poses
+from synthesis.free.poses import Poses, make_poses
 from synthesis.guided.dyads import Guides
-from synthesis.guided.limits import Bounds, Signs
-from synthesis.guided.pairs import Chart, Corrected, Driven, Pairs, Samples
+from synthesis.guided.pairs import Chart, Looked, Pairs, Problem, Samples, Stage
+from synthesis.work import Work
 
-_COUNT, _SAMPLES, _STEP = 12, 5, 1e-6
-
-
-def guides(random: np.random.Generator, inverse: np.ndarray, straight: np.ndarray) -> Guides:
-    point, foot = (random.normal(size=_COUNT) + 1j * random.normal(size=_COUNT) for _ in range(2))
-    bent = np.where(straight, 0.0, random.uniform(0.1, 2.0, _COUNT))
-    return Guides(point, foot, random.uniform(0, 2 * np.pi, _COUNT), bent, inverse)
-
-
-@pytest.fixture
-def made() -> tuple[Samples, np.ndarray, np.ndarray]:
-    random = np.random.default_rng(1)
-    number = np.arange(_COUNT)
-    first = guides(random, number % 3 == 0, number % 3 != 1)
-    second = guides(random, number % 4 == 0, number % 4 != 1)
-    chart = Chart(Pairs(first, second, (number % 3 == 0) & (number % 2 == 0)))
-    start = chart.start
-    start[:, [3, 8]] = 0.1
-    nothing = np.zeros(_SAMPLES, dtype=bool)
-    place = random.normal(size=_SAMPLES) + 1j * random.normal(size=_SAMPLES)
-    ones = np.full(_SAMPLES, 5.0)
-    drive = np.linspace(0, 0.1, _SAMPLES)
-    return Samples(random.uniform(0, 1, _SAMPLES), place, ones, ones, nothing, nothing, drive), start, chart.labels
+COUNT, SAMPLES, STEP = 36, 6, 1e-7
+NONE = Limits(family="any")
+BOX = (-0.5, -0.4, 0.6, 0.7)
+EACH = {
+    "transmission": Limits(family="any", transmission_angle_min=0.7),
+    "arm": Limits(family="any", arm_min=0.8),
+    "stroke": Limits(family="any", stroke_max=0.3),
+    "longest": Limits(family="any", link_max=0.8),
+    "shortest": Limits(family="any", link_min=0.9),
+    "ratio": Limits(family="any", link_ratio_max=1.2),
+    "coupler radius": Limits(family="any", coupler_radius_max=0.5),
+    "links": Limits(family="any", links=(0.5, 0.6, None, 0.7)),
+    "cylinder": Limits(family="any", cylinder_dead_length=0.7, cylinder_extended_max=0.9),
+    "pivots": Limits(family="any", pivot_a=0.1 + 0.2j, pivot_b=0.3j),
+    "boxes": Limits(family="any", pivot_a_box=BOX, pivot_b_box=BOX),
+    "reach": Limits(family="any", pivot_reach=Reach(0.1 - 0.2j, 0.5, 0.6)),
+    "keep out": Limits(family="any", keep_out=((-2.0, -2.0, 0.2, 2.0),)),
+    "rail": Limits(family="any", rail_box=BOX),
+    "envelope": Limits(family="any", envelope=BOX),
+    "order": Limits(family="any"),
+}
 
 
 def wrapped(angle: np.ndarray) -> np.ndarray:
     return (angle + np.pi) % (2 * np.pi) - np.pi
 
 
-@pytest.mark.parametrize("column", range(10))
-def test_derivatives_by_the_dimensions_at_given_poses(made, column):
-    samples, start, labels = made
-    found = Corrected(samples, start, labels, 1)
-    ahead, behind = (start.copy() for _ in range(2))
-    ahead[:, column] += _STEP
-    behind[:, column] -= _STEP
-    one, other = Corrected(samples, ahead, labels, 1), Corrected(samples, behind, labels, 1)
-    k = column // 5
-    slope = (one.at[k].distance - other.at[k].distance) / (2 * _STEP)
-    assert np.allclose(slope, found.at[k].columns()[:, column % 5], atol=1e-8)
-    slope = wrapped(one.drive() - other.drive()) / (2 * _STEP)
-    assert np.allclose(slope, found.drive_derivatives()[0][:, column], atol=1e-8)
-    slope = (one.transmission() - other.transmission()) / (2 * _STEP)
-    assert np.allclose(slope, found.transmission_derivatives()[0][:, column], atol=1e-8)
+def guides(random: np.random.Generator, sort: np.ndarray) -> Guides:
+    """Circles (0), rails (1) and slots (2) of the size of the motion."""
+    point, foot = (0.5 * (random.normal(size=COUNT) + 1j * random.normal(size=COUNT)) for _ in range(2))
+    bent = np.where(sort == 0, random.uniform(0.5, 2.0, COUNT), 0.0)
+    return Guides(point, foot, random.uniform(0, 2 * np.pi, COUNT), bent, sort == 2)
 
 
-@pytest.mark.parametrize("part", ["angle", "x", "y"])
-def test_derivatives_by_the_pose(made, part):
-    samples, start, labels = made
-    turn, shift = {"angle": (_STEP, 0), "x": (0, _STEP), "y": (0, 1j * _STEP)}[part]
-    found = Corrected(samples, start, labels, 1)
-    one, other = (
-        Corrected(
-            samples._replace(angle=samples.angle + way * turn, position=samples.position + way * shift),
-            start,
-            labels,
-            1,
-        )
-        for way in (1, -1)
-    )
-
-    def of(by_angle: np.ndarray, by_position: np.ndarray) -> np.ndarray:
-        return {"angle": by_angle, "x": by_position.real, "y": by_position.imag}[part]
-
-    for k in range(2):
-        slope = (one.at[k].distance - other.at[k].distance) / (2 * _STEP)
-        assert np.allclose(slope, of(found.at[k].turn, found.at[k].shift), atol=1e-8)
-    slope = wrapped(one.drive() - other.drive()) / (2 * _STEP)
-    assert np.allclose(slope, of(*found.drive_derivatives()[1:]), atol=1e-8)
-    slope = (one.transmission() - other.transmission()) / (2 * _STEP)
-    assert np.allclose(slope, of(*found.transmission_derivatives()[1:]), atol=1e-8)
+def motion(random: np.random.Generator) -> Poses:
+    along = np.linspace(0, 1, SAMPLES)
+    noise = 0.03 * random.normal(size=(3, SAMPLES))
+    return make_poses(0.5 * along + noise[0], along * np.exp(0.3j) + noise[1] + 1j * noise[2], ordered=False)
 
 
-def exact(random: np.random.Generator) -> tuple[Samples, Chart]:
-    """Slider-cranks, and samples that one of them passes."""
-    t = np.linspace(0.3, 1.5, _SAMPLES)
-    angle = np.arcsin((0.2 - np.sin(t)) / 2.0)
-    place = np.exp(1j * t)
-    nothing, ones = np.zeros(_SAMPLES, dtype=bool), np.full(_SAMPLES, 5.0)
-    one, no = np.ones(1), np.zeros(1, dtype=bool)
-    crank = Guides(0j * one, -1.0 + 0j * one, 0 * one, one, no)
-    rail = Guides(2.0 + 0j * one, 0.2j * one, np.pi / 2 * one, 0 * one, no)
-    return Samples(angle, place, ones, ones, nothing, nothing, t - t[0]), Chart(Pairs(crank, rail, no))
+def pairs() -> tuple[np.random.Generator, Pairs, np.ndarray]:
+    """Pairs of all sorts, and for each its branch, way and signs."""
+    random = np.random.default_rng(4)
+    number = np.arange(COUNT)
+    made = Pairs(guides(random, number % 3), guides(random, number // 3 % 3), (number % 3 == 2) & (number % 2 == 0))
+    labels = np.stack([*np.sign(random.normal(size=(2, COUNT))), 0.1 * random.random(COUNT), np.ones(COUNT)], axis=1)
+    return random, made, labels
 
 
-def test_where_the_drive_is_given_the_rows_derivatives_are_exact():
-    samples, chart = exact(np.random.default_rng(0))
-    x = np.concatenate([chart.start, [[0.3 + np.pi]]], axis=1)
-    x[0, 10] = Corrected(samples, chart.start, chart.labels).drive()[0, 0]
-    x += np.random.default_rng(2).normal(size=x.shape) * 1e-3
-    sign = np.ones((1, 1))
-    found = Driven(samples, x, chart.labels, sign)
-    assert found.closed.all()
-    rows, _, _ = found.derivatives()
-    for column in range(11):
-        ahead, behind = (x.copy() for _ in range(2))
-        ahead[:, column] += _STEP
-        behind[:, column] -= _STEP
-        slope = (
-            Driven(samples, ahead, chart.labels, sign).rows - Driven(samples, behind, chart.labels, sign).rows
-        ) / (2 * _STEP)
-        assert np.allclose(slope, rows[:, column], atol=1e-8)
+def apart(made: Guides, k: int, angle: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """Distance of a guide's point from its curve, as one would write it down."""
+    turned = np.exp(1j * angle)
+    point = complex(made.point[k])
+    at = np.conj(turned) * (point - place) if made.inverse[k] else place + turned * point
+    if made.curvature[k] == 0:
+        return (np.conj(np.exp(1j * made.normal[k])) * (at - made.foot[k])).real
+    return np.abs(at - made.centre[k]) - 1 / made.curvature[k]
 
 
-def test_limits_slopes_follow_the_poses_that_the_drive_leads_to():
-    samples, chart = exact(np.random.default_rng(0))
-    x = np.concatenate([chart.start, Corrected(samples, chart.start, chart.labels).drive()[:, :1]], axis=1)
-    poses = make_poses(samples.angle, samples.position)
-    box = (-3.0, -2.0, 4.0, 5.0)
-    limits = Limits(
-        family="any", transmission_angle_min=0.3, link_max=9.0, link_min=0.1, link_ratio_max=3.0, rail_box=box,
-        pivot_box=box, envelope=box, stroke_max=1.0, pivot_reach=Reach(0j, 8.0, 8.0), coupler_radius_max=3.0,
-        keep_out=((5.0, 5.0, 6.0, 6.0),),
-    )  # fmt: skip
-    bounds = Bounds(limits, poses, timed=True)
-    one = np.ones((1, 1))
-    signs = Signs(one, one, 0 * one)
+def test_poses_are_the_nearest_that_both_guides_allow():
+    random, made, labels = pairs()
+    poses = motion(random)
+    samples = Samples.of(poses)
+    problem = Problem(samples, NONE, poses, False)
+    made = reaching(problem, made, labels)
+    found = problem.look(Chart(made), labels, 30)
+    weights = np.sqrt(1 / np.stack([samples.rotation_variance, samples.position_variance, samples.position_variance]))
+    given = np.stack([samples.angle, samples.position.real, samples.position.imag])
+    checked = 0
+    for k in range(COUNT):
+        pose = found.poses[k].T
 
-    def at(unknowns: np.ndarray) -> Driven:
-        return Driven(samples, unknowns, chart.labels, one)
+        def gaps(at: np.ndarray, k: int = k) -> np.ndarray:
+            return np.stack([apart(one, k, at[0], at[1] + 1j * at[2]) for one in made.guides])
 
-    every = bounds(at(x), signs)
-    assert len({bound.name for bound in every}) >= 9
-    for column in range(11):
-        ahead, behind = (x.copy() for _ in range(2))
-        ahead[:, column] += _STEP
-        behind[:, column] -= _STEP
-        for bound, more, less in zip(every, bounds(at(ahead), signs), bounds(at(behind), signs)):
-            slope = (more.values - less.values) / (2 * _STEP)
-            assert np.allclose(slope, bound.slopes[:, column], atol=1e-7), (bound.name, column)
+        if not np.abs(gaps(pose)).max() < 1e-9:  # out of reach of one another
+            continue
+        checked += 1
+        assert found.cost[k] == pytest.approx(np.sum((weights * (given - pose)) ** 2), rel=1e-6)
+        slopes = [(gaps(pose + way) - gaps(pose - way)) / (2 * STEP) for way in STEP * np.eye(3)[:, :, None]]
+        for i in range(SAMPLES):
+            normals = np.array([slope[:, i] for slope in slopes])
+            pull = weights[:, i] ** 2 * (given - pose)[:, i]
+            rest = pull - normals @ np.linalg.lstsq(normals, pull, rcond=None)[0]
+            assert np.abs(rest).max() < 1e-5 * (1 + np.abs(pull).max())
+    assert checked > COUNT / 2
+
+
+def reaching(problem: Problem, made: Pairs, labels: np.ndarray) -> np.ndarray:
+    """Pairs refined without limits first, so that their poses are near."""
+    found, _, _ = problem.descended(Chart(made), labels, Stage(60, 0.0, 6, 0.0, 1e-2), Work())
+    return found
+
+
+def passed() -> tuple[Poses, list[tuple[Pairs, np.ndarray, Samples, np.ndarray]]]:
+    """A motion, and pairs one by one with labels, samples near it that they pass, and the drive there."""
+    random, made, labels = pairs()
+    poses = motion(random)
+    problem = Problem(samples := Samples.of(poses), NONE, poses, False)
+    made = reaching(problem, made, labels)
+    at, found = problem.look(Chart(made), labels, 40), []
+    for k in range(COUNT):
+        angle, x, y = at.poses[k].T
+        gaps = [apart(one, k, angle, x + 1j * y) for one in made.guides]
+        if np.abs(gaps).max() < 1e-9 and np.abs(at.poses[k]).max() < 5:
+            own = samples._replace(angle=angle, position=x + 1j * y)
+            found.append((made.take([k]), labels[[k]], own, at.drive[k]))
+    assert len(found) > 0.6 * COUNT
+    return poses, found
+
+
+def differences(priced: Callable[[np.ndarray], float], x: np.ndarray) -> np.ndarray:
+    steps = STEP * np.eye(x.size)
+    return np.array([(priced(x + step) - priced(x - step)) / (2 * STEP) for step in steps])
+
+
+def slopes_agree(problem: Problem, chart: Chart, labels: np.ndarray, x: np.ndarray, weight: float = 0.5) -> bool:
+    """Checks one pair's slopes where its poses close; whether it breaks a limit there."""
+
+    def at(x: np.ndarray) -> Looked:
+        return problem.look(Chart(chart.pairs_at(x[None, :10])), labels, 12, x[10:] if x.size > 10 else None)
+
+    def priced(x: np.ndarray) -> float:
+        return float((at(x).cost + weight * at(x).excess)[0])
+
+    here = at(x)
+    if here.closed[0]:
+        found = problem.gradient(chart, labels, weight, 12, x[10:] if x.size > 10 else None)[0]
+        wanted = differences(priced, x)
+        assert np.allclose(found, wanted, atol=2e-5 * max(1.0, np.abs(wanted).max())), found - wanted
+    return bool(here.excess[0] > 1e-3)
+
+
+@pytest.mark.parametrize("driven", [False, True], ids=["free", "driven"])
+@pytest.mark.parametrize("name", EACH)
+def test_slopes_of_errors_and_limits(name, driven):
+    """At poses that the pairs pass: there the derivatives are exact. Given the drive they are everywhere."""
+    broken, bent = 0, np.random.default_rng(6)
+    poses, every = passed()
+    poses = replace(poses, ordered=name == "order")
+    for made, labels, samples, drive in every:
+        turns = not (made.first.straight & ~made.hinge)[0]
+        given = (np.unwrap(drive) if turns else drive) - drive[0]
+        problem = Problem(samples._replace(drive=given if driven else 0 * given), EACH[name], poses, driven)
+        begin = Chart(made).start + (1e-4 if driven else 1e-9) * bent.normal(size=10)
+        chart = Chart(Chart(made).pairs_at(begin))
+        x = np.concatenate([chart.start[0], drive[:1]])[: 11 if driven else 10]
+
+        broken += slopes_agree(problem, chart, labels, x)
+    assert broken > 2
+
+
+def test_a_broken_limit_costs_its_square_times_its_weight():
+    random, made, labels = pairs()
+    poses = motion(random)
+    problem = Problem(Samples.of(poses), EACH["boxes"], poses, False)
+    at = problem.look(Chart(made), labels, 6)
+    _, _, cost = problem.descended(Chart(made), labels, Stage(0, 7.0, 6), Work())
+    broken = at.excess > 1e-3
+    assert broken.sum() > 5
+    assert np.allclose(cost[broken], (at.cost + 7.0 * at.excess)[broken], rtol=1e-5)
+
+
+def test_a_given_drive_is_met():
+    checked = 0
+    poses, every = passed()
+    for made, labels, samples, drive in every:
+        turns = not (made.first.straight & ~made.hinge)[0]
+        given = (np.unwrap(drive) if turns else drive) - drive[0]
+        given *= 1 + 1e-3 * np.arange(SAMPLES)
+        problem = Problem(samples._replace(drive=given), NONE, poses, True)
+        stage = Stage(30, 0.0, 12, 0.0, 1e-3)
+        made, first, cost = problem.descended(Chart(made), labels, stage, Work(), drive[:1])
+        at = problem.look(Chart(made), labels, 12, first)
+        if not at.closed[0]:
+            continue
+        checked += 1
+        off = at.drive[0] - first - given
+        assert np.abs(wrapped(off) if turns else off).max() < 1e-6
+        assert at.cost[0] == pytest.approx(cost[0])
+        for one in made.guides:
+            assert np.abs(apart(one, 0, at.poses[0, :, 0], at.poses[0, :, 1] + 1j * at.poses[0, :, 2])).max() < 1e-6
+    assert checked > 0.5 * COUNT
 
 
 @pytest.mark.parametrize("radius", [1e2, 1e4, 1e8])
@@ -148,10 +204,12 @@ def test_a_circle_of_any_radius_keeps_its_digits(radius):
     """Ten places of an arc of chord 2: the curvature that fits them best is its own."""
     along = np.linspace(-1, 1, 10) / radius
     place = radius * np.sin(along) + 1j * 2 * radius * np.sin(along / 2) ** 2
-    nothing, ones = np.zeros(10, dtype=bool), np.full(10, 10.0)
-    samples = Samples(0 * along, place, ones, ones, nothing, nothing, along)
+    poses = make_poses(np.zeros(10), place)
+    samples = Samples.of(poses)._replace(position=place)
     one, no = np.ones(1), np.zeros(1, dtype=bool)
     circle = Guides(0j * one, 0j * one, np.pi / 2 * one, 1 / radius * one, no)
-    chart = Chart(Pairs(circle, circle, no))
-    found = Corrected(samples, chart.start, chart.labels, 1)
-    assert np.abs(found.at[0].distance).max() < 1e-15
+    slot = Guides(0j * one, 0j * one, np.pi / 2 * one, 0 * one, ~no)
+    found = Problem(samples, NONE, poses, False).look(Chart(Pairs(circle, slot, no)), np.zeros((1, 4)), 1)
+    assert np.isfinite(found.cost[0])
+    found = Problem(samples, NONE, poses, False).look(Chart(Pairs(circle, circle, no)), np.zeros((1, 4)), 1)
+    assert found.cost[0] < 1e-26

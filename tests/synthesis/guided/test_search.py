@@ -11,7 +11,7 @@ import pytest
 from synthesis.fourbar.limits import Limits
 from synthesis.free.poses import Poses, make_poses
 from synthesis.guided.limits import broken_limits
-from synthesis.guided.linkage import Driver, Kind
+from synthesis.guided.linkage import Driver, Kind, Rail, Slot
 from synthesis.guided.search import search_guided
 from synthesis.guided.solution import GuidedSolution
 from synthesis.work import Work
@@ -94,6 +94,19 @@ def test_an_angle_that_is_least_between_the_samples_is_kept_there_too():
     found, _ = search_guided(poses, limits, [Kind.SLIDER_CRANK], Driver.CRANK)
     assert min(one.errors.objective for one in found) < 8.7e-3
     assert all(one.transmission_angle_min >= np.deg2rad(35) - 1e-9 for one in found)
+
+
+def test_each_pivot_has_its_own_box():
+    boxes = {"pivot_a_box": (-0.6, -0.4, -0.1, 0.2), "pivot_b_box": (0.1, 0.1, 0.3, 0.9)}
+    turned = np.linspace(0, 0.96, 8)
+    poses = make_poses(turned, np.cos(turned) + 1j * (0.8 * np.sin(turned) + 0.1 * turned))
+    found, _ = search_guided(poses, Limits(family="any", **boxes), [Kind.SLIDER_CRANK, Kind.SWINGING_BLOCK])
+    assert len(found) >= 3
+    for one in found:
+        for guide, box in zip(one.linkage.guides, boxes.values()):
+            if not isinstance(guide, Rail):
+                place = guide.pin if isinstance(guide, Slot) else guide.pivot
+                assert box[0] <= place.real <= box[2] and box[1] <= place.imag <= box[3]
 
 
 def test_limits_of_rails_and_cylinders_are_kept():
