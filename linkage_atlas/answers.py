@@ -374,7 +374,8 @@ class Report(Record):
     """With `live`: whether the search went on from the last answer."""
     unseen: float | None = None
     """The estimated chance that a better linkage was missed: of the searches that say 10 %, one in ten was beaten by more than
-    1 % by ten seconds of search. Null for exact answers, for effort atlas and from a given linkage."""
+    1 % by ten seconds of search. Null for exact answers, of a search that its time ended, for effort atlas, for several kinds and
+    from a given linkage."""
 
 
 class Ranked(Sequence[One]):

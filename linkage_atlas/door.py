@@ -378,6 +378,7 @@ def _of_kinds(
     chosen = front(found, motion, prefers, tolerance, top)
     searched = watch.elapsed
     solutions = finished_kinds(chosen, motion, limits, tolerance, studies, watch.extended(FINISHING))
+    notes += study_notes(studies.manufacture, solutions)
     cut_short = course.stopped_by == StoppedBy.BUDGET.value
     if not solutions and cut_short:
         notes.append(CUT_SHORT)
@@ -401,7 +402,7 @@ def _report(course: Course, motion: Motion, searched: float, total: float, notes
         stopped_by=course.stopped_by,
         length_scale=None if motion.samples.position is None else motion.samples.length_scale,
         notes=notes,
-        unseen=course.unseen,
+        unseen=None if course.stopped_by == "budget" else course.unseen,
         **course.counts,
         **more,
     )

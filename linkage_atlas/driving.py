@@ -822,6 +822,8 @@ def found_drives(place: _Place, asked: Asked, top: int, work: Work) -> Drives:
         for wish in asked.drives:
             search.LOOKS[wish["kind"]](search, wish)
         for number_, wish in enumerate(asked.springs, 1):
+            if work.expired():
+                break
             search.spring(wish, number_)
     found = sorted(search.found, key=lambda row: row[0])
     kept = [one for kind in search.LOOKS for one in [one for _, one in found if one.kind == kind][:top]]
@@ -1310,7 +1312,9 @@ class _Search:
                 float(wish.get("clear", 0.05 * self.machine.extent)),
             )
             pivoted = [name for name, one in self.machine.links.items() if one.pivot is not None]
-            if between is None and len(pivoted) > 1:
+            if between is None and not pivoted:
+                found = "no link turns about a fixed pivot: say in `between` where the spring is to be"
+            elif between is None and len(pivoted) > 1:
                 pairs = [(GROUND, name) for name in pivoted[:2]]
                 found = best_pair(self.machine, self.torque, pairs, wish["kinds"], room, self.work)
             else:

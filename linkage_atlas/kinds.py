@@ -118,7 +118,8 @@ def _check(asked: Asked, motion: Motion) -> None:
     along = isinstance(motion.samples, Target) and motion.samples.position is not None
     if along and any(kind in BY_CRANK for kind in asked.kinds):
         return
-    if not asked.four_bars and not has_poses(motion.samples):
+    four_bars = asked.four_bars and motion.travel is None  # which drives none of them
+    if not four_bars and not has_poses(motion.samples):
         field = "rotation" if motion.samples.rotation is None else "position"
         raise FieldError(f"/{field}", "linkages with sliders need rotation and position at two samples or more")
 

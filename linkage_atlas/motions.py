@@ -282,7 +282,7 @@ class Motion:
             return []
         place = int(np.argmax(jump))
         return [
-            f"rotation jumps by more than half a turn from sample {place} to {place + 1}; it is taken as continuous, "
+            f"rotation jumps by more than half a turn from sample {place + 1} to {place + 2}; it is taken as continuous, "
             "so if that is a wrap at 180 or 360 degrees, unwrap it"
         ]
 

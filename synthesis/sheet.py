@@ -24,6 +24,13 @@ def csv_text(columns: Mapping[str, Iterable[Any]], line_end: str = "\r\n") -> st
     return text.getvalue()
 
 
+def given_cells(values: NDArray[Any] | None, rows: int) -> list[Any]:
+    """A column of real numbers, with empty cells for NaN; all are empty where there is none."""
+    if values is None:
+        return [None] * rows
+    return [None if np.isnan(one) else one for one in values.tolist()]
+
+
 def _cells(column: Iterable[Any]) -> Iterable[Any]:
     """A column as Python's own numbers; of an array few at a time."""
     if not isinstance(column, np.ndarray):

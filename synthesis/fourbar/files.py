@@ -16,7 +16,7 @@ from synthesis.errors import FieldError
 from synthesis.fourbar.analysis import LinkMass, curve_over
 from synthesis.fourbar.kinematics import close_loop
 from synthesis.fourbar.linkage import Joints, Linkage
-from synthesis.sheet import More, Sheet, csv_text, dxf_document, dxf_text
+from synthesis.sheet import More, Sheet, csv_text, dxf_document, dxf_text, given_cells
 from synthesis.target import Interval, Target
 
 FARTHEST = 1e9
@@ -61,8 +61,18 @@ def used_joints(linkage: Linkage, interval: Interval) -> Joints:
 
 
 def requested_positions(target: Target) -> Complexes:
-    """The positions of a target; none where it has none."""
-    return np.empty(0, dtype=complex) if target.position is None else target.position
+    """The positions that a target asks for; none where it asks for none."""
+    asked = target.asked.position
+    return np.empty(0, dtype=complex) if asked is None else asked[np.isfinite(asked)]
+
+
+def requested_poses(target: Target, turned: Floats) -> Iterable[tuple[complex, float]]:
+    """Position and rotation of each pose that a target asks for; ``turned`` (N,): of the body, where no rotation is asked for."""
+    rotation, places, _ = target.asked
+    if places is None:
+        return []
+    turns = turned if rotation is None else np.where(np.isnan(rotation), turned, rotation)
+    return ((place, turn) for place, turn in zip(places, turns) if np.isfinite(place))
 
 
 def to_svg(linkage: Linkage, target: Target) -> str:
@@ -133,23 +143,23 @@ def motion_columns(
     target: Target, unit: float, rotation: Floats, position: Complexes | None
 ) -> dict[str, Iterable[Any]]:
     """Columns of what was asked for and of what a linkage does; an empty cell is a number that was not asked for."""
-    blank, off = [None] * target.samples, None
-    if position is not None and target.position is not None:
-        off = np.abs(target.position - position)
-    wanted = None if target.rotation is None else target.rotation / unit
+    asked, rows = target.asked, target.samples
+    wanted = None if asked.rotation is None else asked.rotation / unit
+    turned = (rotation - asked.moved) / unit
+    off = None if position is None or asked.position is None else np.abs(asked.position - position)
     return {
-        "rotation_wanted": blank if wanted is None else wanted,
-        **places("{}_wanted", target.position, target.samples),
-        "rotation": rotation / unit,
-        **places("{}", position, target.samples),
-        "rotation_error": blank if wanted is None else wanted - rotation / unit,
-        "position_error": blank if off is None else off,
+        "rotation_wanted": given_cells(wanted, rows),
+        **places("{}_wanted", asked.position, rows),
+        "rotation": turned,
+        **places("{}", position, rows),
+        "rotation_error": given_cells(None if wanted is None else wanted - turned, rows),
+        "position_error": given_cells(off, rows),
     }
 
 
 def places(name: str, values: Complexes | None, samples: int) -> dict[str, Iterable[Any]]:
     """Two columns of points, blank where there are none; ``name`` has a place for x and y."""
-    x, y = ([None] * samples,) * 2 if values is None else (values.real, values.imag)
+    x, y = (given_cells(None if values is None else part(values), samples) for part in (np.real, np.imag))
     return {name.format("x"): x, name.format("y"): y}
 
 
@@ -196,8 +206,7 @@ def to_dxf(linkage: Linkage, target: Target, unit_mm: float = 1.0, more: More | 
         point = used.body_point
         space.add_lwpolyline([xy(d), xy(c), xy(point[0])], close=True, dxfattribs={"layer": "BODY"})
         space.add_lwpolyline([xy(z) for z in point], dxfattribs={"layer": "PATH"})
-    turns = target.rotation if target.rotation is not None else linkage.joints(target.crank).rotation
-    for place, turn in zip(requested_positions(target), turns):
+    for place, turn in requested_poses(target, linkage.joints(target.crank).rotation):
         space.add_point(xy(place), dxfattribs={"layer": "BODY"})
         arm = place + 0.08 * size / unit_mm * np.exp(1j * turn)
         space.add_line(xy(place), xy(arm), dxfattribs={"layer": "BODY"})

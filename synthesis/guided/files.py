@@ -22,6 +22,7 @@ from synthesis.fourbar.files import (
     model_text,
     motion_columns,
     places,
+    requested_poses,
     requested_positions,
 )
 from synthesis.guided.linkage import BODY, Circle, Driver, GuidedLinkage, MovingLink, Rail, Slot
@@ -252,8 +253,7 @@ def to_dxf(linkage: GuidedLinkage, target: Target, unit_mm: float = 1.0, more: M
     corners = [xy(z) for z in _outline(linkage, found, True)]
     space.add_lwpolyline(corners, close=True, dxfattribs={"layer": "BODY"})
     space.add_lwpolyline([xy(z) for z in body.place], dxfattribs={"layer": "PATH"})
-    turns = target.rotation if target.rotation is not None else linkage.links(target.crank)[1].direction
-    for mark, turn in zip(requested_positions(target), turns):
+    for mark, turn in requested_poses(target, linkage.links(target.crank)[1].direction):
         space.add_point(xy(mark), dxfattribs={"layer": "BODY"})
         space.add_line(xy(mark), xy(mark + 0.08 * found.size * np.exp(1j * turn)), dxfattribs={"layer": "BODY"})
     if more is not None:

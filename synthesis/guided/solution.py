@@ -50,6 +50,8 @@ class GuidedSolution:
         Over the used interval, exactly; 0 where it does not close between samples.
     transmission_angle_min_turn : float or None
         Over the whole turn; None where the drive does not turn fully.
+    interval : Interval
+        The travel that the motion uses.
     """
 
     linkage: GuidedLinkage
@@ -57,11 +59,7 @@ class GuidedSolution:
     travel: Floats
     transmission_angle_min: float
     transmission_angle_min_turn: float | None
-
-    @property
-    def interval(self) -> Interval:
-        """The travel that the motion uses."""
-        return Interval(float(self.travel.min()), float(self.travel.max()))
+    interval: Interval
 
     @property
     def identity(self) -> Floats:
@@ -95,8 +93,10 @@ class GuidedSolution:
 
     def mirrored(self) -> GuidedSolution:
         """The linkage in a mirror, for the mirrored request; its errors are the same."""
-        travel = -self.travel if self.linkage.driver.turns else self.travel
-        return replace(self, linkage=self.linkage.mirrored(), travel=travel)
+        mirrored = replace(self, linkage=self.linkage.mirrored())
+        if not self.linkage.driver.turns:
+            return mirrored
+        return replace(mirrored, travel=-self.travel, interval=Interval(-self.interval.last, -self.interval.first))
 
 
 def _from_body(guide: Guide) -> complex:
@@ -193,7 +193,8 @@ def as_target(samples: Samples, linkage: GuidedLinkage, travel: Floats) -> Targe
         return samples
     assert isinstance(samples, Poses)
     turns = linkage.body(linkage.start + travel).rotation
-    return samples.timed(travel, None if samples.rotation is None else turns)
+    target = samples.timed(travel, None if samples.rotation is None else turns)
+    return replace(target, closed=target.closed and linkage.turns_fully)
 
 
 def assess(samples: Poses | Target, linkage: GuidedLinkage, travel: Floats) -> GuidedSolution:
@@ -210,10 +211,10 @@ def assess(samples: Poses | Target, linkage: GuidedLinkage, travel: Floats) -> G
     offsets, errors = motion_errors(target, found.rotation[None], points)
     if offsets[0] is not None:
         linkage = turned_frame(linkage, offsets[0] - TURN * round(offsets[0] / TURN))
-    used = Interval(float(travel.min()), float(travel.max()))
+    used = target.interval if target.closed else Interval(float(travel.min()), float(travel.max()))
     least = linkage.transmission_angle_over(used.after(linkage.start))
     turn = linkage.transmission_angle_over(Interval(0.0, TURN).after(linkage.start)) if linkage.turns_fully else None
-    return GuidedSolution(linkage, errors[0], travel, 0.0 if math.isnan(least) else least, turn)
+    return GuidedSolution(linkage, errors[0], travel, 0.0 if math.isnan(least) else least, turn, used)
 
 
 def turned_frame(linkage: GuidedLinkage, angle: float) -> GuidedLinkage:

@@ -406,3 +406,8 @@ def test_a_solution_is_studied_as_within_the_request() -> None:
     assert later.studied(round_to=1.0, sensitivity=True).to_dict() == asked.to_dict()
     with pytest.raises(la.FieldError, match="no study"):
         later.studied(rounded=1.0)
+
+
+def test_a_jump_is_named_by_its_samples_counted_from_one() -> None:
+    found = la.synthesize([350, 10, 30, 20], crank_span=270, budget=0.05)
+    assert "rotation jumps by more than half a turn from sample 1 to 2;" in found.report.notes[0]
