@@ -21,12 +21,11 @@ from linkage_atlas.assemblies import AskedAssembly, assembled, read_assembly
 from linkage_atlas.atlases import Atlas
 from linkage_atlas.cache import default_atlas
 from linkage_atlas.driving import check_asked
-from linkage_atlas.guided import DriverName
+from linkage_atlas.guided import DriverName, KindName
 from linkage_atlas.kinds import Asked as Kinds
 from linkage_atlas.kinds import (
     Course,
     Found,
-    MechanismName,
     check_kinds_alone,
     check_sliders_alone,
     finished_kinds,
@@ -185,7 +184,7 @@ def synthesize(
     atlas: Atlas | None = None,
     work: Callable[[float | None], Work] = Work,
     live: Live | None = None,
-    mechanisms: Sequence[MechanismName] | Literal["all"] | None = None,
+    mechanisms: Sequence[KindName] | Literal["all"] | None = None,
     driver: DriverName | None = None,
     **more: Unpack[Asked],
 ) -> Result:
@@ -379,6 +378,7 @@ def _of_kinds(
     chosen = front(found, motion, prefers, tolerance, top)
     searched = watch.elapsed
     solutions = finished_kinds(chosen, motion, limits, tolerance, studies, watch.extended(FINISHING))
+    notes += study_notes(studies.manufacture, solutions)
     cut_short = course.stopped_by == StoppedBy.BUDGET.value
     if not solutions and cut_short:
         notes.append(CUT_SHORT)
