@@ -14,7 +14,7 @@ import numpy as np
 
 from linkage_atlas.assemblies import AskedAssembly, Assembly, assembled
 from linkage_atlas.driving import Drive, Refusal, Spring, driven_solution
-from linkage_atlas.guided import AnyGuide, CircleGuide, DriverName, GuidedLinkage, guides_of
+from linkage_atlas.guided import AnyGuide, CircleGuide, DriverName, GuidedLinkage, OtherKindName, guides_of
 from linkage_atlas.guided_studies import Change, GuidedAnalysis, changes
 from linkage_atlas.linkages import FourBar, Links, Mount
 from linkage_atlas.motions import Motion
@@ -304,7 +304,7 @@ class GuidedSolution(Driven):
     rank: int
     """From 1, by what was preferred."""
     source: Literal["refined"] = "refined"
-    kind: Literal["slider_crank", "swinging_block", "rail_slot", "two_rails", "two_slots"]
+    kind: OtherKindName
     driver: DriverName
     """What moves the first guide."""
     guides: list[AnyGuide]

@@ -21,12 +21,11 @@ from linkage_atlas.assemblies import AskedAssembly, assembled, read_assembly
 from linkage_atlas.atlases import Atlas
 from linkage_atlas.cache import default_atlas
 from linkage_atlas.driving import check_asked
-from linkage_atlas.guided import DriverName
+from linkage_atlas.guided import DriverName, KindName
 from linkage_atlas.kinds import Asked as Kinds
 from linkage_atlas.kinds import (
     Course,
     Found,
-    MechanismName,
     check_kinds_alone,
     check_sliders_alone,
     finished_kinds,
@@ -185,7 +184,7 @@ def synthesize(
     atlas: Atlas | None = None,
     work: Callable[[float | None], Work] = Work,
     live: Live | None = None,
-    mechanisms: Sequence[MechanismName] | Literal["all"] | None = None,
+    mechanisms: Sequence[KindName] | Literal["all"] | None = None,
     driver: DriverName | None = None,
     **more: Unpack[Asked],
 ) -> Result:

@@ -47,7 +47,7 @@ from synthesis.drives.actuator import (
 from synthesis.drives.balance import Spring as Placed
 from synthesis.drives.balance import one_spring, potential_of, two_springs
 from synthesis.drives.dyad import LARGEST_RATIO, Driven, about_pivot, driven, on_any_link
-from synthesis.drives.links import GROUND, LinkMotion, Loading, Machine, Mass, hinged, machine_of, machine_of_guided
+from synthesis.drives.links import GROUND, SAMPLES, LinkMotion, Loading, Machine, Mass, hinged, machine_of
 from synthesis.drives.pins import Pull, pin_forces
 from synthesis.drives.springs import Fitted, Room, best_pair, best_spring, fitted
 from synthesis.drives.toggle import Knee, locked
@@ -469,11 +469,16 @@ class _Place(NamedTuple):
         return masses_of_parts(self.linkage, _ends(self.samples), length_unit)
 
     @classmethod
-    def of_fourbar(cls, linkage: Linkage, ends: Interval, radian: float, samples: Floats) -> _Place:
-        if not abs(ends.last - ends.first) >= 1e-6:
-            raise FieldError("/crank_angle", "the way has no length: its first and last crank angle are the same")
-        machine = machine_of(linkage, ends)
-        place = cls(machine, machine_of(linkage, ends, FINE), radian, samples, linkage)
+    def of(cls, linkage: Linkage | Guided, crank: Floats, radian: float) -> _Place:
+        """A linkage over the way between the least and the largest travel of its drive at the samples."""
+        ends, four_bar = _ends(crank), isinstance(linkage, Linkage)
+        if not abs(ends.last - ends.first) > (1e-6 if four_bar else 0.0):
+            field, what = ("crank_angle", "crank angle") if four_bar else ("travel", "place of the drive")
+            raise FieldError(f"/{field}", f"the way has no length: its first and last {what} are the same")
+        if isinstance(linkage, Guided) and not linkage.closes_over(ends.after(linkage.start)):
+            raise FieldError("/linkage", "does not close over its way")
+        coarse, fine = (machine_of(linkage, ends, many) for many in (SAMPLES, FINE))
+        place = cls(coarse, fine, radian, crank, linkage if isinstance(linkage, Linkage) else None)
         place.check()
         return place
 
@@ -494,17 +499,6 @@ class _Place(NamedTuple):
                 raise FieldError("/linkage", f"does not close, or is dead, at {at:.6g} of its drive's way")
 
     @classmethod
-    def of_guided(cls, linkage: Guided, ends: Interval, radian: float, samples: Floats) -> _Place:
-        if not abs(ends.last - ends.first) > 0:
-            raise FieldError("/travel", "the way has no length: its first and last place of the drive are the same")
-        if not linkage.closes_over(ends.after(linkage.start)):
-            raise FieldError("/linkage", "does not close over its way")
-        machine = machine_of_guided(linkage, ends)
-        place = cls(machine, machine_of_guided(linkage, ends, FINE), radian, samples, None)
-        place.check()
-        return place
-
-    @classmethod
     def of_rocker(cls, given: Mapping[str, Any], radian: float) -> _Place:
         for name in given:
             if name not in ("pivot", "start", "swing", "length"):
@@ -517,8 +511,7 @@ class _Place(NamedTuple):
             raise FieldError("/rocker/length", "wanted a length above 0")
         pivot = pair("rocker/pivot", given["pivot"], MAX_LENGTH) if given.get("pivot") is not None else 0j
         start = number("rocker/start", 0.0 if given.get("start") is None else given["start"]) * radian
-        both = (hinged(pivot, start, swing, length, many) for many in (61, FINE))
-        machine, fine = both
+        machine, fine = (hinged(pivot, start, swing, length, many) for many in (SAMPLES, FINE))
         place = cls(machine, fine, radian, machine.at[[0, -1]], None)
         place.check()
         return place
@@ -551,17 +544,17 @@ def _place_of(linkage: Any, motion: Motion | None, crank_angle: ArrayLike | None
     radian, plain = radians_in(one.degrees), one.plain
     if motion is not None and (not motion.free or given is not None):
         target = motion.of_solution(plain, None if given is None else given * radian).target
-        return _Place.of_fourbar(plain, _ends(target.crank), radian, target.crank)
+        return _Place.of(plain, target.crank, radian)
     if given is not None:
         if given.size < 2 or not np.all(np.isfinite(given)):
             raise FieldError("/crank_angle", "wanted two finite crank angles or more")
-        return _Place.of_fourbar(plain, _ends(given * radian), radian, given * radian)
+        return _Place.of(plain, given * radian, radian)
     if motion is not None:
         raise FieldError("/linkage/crank_angle", "needed: the motion's crank angles are free")
     crank = one.way
     if crank is None:
         raise FieldError("/crank_angle", "needed: this linkage answers no motion that would say its way")
-    return _Place.of_fourbar(plain, _ends(crank), radian, crank)
+    return _Place.of(plain, crank, radian)
 
 
 def _guided_place(one: GuidedLinkage, motion: Motion | None, given: Floats | None) -> _Place:
@@ -576,7 +569,7 @@ def _guided_place(one: GuidedLinkage, motion: Motion | None, given: Floats | Non
         crank = one.way
     else:
         raise FieldError("/crank_angle", "needed: this linkage answers no motion that would say its way")
-    return _Place.of_guided(plain, _ends(crank), radian, crank)
+    return _Place.of(plain, crank, radian)
 
 
 def _ends(crank: Floats) -> Interval:
@@ -630,7 +623,7 @@ def check_asked(given: Mapping[str, Any], radian: float) -> None:
     circle, slot = Circle(0j, 1.0, 0j), Slot(3.0 + 0.5j, 1.0 + 0.2j, 0.1)
     rail = Rail(2.0 + 0.3j, 0.0, 2.0 + 0j)
     machines = [machine_of(Linkage((2.0, 3.0, 4.0, 3.5), 1, 1.0, coupler_point=(1.0, 0.0)), way, 3)]
-    machines += [machine_of_guided(Guided((circle, one), Driver.CRANK, 1, 0.5), way, 3) for one in (slot, rail)]
+    machines += [machine_of(Guided((circle, one), Driver.CRANK, 1, 0.5), way, 3) for one in (slot, rail)]
     errors = []
     for one in machines:
         try:
@@ -657,10 +650,7 @@ def driven_solution(
     ``crank`` (n,): travel of its drive at the samples, radians or lengths. ``given``: in the user's units.
     """
     try:
-        if isinstance(linkage, Linkage):
-            place = _Place.of_fourbar(linkage, _ends(crank), radian, crank)
-        else:
-            place = _Place.of_guided(linkage, _ends(crank), radian, crank)
+        place = _Place.of(linkage, crank, radian)
         asked, wish = _read_study(place.machine, given, radian)
         wishes = (*asked.drives, *([] if wish is None else [wish]))
         check_sizes(asked._replace(drives=wishes), place.machine.extent)

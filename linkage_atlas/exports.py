@@ -130,12 +130,9 @@ def drive_on(linkage: Linkage | GuidedLinkage, target: Target, drive: Mapping[st
         return DriveOn(None, None)
     if kind not in ("csv", "dxf", "mjcf"):
         raise FieldError("/drive", f"a file of the kind {kind!r} holds no drive: ask for csv, dxf or mjcf")
-    from synthesis.drives.links import guided_machine_at, machine_at
+    from synthesis.drives.links import machine_at
 
-    if isinstance(linkage, Linkage):
-        machine = machine_at(linkage, target.crank)
-    else:
-        machine = guided_machine_at(linkage, target.crank)
+    machine = machine_at(linkage, target.crank)
     return DriveOn(_attached(drive, machine), machine)
 
 

@@ -625,7 +625,7 @@ class FunctionResult(Record, Ranked[FunctionSolution | TravelSolution]):
     def __repr__(self) -> str:
         unit = ("deg" if self.degrees else "rad") if self.dial.output == "angle" else "(length)"
         rows = [f"  {s.rank}  {s.linkage!r}  within {s.errors.max:.3g} {unit}" for s in self.solutions]
-        return "\n".join([f"{self.status}: {len(self.solutions)} linkages", *rows])
+        return "\n".join([f"{self.status}: {len(self.solutions)} linkage{'s' * (len(self.solutions) != 1)}", *rows])
 
 
 @dataclass(frozen=True)

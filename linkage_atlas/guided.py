@@ -25,7 +25,8 @@ from synthesis.target import Interval, Target
 from synthesis.work import Work
 
 DriverName = Literal["crank", "slider", "cylinder", "hinge"]
-KindName = Literal["four_bar", "slider_crank", "swinging_block", "rail_slot", "two_rails", "two_slots"]
+OtherKindName = Literal["slider_crank", "swinging_block", "rail_slot", "two_rails", "two_slots"]
+KindName = Literal["four_bar", OtherKindName]
 LARGEST = 1e100
 """Of a place or a length that is given."""
 _SORTS = {"circle": Circle, "rail": Rail, "slot": Slot}

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 
 from linkage_atlas.answers import AnySolution, finished, finished_guided
 from linkage_atlas.arguments import kinds_among
+from linkage_atlas.guided import KindName
 from linkage_atlas.motions import Motion
 from linkage_atlas.studies import Studies
 from synthesis.arrays import Floats
@@ -34,8 +35,7 @@ from synthesis.search.search import StoppedBy
 from synthesis.target import Samples, Target
 from synthesis.work import Work
 
-MechanismName = Literal["four_bar", "slider_crank", "swinging_block", "rail_slot", "two_rails", "two_slots"]
-MECHANISMS = get_args(MechanismName)
+MECHANISMS = get_args(KindName)
 SIX_BARS = ("watt_1", "stephenson_1")
 DRIVERS = tuple(one.value for one in Driver)
 NO_ROTATION = (

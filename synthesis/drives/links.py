@@ -159,17 +159,22 @@ def _dot(one: Complexes | complex, other: Complexes) -> Floats:
     return np.real(np.conj(one) * other)
 
 
-def machine_of(linkage: Linkage, interval: Interval, samples: int = SAMPLES) -> Machine:
-    """A four-bar between two crank angles from its first sample, at even steps; see `machine_at`."""
+def machine_of(linkage: Linkage | GuidedLinkage, interval: Interval, samples: int = SAMPLES) -> Machine:
+    """A linkage between two places of its drive from the first sample, at even steps; see `machine_at`."""
     return machine_at(linkage, np.linspace(*interval, samples))
 
 
-def machine_at(linkage: Linkage, at: Floats) -> Machine:
-    """A four-bar at crank angles (n,) from its first sample; NaN where its loop does not close or is dead.
+def machine_at(linkage: Linkage | GuidedLinkage, at: Floats) -> Machine:
+    """A linkage at places (n,) of its drive from the first sample; NaN where it does not close or is dead.
 
-    Frames: the crank's from pivot A, the coupler's from the crank pin and the rocker's from pivot B, each along its link; the
-    body's from the body point, turned by the body's rotation.
+    Frames of a four-bar: the crank's from pivot A, the coupler's from the crank pin and the rocker's from pivot B, each along
+    its link; the body's from the body point, turned by the body's rotation. Of a body on two guides they are those of
+    `GuidedLinkage.links`, the coupler's is the body's; a link on a circle, and the block of a slot, turn about fixed pivots.
     """
+    return _four_bar(linkage, at) if isinstance(linkage, Linkage) else _guided(linkage, at)
+
+
+def _four_bar(linkage: Linkage, at: Floats) -> Machine:
     joints, moving = linkage.joints(at), rates(linkage, at, 1.0)
     e1, e2, e3 = (np.exp(1j * angle) for angle in (joints.crank_angle, joints.coupler_angle, joints.rocker_angle))
     w2, w3, a2, a3 = (
@@ -205,17 +210,7 @@ def machine_at(linkage: Linkage, at: Floats) -> Machine:
     return Machine(at, links, body, "crank", float(max(*linkage.links, arm)), reaches, middles)
 
 
-def machine_of_guided(linkage: GuidedLinkage, interval: Interval, samples: int = SAMPLES) -> Machine:
-    """A body on two guides between two places of its drive from the first sample, at even steps; see `guided_machine_at`."""
-    return guided_machine_at(linkage, np.linspace(*interval, samples))
-
-
-def guided_machine_at(linkage: GuidedLinkage, at: Floats) -> Machine:
-    """A body on two guides at places (n,) of its drive from the first sample; NaN where it does not close or is dead.
-
-    Frames are those of `GuidedLinkage.links`; the coupler's is the body's. A link on a circle, and the block of a slot, turn
-    about fixed pivots.
-    """
+def _guided(linkage: GuidedLinkage, at: Floats) -> Machine:
     links = {}
     for guide, one in zip((linkage.guides[0], None, linkage.guides[1]), linkage.links(at)):
         pivot = guide.pivot if isinstance(guide, Circle) else guide.pin if isinstance(guide, Slot) else None
