@@ -933,7 +933,7 @@ class _Search:
                 )
                 continue
             torque = self.torque / link.rate
-            peak = float(np.abs(torque).max()) if self.loaded else None
+            peak = float(np.abs(self.fine.torque(self.asked.load) / rates).max()) if self.loaded else None
             self._keep(
                 (peak or 0.0,),
                 "rotary",
