@@ -609,7 +609,7 @@ class FunctionResult(Record, Ranked[FunctionSolution | TravelSolution]):
     def __repr__(self) -> str:
         unit = ("deg" if self.degrees else "rad") if self.dial.output == "angle" else "(length)"
         rows = [f"  {s.rank}  {s.linkage!r}  within {s.errors.max:.3g} {unit}" for s in self.solutions]
-        return "\n".join([f"{self.status}: {len(self.solutions)} linkages", *rows])
+        return "\n".join([f"{self.status}: {len(self.solutions)} linkage{'s' * (len(self.solutions) != 1)}", *rows])
 
 
 @dataclass(frozen=True)
@@ -788,14 +788,15 @@ def read_dials(function: Mapping[str, Any], crank_span: float | None, degrees: b
         raise FieldError("/function", "y is the same everywhere: the rocker would not turn")
     # where it ends as high as it began, the rocker turns the way that y grows
     way = -1.0 if y[0] - y[-1] > 1e-9 * (high - low) else 1.0
-    scale, first, run = way * span / (high - low), float(y[0]), float(x[-1] - x[0])
-    crank = (x - x[0]) / run * crank_span
+    scale, first = way * span / (high - low), float(y[0])
+    crank = (x - x[0]) / (x[-1] - x[0]) * crank_span
     exact = None
     if of is not None:
-        curve, begin = of, float(x[0])
+        curve, begin, end = of, float(x[0]), float(x[-1])
 
         def exact(crank: Floats) -> Floats:
-            return scale * (curve(begin + run * np.clip(crank / crank_span, 0.0, 1.0)) - first)
+            share = np.clip(crank / crank_span, 0.0, 1.0)
+            return scale * (curve(begin * (1 - share) + end * share) - first)
 
     return Dials(x, y, crank, scale * (y - first), (high - low) / abs(span), exact)
 

@@ -23,7 +23,7 @@ from synthesis.function.travel_search import TravelGenerator, TravelLimits, laws
 from synthesis.function.wanted import Wanted
 from synthesis.guided.passage import verdict as passing_of
 from synthesis.sheet import csv_text
-from synthesis.target import Interval, Target
+from synthesis.target import MAX_LENGTH, Interval, Target
 
 FOUR_BAR = "four_bar"
 UNITS = ("deg", "rad", LENGTH)
@@ -115,6 +115,8 @@ def read_travel_limits(limits: Mapping[str, Any] | None, laws: Sequence[Law], de
         if not any("offset" in law.lengths for law in laws):
             raise FieldError("/limits/offset", "belongs to slider-cranks")
         lengths["offset"] = number("limits/offset", given["offset"])
+        if abs(lengths["offset"]) > MAX_LENGTH:
+            raise FieldError("/limits/offset", f"wanted at most {MAX_LENGTH:g}, either way")
     return TravelLimits(**values, given=lengths)
 
 
@@ -132,8 +134,10 @@ class Scales(NamedTuple):
         radian = radians_in(degrees)
         spans = [abs(span) for what, span in zip(dial, (input_span, output_span)) if what == LENGTH]
         length = max(spans)
-        if not (np.isfinite(length) and min(spans) > 0):
+        if not min(spans) > 0:
             raise FieldError("/output", "the travel is the same everywhere")
+        if not length <= MAX_LENGTH:
+            raise FieldError("/output", f"wanted travel of at most {MAX_LENGTH:g}")
         if length > _RATIO * min(spans):
             raise FieldError("/output", f"one travel is more than {_RATIO:g} times the other")
         sizes = (radian if what == ANGLE else 1 / length for what in dial)

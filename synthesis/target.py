@@ -409,5 +409,9 @@ def _length_scale(position: Complexes, mean: Mean, length_scale: float | None) -
             raise FieldError(field, f"wanted lengths between {MIN_LENGTH:g} and {MAX_LENGTH:g}")
     spread = mean.reach(position)
     if spread <= 64 * np.finfo(float).eps * largest:
-        raise FieldError("/position", "all positions are the same point: a motion without extent fixes no linkage")
+        raise FieldError(
+            "/position",
+            "all positions are the same point: a motion without extent fixes no linkage; "
+            "a body that only turns needs a hinge there",
+        )
     return float(length_scale) if length_scale is not None else spread

