@@ -8,28 +8,24 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, Literal, NamedTuple, TypeVar, cast, overload
+from typing import Annotated, Any, Literal, NamedTuple, Self, TypeAlias, TypeVar, cast, overload
 
 import numpy as np
 
 from linkage_atlas.assemblies import AskedAssembly, Assembly, assembled
 from linkage_atlas.driving import Drive, Refusal, Spring, driven_solution
-from linkage_atlas.guided import AnyGuide, CircleGuide, DriverName, GuidedLinkage, guides_of
+from linkage_atlas.guided import AnyGuide, CircleGuide, DriverName, GuidedLinkage, OtherKindName, guides_of
 from linkage_atlas.guided_studies import Change, GuidedAnalysis, changes
-from linkage_atlas.guided_studies import analysed as guided_analysed
-from linkage_atlas.guided_studies import studied as guided_studied
 from linkage_atlas.linkages import FourBar, Links, Mount
 from linkage_atlas.motions import Motion
-from linkage_atlas.records import KEPT, Record, Values, names_of
+from linkage_atlas.records import KEPT, LAST, Record, Values, names_of
 from linkage_atlas.studies import (
     STUDIES,
     Analysis,
     Studies,
     ToleranceStudy,
-    analysed,
     read_studies,
     share_of,
-    studied,
 )
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
@@ -39,11 +35,12 @@ from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.passage import Verdict as Passing
 from synthesis.fourbar.passage import excursions, practical_faults, size_of, verdicts
-from synthesis.fourbar.rounding import Rounding, best_from_stock, round_to_grid
+from synthesis.fourbar.rounding import best_from_stock, round_to_grid
 from synthesis.free.poses import Poses
 from synthesis.free.search import in_turn
 from synthesis.guided import solution as guided
 from synthesis.guided.limits import broken_limits
+from synthesis.guided.linkage import GuidedLinkage as Guided
 from synthesis.guided.linkage import of_four_bar
 from synthesis.guided.passage import verdict as guided_verdict
 from synthesis.guided.rounding import from_stock, lengths_of, on_grid, rounded
@@ -52,6 +49,7 @@ from synthesis.target import Target
 from synthesis.work import OutOfTime, Work
 
 One = TypeVar("One")
+S = TypeVar("S", bound="AnySolution")
 StatusName = Annotated[str, Literal["reached", "closest", "infeasible", "unknown"]]
 StoppedBy = Annotated[str, Literal["tolerance", "converged", "budget"]]
 
@@ -151,8 +149,74 @@ class Origin(NamedTuple):
     limits: Limits
 
 
+class _Parts(Record):
+    """What solutions of all kinds have, each of its own kind and in its own place."""
+
+    errors: Errors
+    verdict: Verdict
+    linkage: Any
+    origin: Any
+
+
 @dataclass(frozen=True, kw_only=True)
-class Solution(Record):
+class Driven(_Parts):
+    """A solution of any kind, with what drives it; studies can be made of it."""
+
+    drives: list[Drive] | None = field(default=None, repr=False, metadata=LAST)
+    """The best of each kind that was asked for."""
+    refused: list[Refusal] | None = field(default=None, repr=False, metadata=LAST)
+    """Why there is none of a kind on a link."""
+    springs: list[Spring] | None = field(default=None, repr=False, metadata=LAST)
+    drivable: bool | None = field(default=None, metadata=LAST)
+    """With `drive`: whether there is one."""
+
+    def studied(self, work: Work | None = None, **studies: Any) -> Self:
+        """The same solution with studies of it, under the names of the HTTP contract.
+
+        Parameters
+        ----------
+        work : Work, optional
+            Asked whether the answer is still wanted.
+        round_to : float
+            ``rounded``: the links on this grid and the rest fitted anew, within the limits of the request.
+        lengths_from : array_like, shape (n,)
+            Instead: each link of one of these lengths, in the best combination.
+        sensitivity : bool
+            ``sensitivity``: the change of the motion per unit of each length.
+        analysis : mapping
+            ``analysis``: ``crank_speed`` and perhaps ``load``, as of `FourBar.analysis`.
+        load, drives, springs, drive
+            ``drives``, ``refused``, ``springs``, ``drivable``: as of `linkage_atlas.drives`, the best of each kind.
+        tolerance_study : mapping
+            ``tolerance_study``: ``links``, ``pivots``, ``clearance``, ``samples``, ``seed``, as of `FourBar.tolerance_study`.
+        assembly : mapping or True
+            ``verdict.assembly``: layers in which nothing collides; arguments as of `FourBar.assembly`, or their defaults.
+
+        Examples
+        --------
+        >>> import numpy as np, linkage_atlas as la
+        >>> made = la.FourBar(19, 72, 144, 165, start_angle=30).joints(np.linspace(0, 70, 16))
+        >>> motion = la.Motion(made.rotation, made.crank_pin, crank_span=70)
+        >>> la.synthesize(motion, top=1).best.studied(round_to=1).rounded.closes
+        True
+        """
+        for name in studies:
+            if name not in STUDIES:
+                raise FieldError.no_such("", name, STUDIES, "study")
+        found: Self = _studied(cast("Any", self), read_studies(studies, self.origin.motion), 1, work or Work())
+        return found
+
+    def errors_in_words(self) -> str:
+        """The largest errors at the samples, rotation in the linkage's unit of angle, position in the unit of the positions."""
+        largest = {"rotation": self.errors.rotation_max, "position": self.errors.position_max}
+        unit = {"rotation": " deg" if self.linkage.degrees else " rad", "position": ""}
+        return ", ".join(
+            f"{name} within {value:.3g}{unit[name]}" for name, value in largest.items() if value is not None
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Solution(Driven):
     """A linkage that answers a request, and how well."""
 
     rank: int
@@ -193,55 +257,9 @@ class Solution(Record):
     rounded: Rounded | None = None
     analysis: Analysis | None = field(default=None, repr=False)
     tolerance_study: ToleranceStudy | None = field(default=None, repr=False)
-    drives: list[Drive] | None = field(default=None, repr=False)
-    """The best of each kind that was asked for."""
-    refused: list[Refusal] | None = field(default=None, repr=False)
-    """Why there is none of a kind on a link."""
-    springs: list[Spring] | None = field(default=None, repr=False)
-    drivable: bool | None = None
-    """With `drive`: whether there is one."""
     linkage: FourBar = field(metadata=KEPT)
     """It moves, draws and saves itself."""
     origin: Origin = field(metadata=KEPT, repr=False)
-
-    def studied(self, work: Work | None = None, **studies: Any) -> Solution:
-        """The same solution with studies of it, under the names of the HTTP contract.
-
-        Parameters
-        ----------
-        work : Work, optional
-            Asked whether the answer is still wanted.
-        round_to : float
-            ``rounded``: the links on this grid and the rest fitted anew, within the limits of the request.
-        lengths_from : array_like, shape (n,)
-            Instead: each link of one of these lengths, in the best combination.
-        sensitivity : bool
-            ``sensitivity``: the change of the motion per unit of each length.
-        analysis : mapping
-            ``analysis``: ``crank_speed`` and perhaps ``load``, as of `FourBar.analysis`.
-        load, drives, springs, drive
-            ``drives``, ``refused``, ``springs``, ``drivable``: as of `linkage_atlas.drives`, the best of each kind.
-        tolerance_study : mapping
-            ``tolerance_study``: ``links``, ``pivots``, ``clearance``, ``samples``, ``seed``, as of `FourBar.tolerance_study`.
-        assembly : mapping or True
-            ``verdict.assembly``: layers in which nothing collides; arguments as of `FourBar.assembly`, or their defaults.
-
-        Examples
-        --------
-        >>> import numpy as np, linkage_atlas as la
-        >>> made = la.FourBar(19, 72, 144, 165, start_angle=30).joints(np.linspace(0, 70, 16))
-        >>> motion = la.Motion(made.rotation, made.crank_pin, crank_span=70)
-        >>> la.synthesize(motion, top=1).best.studied(round_to=1).rounded.closes
-        True
-        """
-        for name in studies:
-            if name not in STUDIES:
-                raise FieldError.no_such("", name, STUDIES, "study")
-        return _studied(self, read_studies(studies, self.origin.motion), 1, work or Work())
-
-    def errors_in_words(self) -> str:
-        """The largest errors at the samples, rotation in the linkage's unit of angle, position in the unit of the positions."""
-        return _in_words(self.errors, self.linkage.degrees)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -280,13 +298,13 @@ class GuidedOrigin(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class GuidedSolution(Record):
+class GuidedSolution(Driven):
     """A body on two guides that answers a request, rails and slots among them, and how well."""
 
     rank: int
     """From 1, by what was preferred."""
     source: Literal["refined"] = "refined"
-    kind: Literal["slider_crank", "swinging_block", "rail_slot", "two_rails", "two_slots"]
+    kind: OtherKindName
     driver: DriverName
     """What moves the first guide."""
     guides: list[AnyGuide]
@@ -318,30 +336,12 @@ class GuidedSolution(Record):
     rounded: GuidedRounded | None = None
     analysis: GuidedAnalysis | None = field(default=None, repr=False)
     tolerance_study: ToleranceStudy | None = field(default=None, repr=False)
-    drives: list[Drive] | None = field(default=None, repr=False)
-    """The best of each kind that was asked for."""
-    refused: list[Refusal] | None = field(default=None, repr=False)
-    """Why there is none of a kind on a link."""
-    springs: list[Spring] | None = field(default=None, repr=False)
-    drivable: bool | None = None
-    """With `drive`: whether there is one."""
     linkage: GuidedLinkage = field(metadata=KEPT)
     """It moves, draws and saves itself."""
     origin: GuidedOrigin = field(metadata=KEPT, repr=False)
 
-    def studied(self, work: Work | None = None, **studies: Any) -> GuidedSolution:
-        """The same solution with studies of it: ``analysis``, ``assembly`` and what drives it, as of `Solution.studied`."""
-        for name in studies:
-            if name not in STUDIES:
-                raise FieldError.no_such("", name, STUDIES, "study")
-        return _guided_studied(self, read_studies(studies, self.origin.motion), 1, work or Work())
 
-    def errors_in_words(self) -> str:
-        """The largest errors at the samples, rotation in the linkage's unit of angle, position in the unit of the positions."""
-        return _in_words(self.errors, self.linkage.degrees)
-
-
-AnySolution = Solution | GuidedSolution
+AnySolution: TypeAlias = Solution | GuidedSolution
 
 
 @dataclass(frozen=True)
@@ -374,7 +374,8 @@ class Report(Record):
     """With `live`: whether the search went on from the last answer."""
     unseen: float | None = None
     """The estimated chance that a better linkage was missed: of the searches that say 10 %, one in ten was beaten by more than
-    1 % by ten seconds of search. Null for exact answers, for effort atlas and from a given linkage."""
+    1 % by ten seconds of search. Null for exact answers, of a search that its time ended, for effort atlas, for several kinds and
+    from a given linkage."""
 
 
 class Ranked(Sequence[One]):
@@ -504,12 +505,6 @@ class Matches(Record, Ranked[Match]):
         return "\n".join([f"{len(self.matches)} matches", *rows])
 
 
-def _in_words(errors: Errors, degrees: bool) -> str:
-    largest = {"rotation": errors.rotation_max, "position": errors.position_max}
-    unit = {"rotation": " deg" if degrees else " rad", "position": ""}
-    return ", ".join(f"{name} within {value:.3g}{unit[name]}" for name, value in largest.items() if value is not None)
-
-
 # -- from what a search found to what a user reads --------------------------------------------------------------------
 
 
@@ -537,12 +532,30 @@ def finished(
     Where they are not ranked by their error they keep their order among those that work and keep the tolerances. Once the
     work's time is up no further ones are finished: those are left out. The first always is.
     """
-    at_once = 1 if studies.long else _AT_ONCE
-    solutions: list[Solution] = []
+    return _finished(
+        found,
+        1 if studies.long else _AT_ONCE,
+        lambda some: _described(some, motion, limits, tolerance, type_of),
+        studies,
+        work,
+        lambda one: _worth(one, motion, tolerance if by_error else 0.0),
+    )
+
+
+def _finished(
+    found: Sequence[Any],
+    at_once: int,
+    describe: Callable[[Sequence[Any]], list[S]],
+    studies: Studies,
+    work: Work,
+    worth: Callable[[S], tuple[float, ...]] = lambda _: (),
+) -> list[S]:
+    """Solutions of one kind with their studies: those that work, then by ``worth``, then in the order they come in."""
+    solutions: list[S] = []
     for first in range(0, len(found), at_once):
         if solutions and work.expired():
             break
-        for solution in _described(found[first : first + at_once], motion, limits, tolerance, type_of):
+        for solution in describe(found[first : first + at_once]):
             solutions.append(_studied(solution, studies, len(found), work))
     # a linkage that does not work as a machine never comes before one that does, nor one without free layers before one
     # that has some
@@ -552,7 +565,7 @@ def finished(
             one.verdict.within_tolerance is False,
             one.verdict.assembly is not None and not one.verdict.assembly.free,
             one.drivable is False,
-            *_worth(one, motion, tolerance if by_error else 0.0),
+            *worth(one),
         )
     )
     return [replace(one, rank=rank) for rank, one in enumerate(solutions, 1)]
@@ -567,7 +580,7 @@ def _worth(one: Solution, motion: Motion, tolerance: float) -> tuple[float, ...]
 
 
 def _described(
-    found: list[search.Solution], motion: Motion, limits: Limits, tolerance: float, type_of: TypeOf | None
+    found: Sequence[search.Solution], motion: Motion, limits: Limits, tolerance: float, type_of: TypeOf | None
 ) -> list[Solution]:
     """Some solutions without studies."""
     linkages = [one.linkage for one in found]
@@ -590,17 +603,9 @@ def _described(
     solutions = []
     for k, one in enumerate(found):
         own, turn = motion.one_of(target, k), one.transmission_angle_min_turn
-        reasons, within = list(passed[k].reasons), None
-        if allowed is not None:
-            shares = allowed.shares(own.target, one.linkage)
-            within, worst = bool(np.all(shares <= 1)), int(np.argmax(shares))
-            if not within:
-                reasons.append(
-                    f"sample {worst + 1} is off by {shares[worst]:.3g} times what is allowed, the most of all"
-                )
         faults = practical_faults(one, own.target, limits, ways[k])
         kind = None if one.row is None or type_of is None else type_of(one.row)
-        linkage = FourBar.of(one.linkage, own)
+        linkage = FourBar.of(one.linkage, own.radian, own.target)
         solutions.append(
             Solution(
                 rank=0,
@@ -612,7 +617,7 @@ def _described(
                 if isinstance(samples, Poses)
                 else None,
                 errors=_in_unit(one.errors, radian),
-                verdict=verdict_of(passed[k], within, [*reasons, *faults], practical=not faults),
+                verdict=_judged(passed[k], own, one.linkage, faults),
                 excursion=ways[k],
                 size=size_of(one.linkage, samples),
                 family=one.family.value,
@@ -642,20 +647,7 @@ def finished_guided(
 
     Once the work's time is up no further ones are finished; the first always is.
     """
-    solutions: list[GuidedSolution] = []
-    for one in found:
-        if solutions and work.expired():
-            break
-        solutions.append(_guided_studied(_guided_described(one, motion, limits), studies, len(found), work))
-    solutions.sort(
-        key=lambda one: (
-            not one.verdict.works,
-            one.verdict.within_tolerance is False,
-            one.verdict.assembly is not None and not one.verdict.assembly.free,
-            one.drivable is False,
-        )
-    )
-    return [replace(one, rank=rank) for rank, one in enumerate(solutions, 1)]
+    return _finished(found, 1, lambda some: [_guided_described(one, motion, limits) for one in some], studies, work)
 
 
 def _guided_described(one: guided.GuidedSolution, motion: Motion, limits: Limits) -> GuidedSolution:
@@ -669,12 +661,6 @@ def _guided_described(one: guided.GuidedSolution, motion: Motion, limits: Limits
         way = {"ordered": samples.ordered, "closed": samples.closed}
         strays = guided.excursion(one, samples, samples.ordered)
     passed = guided_verdict(one.linkage, one.linkage.start + target.crank, **way)
-    reasons, within = list(passed.reasons), None
-    if allowed is not None:
-        shares = allowed.shares(target, one.linkage)
-        within, worst = bool(np.all(shares <= 1)), int(np.argmax(shares))
-        if not within:
-            reasons.append(f"sample {worst + 1} is off by {shares[worst]:.3g} times what is allowed, the most of all")
     faults = guided.practical_faults(one, target, limits, strays)
     linkage = GuidedLinkage.of(one.linkage, radian, target)
     turns, turn = one.linkage.driver.turns, one.transmission_angle_min_turn
@@ -689,7 +675,7 @@ def _guided_described(one: guided.GuidedSolution, motion: Motion, limits: Limits
         crank_angle=target.crank / radian if turns and motion.free else None,
         travel=None if turns or not motion.free else target.crank,
         errors=_in_unit(one.errors, radian),
-        verdict=verdict_of(passed, within, [*reasons, *faults], practical=not faults),
+        verdict=_judged(passed, own, one.linkage, faults),
         excursion=strays,
         size=guided.size_of(one, target),
         transmission_angle_min=one.transmission_angle_min / radian,
@@ -700,52 +686,21 @@ def _guided_described(one: guided.GuidedSolution, motion: Motion, limits: Limits
     )
 
 
-def _guided_studied(solution: GuidedSolution, studies: Studies, solutions: int, work: Work) -> GuidedSolution:
-    """One of several solutions with what else was asked of it."""
-    work.check()
-    one, own = solution.origin[:2]
-    done: dict[str, Any] = {}
-    target, radian, linkage = own.target, own.radian, one.linkage
-    if studies.round_to is not None:
-        done["rounded"] = _guided_rounded(solution, on_grid(studies.round_to), None, solutions, work)
-    if studies.lengths_from is not None:
-        stock = studies.lengths_from
-        count = len(set(stock)) ** len(lengths_of(linkage))
-        done["rounded"] = _guided_rounded(solution, from_stock(stock), count, solutions, work)
-    if studies.sensitivity:
-        done["sensitivity"] = changes(linkage, target, radian)
-    if studies.drive is not None:
-        done["analysis"] = guided_analysed(linkage, studies.drive, target.crank, radian, target.interval)
-    if studies.manufacture is not None:
-        share = share_of(studies.manufacture, target.samples, solutions, work.budget)
-        done["tolerance_study"] = guided_studied(linkage, share, target.crank, target.interval, radian, work)
-    if studies.drives is not None:
-        done |= driven_solution(linkage, target.crank, studies.drives, radian, work)
-    if studies.assembly is not None:
-        done["verdict"] = _with_assembly(solution, studies.assembly, work)
-    return replace(solution, **done) if done else solution
-
-
 def _guided_rounded(
-    solution: GuidedSolution,
-    choices: Callable[[float], Sequence[float]],
-    combinations: int | None,
-    solutions: int,
-    work: Work,
+    solution: GuidedSolution, grid: float | None, stock: Sequence[float] | None, solutions: int, work: Work
 ) -> GuidedRounded:
     """One of several solutions with lengths that can be had, in the motion's unit."""
     tries = max(FEWEST_ROUNDINGS, min(MOST_ROUNDINGS, ROUNDINGS // solutions))
-    one, own, limits = solution.origin[:3]
-    samples = solution.origin.asked
+    one, own, limits, samples = solution.origin
+    if stock is None:
+        assert grid is not None
+        choices, combinations = on_grid(grid), None
+    else:
+        choices, combinations = from_stock(stock), len(set(stock)) ** len(lengths_of(one.linkage))
     found = rounded(
         samples, one, choices, combinations, lambda made: not broken_limits(made, samples, limits), tries, work
     )
-    values: dict[str, Any] = dict.fromkeys(names_of(GuidedRounded)) | {
-        "closes": False,
-        "tried": found.tried,
-        "combinations": found.combinations,
-        "exhaustive": found.exhaustive,
-    }
+    values = _tried(GuidedRounded, found)
     if found.solution is None:
         return GuidedRounded(**values)
     again, radian, free = found.solution, own.radian, isinstance(samples, Poses)
@@ -753,7 +708,6 @@ def _guided_rounded(
     linkage = GuidedLinkage.of(again.linkage, radian, target)
     turns = again.linkage.driver.turns
     values |= {
-        "closes": True,
         "lengths": lengths_of(again.linkage),
         "guides": linkage.guides,
         "branch": again.linkage.branch,
@@ -766,31 +720,36 @@ def _guided_rounded(
     return GuidedRounded(**values, linkage=linkage)
 
 
-def _studied(solution: Solution, studies: Studies, solutions: int, work: Work) -> Solution:
+def _studied(solution: S, studies: Studies, solutions: int, work: Work) -> S:
     """One of several solutions with what else was asked of it."""
     work.check()
-    one, own, limits = solution.origin[:3]
+    own, linkage = solution.origin.motion, solution.linkage
     done: dict[str, Any] = {}
-    target, radian, linkage = own.target, own.radian, one.linkage
-    tries = max(FEWEST_TRIES, TRIES // solutions)
+    target = own.target
     if studies.sensitivity:
-        (change,) = sensitivities(target, [linkage])
-        turned = None if change.rotation is None else change.rotation / radian
-        done["sensitivity"] = Sensitivity(turned, change.position)
-    if studies.round_to is not None:
-        done["rounded"] = _rounded(round_to_grid(target, one, studies.round_to, limits, tries, work), own)
-    if studies.lengths_from is not None:
-        done["rounded"] = _rounded(best_from_stock(target, one, studies.lengths_from, limits, tries, work), own)
+        done["sensitivity"] = _sensitivity(linkage.plain, target, own.radian)
+    if studies.round_to is not None or studies.lengths_from is not None:
+        asked = studies.round_to, studies.lengths_from, solutions, work
+        done["rounded"] = (
+            _guided_rounded(solution, *asked) if isinstance(solution, GuidedSolution) else _rounded(solution, *asked)
+        )
     if studies.drive is not None:
-        done["analysis"] = analysed(linkage, studies.drive, target.crank, radian, target.interval)
+        done["analysis"] = linkage.analysed(studies.drive, target.crank, target.interval)
     if studies.drives is not None:
-        done |= driven_solution(linkage, target.crank, studies.drives, radian, work)
+        done |= driven_solution(linkage.plain, target.way, studies.drives, own.radian, work)
     if studies.manufacture is not None:
         share = share_of(studies.manufacture, target.samples, solutions, work.budget)
-        done["tolerance_study"] = studied(linkage, share, target.crank, target.interval, radian, work)
+        done["tolerance_study"] = linkage.made_within(share, target, work)
     if studies.assembly is not None:
         done["verdict"] = _with_assembly(solution, studies.assembly, work)
     return replace(solution, **done) if done else solution
+
+
+def _sensitivity(linkage: Linkage | Guided, target: Target, radian: float) -> Sensitivity | list[Change]:
+    if not isinstance(linkage, Linkage):
+        return changes(linkage, target, radian)
+    (change,) = sensitivities(target, [linkage])
+    return Sensitivity(None if change.rotation is None else change.rotation / radian, change.position)
 
 
 def _with_assembly(solution: AnySolution, asked: AskedAssembly, work: Work) -> Verdict:
@@ -810,6 +769,17 @@ def _with_assembly(solution: AnySolution, asked: AskedAssembly, work: Work) -> V
             why = ["layers were not looked for: the time was up"]
     free = found is not None and found.free
     return replace(verdict, assembly=found, buildable=verdict.practical and free, reasons=(*verdict.reasons, *why))
+
+
+def _judged(passing: Passing, motion: Motion, linkage: Any, faults: Sequence[str]) -> Verdict:
+    """The verdict on a linkage at its own crank angles, tolerances included."""
+    reasons, within = list(passing.reasons), None
+    if motion.tolerances is not None:
+        shares = motion.tolerances.shares(motion.target, linkage)
+        within, worst = bool(np.all(shares <= 1)), int(np.argmax(shares))
+        if not within:
+            reasons.append(f"sample {worst + 1} is off by {shares[worst]:.3g} times what is allowed, the most of all")
+    return verdict_of(passing, within, [*reasons, *faults], practical=not faults)
 
 
 def verdict_of(passing: Passing, within: bool | None, reasons: Sequence[str], practical: bool) -> Verdict:
@@ -844,23 +814,35 @@ def _in_unit(errors: Errors, radian: float) -> Errors:
     )
 
 
-def _rounded(found: Rounding, motion: Motion) -> Rounded:
-    """Rounded links in the motion's unit."""
-    solution = found.solution
-    values: dict[str, Any] = dict.fromkeys(names_of(Rounded)) | {
-        "closes": False,
+def _tried(kind: type, found: Any) -> dict[str, Any]:
+    """The fields of a rounding, with what was tried; the rest is null."""
+    return dict.fromkeys(names_of(kind)) | {
+        "closes": found.solution is not None,
         "tried": found.tried,
         "combinations": found.combinations,
         "exhaustive": found.exhaustive,
     }
-    if solution is None:
+
+
+def _rounded(
+    solution: Solution, grid: float | None, stock: Sequence[float] | None, solutions: int, work: Work
+) -> Rounded:
+    """One of several solutions with links that can be had, in the motion's unit."""
+    one, motion, limits = solution.origin
+    tries = max(FEWEST_TRIES, TRIES // solutions)
+    if stock is None:
+        assert grid is not None
+        found = round_to_grid(motion.target, one, grid, limits, tries, work)
+    else:
+        found = best_from_stock(motion.target, one, stock, limits, tries, work)
+    values, again = _tried(Rounded, found), found.solution
+    if again is None:
         return Rounded(**values)
-    linkage = FourBar.of(solution.linkage, motion)
+    linkage = FourBar.of(again.linkage, motion.radian, motion.target)
     dimensions = linkage.dimensions._asdict()
     del dimensions["branch"]
     values |= dimensions | {
-        "closes": True,
-        "errors": _in_unit(solution.errors, motion.radian),
-        "transmission_angle_min": solution.transmission_angle_min / motion.radian,
+        "errors": _in_unit(again.errors, motion.radian),
+        "transmission_angle_min": again.transmission_angle_min / motion.radian,
     }
     return Rounded(**values, linkage=linkage)

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, NamedTuple, TypedDict
 
 import numpy as np
 
-from linkage_atlas.motions import number
+from linkage_atlas.arguments import flag, number, whole_number
 from linkage_atlas.records import KEPT, Record
 from synthesis.assembly import layers
 from synthesis.assembly.driving import LINKS, Motor, motor_driven
@@ -244,16 +244,14 @@ def read_assembly(given: Mapping[str, Any] | bool, where: str = "assembly/") -> 
     if boards not in BOARDS:
         raise FieldError(f"/{where}boards", f"wanted one of {', '.join(BOARDS)}, found {boards!r}")
     most = LAYERS_MOST if values["layers_most"] is None else values["layers_most"]
-    if isinstance(most, bool) or not isinstance(most, (int, np.integer)) or not 1 <= most <= MOST_LAYERS:
-        raise FieldError(f"/{where}layers_most", f"wanted a whole number from 1 to {MOST_LAYERS}, found {most!r}")
-    if not isinstance(values["heads"], (bool, type(None))):
-        raise FieldError(f"/{where}heads", f"wanted true or false, found {values['heads']!r}")
+    most = whole_number(f"{where}layers_most", most, 1, MOST_LAYERS)
+    heads = flag(f"{where}heads", values["heads"])
     return AskedAssembly(
         Sizes(lengths["hole"], lengths["width"], lengths["clearance"]),
         lengths["thickness"],
         lengths["washer"],
         () if values["body"] is None else _outline(f"{where}body", values["body"]),
-        Asked(boards, bool(values["heads"]), int(most), _mounts(f"{where}mounts", values["mounts"], boards)),
+        Asked(boards, heads, most, _mounts(f"{where}mounts", values["mounts"], boards)),
         None if values["envelope"] is None else _box(f"{where}envelope", values["envelope"]),
         tuple(_box(f"{where}keep_out/{k}", box) for k, box in enumerate(values["keep_out"] or ())),
         None if values["drive"] is None else _motor(f"{where}drive", values["drive"]),

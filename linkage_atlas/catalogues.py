@@ -10,7 +10,7 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
-from linkage_atlas.motions import number
+from linkage_atlas.arguments import number
 from synthesis.drives.actuator import Actuator, Row
 from synthesis.drives.springs import Kind
 from synthesis.errors import FieldError

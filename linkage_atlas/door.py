@@ -16,16 +16,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkage_atlas.answers import FINISHING, Continued, Report, Result, cognate_notes, finished, status_of
+from linkage_atlas.arguments import check_above_zero, check_top, column, number
 from linkage_atlas.assemblies import AskedAssembly, assembled, read_assembly
 from linkage_atlas.atlases import Atlas
 from linkage_atlas.cache import default_atlas
 from linkage_atlas.driving import check_asked
-from linkage_atlas.guided import DriverName
+from linkage_atlas.guided import DriverName, KindName
 from linkage_atlas.kinds import Asked as Kinds
-from linkage_atlas.kinds import Course as KindsCourse
 from linkage_atlas.kinds import (
+    Course,
     Found,
-    MechanismName,
     check_kinds_alone,
     check_sliders_alone,
     finished_kinds,
@@ -35,7 +35,7 @@ from linkage_atlas.kinds import (
 )
 from linkage_atlas.limits import read_limits, what_excludes
 from linkage_atlas.linkages import FourBar
-from linkage_atlas.motions import Motion, check_above_zero, check_top, column, number
+from linkage_atlas.motions import Motion
 from linkage_atlas.studies import STUDIES, Studies, check_rows, read_studies, study_notes
 from synthesis.arrays import Floats
 from synthesis.atlas.scan import Scan, best_rows
@@ -184,7 +184,7 @@ def synthesize(
     atlas: Atlas | None = None,
     work: Callable[[float | None], Work] = Work,
     live: Live | None = None,
-    mechanisms: Sequence[MechanismName] | Literal["all"] | None = None,
+    mechanisms: Sequence[KindName] | Literal["all"] | None = None,
     driver: DriverName | None = None,
     **more: Unpack[Asked],
 ) -> Result:
@@ -346,8 +346,6 @@ def synthesize(
         watch.elapsed,
         notes,
         live=None if begun is None else Continued(bool(len(begun.branch))),
-        unseen=course.unseen,
-        **course.counts,
     )
     if live is not None and course.left is not None:
         live.state = course.left.packed()
@@ -372,7 +370,7 @@ def _of_kinds(
     def four_bars(within: Limits, work: Work) -> tuple[list[Solution], Course]:
         return _search(seed_tables(), motion, within, top, tolerance, work)
 
-    def search_all(within: Limits, work: Work) -> tuple[list[Found], KindsCourse]:
+    def search_all(within: Limits, work: Work) -> tuple[list[Found], Course]:
         return search_kinds(kinds, motion, within, tolerance, four_bars, work)
 
     found, course = search_all(limits, watch.extended(-FINISHING))
@@ -380,6 +378,7 @@ def _of_kinds(
     chosen = front(found, motion, prefers, tolerance, top)
     searched = watch.elapsed
     solutions = finished_kinds(chosen, motion, limits, tolerance, studies, watch.extended(FINISHING))
+    notes += study_notes(studies.manufacture, solutions)
     cut_short = course.stopped_by == StoppedBy.BUDGET.value
     if not solutions and cut_short:
         notes.append(CUT_SHORT)
@@ -390,15 +389,11 @@ def _of_kinds(
         notes.append(UNASKED if motion.travel is None else UNASKED.replace("crank angles are", "travel is", 1))
     if len(solutions) < len(chosen):
         notes.append(f"the time was up: of {len(chosen)} linkages found the best {len(solutions)} are reported")
-    report = _report(
-        course, motion, searched, watch.elapsed, notes, seeds=course.seeds, windows=None, exhaustive=None
-    )
+    report = _report(course, motion, searched, watch.elapsed, notes)
     return Result(status_of(solutions, tolerance, motion.tolerances is not None, cut_short), solutions, report)
 
 
-def _report(
-    course: Course | KindsCourse, motion: Motion, searched: float, total: float, notes: list[str], **more: Any
-) -> Report:
+def _report(course: Course, motion: Motion, searched: float, total: float, notes: list[str], **more: Any) -> Report:
     """Of a search that took so many seconds, with all that was made of its answers so many in total."""
     seconds = course.stages | {"report": total - searched, "total": total}
     return Report(
@@ -407,24 +402,13 @@ def _report(
         stopped_by=course.stopped_by,
         length_scale=None if motion.samples.position is None else motion.samples.length_scale,
         notes=notes,
+        unseen=None if course.stopped_by == "budget" else course.unseen,
+        **course.counts,
         **more,
     )
 
 
 # -- the search -------------------------------------------------------------------------------------------------------
-
-
-class Course(NamedTuple):
-    """How a search went, whichever it was."""
-
-    stages: dict[str, float]
-    """Seconds."""
-    trace: list[tuple[float, float]]
-    stopped_by: str
-    counts: dict[str, Any]
-    left: Kept | None = None
-    """For the search after it, where that was asked for."""
-    unseen: float | None = None
 
 
 def _search(

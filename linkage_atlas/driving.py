@@ -9,16 +9,27 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from linkage_atlas.arguments import (
+    bounded,
+    check_above_zero,
+    check_top,
+    column,
+    known_fields,
+    millimetres_in,
+    number,
+    pair,
+    radians_in,
+)
 from linkage_atlas.catalogues import PRESSURE, read_actuators, read_springs
 from linkage_atlas.guided import GuidedLinkage
 from linkage_atlas.linkages import FourBar
-from linkage_atlas.motions import MILLIMETRES, Motion, check_above_zero, check_top, column, number, radians_in
-from linkage_atlas.records import KEPT, Record, Values, Vectors
+from linkage_atlas.motions import Motion
+from linkage_atlas.records import KEPT, Record, Values, Vectors, plane, xy
 from synthesis.arrays import Complexes, Floats
 from synthesis.drives.actuator import (
     ROW_GRID,
@@ -36,7 +47,7 @@ from synthesis.drives.actuator import (
 from synthesis.drives.balance import Spring as Placed
 from synthesis.drives.balance import one_spring, potential_of, two_springs
 from synthesis.drives.dyad import LARGEST_RATIO, Driven, about_pivot, driven, on_any_link
-from synthesis.drives.links import GROUND, LinkMotion, Loading, Machine, Mass, hinged, machine_of, machine_of_guided
+from synthesis.drives.links import GROUND, SAMPLES, LinkMotion, Loading, Machine, Mass, hinged, machine_of
 from synthesis.drives.pins import Pull, pin_forces
 from synthesis.drives.springs import Fitted, Room, best_pair, best_spring, fitted
 from synthesis.drives.toggle import Knee, locked
@@ -47,13 +58,12 @@ from synthesis.guided.linkage import GuidedLinkage as Guided
 from synthesis.target import MAX_LENGTH, TURN, Interval
 from synthesis.work import Work
 
+One = TypeVar("One")
 KINDS = ("rotary", "actuator", "cylinder", "dyad", "toggle")
 """Of drives; a cylinder is an actuator."""
 SPRING_KINDS = ("tension", "gas")
 MOST_DRIVES, MOST_SPRINGS, MOST_MASSES = 8, 4, 20
 """Entries of a request."""
-LARGEST = 1e12
-"""Of forces, torques and masses."""
 FAR = 1e6
 """Times the linkage's size, or of its size, that a length or a place may be: beyond, coordinates lose their digits."""
 FINE = 961
@@ -89,7 +99,6 @@ _DWELL = 0.01
 _STOPS = {
     "rotary": "two stops, or position control",
     "actuator": "none: its own ends of stroke are the ends of the way",
-    "part": "two stops: it does not use its ends of stroke",
     "dyad": "none: the motor passes both ends with the linkage at rest",
     "toggle": "one, for the knee beyond its line",
 }
@@ -105,19 +114,19 @@ class DriveCurve(NamedTuple):
 
     crank_angle: Floats
     """From the first sample on; of a linkage that a slide drives its travel."""
-    length: Values | None
+    length: Values | None = None
     """Of an actuator, of the line from motor to pin, or of a knee."""
-    arm: Values | None
+    arm: Values | None = None
     """Moment arm: change of length a radian of the crank."""
-    force: Values | None
+    force: Values | None = None
     """Pushing is positive; of the rod of a motor forwards. Null without a load."""
-    torque: Values | None
+    torque: Values | None = None
     """Of a rotary drive, or of the motor forwards. Null without a load."""
-    ground: Vectors | None
+    ground: Vectors | None = None
     """Where the end on ground, or on the other link, is."""
-    pin: Vectors | None
+    pin: Vectors | None = None
     """Where the pin is."""
-    knee: Vectors | None
+    knee: Vectors | None = None
     """Of a motor its crank's end forwards, of a knee its joint."""
 
 
@@ -427,8 +436,7 @@ def drives(
     check_top(top)
     check_above_zero(budget=budget)
     watch = work(budget)
-    if length_unit not in MILLIMETRES:
-        raise FieldError("/length_unit", f"wanted one of {', '.join(MILLIMETRES)}, found {length_unit!r}")
+    millimetres = millimetres_in(length_unit)
     if rocker is not None:
         if linkage is not None:
             raise FieldError("/rocker", "give either a linkage or this")
@@ -437,7 +445,7 @@ def drives(
         place = _place_of(linkage, motion, crank_angle, degrees)
     if load is not None and load.get("parts"):
         load = {**load, "parts": False, "masses": [*(load.get("masses") or ()), *place.masses_of_parts(length_unit)]}
-    asked = read_asked(place.machine, load, drives, springs, hand, place.radian, MILLIMETRES[length_unit])
+    asked = read_asked(place.machine, load, drives, springs, hand, place.radian, millimetres)
     check_sizes(asked, place.machine.extent)
     return found_drives(place, asked, top, watch)
 
@@ -461,11 +469,16 @@ class _Place(NamedTuple):
         return masses_of_parts(self.linkage, _ends(self.samples), length_unit)
 
     @classmethod
-    def of_fourbar(cls, linkage: Linkage, ends: Interval, radian: float, samples: Floats) -> _Place:
-        if not abs(ends.last - ends.first) >= 1e-6:
-            raise FieldError("/crank_angle", "the way has no length: its first and last crank angle are the same")
-        machine = machine_of(linkage, ends)
-        place = cls(machine, machine_of(linkage, ends, FINE), radian, samples, linkage)
+    def of(cls, linkage: Linkage | Guided, crank: Floats, radian: float) -> _Place:
+        """A linkage over the way between the least and the largest travel of its drive at the samples."""
+        ends, four_bar = _ends(crank), isinstance(linkage, Linkage)
+        if not abs(ends.last - ends.first) > (1e-6 if four_bar else 0.0):
+            field, what = ("crank_angle", "crank angle") if four_bar else ("travel", "place of the drive")
+            raise FieldError(f"/{field}", f"the way has no length: its first and last {what} are the same")
+        if isinstance(linkage, Guided) and not linkage.closes_over(ends.after(linkage.start)):
+            raise FieldError("/linkage", "does not close over its way")
+        coarse, fine = (machine_of(linkage, ends, many) for many in (SAMPLES, FINE))
+        place = cls(coarse, fine, radian, crank, linkage if isinstance(linkage, Linkage) else None)
         place.check()
         return place
 
@@ -486,17 +499,6 @@ class _Place(NamedTuple):
                 raise FieldError("/linkage", f"does not close, or is dead, at {at:.6g} of its drive's way")
 
     @classmethod
-    def of_guided(cls, linkage: Guided, ends: Interval, radian: float, samples: Floats) -> _Place:
-        if not abs(ends.last - ends.first) > 0:
-            raise FieldError("/travel", "the way has no length: its first and last place of the drive are the same")
-        if not linkage.closes_over(ends.after(linkage.start)):
-            raise FieldError("/linkage", "does not close over its way")
-        machine = machine_of_guided(linkage, ends)
-        place = cls(machine, machine_of_guided(linkage, ends, FINE), radian, samples, None)
-        place.check()
-        return place
-
-    @classmethod
     def of_rocker(cls, given: Mapping[str, Any], radian: float) -> _Place:
         for name in given:
             if name not in ("pivot", "start", "swing", "length"):
@@ -507,10 +509,9 @@ class _Place(NamedTuple):
         length = number("rocker/length", 1.0 if given.get("length") is None else given["length"])
         if not 0 < length <= MAX_LENGTH:
             raise FieldError("/rocker/length", "wanted a length above 0")
-        pivot = _point("rocker/pivot", given["pivot"]) if given.get("pivot") is not None else 0j
+        pivot = pair("rocker/pivot", given["pivot"], MAX_LENGTH) if given.get("pivot") is not None else 0j
         start = number("rocker/start", 0.0 if given.get("start") is None else given["start"]) * radian
-        both = (hinged(pivot, start, swing, length, many) for many in (61, FINE))
-        machine, fine = both
+        machine, fine = (hinged(pivot, start, swing, length, many) for many in (SAMPLES, FINE))
         place = cls(machine, fine, radian, machine.at[[0, -1]], None)
         place.check()
         return place
@@ -518,9 +519,11 @@ class _Place(NamedTuple):
     def poses_around(self, low: float, high: float) -> str:
         """Between which samples of the motion two places of the drive lie, in words."""
         middle, samples = (low + high) / 2, self.samples
-        for k in range(samples.size - 1):
+        last = samples.size - 1
+        for k in range(last):
             if (samples[k] - middle) * (samples[k + 1] - middle) <= 0:
-                return f"between poses {k + 1} and {k + 2}, "
+                round_again = k + 1 == last and abs(abs(samples[last] - samples[0]) - TURN) < 1e-9
+                return f"between poses {k + 1} and {1 if round_again else k + 2}, "
         return ""
 
 
@@ -543,17 +546,17 @@ def _place_of(linkage: Any, motion: Motion | None, crank_angle: ArrayLike | None
     radian, plain = radians_in(one.degrees), one.plain
     if motion is not None and (not motion.free or given is not None):
         target = motion.of_solution(plain, None if given is None else given * radian).target
-        return _Place.of_fourbar(plain, _ends(target.crank), radian, target.crank)
+        return _Place.of(plain, target.way, radian)
     if given is not None:
         if given.size < 2 or not np.all(np.isfinite(given)):
             raise FieldError("/crank_angle", "wanted two finite crank angles or more")
-        return _Place.of_fourbar(plain, _ends(given * radian), radian, given * radian)
+        return _Place.of(plain, given * radian, radian)
     if motion is not None:
         raise FieldError("/linkage/crank_angle", "needed: the motion's crank angles are free")
     crank = one.way
     if crank is None:
         raise FieldError("/crank_angle", "needed: this linkage answers no motion that would say its way")
-    return _Place.of_fourbar(plain, _ends(crank), radian, crank)
+    return _Place.of(plain, crank, radian)
 
 
 def _guided_place(one: GuidedLinkage, motion: Motion | None, given: Floats | None) -> _Place:
@@ -561,14 +564,14 @@ def _guided_place(one: GuidedLinkage, motion: Motion | None, given: Floats | Non
     radian, plain = radians_in(one.degrees), one.plain
     unit = radian if plain.driver.turns else 1.0
     if motion is not None:
-        crank = one.target_of(motion, given).crank
+        crank = one.target_of(motion, given).way
     elif given is not None:
         crank = given * unit
     elif one.way is not None:
         crank = one.way
     else:
         raise FieldError("/crank_angle", "needed: this linkage answers no motion that would say its way")
-    return _Place.of_guided(plain, _ends(crank), radian, crank)
+    return _Place.of(plain, crank, radian)
 
 
 def _ends(crank: Floats) -> Interval:
@@ -593,7 +596,7 @@ def read_asked(
             _drive(f"drives/{k}", one, machine, radian, millimetres) for k, one in enumerate(_list("drives", wanted))
         ),
         tuple(_spring(f"springs/{k}", one, machine, millimetres) for k, one in enumerate(_list("springs", springs))),
-        None if hand is None else _point("hand", hand),
+        None if hand is None else pair("hand", hand, MAX_LENGTH),
         millimetres,
     )
 
@@ -622,7 +625,7 @@ def check_asked(given: Mapping[str, Any], radian: float) -> None:
     circle, slot = Circle(0j, 1.0, 0j), Slot(3.0 + 0.5j, 1.0 + 0.2j, 0.1)
     rail = Rail(2.0 + 0.3j, 0.0, 2.0 + 0j)
     machines = [machine_of(Linkage((2.0, 3.0, 4.0, 3.5), 1, 1.0, coupler_point=(1.0, 0.0)), way, 3)]
-    machines += [machine_of_guided(Guided((circle, one), Driver.CRANK, 1, 0.5), way, 3) for one in (slot, rail)]
+    machines += [machine_of(Guided((circle, one), Driver.CRANK, 1, 0.5), way, 3) for one in (slot, rail)]
     errors = []
     for one in machines:
         try:
@@ -649,10 +652,7 @@ def driven_solution(
     ``crank`` (n,): travel of its drive at the samples, radians or lengths. ``given``: in the user's units.
     """
     try:
-        if isinstance(linkage, Linkage):
-            place = _Place.of_fourbar(linkage, _ends(crank), radian, crank)
-        else:
-            place = _Place.of_guided(linkage, _ends(crank), radian, crank)
+        place = _Place.of(linkage, crank, radian)
         asked, wish = _read_study(place.machine, given, radian)
         wishes = (*asked.drives, *([] if wish is None else [wish]))
         check_sizes(asked._replace(drives=wishes), place.machine.extent)
@@ -680,34 +680,34 @@ def _list(name: str, given: Sequence[Mapping[str, Any]] | None) -> Sequence[Mapp
 
 
 def _load(machine: Machine, given: Mapping[str, Any], radian: float) -> Loading:
-    _known("load", given, ("force", "torque", "masses", "parts", "gravity", "speed"))
-    force = 0j if given.get("force") is None else _bounded_pair("load/force", given["force"])
-    torque = 0.0 if given.get("torque") is None else _bounded("load/torque", given["torque"])
+    known_fields("load", given, ("force", "torque", "masses", "parts", "gravity", "speed"))
+    force = 0j if given.get("force") is None else pair("load/force", given["force"])
+    torque = 0.0 if given.get("torque") is None else bounded("load/torque", given["torque"])
     if force and machine.body is None:
         raise FieldError("/load/force", "acts at the body point, but this linkage has none")
-    gravity = -9.81j if given.get("gravity") is None else _bounded_pair("load/gravity", given["gravity"])
+    gravity = -9.81j if given.get("gravity") is None else pair("load/gravity", given["gravity"])
     masses = given.get("masses") or ()
     if given.get("parts"):
         raise FieldError("/load/parts", "for one linkage only: /v1/drives, or `linkage_atlas.drives`")
     if len(masses) > MOST_MASSES:
         raise FieldError("/load/masses", f"wanted at most {MOST_MASSES}")
-    speed = 0.0 if given.get("speed") is None else _bounded("load/speed", given["speed"]) * radian
+    speed = 0.0 if given.get("speed") is None else bounded("load/speed", given["speed"]) * radian
     return Loading(
         force, torque, tuple(_mass(f"load/masses/{k}", one, machine) for k, one in enumerate(masses)), gravity, speed
     )
 
 
 def _mass(at: str, given: Mapping[str, Any], machine: Machine) -> Mass:
-    _known(at, given, ("link", "mass", "at", "inertia"))
+    known_fields(at, given, ("link", "mass", "at", "inertia"))
     name = "body" if given.get("link") is None else given["link"]
     names = (*machine.links, *(() if machine.body is None else ("body",)))
     if name not in names:
         raise FieldError(f"/{at}/link", f"wanted one of {', '.join(names)}, found {name!r}")
-    amount = _bounded(f"{at}/mass", given.get("mass"))
-    inertia = 0.0 if given.get("inertia") is None else _bounded(f"{at}/inertia", given["inertia"])
+    amount = bounded(f"{at}/mass", given.get("mass"))
+    inertia = 0.0 if given.get("inertia") is None else bounded(f"{at}/inertia", given["inertia"])
     if amount < 0 or inertia < 0:
         raise FieldError(f"/{at}/{'mass' if amount < 0 else 'inertia'}", "wanted at least 0")
-    point = machine.middles.get(name, 0j) if given.get("at") is None else _point(f"{at}/at", given["at"])
+    point = machine.middles.get(name, 0j) if given.get("at") is None else pair(f"{at}/at", given["at"], MAX_LENGTH)
     return Mass(name, amount, point, inertia)
 
 
@@ -717,7 +717,7 @@ def _drive(at: str, given: Mapping[str, Any], machine: Machine, radian: float, m
     if kind not in KINDS:
         raise FieldError(f"/{at}/kind", f"wanted one of {', '.join(KINDS)}, found {kind!r}")
     kind = "actuator" if kind == "cylinder" else kind
-    _known(at, given, ("kind", *_DRIVE_FIELDS[kind]))
+    known_fields(at, given, ("kind", *_DRIVE_FIELDS[kind]))
     wish = {name: value for name, value in given.items() if value is not None} | {"kind": kind}
     pivoted = [name for name, one in machine.links.items() if one.pivot is not None]
     wish["links"] = _links(
@@ -773,7 +773,7 @@ def _spring(at: str, given: Mapping[str, Any], machine: Machine, millimetres: fl
     kind = given.get("kind") if isinstance(given, Mapping) else None
     if kind not in SPRING_KINDS:
         raise FieldError(f"/{at}/kind", f"wanted one of {', '.join(SPRING_KINDS)}, found {kind!r}")
-    _known(at, given, _SPRING_FIELDS)
+    known_fields(at, given, _SPRING_FIELDS)
     wish = {name: value for name, value in given.items() if value is not None}
     names = (GROUND, *machine.links)
     if "between" in wish:
@@ -805,36 +805,6 @@ def _links(at: str, given: Any, machine: Machine, names: list[str]) -> list[str]
     return list(dict.fromkeys(given))
 
 
-def _known(at: str, given: Any, names: tuple[str, ...]) -> None:
-    if not isinstance(given, Mapping):
-        raise FieldError(f"/{at}", f"wanted a mapping of {', '.join(names)}")
-    for name in given:
-        if name not in names and given[name] is not None:
-            raise FieldError.no_such(f"/{at}", name, names)
-
-
-def _bounded(at: str, value: Any) -> float:
-    found = number(at, value)
-    if abs(found) > LARGEST:
-        raise FieldError(f"/{at}", f"wanted at most {LARGEST:g} either way, found {found:g}")
-    return found
-
-
-def _bounded_pair(at: str, given: Any) -> complex:
-    if isinstance(given, str) or np.shape(given) != (2,):
-        raise FieldError(f"/{at}", "wanted two numbers [x, y]")
-    return complex(*(_bounded(at, value) for value in given))
-
-
-def _point(at: str, given: Any) -> complex:
-    if isinstance(given, str) or np.shape(given) != (2,):
-        raise FieldError(f"/{at}", "wanted two numbers [x, y]")
-    pair = [number(at, value) for value in given]
-    if max(map(abs, pair)) > MAX_LENGTH:
-        raise FieldError(f"/{at}", f"wanted at most {MAX_LENGTH:g}")
-    return complex(*pair)
-
-
 def _box(at: str, given: Any) -> Box:
     if isinstance(given, str) or np.shape(given) != (4,):
         raise FieldError(f"/{at}", "wanted [xmin, ymin, xmax, ymax]")
@@ -850,21 +820,15 @@ def _box(at: str, given: Any) -> Box:
 def found_drives(place: _Place, asked: Asked, top: int, work: Work) -> Drives:
     """The best drives of each kind, and springs."""
     with np.errstate(all="ignore"):
-        return _found(_Search(place, asked, top, work), place, asked, top, work)
-
-
-def _found(search: _Search, place: _Place, asked: Asked, top: int, work: Work) -> Drives:
-    for wish in asked.drives:
-        {"rotary": search.rotary, "actuator": search.actuator, "dyad": search.dyad, "toggle": search.toggle}[
-            wish["kind"]
-        ](wish)
-    for number_, wish in enumerate(asked.springs, 1):
-        search.spring(wish, number_)
-    order = {"rotary": 0, "actuator": 1, "dyad": 2, "toggle": 3}
-    found = sorted(search.found, key=lambda row: (order[row[1].kind], row[0]))
-    kept: list[Drive] = []
-    for kind in order:
-        kept += [one for _, one in found if one.kind == kind][:top]
+        search = _Search(place, asked, top, work)
+        for wish in asked.drives:
+            search.LOOKS[wish["kind"]](search, wish)
+        for number_, wish in enumerate(asked.springs, 1):
+            if work.expired():
+                break
+            search.spring(wish, number_)
+    found = sorted(search.found, key=lambda row: row[0])
+    kept = [one for kind in search.LOOKS for one in [one for _, one in found if one.kind == kind][:top]]
     torque = TorqueCurve(search.curve_at, search.torque, search.net, search.amount)
     if work.expired():
         search.notes.append("the time was up: not every place was looked at")
@@ -922,6 +886,29 @@ class _Search:
     def refuse(self, kind: str, link: str, reason: str, name: str | None = None) -> None:
         self.refused.append(Refusal(kind, link, name, reason))
 
+    def _keep(self, rank: tuple[float, ...], kind: Any, link: str, holds: str | None = None, **more: Any) -> None:
+        """Keep a drive that was found; the least ``rank`` is the best."""
+        swing = abs(self.machine.links[link].swing()) / self.place.radian
+        drive = Drive(kind=kind, link=link, swing=swing, stops=_STOPS[kind], holds=holds or _HOLDS[kind], **more)
+        self.found.append((rank, drive))
+
+    def _told(self, value: One) -> One | None:
+        """What is null without a load."""
+        return value if self.loaded else None
+
+    def _ends_of(self, found: Placement, pin: Complexes) -> dict[str, Any]:
+        """Where an actuator or a knee is, and what it gives."""
+        return {
+            "ground_point": xy(found.ground),
+            "pin": xy(pin[0]),
+            "pin_on_link": xy(found.pin),
+            "length": _both_ends(found.length),
+            "extends": found.extends,
+            "arm_min": found.least_arm,
+            "peak_force": self._told(found.peak),
+            "holding": self._told(_both_ends(found.force)),
+        }
+
     # -- rotary --------------------------------------------------------------------------------------------------------
 
     def rotary(self, wish: Mapping[str, Any]) -> None:
@@ -946,21 +933,18 @@ class _Search:
                 )
                 continue
             torque = self.torque / link.rate
-            peak = float(np.abs(torque).max()) if self.loaded else None
-            drive = Drive(
-                kind="rotary",
-                link=name,
-                motor=None if link.pivot is None else _xy(link.pivot),
-                swing=abs(link.swing()) / self.place.radian,
+            peak = float(np.abs(self.fine.torque(self.asked.load) / rates).max()) if self.loaded else None
+            self._keep(
+                (peak or 0.0,),
+                "rotary",
+                name,
+                motor=None if link.pivot is None else xy(link.pivot),
                 peak_torque=peak,
-                holding=(float(torque[0]), float(torque[-1])) if self.loaded else None,
+                holding=self._told(_both_ends(torque)),
                 transmission_angle_min=None if angle is None else angle / self.place.radian,
-                stops=_STOPS["rotary"],
-                holds=_HOLDS["rotary"],
-                curve=DriveCurve(self.curve_at, None, None, None, torque if self.loaded else None, None, None, None),
+                curve=DriveCurve(self.curve_at, torque=self._told(torque)),
                 pin_forces=self._pins(self.machine, [[]], torque if name == "rocker" else 0.0),
             )
-            self.found.append(((peak if peak is not None else 0.0,), drive))
 
     def _pressure(self, name: str) -> float | None:
         """The least transmission angle with a four-bar driven at its crank or rocker."""
@@ -1044,54 +1028,35 @@ class _Search:
             ground = other.place(other.point_at(found.ground))
         pin = link.place(found.pin)
         rod = wish.get("rod") if row is None else wish["rods"].get(row.name, wish.get("rod"))
-        peak = found.peak if self.loaded else None
-        bound = question.bound(sizes.stroke) if self.loaded else None
-        drive = Drive(
-            kind="actuator",
-            link=name,
+        bound = self._told(question.bound(sizes.stroke))
+        push = found.force * (pin - ground) / found.length
+        pulls = [Pull(name, pin, push), Pull(wish["on"], ground, -push)]
+        priced = math.inf if row is None or row.price is None else row.price
+        worth = (priced, max(row.push, row.pull), found.worst) if row is not None else (found.worst,)
+        self._keep(
+            (*worth, float(rank)),
+            "actuator",
+            name,
             on=wish["on"],
             name=None if row is None else row.name,
             price=None if row is None else row.price,
-            ground_point=_xy(found.ground),
-            pin=_xy(complex(pin[0])),
-            pin_on_link=_xy(found.pin),
-            length=(float(found.length[0]), float(found.length[-1])),
+            **self._ends_of(found, pin),
             retracted=sizes.retracted,
             stroke=sizes.stroke,
-            extends=found.extends,
-            swing=abs(link.swing()) / self.place.radian,
-            arm_min=found.least_arm,
-            peak_force=peak,
-            holding=(float(found.force[0]), float(found.force[-1])) if self.loaded else None,
             bound=bound,
-            over_bound=None if bound is None or peak is None else peak / bound,
+            over_bound=None if bound is None else found.peak / bound,
             buckling=None if rod is None or not self.loaded else self._buckling(found, rod),
-            stops=_STOPS["actuator"],
-            holds=_HOLDS["actuator"],
             envelope=_envelope(ground, pin),
-            pin_forces=self._pins(
-                self.machine,
-                [
-                    [
-                        Pull(name, pin, push := found.force * (pin - ground) / found.length),
-                        Pull(wish["on"], ground, -push),
-                    ]
-                ],
-            ),
+            pin_forces=self._pins(self.machine, [pulls]),
             curve=DriveCurve(
                 self.curve_at,
                 found.length,
                 found.arm,
-                found.force if self.loaded else None,
-                None,
-                _plane(ground),
-                _plane(pin),
-                None,
+                self._told(found.force),
+                ground=plane(ground),
+                pin=plane(pin),
             ),
         )
-        priced = math.inf if row is None or row.price is None else row.price
-        worth = (priced, max(row.push, row.pull), found.worst) if row is not None else (found.worst,)
-        self.found.append(((*worth, float(rank)), drive))
 
     def _turns_back(self, wish: Mapping[str, Any], name: str, found: Placement) -> bool:
         """Whether between the positions looked at the arm vanishes after all; then it is refused."""
@@ -1129,9 +1094,7 @@ class _Search:
             case "dead":
                 low, high = refused.between or (0, 1)
                 where = self.place.poses_around(*question.at[[low, high]])
-                return (
-                    f"{what}: dead point {where}at {refused.needed / self.unit:.6g} of the best placement of the grid"
-                )
+                return f"{what}: even the best place that was found has a dead point {where}at {refused.needed / self.unit:.6g}"
             case "arm":
                 return f"{what}: the largest least arm found is {refused.needed:.4g}; arm_min is {wanted.arm:.4g}"
         most = max(stroke - refused.needed, 0.0)
@@ -1189,33 +1152,31 @@ class _Search:
                     "dyad", name, f"the best transmission angle is {degrees[0]:.4g}, below {degrees[1]:.4g} degrees"
                 )
                 continue
-            self._motor(name, link, whole)
+            self._motor(name, whole)
 
     def _finer(self, link: LinkMotion, found: Driven) -> Driven | None:
         """A motor and rod at the fine positions."""
         torque = self.fine.torque(self.asked.load)
         return driven(link, torque, found.motor, found.pin, found.crank, found.rod, found.extends)
 
-    def _motor(self, name: str, link: LinkMotion, whole: Driven) -> None:
+    def _motor(self, name: str, whole: Driven) -> None:
         coarse = slice(None, None, (FINE - 1) // (self.machine.at.size - 1))
         fine = self.fine.links[name]
         pin = fine.place(whole.pin)
         bar = self._six_bar(name, whole)
-        still = np.zeros(FINE)
-        drive = Drive(
-            kind="dyad",
-            link=name,
-            motor=_xy(whole.motor),
-            pin=_xy(complex(pin[0])),
-            pin_on_link=_xy(whole.pin),
-            length=(float(whole.length[0]), float(whole.length[-1])),
+        motor = np.full(FINE, whole.motor)
+        self._keep(
+            (-bar.transmission_angle_min,),
+            "dyad",
+            name,
+            motor=xy(whole.motor),
+            pin=xy(pin[0]),
+            pin_on_link=xy(whole.pin),
+            length=_both_ends(whole.length),
             extends=whole.extends,
-            swing=abs(link.swing()) / self.place.radian,
             peak_torque=bar.motor_torque_max,
-            peak_force=float(np.abs(whole.rod_force).max()) if self.loaded else None,
-            stops=_STOPS["dyad"],
-            holds=_HOLDS["dyad"],
-            envelope=_envelope(pin, np.concatenate(list(whole.crank_pin)), still + whole.motor),
+            peak_force=self._told(float(np.abs(whole.rod_force).max())),
+            envelope=_envelope(pin, *whole.crank_pin, motor),
             pin_forces=self._pins(
                 self.fine,
                 [
@@ -1226,16 +1187,14 @@ class _Search:
             curve=DriveCurve(
                 self.curve_at,
                 whole.length[coarse],
-                None,
-                whole.rod_force[0][coarse] if self.loaded else None,
-                whole.motor_torque[0][coarse] if self.loaded else None,
-                _plane((still + whole.motor)[coarse]),
-                _plane(pin[coarse]),
-                _plane(whole.crank_pin[0][coarse]),
+                force=self._told(whole.rod_force[0][coarse]),
+                torque=self._told(whole.motor_torque[0][coarse]),
+                ground=plane(motor[coarse]),
+                pin=plane(pin[coarse]),
+                knee=plane(whole.crank_pin[0][coarse]),
             ),
             six_bar=bar,
         )
-        self.found.append(((-bar.transmission_angle_min,), drive))
 
     def _six_bar(self, name: str, whole: Driven) -> SixBar:
         """The whole turn of a motor at even steps."""
@@ -1269,14 +1228,14 @@ class _Search:
             kind,
             whole.time_ratio,
             whole.least_angle / radian,
-            float(np.abs(whole.motor_torque).max()) if self.loaded else None,
+            self._told(float(np.abs(whole.motor_torque).max())),
             (sense * turns[0] / radian, sense * turns[1] / radian),
             (dwell[0] / radian, dwell[1] / radian),
             motor_angle / radian,
             crank / self.unit,
-            over(whole.motor_torque) if self.loaded else None,
-            over(whole.rod_force) if self.loaded else None,
-            _plane(whole.motor + whole.crank * np.exp(1j * motor_angle)),
+            self._told(over(whole.motor_torque)),
+            self._told(over(whole.rod_force)),
+            plane(whole.motor + whole.crank * np.exp(1j * motor_angle)),
         )
 
     # -- knees ---------------------------------------------------------------------------------------------------------
@@ -1304,47 +1263,37 @@ class _Search:
         if self._turns_back({"on": GROUND}, name, place):
             return
         pin = link.place(place.pin)
-        still = np.zeros(pin.size) + place.ground
-        loaded = self.loaded
+        still = np.full(pin.size, place.ground)
         lock = Lock(
             found.handle,
             found.strut,
             wish["over_centre"] / self.place.radian,
             wish["at"],
             found.overshoot / self.unit,
-            float(np.abs(found.handle_torque).max()) if loaded else None,
-            found.holds if loaded else None,
+            self._told(float(np.abs(found.handle_torque).max())),
+            self._told(found.holds),
         )
         held = "with its knee on the stop" if found.holds else "not: the load pulls its knee straight"
-        drive = Drive(
-            kind="toggle",
-            link=name,
-            ground_point=_xy(place.ground),
-            pin=_xy(complex(pin[0])),
-            pin_on_link=_xy(place.pin),
-            length=(float(place.length[0]), float(place.length[-1])),
-            extends=place.extends,
-            swing=abs(link.swing()) / self.place.radian,
-            arm_min=place.least_arm,
-            peak_force=place.peak if loaded else None,
+        self._keep(
+            (not found.holds, place.worst),
+            "toggle",
+            name,
+            held if self.loaded else "where the load pushes the strut together",
+            **self._ends_of(place, pin),
             peak_torque=lock.handle_torque_max,
-            holding=(float(place.force[0]), float(place.force[-1])) if loaded else None,
-            stops=_STOPS["toggle"],
-            holds=held if loaded else "where the load pushes the strut together",
             envelope=_envelope(still, pin, found.knee),
             curve=DriveCurve(
                 self.curve_at,
                 place.length,
                 place.arm,
-                place.force if loaded else None,
-                found.handle_torque if loaded else None,
-                _plane(still),
-                _plane(pin),
-                _plane(found.knee),
+                self._told(place.force),
+                self._told(found.handle_torque),
+                plane(still),
+                plane(pin),
+                plane(found.knee),
             ),
             lock=lock,
         )
-        self.found.append(((not found.holds, place.worst), drive))
 
     # -- springs -------------------------------------------------------------------------------------------------------
 
@@ -1363,7 +1312,9 @@ class _Search:
                 float(wish.get("clear", 0.05 * self.machine.extent)),
             )
             pivoted = [name for name, one in self.machine.links.items() if one.pivot is not None]
-            if between is None and len(pivoted) > 1:
+            if between is None and not pivoted:
+                found = "no link turns about a fixed pivot: say in `between` where the spring is to be"
+            elif between is None and len(pivoted) > 1:
                 pairs = [(GROUND, name) for name in pivoted[:2]]
                 found = best_pair(self.machine, self.torque, pairs, wish["kinds"], room, self.work)
             else:
@@ -1442,7 +1393,7 @@ class _Search:
         pins = self._pins(self.machine, [pulls])
         for spring, row, length in zip(found.springs, found.kinds, found.lengths):
             ends = np.stack(
-                [_plane(self._end(name, point)) for name, point in zip(spring.between, spring.points)], axis=1
+                [plane(self._end(name, point)) for name, point in zip(spring.between, spring.points)], axis=1
             )
             force = spring.preload + spring.stiffness * (length - spring.free_length)
             self.springs.append(
@@ -1451,8 +1402,8 @@ class _Search:
                     set=number_,
                     name=None if row is None else row.name,
                     between=spring.between,
-                    points=(_pair(ends[0, 0]), _pair(ends[0, 1])),
-                    points_on_links=(_xy(spring.points[0]), _xy(spring.points[1])),
+                    points=(_both_ends(ends[0, 0]), _both_ends(ends[0, 1])),
+                    points_on_links=(xy(spring.points[0]), xy(spring.points[1])),
                     stiffness=spring.stiffness,
                     free_length=spring.free_length,
                     preload=spring.preload,
@@ -1470,6 +1421,9 @@ class _Search:
             return np.full(self.machine.at.size, point, dtype=complex)
         return self.machine.links[name].place(point)
 
+    LOOKS: ClassVar = {"rotary": rotary, "actuator": actuator, "dyad": dyad, "toggle": toggle}
+    """What looks for each kind, in the order of a reply."""
+
 
 def _simpson(values: Floats) -> float:
     """The integral over even steps of 1, by Simpson's rule; an odd number of values."""
@@ -1480,17 +1434,8 @@ def _size(torque: Floats) -> TorqueSize:
     return TorqueSize(float(np.sqrt(np.mean(torque**2))), float(np.abs(torque).max()))
 
 
-def _xy(place: complex) -> tuple[float, float]:
-    return float(np.real(place)), float(np.imag(place))
-
-
-def _pair(values: Any) -> tuple[float, float]:
-    return float(values[0]), float(values[1])
-
-
-def _plane(places: Any) -> Floats:
-    places = np.asarray(places, dtype=complex)
-    return np.stack([places.real, places.imag], axis=-1)
+def _both_ends(values: Any) -> tuple[float, float]:
+    return float(values[0]), float(values[-1])
 
 
 def _envelope(*places: Any) -> tuple[float, float, float, float]:

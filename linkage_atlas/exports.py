@@ -2,55 +2,76 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
+from linkage_atlas.arguments import millimetres_in, number, pair
 from linkage_atlas.formats import FORMATS, OF_PARTS
+from linkage_atlas.guided_studies import analysed as guided_analysed
+from linkage_atlas.studies import analysed, read_drive
+from synthesis.drives.attached import COLOUR, LAYER, Attached
+from synthesis.drives.links import GROUND, Machine, machine_at
 from synthesis.errors import FieldError
+from synthesis.fourbar import files as of_four_bars
+from synthesis.fourbar.analysis import LinkMass
+from synthesis.fourbar.linkage import Linkage
+from synthesis.guided import files as of_guided
+from synthesis.guided.linkage import GuidedLinkage
+from synthesis.sheet import More
 
 if TYPE_CHECKING:
-    from synthesis.drives.attached import Attached
-    from synthesis.drives.links import Machine
-    from synthesis.fourbar.linkage import Linkage
-    from synthesis.guided.linkage import GuidedLinkage
-    from synthesis.sheet import More
     from synthesis.target import Target
+
+_FOUR_BARS_ONLY = {
+    "plates": "links are cut as plates for four-bars only: rails and slots are not drawn as plates",
+    "pylinkage": "pylinkage has no guides that move or slots in a moving body: this linkage cannot be written for it",
+    **{kind: f"{kind!r} is written for four-bars only" for kind in OF_PARTS},
+}
+"""Why there is no file of some kinds of a body on two guides."""
 
 
 def content_of(
-    linkage: Linkage,
+    linkage: Linkage | GuidedLinkage,
     target: Target,
     radian: float,
     kind: str,
     length_unit: str,
     analysis: Mapping[str, Any] | None,
-    plates: Mapping[str, Any] | None,
-    parts: Callable[[bool], Any],
-    drive: Mapping[str, Any] | None = None,
+    drive: Mapping[str, Any] | None,
+    parts: Callable[[bool], Any] | None = None,
+    plates: Mapping[str, Any] | None = None,
     arranged: bool = False,
 ) -> bytes:
     """The content of a file; see `FourBar.file` for what the arguments mean.
 
-    ``parts``: makes the `SolidParts`, with an error where they collide, or (True) nevertheless.
+    ``parts``: makes the `SolidParts` of a four-bar, with an error where they collide, or (True) nevertheless.
     ``arranged``: plates are those of an assembly, not the links alone.
     """
-    from linkage_atlas.motions import MILLIMETRES
-    from linkage_atlas.studies import analysed, read_drive
-    from synthesis.fourbar import files
-    from synthesis.fourbar.analysis import LinkMass
-
     if kind not in FORMATS:
         raise FieldError("/kind", f"wanted one of {', '.join(FORMATS)}, found {kind!r}")
-    with_drive = drive_on(linkage, target, drive, kind)
+    if isinstance(linkage, GuidedLinkage) and kind in _FOUR_BARS_ONLY:
+        raise FieldError("/format", _FOUR_BARS_ONLY[kind])
+    attached = drive_on(linkage, target, drive, kind)
+    layer = None if attached is None else More(LAYER, COLOUR, attached.draw)
     if kind == "csv":
-        asked = None if analysis is None else read_drive(analysis, linkage.mounted)
-        more = {} if asked is None else analysed(linkage, asked, target.crank, radian).columns()
-        return files.to_csv(linkage, target, radian, more | with_drive.columns()).encode()
+        more = _analysis_columns(linkage, target, radian, analysis)
+        more |= {} if attached is None else attached.columns()
+        if isinstance(linkage, Linkage):
+            return of_four_bars.to_csv(linkage, target, radian, more).encode()
+        return of_guided.to_csv(linkage, target, radian, more).encode()
+    if kind == "svg" and isinstance(linkage, GuidedLinkage):
+        return of_guided.to_svg(linkage, target).encode()
     if kind in ("svg", "pylinkage"):
-        return (files.to_svg if kind == "svg" else files.to_pylinkage)(linkage, target).encode()
-    if length_unit not in MILLIMETRES:
-        raise FieldError("/length_unit", f"wanted one of {', '.join(MILLIMETRES)}, found {length_unit!r}")
-    unit_mm = MILLIMETRES[length_unit]
+        assert isinstance(linkage, Linkage)
+        return (of_four_bars.to_svg if kind == "svg" else of_four_bars.to_pylinkage)(linkage, target).encode()
+    unit_mm = millimetres_in(length_unit)
+    if isinstance(linkage, GuidedLinkage):
+        if kind == "dxf":
+            return of_guided.to_dxf(linkage, target, unit_mm, layer).encode()
+        model = of_guided.to_mjcf(linkage, target, unit_mm)
+        return (model if attached is None else attached.simulated(model, unit_mm / 1000)).encode()
+    assert parts is not None
     if kind in OF_PARTS:
         return parts(False).file(kind)
     if kind == "plates":
@@ -60,63 +81,39 @@ def content_of(
 
         return parts(False).file(kind) if arranged else to_plates(linkage, unit_mm, **_sizes(plates or {})).encode()
     if kind == "dxf":
-        return files.to_dxf(linkage, target, unit_mm, with_drive.drawn()).encode()
+        return of_four_bars.to_dxf(linkage, target, unit_mm, layer).encode()
     try:
         masses = {one.link: LinkMass(one.mass, complex(*one.at), one.inertia) for one in parts(True).masses}
     except FieldError:
         masses = None  # no plates of these sizes: the file says that its links are rods
-    return with_drive.simulated(files.to_mjcf(linkage, target, unit_mm, masses), unit_mm / 1000).encode()
+    model = of_four_bars.to_mjcf(linkage, target, unit_mm, masses)
+    return (model if attached is None else attached.simulated(model, unit_mm / 1000)).encode()
 
 
-class DriveOn(NamedTuple):
-    """What a drive adds to a file; nothing where there is none."""
-
-    drive: Attached | None
-    machine: Machine | None
-
-    def columns(self) -> dict[str, Any]:
-        """Further columns of a table."""
-        return {} if self.drive is None or self.machine is None else self.drive.columns(self.machine)
-
-    def drawn(self) -> More | None:
-        """A layer of a drawing."""
-        from synthesis.drives.attached import COLOUR, LAYER
-        from synthesis.sheet import More
-
-        drive, machine = self
-        if drive is None or machine is None:
-            return None
-        return More(LAYER, COLOUR, lambda space, xy, size: drive.draw(machine, space, xy, size))
-
-    def simulated(self, model: str, metre: float) -> str:
-        """A model with it."""
-        return (
-            model if self.drive is None or self.machine is None else self.drive.simulated(self.machine, model, metre)
-        )
+def _analysis_columns(
+    linkage: Linkage | GuidedLinkage, target: Target, radian: float, analysis: Mapping[str, Any] | None
+) -> dict[str, Any]:
+    if analysis is None:
+        return {}
+    if isinstance(linkage, Linkage):
+        asked = read_drive(analysis, linkage.mounted)
+        return analysed(linkage, asked, target.crank, radian).columns()
+    return guided_analysed(linkage, read_drive(analysis, True), target.crank, radian).columns()
 
 
-def drive_on(linkage: Linkage | GuidedLinkage, target: Target, drive: Mapping[str, Any] | None, kind: str) -> DriveOn:
+def drive_on(
+    linkage: Linkage | GuidedLinkage, target: Target, drive: Mapping[str, Any] | None, kind: str
+) -> Attached | None:
     """A drive of a reply on a linkage at the samples of a motion."""
     if drive is None:
-        return DriveOn(None, None)
+        return None
     if kind not in ("csv", "dxf", "mjcf"):
         raise FieldError("/drive", f"a file of the kind {kind!r} holds no drive: ask for csv, dxf or mjcf")
-    from synthesis.drives.links import guided_machine_at, machine_at
-    from synthesis.fourbar.linkage import Linkage
-
-    if isinstance(linkage, Linkage):
-        machine = machine_at(linkage, target.crank)
-    else:
-        machine = guided_machine_at(linkage, target.crank)
-    return DriveOn(_attached(drive, machine), machine)
+    return _attached(drive, machine_at(linkage, target.crank))
 
 
 def _attached(given: Mapping[str, Any], machine: Machine) -> Attached:
     """A drive of a reply, as it came, on a machine at its samples."""
-    from linkage_atlas.motions import number
-    from synthesis.drives.attached import Attached
-    from synthesis.drives.links import GROUND
-
     kind, link = given.get("kind"), given.get("link")
     if kind not in ("rotary", "actuator", "dyad", "toggle"):
         raise FieldError("/drive/kind", f"wanted a drive of a reply, found {kind!r}")
@@ -125,8 +122,8 @@ def _attached(given: Mapping[str, Any], machine: Machine) -> Attached:
         if name not in (GROUND, *machine.links):
             raise FieldError("/drive/link", f"wanted one of {', '.join(machine.links)}, found {name!r}")
     where = given.get("motor") if kind in ("rotary", "dyad") else given.get("ground_point")
-    ground = _place(f"drive/{'motor' if kind in ('rotary', 'dyad') else 'ground_point'}", where)
-    pin = 0j if kind == "rotary" else _place("drive/pin_on_link", given.get("pin_on_link"))
+    ground = pair(f"drive/{'motor' if kind in ('rotary', 'dyad') else 'ground_point'}", where, math.inf)
+    pin = 0j if kind == "rotary" else pair("drive/pin_on_link", given.get("pin_on_link"), math.inf)
     part, names = {
         "rotary": ({}, ()),
         "actuator": (given, ("retracted", "stroke")),
@@ -138,6 +135,7 @@ def _attached(given: Mapping[str, Any], machine: Machine) -> Attached:
         raise FieldError("/drive", f"wanted {' and '.join(names)} above 0")
     knee = (given.get("curve") or {}).get("knee") if kind == "toggle" else None
     return Attached(
+        machine,
         kind,
         str(link),
         on,
@@ -145,63 +143,11 @@ def _attached(given: Mapping[str, Any], machine: Machine) -> Attached:
         pin,
         (sizes[0], sizes[1]) if sizes else (0.0, 0.0),
         bool(given.get("extends", True)),
-        None if not knee or knee[0] is None else _place("drive/curve/knee/0", knee[0]),
+        None if not knee or knee[0] is None else pair("drive/curve/knee/0", knee[0], math.inf),
     )
 
 
-def _place(field: str, given: Any) -> complex:
-    from linkage_atlas.motions import number
-
-    if not isinstance(given, (list, tuple)) or len(given) != 2:
-        raise FieldError(f"/{field}", "wanted two numbers [x, y]")
-    return complex(*(number(field, value) for value in given))
-
-
-_FOUR_BARS_ONLY = {
-    "plates": "links are cut as plates for four-bars only: rails and slots are not drawn as plates",
-    "pylinkage": "pylinkage has no guides that move or slots in a moving body: this linkage cannot be written for it",
-}
-
-
-def guided_text(
-    linkage: GuidedLinkage,
-    target: Target,
-    radian: float,
-    kind: str,
-    length_unit: str,
-    analysis: Mapping[str, Any] | None,
-    drive: Mapping[str, Any] | None = None,
-) -> str:
-    """The text of a file of a body on two guides, rails and slots among them."""
-    from linkage_atlas.guided_studies import analysed
-    from linkage_atlas.motions import MILLIMETRES
-    from linkage_atlas.studies import read_drive
-    from synthesis.guided import files
-
-    if kind not in FORMATS:
-        raise FieldError("/kind", f"wanted one of {', '.join(FORMATS)}, found {kind!r}")
-    if kind in _FOUR_BARS_ONLY:
-        raise FieldError("/format", _FOUR_BARS_ONLY[kind])
-    with_drive = drive_on(linkage, target, drive, kind)
-    if kind == "csv":
-        asked = None if analysis is None else read_drive(analysis, True)
-        more = {} if asked is None else analysed(linkage, asked, target.crank, radian).columns()
-        return files.to_csv(linkage, target, radian, more | with_drive.columns())
-    if kind == "svg":
-        return files.to_svg(linkage, target)
-    if kind not in ("dxf", "mjcf"):
-        raise FieldError("/format", f"{kind!r} is written for four-bars only")
-    if length_unit not in MILLIMETRES:
-        raise FieldError("/length_unit", f"wanted one of {', '.join(MILLIMETRES)}, found {length_unit!r}")
-    unit_mm = MILLIMETRES[length_unit]
-    if kind == "dxf":
-        return files.to_dxf(linkage, target, unit_mm, with_drive.drawn())
-    return with_drive.simulated(files.to_mjcf(linkage, target, unit_mm), unit_mm / 1000)
-
-
 def _sizes(plates: Mapping[str, Any]) -> dict[str, float]:
-    from linkage_atlas.motions import number
-
     for name in plates:
         if name not in ("hole", "width"):
             raise FieldError.no_such("/plates", name, ("hole", "width"), "size")

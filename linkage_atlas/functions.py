@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from linkage_atlas.answers import FINISHING, Ranked, StatusName, StoppedBy, Verdict, verdict_of
+from linkage_atlas.arguments import check_above_zero, check_top, column, number, radians_in
 from linkage_atlas.door import (
     CUT_SHORT,
     LOCAL,
@@ -23,10 +24,12 @@ from linkage_atlas.door import (
 )
 from linkage_atlas.limits import read_function_limits
 from linkage_atlas.linkages import FourBar, Links
-from linkage_atlas.motions import Motion, check_above_zero, check_top, column, number, radians_in
+from linkage_atlas.motions import Motion
 from linkage_atlas.records import KEPT, Record, Values, names_of
 from linkage_atlas.travels import (
     Dial,
+    ErrorCurve,
+    FunctionErrors,
     Scales,
     TravelAsked,
     TravelSolution,
@@ -201,35 +204,23 @@ def function(
     elif given := [name for name, value in called.items() if value is not None]:
         name = "interval" if given[0] == "x" else given[0]
         raise FieldError(f"/{name}", "belongs to an `output` that is a callable")
+    samples_asked: dict[str, Any] = {
+        "input": input,
+        "function": function,
+        "input_zero": input_zero,
+        "output_zero": output_zero,
+        "weights": weights,
+        "degrees": degrees,
+    }
     if dial.travels:
         if crank_span is not None and dial.input != "angle":
             raise FieldError("/crank_span", "the input is a travel: give `travel_span`")
         if travel_span is not None and dial.input == "angle":
             raise FieldError("/travel_span", "the input is an angle: give `crank_span`")
         span = crank_span if dial.input == "angle" else travel_span
-        motion = TravelMotion(
-            output,
-            span,
-            input=input,
-            function=function,
-            input_zero=input_zero,
-            output_zero=output_zero,
-            weights=weights,
-            one_way=one_way,
-            dial=dial,
-            degrees=degrees,
-        )
+        motion = TravelMotion(output, span, one_way=one_way, dial=dial, **samples_asked)
         return motion.answered(kinds, limits, objective, top, tolerance, watch, curves)
-    wanted, dials = read_wanted(
-        output,
-        crank_span,
-        input=input,
-        function=function,
-        input_zero=input_zero,
-        output_zero=output_zero,
-        weights=weights,
-        degrees=degrees,
-    )
+    wanted, dials = read_wanted(output, crank_span, **samples_asked)
     kept = read_function_limits(limits, wanted.target, degrees)
     if round_to is not None and kept.links[3] is None:
         raise FieldError("/round_to", "needs `limits.links.ground`: without it no length is actual")
@@ -361,12 +352,10 @@ class TravelMotion:
         *,
         input: ArrayLike | None = None,
         function: Mapping[str, Any] | None = None,
-        input_zero: float | None = None,
-        output_zero: float | None = None,
-        weights: ArrayLike | None = None,
         one_way: bool = False,
         dial: Dial,
         degrees: bool = True,
+        **more: Any,
     ) -> None:
         self.dial, self.degrees = dial, degrees
         name = "crank_span" if dial.input == "angle" else "travel_span"
@@ -383,11 +372,9 @@ class TravelMotion:
                 span,
                 input=input,
                 function=function,
-                input_zero=input_zero,
-                output_zero=output_zero,
-                weights=weights,
                 degrees=degrees,
                 scales=self.scales[1:],
+                **more,
             )
         except FieldError as error:
             raise FieldError(
@@ -495,23 +482,6 @@ _SHOWN = 361
 """Places of an error curve."""
 
 
-@dataclass(frozen=True)
-class FunctionErrors(Record):
-    """Errors of the output."""
-
-    rms: float
-    """At the samples, weighted."""
-    max: float
-    """Over the whole interval for objective `max`, over the samples for `rms`."""
-    alternations: int | None
-    """Objective `max`: extremes of the error, of alternating sign, that are as large as the largest."""
-    rms_y: float | None
-    """`rms` in units of y; null without `function`."""
-    max_y: float | None
-    objective: float
-    """What was made least, in radians."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class RoundedFunction(Record):
     """A generator whose links lie on a grid, the zeros fitted anew; null where it does not close."""
@@ -524,14 +494,6 @@ class RoundedFunction(Record):
     transmission_angle_min: float | None
     """Over the used interval; limits are not applied again."""
     linkage: FourBar | None = field(default=None, metadata=KEPT)
-
-
-class ErrorCurve(NamedTuple):
-    """The error over the interval."""
-
-    input: Floats
-    error: Floats
-    """Wanted less made."""
 
 
 @dataclass(frozen=True)
@@ -647,7 +609,7 @@ class FunctionResult(Record, Ranked[FunctionSolution | TravelSolution]):
     def __repr__(self) -> str:
         unit = ("deg" if self.degrees else "rad") if self.dial.output == "angle" else "(length)"
         rows = [f"  {s.rank}  {s.linkage!r}  within {s.errors.max:.3g} {unit}" for s in self.solutions]
-        return "\n".join([f"{self.status}: {len(self.solutions)} linkages", *rows])
+        return "\n".join([f"{self.status}: {len(self.solutions)} linkage{'s' * (len(self.solutions) != 1)}", *rows])
 
 
 @dataclass(frozen=True)
@@ -666,22 +628,13 @@ class Asked:
         return radians_in(self.degrees)
 
     @property
-    def motion(self) -> Motion:
+    def target(self) -> Target:
         """The interval, for drawings."""
-        return Motion.of(Target(None, None, crank=self.wanted.crank), self.degrees)
+        return Target(None, None, crank=self.wanted.crank)
 
     def errors(self, one: Generator) -> FunctionErrors:
         """A generator's errors in the user's units."""
-        errors, radian = one.errors, self.radian
-        unit = None if self.dials is None else self.dials.y_of_radian
-        return FunctionErrors(
-            errors.rms / radian,
-            errors.max / radian,
-            errors.alternations,
-            None if unit is None else errors.rms * unit,
-            None if unit is None else errors.max * unit,
-            errors.objective,
-        )
+        return FunctionErrors.of(one.errors, self.radian, None if self.dials is None else self.dials.y_of_radian)
 
 
 def described(
@@ -706,7 +659,7 @@ def described(
         faults = practical_faults(one, wanted.target, limits)
         reasons = [*passed[k].reasons, *filter(None, [back[k]]), *faults]
         determined, turn = fixed[k], one.transmission_angle_min_turn
-        linkage = FourBar.of(one.linkage, asked.motion)
+        linkage = FourBar.of(one.linkage, radian, asked.target)
         solutions.append(
             FunctionSolution(
                 rank=k + 1,
@@ -748,7 +701,7 @@ def rounded(asked: Asked, one: Generator, grid: float, work: Work) -> RoundedFun
     values: dict[str, Any] = dict.fromkeys(names_of(RoundedFunction)) | {"closes": False}
     if again is None:
         return RoundedFunction(**values)
-    linkage = FourBar.of(again.linkage, asked.motion)
+    linkage = FourBar.of(again.linkage, asked.radian, asked.target)
     values |= {
         "closes": True,
         "links": linkage.dimensions.links,
@@ -835,14 +788,15 @@ def read_dials(function: Mapping[str, Any], crank_span: float | None, degrees: b
         raise FieldError("/function", "y is the same everywhere: the rocker would not turn")
     # where it ends as high as it began, the rocker turns the way that y grows
     way = -1.0 if y[0] - y[-1] > 1e-9 * (high - low) else 1.0
-    scale, first, run = way * span / (high - low), float(y[0]), float(x[-1] - x[0])
-    crank = (x - x[0]) / run * crank_span
+    scale, first = way * span / (high - low), float(y[0])
+    crank = (x - x[0]) / (x[-1] - x[0]) * crank_span
     exact = None
     if of is not None:
-        curve, begin = of, float(x[0])
+        curve, begin, end = of, float(x[0]), float(x[-1])
 
         def exact(crank: Floats) -> Floats:
-            return scale * (curve(begin + run * np.clip(crank / crank_span, 0.0, 1.0)) - first)
+            share = np.clip(crank / crank_span, 0.0, 1.0)
+            return scale * (curve(begin * (1 - share) + end * share) - first)
 
     return Dials(x, y, crank, scale * (y - first), (high - low) / abs(span), exact)
 

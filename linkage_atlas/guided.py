@@ -3,32 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkage_atlas.assemblies import Assembly, assembled, read_assembly
-from linkage_atlas.exports import guided_text
-from linkage_atlas.formats import kind_of
+from linkage_atlas.any_linkage import AnyLinkage
+from linkage_atlas.arguments import column, number, radians_in
+from linkage_atlas.assemblies import Assembly
+from linkage_atlas.exports import content_of
 from linkage_atlas.guided_studies import GuidedAnalysis, analysed, studied
-from linkage_atlas.motions import Motion, column, number, radians_in
-from linkage_atlas.records import plain
-from linkage_atlas.studies import ToleranceStudy, read_drive, read_manufacture
-from synthesis.arrays import Complexes, Floats
+from linkage_atlas.motions import Motion
+from linkage_atlas.records import plain, plane, xy
+from linkage_atlas.studies import Drive, Manufacture, ToleranceStudy, read_drive
+from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.guided import linkage as guided
 from synthesis.guided.linkage import DRIVERS, Circle, Driver, Guide, Rail, Slot
 from synthesis.guided.solution import as_target
-from synthesis.target import TURN, Interval, Target
+from synthesis.target import Interval, Target
 from synthesis.work import Work
 
 DriverName = Literal["crank", "slider", "cylinder", "hinge"]
-KindName = Literal["four_bar", "slider_crank", "swinging_block", "rail_slot", "two_rails", "two_slots"]
+OtherKindName = Literal["slider_crank", "swinging_block", "rail_slot", "two_rails", "two_slots"]
+KindName = Literal["four_bar", OtherKindName]
 LARGEST = 1e100
 """Of a place or a length that is given."""
-_TURN_STEPS = 73
 _SORTS = {"circle": Circle, "rail": Rail, "slot": Slot}
 
 
@@ -77,13 +77,13 @@ def guides_of(linkage: guided.GuidedLinkage, radian: float, used: Interval | Non
 
     found: list[AnyGuide] = []
     for place, one in enumerate(linkage.guides):
-        point = _pair(one.body_point)
+        point = xy(one.body_point)
         if isinstance(one, Circle):
-            found.append(CircleGuide("circle", _pair(one.pivot), one.radius, point))
+            found.append(CircleGuide("circle", xy(one.pivot), one.radius, point))
         elif isinstance(one, Rail):
-            found.append(RailGuide("rail", _pair(one.point), one.direction / radian, point, ends(place)))
+            found.append(RailGuide("rail", xy(one.point), one.direction / radian, point, ends(place)))
         else:
-            found.append(SlotGuide("slot", _pair(one.pin), point, one.body_direction / radian, ends(place)))
+            found.append(SlotGuide("slot", xy(one.pin), point, one.body_direction / radian, ends(place)))
     return found
 
 
@@ -103,7 +103,7 @@ class GuidedJoints(NamedTuple):
     """(n,): moment arm of the second guide's push about the driven guide's pin."""
 
 
-class GuidedLinkage:
+class GuidedLinkage(AnyLinkage):
     """A body held by two guides, the first of them driven.
 
     Parameters
@@ -137,6 +137,9 @@ class GuidedLinkage:
     [-13.475068]
     """
 
+    _linkage: guided.GuidedLinkage
+    _drive = "drive"
+
     def __init__(
         self,
         guides: Sequence[Mapping[str, Any] | AnyGuide],
@@ -166,24 +169,12 @@ class GuidedLinkage:
         self._radian = radian
         self._motion: Target | None = None
 
-    @classmethod
-    def of(cls, linkage: guided.GuidedLinkage, radian: float, target: Target | None) -> GuidedLinkage:
-        """The view of a linkage that answers a motion, whose crank angles are the travel of its drive."""
-        one = object.__new__(cls)
-        one._linkage, one._radian, one._motion = linkage, radian, target
-        return one
-
     @property
     def plain(self) -> guided.GuidedLinkage:
         """The same in radians, as the numerics have it."""
         return self._linkage
 
     # -- what it is ---------------------------------------------------------------------------------------------------
-
-    @property
-    def degrees(self) -> bool:
-        """Whether its angles are in degrees; else in radians."""
-        return self._radian != 1.0
 
     @property
     def kind(self) -> str:
@@ -196,11 +187,6 @@ class GuidedLinkage:
         return self._linkage.driver.value
 
     @property
-    def branch(self) -> int:
-        """+1 or -1."""
-        return self._linkage.branch
-
-    @property
     def start(self) -> float:
         """The drive's coordinate at the first sample."""
         return self._linkage.start / self._unit
@@ -210,16 +196,6 @@ class GuidedLinkage:
         """The guides, the driven one first, with the parts of rails and slots that the motion uses, where it answers one."""
         used = None if self._motion is None else self._motion.interval
         return guides_of(self._linkage, self._radian, used)
-
-    @property
-    def way(self) -> Floats | None:
-        """Travel of the drive over the motion that it answers, radians or lengths, (n,); None where it answers none."""
-        return None if self._motion is None else self._motion.crank
-
-    @property
-    def turns_fully(self) -> bool:
-        """Whether the drive turns, and can turn fully."""
-        return self._linkage.turns_fully
 
     @property
     def _unit(self) -> float:
@@ -241,13 +217,13 @@ class GuidedLinkage:
         found = one.body(q)
         turned = np.exp(1j * found.rotation)
         points = [
-            _xy(np.where(np.isfinite(found.rotation), guide.pin, np.nan))
+            plane(np.where(np.isfinite(found.rotation), guide.pin, np.nan))
             if isinstance(guide, Slot)
-            else _xy(found.position + turned * guide.body_point)
+            else plane(found.position + turned * guide.body_point)
             for guide in one.guides
         ]
         return GuidedJoints(
-            _xy(found.position),
+            plane(found.position),
             found.rotation / self._radian,
             (points[0], points[1]),
             q / self._unit,
@@ -289,10 +265,7 @@ class GuidedLinkage:
         **asked
             As of `FourBar.assembly`.
         """
-        read = read_assembly(asked, "")
-        assert read is not None
-        target = self._default_motion() if motion is None else self.target_of(motion, travel)
-        return assembled(self._linkage, read, target.interval, self._radian, work or Work(), "")
+        return self._assembled(motion, travel, work, asked)
 
     def analysis(
         self, speed: float, load: Mapping[str, Any] | None = None, travel: ArrayLike | None = None
@@ -310,28 +283,8 @@ class GuidedLinkage:
             `curve` over their interval.
         """
         drive = read_drive({"crank_speed": speed, "load": load}, True)
-        if travel is not None:
-            return analysed(self._linkage, drive, np.atleast_1d(column("travel", travel)) * self._unit, self._radian)
-        target = self._default_motion()
-        return analysed(self._linkage, drive, target.crank, self._radian, target.interval)
-
-    def tolerance_study(self, *, work: Work | None = None, **manufacture: Any) -> ToleranceStudy:
-        """What tolerances of manufacture do to the motion of the body, simulated and to first order.
-
-        Parameters
-        ----------
-        links, pivots : float
-            Radii and body points, and fixed pivots, pins and rails, lie evenly within this of their nominal values, either way.
-        clearance : float
-            Play at both ends of each guide.
-        samples, seed : int
-            How many linkages are made by chance (10,000), and which (0).
-        work : Work, optional
-            Asked whether the answer is still wanted.
-        """
-        target = self._default_motion()
-        asked, work = read_manufacture(manufacture), work or Work()
-        return studied(self._linkage, asked, target.crank, target.interval, self._radian, work)
+        found: GuidedAnalysis = self._analysed_at(drive, "travel", travel)
+        return found
 
     # -- what it becomes ----------------------------------------------------------------------------------------------
 
@@ -356,7 +309,7 @@ class GuidedLinkage:
                 raise FieldError(f"/{name}", "needed")
         return cls(values["guides"], values["driver"], values["branch"], values["start"], degrees=degrees)
 
-    def render(
+    def file(
         self,
         kind: str,
         motion: Motion | None = None,
@@ -365,8 +318,9 @@ class GuidedLinkage:
         analysis: Mapping[str, Any] | None = None,
         plates: Mapping[str, float] | None = None,
         drive: Mapping[str, Any] | None = None,
-    ) -> str:
-        """The linkage as the text of a file.
+        **_: Any,
+    ) -> bytes:
+        """The linkage as the content of a file; parts are arranged and made for four-bars only.
 
         Parameters
         ----------
@@ -385,10 +339,10 @@ class GuidedLinkage:
             A drive of `linkage_atlas.drives` as plain values: further columns of a CSV file, a layer of a DXF file, and the drive
             of an MJCF model.
         """
-        target = self._default_motion() if motion is None else self.target_of(motion, travel)
-        return guided_text(self._linkage, target, self._radian, kind, length_unit, analysis, drive)
+        target = self.target_of(motion, travel)
+        return content_of(self._linkage, target, self._radian, kind, length_unit, analysis, drive)
 
-    def file(
+    def render(
         self,
         kind: str,
         motion: Motion | None = None,
@@ -397,13 +351,14 @@ class GuidedLinkage:
         analysis: Mapping[str, Any] | None = None,
         plates: Mapping[str, float] | None = None,
         drive: Mapping[str, Any] | None = None,
-        **_: Any,
-    ) -> bytes:
-        """The same as the content of a file; parts are arranged and made for four-bars only."""
-        return self.render(kind, motion, length_unit, travel, analysis, plates, drive).encode()
+    ) -> str:
+        """The linkage as the text of a file; arguments as of `file`."""
+        return self.file(kind, motion, length_unit, travel, analysis, plates, drive).decode()
 
-    def target_of(self, motion: Motion, travel: ArrayLike | None) -> Target:
-        """A motion with the travel of the drive at its samples."""
+    def target_of(self, motion: Motion | None, travel: ArrayLike | None) -> Target:
+        """A motion with the travel of the drive at its samples; without one the default."""
+        if motion is None:
+            return self._default_motion()
         if motion.free and travel is None:
             name = "crank_angle" if self._linkage.driver.turns else "travel"
             raise FieldError(f"/{name}", "needed: the motion's timing is free")
@@ -412,25 +367,13 @@ class GuidedLinkage:
             raise FieldError("/travel", f"wanted {motion.asked.samples} numbers, found {place.size}")
         return as_target(motion.samples, self._linkage, place)
 
-    def save(self, path: str | Path, length_unit: str = "mm") -> None:
-        """Write a file; its ending says which: .csv, .svg, .dxf, .xml (MJCF, also .mjcf)."""
-        path = Path(path)
-        path.write_text(self.render(kind_of(path.name), length_unit=length_unit), newline="")
+    def analysed(self, drive: Drive, travel: Floats, over: Interval | None = None) -> GuidedAnalysis:
+        """An analysis that has been read; see `analysis`."""
+        return analysed(self._linkage, drive, travel, self._radian, over)
 
-    def _default_motion(self) -> Target:
-        """What it is drawn over: the motion that it answers, or a whole turn."""
-        if self._motion is not None:
-            return self._motion
-        if not self.turns_fully:
-            raise FieldError("/motion", "this drive cannot turn fully: give the motion that it is to be shown over")
-        return Target(None, None, crank=np.linspace(0.0, TURN, _TURN_STEPS))
-
-    def _repr_svg_(self) -> str | None:
-        """A drawing, for notebooks."""
-        try:
-            return self.render("svg")
-        except FieldError:
-            return None
+    def made_within(self, manufacture: Manufacture, target: Target, work: Work) -> ToleranceStudy:
+        """A tolerance study that has been read; see `tolerance_study`."""
+        return studied(self._linkage, manufacture, target.crank, target.interval, self._radian, work)
 
     def __repr__(self) -> str:
         words = []
@@ -491,14 +434,5 @@ def check_apart(linkage: guided.GuidedLinkage) -> None:
             raise FieldError("/guides/1/body_direction", "the slots are parallel: the body cannot turn")
 
 
-def _pair(point: complex) -> tuple[float, float]:
-    return float(point.real), float(point.imag)
-
-
 def _words(point: tuple[float, float]) -> str:
     return f"({point[0]:.6g}, {point[1]:.6g})"
-
-
-def _xy(points: Complexes) -> Floats:
-    """Complex points as (..., 2)."""
-    return np.stack([points.real, points.imag], axis=-1)

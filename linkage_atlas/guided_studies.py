@@ -8,8 +8,8 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from linkage_atlas.motions import MILLIMETRES
-from linkage_atlas.records import Record, Values, Vectors, plain
+from linkage_atlas.arguments import MILLIMETRES
+from linkage_atlas.records import Record, Values, Vectors, plain, plane
 from linkage_atlas.studies import BAND_STEPS, Drive, Manufacture, ToleranceStudy, described_study
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
@@ -153,8 +153,8 @@ def _rates(linkage: GuidedLinkage, drive: Drive, travel: Floats, radian: float) 
     return {
         "crank_angle": travel / radian if turns else None,
         "travel": None if turns else travel,
-        "velocity": _plane(body.place_rate * speed),
-        "acceleration": _plane(body.place_second * speed**2),
+        "velocity": plane(body.place_rate * speed),
+        "acceleration": plane(body.place_second * speed**2),
         "angular_velocity": {link.name: link.direction_rate * speed / radian for link in turning},
         "angular_acceleration": {link.name: link.direction_second * speed**2 / radian for link in turning},
         "sliding_velocity": sliding,
@@ -163,10 +163,5 @@ def _rates(linkage: GuidedLinkage, drive: Drive, travel: Floats, radian: float) 
         "drive_load": None if held is None else held.drive,
         "guide_forces": None
         if held is None
-        else {links[0].name: _plane(held.driven), links[2].name: _plane(held.other)},
+        else {links[0].name: plane(held.driven), links[2].name: plane(held.other)},
     }
-
-
-def _plane(points: Any) -> Any:
-    """Complex points as (..., 2)."""
-    return np.stack([points.real, points.imag], axis=-1)

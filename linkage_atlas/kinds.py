@@ -9,11 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 
 from linkage_atlas.answers import AnySolution, finished, finished_guided
+from linkage_atlas.arguments import kinds_among
+from linkage_atlas.guided import KindName
 from linkage_atlas.motions import Motion
 from linkage_atlas.studies import Studies
 from synthesis.arrays import Floats
@@ -27,13 +29,13 @@ from synthesis.guided.by_crank import BY_CRANK, linkages_by_crank
 from synthesis.guided.limits import broken_limits
 from synthesis.guided.linkage import Driver, Kind
 from synthesis.guided.search import search_guided
+from synthesis.kept import Kept
 from synthesis.ranking import APART, distinct
 from synthesis.search.search import StoppedBy
 from synthesis.target import Samples, Target
 from synthesis.work import Work
 
-MechanismName = Literal["four_bar", "slider_crank", "swinging_block", "rail_slot", "two_rails", "two_slots"]
-MECHANISMS = get_args(MechanismName)
+MECHANISMS = get_args(KindName)
 SIX_BARS = ("watt_1", "stephenson_1")
 DRIVERS = tuple(one.value for one in Driver)
 NO_ROTATION = (
@@ -77,17 +79,12 @@ class Asked(NamedTuple):
 
 def read_kinds(mechanisms: Any, driver: Any, motion: Motion) -> Asked:
     """The kinds that are asked for, checked against the motion. Raises `FieldError` naming the argument."""
-    given = ("four_bar",) if mechanisms is None else MECHANISMS if mechanisms == "all" else mechanisms
-    if isinstance(given, str):
-        given = (given,)
-    if not isinstance(given, Sequence) or not given:
-        raise FieldError("/mechanisms", f"wanted 'all', or a list of some of {', '.join(MECHANISMS)}")
-    for place, name in enumerate(given):
+    given = ("four_bar",) if mechanisms is None else mechanisms
+    given = (given,) if isinstance(given, str) and given != "all" else given
+    for place, name in enumerate(given if isinstance(given, Sequence) else ()):
         if name in SIX_BARS:
             raise FieldError(f"/mechanisms/{place}", f"six-bars such as {name} are not searched for")
-        if name not in MECHANISMS:
-            raise FieldError(f"/mechanisms/{place}", f"wanted one of {', '.join(MECHANISMS)}, found {name!r}")
-    kinds = tuple(Kind(name) for name in MECHANISMS if name in given)
+    kinds = tuple(map(Kind, kinds_among(given, MECHANISMS)))
     if driver is not None and driver not in DRIVERS:
         raise FieldError("/driver", f"wanted one of {', '.join(DRIVERS)}, found {driver!r}")
     asked = Asked(kinds, None if driver is None else Driver(driver))
@@ -123,7 +120,8 @@ def _check(asked: Asked, motion: Motion) -> None:
     along = isinstance(motion.samples, Target) and motion.samples.position is not None
     if along and any(kind in BY_CRANK for kind in asked.kinds):
         return
-    if not asked.four_bars and not has_poses(motion.samples):
+    four_bars = asked.four_bars and motion.travel is None  # which drives none of them
+    if not four_bars and not has_poses(motion.samples):
         field = "rotation" if motion.samples.rotation is None else "position"
         raise FieldError(f"/{field}", "linkages with sliders need rotation and position at two samples or more")
 
@@ -180,19 +178,23 @@ def as_poses(samples: Samples) -> Poses:
 
 # -- the search ------------------------------------------------------------------------------------------------------
 
-FourBars = Callable[[Limits, Work], tuple[list[fourbar.Solution], Any]]
+FourBars = Callable[[Limits, Work], tuple[list[fourbar.Solution], "Course"]]
 """The search among four-bars: linkages and how it went."""
 Found = fourbar.Solution | guided.GuidedSolution
 
 
 class Course(NamedTuple):
-    """How a search among several kinds went."""
+    """How a search went, among whichever kinds."""
 
     stages: dict[str, float]
+    """Seconds."""
     trace: list[tuple[float, float]]
     stopped_by: str
-    seeds: int
-    notes: list[str]
+    counts: dict[str, Any]
+    left: Kept | None = None
+    """For the search after it, where that was asked for."""
+    unseen: float | None = None
+    notes: Sequence[str] = ()
 
 
 def search_kinds(
@@ -237,7 +239,8 @@ def search_kinds(
     how = (StoppedBy.BUDGET, StoppedBy.CONVERGED, StoppedBy.TOLERANCE)
     stopped_by = next(one.value for one in how if one.value in stopped)
     stages = {"screen": between, "refine": work.elapsed - between}
-    return found, Course(stages, trace, stopped_by, seeds, notes)
+    counts = {"seeds": seeds, "windows": None, "exhaustive": None}
+    return found, Course(stages, trace, stopped_by, counts, notes=notes)
 
 
 def _given(motion: Motion, driver: Driver | None) -> tuple[Floats | None, Driver | None]:

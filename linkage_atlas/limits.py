@@ -9,10 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from linkage_atlas.motions import Motion, column, number, radians_in
+from linkage_atlas.arguments import column, number, radians_in
+from linkage_atlas.motions import Motion
 from synthesis.errors import FieldError
 from synthesis.fourbar import limits as fourbar
 from synthesis.fourbar.limits import FORMS, LINKS, Form, practical_limits
+from synthesis.free.poses import Poses
 from synthesis.target import Samples
 from synthesis.work import Work
 
@@ -59,6 +61,9 @@ def read_limits(limits: Mapping[str, Any] | None, motion: Motion) -> fourbar.Lim
     preset = PRESETS[0] if motion.free and motion.travel is None else PRESETS[1]
     checked = _read(limits, motion.samples, motion.radian, LIMITS, preset, {})
     checked.check_against(motion.samples)
+    angle = checked.transmission_angle_min
+    if isinstance(motion.samples, Poses) and motion.samples.closed and angle:  # which uses the whole turn
+        return replace(checked, transmission_angle_min_turn=max(angle, checked.transmission_angle_min_turn or 0.0))
     return checked
 
 

@@ -3,26 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from linkage_atlas.any_linkage import AnyLinkage
+from linkage_atlas.arguments import column, number, radians_in
 from linkage_atlas.assemblies import Assembly, assembled, read_assembly
 from linkage_atlas.exports import content_of
-from linkage_atlas.formats import kind_of
-from linkage_atlas.motions import Motion, column, number, radians_in
-from linkage_atlas.records import plain
+from linkage_atlas.motions import Motion
+from linkage_atlas.records import plain, plane
 from linkage_atlas.solids import AskedSolids, SolidParts, read_solids, solids_in, split
-from linkage_atlas.studies import Analysis, ToleranceStudy, analysed, read_drive, read_manufacture, studied
+from linkage_atlas.studies import Analysis, Drive, Manufacture, ToleranceStudy, analysed, read_drive, studied
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.fourbar.linkage import Linkage, are_cognates
 from synthesis.target import TURN, Interval, Target
 from synthesis.work import Work
-
-_TURN_STEPS = 73
 
 
 class Joints(NamedTuple):
@@ -92,7 +90,7 @@ class Dimensions(NamedTuple):
     mount: Mount | None
 
 
-class FourBar:
+class FourBar(AnyLinkage):
     """A four-bar linkage: four lengths, a branch, a place, and the body point that it guides.
 
     Parameters
@@ -128,6 +126,9 @@ class FourBar:
     >>> linkage.joints([0, 90]).crank_pin.round(6).tolist()
     [[19.0, 0.0], [0.0, 19.0]]
     """
+
+    _linkage: Linkage
+    _drive = "crank"
 
     def __init__(
         self,
@@ -167,24 +168,12 @@ class FourBar:
         self._radian = radian
         self._motion: Target | None = None
 
-    @classmethod
-    def of(cls, linkage: Linkage, motion: Motion) -> FourBar:
-        """The view of a linkage that answers a motion."""
-        one = object.__new__(cls)
-        one._linkage, one._radian, one._motion = linkage, motion.radian, motion.target
-        return one
-
     @property
     def plain(self) -> Linkage:
         """The same in radians, as the numerics have it."""
         return self._linkage
 
     # -- what it is ---------------------------------------------------------------------------------------------------
-
-    @property
-    def degrees(self) -> bool:
-        """Whether its angles are in degrees; else in radians."""
-        return self._radian != 1.0
 
     @property
     def crank(self) -> float:
@@ -212,11 +201,6 @@ class FourBar:
         return np.array(self._linkage.links)
 
     @property
-    def branch(self) -> int:
-        """+1 or -1."""
-        return self._linkage.branch
-
-    @property
     def start_angle(self) -> float:
         """Angle of the crank from the ground line at the first sample."""
         return self._linkage.start / self._radian
@@ -229,12 +213,12 @@ class FourBar:
     @property
     def pivot_a(self) -> Floats:
         """Fixed pivot of the crank, shape (2,)."""
-        return _xy(self._linkage.pivot_a)
+        return plane(self._linkage.pivot_a)
 
     @property
     def pivot_b(self) -> Floats:
         """Fixed pivot of the rocker, shape (2,)."""
-        return _xy(self._linkage.pivot_b)
+        return plane(self._linkage.pivot_b)
 
     @property
     def coupler_point(self) -> tuple[float, float] | None:
@@ -253,20 +237,10 @@ class FourBar:
         """How it can turn: crank_rocker, double_crank, ..."""
         return self._linkage.family.value
 
-    @property
-    def turns_fully(self) -> bool:
-        """Whether the crank can turn fully."""
-        return self._linkage.turns_fully
-
     def is_cognate_of(self, other: FourBar) -> bool:
         """Whether both are Roberts cognates: different linkages whose body points draw the same curve."""
         both = self._linkage, other._linkage
         return all(one.mounted for one in both) and are_cognates(*both)
-
-    @property
-    def way(self) -> Floats | None:
-        """Crank angles of the motion that it answers in radians, (n,); None where it answers none."""
-        return None if self._motion is None else self._motion.crank
 
     # -- how it moves -------------------------------------------------------------------------------------------------
 
@@ -292,11 +266,11 @@ class FourBar:
             found.transmission_angle,
         )
         return Joints(
-            _xy(found.pivot_a),
-            _xy(found.pivot_b),
-            _xy(found.crank_pin),
-            _xy(found.coupler_pin),
-            None if point is None else _xy(point),
+            plane(found.pivot_a),
+            plane(found.pivot_b),
+            plane(found.crank_pin),
+            plane(found.coupler_pin),
+            None if point is None else plane(point),
             *(angle / self._radian for angle in angles),
         )
 
@@ -332,28 +306,8 @@ class FourBar:
         """
         asked = {"crank_speed": crank_speed, "load": load, "length_unit": length_unit}
         drive = read_drive(asked, self._linkage.mounted)
-        if crank is not None:
-            return analysed(self._linkage, drive, np.atleast_1d(column("crank", crank)) * self._radian, self._radian)
-        target = self._default_motion()
-        return analysed(self._linkage, drive, target.crank, self._radian, target.interval)
-
-    def tolerance_study(self, *, work: Work | None = None, **manufacture: Any) -> ToleranceStudy:
-        """What tolerances of manufacture do to the motion of the body, simulated and to first order.
-
-        Parameters
-        ----------
-        links, pivots : float
-            Lengths, and coordinates of the fixed pivots, lie evenly within this of their nominal values, either way.
-        clearance : float
-            Diameter of a hole less that of its pin, in all four joints.
-        samples, seed : int
-            How many linkages are made by chance (10,000), and which (0).
-        work : Work, optional
-            Asked whether the answer is still wanted.
-        """
-        target = self._default_motion()
-        asked, work = read_manufacture(manufacture), work or Work()
-        return studied(self._linkage, asked, target.crank, target.interval, self._radian, work)
+        found: Analysis = self._analysed_at(drive, "crank", crank)
+        return found
 
     def assembly(
         self,
@@ -392,10 +346,7 @@ class FourBar:
         >>> la.FourBar(30, 60, 70, 50).assembly(hole=6, width=18).layers
         {'crank': 1, 'coupler': 2, 'rocker': 3}
         """
-        read = read_assembly(asked, "")
-        assert read is not None
-        target = self._motion_over(motion, crank_angle)
-        return assembled(self._linkage, read, target.interval, self._radian, work or Work(), "")
+        return self._assembled(motion, crank_angle, work, asked)
 
     # -- what it becomes ----------------------------------------------------------------------------------------------
 
@@ -483,7 +434,7 @@ class FourBar:
         ['crank', 'coupler', 'rocker']
         """
         of_assembly, of_solids = split(asked)
-        target = self._motion_over(motion, crank_angle)
+        target = self.target_of(motion, crank_angle)
         return self._solids(target, of_assembly, read_solids(of_solids, ""), length_unit, work or Work(), "")
 
     def _solids(
@@ -538,7 +489,7 @@ class FourBar:
             A drive of `linkage_atlas.drives` as plain values: further columns of a CSV file, a layer of a DXF file, and the drive
             of an MJCF model.
         """
-        target = self._motion_over(motion, crank_angle)
+        target = self.target_of(motion, crank_angle)
 
         def parts(nevertheless: bool) -> SolidParts:
             read = read_solids(solids)
@@ -553,9 +504,9 @@ class FourBar:
             kind,
             length_unit,
             analysis,
-            plates,
-            parts,
             drive,
+            parts,
+            plates,
             arranged=bool(assembly or solids),
         )
 
@@ -574,40 +525,25 @@ class FourBar:
             raise FieldError("/kind", f"{kind} is no text: `file` has its content, and `save` writes it")
         return self.file(kind, motion, length_unit, crank_angle, analysis, plates, drive=drive).decode()
 
-    def save(self, path: str | Path, length_unit: str = "mm", **asked: Any) -> None:
-        """Write a file; its ending says which.
-
-        .csv, .svg, .dxf, .plates.dxf, .xml (MJCF, also .mjcf), .pylinkage.json; of its parts .step, .3mf, .stl.zip, .urdf, .sdf,
-        .parts.csv, for which ``asked`` are arguments as of `solids`.
-        """
-        path = Path(path)
-        of_assembly, of_solids = split(asked)
-        path.write_bytes(
-            self.file(kind_of(path.name), length_unit=length_unit, assembly=of_assembly, solids=of_solids)
-        )
-
-    def _motion_over(self, motion: Motion | None, crank_angle: ArrayLike | None) -> Target:
+    def target_of(self, motion: Motion | None, travel: ArrayLike | None) -> Target:
         """A motion with the crank angles of this solution where its own are free; without one the default."""
         if motion is not None and motion.free:
-            if crank_angle is None:
+            if travel is None:
                 raise FieldError("/crank_angle", "needed: the motion's crank angles are free")
-            motion = motion.of_solution(self._linkage, column("crank_angle", crank_angle) * self._radian)
+            motion = motion.of_solution(self._linkage, column("crank_angle", travel) * self._radian)
         return motion.target if motion is not None else self._default_motion()
 
-    def _default_motion(self) -> Target:
-        """What it is drawn over: the motion that it answers, or a whole turn."""
-        if self._motion is not None:
-            return self._motion
-        if not self.turns_fully:
-            raise FieldError("/motion", "this crank cannot turn fully: give the motion that it is to be shown over")
-        return Target(None, None, crank=np.linspace(0.0, TURN, _TURN_STEPS))
+    def analysed(self, drive: Drive, travel: Floats, over: Interval | None = None) -> Analysis:
+        """An analysis that has been read; see `analysis`."""
+        return analysed(self._linkage, drive, travel, self._radian, over)
 
-    def _repr_svg_(self) -> str | None:
-        """A drawing, for notebooks."""
-        try:
-            return self.render("svg")
-        except FieldError:
-            return None
+    def made_within(self, manufacture: Manufacture, target: Target, work: Work) -> ToleranceStudy:
+        """A tolerance study that has been read; see `tolerance_study`."""
+        return studied(self._linkage, manufacture, target.crank, target.interval, self._radian, work)
+
+    def _file_with(self, kind: str, length_unit: str, asked: Mapping[str, Any]) -> bytes:
+        of_assembly, of_solids = split(asked)
+        return self.file(kind, length_unit=length_unit, assembly=of_assembly, solids=of_solids)
 
     def __repr__(self) -> str:
         lengths = ", ".join(f"{name}={getattr(self, name):.6g}" for name in ("crank", "coupler", "rocker", "ground"))
@@ -655,9 +591,3 @@ def assembly(linkage: Any, motion: Motion | None = None, **asked: Any) -> Assemb
     if not hasattr(linkage, "assembly"):
         raise FieldError("/linkage", "wanted a linkage, a solution, or its plain values")
     return linkage.assembly(motion, crank, **asked)
-
-
-def _xy(points: Any) -> Floats:
-    """Complex points as (..., 2)."""
-    points = np.asarray(points, dtype=complex)
-    return np.stack([points.real, points.imag], axis=-1)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -10,11 +10,12 @@ import numpy.ma  # which `numpy.unique` imports when it is first called: here be
 from numpy.typing import ArrayLike
 
 from linkage_atlas.answers import FINISHING, Features, Match, Matches, MatchReport
+from linkage_atlas.arguments import check_above_zero, check_top, kinds_among
 from linkage_atlas.atlases import MECHANISMS, SLIDER_CRANK, Atlas
 from linkage_atlas.cache import default_atlas, default_slider_cranks
 from linkage_atlas.guided import GuidedLinkage
 from linkage_atlas.linkages import FourBar
-from linkage_atlas.motions import Motion, check_above_zero, check_top
+from linkage_atlas.motions import Motion
 from synthesis.atlas.haar import features as haar_features
 from synthesis.atlas.haar import resample
 from synthesis.atlas.scan import Scan
@@ -82,7 +83,7 @@ def match(
     check_above_zero(budget=budget)
     if curve not in ("coupler", "rocker"):
         raise FieldError("/curve", f"wanted 'coupler' or 'rocker', found {curve!r}")
-    kinds = _kinds(mechanisms)
+    kinds = kinds_among(mechanisms, MECHANISMS)
     if curve == "rocker" and SLIDER_CRANK in kinds:
         raise FieldError("/curve", "a slider-crank has no rocker: ask for mechanisms ['four_bar']")
     if crank_span is None and crank_angle is None:
@@ -161,21 +162,6 @@ class _Row(NamedTuple):
     branch: int
     error: float
     angle: Any
-
-
-def _kinds(mechanisms: Iterable[str]) -> list[str]:
-    """The kinds that are asked for, each once, in the order of `MECHANISMS`."""
-    if isinstance(mechanisms, str):
-        if mechanisms != "all":
-            raise FieldError("/mechanisms", f"wanted a list of {', '.join(MECHANISMS)}, or 'all'")
-        return list(MECHANISMS)
-    asked = list(mechanisms)
-    for place, name in enumerate(asked):
-        if name not in MECHANISMS:
-            raise FieldError(f"/mechanisms/{place}", f"wanted one of {', '.join(MECHANISMS)}, found {name!r}")
-    if not asked:
-        raise FieldError("/mechanisms", "wanted at least one")
-    return [name for name in MECHANISMS if name in asked]
 
 
 def _atlas_of(kind: str, atlas: Atlas | None) -> Atlas:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from linkage_atlas.arguments import column, number, radians_in
 from linkage_atlas.tables import decoded, request_from_csv
 from synthesis.arrays import Complexes, Floats
 from synthesis.errors import FieldError
@@ -33,28 +34,16 @@ from synthesis.target import (
 __all__ = [
     "MAX_LENGTH",
     "MAX_SAMPLES",
-    "MILLIMETRES",
     "MIN_LENGTH",
     "MIN_POSES",
     "MIN_SAMPLES",
     "MOST_STOCK",
     "Motion",
-    "check_above_zero",
-    "check_top",
-    "number",
-    "radians_in",
 ]
 
-MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
-"""Units of length of files that know one, and of inertia."""
 MOST_STOCK = 1000
 """Lengths of a stock at most."""
 OR_FREE = ", or `timing` 'free' (its angles are unknown, and found with the linkage)"
-
-
-def radians_in(degrees: bool) -> float:
-    """Radians in one unit of angle."""
-    return np.pi / 180 if degrees else 1.0
 
 
 @dataclass(frozen=True)
@@ -205,6 +194,14 @@ class Motion:
                 self.samples = make_poses(**part, ordered=order == "given", closed=closed, span_max=most)
         self.tolerances = _tolerances(tolerances, self.asked, radian)
 
+    def __repr__(self) -> str:
+        samples = self.asked
+        parts = " and ".join(name for name in ("rotation", "position") if getattr(samples, name) is not None)
+        timed = (
+            "given travel" if self.travel is not None else "free crank angles" if self.free else "given crank angles"
+        )
+        return f"Motion({samples.samples} samples of {parts}, {timed})"
+
     @classmethod
     def of(cls, samples: Target | Poses, degrees: bool, tolerances: Tolerances | None = None) -> Motion:
         """A motion whose samples are checked, in radians."""
@@ -293,42 +290,9 @@ class Motion:
             return []
         place = int(np.argmax(jump))
         return [
-            f"rotation jumps by more than half a turn from sample {place} to {place + 1}; it is taken as continuous, "
+            f"rotation jumps by more than half a turn from sample {place + 1} to {place + 2}; it is taken as continuous, "
             "so if that is a wrap at 180 or 360 degrees, unwrap it"
         ]
-
-
-def number(field: str, value: Any, least: float = -np.inf) -> float:
-    """A finite number of at least ``least``, or a FieldError that names the argument."""
-    try:
-        found = float(value)
-    except (TypeError, ValueError):
-        raise FieldError(f"/{field}", f"wanted a number, found {value!r}") from None
-    if not (np.isfinite(found) and found >= least):
-        bound = "" if least == -np.inf else f" of at least {least:g}"
-        raise FieldError(f"/{field}", f"wanted a finite number{bound}")
-    return found
-
-
-def check_top(top: int) -> None:
-    """FieldError unless at least one answer is asked for."""
-    if not isinstance(top, (int, np.integer)) or top < 1:
-        raise FieldError("/top", f"wanted a whole number of at least 1, found {top!r}")
-
-
-def check_above_zero(**values: float | None) -> None:
-    """FieldError for an argument that is given and not above zero."""
-    for name, value in values.items():
-        if value is not None and not number(name, value) > 0:
-            raise FieldError(f"/{name}", f"wanted a number above 0, found {value}")
-
-
-def column(name: str, values: ArrayLike) -> Any:
-    """Values as an array of numbers, or a FieldError that names the argument."""
-    try:
-        return np.asarray(values, dtype=float)
-    except (TypeError, ValueError):
-        raise FieldError(f"/{name}", "wanted numbers") from None
 
 
 def _present(name: str, values: Any, weights: Mapping[str, ArrayLike]) -> tuple[Any, Any]:

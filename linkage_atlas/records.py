@@ -23,6 +23,8 @@ Vectors = Annotated[Floats, list[tuple[float, float] | None]]
 
 KEPT = {"kept": True}
 """Metadata of a field that Python alone has."""
+LAST = {"last": True}
+"""Metadata of a field of a base that comes last in a reply."""
 
 
 class Record:
@@ -37,8 +39,20 @@ class Record:
 def names_of(kind: Any) -> tuple[str, ...]:
     """Names of the fields that a reply has of a dataclass or a named tuple, in order; of any other type none."""
     if is_dataclass(kind):
-        return tuple(field.name for field in fields(kind) if "kept" not in field.metadata)
+        told = [field for field in fields(kind) if "kept" not in field.metadata]
+        return tuple(field.name for field in sorted(told, key=lambda field: "last" in field.metadata))
     return getattr(kind, "_fields", ())
+
+
+def plane(points: Any) -> Floats:
+    """Complex points of any shape as [x, y], (..., 2)."""
+    points = np.asarray(points, dtype=complex)
+    return np.stack([points.real, points.imag], axis=-1)
+
+
+def xy(point: complex) -> tuple[float, float]:
+    """A complex point as [x, y]."""
+    return float(np.real(point)), float(np.imag(point))
 
 
 def plain(value: Any) -> Any:

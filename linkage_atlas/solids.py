@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
+from linkage_atlas.arguments import flag, millimetres_in, number
 from linkage_atlas.assemblies import ASSEMBLY, Assembly, assembled, read_assembly
 from linkage_atlas.formats import OF_PARTS, kind_of
-from linkage_atlas.motions import MILLIMETRES, number
 from linkage_atlas.records import KEPT, Record
 from synthesis.errors import FieldError
 from synthesis.fourbar.linkage import Linkage
@@ -65,8 +65,7 @@ def read_solids(given: Mapping[str, Any] | None, where: str = "solids/") -> Aske
     scale = 1.0 if values["scale"] is None else number(f"{where}scale", values["scale"])
     if not LEAST_SCALE <= scale <= LARGEST_SCALE:
         raise FieldError(f"/{where}scale", f"wanted {LEAST_SCALE:g} to {LARGEST_SCALE:g}, found {scale:g}")
-    if not isinstance(values["nevertheless"], (bool, type(None))):
-        raise FieldError(f"/{where}nevertheless", f"wanted true or false, found {values['nevertheless']!r}")
+    nevertheless = flag(f"{where}nevertheless", values["nevertheless"])
     plates, pins = MATERIALS[fit]
     return AskedSolids(
         FITS[fit],
@@ -75,7 +74,7 @@ def read_solids(given: Mapping[str, Any] | None, where: str = "solids/") -> Aske
         fillet,
         scale,
         one_of("layout", LAYOUTS, None),
-        bool(values["nevertheless"]),
+        nevertheless,
     )
 
 
@@ -191,14 +190,13 @@ def solids_in(assembly: Assembly, asked: AskedSolids, given: Mapping[str, Any], 
 
     Raises `FieldError`: where parts collide, unless they are wanted nevertheless.
     """
-    if length_unit not in MILLIMETRES:
-        raise FieldError("/length_unit", f"wanted one of {', '.join(MILLIMETRES)}, found {length_unit!r}")
+    unit = millimetres_in(length_unit)
     if assembly.status == "blocked" and not asked.nevertheless:
         why = "; ".join(assembly.reasons[:3])
         raise FieldError(
             "/assembly", f"parts would collide: {why}. `nevertheless` in `solids` writes them all the same"
         )
-    unit, machine = MILLIMETRES[length_unit], assembly.machine
+    machine = assembly.machine
     sizes = (machine.hole * unit * asked.scale, (machine.size + machine.width) * unit * asked.scale)
     if not (LEAST_MM <= sizes[0] and sizes[1] <= LARGEST_MM):
         raise FieldError(

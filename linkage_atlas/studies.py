@@ -9,9 +9,21 @@ from typing import Annotated, Any, NamedTuple, TypedDict
 import numpy as np
 from numpy.typing import ArrayLike
 
+from linkage_atlas.arguments import (
+    MILLIMETRES,
+    bounded,
+    check_above_zero,
+    column,
+    flag,
+    known_fields,
+    millimetres_in,
+    number,
+    pair,
+    whole_number,
+)
 from linkage_atlas.assemblies import AskedAssembly, read_assembly
-from linkage_atlas.motions import MILLIMETRES, MOST_STOCK, Motion, check_above_zero, column, number
-from linkage_atlas.records import Record, Values, Vectors, plain
+from linkage_atlas.motions import MOST_STOCK, Motion
+from linkage_atlas.records import Record, Values, Vectors, plain, plane
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.fourbar.analysis import LinkMass, Load, Own, curve_over, forces, rates
@@ -20,8 +32,6 @@ from synthesis.fourbar.tolerance_study import SOURCES, Spread, Study, Tolerances
 from synthesis.target import MAX_LENGTH, MIN_LENGTH, TURN, Interval
 from synthesis.work import Work
 
-LARGEST = 1e12
-"""Of a crank speed, a force and a torque, in the user's units."""
 MOST_SAMPLES, FEWEST_SAMPLES = 100_000, 100
 """Linkages that a tolerance study simulates at most, and the fewest where the bound of a request divides them."""
 SAMPLES = 10_000
@@ -157,28 +167,25 @@ GRAVITY = -9.81j
 
 def read_drive(analysis: Mapping[str, Any], mounted: bool) -> Drive:
     """A checked request for an analysis: ``crank_speed``, and perhaps ``load`` and ``length_unit``."""
-    _known("analysis", analysis, ("crank_speed", "load", "length_unit"))
+    known_fields("analysis", analysis, ("crank_speed", "load", "length_unit"))
     if analysis.get("crank_speed") is None:
         raise FieldError("/analysis/crank_speed", "needed: how fast the crank turns")
-    speed = _bounded("analysis/crank_speed", analysis["crank_speed"])
+    speed = bounded("analysis/crank_speed", analysis["crank_speed"])
     unit = analysis.get("length_unit", "mm")
-    if unit not in MILLIMETRES:
-        raise FieldError("/analysis/length_unit", f"wanted one of {', '.join(MILLIMETRES)}, found {unit!r}")
+    millimetres_in(unit, "analysis/")
     load = analysis.get("load")
     if load is None:
         return Drive(speed, None)
-    _known("analysis/load", load, ("force", "torque", "masses", "parts", "gravity"))
-    force = _pair("analysis/load/force", load.get("force"), "[fx, fy]")
+    known_fields("analysis/load", load, ("force", "torque", "masses", "parts", "gravity"))
+    force = 0j if load.get("force") is None else pair("analysis/load/force", load["force"], words="[fx, fy]")
     if force and not mounted:
         raise FieldError("/analysis/load/force", "acts at the body point, but without `position` there is none")
-    torque = 0.0 if load.get("torque") is None else _bounded("analysis/load/torque", load["torque"])
+    torque = 0.0 if load.get("torque") is None else bounded("analysis/load/torque", load["torque"])
     gravity = GRAVITY
     if load.get("gravity") is not None:
-        gravity = _pair("analysis/load/gravity", load["gravity"], "[gx, gy]")
+        gravity = pair("analysis/load/gravity", load["gravity"], words="[gx, gy]")
     masses = load.get("masses") or ()
-    parts = load.get("parts") or False
-    if not isinstance(parts, bool):
-        raise FieldError("/analysis/load/parts", f"wanted true or false, found {parts!r}")
+    parts = flag("analysis/load/parts", load.get("parts"))
     if not isinstance(masses, Sequence) or isinstance(masses, str) or len(masses) > MOST_LINK_MASSES:
         raise FieldError("/analysis/load/masses", f"wanted a list of at most {MOST_LINK_MASSES} masses")
     read = tuple(_mass(f"analysis/load/masses/{k}", mass, mounted) for k, mass in enumerate(masses))
@@ -186,7 +193,7 @@ def read_drive(analysis: Mapping[str, Any], mounted: bool) -> Drive:
 
 
 def _mass(field: str, given: Any, mounted: bool) -> MassAt:
-    _known(field, given, ("link", "mass", "at", "inertia"))
+    known_fields(field, given, ("link", "mass", "at", "inertia"))
     link = given.get("link")
     if link not in LINKS_WITH_MASS:
         raise FieldError(f"/{field}/link", f"wanted one of {', '.join(LINKS_WITH_MASS)}, found {link!r}")
@@ -196,22 +203,13 @@ def _mass(field: str, given: Any, mounted: bool) -> MassAt:
         )
     if given.get("mass") is None:
         raise FieldError(f"/{field}/mass", "needed: in kg")
-    mass = _bounded(f"{field}/mass", given["mass"])
-    inertia = 0.0 if given.get("inertia") is None else _bounded(f"{field}/inertia", given["inertia"])
+    mass = bounded(f"{field}/mass", given["mass"])
+    inertia = 0.0 if given.get("inertia") is None else bounded(f"{field}/inertia", given["inertia"])
     if not mass > 0:
         raise FieldError(f"/{field}/mass", f"wanted a mass above 0, found {mass:g}")
     if inertia < 0:
         raise FieldError(f"/{field}/inertia", f"wanted at least 0, found {inertia:g}")
-    return MassAt(link, mass, _pair(f"{field}/at", given.get("at"), "[x, y]"), inertia)
-
-
-def _pair(field: str, given: Any, words: str) -> complex:
-    """Two bounded numbers; 0 where none are given."""
-    if given is None:
-        return 0j
-    if np.shape(given) != (2,):
-        raise FieldError(f"/{field}", f"wanted two numbers {words}")
-    return complex(*(_bounded(field, value) for value in given))
+    return MassAt(link, mass, 0j if given.get("at") is None else pair(f"{field}/at", given["at"]), inertia)
 
 
 def analysed(linkage: Linkage, drive: Drive, travel: Floats, radian: float, over: Interval | None = None) -> Analysis:
@@ -227,13 +225,13 @@ def _rates(linkage: Linkage, drive: Drive, travel: Floats, radian: float) -> dic
     held = None if load is None else forces(linkage, travel, load, speed)
     return {
         "crank_angle": travel / radian,
-        "velocity": _plane(found.velocity),
-        "acceleration": _plane(found.acceleration),
+        "velocity": None if found.velocity is None else plane(found.velocity),
+        "acceleration": None if found.acceleration is None else plane(found.acceleration),
         "angular_velocity": OfLinks(found.coupler_velocity / radian, found.rocker_velocity / radian),
         "angular_acceleration": OfLinks(found.coupler_acceleration / radian, found.rocker_acceleration / radian),
         "transmission_angle": linkage.joints(travel).transmission_angle / radian,
         "crank_torque": None if held is None else held.crank_torque,
-        "pin_forces": None if held is None else PinForces(*(_plane(force) for force in held[1:])),
+        "pin_forces": None if held is None else PinForces(*(plane(force) for force in held[1:])),
     }
 
 
@@ -340,7 +338,7 @@ class Manufacture(NamedTuple):
 
 def read_manufacture(study: Mapping[str, Any]) -> Manufacture:
     """A checked request for a tolerance study: ``links``, ``pivots``, ``clearance``, ``samples``, ``seed``."""
-    _known("tolerance_study", study, ("links", "pivots", "clearance", "samples", "seed"))
+    known_fields("tolerance_study", study, ("links", "pivots", "clearance", "samples", "seed"))
     sizes = [
         0.0 if study.get(name) is None else number(f"tolerance_study/{name}", study[name], 0.0)
         for name in Tolerances._fields
@@ -348,9 +346,7 @@ def read_manufacture(study: Mapping[str, Any]) -> Manufacture:
     counts = []
     for name, default, least, most in (("samples", SAMPLES, FEWEST_SAMPLES, MOST_SAMPLES), ("seed", 0, 0, 2**32 - 1)):
         value = default if study.get(name) is None else study[name]
-        if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not least <= value <= most:
-            raise FieldError(f"/tolerance_study/{name}", f"wanted a whole number from {least} to {most:,}")
-        counts.append(int(value))
+        counts.append(whole_number(f"tolerance_study/{name}", value, least, most))
     return Manufacture(Tolerances(*sizes), *counts)
 
 
@@ -496,26 +492,3 @@ def _lengths(lengths: ArrayLike | None) -> tuple[float, ...] | None:
         if not MIN_LENGTH <= number(f"lengths_from/{place}", length) <= MAX_LENGTH:
             raise FieldError(f"/lengths_from/{place}", f"wanted a length from {MIN_LENGTH:g} to {MAX_LENGTH:g}")
     return tuple(stock.tolist())
-
-
-# -- arguments --------------------------------------------------------------------------------------------------------
-
-
-def _known(field: str, values: Mapping[str, Any], names: tuple[str, ...]) -> None:
-    if not isinstance(values, Mapping):
-        raise FieldError(f"/{field}", f"wanted a mapping of {', '.join(names)}")
-    for name in values:
-        if name not in names:
-            raise FieldError.no_such(f"/{field}", name, names)
-
-
-def _bounded(field: str, value: Any) -> float:
-    found = number(field, value)
-    if abs(found) > LARGEST:
-        raise FieldError(f"/{field}", f"wanted at most {LARGEST:g} either way, found {found:g}")
-    return found
-
-
-def _plane(points: Any) -> Any:
-    """Complex points as (..., 2)."""
-    return None if points is None else np.stack([points.real, points.imag], axis=-1)

@@ -9,20 +9,21 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from linkage_atlas.answers import Verdict, verdict_of
+from linkage_atlas.arguments import kinds_among, number, radians_in
 from linkage_atlas.guided import AnyGuide, DriverName, GuidedLinkage, KindName, guides_of
 from linkage_atlas.limits import PRESETS
-from linkage_atlas.motions import number, radians_in
 from linkage_atlas.records import KEPT, Record
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
-from synthesis.fourbar.limits import LINK_RATIO, TRANSMISSION_ANGLE
+from synthesis.fourbar.limits import LINK_RATIO, TRANSMISSION_ANGLE, Limits
+from synthesis.fourbar.passage import faults_of
 from synthesis.function.answers import FunctionErrors as Errors
 from synthesis.function.travel import ANGLE, LAWS, LENGTH, Law
 from synthesis.function.travel_search import TravelGenerator, TravelLimits, laws_for, turns_back
 from synthesis.function.wanted import Wanted
 from synthesis.guided.passage import verdict as passing_of
 from synthesis.sheet import csv_text
-from synthesis.target import Interval, Target
+from synthesis.target import MAX_LENGTH, Interval, Target
 
 FOUR_BAR = "four_bar"
 UNITS = ("deg", "rad", LENGTH)
@@ -33,7 +34,6 @@ _SHOWN = 361
 """Places of an error curve."""
 _RATIO = 500.0
 """Most that input and output of two sliders may differ in size."""
-_ROUNDED = 1e-9
 
 
 class Dial(NamedTuple):
@@ -70,17 +70,7 @@ def read_kinds(mechanisms: Sequence[str] | str | None, dial: Dial) -> list[str]:
     known = [law.kind.value for law in LAWS if (law.input, law.output) == dial] if dial.travels else [FOUR_BAR]
     if mechanisms is None:
         return known[:1]
-    if isinstance(mechanisms, str):
-        if mechanisms != "all":
-            raise FieldError("/mechanisms", f"wanted a list of {', '.join(known)}, or 'all'")
-        return known
-    if not mechanisms:
-        raise FieldError("/mechanisms", "wanted at least one")
-    for place, name in enumerate(mechanisms):
-        if name not in known:
-            what = f"from {dial.input} to {dial.output}"
-            raise FieldError(f"/mechanisms/{place}", f"{what} there is {' or '.join(known)}, found {name!r}")
-    return [name for name in known if name in mechanisms]
+    return kinds_among(mechanisms, known, f"from {dial.input} to {dial.output} there is {' or '.join(known)}")
 
 
 def read_travel_limits(limits: Mapping[str, Any] | None, laws: Sequence[Law], degrees: bool) -> TravelLimits:
@@ -125,6 +115,8 @@ def read_travel_limits(limits: Mapping[str, Any] | None, laws: Sequence[Law], de
         if not any("offset" in law.lengths for law in laws):
             raise FieldError("/limits/offset", "belongs to slider-cranks")
         lengths["offset"] = number("limits/offset", given["offset"])
+        if abs(lengths["offset"]) > MAX_LENGTH:
+            raise FieldError("/limits/offset", f"wanted at most {MAX_LENGTH:g}, either way")
     return TravelLimits(**values, given=lengths)
 
 
@@ -142,8 +134,10 @@ class Scales(NamedTuple):
         radian = radians_in(degrees)
         spans = [abs(span) for what, span in zip(dial, (input_span, output_span)) if what == LENGTH]
         length = max(spans)
-        if not (np.isfinite(length) and min(spans) > 0):
+        if not min(spans) > 0:
             raise FieldError("/output", "the travel is the same everywhere")
+        if not length <= MAX_LENGTH:
+            raise FieldError("/output", f"wanted travel of at most {MAX_LENGTH:g}")
         if length > _RATIO * min(spans):
             raise FieldError("/output", f"one travel is more than {_RATIO:g} times the other")
         sizes = (radian if what == ANGLE else 1 / length for what in dial)
@@ -154,7 +148,7 @@ class Scales(NamedTuple):
 
 
 @dataclass(frozen=True)
-class TravelErrors(Record):
+class FunctionErrors(Record):
     """Errors of the output, in its unit."""
 
     rms: float
@@ -169,8 +163,20 @@ class TravelErrors(Record):
     objective: float
     """What was made least: in radians, or of a travel as a part of the largest travel that is wanted."""
 
+    @classmethod
+    def of(cls, errors: Errors, unit: float, y_of_unit: float | None) -> FunctionErrors:
+        """A generator's errors in the user's unit of the output; ``y_of_unit``: size of y that one unit of the search's is."""
+        return cls(
+            errors.rms / unit,
+            errors.max / unit,
+            errors.alternations,
+            None if y_of_unit is None else errors.rms * y_of_unit,
+            None if y_of_unit is None else errors.max * y_of_unit,
+            errors.objective,
+        )
 
-class TravelErrorCurve(NamedTuple):
+
+class ErrorCurve(NamedTuple):
     """The error over the interval."""
 
     input: Floats
@@ -198,11 +204,11 @@ class TravelSolution(Record):
     """The input at the first sample: the crank's angle from the rail or the ground line, or the place of slider or cylinder."""
     output_offset: float
     """output = the linkage's own + this: an angle of the crank or lever, or a place of slider or cylinder."""
-    errors: TravelErrors
+    errors: FunctionErrors
     verdict: Verdict
     transmission_angle_min: float
     """Over the used interval, exactly."""
-    error_curve: TravelErrorCurve | None
+    error_curve: ErrorCurve | None
     linkage: GuidedLinkage = field(metadata=KEPT)
     """It moves, draws and saves itself."""
 
@@ -222,18 +228,6 @@ class TravelAsked:
         """Radians in one unit of angle."""
         return radians_in(self.degrees)
 
-    def errors(self, errors: Errors) -> TravelErrors:
-        """Errors in the user's units."""
-        unit, y = self.scales.output, self.y_of_output
-        return TravelErrors(
-            errors.rms / unit,
-            errors.max / unit,
-            errors.alternations,
-            None if y is None else errors.rms * y,
-            None if y is None else errors.max * y,
-            errors.objective,
-        )
-
     def described(self, found: Sequence[TravelGenerator], limits: TravelLimits, curves: bool) -> list[TravelSolution]:
         """Generators as a user reads them, best first."""
         return [self._described(one, rank, limits, curves) for rank, one in enumerate(found, 1)]
@@ -244,13 +238,17 @@ class TravelAsked:
         travel = wanted.crank * (1.0 if law.input == ANGLE else scales.length)
         target = Target(None, None, crank=travel)
         passed = passing_of(plain, plain.start + travel, timed=True)
-        faults = practical_faults(one, limits)
+        kept = Limits(
+            transmission_angle_min=limits.transmission_angle_min or 0.0, link_ratio_max=limits.link_ratio_max
+        )
+        links = one.lengths[np.array(one.law.positive)].tolist()
+        faults = faults_of((one.transmission_angle_min, None), links, {}, None, kept)
         reasons = [*passed.reasons, *filter(None, [turns_back(wanted, one)]), *faults]
         linkage = GuidedLinkage.of(plain, self.radian, target)
         curve = None
         if curves:
             shown = np.linspace(0.0, float(wanted.crank[-1]), _SHOWN)
-            curve = TravelErrorCurve(shown / scales.input, (wanted.curve(shown) - one.output(shown)) / scales.output)
+            curve = ErrorCurve(shown / scales.input, (wanted.curve(shown) - one.output(shown)) / scales.output)
         used = Interval(float(travel.min()), float(travel.max()))
         return TravelSolution(
             rank=rank,
@@ -262,7 +260,7 @@ class TravelAsked:
             start=linkage.start,
             input_zero=one.zero / scales.input,
             output_offset=one.offset / scales.output,
-            errors=self.errors(one.errors),
+            errors=FunctionErrors.of(one.errors, scales.output, self.y_of_output),
             verdict=verdict_of(passed, None, reasons, practical=not faults),
             transmission_angle_min=one.transmission_angle_min / self.radian,
             error_curve=curve,
@@ -272,20 +270,6 @@ class TravelAsked:
     def _lengths(self, one: TravelGenerator) -> dict[str, float]:
         units = [1 / self.radian if name == "angle" else self.scales.length for name in one.law.lengths]
         return {name: float(value * unit) for name, value, unit in zip(one.law.lengths, one.lengths, units)}
-
-
-def practical_faults(one: TravelGenerator, limits: TravelLimits) -> list[str]:
-    """A sentence for each practical limit that a linkage breaks; what a request limits itself is judged by its own limit."""
-    found, wanted = one.transmission_angle_min, limits.transmission_angle_min or TRANSMISSION_ANGLE
-    faults = []
-    if found < wanted - _ROUNDED:
-        degrees = np.rad2deg([found, wanted])
-        faults.append(f"transmission angle {degrees[0]:.3g} degrees over the used interval, below {degrees[1]:.3g}")
-    lengths = one.lengths[np.array(one.law.positive)]
-    most = limits.link_ratio_max or LINK_RATIO
-    if lengths.size > 1 and lengths.max() > most * lengths.min() * (1 + _ROUNDED):
-        faults.append(f"longest link {lengths.max() / lengths.min():.3g} times the shortest, above {most:g}")
-    return faults
 
 
 def laws_of(kinds: Sequence[str], dial: Dial) -> list[Law]:

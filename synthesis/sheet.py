@@ -24,6 +24,13 @@ def csv_text(columns: Mapping[str, Iterable[Any]], line_end: str = "\r\n") -> st
     return text.getvalue()
 
 
+def given_cells(values: NDArray[Any] | None, rows: int) -> list[Any]:
+    """A column of real numbers, with empty cells for NaN; all are empty where there is none."""
+    if values is None:
+        return [None] * rows
+    return [None if np.isnan(one) else one for one in values.tolist()]
+
+
 def _cells(column: Iterable[Any]) -> Iterable[Any]:
     """A column as Python's own numbers; of an array few at a time."""
     if not isinstance(column, np.ndarray):
@@ -62,6 +69,11 @@ class Sheet:
         """A circle on the page; the radius in the page's unit."""
         x, y = self.at(point).split(",")
         return f'<circle {attributes}{" " if attributes else ""}cx="{x}" cy="{y}" r="{radius:.6g}"/>'
+
+    def line(self, points: NDArray[np.complex128], name: str, closed: bool = False) -> str:
+        """A line through points, of a class of the style sheet."""
+        tail = "Z" if closed else ""
+        return f'<path class="{name}" d="M{" L".join(self.at(z) for z in points)}{tail}"/>'
 
     def label(self, point: complex, words: str, attributes: str = "") -> str:
         """Words beside a point, a little above it to the right."""

@@ -128,6 +128,14 @@ class Samples:
         return self.position_mean.given((self.position - self.middle) / self.length_scale)
 
 
+class Asked(NamedTuple):
+    """A motion as it was asked for, NaN where a sample is missing; ``moved`` (N,): whole turns that rotations were moved by."""
+
+    rotation: Floats | None
+    position: Complexes | None
+    moved: Floats
+
+
 @dataclass(frozen=True, kw_only=True)
 class Target(Samples):
     """A requested motion: samples with the crank angle that belongs to each. Rotations are continuous as they are given.
@@ -136,13 +144,16 @@ class Target(Samples):
     (clockwise). Where they were found and not given, the samples may be passed in another order. ``start``: theta1 at
     the first sample, where it is given. ``offset``: what is added to theta2 to give the rotation, where it is given;
     whole turns do not count. ``found``: whether the crank angles were found together with a linkage; then crank and
-    rotation may have leading axes, one linkage each.
+    rotation may have leading axes, one linkage each. ``closed``: whether the crank turns on from the last sample to the
+    first, so that the motion uses a whole turn. ``moved``: whole turns by which each rotation differs from what was asked.
     """
 
     crank: Floats
     start: float | None = None
     offset: float | None = None
     found: bool = False
+    closed: bool = False
+    moved: Any = 0.0
 
     @property
     def samples(self) -> int:
@@ -150,18 +161,44 @@ class Target(Samples):
         return self.crank.shape[-1]
 
     @property
+    def asked(self) -> Asked:
+        """What was asked for, as it was."""
+        rotation, position = self.rotation, self.position
+        moved = np.broadcast_to(np.asarray(self.moved, dtype=float), (self.samples,))
+        if rotation is not None:
+            given = np.ones(self.samples, dtype=bool) if self.rotation_weights is None else self.rotation_weights > 0
+            # at a missing sample the turns of the one before it, and before the first that is there those of that one
+            last = np.maximum.accumulate(np.where(given, np.arange(self.samples), 0))
+            moved = moved[np.maximum(last, int(np.argmax(given)))]
+            rotation = np.where(given, rotation - moved, np.nan)
+        if position is not None and self.position_weights is not None:
+            position = np.where(self.position_weights > 0, position, complex(np.nan, np.nan))
+        return Asked(rotation, position, moved)
+
+    @property
     def interval(self) -> Interval:
-        """The crank angles that the motion uses, from the first sample."""
+        """The crank angles that the motion uses, from the first sample on; where that is at neither end, from the least."""
         if not self.found:
             return Interval(0.0, float(self.crank[-1]))
-        return Interval(self.crank.min(axis=-1), self.crank.max(axis=-1))
+        low, high = self.crank.min(axis=-1), self.crank.max(axis=-1)
+        down = self.crank[..., 0] >= high
+        first = np.where(down, high, low)[()]
+        if self.closed:
+            return Interval(first, first + np.where(down, -TURN, TURN))
+        return Interval(first, np.where(down, low, high)[()])
+
+    @property
+    def way(self) -> Floats:
+        """Crank angles (n,) that the crank passes: those of the samples, and of a closed way that of the first, a turn on."""
+        return np.append(self.crank, self.interval.last) if self.closed else self.crank
 
     def one_of(self, place: int) -> Target:
         """The target of one linkage, where each has crank angles of its own."""
         if not self.found or self.crank.ndim == 1:
             return self
-        rotation = None if self.rotation is None else self.rotation[place]
-        return replace(self, crank=self.crank[place], rotation=rotation)
+        if self.rotation is None:
+            return replace(self, crank=self.crank[place])
+        return replace(self, crank=self.crank[place], rotation=self.rotation[place], moved=self.moved[place])
 
     @cached_property
     def repeats_one_crank_angle(self) -> bool:
@@ -180,6 +217,7 @@ class Target(Samples):
             crank=-self.crank,
             start=None if self.start is None else -self.start,
             offset=None if self.offset is None else -self.offset,
+            moved=-self.moved,
             rotation=None if self.rotation is None else -self.rotation,
             position=None if self.position is None else np.conj(self.position),
         )
@@ -376,5 +414,9 @@ def _length_scale(position: Complexes, mean: Mean, length_scale: float | None) -
             raise FieldError(field, f"wanted lengths between {MIN_LENGTH:g} and {MAX_LENGTH:g}")
     spread = mean.reach(position)
     if spread <= 64 * np.finfo(float).eps * largest:
-        raise FieldError("/position", "all positions are the same point: a motion without extent fixes no linkage")
+        raise FieldError(
+            "/position",
+            "all positions are the same point: a motion without extent fixes no linkage; "
+            "a body that only turns needs a hinge there",
+        )
     return float(length_scale) if length_scale is not None else spread

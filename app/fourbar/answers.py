@@ -6,13 +6,21 @@ import math
 from typing import Any
 
 import linkage_atlas as la
-from app.fourbar.durations import seconds_of
-from app.fourbar.models import MatchRequest, SynthesizeRequest
+from app.fourbar.durations import samples_of, seconds_of
+from app.fourbar.models import AssemblyOptions, MatchRequest, SynthesizeRequest
 from app.query import Resources
 from linkage_atlas.studies import DRIVE_STUDIES
 
 SHORT_MS = 200.0
 """What a request takes at most for which a process is kept: by its budget, or as it was measured for those of its kind."""
+MANY_SAMPLES = 64
+"""From here on a match may take longer, and what an answer under `live` does beside its search."""
+SHORT_SPAN = 5.0
+"""Degrees of the crank: a match over less has many rows that are alike."""
+MANY_CORNERS = 12
+"""Of a body that is to pass plates and pins."""
+STUDIED = (*DRIVE_STUDIES, "lengths_from", "round_to", "tolerance_study", "assembly")
+"""What takes long of each solution."""
 
 
 def answer_match(request: MatchRequest, resources: Resources) -> la.Matches:
@@ -41,17 +49,29 @@ def is_long(request: SynthesizeRequest | MatchRequest) -> bool:
     if request.budget_ms is not None and request.budget_ms <= SHORT_MS:
         return False
     if isinstance(request, MatchRequest):
-        return len(request.rotation) > 256 or request.top > 100
-    if request.live is not None:
-        return False
-    if any(getattr(request, name) is not None for name in DRIVE_STUDIES):
-        return True
-    studied = request.lengths_from is not None or request.tolerance_study is not None or request.round_to is not None
-    studied = studied or request.assembly is not None
+        return len(request.rotation) > MANY_SAMPLES or request.top > 100 or abs(_span_of(request)) < SHORT_SPAN
+    studied = any(getattr(request, name) is not None for name in STUDIED)
+    if studied or request.live is not None:
+        return studied or samples_of(request) > MANY_SAMPLES
     wished = request.diverse or request.tolerances is not None or request.prefer not in (None, "error")
     windows = request.effort == "atlas" and request.position is not None
     kinds = request.mechanisms not in (None, ["four_bar"])
-    return kinds or studied or wished or windows or request.top > 20 or seconds_of(request) > SHORT_MS / 1000
+    return kinds or wished or windows or request.top > 20 or seconds_of(request) > SHORT_MS / 1000
+
+
+def _span_of(request: MatchRequest) -> float:
+    """Degrees of the crank from the first sample to the last."""
+    span = request.crank_span
+    if span is None:
+        span = request.crank_angle[-1] - request.crank_angle[0] if request.crank_angle else 0.0
+    return span if request.degrees else math.degrees(span)
+
+
+def has_much_to_arrange(assembly: AssemblyOptions | None, driver: str | None) -> bool:
+    """Whether layers of a linkage, of one with sliders where it says its driver, may take more than a fraction of a second."""
+    if assembly is None or assembly.body is None:
+        return False
+    return len(assembly.body) > MANY_CORNERS or driver is not None
 
 
 def budget_of(budget_ms: float | None, resources: Resources) -> float | None:

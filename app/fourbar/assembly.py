@@ -8,7 +8,7 @@ from pydantic import Field
 
 import linkage_atlas as la
 from app.fourbar import QUESTIONS, worked_example
-from app.fourbar.answers import budget_of, motion_of
+from app.fourbar.answers import budget_of, has_much_to_arrange, motion_of
 from app.fourbar.answers import is_long as is_long_search
 from app.fourbar.export import pointing, ranked
 from app.fourbar.models import AssemblyOptions, GivenLinkage, Rank, SynthesizeRequest
@@ -73,7 +73,9 @@ def answer_assembly(request: AssemblyRequest, resources: Resources) -> la.Assemb
 
 
 def _is_long(request: AssemblyRequest) -> bool:
-    return request.linkage is None and request.request is not None and is_long_search(request.request)
+    if request.linkage is not None:
+        return has_much_to_arrange(request, request.linkage.driver)
+    return request.request is not None and (is_long_search(request.request) or has_much_to_arrange(request, "crank"))
 
 
 def _from_table(text: str, also: dict[str, Any], unwrap: bool) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from pydantic import Field
 
 import linkage_atlas as la
 from app.fourbar import QUESTIONS
-from app.fourbar.answers import budget_of, drives_of, motion_of
+from app.fourbar.answers import SHORT_MS, budget_of, drives_of, motion_of
 from app.fourbar.export import pointing
 from app.fourbar.models import (
     DriveLoadRequest,
@@ -88,8 +88,9 @@ def find_drives(request: DrivesRequest, resources: Resources) -> la.Drives:
 
 def is_long(request: DrivesRequest) -> bool:
     """Whether an answer may take more than a fraction of a second."""
-    slow = [one for one in request.drives if one.kind in ("dyad", "toggle") or one.catalogue is not None]
-    return bool(slow or request.springs) or len(request.drives) > 2
+    if request.budget_ms is not None and request.budget_ms <= SHORT_MS:
+        return False
+    return bool(request.springs) or any(one.kind != "rotary" for one in request.drives)
 
 
 def drives_table(reply: la.Drives, units: Units = DEGREES) -> str:

@@ -11,7 +11,7 @@ from pydantic import Field, Strict
 
 import linkage_atlas as la
 from app.fourbar import worked_example
-from app.fourbar.answers import analysis_of, answer_synthesize, assembly_of, is_long, motion_of
+from app.fourbar.answers import analysis_of, answer_synthesize, assembly_of, has_much_to_arrange, is_long, motion_of
 from app.fourbar.models import AssemblyOptions, FarLength, GivenDrive, GivenLinkage, Size, SynthesizeRequest
 from app.query import FILES, Files, Flag, LengthUnit, Number, RequestModel, Resources
 from linkage_atlas.solids import LARGEST_SCALE, LEAST_SCALE
@@ -159,6 +159,12 @@ def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
         )
 
 
+def _is_long(body: ExportRequest) -> bool:
+    if body.solution is None:
+        return is_long(body.request)
+    return has_much_to_arrange(body.assembly or body.request.assembly, body.solution.driver)
+
+
 LINKAGE_FILES = Files(
     "/v1/export",
     "export",
@@ -167,5 +173,5 @@ LINKAGE_FILES = Files(
     ExportRequest,
     _linkage_file,
     {"request": worked_example()},
-    lambda body: body.solution is None and is_long(body.request),
+    _is_long,
 )

@@ -9,12 +9,15 @@ from pydantic import BeforeValidator, ConfigDict, Field, WithJsonSchema, create_
 
 import linkage_atlas as la
 from app.query import AngleUnit, Count, Flag, LengthUnit, Number, PositiveNumber, RequestModel
+from linkage_atlas.arguments import LARGEST
 from linkage_atlas.assemblies import FIXED_PINS, LAYERS_MOST, MOST_CORNERS, MOST_LAYERS
 from linkage_atlas.catalogues import ACTUATORS, MOST_ROWS
 from linkage_atlas.driving import MOST_DRIVES, MOST_MASSES, MOST_SPRINGS
+from linkage_atlas.guided import DriverName, KindName
+from linkage_atlas.kinds import MECHANISMS
 from linkage_atlas.limits import LIMITS
 from linkage_atlas.motions import MAX_LENGTH, MAX_SAMPLES, MIN_LENGTH, MIN_POSES, MIN_SAMPLES, MOST_STOCK
-from linkage_atlas.studies import FEWEST_SAMPLES, LARGEST, MOST_LINK_MASSES, MOST_SAMPLES, SAMPLES
+from linkage_atlas.studies import FEWEST_SAMPLES, MOST_LINK_MASSES, MOST_SAMPLES, SAMPLES
 
 MAX_TOP = 1000
 
@@ -29,15 +32,12 @@ SampledPath = Annotated[list[Point | None], Field(min_length=MIN_POSES, max_leng
 Weights = Annotated[list[Annotated[Number, Field(ge=0)]], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)]
 Tolerances = Annotated[list[PositiveNumber], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)]
 Travel = Annotated[list[Coordinate], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)]
-Mechanism = Literal[
-    "four_bar", "slider_crank", "swinging_block", "rail_slot", "two_rails", "two_slots", "watt_1", "stephenson_1"
-]
-ALL_MECHANISMS = ["four_bar", "slider_crank", "swinging_block", "rail_slot", "two_rails", "two_slots"]
+Mechanism = Literal[KindName, "watt_1", "stephenson_1"]
 Mechanisms = Annotated[
     list[Mechanism],
     Field(min_length=1, max_length=8),
     BeforeValidator(
-        lambda given: list(ALL_MECHANISMS) if given == "all" else [given] if isinstance(given, str) else given
+        lambda given: list(MECHANISMS) if given == "all" else [given] if isinstance(given, str) else given
     ),
     WithJsonSchema(
         {
@@ -203,7 +203,7 @@ class GivenLinkage(_ReplyPart):
     start_angle: Angle | None = None
     body_offset: Angle | None = None
     mount: GivenMount | None = None
-    driver: Literal["crank", "slider", "cylinder", "hinge"] | None = None
+    driver: DriverName | None = None
     guides: Annotated[list[GivenGuide], Field(min_length=2, max_length=2)] | None = None
     start: FarCoordinate | None = None
     crank_angle: Annotated[list[Angle], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)] | None = None
@@ -578,9 +578,7 @@ class SynthesizeRequest(CrankMotion):
         description="Kinds of mechanism, default `four_bar` alone. Of several kinds those come back that no other one driven "
         "alike beats in error, size and transmission angle at once. Six-bars (`watt_1`, `stephenson_1`) are refused.",
     )
-    driver: Literal["crank", "slider", "cylinder", "hinge"] | None = Field(
-        None, description="Only linkages that are driven so."
-    )
+    driver: DriverName | None = Field(None, description="Only linkages that are driven so.")
     weights: WeightsRequest | None = Field(None, description="What each sample counts; default: all alike.")
     tolerances: TolerancesRequest | None = Field(
         None, description="Largest errors allowed; then status `reached` means that every sample keeps them."

@@ -36,7 +36,7 @@ MOST_CELLS = 6000
 """Undecided cells of a pair at once: with more it touches where it does not collide."""
 NEAR = 1e-3
 """Of the size: cells in which a gap may be less than the least known by this are halved."""
-AT_ONCE = 2_000_000
+AT_ONCE = 400_000
 """Pairs of corners that are compared at once: a bound of the memory."""
 LOOKS, PLACES = 8, 65
 """Of the last refinement of a least gap: how often, and places at each."""
@@ -147,6 +147,7 @@ class Gaps:
         self._kinds = sorted(set(kinds))
         self._kind = np.array([self._kinds.index(kind) for kind in kinds], dtype=int)
         self._still = self._body[self._pairs[:, 0]] == self._body[self._pairs[:, 1]]
+        self._work = Work()
 
     def at(self, pair: Ints, travel: Floats, half: Floats | float = 0.0) -> tuple[Floats, Floats]:
         """Gaps of pairs (m,) at crank angles (m,), and the bounds of their change over cells of half widths (m,)."""
@@ -164,6 +165,7 @@ class Gaps:
             every = np.flatnonzero(kind == number) if len(self._kinds) > 1 else np.arange(travel.size)
             step = max(1, AT_ONCE // (counts[0] * counts[1]))
             for first in range(0, every.size, step):
+                self._work.go_on()
                 rows = every[first : first + step]
                 gap[rows], bound[rows] = self._of(pair[rows], place[rows], counts, bodies)
         return gap, bound
@@ -191,7 +193,8 @@ class Gaps:
         return gap, bound
 
     def prove(self, interval: Interval, work: Work) -> list[Proof]:
-        """Where each pair collides within an interval of crank angles, its ends to rounding."""
+        """Where each pair collides within an interval of crank angles, its ends to rounding. Raises `OutOfTime`."""
+        self._work = work
         first, last = min(interval), max(interval)
         self._extent = max(abs(first), abs(last), last - first)
         edges = np.linspace(first, last, CELLS + 1)
@@ -207,7 +210,6 @@ class Gaps:
         decided: list[_Cells] = []
         kinds: list[Ints] = []
         while pair.size:
-            work.check()
             cells = _Cells(pair, middle, half, *self.at(pair, middle, half))
             open_, kind = self._decided(cells)
             decided.append(cells.some(~open_))

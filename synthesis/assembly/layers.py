@@ -352,6 +352,7 @@ class Search:
                 best = stack
                 longest.most = loose.longest(mask)[0]
         if best is None:
+            self.work.go_on()  # else none was looked at
             raise FieldError(
                 "/layers_most",
                 f"plates on common pins{', with heads,' * self.asked.heads} need more than {self.asked.most} layers",

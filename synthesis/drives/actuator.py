@@ -21,6 +21,7 @@ import numpy as np
 
 from synthesis.arrays import Complexes, Flags, Floats, Ints
 from synthesis.drives.links import LinkMotion
+from synthesis.one_variable import golden_section
 from synthesis.work import Work
 
 GRID = 60
@@ -51,6 +52,8 @@ _ANGLES = 2001
 """Values of alpha that are looked at on a link with a pivot."""
 _NEAR_DEAD = 1e-3
 """Angles this near to 0 and to pi lose too many digits."""
+_STEPS = 80
+"""Of the golden section between them."""
 _AROUND = 720
 """Directions in which a circle about a pivot is looked for in a box."""
 
@@ -739,7 +742,12 @@ class _Pivoted:
                     inside, outside = (half, outside) if np.isfinite(cost(half)) else (inside, half)
                 end = inside
             ends.append(end)
-        alpha, least = _golden(cost, min(ends), max(ends))
+        least, alpha = (
+            float(one[0])
+            for one in golden_section(
+                lambda at: np.array([cost(float(at[0]))]), np.array([min(ends)]), np.array([max(ends)]), _STEPS
+            )
+        )
         every = [(least, alpha), *((cost(end), end) for end in (*ends, middle))]
         return min(every)
 
@@ -793,54 +801,3 @@ def _within(pivot: complex, radius: float, box: Box, angles: Floats) -> float:
         if run > longest:
             longest, middle = run, 2 * (begin + k) - run + 1
     return float(step * middle / 2)
-
-
-def _golden(cost: Any, low: float, high: float) -> tuple[float, float]:
-    """The minimum of a function with one valley between two places, by golden section."""
-    ratio = (np.sqrt(5) - 1) / 2
-    a, b = low, high
-    c, d = b - ratio * (b - a), a + ratio * (b - a)
-    at_c, at_d = cost(c), cost(d)
-    for _ in range(80):
-        if at_c <= at_d:
-            b, d, at_d = d, c, at_c
-            c = b - ratio * (b - a)
-            at_c = cost(c)
-        else:
-            a, c, at_c = c, d, at_d
-            d = a + ratio * (b - a)
-            at_d = cost(d)
-    return (c, at_c) if at_c <= at_d else (d, at_d)
-
-
-class Straight(NamedTuple):
-    """The placement with the largest least arm about a pivot: pins at both ends and the ground point on one line."""
-
-    pin_radius: float
-    ground_distance: float
-    arm: float
-    """The least, at both ends, per radian of the link."""
-
-
-def straight(actuator: Actuator, swing: float) -> Straight:
-    """The largest least arm of an actuator on a link that swings about a pivot by an angle below pi.
-
-    Law: no other placement of the same actuator has a larger least arm; the pin's radius is the least possible.
-    """
-    half = abs(swing) / 2
-    arm = actuator.stroke / (2 * np.tan(half))
-    middle = actuator.retracted + actuator.stroke / 2
-    return Straight(float(actuator.stroke / (2 * np.sin(half))), float(np.hypot(middle, arm)), float(arm))
-
-
-def straight_placement(link: LinkMotion, actuator: Actuator) -> tuple[complex, complex]:
-    """Ground point and pin of `straight`, extending, with the ground point where the link's own frame puts it."""
-    assert link.pivot is not None
-    swing = link.swing()
-    found = straight(actuator, swing)
-    sign = np.sign(swing)
-    bisector = link.direction[0] * np.exp(0.5j * swing)
-    half = actuator.stroke / 2
-    first = complex(found.arm, -sign * half)
-    ground = complex(found.arm, -sign * (actuator.retracted + half))
-    return complex(link.pivot + bisector * ground), link.point_at(complex(link.pivot + bisector * first))

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from synthesis.arrays import Complexes, Floats
-from synthesis.fourbar.kinematics import close_loop, principal
+from synthesis.fourbar.analysis import rates
 from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.linkage import Circle, GuidedLinkage, Slot
 from synthesis.target import Interval
@@ -159,35 +159,32 @@ def _dot(one: Complexes | complex, other: Complexes) -> Floats:
     return np.real(np.conj(one) * other)
 
 
-def machine_of(linkage: Linkage, interval: Interval, samples: int = SAMPLES) -> Machine:
-    """A four-bar between two crank angles from its first sample, at even steps; see `machine_at`."""
+def machine_of(linkage: Linkage | GuidedLinkage, interval: Interval, samples: int = SAMPLES) -> Machine:
+    """A linkage between two places of its drive from the first sample, at even steps; see `machine_at`."""
     return machine_at(linkage, np.linspace(*interval, samples))
 
 
-def machine_at(linkage: Linkage, at: Floats) -> Machine:
-    """A four-bar at crank angles (n,) from its first sample; NaN where its loop does not close or is dead.
+def machine_at(linkage: Linkage | GuidedLinkage, at: Floats) -> Machine:
+    """A linkage at places (n,) of its drive from the first sample; NaN where it does not close or is dead.
 
-    Frames: the crank's from pivot A, the coupler's from the crank pin and the rocker's from pivot B, each along its link; the
-    body's from the body point, turned by the body's rotation.
+    Frames of a four-bar: the crank's from pivot A, the coupler's from the crank pin and the rocker's from pivot B, each along
+    its link; the body's from the body point, turned by the body's rotation. Of a body on two guides they are those of
+    `GuidedLinkage.links`, the coupler's is the body's; a link on a circle, and the block of a slot, turn about fixed pivots.
     """
-    samples = at.size
-    closure = close_loop(np.array(linkage.links), linkage.start + np.concatenate([[0.0], at]))
-    branch, turn = np.array(linkage.branch), linkage.ground_angle
-    theta2 = principal(closure.coupler_angle(branch))[1:] + turn
-    theta3 = closure.rocker_angle(branch)[1:] + turn
-    e1, e2, e3 = (np.exp(1j * angle) for angle in (linkage.start + at + turn, theta2, theta3))
+    return _four_bar(linkage, at) if isinstance(linkage, Linkage) else _guided(linkage, at)
+
+
+def _four_bar(linkage: Linkage, at: Floats) -> Machine:
+    joints, moving = linkage.joints(at), rates(linkage, at, 1.0)
+    e1, e2, e3 = (np.exp(1j * angle) for angle in (joints.crank_angle, joints.coupler_angle, joints.rocker_angle))
+    w2, w3, a2, a3 = (
+        moving.coupler_velocity,
+        moving.rocker_velocity,
+        moving.coupler_acceleration,
+        moving.rocker_acceleration,
+    )
     one, two, three, _ = linkage.links
-    half, side = 2 * closure.lengths[..., 1], closure.lengths[..., 2]
-    # sin(theta2 - theta3) without a difference of angles, see `synthesis.fourbar.analysis`
-    sine = (-linkage.branch * np.sqrt(closure.excess_x / half) * np.sqrt(closure.excess_y / half) / side)[1:]
-    sine = np.where(sine != 0, sine, np.nan)
-    with np.errstate(all="ignore"):
-        w2 = one / two * np.imag(np.conj(e1) * e3) / sine
-        w3 = one / three * np.imag(np.conj(e1) * e2) / sine
-        pull, own, across = one * _dot(e1, e3), two * w2**2, three * w3**2
-        a2 = -(pull + own * _dot(e2, e3) - across) / (two * sine)
-        a3 = -(one * _dot(e1, e2) + own - across * _dot(e2, e3)) / (three * sine)
-    ones, zeros = np.ones(samples), np.zeros(samples)
+    ones, zeros = np.ones(at.size), np.zeros(at.size)
     a, b = complex(linkage.pivot_a), linkage.pivot_b
     pin, still = a + one * e1, zeros.astype(complex)
     links = {
@@ -213,17 +210,7 @@ def machine_at(linkage: Linkage, at: Floats) -> Machine:
     return Machine(at, links, body, "crank", float(max(*linkage.links, arm)), reaches, middles)
 
 
-def machine_of_guided(linkage: GuidedLinkage, interval: Interval, samples: int = SAMPLES) -> Machine:
-    """A body on two guides between two places of its drive from the first sample, at even steps; see `guided_machine_at`."""
-    return guided_machine_at(linkage, np.linspace(*interval, samples))
-
-
-def guided_machine_at(linkage: GuidedLinkage, at: Floats) -> Machine:
-    """A body on two guides at places (n,) of its drive from the first sample; NaN where it does not close or is dead.
-
-    Frames are those of `GuidedLinkage.links`; the coupler's is the body's. A link on a circle, and the block of a slot, turn
-    about fixed pivots.
-    """
+def _guided(linkage: GuidedLinkage, at: Floats) -> Machine:
     links = {}
     for guide, one in zip((linkage.guides[0], None, linkage.guides[1]), linkage.links(at)):
         pivot = guide.pivot if isinstance(guide, Circle) else guide.pin if isinstance(guide, Slot) else None

@@ -129,6 +129,8 @@ def best_spring(
         cost = np.einsum("mn,mn->m", left, left)
         order = np.argsort(cost, kind="stable")[:_DESCENTS]
         tries.append((float(cost[order[0]]), kind, some[order].tolist()))
+        if work is not None and work.expired():
+            break
     if not tries:
         spread = float((longest - shortest).min()) if shortest.size else np.inf
         return (

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from synthesis.arrays import Complexes
+from synthesis.arrays import Complexes, Floats
 from synthesis.errors import FieldError
 from synthesis.fourbar.analysis import LinkMass, curve_over
 from synthesis.fourbar.kinematics import close_loop
 from synthesis.fourbar.linkage import Joints, Linkage
-from synthesis.sheet import More, Sheet, csv_text, dxf_document, dxf_text
+from synthesis.sheet import More, Sheet, csv_text, dxf_document, dxf_text, given_cells
 from synthesis.target import Interval, Target
 
 FARTHEST = 1e9
@@ -36,6 +36,8 @@ SPEED = 1.0
 """Crank speed of the simulation's drive in radians a second."""
 TIMESTEP = 1e-4
 """Step of the simulation in seconds."""
+SOLVER = f'solref="{2 * TIMESTEP!r} 1" solimp="0.99999 0.99999 1e-6"'
+"""How stiffly a loop is closed."""
 HOLE_OF_SHORTEST, HOLE_OF_LONGEST = 0.3, 0.05
 """The default diameter of a hole: the lesser of these parts of the shortest and of the longest link."""
 WIDTH_OF_HOLE = 2.5
@@ -59,8 +61,18 @@ def used_joints(linkage: Linkage, interval: Interval) -> Joints:
 
 
 def requested_positions(target: Target) -> Complexes:
-    """The positions of a target; none where it has none."""
-    return np.empty(0, dtype=complex) if target.position is None else target.position
+    """The positions that a target asks for; none where it asks for none."""
+    asked = target.asked.position
+    return np.empty(0, dtype=complex) if asked is None else asked[np.isfinite(asked)]
+
+
+def requested_poses(target: Target, turned: Floats) -> Iterable[tuple[complex, float]]:
+    """Position and rotation of each pose that a target asks for; ``turned`` (N,): of the body, where no rotation is asked for."""
+    rotation, places, _ = target.asked
+    if places is None:
+        return []
+    turns = turned if rotation is None else np.where(np.isnan(rotation), turned, rotation)
+    return ((place, turn) for place, turn in zip(places, turns) if np.isfinite(place))
 
 
 def to_svg(linkage: Linkage, target: Target) -> str:
@@ -76,16 +88,12 @@ def to_svg(linkage: Linkage, target: Target) -> str:
             shown.append(way)
     sheet = Sheet(np.concatenate(shown), 0.08, 1000, digits=7)
 
-    def line(points: Complexes, name: str, closed: bool = False) -> str:
-        tail = "Z" if closed else ""
-        return f'<path class="{name}" d="M{" L".join(sheet.at(z) for z in points)}{tail}"/>'
-
     def dot(z: complex, radius: float, name: str) -> str:
         return sheet.dot(z, radius, f'class="{name}"')
 
     curves = ""
     if path is not None:
-        curves = ("" if way is None else line(way, "turn")) + line(path, "path")
+        curves = ("" if way is None else sheet.line(way, "turn")) + sheet.line(path, "path")
     curves += "".join(dot(mark, 5, "pose") for mark in marks)
     body = np.array([d, c] if path is None else [d, c, path[0]])
     pins = dot(a, 11, "pivot") + dot(b, 11, "pivot") + dot(d, 8, "pin") + dot(c, 8, "pin")
@@ -99,10 +107,10 @@ def to_svg(linkage: Linkage, target: Target) -> str:
         "Four-bar linkage: crank {:.6g}, coupler {:.6g}, rocker {:.6g}, ground {:.6g}".format(*linkage.links),
         [
             STYLE,
-            f'<g id="GROUND">{line(np.array([a, b]), "ground")}</g>',
+            f'<g id="GROUND">{sheet.line(np.array([a, b]), "ground")}</g>',
             f'<g id="PATH">{curves}</g>',
-            f'<g id="BODY">{line(body, "body", closed=True)}</g>',
-            f'<g id="LINKS">{line(np.array([a, d]), "crank")}{line(np.array([b, c]), "rocker")}</g>',
+            f'<g id="BODY">{sheet.line(body, "body", closed=True)}</g>',
+            f'<g id="LINKS">{sheet.line(np.array([a, d]), "crank")}{sheet.line(np.array([b, c]), "rocker")}</g>',
             f"<g>{pins}{'' if path is None else dot(path[0], 7, 'point')}</g>",
             f'<g id="NAMES">{names}{sizes}</g>',
         ],
@@ -117,39 +125,55 @@ def to_csv(linkage: Linkage, target: Target, unit: float, more: Mapping[str, Ite
     """
     used_joints(linkage, target.interval)
     joints = linkage.joints(target.crank)
-    blank = [None] * target.samples
-
-    def xy(values: Complexes | None) -> list[Any]:
-        return [blank, blank] if values is None else [values.real.tolist(), values.imag.tolist()]
-
-    rotation = None if target.rotation is None else target.rotation / unit
-    point = joints.body_point
-    off = None if point is None or target.position is None else np.abs(target.position - point)
     columns = {
-        "crank_angle": (target.crank / unit).tolist(),
-        "rotation_wanted": blank if rotation is None else rotation.tolist(),
-        **dict(zip(("x_wanted", "y_wanted"), xy(target.position))),
-        "rotation": (joints.rotation / unit).tolist(),
-        **dict(zip(("x", "y"), xy(point))),
-        "rotation_error": blank if rotation is None else (rotation - joints.rotation / unit).tolist(),
-        "position_error": blank if off is None else off.tolist(),
-        "transmission_angle": (joints.transmission_angle / unit).tolist(),
-        "crank_direction": (joints.crank_angle / unit).tolist(),
-        "coupler_direction": (joints.coupler_angle / unit).tolist(),
-        "rocker_direction": (joints.rocker_angle / unit).tolist(),
-        **dict(zip(("crank_pin_x", "crank_pin_y"), xy(joints.crank_pin))),
-        **dict(zip(("coupler_pin_x", "coupler_pin_y"), xy(joints.coupler_pin))),
+        "crank_angle": target.crank / unit,
+        **motion_columns(target, unit, joints.rotation, joints.body_point),
+        "transmission_angle": joints.transmission_angle / unit,
+        "crank_direction": joints.crank_angle / unit,
+        "coupler_direction": joints.coupler_angle / unit,
+        "rocker_direction": joints.rocker_angle / unit,
+        **places("crank_pin_{}", joints.crank_pin, target.samples),
+        **places("coupler_pin_{}", joints.coupler_pin, target.samples),
         **(more or {}),
     }
     return csv_text(columns)
 
 
+def motion_columns(
+    target: Target, unit: float, rotation: Floats, position: Complexes | None
+) -> dict[str, Iterable[Any]]:
+    """Columns of what was asked for and of what a linkage does; an empty cell is a number that was not asked for."""
+    asked, rows = target.asked, target.samples
+    wanted = None if asked.rotation is None else asked.rotation / unit
+    turned = (rotation - asked.moved) / unit
+    off = None if position is None or asked.position is None else np.abs(asked.position - position)
+    return {
+        "rotation_wanted": given_cells(wanted, rows),
+        **places("{}_wanted", asked.position, rows),
+        "rotation": turned,
+        **places("{}", position, rows),
+        "rotation_error": given_cells(None if wanted is None else wanted - turned, rows),
+        "position_error": given_cells(off, rows),
+    }
+
+
+def places(name: str, values: Complexes | None, samples: int) -> dict[str, Iterable[Any]]:
+    """Two columns of points, blank where there are none; ``name`` has a place for x and y."""
+    x, y = (given_cells(None if values is None else part(values), samples) for part in (np.real, np.imag))
+    return {name.format("x"): x, name.format("y"): y}
+
+
+def check_size(size: float, largest: float, unit_mm: float) -> None:
+    """FieldError for a drawing that the readers of a file cannot hold: of so large a size, up to so far from the origin."""
+    if not 1e-9 <= size * unit_mm or not largest * unit_mm <= LARGEST_MM:
+        raise FieldError("/length_unit", f"wanted a drawing between 1e-9 and {LARGEST_MM:.0e} mm in size")
+
+
 def _check_size(linkage: Linkage, unit_mm: float) -> None:
     joints = linkage.joints(np.zeros(1))
     reach = linkage.coupler_point[0] if linkage.coupler_point else 0.0
-    largest = max(abs(joints.pivot_a), abs(joints.pivot_b), max(linkage.links), reach) * unit_mm
-    if not 1e-9 <= max(linkage.links) * unit_mm or not largest <= LARGEST_MM:
-        raise FieldError("/length_unit", f"wanted a drawing between 1e-9 and {LARGEST_MM:.0e} mm in size")
+    largest = max(abs(joints.pivot_a), abs(joints.pivot_b), max(linkage.links), reach)
+    check_size(max(linkage.links), largest, unit_mm)
 
 
 def to_dxf(linkage: Linkage, target: Target, unit_mm: float = 1.0, more: More | None = None) -> str:
@@ -182,8 +206,7 @@ def to_dxf(linkage: Linkage, target: Target, unit_mm: float = 1.0, more: More | 
         point = used.body_point
         space.add_lwpolyline([xy(d), xy(c), xy(point[0])], close=True, dxfattribs={"layer": "BODY"})
         space.add_lwpolyline([xy(z) for z in point], dxfattribs={"layer": "PATH"})
-    turns = target.rotation if target.rotation is not None else linkage.joints(target.crank).rotation
-    for place, turn in zip(requested_positions(target), turns):
+    for place, turn in requested_poses(target, linkage.joints(target.crank).rotation):
         space.add_point(xy(place), dxfattribs={"layer": "BODY"})
         arm = place + 0.08 * size / unit_mm * np.exp(1j * turn)
         space.add_line(xy(place), xy(arm), dxfattribs={"layer": "BODY"})
@@ -247,18 +270,13 @@ def to_mjcf(
     moving = f' qvel="{speeds}"' if speeds.count(" ") == 2 else ""
     duration = abs(target.crank[-1]) / SPEED
     site = f'size="{thick / 2!r}"'
-    return f"""<mujoco model="four-bar linkage">
-  <!-- lengths in metres, angles in radians; {duration:.6g} s at the keyframe's speed are the used interval;
-       masses are {"those of slender rods" if masses is None else "kilograms of its parts"} -->
-  <compiler angle="radian" autolimits="true"/>
-  <option timestep="{TIMESTEP!r}" gravity="0 0 0" integrator="implicitfast" iterations="200" tolerance="1e-16"/>
-  <default>
-    <geom contype="0" conaffinity="0" rgba="0.15 0.39 0.92 1"/>
-    <joint type="hinge" axis="0 0 1"/>
-  </default>
-  <worldbody>
-    <light pos="0 0 {4 * longest!r}" dir="0 0 -1"/>
-    <geom name="ground" type="capsule" fromto="{place(at_a)} {place(at_b)}" size="{thick / 4!r}" rgba="0.5 0.5 0.5 1"/>
+    return model_text(
+        "four-bar linkage",
+        f"""{duration:.6g} s at the keyframe's speed are the used interval;
+       masses are {"those of slender rods" if masses is None else "kilograms of its parts"}""",
+        'rgba="0.15 0.39 0.92 1"',
+        longest,
+        f"""<geom name="ground" type="capsule" fromto="{place(at_a)} {place(at_b)}" size="{thick / 4!r}" rgba="0.5 0.5 0.5 1"/>
     <body name="crank" pos="{place(at_a)}" euler="0 0 {angle1!r}">
       <joint name="crank"/>
       {rod("crank", crank, "0.76 0.25 0.05 1")}
@@ -272,16 +290,41 @@ def to_mjcf(
       <joint name="rocker"/>
       {rod("rocker", rocker, "0.11 0.15 0.2 1")}
       <site name="loop_rocker" pos="{rocker!r} 0 0" {site}/>
-    </body>
+    </body>""",
+        f'<connect name="loop" site1="loop_coupler" site2="loop_rocker" {SOLVER}/>',
+        "crank",
+        gain,
+        f'ctrl="{way!r}"{moving}',
+    )
+
+
+def model_text(
+    name: str, about: str, geometry: str, size: float, bodies: str, loop: str, joint: str, gain: float, start: str
+) -> str:
+    """A MuJoCo model of a linkage of some ``size`` in metres, whose ``loop`` is closed by an equality constraint.
+
+    ``geometry``: what all its geoms have. ``joint``, ``gain``: of the actuator ``drive``. ``start``: attributes of the keyframe.
+    """
+    return f"""<mujoco model="{name}">
+  <!-- lengths in metres, angles in radians; {about} -->
+  <compiler angle="radian" autolimits="true"/>
+  <option timestep="{TIMESTEP!r}" gravity="0 0 0" integrator="implicitfast" iterations="200" tolerance="1e-16"/>
+  <default>
+    <geom contype="0" conaffinity="0" {geometry}/>
+    <joint type="hinge" axis="0 0 1"/>
+  </default>
+  <worldbody>
+    <light pos="0 0 {4 * size!r}" dir="0 0 -1"/>
+    {bodies}
   </worldbody>
   <equality>
-    <connect name="loop" site1="loop_coupler" site2="loop_rocker" solref="{2 * TIMESTEP!r} 1" solimp="0.99999 0.99999 1e-6"/>
+    {loop}
   </equality>
   <actuator>
-    <velocity name="drive" joint="crank" kv="{gain!r}"/>
+    <velocity name="drive" joint="{joint}" kv="{gain!r}"/>
   </actuator>
   <keyframe>
-    <key name="start" ctrl="{way!r}"{moving}/>
+    <key name="start" {start}/>
   </keyframe>
 </mujoco>
 """

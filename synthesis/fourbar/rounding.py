@@ -110,8 +110,10 @@ def round_to_grid(
     steps = np.maximum(np.round(np.array(old.links) / grid), 1.0)
     links = np.where(np.isnan(given), steps * grid, given)[None]
     starts = scan(target, links, old.branch, limits)[1]
-    if (found := place(target, links, old.branch, starts, old, limits)[0]) is not None:
+    if (found := place(target, links, old.branch, starts, old, limits, work)[0]) is not None:
         return Rounding(found, 1)
+    if work.expired():
+        return Rounding(None, 0)
     near = [np.arange(max(1.0, step - AROUND), step + AROUND + 1) * grid for step in steps]
     near = [values if np.isnan(length) else np.array([length]) for values, length in zip(near, given)]
     best = _best_of(target, solution, near, limits, min(tries, GRID_TRIES), work)
@@ -158,13 +160,16 @@ def _best_of(
     for first in range(0, ranked.size, _PLACED):
         if best is not None and cost[ranked[first]] > _WORSE * best.errors.objective**2:
             break
-        if first >= min(_MOST_PLACED, max(_PLACED, tries // _SCANS_OF_PLACING)) or (first and work.expired()):
+        if first >= min(_MOST_PLACED, max(_PLACED, tries // _SCANS_OF_PLACING)):
             refined_all = False
             break
         some = ranked[first : first + _PLACED]
-        for one in place(target, links[some], old.branch, starts[some], old, limits):
+        for one in place(target, links[some], old.branch, starts[some], old, limits, work):
             if one is not None and (best is None or one.errors.objective < best.errors.objective):
                 best = one
+        if work.expired():  # perhaps before the last was in its place
+            tried, refined_all = tried if best is not None else 0, False
+            break
     return Rounding(best, tried, every, tried == every and refined_all)
 
 
@@ -343,9 +348,9 @@ def _best_pose(target: Target, links: Floats, branch: int, start: Floats) -> tup
 
 
 def place(
-    target: Target, links: Floats, branch: int, starts: Floats, old: Linkage, limits: Limits
+    target: Target, links: Floats, branch: int, starts: Floats, old: Linkage, limits: Limits, work: Work
 ) -> list[Solution | None]:
-    """Links in their best place within the limits.
+    """Links in their best place within the limits, or once the work has expired in a good one.
 
     ``target``: with positions. ``links`` (n, 4). ``starts`` (n, m): where to begin; NaN: nowhere. ``old``: a linkage
     nearby, whose place is tried as well.
@@ -358,14 +363,14 @@ def place(
     begin = np.concatenate([starts[rows, columns], np.full(len(links), old.start)])
     own, around = links[tried], _best_pose(target, links[tried], branch, begin)[1]
     best: list[Solution | None] = [None] * len(links)
-    refined = _refined(target, own, branch, around.unknowns(target))
+    refined = _refined(target, own, branch, around.unknowns(target), work)
     kept = _offer(best, target, own, branch, tried, Places.of(target, refined), limits)
     open_rows = np.flatnonzero(~kept)
     if open_rows.size and not limits.only_family:
         same = Places.of_linkage(old, len(links))
         unknowns = np.concatenate([refined[open_rows], same.unknowns(target)])
         tried = np.concatenate([tried[open_rows], np.arange(len(links))])
-        limited = Places.of(target, _held_back(target, links[tried], branch, unknowns, limits))
+        limited = Places.of(target, _held_back(target, links[tried], branch, unknowns, limits, work))
         _offer(best, target, links[tried], branch, tried, limited.snapped(limits, links[tried, 3]), limits)
     return best
 
@@ -404,14 +409,15 @@ def _offer(
     return kept
 
 
-def _refined(target: Target, links: Floats, branch: int, unknowns: Floats) -> Floats:
+def _refined(target: Target, links: Floats, branch: int, unknowns: Floats, work: Work) -> Floats:
     def evaluate(some: Floats, which: Floats) -> Evaluation:
         return _evaluation(_rows(target, links[which.astype(int)], branch, some))
 
-    return minimise(evaluate, unknowns, np.arange(len(links), dtype=float), _STEPS, stall=0.0, damping=1e-6).unknowns
+    which = np.arange(len(links), dtype=float)
+    return minimise(evaluate, unknowns, which, _STEPS, work=work, stall=0.0, damping=1e-6).unknowns
 
 
-def _held_back(target: Target, links: Floats, branch: int, unknowns: Floats, limits: Limits) -> Floats:
+def _held_back(target: Target, links: Floats, branch: int, unknowns: Floats, limits: Limits, work: Work) -> Floats:
     """Candidates (n, 6) after a descent that limits hold back, by the method of multipliers."""
     constraints = Constraints(limits, _middle(target), target.length_scale, exact=False)
     values, _, equal = _constrained(constraints, target, links, branch, unknowns)
@@ -428,7 +434,10 @@ def _held_back(target: Target, links: Floats, branch: int, unknowns: Floats, lim
             stack = root * np.where(broken[:, None], stack, 0.0)
             return _evaluation(np.concatenate([_rows(target, links[rows], branch, some), stack], axis=2))
 
-        unknowns = minimise(evaluate, unknowns, np.arange(len(links), dtype=float), _STEPS // 4, stall=1e-8).unknowns
+        if work.expired():
+            break
+        which = np.arange(len(links), dtype=float)
+        unknowns = minimise(evaluate, unknowns, which, _STEPS // 4, work=work, stall=1e-8).unknowns
         gap = np.nan_to_num(shift - _constrained(constraints, target, links, branch, unknowns)[0])
         shift = np.where(equal, gap, np.maximum(gap, 0.0)) / _GROWTH
         weight *= _GROWTH

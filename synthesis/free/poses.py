@@ -69,7 +69,7 @@ class Poses(Samples):
 
     def used(self, crank: Floats) -> Target:
         """Crank angles (n, N) and length scale alone: all that limits need to know of the request."""
-        return Target(None, None, self.length_scale, crank=crank, found=True)
+        return Target(None, None, self.length_scale, crank=crank, found=True, closed=self.closed)
 
     def timed(self, crank: Floats, rotation: Floats | None) -> Target:
         """The request with crank angles from the first sample, of one linkage or of several.
@@ -82,12 +82,22 @@ class Poses(Samples):
             The body's rotation there: those asked for are moved by whole turns to lie nearest to it.
         """
         asked = self if self.asked is None else self.asked
-        turns = asked.rotation
+        turns, moved = asked.rotation, np.zeros(1)
         if turns is not None:
             assert rotation is not None
-            turns = turns + TURN * np.round((rotation - turns) / TURN)
-        weights = asked.rotation_weights, asked.position_weights
-        return Target(turns, asked.position, asked.length_scale, *weights, crank=crank, found=True)
+            moved = TURN * np.round((rotation - turns) / TURN)
+            turns = turns + moved
+        return Target(
+            turns,
+            asked.position,
+            asked.length_scale,
+            asked.rotation_weights,
+            asked.position_weights,
+            crank=crank,
+            found=True,
+            closed=self.closed,
+            moved=moved,
+        )
 
 
 def make_poses(

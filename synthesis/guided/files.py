@@ -15,10 +15,14 @@ from synthesis.errors import FieldError
 from synthesis.fourbar.files import (
     DXF_COLOURS,
     FARTHEST,
-    LARGEST_MM,
+    SOLVER,
     SPEED,
     STYLE,
-    TIMESTEP,
+    check_size,
+    model_text,
+    motion_columns,
+    places,
+    requested_poses,
     requested_positions,
 )
 from synthesis.guided.linkage import BODY, Circle, Driver, GuidedLinkage, MovingLink, Rail, Slot
@@ -120,14 +124,8 @@ def to_svg(linkage: GuidedLinkage, target: Target) -> str:
     seen += [np.array([one.pivot]) for one in linkage.guides if isinstance(one, Circle)]
     sheet = Sheet(np.concatenate(seen), 0.08, 1000, digits=7)
 
-    def line(points: Complexes, name: str, closed: bool = False) -> str:
-        tail = "Z" if closed else ""
-        return f'<path class="{name}" d="M{" L".join(sheet.at(z) for z in points)}{tail}"/>'
-
     def block(at: complex, direction: float) -> str:
-        half = found.size * _SLIDER / 2
-        corners = np.array([-2 - 1j, 2 - 1j, 2 + 1j, -2 + 1j]) * half / 1.5
-        return line(at + corners * np.exp(1j * direction), "slider", closed=True)
+        return sheet.line(_block(found, at, direction), "slider", closed=True)
 
     ground, links, dots, labels = [], [], [], []
     for place, guide in enumerate(linkage.guides):
@@ -135,7 +133,7 @@ def to_svg(linkage: GuidedLinkage, target: Target) -> str:
         pin = "DC"[place]
         colour = "crank" if place == 0 and linkage.driver is Driver.CRANK else "rocker"
         if isinstance(guide, Circle):
-            links.append(line(np.array([guide.pivot, at]), colour))
+            links.append(sheet.line(np.array([guide.pivot, at]), colour))
             dots += [sheet.dot(guide.pivot, 11, 'class="pivot"'), sheet.dot(at, 8, 'class="pin"')]
             labels += [sheet.label(guide.pivot, name), sheet.label(at, pin)]
             labels.append(sheet.label((guide.pivot + at) / 2, f"{guide.radius:.5g}", 'class="size"'))
@@ -143,15 +141,15 @@ def to_svg(linkage: GuidedLinkage, target: Target) -> str:
         ends = found.rails[place]
         assert ends is not None
         if isinstance(guide, Rail):
-            ground.append(line(ends, "rail"))
+            ground.append(sheet.line(ends, "rail"))
             links.append(block(at, guide.direction))
             dots.append(sheet.dot(at, 8, 'class="pin"'))
             labels.append(sheet.label(at, pin))
         else:
-            links += [block(at, float(body.direction[0]) + guide.body_direction), line(ends, "slot")]
+            links += [block(at, float(body.direction[0]) + guide.body_direction), sheet.line(ends, "slot")]
             dots.append(sheet.dot(at, 11, 'class="pivot"'))
             labels.append(sheet.label(at, name))
-    curves = line(path, "path") + "".join(sheet.dot(mark, 5, 'class="pose"') for mark in marks)
+    curves = sheet.line(path, "path") + "".join(sheet.dot(mark, 5, 'class="pose"') for mark in marks)
     labels.append(sheet.label(path[0], "P"))
     words = linkage.kind.replace("_", " ")
     dots.append(sheet.dot(path[0], 7, 'class="point"'))
@@ -162,7 +160,7 @@ def to_svg(linkage: GuidedLinkage, target: Target) -> str:
             _OWN_STYLE,
             f'<g id="GROUND">{"".join(ground)}</g>',
             f'<g id="PATH">{curves}</g>',
-            f'<g id="BODY">{line(_outline(linkage, found, True), "body", closed=True)}</g>',
+            f'<g id="BODY">{sheet.line(_outline(linkage, found, True), "body", closed=True)}</g>',
             f'<g id="LINKS">{"".join(links)}</g>',
             f"<g>{''.join(dots)}</g>",
             f'<g id="NAMES">{"".join(labels)}</g>',
@@ -180,42 +178,36 @@ def to_csv(
     """
     shown(linkage, target.interval)
     links, found = linkage.links(target.crank), linkage.body(linkage.start + target.crank)
-    body, blank = links[1], [None] * target.samples
-
-    def xy(name: str, values: Complexes | None) -> dict[str, list[Any]]:
-        x, y = (blank, blank) if values is None else (values.real.tolist(), values.imag.tolist())
-        return {f"x{name}": x, f"y{name}": y}
-
+    body = links[1]
     own = unit if linkage.driver.turns else 1.0
-    rotation = None if target.rotation is None else target.rotation / unit
-    off = None if target.position is None else np.abs(target.position - body.place)
     columns: dict[str, Any] = {
-        "crank_angle" if linkage.driver.turns else "travel": (target.crank / own).tolist(),
-        "rotation_wanted": blank if rotation is None else rotation.tolist(),
-        **xy("_wanted", target.position),
-        "rotation": (body.direction / unit).tolist(),
-        **xy("", body.place),
-        "rotation_error": blank if rotation is None else (rotation - body.direction / unit).tolist(),
-        "position_error": blank if off is None else off.tolist(),
-        "transmission_angle": (found.transmission_angle / unit).tolist(),
-        "arm": found.arm.tolist(),
+        "crank_angle" if linkage.driver.turns else "travel": target.crank / own,
+        **motion_columns(target, unit, body.direction, body.place),
+        "transmission_angle": found.transmission_angle / unit,
+        "arm": found.arm,
     }
     for place, guide in enumerate(linkage.guides):
         link = links[0] if place == 0 else links[2]
         at = _pin_of(linkage, place, body)
         if not isinstance(guide, Rail):
-            columns[f"{link.name}_direction"] = (link.direction / unit).tolist()
+            columns[f"{link.name}_direction"] = link.direction / unit
         if not isinstance(guide, Circle):
-            columns[f"{link.name}_travel"] = linkage.along(place, target.crank).tolist()
+            columns[f"{link.name}_travel"] = linkage.along(place, target.crank)
         if not isinstance(guide, Slot):
-            columns |= {f"{link.name}_pin_{key}": values for key, values in xy("", at).items()}
+            columns |= places(f"{link.name}_pin_{{}}", at, target.samples)
     return csv_text(columns | dict(more or {}))
 
 
+def _block(found: _Shown, at: complex, direction: float) -> Complexes:
+    """The corners of a slider or of a slot's block."""
+    half = found.size * _SLIDER / 2
+    corners = np.array([-2 - 1j, 2 - 1j, 2 + 1j, -2 + 1j]) * half / 1.5
+    return np.asarray(at + corners * np.exp(1j * direction))
+
+
 def _check_size(found: _Shown, unit_mm: float) -> None:
-    largest = max(float(np.max(np.abs(one))) for one in (*found.points, found.links[1].place)) * unit_mm
-    if not 1e-9 <= found.size * unit_mm or not largest <= LARGEST_MM:
-        raise FieldError("/length_unit", f"wanted a drawing between 1e-9 and {LARGEST_MM:.0e} mm in size")
+    largest = max(float(np.max(np.abs(one))) for one in (*found.points, found.links[1].place))
+    check_size(found.size, largest, unit_mm)
 
 
 def to_dxf(linkage: GuidedLinkage, target: Target, unit_mm: float = 1.0, more: More | None = None) -> str:
@@ -237,9 +229,8 @@ def to_dxf(linkage: GuidedLinkage, target: Target, unit_mm: float = 1.0, more: M
         return float(z.real * unit_mm), float(z.imag * unit_mm)
 
     def block(at: complex, direction: float) -> None:
-        half = found.size * _SLIDER / 2
-        corners = at + np.array([-2 - 1j, 2 - 1j, 2 + 1j, -2 + 1j]) * half / 1.5 * np.exp(1j * direction)
-        space.add_lwpolyline([xy(z) for z in corners], close=True, dxfattribs={"layer": "LINKS"})
+        corners = [xy(z) for z in _block(found, at, direction)]
+        space.add_lwpolyline(corners, close=True, dxfattribs={"layer": "LINKS"})
 
     body = found.links[1]
     for place, guide in enumerate(linkage.guides):
@@ -262,8 +253,7 @@ def to_dxf(linkage: GuidedLinkage, target: Target, unit_mm: float = 1.0, more: M
     corners = [xy(z) for z in _outline(linkage, found, True)]
     space.add_lwpolyline(corners, close=True, dxfattribs={"layer": "BODY"})
     space.add_lwpolyline([xy(z) for z in body.place], dxfattribs={"layer": "PATH"})
-    turns = target.rotation if target.rotation is not None else linkage.links(target.crank)[1].direction
-    for mark, turn in zip(requested_positions(target), turns):
+    for mark, turn in requested_poses(target, linkage.links(target.crank)[1].direction):
         space.add_point(xy(mark), dxfattribs={"layer": "BODY"})
         space.add_line(xy(mark), xy(mark + 0.08 * found.size * np.exp(1j * turn)), dxfattribs={"layer": "BODY"})
     if more is not None:
@@ -395,7 +385,6 @@ def to_mjcf(linkage: GuidedLinkage, target: Target, unit_mm: float = 1.0) -> str
     first, speeds = guide_body(0, coupler)
     speeds.append(speed)
     end = f'<site name="loop_other" pos="{{}}" size="{thick / 2!r}"/>'
-    solver = f'solref="{2 * TIMESTEP!r} 1" solimp="0.99999 0.99999 1e-6"'
     if isinstance(other, Slot):
         slide = (
             '<body name="slide">\n        <joint name="slide" type="slide" axis="-1 0 0"/>\n        '
@@ -403,11 +392,11 @@ def to_mjcf(linkage: GuidedLinkage, target: Target, unit_mm: float = 1.0) -> str
         )
         second, more = guide_body(1, slide)
         more.append(slot_rate(1))
-        loop = f'<weld name="loop" body1="slide" body2="{BODY}" {solver}/>'
+        loop = f'<weld name="loop" body1="slide" body2="{BODY}" {SOLVER}/>'
     else:
         inside = complex(other.radius * metre) if isinstance(other, Circle) else 0j
         second, more = guide_body(1, end.format(_place(inside)))
-        loop = f'<connect name="loop" site1="loop_coupler" site2="loop_other" {solver}/>'
+        loop = f'<connect name="loop" site1="loop_coupler" site2="loop_other" {SOLVER}/>'
     speeds += more
     forward = target.crank[-1] >= 0
     drive_joint = names[0] if linkage.driver is not Driver.CYLINDER else BODY
@@ -419,31 +408,17 @@ def to_mjcf(linkage: GuidedLinkage, target: Target, unit_mm: float = 1.0) -> str
     if np.all(np.isfinite(speeds)):
         moving = f' qvel="{" ".join(_number(way * value) for value in speeds)}"'
     unit = "radians" if linkage.driver.turns else "metres"
-    return f"""<mujoco model="{linkage.kind.replace("_", " ")}, {linkage.driver}">
-  <!-- lengths in metres, angles in radians; the used interval takes {span / pace:.6g} s at {pace:.6g} {unit} a second -->
-  <compiler angle="radian" autolimits="true"/>
-  <option timestep="{TIMESTEP!r}" gravity="0 0 0" integrator="implicitfast" iterations="200" tolerance="1e-16"/>
-  <default>
-    <geom contype="0" conaffinity="0" mass="0"/>
-    <joint type="hinge" axis="0 0 1"/>
-  </default>
-  <worldbody>
-    <light pos="0 0 {4 * size!r}" dir="0 0 -1"/>
-    {_rails(found, linkage, metre, thick)}
-    {first}
-    {second}
-  </worldbody>
-  <equality>
-    {loop}
-  </equality>
-  <actuator>
-    <velocity name="drive" joint="{drive_joint}" kv="{gain!r}"/>
-  </actuator>
-  <keyframe>
-    <key name="start" ctrl="{way!r}"{moving}/>
-  </keyframe>
-</mujoco>
-"""
+    return model_text(
+        f"{linkage.kind.replace('_', ' ')}, {linkage.driver}",
+        f"the used interval takes {span / pace:.6g} s at {pace:.6g} {unit} a second",
+        'mass="0"',
+        size,
+        "\n    ".join((_rails(found, linkage, metre, thick), first, second)),
+        loop,
+        drive_joint,
+        gain,
+        f'ctrl="{way!r}"{moving}',
+    )
 
 
 def _rails(found: _Shown, linkage: GuidedLinkage, metre: float, thick: float) -> str:

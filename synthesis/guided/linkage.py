@@ -794,24 +794,3 @@ def of_four_bar(linkage: Linkage) -> GuidedLinkage:
     first, second = complex(-point * turn), complex((coupler - point) * turn)
     guides = Circle(linkage.pivot_a, crank, first), Circle(linkage.pivot_b, rocker, second)
     return GuidedLinkage(guides, Driver.CRANK, linkage.branch, linkage.start + linkage.ground_angle)
-
-
-def as_four_bar(linkage: GuidedLinkage) -> Linkage:
-    """A body on two circles as a four-bar, the driven circle its crank.
-
-    Law: `of_four_bar` takes it back, to rounding.
-    """
-    driven, other = linkage.guides
-    assert isinstance(driven, Circle) and isinstance(other, Circle)
-    ground, coupler = other.pivot - driven.pivot, other.body_point - driven.body_point
-    ground_angle, along = float(np.angle(ground)), float(np.angle(coupler))
-    point = complex(-driven.body_point * np.exp(-1j * along))
-    return Linkage(
-        (driven.radius, abs(coupler), other.radius, abs(ground)),
-        linkage.branch,
-        (linkage.start - ground_angle) % TURN,
-        driven.pivot,
-        ground_angle,
-        (abs(point), float(np.angle(point))),
-        float(np.angle(np.exp(-1j * along))),
-    )

@@ -292,6 +292,8 @@ class Search:
             self.all if self.samples.number <= _SAMPLES else self._problem(_some(self.samples, _SAMPLES, _FEWER))
         )
         self.body = Body(poses)
+        full = poses.full
+        self.thin = self.body if full.size <= _MANY else Body(poses.at(full[:: 3 * full.size // _MANY]))
         self.sorts = {sort for way in ways for sort in (way.first, way.second)}
         self.random = np.random.default_rng(20)
         self.seeds = 0
@@ -449,8 +451,8 @@ class Search:
 
     def near(self) -> Candidates:
         """Pairs of guides of points all over body and ground: the best of each drive."""
-        sorts = near_guides(self.body, self.sorts)
-        motion = Motion.of(self.body)
+        sorts = near_guides(self.thin, self.sorts)
+        motion = Motion.of(self.thin)
         best = []
         for guides in sorts:
             error = _errors(guides, motion)

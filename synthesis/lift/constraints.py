@@ -423,6 +423,7 @@ class _Search:
 
     def rows(self, built: Built, nodes: int, margin: float = 0.0) -> Floats:
         """All slacks of each design, (n, m); very negative where it cannot be assembled."""
+        self.work.go_on()
         found = slacks(built, self.space.task, self.space.limits, nodes)
         together = np.concatenate(list(found.values()), axis=1) - margin
         return np.where(np.isfinite(together), np.clip(together, -10.0, 10.0), -10.0)

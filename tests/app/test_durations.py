@@ -41,6 +41,10 @@ def test_every_kind_of_everyday_question_has_been_measured() -> None:
         ({"limits": {"pivot_box": [0, 0, 1, 1], "family": "any"}, "budget_ms": 150}, False),
         ({"crank_span": None, "timing": "free"}, True),
         ({"crank_span": None, "timing": "free", "order": "any"}, True),
+        ({"mechanisms": "all"}, True),
+        ({"crank_span": None, "timing": "free", "live": "a client's own"}, False),
+        ({"lengths_from": [1, 2, 3], "live": "a client's own"}, True),
+        ({"rotation": [0.5 * k for k in range(100)], "position": None, "live": "a client's own"}, True),
     ],
 )
 def test_what_takes_little_is_short(more, long) -> None:
@@ -51,3 +55,36 @@ def test_what_takes_little_is_short(more, long) -> None:
 def test_no_request_is_said_to_take_longer_than_its_budget() -> None:
     request = SynthesizeRequest(**{**worked_example(), "timing": "free", "crank_span": None, "budget_ms": 5})
     assert durations.seconds_of(request) == 0.005
+
+
+LINKAGE = {
+    "links": {"crank": 30, "coupler": 80, "rocker": 70, "ground": 100},
+    "branch": 1,
+    "start_angle": 28,
+    "mount": {"ground_angle": 0, "pivot_a": [0, 0], "coupler_point": {"radius": 50, "angle": 40}},
+}
+GUIDED = {"driver": "slider", "branch": 1, "guides": [{"guide": "rail", "body_point": [0, 0]}] * 2, "start": 0}
+CORNERS = [[k % 7, k] for k in range(40)]
+
+
+@pytest.mark.parametrize(
+    ("path", "body", "long"),
+    [
+        ("/v1/match", {"rotation": [0, 1, 2], "crank_span": 70}, False),
+        ("/v1/match", {"rotation": [0, 1, 2], "crank_span": 1}, True),
+        ("/v1/match", {"rotation": [0, 1, 2], "crank_angle": [0, 0.5, 1], "angle_unit": "deg"}, True),
+        ("/v1/match", {"rotation": [0, 1, 2], "crank_span": 1, "angle_unit": "rad"}, False),
+        ("/v1/drives", {"linkage": LINKAGE, "drives": [{"kind": "rotary"}]}, False),
+        ("/v1/drives", {"linkage": LINKAGE, "drives": [{"kind": "actuator"}]}, True),
+        ("/v1/drives", {"linkage": LINKAGE, "drives": [{"kind": "actuator"}], "budget_ms": 100}, False),
+        ("/v1/assembly", {"linkage": LINKAGE}, False),
+        ("/v1/assembly", {"linkage": LINKAGE, "body": CORNERS}, True),
+        ("/v1/assembly", {"linkage": GUIDED, "body": CORNERS[:3]}, True),
+        ("/v1/export", {"request": worked_example(), "solution": LINKAGE, "format": "step"}, False),
+        ("/v1/export", {"request": worked_example(), "solution": LINKAGE, "assembly": {"body": CORNERS}}, True),
+    ],
+)
+def test_what_takes_little_of_other_routes_is_short(path, body, long) -> None:
+    query = next(query for query in all_queries() if path in (query.path, query.files and query.files.path))
+    question = query if path == query.path else query.files
+    assert question.is_long(question.request.model_validate(body)) is long

@@ -210,7 +210,7 @@ def turns(turnstile: Turnstile, story: Any) -> Any:
 @pytest.mark.parametrize("places", [2, 3, 5])
 def test_short_requests_do_not_wait_for_long_ones(places) -> None:
     async def story(ask):
-        long = [ask(0.4, True) for _ in range(8)]
+        long = [ask(0.4, True) for _ in range(places)]  # one to each place, if they were let
         await asyncio.sleep(0.05)
         short = [ask(0.01, False) for _ in range(10)]
         last_short, first_long = max(await asyncio.gather(*short)), min(await asyncio.gather(*long))

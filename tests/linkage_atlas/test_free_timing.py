@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+import csv
+
+import ezdxf
 import numpy as np
 import pytest
 
 import linkage_atlas as la
 
 CRANK = [0.0, 10.0, 35.0, 50.0, 80.0, 110.0]
+
+HALF = np.linspace(0, np.pi, 10)
+LETTER_D = [
+    *([-50 + 10 * k, 0] for k in range(10)),
+    *np.transpose([50 * np.cos(HALF), 40 * np.sin(HALF)])[:-1].tolist(),
+]
 
 
 @pytest.fixture(scope="module")
@@ -124,6 +133,88 @@ def test_a_closed_way_may_end_where_it_began() -> None:
         joints.rotation[:-1], joints.body_point[:-1], timing="free", limits={"preset": "none"}, closed=True
     ).best
     assert less.linkage.links == pytest.approx([19, 72, 64, 80], rel=1e-8) and less.crank_angle.size == 8
+
+
+@pytest.mark.parametrize("points", [[[0, 0], [10, 0], [5, 8]], [[0, 0], [10, 0], [10, 10], [0, 10]], LETTER_D])
+def test_a_closed_way_keeps_its_limits_on_the_way_back_too(points) -> None:
+    """From the last point the crank turns on to the first: a transmission angle below the limit there is met at every turn."""
+    found = la.synthesize(position=points, timing="free", closed=True, assembly=True)
+    assert len(found) > 2
+    for one in found:
+        turned = one.linkage.joints(np.linspace(0, 360, 721)).transmission_angle.min()
+        assert turned > 35 - 1e-6 and one.transmission_angle_min == pytest.approx(turned, abs=1e-3)
+        free = one.verdict.assembly is not None and one.verdict.assembly.status == "free"
+        assert free == (one.linkage.assembly().status == "free"), "as over the whole turn"
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_what_drives_a_closed_way_drives_it_round(way) -> None:
+    """A motor has the torque of the whole turn, and no cylinder, which would have to turn back, is offered."""
+    asked = [{"kind": "rotary"}, {"kind": "actuator"}]
+    points, load = [[0, 0], [10, 0], [5, 8]][::way], {"force": [0, -100]}
+    found = la.synthesize(position=points, timing="free", closed=True, load=load, drives=asked, top=8)
+    motors = [
+        (one, drive) for one in found for drive in one.drives if (drive.kind, drive.link) == ("rotary", "crank")
+    ]
+    assert len(motors) > 2
+    for one, motor in motors:
+        assert not [drive for drive in one.drives if drive.kind == "actuator"]
+        turned = np.linspace(0, 360, 3601)
+        height = 100 * one.linkage.joints(turned).body_point[:, 1]
+        assert motor.peak_torque == pytest.approx(np.abs(np.gradient(height, np.deg2rad(turned))).max(), rel=1e-3)
+        again = [drive.peak_torque for drive in la.drives(one, asked, load=load).drives]
+        assert motor.peak_torque == pytest.approx(min(again))
+        assert not any("and 4" in refused.reason for refused in one.refused), "there are three poses"
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_an_analysis_of_a_closed_way_goes_round(way) -> None:
+    points = [[0, 0], [10, 0], [5, 8], [1, 4]][::way]
+    best = la.synthesize(position=points, timing="free", closed=True, analysis={"crank_speed": 60}).best
+    curve = best.analysis.curve.crank_angle
+    assert curve[0] == 0 and curve[-1] == pytest.approx(360 * np.sign(best.crank_angle[-1]))
+
+
+@pytest.mark.parametrize("kind", ["four_bar", "slider_crank"])
+def test_a_table_tells_what_was_asked_for_as_it_was(kind, tmp_path) -> None:
+    """Rotations as they were given, though they count modulo a turn; nothing where nothing was asked for."""
+    turns, points = [340, None, 0, 10, 20], [[0, 0], [20, 2], None, [60, 10], [80, 8]]
+    best = la.synthesize(turns, points, timing="free", mechanisms=[kind], top=1).best
+    best.linkage.save(tmp_path / "poses.csv")
+    rows = list(csv.DictReader((tmp_path / "poses.csv").read_text().splitlines()))
+    cells = [row["rotation_wanted"] for row in rows]
+    assert cells[1] == "" and [float(cells[k]) for k in (0, 2, 3, 4)] == pytest.approx([340, 0, 10, 20])
+    assert (
+        rows[1]["rotation_error"] == ""
+        and rows[2]["x_wanted"] == rows[2]["y_wanted"] == rows[2]["position_error"] == ""
+    )
+    errors = [float(row["rotation_error"]) for row in rows if row["rotation_error"]]
+    assert max(map(abs, errors)) == pytest.approx(best.errors.rotation_max, abs=1e-9)
+    assert [float(row["rotation"]) for row in rows[2:]] == pytest.approx(
+        [0, 10, 20], abs=best.errors.rotation_max + 1e-9
+    )
+    assert abs(float(rows[1]["rotation"]) - 350) < 90, "within half a turn of its neighbours"
+    best.linkage.save(tmp_path / "poses.dxf")
+    places = [
+        (point.dxf.location.x, point.dxf.location.y)
+        for point in ezdxf.readfile(tmp_path / "poses.dxf").modelspace().query("POINT")
+    ]
+    assert np.allclose(places, [place for place in points if place])
+
+
+@pytest.mark.parametrize("kind", ["four_bar", "slider_crank", "swinging_block", "rail_slot"])
+@pytest.mark.parametrize("way", [1, -1])
+def test_files_show_the_first_sample_whichever_way_the_drive_goes(kind, way, tmp_path) -> None:
+    turned, points = np.array([0, 20, 45, 70]), np.array([[0, 0], [20, 2 * way], [40, 15 * way], [50, 30 * way]])
+    found = la.synthesize(way * turned, points, timing="free", mechanisms=[kind], limits={"preset": "none"}, top=6)
+    assert len(found) > 1
+    for one in found:
+        one.linkage.save(tmp_path / "shown.dxf")
+        space = ezdxf.readfile(tmp_path / "shown.dxf").modelspace()
+        outline, path = (space.query(f'LWPOLYLINE[layer=="{layer}"]').first for layer in ("BODY", "PATH"))
+        shown = [path.get_points("xy")[0], min(outline.get_points("xy"), key=lambda place: np.hypot(*place))]
+        assert np.hypot(*shown[0]) < one.errors.position_max + 1e-9
+        assert np.hypot(*shown[1]) < one.errors.position_max + 1e-9
 
 
 LID = (

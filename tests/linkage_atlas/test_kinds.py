@@ -109,6 +109,7 @@ def test_what_is_refused_names_its_field(asked, field):
         ({"travel_span": 5, "crank_span": 50}, "/travel"),
         ({"travel_span": 5, "driver": "crank"}, "/driver"),
         ({"travel_span": 5, "mechanisms": None}, "/mechanisms"),
+        ({"travel_span": 5, "rotation": None}, "/rotation"),
         ({"crank_span": 50, "driver": "slider"}, "/driver"),
         ({"crank_span": 50, "mechanisms": ["rail_slot"]}, "/mechanisms"),
     ],
@@ -117,3 +118,31 @@ def test_what_drives_is_checked(asked, field):
     with pytest.raises(la.FieldError) as error:
         la.synthesize(**({**_FOUR, "mechanisms": "all"} | asked))
     assert error.value.field == field
+
+
+def test_a_study_that_is_cut_down_says_so():
+    study = {"links": 0.1, "samples": 100_000}
+    found = la.synthesize(**_FOUR, timing="free", mechanisms=["two_slots"], tolerance_study=study, budget=0.3)
+    assert found.best.tolerance_study.samples < 100_000
+    assert any("instead of 100,000" in note for note in found.report.notes)
+
+
+def test_what_is_driven_by_given_travel_is_found_from_many_samples_as_from_few():
+    """Descents look at some of many samples; the answer is as exact on all of them."""
+    rails = la.GuidedLinkage.from_dict(
+        {
+            "driver": "slider",
+            "guides": [
+                {"guide": "rail", "point": [0, 0], "direction": 0, "body_point": [0, 0]},
+                {"guide": "rail", "point": [0, 0], "direction": 90, "body_point": [60, 80]},
+            ],
+            "branch": 1,
+            "start": 10,
+        }
+    )
+    travel = np.linspace(0, 50, 400) ** 1.1
+    body = rails.joints(travel)
+    found = la.synthesize(
+        body.rotation, body.body_point, travel=travel - travel[0], mechanisms=["two_rails"], limits={"preset": "none"}
+    )
+    assert found.status == "reached" and found.best.errors.objective < 1e-9

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from synthesis.drives.links import Loading, Mass
+from synthesis.drives.actuator import Actuator
+from synthesis.drives.links import LinkMotion, Loading, Mass
 from synthesis.fourbar.linkage import Linkage
 from synthesis.target import Interval
 
@@ -29,3 +30,14 @@ def loads(linkage: Linkage, rng: np.random.Generator) -> Loading:
     return Loading(
         complex(*rng.normal(size=2)), rng.normal(), tuple(parts), complex(*rng.normal(size=2)), rng.uniform(0, 3)
     )
+
+
+def straight(link: LinkMotion, actuator: Actuator) -> tuple[tuple[float, float, float], complex, complex]:
+    """The placement with the largest least arm about a pivot, extending: pins at both ends and the ground point on one line.
+
+    Radius of the pin, distance of the ground point and the least arm; then ground point and pin.
+    """
+    swing, half, middle = link.swing(), actuator.stroke / 2, actuator.retracted + actuator.stroke / 2
+    arm, bisector = half / np.tan(abs(swing) / 2), link.direction[0] * np.exp(0.5j * swing)
+    pin, ground = (complex(arm, -np.sign(swing) * far) for far in (half, middle))
+    return (abs(pin), abs(ground), arm), link.pivot + bisector * ground, link.point_at(link.pivot + bisector * pin)

@@ -85,6 +85,16 @@ GIVEN = {
     "body_offset": 0.0,
     "mount": {"ground_angle": 0.0, "pivot_a": [0.0, 0.0], "coupler_point": {"radius": 50.0, "angle": 40.0}},
 }
+TWO_RAILS = {
+    "driver": "slider",
+    "guides": [
+        {"guide": "rail", "point": [0.0, 0.0], "direction": 0.0, "body_point": [0.0, 0.0]},
+        {"guide": "rail", "point": [0.0, 0.0], "direction": 90.0, "body_point": [60.0, 80.0]},
+    ],
+    "branch": 1,
+    "start": 10.0,
+    "travel": [0.0, 50.0],
+}
 DESIGN = {"l2": 351.9, "l3": 162.8, "l4": 351.9, "l5": 347.2, "b": 535.8}
 CYLINDER = {"length": 220.0, "speed": 100.0}
 EXTRAS = "angles angular_velocities angular_accelerations points conditions residual instant_centre".split()
@@ -107,7 +117,7 @@ QUICK = {
 
 def requests() -> dict[str, Largest]:
     """What they are, by name."""
-    return {**_timed(), **_free(), **_functions(), **_matches(), **_machines(), **_scenes()}
+    return {**_timed(), **_free(), **_sliders(), **_functions(), **_matches(), **_machines(), **_scenes()}
 
 
 def _asked(path: str, bodies: dict[str, Any], atlas: bool = False, always: bool = False) -> dict[str, Largest]:
@@ -231,6 +241,28 @@ def _free() -> dict[str, Largest]:
     return _asked("/v1/synthesize", {f"free: {name}": {**body, "timing": "free"} for name, body in bodies.items()})
 
 
+def _sliders() -> dict[str, Largest]:
+    """Searches among linkages with sliders."""
+    all_of = moved()
+    poses: dict[str, Any] = {"rotation": all_of.rotation, "position": all_of.position, "mechanisms": "all"}
+    free, travel = (
+        {**poses, "timing": "free"},
+        {**poses, "travel": [30 - 30 * np.cos(k / 400) for k in range(SAMPLES)]},
+    )
+    stock = {"lengths_from": [0.5 * k for k in range(1, 1001)]}
+    tight = {"limits": {**LIMITS, "family": "any"}, "diverse": True}
+    bodies: dict[str, dict[str, Any]] = {
+        "poses": {**free, **tight},
+        "poses, everything reported": {**free, **REPORTS},
+        "poses on two rails, links from 1,000 lengths": {**free, **stock, "mechanisms": ["two_rails"]},
+        "two rails, a study": {**free, "mechanisms": ["two_rails"], "tolerance_study": REPORTS["tolerance_study"]},
+        "crank angles": {**poses, **SPAN, **tight},
+        "travel": travel,
+        "travel within all limits": {**travel, **tight},
+    }
+    return _asked("/v1/synthesize", {f"sliders: {name}": body for name, body in bodies.items()})
+
+
 def _functions() -> dict[str, Largest]:
     x = np.linspace(1, 2, SAMPLES)
     table = {"table": np.stack([x, np.log10(x)], axis=-1).tolist(), "output_span": 90}
@@ -280,9 +312,18 @@ def _machines() -> dict[str, Largest]:
     drives = [{"kind": "actuator", "catalogue": "iso_15552", "arm_min": 1.0}, {"kind": "dyad"}, {"kind": "rotary"}]
     springs = [{"kind": "tension", "between": ["ground", "coupler"]}, {"kind": "gas", "between": ["ground", "crank"]}]
     driven = {"load": {"force": [0.0, -100.0]}, "drives": drives, "springs": springs, "top": 20}
+    rows = [f"{1 + k},{20 + k % 50},{200 + k}" for k in range(200)]
+    bought = {"kind": "tension", "catalogue": "\n".join(["stiffness,free_length,longest", *rows])}
+    rails = {"linkage": TWO_RAILS, "drives": [{"kind": "actuator"}] * 8, "springs": springs[:1] * 4, "top": 50}
+    poses = {"rotation": [0.0, 20.0], "position": [[10.0, 0.0], [60.0, 0.0]], "timing": "free"}
+    fine = {"width": 0.1, "hole": 0.01, "thickness": 0.01, "washer": 0.0, "clearance": 0.0, "boards": "bar"}
     return {
         "assembly: a star of 200 corners": Largest("/v1/assembly", {**asked, **plates}),
+        "assembly: a star between thin links": Largest("/v1/assembly", {"linkage": GIVEN, **plates, **fine}),
+        "assembly: a star on two rails": Largest("/v1/assembly", {"linkage": TWO_RAILS, "request": poses, **plates}),
         "drives: a catalogue, a motor and springs": Largest("/v1/drives", {**asked, **driven}),
+        "drives: four times two of 200 springs": Largest("/v1/drives", {**asked, **driven, "springs": [bought] * 4}),
+        "drives: of a body on two rails": Largest("/v1/drives", {**driven, **rails}),
     }
 
 

@@ -32,5 +32,9 @@ def test_a_reply_carries_it_unless_it_is_exact() -> None:
     assert approximate.status == "closest" and 0 < approximate.report.unseen < 1
     given = la.synthesize(rotation=[0, 30, 0, 30, 0, 30], crank_span=200, limits={"preset": "practical"})
     assert given.status == "closest" and 0 < given.report.unseen < 1
+    cut = la.synthesize(position=PATH, timing="free", closed=True, budget=0.02)
+    assert cut.report.stopped_by == "budget" and cut.report.unseen is None, (
+        "nothing is known of what it did not come to"
+    )
     exact = la.synthesize(position=PATH[:5], timing="free")
     assert exact.status == "reached" and exact.report.unseen is None

@@ -23,7 +23,7 @@ from synthesis.fourbar.kinematics import coupler_angle
 from synthesis.pose import objective
 from synthesis.target import Target, make_target
 from synthesis.work import Work
-from tests.conftest import make_atlas
+from tests.conftest import make_atlas, some_of
 from tests.oracles import naive
 
 ATLASES = {
@@ -33,6 +33,9 @@ ATLASES = {
     "coarse": AtlasRule(TypeRule(52, 8, OrderRule.FULL_CRANK), 16),
 }
 """About 80 types each: most of the time goes to the twin, and each has series with and without a second level of cells."""
+OWN = {name: getattr(scan_cells, name) for name in ("LEAF", "FEWEST")}
+"""The product's own thresholds: how many types a cell has, and how many make cells at all."""
+KINDS = ("rotation", "both", "position")
 AT_ONCE = 1 << 11
 """Windows that the twin evaluates together: few enough to stay in a core's cache."""
 
@@ -165,11 +168,32 @@ def check_scan(scan: Scan, bounds_of: Bounds, target: Target, tops: tuple[int, .
         assert set(np.flatnonzero(everything.error <= limit)) <= set(place)
 
 
+FEW = [(kind, perimeter) for k in range(3) for kind, perimeter in zip(KINDS[k:] + KINDS[:k], (20, 24, 32))]
+
+
+@pytest.mark.parametrize(("kind", "perimeter"), some_of(FEW, 3))
+def test_atlases_of_few_types_are_answered_by_the_product_s_own_thresholds(kind, perimeter, monkeypatch) -> None:
+    """Of 12, 36 and 168 types: below, between and above the thresholds; with the index of short spans and without."""
+    for name, value in OWN.items():
+        monkeypatch.setattr(scan_cells, name, value)
+    scan = Scan(make_atlas(AtlasRule(TypeRule(perimeter, 2, OrderRule.FULL_CRANK), 32)))
+    targets = [random_target(scan, np.random.default_rng(seed), kind, reachable=seed == 0) for seed in range(2)]
+    wanted = [naive_scan(scan, target, 40)[0] for target in targets]
+    for by_index in (False, True):
+        if by_index:
+            scan.prepare_short_spans(Work())
+        for target, twin in zip(targets, wanted):
+            found, report = scan.best(target, 40)
+            assert report.exhaustive
+            assert all(np.array_equal(*pair) for pair in zip(found[:3], twin[:3]))
+            np.testing.assert_allclose(found.error, twin.error, rtol=0, atol=TIE)
+
+
 def cases() -> list:
     """Every atlas, kind, reach and weighting; the default run takes half of them, with any two of these four together."""
     found = []
     for (i, name), (j, kind), reachable, weighted in product(
-        enumerate(ATLASES), enumerate(("rotation", "both", "position")), (True, False), (False, True)
+        enumerate(ATLASES), enumerate(KINDS), (True, False), (False, True)
     ):
         marks = [pytest.mark.wide] if (i + j + reachable + weighted) % 2 else []
         names = f"{name}-{kind}-{'' if reachable else 'un'}reachable-{'weighted' if weighted else 'all alike'}"

@@ -26,6 +26,7 @@ from synthesis.chain.groove import (
 )
 from synthesis.chain.slot import find_slot, report
 from synthesis.errors import FieldError
+from tests.conftest import some_of
 
 ROLLER = 25.0
 
@@ -156,7 +157,7 @@ def test_the_contour_follows_slot_and_track_and_not_the_arc_under_the_slot(slot,
     assert under.any() and by_track[under].min() > 0.5 and by_slot[under].max() < 2e-5
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", some_of(range(8), 3))
 def test_arcs_of_any_slot_stay_within_the_tolerance(seed) -> None:
     random = np.random.default_rng(seed)
     links = int(random.integers(12, 40))

@@ -15,11 +15,10 @@ from synthesis.drives.actuator import (
     Wanted,
     _Descent,
     best_of_rows,
-    straight,
-    straight_placement,
 )
 from synthesis.drives.links import hinged, machine_of
-from tests.oracles.driven_cases import loads, random_linkage
+from tests.conftest import some_of
+from tests.oracles.driven_cases import loads, random_linkage, straight
 
 
 def random_question(seed: int, grid: int = 60) -> tuple[Question, Actuator]:
@@ -36,8 +35,9 @@ def random_question(seed: int, grid: int = 60) -> tuple[Question, Actuator]:
     return Question(link, machine.at, torque, wanted, grid), Actuator(stroke * rng.uniform(1.1, 2.5), stroke)
 
 
-@pytest.mark.parametrize("seed", range(24))
+@pytest.mark.parametrize("seed", some_of(sorted(range(24), key=lambda seed: seed not in (13, 16, 20)), 11))
 def test_no_grid_four_times_as_fine_finds_a_smaller_force(seed: int) -> None:
+    """The first three questions are refused."""
     asked, actuator = random_question(seed)
     found = asked.best(actuator)
     fine, _ = random_question(seed, 240)
@@ -90,15 +90,15 @@ def test_the_closed_form_has_the_largest_least_arm() -> None:
         actuator = Actuator(stroke * rng.uniform(1, 3), stroke)
         machine = hinged(0.3 + 0.1j, rng.uniform(0, 6), swing, 1.0)
         link = machine.links["rocker"]
-        form = straight(actuator, swing)
+        (_, _, arm), ground, pin = straight(link, actuator)
         box = (-20.0, -20.0, 20.0, 20.0)
         asked = Question(link, machine.at, np.zeros(61), Wanted(box, 20.0, 0.0))
-        placed = asked.placement(*straight_placement(link, actuator))
-        assert placed.least_arm == pytest.approx(form.arm, rel=1e-12)
+        placed = asked.placement(ground, pin)
+        assert placed.least_arm == pytest.approx(arm, rel=1e-12)
         assert placed.length[[0, -1]] == pytest.approx([actuator.retracted, sum(actuator)], rel=1e-12)
         found = asked.best(actuator)
         assert isinstance(found, Placement)
-        assert found.least_arm == pytest.approx(form.arm, rel=1e-6)
+        assert found.least_arm == pytest.approx(arm, rel=1e-6)
         bound = asked.bound(stroke) / found.worst
         assert bound == pytest.approx(abs(swing) / 2 / np.tan(abs(swing) / 2), rel=1e-6)
 

@@ -8,13 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from synthesis.drives.actuator import Actuator, Question, Refused, Wanted, straight, straight_placement
+from synthesis.drives.actuator import Actuator, Question, Refused, Wanted
 from synthesis.drives.balance import Spring, one_spring, potential_of, two_springs
 from synthesis.drives.dyad import about_pivot, driven, proportions
 from synthesis.drives.links import Loading, Machine, Mass, machine_of
 from synthesis.drives.springs import fitted
 from synthesis.fourbar.linkage import Linkage
 from synthesis.target import Interval
+from tests.oracles.driven_cases import straight
 
 REFERENCE = json.loads((Path(__file__).parents[2] / "reference" / "drives.json").read_text())
 DEGREE = np.pi / 180
@@ -64,9 +65,8 @@ def test_torques_work_and_bound_of_the_casement() -> None:
 def test_the_actuator_on_the_crank_in_closed_form() -> None:
     want, asked = CASEMENT["straight"], question(CASEMENT, "crank")
     actuator = Actuator(255, 150)
-    found = straight(actuator, CASEMENT["span"] * DEGREE)
+    found, ground, pin = straight(asked.link, actuator)
     assert found == pytest.approx((want["pin"], want["ground"], want["arm"]), abs=1e-6)
-    ground, pin = straight_placement(asked.link, actuator)
     place = asked.placement(ground, pin)
     assert [ground.real, ground.imag] == pytest.approx(want["ground_point"], abs=1e-6)
     at_first = asked.link.place(pin)[0]

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from synthesis.drives.links import Loading, Machine, hinged, machine_of, machine_of_guided
+from synthesis.drives.links import Loading, Machine, hinged, machine_of
 from synthesis.drives.pins import Pull, pin_forces
 from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.linkage import Circle, Driver, GuidedLinkage, Rail, Slot
@@ -84,7 +84,7 @@ GUIDED = [
 ]
 
 
-@pytest.mark.parametrize("machine", [machine_of_guided(one, Interval(0.0, 0.25), 241) for one in GUIDED])
+@pytest.mark.parametrize("machine", [machine_of(one, Interval(0.0, 0.25), 241) for one in GUIDED])
 def test_rates_of_linkages_with_sliders_are_derivatives(machine: Machine) -> None:
     _are_derivatives(machine)
 

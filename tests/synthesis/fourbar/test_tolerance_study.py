@@ -144,6 +144,16 @@ def test_quantiles_of_a_normal_error_are_known_ones() -> None:
     assert circle == pytest.approx(np.sqrt(-2 * np.log(1 - np.array(SHARES))), rel=1e-9)
 
 
+@pytest.mark.parametrize("ratio", [0.0, 1e-6, 0.01, 0.3, 0.99])
+def test_quantiles_are_where_so_many_are_nearer(ratio: float) -> None:
+    one = np.zeros((2, 1, 2, 2))
+    one[0, 0, 0], one[1, 0, 0] = [1.0, 0.0], [0.0, ratio]
+    way = np.exp(1j * np.pi * (np.arange(128) + 0.5) / 256)
+    square = 2 * (way.real**2 + (ratio * way.imag) ** 2)
+    farther = [np.mean(np.exp(-(length**2) / square)) for length in linear_quantiles(one, np.ones(2))[0]]
+    assert farther == pytest.approx(1 - np.array(SHARES), rel=1e-12)
+
+
 def test_contributions_name_what_contributes() -> None:
     for name, tolerances in (("pivots", Tolerances(pivots=0.1)), ("clearance", Tolerances(clearance=0.1))):
         study = simulate(LINKAGE, TRAVEL, 5, tolerances, 100, 0, Work())

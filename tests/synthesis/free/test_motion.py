@@ -11,6 +11,7 @@ from synthesis.fourbar.charts import FullCrankChart
 from synthesis.free.dyads import Body, evaluate_dyads, linear_dyads, polished
 from synthesis.free.joint import JointProblem
 from synthesis.free.poses import Poses, make_poses
+from tests.conftest import some_of
 from tests.oracles.free_classes import burmester_dyads, free_case, recompute_free
 
 EXACT = 1e-9
@@ -66,7 +67,7 @@ def test_few_poses_have_many_linkages(samples) -> None:
         assert places == sorted(places)
 
 
-@pytest.mark.parametrize("seed", range(50))
+@pytest.mark.parametrize("seed", some_of(range(50), 15))
 def test_five_poses_have_the_dyads_that_brute_force_finds(seed) -> None:
     case = free_case(seed, 5)
     body = Body(make_poses(case.rotation, case.position))

@@ -11,15 +11,17 @@ from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.passage import verdicts
 from synthesis.guided.linkage import Circle, Driver, GuidedLinkage, Rail, Slot, of_four_bar
 from synthesis.guided.passage import Circuits, passage, verdict
+from tests.conftest import some_of
 from tests.oracles.guided_cases import DRIVES, NAMES, random_case
 from tests.oracles.guided_tracker import follow
 
 
+@pytest.mark.parametrize("cases", some_of([3, 12], 1))
 @pytest.mark.parametrize(("guide", "driver", "other"), DRIVES, ids=NAMES)
-def test_what_is_said_is_what_following_the_linkage_finds(guide, driver, other) -> None:
+def test_what_is_said_is_what_following_the_linkage_finds(guide, driver, other, cases) -> None:
     random = np.random.default_rng(21)
     seen = 0
-    while seen < 5:
+    while seen < cases:
         case = random_case(random, guide, driver, other)
         if case.near:
             continue

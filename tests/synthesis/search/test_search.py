@@ -26,6 +26,7 @@ from synthesis.search.search import DEFAULT_TOLERANCE, StoppedBy, search
 from synthesis.search.seeds import SeedTables
 from synthesis.target import Target, make_target
 from synthesis.work import Work
+from tests.conftest import some_of
 from tests.oracles.classes import EXACT, UNREACHABLE, limited_case, make_case
 from tests.oracles.recompute import REACHED, broken_limits, compare, recompute
 
@@ -81,7 +82,7 @@ def test_an_exact_answer_in_another_valley_is_found(kind: str, seed: int) -> Non
 
 
 @pytest.mark.parametrize("kind", EXACT)
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", some_of(range(3), 1))
 def test_an_exact_answer_is_found(kind, seed, resources) -> None:
     case = make_case(kind, 5000 + seed)
     reply = ask(case.request, resources)

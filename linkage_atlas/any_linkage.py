@@ -1,0 +1,144 @@
+"""What a four-bar and a body on two guides are alike in for a user: unit, motion, drawings, files, and what tolerances do."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from linkage_atlas.arguments import column
+from linkage_atlas.assemblies import Assembly, assembled, read_assembly
+from linkage_atlas.formats import kind_of
+from linkage_atlas.motions import Motion
+from linkage_atlas.studies import Drive, Manufacture, ToleranceStudy, read_manufacture
+from synthesis.arrays import Floats
+from synthesis.errors import FieldError
+from synthesis.target import TURN, Interval, Target
+from synthesis.work import Work
+
+_TURN_STEPS = 73
+
+
+class AnyLinkage(ABC):
+    """A linkage with its unit of angle, and the motion that it answers if there is one."""
+
+    _linkage: Any
+    _radian: float
+    _motion: Target | None
+    _drive: str
+    """What moves it, in a sentence."""
+
+    @classmethod
+    def of(cls, linkage: Any, radian: float, motion: Target | None) -> Self:
+        """The view of a linkage that answers a motion, whose crank angles are the travel of its drive."""
+        one = object.__new__(cls)
+        one._linkage, one._radian, one._motion = linkage, radian, motion
+        return one
+
+    @property
+    def degrees(self) -> bool:
+        """Whether its angles are in degrees; else in radians."""
+        return self._radian != 1.0
+
+    @property
+    def branch(self) -> int:
+        """+1 or -1."""
+        return int(self._linkage.branch)
+
+    @property
+    def turns_fully(self) -> bool:
+        """Whether its drive turns, and can turn fully."""
+        return bool(self._linkage.turns_fully)
+
+    @property
+    def way(self) -> Floats | None:
+        """Travel of the drive over the motion that it answers, radians or lengths, (n,); None where it answers none."""
+        return None if self._motion is None else self._motion.way
+
+    @property
+    def _unit(self) -> float:
+        """Radians in the unit of the drive's coordinate; 1 for a length."""
+        return self._radian
+
+    @abstractmethod
+    def target_of(self, motion: Motion | None, travel: ArrayLike | None) -> Target:
+        """A motion with the travel of the drive at its samples; without one the motion that it answers, or a whole turn."""
+
+    def tolerance_study(self, *, work: Work | None = None, **manufacture: Any) -> ToleranceStudy:
+        """What tolerances of manufacture do to the motion of the body, simulated and to first order.
+
+        Parameters
+        ----------
+        links, pivots : float
+            Lengths (of a body on two guides radii and body points), and coordinates of what is fixed (pivots, pins and rails),
+            lie evenly within this of their nominal values, either way.
+        clearance : float
+            Diameter of a hole less that of its pin, in all joints: the play at both ends of each guide.
+        samples, seed : int
+            How many linkages are made by chance (10,000), and which (0).
+        work : Work, optional
+            Asked whether the answer is still wanted.
+        """
+        return self.made_within(read_manufacture(manufacture), self._default_motion(), work or Work())
+
+    @abstractmethod
+    def made_within(self, manufacture: Manufacture, target: Target, work: Work) -> ToleranceStudy:
+        """A tolerance study that has been read, over a motion."""
+
+    @abstractmethod
+    def analysed(self, drive: Drive, travel: Floats, over: Interval | None = None) -> Any:
+        """An analysis that has been read, at travel (n,) of the drive in radians or lengths, and over an interval."""
+
+    def _analysed_at(self, drive: Drive, name: str, travel: ArrayLike | None) -> Any:
+        """The same at travel in the user's unit, or over the motion that it answers."""
+        if travel is not None:
+            return self.analysed(drive, np.atleast_1d(column(name, travel)) * self._unit)
+        target = self._default_motion()
+        return self.analysed(drive, target.crank, target.interval)
+
+    def _assembled(
+        self, motion: Motion | None, travel: ArrayLike | None, work: Work | None, asked: Mapping[str, Any]
+    ) -> Assembly:
+        read = read_assembly(asked, "")
+        assert read is not None
+        used = self.target_of(motion, travel).interval
+        return assembled(self._linkage, read, used, self._radian, work or Work(), "")
+
+    @abstractmethod
+    def file(self, kind: str, motion: Motion | None = None, length_unit: str = "mm") -> bytes:
+        """The linkage as the content of a file."""
+
+    def save(self, path: str | Path, length_unit: str = "mm", **asked: Any) -> None:
+        """Write a file; its ending says which.
+
+        .csv, .svg, .dxf, .xml (MJCF, also .mjcf). Of a four-bar also .plates.dxf and .pylinkage.json; of its parts .step, .3mf,
+        .stl.zip, .urdf, .sdf, .parts.csv, for which ``asked`` are arguments as of `FourBar.solids`.
+        """
+        path = Path(path)
+        path.write_bytes(self._file_with(kind_of(path.name), length_unit, asked))
+
+    def _file_with(self, kind: str, length_unit: str, asked: Mapping[str, Any]) -> bytes:
+        if asked:
+            raise FieldError(f"/{next(iter(asked))}", "parts are made for four-bars only")
+        return self.file(kind, length_unit=length_unit)
+
+    def _default_motion(self) -> Target:
+        """What it is drawn over: the motion that it answers, or a whole turn."""
+        if self._motion is not None:
+            return self._motion
+        if not self.turns_fully:
+            raise FieldError(
+                "/motion", f"this {self._drive} cannot turn fully: give the motion that it is to be shown over"
+            )
+        return Target(None, None, crank=np.linspace(0.0, TURN, _TURN_STEPS))
+
+    def _repr_svg_(self) -> str | None:
+        """A drawing, for notebooks."""
+        try:
+            return self.file("svg").decode()
+        except FieldError:
+            return None

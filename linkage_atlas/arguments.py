@@ -1,0 +1,113 @@
+"""Arguments as a user gives them, each checked by its name: numbers, columns, places, boxes, units, and names of fields."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from synthesis.errors import FieldError
+
+MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
+"""Units of length of files that know one, and of inertia."""
+LARGEST = 1e12
+"""Of speeds, forces, torques and masses, in the user's units."""
+
+
+def radians_in(degrees: bool) -> float:
+    """Radians in one unit of angle."""
+    return np.pi / 180 if degrees else 1.0
+
+
+def millimetres_in(unit: Any, where: str = "") -> float:
+    """Millimetres in one unit of length; ``where``: what stands before its field in the name that an error has."""
+    if unit not in MILLIMETRES:
+        raise FieldError(f"/{where}length_unit", f"wanted one of {', '.join(MILLIMETRES)}, found {unit!r}")
+    return MILLIMETRES[unit]
+
+
+def number(field: str, value: Any, least: float = -np.inf) -> float:
+    """A finite number of at least ``least``, or a FieldError that names the argument."""
+    try:
+        found = float(value)
+    except (TypeError, ValueError):
+        raise FieldError(f"/{field}", f"wanted a number, found {value!r}") from None
+    if not (np.isfinite(found) and found >= least):
+        bound = "" if least == -np.inf else f" of at least {least:g}"
+        raise FieldError(f"/{field}", f"wanted a finite number{bound}")
+    return found
+
+
+def check_top(top: int) -> None:
+    """FieldError unless at least one answer is asked for."""
+    if not isinstance(top, (int, np.integer)) or top < 1:
+        raise FieldError("/top", f"wanted a whole number of at least 1, found {top!r}")
+
+
+def check_above_zero(**values: float | None) -> None:
+    """FieldError for an argument that is given and not above zero."""
+    for name, value in values.items():
+        if value is not None and not number(name, value) > 0:
+            raise FieldError(f"/{name}", f"wanted a number above 0, found {value}")
+
+
+def column(name: str, values: ArrayLike) -> Any:
+    """Values as an array of numbers, or a FieldError that names the argument."""
+    try:
+        return np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        raise FieldError(f"/{name}", "wanted numbers") from None
+
+
+def known_fields(field: str, given: Any, names: tuple[str, ...]) -> None:
+    """FieldError unless an argument is a mapping that has none but some fields."""
+    if not isinstance(given, Mapping):
+        raise FieldError(f"/{field}", f"wanted a mapping of {', '.join(names)}")
+    for name in given:
+        if name not in names and given[name] is not None:
+            raise FieldError.no_such(f"/{field}", name, names)
+
+
+def kinds_among(given: Any, known: Sequence[str], there_are: str = "") -> list[str]:
+    """The kinds of mechanism that are asked for, each once, in the order of all that are known."""
+    if isinstance(given, str) and given == "all":
+        return list(known)
+    asked = [] if isinstance(given, str) or not isinstance(given, Iterable) else list(given)
+    if not asked:
+        raise FieldError("/mechanisms", f"wanted a list of {', '.join(known)}, or 'all'")
+    for place, name in enumerate(asked):
+        if name not in known:
+            words = there_are or f"wanted one of {', '.join(known)}"
+            raise FieldError(f"/mechanisms/{place}", f"{words}, found {name!r}")
+    return [name for name in known if name in asked]
+
+
+def bounded(field: str, value: Any, most: float = LARGEST) -> float:
+    """A number that can be computed with."""
+    found = number(field, value)
+    if abs(found) > most:
+        raise FieldError(f"/{field}", f"wanted at most {most:g} either way, found {found:g}")
+    return found
+
+
+def pair(field: str, given: Any, most: float = LARGEST, words: str = "[x, y]") -> complex:
+    """Two bounded numbers as a complex one."""
+    if isinstance(given, str) or np.shape(given) != (2,):
+        raise FieldError(f"/{field}", f"wanted two numbers {words}")
+    return complex(*(bounded(field, value, most) for value in given))
+
+
+def whole_number(field: str, value: Any, least: int, most: int) -> int:
+    """A whole number within bounds."""
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not least <= value <= most:
+        raise FieldError(f"/{field}", f"wanted a whole number from {least} to {most:,}, found {value!r}")
+    return int(value)
+
+
+def flag(field: str, value: Any) -> bool:
+    """True or false; false where it is None."""
+    if not isinstance(value, (bool, type(None))):
+        raise FieldError(f"/{field}", f"wanted true or false, found {value!r}")
+    return bool(value)
