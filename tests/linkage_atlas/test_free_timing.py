@@ -167,6 +167,22 @@ def test_what_drives_a_closed_way_drives_it_round(way) -> None:
         assert not any("and 4" in refused.reason for refused in one.refused), "there are three poses"
 
 
+@pytest.mark.parametrize("mechanisms", [None, "all"])
+@pytest.mark.parametrize("size", [1e-3, 1e4])
+def test_that_a_body_only_turns_is_said(mechanisms, size) -> None:
+    turned = np.array([5, 20, 40, 60, 85])
+    points = size * (7 + 3j + np.exp(1j * np.deg2rad(turned + 30)))
+    points = np.transpose([points.real, points.imag])
+    told = f"the body only turns, about ({7 * size:.6g}, {3 * size:.6g}): a hinge there does it"
+    assert told in la.synthesize(turned, points, timing="free", mechanisms=mechanisms, top=1).report.notes
+    points[2] += 1e-4 * size
+    notes = la.synthesize(turned, points, timing="free", mechanisms=mechanisms, top=1).report.notes
+    assert not any("only turns" in note for note in notes)
+    line = np.transpose([turned, 2 * turned])
+    assert not any("only turns" in note for note in la.Motion([30] * 5, line, timing="free").notes())
+    assert not la.Motion([0, 90], [[0, 0], [5, 5]], timing="free").notes(), "two poses are always turns about a point"
+
+
 def test_no_slider_drives_a_closed_way_and_that_is_said() -> None:
     turned = np.linspace(0, 2 * np.pi, 12, endpoint=False)
     motion = 10 * np.sin(turned), np.transpose([60 * np.cos(turned), 20 * np.sin(turned)])
