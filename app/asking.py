@@ -297,11 +297,14 @@ def with_fields(body: Any, also: Sequence[tuple[list[str], Any]]) -> Any:
 
 def _format_of(query: Query, path: Path) -> str:
     """The format that the name of a file means; of two that fit the longer: plates.dxf before dxf."""
-    formats = [*query.exports, "json"]
-    name = max((one for one in formats if path.name.lower().endswith(f".{one}")), key=len, default="")
-    if not name:
+    formats = {name: name for name in (*query.exports, "json")}
+    for known in FILES.values():
+        if known.endings[0] in query.exports:
+            formats |= dict.fromkeys(known.endings, known.endings[0])
+    ending = max((one for one in formats if path.name.lower().endswith(f".{one}")), key=len, default="")
+    if not ending:
         raise FieldError("/export", f"the file must end in one of {', '.join(formats)}, found '{path.name}'")
-    return name
+    return formats[ending]
 
 
 def _file(

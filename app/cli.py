@@ -60,8 +60,11 @@ def run(options: argparse.Namespace) -> int:
     except BrokenPipeError:  # the reader, say `head`, has enough; at exit nothing more may be flushed into the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return Exit.OK
-    except (FieldError, OSError) as error:
+    except FieldError as error:
         print(error, file=sys.stderr)
+        return Exit.USAGE
+    except OSError as error:
+        print(f"{error.filename}: {error.strerror}" if error.filename else error, file=sys.stderr)
         return Exit.USAGE
     except AtlasError as error:
         print(error, file=sys.stderr)

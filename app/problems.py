@@ -166,7 +166,8 @@ def http_problem(error: HTTPException) -> Response:
 
 def _invalid(error: Invalid) -> Response:
     rows = error_rows(error.errors)
-    return problem(422, f"{rows[0]['pointer'][2:] or 'the body'}: {rows[0]['detail']}", rows)
+    where = rows[0]["pointer"][2:].replace("/", ".") or "the body"
+    return problem(422, f"{where}: {rows[0]['detail']}", rows)
 
 
 def _parameter(error: RequestValidationError) -> Response:

@@ -123,6 +123,8 @@ def invalid(error: ValidationError, model: type[BaseModel]) -> Invalid:
         if row["type"] == "extra_forbidden":
             *path, name = row["loc"]
             row["msg"] = FieldError.no_such("", str(name), _fields_at(model, path)).message
+        elif row["type"] == "greater_than_equal" and 0 < row["ctx"]["ge"] < 1e-6:  # pydantic writes all of its zeros
+            row["msg"] = f"Input should be at least {row['ctx']['ge']:g}"
     return Invalid(rows)
 
 
@@ -132,8 +134,16 @@ def _of_fields(rows: list[Any]) -> list[Any]:
     def is_branch(part: str | int) -> bool:
         return isinstance(part, str) and ("[" in part or part.startswith("constrained-"))
 
-    unions = {row["loc"][:k] for row in rows for k, part in enumerate(row["loc"]) if is_branch(part)}
-    found = [row | {"loc": tuple(part for part in row["loc"] if not is_branch(part))} for row in rows]
+    def parted(row: Any) -> tuple[Any, Any]:
+        """The way to a field, and the name of one that there is not: that is the request's own, whatever it looks like."""
+        end = len(row["loc"]) - (row["type"] == "extra_forbidden")
+        return row["loc"][:end], row["loc"][end:]
+
+    found, unions = [], set()
+    for row in rows:
+        way, unknown = parted(row)
+        unions |= {way[:k] for k, part in enumerate(way) if is_branch(part)}
+        found.append(row | {"loc": (*(part for part in way if not is_branch(part)), *unknown)})
     # what is amiss within the branch that was meant says more than that it is none of the others
     within = {
         place

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from app.registry import all_queries
-from tests.oracles.largest import CYLINDER, DESIGN, EXTRAS
+from tests.oracles.largest import CYLINDER, DESIGN, EXTRAS, TWO_RAILS, requests
 
 PATIENCE = 90.0
 
@@ -40,6 +40,7 @@ def expensive() -> dict[str, tuple[str, str]]:
     grid = {"alpha1": [0.1 * k for k in range(100)], "alpha3": [10 + 0.1 * k for k in range(200)]}
     cylinders = [{"length": 200 + k, "speed": 100} for k in range(24)]
     nearly_still = [1e-9 * value for value in _numbers(1024)]
+    largest = requests()
     bodies: dict[str, tuple[str, Any]] = {
         "samples whole turns apart": ("/v1/match", {"rotation": [0, 1, 2, 3, 4], "crank_span": 1440}),
         "far apart, top 1": ("/v1/match", {"rotation": [0, 100, -50], "crank_span": 3600, "top": 1}),
@@ -82,6 +83,15 @@ def expensive() -> dict[str, tuple[str, str]]:
                 "fit": {"kind": "spline", "order": 4096},
             },
         ),
+        **{
+            name: (largest[name].path, largest[name].body)
+            for name in (
+                "sliders: poses, everything reported",
+                "sliders: travel within all limits",
+                "assembly: a star between thin links",
+                "drives: four times two of 200 springs",
+            )
+        },
         "90,000 unknown keys": ("/v1/match", "{" + ",".join(f'"k{k}":1' for k in range(90_000)) + "}"),
         "2,000 unknown keys": ("/v1/match", "{" + ",".join(f'"k{k}":1' for k in range(2_000)) + "}"),
         "330,000 empty lists": ("/v1/synthesize", '{"position":[' + _joined("[]", 330_000) + "]}"),
@@ -190,6 +200,13 @@ def mutated(seed: int) -> Iterator[tuple[str, bytes]]:
         for query in all_queries()
         for name in query.exports
     ]
+    examples += [
+        (query.files.path, {**query.files.example, "format": kind})
+        for query in all_queries()
+        if query.files is not None
+        for kind in query.files.formats
+    ]
+    examples += _of_sliders()
     strange: list[Any] = [
         None,
         True,
@@ -217,6 +234,32 @@ def mutated(seed: int) -> Iterator[tuple[str, bytes]]:
         if rng.random() < 0.3:
             content = _scrambled(bytearray(content), rng)
         yield path, content
+
+
+def _of_sliders() -> list[tuple[str, dict[str, Any]]]:
+    """Requests for linkages with sliders, with everything that can be asked of one, and what is asked of one that is given."""
+    poses = {"rotation": [0, 20, 45], "position": [[0, 0], [30, 10], [60, 35]], "mechanisms": "all"}
+    asked = {
+        "assembly": {"body": [[0, 0], [20, 0], [0, 20]], "boards": "both"},
+        "load": {"force": [3, -10], "masses": [{"link": "body", "mass": 1}]},
+        "drives": [{"kind": "actuator"}, {"kind": "dyad"}],
+        "springs": [{"kind": "tension", "catalogue": "tension_springs"}],
+        "tolerance_study": {"links": 0.1, "pivots": 0.1, "clearance": 0.05},
+        "round_to": 1,
+    }
+    given = {"request": {**poses, "timing": "free"}, "assembly": {"body": [[0, 0], [20, 0], [0, 20]]}}
+    functions = {"output": [0, 5, 12, 21, 32], "crank_span": 60, "output_unit": "length"}
+    return [
+        ("/v1/synthesize", {**poses, **asked, "timing": "free"}),
+        ("/v1/synthesize", {**poses, **asked, "travel": [0, 20, 50], "driver": "slider"}),
+        ("/v1/function", {**functions, "budget_ms": 5}),
+        ("/v1/assembly", {"linkage": TWO_RAILS, **given["assembly"], "request": given["request"]}),
+        ("/v1/drives", {"linkage": TWO_RAILS, **{name: asked[name] for name in ("load", "drives", "springs")}}),
+        *(
+            ("/v1/export", {**given, "solution": TWO_RAILS, "format": kind})
+            for kind in ("csv", "svg", "dxf", "mjcf", "step")
+        ),
+    ]
 
 
 def _change(values: Any, rng: random.Random, strange: list[Any]) -> None:

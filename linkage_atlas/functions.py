@@ -204,35 +204,23 @@ def function(
     elif given := [name for name, value in called.items() if value is not None]:
         name = "interval" if given[0] == "x" else given[0]
         raise FieldError(f"/{name}", "belongs to an `output` that is a callable")
+    samples_asked: dict[str, Any] = {
+        "input": input,
+        "function": function,
+        "input_zero": input_zero,
+        "output_zero": output_zero,
+        "weights": weights,
+        "degrees": degrees,
+    }
     if dial.travels:
         if crank_span is not None and dial.input != "angle":
             raise FieldError("/crank_span", "the input is a travel: give `travel_span`")
         if travel_span is not None and dial.input == "angle":
             raise FieldError("/travel_span", "the input is an angle: give `crank_span`")
         span = crank_span if dial.input == "angle" else travel_span
-        motion = TravelMotion(
-            output,
-            span,
-            input=input,
-            function=function,
-            input_zero=input_zero,
-            output_zero=output_zero,
-            weights=weights,
-            one_way=one_way,
-            dial=dial,
-            degrees=degrees,
-        )
+        motion = TravelMotion(output, span, one_way=one_way, dial=dial, **samples_asked)
         return motion.answered(kinds, limits, objective, top, tolerance, watch, curves)
-    wanted, dials = read_wanted(
-        output,
-        crank_span,
-        input=input,
-        function=function,
-        input_zero=input_zero,
-        output_zero=output_zero,
-        weights=weights,
-        degrees=degrees,
-    )
+    wanted, dials = read_wanted(output, crank_span, **samples_asked)
     kept = read_function_limits(limits, wanted.target, degrees)
     if round_to is not None and kept.links[3] is None:
         raise FieldError("/round_to", "needs `limits.links.ground`: without it no length is actual")
@@ -364,12 +352,10 @@ class TravelMotion:
         *,
         input: ArrayLike | None = None,
         function: Mapping[str, Any] | None = None,
-        input_zero: float | None = None,
-        output_zero: float | None = None,
-        weights: ArrayLike | None = None,
         one_way: bool = False,
         dial: Dial,
         degrees: bool = True,
+        **more: Any,
     ) -> None:
         self.dial, self.degrees = dial, degrees
         name = "crank_span" if dial.input == "angle" else "travel_span"
@@ -386,11 +372,9 @@ class TravelMotion:
                 span,
                 input=input,
                 function=function,
-                input_zero=input_zero,
-                output_zero=output_zero,
-                weights=weights,
                 degrees=degrees,
                 scales=self.scales[1:],
+                **more,
             )
         except FieldError as error:
             raise FieldError(
@@ -625,7 +609,7 @@ class FunctionResult(Record, Ranked[FunctionSolution | TravelSolution]):
     def __repr__(self) -> str:
         unit = ("deg" if self.degrees else "rad") if self.dial.output == "angle" else "(length)"
         rows = [f"  {s.rank}  {s.linkage!r}  within {s.errors.max:.3g} {unit}" for s in self.solutions]
-        return "\n".join([f"{self.status}: {len(self.solutions)} linkages", *rows])
+        return "\n".join([f"{self.status}: {len(self.solutions)} linkage{'s' * (len(self.solutions) != 1)}", *rows])
 
 
 @dataclass(frozen=True)
@@ -804,14 +788,15 @@ def read_dials(function: Mapping[str, Any], crank_span: float | None, degrees: b
         raise FieldError("/function", "y is the same everywhere: the rocker would not turn")
     # where it ends as high as it began, the rocker turns the way that y grows
     way = -1.0 if y[0] - y[-1] > 1e-9 * (high - low) else 1.0
-    scale, first, run = way * span / (high - low), float(y[0]), float(x[-1] - x[0])
-    crank = (x - x[0]) / run * crank_span
+    scale, first = way * span / (high - low), float(y[0])
+    crank = (x - x[0]) / (x[-1] - x[0]) * crank_span
     exact = None
     if of is not None:
-        curve, begin = of, float(x[0])
+        curve, begin, end = of, float(x[0]), float(x[-1])
 
         def exact(crank: Floats) -> Floats:
-            return scale * (curve(begin + run * np.clip(crank / crank_span, 0.0, 1.0)) - first)
+            share = np.clip(crank / crank_span, 0.0, 1.0)
+            return scale * (curve(begin * (1 - share) + end * share) - first)
 
     return Dials(x, y, crank, scale * (y - first), (high - low) / abs(span), exact)
 

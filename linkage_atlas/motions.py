@@ -194,6 +194,14 @@ class Motion:
                 self.samples = make_poses(**part, ordered=order == "given", closed=closed, span_max=most)
         self.tolerances = _tolerances(tolerances, self.asked, radian)
 
+    def __repr__(self) -> str:
+        samples = self.asked
+        parts = " and ".join(name for name in ("rotation", "position") if getattr(samples, name) is not None)
+        timed = (
+            "given travel" if self.travel is not None else "free crank angles" if self.free else "given crank angles"
+        )
+        return f"Motion({samples.samples} samples of {parts}, {timed})"
+
     @classmethod
     def of(cls, samples: Target | Poses, degrees: bool, tolerances: Tolerances | None = None) -> Motion:
         """A motion whose samples are checked, in radians."""

@@ -18,9 +18,9 @@ const decades = (u, splits) => splits.map((value) => (Math.abs(Math.log10(value)
 
 /**
  * A chart that fills `host`. `x` holds the abscissas, `series` are {values, colour, points, steps, size, width, dash};
- * null values are gaps. Returns the uPlot with a method `mark(x)`, which moves the vertical line.
+ * null values are gaps; with `sense` -1 the abscissas are named by their negatives. Returns the uPlot with a method `mark(x)`, which moves the vertical line.
  */
-export function chart(host, { x, series, height = 130, degreesX = true, degreesY = false, logY = false, range = null, splits = null, xName = "" }) {
+export function chart(host, { x, series, height = 130, degreesX = true, degreesY = false, logY = false, range = null, splits = null, xName = "", sense = 1 }) {
   host.replaceChildren();
   const width = Math.max(200, host.clientWidth);
   let marked = null;
@@ -30,7 +30,7 @@ export function chart(host, { x, series, height = 130, degreesX = true, degreesY
     padding: [8, 26, 0, 0],
     scales: { x: { time: false }, y: logY ? { distr: 3 } : range ? { range } : {} },
     axes: [
-      axis({ size: 26, space: 60, values: degreesX ? degrees : (u, values) => values.map((v) => `${brief(v)}${xName}`) }),
+      axis({ size: 26, space: 60, values: (u, values) => (degreesX ? degrees(u, values.map((v) => sense * v)) : values.map((v) => `${brief(sense * v)}${xName}`)) }),
       axis({ size: 62, space: 22, ...(splits ? { splits: () => splits } : {}), ...(logY ? { grid: { ...axis().grid, filter: decades }, ticks: { ...axis().ticks, filter: decades } } : {}), values: degreesY ? degrees : (u, values) => values.map((v) => (v === null ? "" : brief(v))) }),
     ],
     series: [{}, ...series.map((one) => ({

@@ -69,16 +69,19 @@ function alikeGuides(one, other) {
   return a.length === b.length && a.every((value, k) => Math.abs(value - b[k]) <= 1e-3 * longest);
 }
 
+/** A place or length, zero where only rounding keeps it from that, for a motion of this size. */
+export const settled = (value, size) => (Math.abs(value) < 1e-10 * size ? 0 : value);
+
 /** Rows of the guides of a solution with rails or slots; body points are in the body's frame. */
-export function guideRows({ guides, driver }, number, length) {
-  const pair = (point) => point.map((value) => number(value)).join(", ");
+export function guideRows({ guides, driver }, number, place, length) {
+  const pair = (point) => point.map((value) => place(value)).join(", ");
   return [["Driven by", driver], ...guides.flatMap((one, k) => {
     const name = `${k ? "Second" : "First"} guide`, rows = [[name, one.guide]];
     if (one.guide === "circle") rows.push(["– pivot", pair(one.pivot)], ["– radius", length(one.radius)]);
     else if (one.guide === "rail") rows.push(["– through", pair(one.point)], ["– direction", `${number(one.direction)}°`]);
     else rows.push(["– pin", pair(one.pin)], ["– direction in the body", `${number(one.body_direction)}°`]);
     rows.push(["– body point", pair(one.body_point)]);
-    if (one.used) rows.push(["– used", `${number(one.used[0])} to ${length(one.used[1])}`]);
+    if (one.used) rows.push(["– used", `${place(one.used[0])} to ${length(one.used[1])}`]);
     return rows;
   })];
 }

@@ -135,12 +135,12 @@ export class Player {
   #showTravel() {
     if (!this.shown) return;
     const travel = Number($("slider").value), { sense } = this.shown.pass;
-    const degrees = sense * travel;
+    const degrees = sense * travel, rounded = degrees.toFixed(1).replace(/^-0\.0$/, "0.0");
     const here = this.stops.filter((stop) => Math.abs(stop.travel - travel) < this.#near).map(({ k }) => k + 1);
-    const { turns } = this.shown.pass, words = turns ? `${degrees.toFixed(1)}°` : `${text(degrees, 4)} ${this.shown.motion.unit}`;
+    const { turns } = this.shown.pass, words = turns ? `${rounded}°` : `${text(degrees, 4)} ${this.shown.motion.unit}`;
     $("travel").value = words;
     $("at-sample").textContent = here.length ? `sample ${here.join(", ")}` : "";
-    $("slider").setAttribute("aria-valuetext", `${driveName(this.shown.solution)} ${turns ? `turned by ${degrees.toFixed(1)} degrees` : `moved by ${words}`}${here.length ? `, at sample ${here.join(", ")}` : ""}`);
+    $("slider").setAttribute("aria-valuetext", `${driveName(this.shown.solution)} ${turns ? `turned by ${rounded} degrees` : `moved by ${words}`}${here.length ? `, at sample ${here.join(", ")}` : ""}`);
     this.board.showJoints(this.shown.linkage.at(degrees * RAD));
     for (const one of this.charts) one.mark(travel);
   }
@@ -193,7 +193,7 @@ export class Player {
     const host = $("curves");
     host.replaceChildren();
     this.charts = [];
-    const axis = angles ? {} : { degreesX: false, xName: ` ${motion.unit}` };
+    const axis = angles ? { sense } : { sense, degreesX: false, xName: ` ${motion.unit}` };
     $("curves-over").textContent = `Curves over the ${driveName(solution)}`;
     const add = (title, series, more) => this.charts.push(titledChart(host, title, { x, series, ...axis, ...more }));
     const dots = (value, colour) => ({ values: atPoses(value), colour, points: true });

@@ -5,7 +5,7 @@ import { chart, redrawOn } from "./charts.js";
 import { element, signed, text } from "./drawing.js";
 import { Driving } from "./driving.js";
 import { driveName, drivePlaces, driveTurns } from "./drive.js";
-import { alike, errorText, fitOf, guideRows, limitName, worstRows } from "./fit.js";
+import { alike, errorText, fitOf, guideRows, limitName, settled, worstRows } from "./fit.js";
 import { assessed, fromJoints } from "./hand.js";
 import { JointFields } from "./joints.js";
 import { Layers } from "./layers.js";
@@ -27,14 +27,14 @@ const NEAR = 2.5; // other solutions are fitted into the view where they lie wit
 /** Rows [name, value] of a solution, its lengths and angles with `digits` digits. */
 function numberRows(solution, { motion, size }, digits) {
   const { links, mount, rounded } = solution, { unit } = motion, { places, turns, worst } = fitOf(solution, motion);
-  const number = (value) => text(value, digits), length = (value) => `${number(value)} ${unit}`;
-  const rows = links ? LINKS.map((name) => [name[0].toUpperCase() + name.slice(1), length(links[name])]) : guideRows(solution, number, length);
+  const number = (value) => text(value, digits), place = (value) => number(settled(value, size)), length = (value) => `${place(value)} ${unit}`;
+  const rows = links ? LINKS.map((name) => [name[0].toUpperCase() + name.slice(1), length(links[name])]) : guideRows(solution, number, place, length);
   rows.push(["Branch", solution.branch > 0 ? "+1" : "−1"]);
   if (links) rows.push(["Start angle", `${number(solution.start_angle)}°`]);
   else rows.push(["Drive at the first sample", driveTurns(solution) ? `${number(solution.start)}°` : length(solution.start)]);
   if (Number.isFinite(solution.body_offset)) rows.push(["Body offset", `${number(solution.body_offset)}°`]);
   if (mount) {
-    rows.push(["Pivot A", `${mount.pivot_a.map(number).join(", ")} ${unit}`], ["Pivot B", `${mount.pivot_b.map(number).join(", ")} ${unit}`], ["Ground angle", `${number(mount.ground_angle)}°`]);
+    rows.push(["Pivot A", `${mount.pivot_a.map(place).join(", ")} ${unit}`], ["Pivot B", `${mount.pivot_b.map(place).join(", ")} ${unit}`], ["Ground angle", `${number(mount.ground_angle)}°`]);
     rows.push(["Coupler point", `${length(mount.coupler_point.radius)} at ${number(mount.coupler_point.angle)}°`]);
   }
   const at = (k, error) => (error === "rounding" ? error : `${error} at pose ${k + 1}`);

@@ -3,7 +3,7 @@
 import { LinkageShape, View, element, make, pathData, text } from "./drawing.js";
 import { driveName } from "./drive.js";
 import { drawStack } from "./layers.js";
-import { fitOf, guideRows, limitName } from "./fit.js";
+import { fitOf, guideRows, limitName, settled } from "./fit.js";
 import { nameOf } from "./cards.js";
 import { placeOf, wantsAngles, wantsPlaces } from "./motion.js";
 import { $ } from "./shell.js";
@@ -86,11 +86,12 @@ export function fillSheet(answer, solution, drive, parts = null) {
   sheet.replaceChildren();
   document.body.classList.toggle("has-sheet", Boolean(solution));
   if (!solution) return;
-  const { motion, request } = answer, { unit } = motion, fit = fitOf(solution, motion), { mount, links } = solution, verdict = mark(solution.verdict);
+  const { motion, request, size } = answer, { unit } = motion, fit = fitOf(solution, motion), { mount, links } = solution, verdict = mark(solution.verdict);
   const head = element("header", "");
   head.append(element("h2", "", links ? "Four-bar linkage" : nameOf(solution).replace(/^\S+ /, "")), element("p", "", `Lengths in ${unit}, angles in degrees, counter-clockwise. ${verdict ? `${verdict.sign} ${verdict.text}.` : "Not judged by the service."}`));
-  const rows = links ? Object.entries(links).map(([name, length]) => [name, `${number(length)} ${unit}`]) : guideRows(solution, number, (value) => `${number(value)} ${unit}`);
-  if (mount) rows.push(["pivot A", mount.pivot_a.map((v) => number(v)).join(", ")], ["pivot B", mount.pivot_b.map((v) => number(v)).join(", ")]);
+  const place = (value) => number(settled(value, size));
+  const rows = links ? Object.entries(links).map(([name, length]) => [name, `${number(length)} ${unit}`]) : guideRows(solution, number, place, (value) => `${place(value)} ${unit}`);
+  if (mount) rows.push(["pivot A", mount.pivot_a.map(place).join(", ")], ["pivot B", mount.pivot_b.map(place).join(", ")]);
   if (mount?.coupler_point) rows.push(["P from D", `${number(mount.coupler_point.radius)} ${unit} at ${number(mount.coupler_point.angle, 5)}° from DC`]);
   rows.push(["branch", solution.branch > 0 ? "+1" : "−1"], links ? ["crank at pose 1", `${number(solution.start_angle)}° from AB`] : ["drive at pose 1", `${number(solution.start)}${fit.pass.turns ? "°" : ` ${unit}`}`], ["transmission angle", `${number(solution.transmission_angle_min, 4)}° or more`]);
   const held = solution.determination?.at_limits ?? [];

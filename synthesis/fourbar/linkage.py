@@ -130,7 +130,7 @@ class Linkage:
         return Joints(
             complex(self.pivot_a),
             self.pivot_b,
-            np.where(closure.closed[1:], pin, np.nan),
+            np.where(closure.closed[1:], pin, complex(np.nan, np.nan)),
             pin + self.links[1] * np.exp(1j * coupler),
             self.body_point(self.start + travel, theta2) if self.mounted else None,
             crank,

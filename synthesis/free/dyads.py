@@ -249,7 +249,7 @@ def _near_poles(body: Body, count: int, random: np.random.Generator) -> Complexe
     first, second = np.triu_indices(body.position.size, 1)
     pick = random.integers(0, first.size, count)
     first, second = first[pick], second[pick]
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(all="ignore"):
         pole = (body.position[second] - body.position[first]) / (body.turned[first] - body.turned[second])
     pole = np.where(np.isfinite(pole), pole, np.inf)
     return pole + 10.0 ** random.uniform(-3, 0, count) * np.exp(2j * np.pi * random.uniform(0, 1, count))

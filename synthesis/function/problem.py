@@ -79,12 +79,14 @@ class Problem:
 
     def gap(self, unknowns: Floats, branch: Floats, crank: Floats) -> Floats:
         """Errors (n, M) at crank angles (n, M) of the candidates' own; infinite where it does not close."""
-        return self.wanted.curve(crank) - unknowns[:, 4:] - self.angle(unknowns, branch, crank)
+        with np.errstate(invalid="ignore"):  # an output beyond all numbers
+            return np.asarray(self.wanted.curve(crank) - unknowns[:, 4:] - self.angle(unknowns, branch, crank))
 
     def with_offset(self, unknowns: Floats, branch: Floats, crank: Floats, root: Floats) -> Floats:
         """Candidates with the given offset, or the best over crank angles (M,), whose errors count ``root`` (M,)."""
         some = np.broadcast_to(crank, (len(unknowns), crank.size))
-        gap = self.wanted.curve(some) - self.angle(unknowns, branch, some)
+        with np.errstate(invalid="ignore"):
+            gap = self.wanted.curve(some) - self.angle(unknowns, branch, some)
         best = np.nan_to_num(gap, posinf=0.0, neginf=0.0) @ (root**2 / np.sum(root**2))
         given = self.wanted.target.offset
         out = unknowns.copy()

@@ -83,10 +83,10 @@ class Law(NamedTuple):
         lengths = self.of(unknowns)
         with np.errstate(all="ignore"):
             found = self.follow(lengths[:, :, None], branch[:, None], unknowns[:, 3:4] + travel, unknowns[:, 3:4])
-        slope = np.nan_to_num(found.slope)
-        for k, above in enumerate(self.positive):
-            if above:
-                slope[:, k] *= lengths[:, k, None]
+            slope = np.nan_to_num(found.slope)
+            for k, above in enumerate(self.positive):
+                if above:
+                    slope[:, k] *= lengths[:, k, None]
         return Followed(np.nan_to_num(found.value), slope, found.possible & np.isfinite(found.value))
 
     def sines(self, unknowns: Floats, travel: Floats) -> Floats:

@@ -123,6 +123,24 @@ def test_an_unreadable_request_file_ends_with_2(arguments, run, small_path) -> N
     assert (code, out) == (USAGE, "") and arguments[0] in err and len(err.splitlines()) == 1
 
 
+def test_a_missing_file_is_told_in_words(run) -> None:
+    code, _, err = run("synthesize", "no_such_file.csv")
+    assert (code, err) == (USAGE, "no_such_file.csv: No such file or directory\n")
+
+
+def test_a_model_is_written_under_either_ending(run, tmp_path) -> None:
+    names = [tmp_path / f"model.{ending}" for ending in ("xml", "mjcf")]
+    code, _, _ = run("synthesize", "--example", "poses", *(part for name in names for part in ("--export", name)))
+    assert code == OK and names[0].read_text() == names[1].read_text() and "<mujoco" in names[0].read_text()
+
+
+def test_rounding_is_not_told_as_a_place(run) -> None:
+    rows = "x,y,angle\n0,0,0\n120,40,30\n200,120,60\n220,220,90\n"
+    code, out, _ = run("synthesize", "-", "--set", 'mechanisms=["rail_slot"]', stdin=rows)
+    places = [line for line in out.splitlines() if line.startswith("guide of rank 1")]
+    assert code == OK and len(places) == 2 and not any("e-1" in line for line in places), places
+
+
 def test_file_and_example_together_are_refused(run, request_file, small_path) -> None:
     code, _, err = run("match", request_file, "--example", "worked_example", "--atlas", small_path)
     assert code == USAGE and "not both" in err

@@ -601,3 +601,24 @@ def test_the_description_is_valid_openapi(client) -> None:
             for status, answer in described["responses"].items():
                 if int(status) >= 400:
                     assert list(answer["content"]) == ["application/problem+json"], (path, status)
+
+
+@pytest.mark.parametrize(
+    ("route", "body", "detail"),
+    [
+        (
+            "function",
+            {"function": {"name": "ln", "x": [1, 2]}, "crank_span": 60},
+            "function.output_span: Field required",
+        ),
+        ("assembly", {"request": EXAMPLE, "hole": -1}, "hole: Input should be at least 1e-50"),
+        (
+            "synthesize",
+            {"rotation": [0, 30, 60], "position": [[5, 5]] * 3, "timing": "free"},
+            "a body that only turns needs a hinge there",
+        ),
+    ],
+)
+def test_what_is_wrong_is_told_in_the_words_of_the_request(route, body, detail, client) -> None:
+    reply = client.post(f"/v1/{route}", json=body)
+    assert reply.status_code == 422 and detail in reply.json()["detail"]

@@ -36,3 +36,10 @@ def test_an_error_within_a_choice_points_to_its_field_alone() -> None:
     with pytest.raises(ValidationError) as caught:
         SynthesizeRequest(**asked)
     assert {row["loc"] for row in invalid(caught.value, SynthesizeRequest).errors} == {("tolerances", "rotation")}
+
+
+@pytest.mark.parametrize("name", ["cr[nk_span", "[", "constrained-", ""])
+def test_an_unknown_field_may_have_any_name(name: str) -> None:
+    with pytest.raises(ValidationError) as caught:
+        SynthesizeRequest(**{"rotation": [0, 1], "timing": "free", name: 1})
+    assert [row["loc"] for row in invalid(caught.value, SynthesizeRequest).errors] == [(name,)]

@@ -411,3 +411,16 @@ def test_a_solution_is_studied_as_within_the_request() -> None:
 def test_a_jump_is_named_by_its_samples_counted_from_one() -> None:
     found = la.synthesize([350, 10, 30, 20], crank_span=270, budget=0.05)
     assert "rotation jumps by more than half a turn from sample 1 to 2;" in found.report.notes[0]
+
+
+def test_what_a_motion_and_one_linkage_are_printed_as() -> None:
+    assert repr(la.Motion([0, 30], [[0, 0], [9, 0]], timing="free")) == (
+        "Motion(2 samples of rotation and position, free crank angles)"
+    )
+    assert repr(la.Motion([0, 30, 40], crank_span=60)) == "Motion(3 samples of rotation, given crank angles)"
+    assert repr(la.function(input=[0, 20, 30], output=[0, 10, 40], top=1)).splitlines()[0].endswith(": 1 linkage")
+
+
+def test_of_a_loop_that_does_not_close_no_joint_that_moves_is_told() -> None:
+    joints = la.FourBar(1, 2, 3, 10).joints([0, 90])
+    assert np.all(np.isnan(joints.crank_pin)) and np.all(np.isnan(joints.coupler_pin))

@@ -240,3 +240,24 @@ def test_extreme_requests_are_answered(asked: dict[str, Any]) -> None:
     found = la.function(**asked, mechanisms="all", objective="max", top=100, curves=True)
     assert found.status in ("closest", "reached", "infeasible")
     assert json.loads(json.dumps(found.to_dict())) == found.to_dict()
+
+
+@pytest.mark.parametrize(
+    ("asked", "field"),
+    [
+        ({"output": [0, 1e308, 12, 21], "crank_span": 60}, "/output"),
+        ({"output": [0, 5, 12, 21], "crank_span": 60, "limits": {"offset": 1e308}}, "/limits/offset"),
+    ],
+)
+def test_lengths_beyond_all_machines_are_refused(asked, field):
+    with pytest.raises(la.FieldError) as error:
+        la.function(**asked, output_unit="length")
+    assert error.value.field == field
+
+
+def test_a_function_ends_where_it_is_said_to_however_far_it_begins():
+    """The last place, reached from the first by steps of a sum, would be 0 here."""
+    found = la.function(
+        function={"name": "log10", "x": [1e40, 2], "output_span": 90}, crank_span=60, objective="max", top=1
+    )
+    assert found.solutions
