@@ -32,6 +32,9 @@ import os, sys
 from app import cli
 from app.scenes import knotter, lift
 from app.registry import all_queries
+from synthesis.slider.dimension_types import SliderTypeRule
+
+SliderTypeRule.__init__.__defaults__ = (80, *SliderTypeRule.__init__.__defaults__[1:])
 
 def answer(kind):
     def spin(body, resources):
@@ -58,7 +61,7 @@ for query in all_queries():
             object.__setattr__(query, "answer", answer(kind))
 raise SystemExit(cli.main(["serve", "--port", "0", "--workers", "2", *sys.argv[1:]]))
 """
-"""The command, where some questions are answered badly."""
+"""The command, where some questions are answered badly, and the slider-cranks beside an atlas are few."""
 SLOW_PARTS = """
 from app.resources import ServiceResources
 from pathlib import Path
