@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from synthesis.arrays import Complexes, Floats
+from synthesis.arrays import Complexes, Floats, dot
 from synthesis.fourbar.analysis import rates
 from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.analysis import Mass
@@ -137,18 +137,14 @@ class Machine:
         """
         torque = np.zeros(self.at.size)
         if self.body is not None:
-            torque -= _dot(load.force, self.body.speed(0j)) + load.torque * self.body.rate
+            torque -= dot(load.force, self.body.speed(0j)) + load.torque * self.body.rate
         for mass in load.masses:
             link = self.link(mass.link)
-            torque -= mass.mass * _dot(load.gravity, link.speed(mass.at))
+            torque -= mass.mass * dot(load.gravity, link.speed(mass.at))
             if load.speed:
-                inertial = mass.mass * _dot(link.change(mass.at), link.speed(mass.at))
+                inertial = mass.mass * dot(link.change(mass.at), link.speed(mass.at))
                 torque += load.speed**2 * (inertial + mass.inertia * link.rate_change * link.rate)
         return torque
-
-
-def _dot(one: Complexes | complex, other: Complexes) -> Floats:
-    return np.real(np.conj(one) * other)
 
 
 def machine_of(linkage: Linkage | GuidedLinkage, interval: Interval, samples: int = SAMPLES) -> Machine:
