@@ -520,9 +520,11 @@ class _Place(NamedTuple):
     def poses_around(self, low: float, high: float) -> str:
         """Between which samples of the motion two places of the drive lie, in words."""
         middle, samples = (low + high) / 2, self.samples
-        for k in range(samples.size - 1):
+        last = samples.size - 1
+        for k in range(last):
             if (samples[k] - middle) * (samples[k + 1] - middle) <= 0:
-                return f"between poses {k + 1} and {k + 2}, "
+                round_again = k + 1 == last and abs(abs(samples[last] - samples[0]) - TURN) < 1e-9
+                return f"between poses {k + 1} and {1 if round_again else k + 2}, "
         return ""
 
 
@@ -545,7 +547,7 @@ def _place_of(linkage: Any, motion: Motion | None, crank_angle: ArrayLike | None
     radian, plain = radians_in(one.degrees), one.plain
     if motion is not None and (not motion.free or given is not None):
         target = motion.of_solution(plain, None if given is None else given * radian).target
-        return _Place.of(plain, target.crank, radian)
+        return _Place.of(plain, target.way, radian)
     if given is not None:
         if given.size < 2 or not np.all(np.isfinite(given)):
             raise FieldError("/crank_angle", "wanted two finite crank angles or more")
@@ -563,7 +565,7 @@ def _guided_place(one: GuidedLinkage, motion: Motion | None, given: Floats | Non
     radian, plain = radians_in(one.degrees), one.plain
     unit = radian if plain.driver.turns else 1.0
     if motion is not None:
-        crank = one.target_of(motion, given).crank
+        crank = one.target_of(motion, given).way
     elif given is not None:
         crank = given * unit
     elif one.way is not None:
@@ -911,7 +913,7 @@ class _Search:
                 )
                 continue
             torque = self.torque / link.rate
-            peak = float(np.abs(torque).max()) if self.loaded else None
+            peak = float(np.abs(self.fine.torque(self.asked.load) / rates).max()) if self.loaded else None
             self._keep(
                 (peak or 0.0,),
                 "rotary",
@@ -1072,9 +1074,7 @@ class _Search:
             case "dead":
                 low, high = refused.between or (0, 1)
                 where = self.place.poses_around(*question.at[[low, high]])
-                return (
-                    f"{what}: dead point {where}at {refused.needed / self.unit:.6g} of the best placement of the grid"
-                )
+                return f"{what}: even the best place that was found has a dead point {where}at {refused.needed / self.unit:.6g}"
             case "arm":
                 return f"{what}: the largest least arm found is {refused.needed:.4g}; arm_min is {wanted.arm:.4g}"
         most = max(stroke - refused.needed, 0.0)

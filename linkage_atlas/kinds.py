@@ -47,6 +47,8 @@ _FOUR_BARS = 0.4
 """Part of a budget that the search among four-bars takes at most, where other kinds are asked for too."""
 _NEAR_ENOUGH = 1.1
 """Without tolerances: times the least error up to which something else may be preferred."""
+_NO_ANSWER, _TIMES_LESS = 0.1, 10.0
+"""J from which on a linkage is no answer where another one's is so many times less."""
 _SAME = 1e-3
 """Part by which all measures of two linkages differ at most that are shown once."""
 _STEP = np.deg2rad(5.0)
@@ -289,7 +291,8 @@ def front(found: Sequence[Found], motion: Motion, prefer: str, tolerance: float,
     Law: none of them beats another. Where there are more, the best of each kind and drive come before further ones.
     """
     samples = motion.samples
-    known = [(measures_of(one, samples, tolerance), one) for one in found]
+    poor = max(_NO_ANSWER, _TIMES_LESS * min((one.errors.objective for one in found), default=0.0))
+    known = [(measures_of(one, samples, tolerance), one) for one in found if one.errors.objective <= poor]
     kept: list[tuple[Measures, Found]] = []
     for mine, one in known:
         if not any(other.beats(mine) for other, _ in known) and not any(

@@ -148,6 +148,26 @@ def test_a_closed_way_keeps_its_limits_on_the_way_back_too(points) -> None:
 
 
 @pytest.mark.parametrize("way", [1, -1])
+def test_what_drives_a_closed_way_drives_it_round(way) -> None:
+    """A motor has the torque of the whole turn, and no cylinder, which would have to turn back, is offered."""
+    asked = [{"kind": "rotary"}, {"kind": "actuator"}]
+    points, load = [[0, 0], [10, 0], [5, 8]][::way], {"force": [0, -100]}
+    found = la.synthesize(position=points, timing="free", closed=True, load=load, drives=asked, top=8)
+    motors = [
+        (one, drive) for one in found for drive in one.drives if (drive.kind, drive.link) == ("rotary", "crank")
+    ]
+    assert len(motors) > 2
+    for one, motor in motors:
+        assert not [drive for drive in one.drives if drive.kind == "actuator"]
+        turned = np.linspace(0, 360, 3601)
+        height = 100 * one.linkage.joints(turned).body_point[:, 1]
+        assert motor.peak_torque == pytest.approx(np.abs(np.gradient(height, np.deg2rad(turned))).max(), rel=1e-3)
+        again = [drive.peak_torque for drive in la.drives(one, asked, load=load).drives]
+        assert motor.peak_torque == pytest.approx(min(again))
+        assert not any("and 4" in refused.reason for refused in one.refused), "there are three poses"
+
+
+@pytest.mark.parametrize("way", [1, -1])
 def test_an_analysis_of_a_closed_way_goes_round(way) -> None:
     points = [[0, 0], [10, 0], [5, 8], [1, 4]][::way]
     best = la.synthesize(position=points, timing="free", closed=True, analysis={"crank_speed": 60}).best
