@@ -13,6 +13,7 @@ from benchmarks.report import ROOT, Times
 from synthesis.fourbar.limits import Limits
 from synthesis.free.poses import Poses, make_poses
 from synthesis.guided.linkage import Driver, Kind
+from synthesis.guided.pairs import Stage
 from synthesis.guided.search import Search, drives, search_guided
 from synthesis.work import Work
 from tests.oracles.guided import KINDS, random_motion
@@ -73,7 +74,7 @@ def _given(kind: str, cases: int) -> dict[str, Any]:
         search = Search(noisy, _ANY, ways, 1e-10, Work(), drive)
         search.run()
         if truth.found is not None:
-            down = np.sqrt(search.timed(truth.found, ((60, 1.0, 3),)).cost.min())
+            down = np.sqrt(search.timed(truth.found, (Stage(60, 1.0, 8, 1e-6, 1e-3),)).cost.min())
             near += bool(search.levels.min() <= 1.01 * down)
     return {
         "kind": kind,

@@ -736,7 +736,7 @@ def _studied(solution: S, studies: Studies, solutions: int, work: Work) -> S:
     if studies.drive is not None:
         done["analysis"] = linkage.analysed(studies.drive, target.crank, target.interval)
     if studies.drives is not None:
-        done |= driven_solution(linkage.plain, target.crank, studies.drives, own.radian, work)
+        done |= driven_solution(linkage.plain, target.way, studies.drives, own.radian, work)
     if studies.manufacture is not None:
         share = share_of(studies.manufacture, target.samples, solutions, work.budget)
         done["tolerance_study"] = linkage.made_within(share, target, work)

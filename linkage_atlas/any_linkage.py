@@ -57,7 +57,7 @@ class AnyLinkage(ABC):
     @property
     def way(self) -> Floats | None:
         """Travel of the drive over the motion that it answers, radians or lengths, (n,); None where it answers none."""
-        return None if self._motion is None else self._motion.crank
+        return None if self._motion is None else self._motion.way
 
     @property
     def _unit(self) -> float:

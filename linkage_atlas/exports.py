@@ -4,23 +4,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from linkage_atlas.arguments import millimetres_in, number, pair
 from linkage_atlas.formats import FORMATS, OF_PARTS
 from linkage_atlas.guided_studies import analysed as guided_analysed
 from linkage_atlas.studies import analysed, read_drive
+from synthesis.drives.attached import COLOUR, LAYER, Attached
+from synthesis.drives.links import GROUND, Machine, machine_at
 from synthesis.errors import FieldError
 from synthesis.fourbar import files as of_four_bars
 from synthesis.fourbar.analysis import LinkMass
 from synthesis.fourbar.linkage import Linkage
 from synthesis.guided import files as of_guided
 from synthesis.guided.linkage import GuidedLinkage
+from synthesis.sheet import More
 
 if TYPE_CHECKING:
-    from synthesis.drives.attached import Attached
-    from synthesis.drives.links import Machine
-    from synthesis.sheet import More
     from synthesis.target import Target
 
 _FOUR_BARS_ONLY = {
@@ -52,9 +52,11 @@ def content_of(
         raise FieldError("/kind", f"wanted one of {', '.join(FORMATS)}, found {kind!r}")
     if isinstance(linkage, GuidedLinkage) and kind in _FOUR_BARS_ONLY:
         raise FieldError("/format", _FOUR_BARS_ONLY[kind])
-    with_drive = drive_on(linkage, target, drive, kind)
+    attached = drive_on(linkage, target, drive, kind)
+    layer = None if attached is None else More(LAYER, COLOUR, attached.draw)
     if kind == "csv":
-        more = _analysis_columns(linkage, target, radian, analysis) | with_drive.columns()
+        more = _analysis_columns(linkage, target, radian, analysis)
+        more |= {} if attached is None else attached.columns()
         if isinstance(linkage, Linkage):
             return of_four_bars.to_csv(linkage, target, radian, more).encode()
         return of_guided.to_csv(linkage, target, radian, more).encode()
@@ -66,8 +68,9 @@ def content_of(
     unit_mm = millimetres_in(length_unit)
     if isinstance(linkage, GuidedLinkage):
         if kind == "dxf":
-            return of_guided.to_dxf(linkage, target, unit_mm, with_drive.drawn()).encode()
-        return with_drive.simulated(of_guided.to_mjcf(linkage, target, unit_mm), unit_mm / 1000).encode()
+            return of_guided.to_dxf(linkage, target, unit_mm, layer).encode()
+        model = of_guided.to_mjcf(linkage, target, unit_mm)
+        return (model if attached is None else attached.simulated(model, unit_mm / 1000)).encode()
     assert parts is not None
     if kind in OF_PARTS:
         return parts(False).file(kind)
@@ -78,12 +81,13 @@ def content_of(
 
         return parts(False).file(kind) if arranged else to_plates(linkage, unit_mm, **_sizes(plates or {})).encode()
     if kind == "dxf":
-        return of_four_bars.to_dxf(linkage, target, unit_mm, with_drive.drawn()).encode()
+        return of_four_bars.to_dxf(linkage, target, unit_mm, layer).encode()
     try:
         masses = {one.link: LinkMass(one.mass, complex(*one.at), one.inertia) for one in parts(True).masses}
     except FieldError:
         masses = None  # no plates of these sizes: the file says that its links are rods
-    return with_drive.simulated(of_four_bars.to_mjcf(linkage, target, unit_mm, masses), unit_mm / 1000).encode()
+    model = of_four_bars.to_mjcf(linkage, target, unit_mm, masses)
+    return (model if attached is None else attached.simulated(model, unit_mm / 1000)).encode()
 
 
 def _analysis_columns(
@@ -97,50 +101,19 @@ def _analysis_columns(
     return guided_analysed(linkage, read_drive(analysis, True), target.crank, radian).columns()
 
 
-class DriveOn(NamedTuple):
-    """What a drive adds to a file; nothing where there is none."""
-
-    drive: Attached | None
-    machine: Machine | None
-
-    def columns(self) -> dict[str, Any]:
-        """Further columns of a table."""
-        return {} if self.drive is None or self.machine is None else self.drive.columns(self.machine)
-
-    def drawn(self) -> More | None:
-        """A layer of a drawing."""
-        from synthesis.drives.attached import COLOUR, LAYER
-        from synthesis.sheet import More
-
-        drive, machine = self
-        if drive is None or machine is None:
-            return None
-        return More(LAYER, COLOUR, lambda space, xy, size: drive.draw(machine, space, xy, size))
-
-    def simulated(self, model: str, metre: float) -> str:
-        """A model with it."""
-        return (
-            model if self.drive is None or self.machine is None else self.drive.simulated(self.machine, model, metre)
-        )
-
-
-def drive_on(linkage: Linkage | GuidedLinkage, target: Target, drive: Mapping[str, Any] | None, kind: str) -> DriveOn:
+def drive_on(
+    linkage: Linkage | GuidedLinkage, target: Target, drive: Mapping[str, Any] | None, kind: str
+) -> Attached | None:
     """A drive of a reply on a linkage at the samples of a motion."""
     if drive is None:
-        return DriveOn(None, None)
+        return None
     if kind not in ("csv", "dxf", "mjcf"):
         raise FieldError("/drive", f"a file of the kind {kind!r} holds no drive: ask for csv, dxf or mjcf")
-    from synthesis.drives.links import machine_at
-
-    machine = machine_at(linkage, target.crank)
-    return DriveOn(_attached(drive, machine), machine)
+    return _attached(drive, machine_at(linkage, target.crank))
 
 
 def _attached(given: Mapping[str, Any], machine: Machine) -> Attached:
     """A drive of a reply, as it came, on a machine at its samples."""
-    from synthesis.drives.attached import Attached
-    from synthesis.drives.links import GROUND
-
     kind, link = given.get("kind"), given.get("link")
     if kind not in ("rotary", "actuator", "dyad", "toggle"):
         raise FieldError("/drive/kind", f"wanted a drive of a reply, found {kind!r}")
@@ -162,6 +135,7 @@ def _attached(given: Mapping[str, Any], machine: Machine) -> Attached:
         raise FieldError("/drive", f"wanted {' and '.join(names)} above 0")
     knee = (given.get("curve") or {}).get("knee") if kind == "toggle" else None
     return Attached(
+        machine,
         kind,
         str(link),
         on,

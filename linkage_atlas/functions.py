@@ -204,35 +204,23 @@ def function(
     elif given := [name for name, value in called.items() if value is not None]:
         name = "interval" if given[0] == "x" else given[0]
         raise FieldError(f"/{name}", "belongs to an `output` that is a callable")
+    samples_asked: dict[str, Any] = {
+        "input": input,
+        "function": function,
+        "input_zero": input_zero,
+        "output_zero": output_zero,
+        "weights": weights,
+        "degrees": degrees,
+    }
     if dial.travels:
         if crank_span is not None and dial.input != "angle":
             raise FieldError("/crank_span", "the input is a travel: give `travel_span`")
         if travel_span is not None and dial.input == "angle":
             raise FieldError("/travel_span", "the input is an angle: give `crank_span`")
         span = crank_span if dial.input == "angle" else travel_span
-        motion = TravelMotion(
-            output,
-            span,
-            input=input,
-            function=function,
-            input_zero=input_zero,
-            output_zero=output_zero,
-            weights=weights,
-            one_way=one_way,
-            dial=dial,
-            degrees=degrees,
-        )
+        motion = TravelMotion(output, span, one_way=one_way, dial=dial, **samples_asked)
         return motion.answered(kinds, limits, objective, top, tolerance, watch, curves)
-    wanted, dials = read_wanted(
-        output,
-        crank_span,
-        input=input,
-        function=function,
-        input_zero=input_zero,
-        output_zero=output_zero,
-        weights=weights,
-        degrees=degrees,
-    )
+    wanted, dials = read_wanted(output, crank_span, **samples_asked)
     kept = read_function_limits(limits, wanted.target, degrees)
     if round_to is not None and kept.links[3] is None:
         raise FieldError("/round_to", "needs `limits.links.ground`: without it no length is actual")
@@ -364,12 +352,10 @@ class TravelMotion:
         *,
         input: ArrayLike | None = None,
         function: Mapping[str, Any] | None = None,
-        input_zero: float | None = None,
-        output_zero: float | None = None,
-        weights: ArrayLike | None = None,
         one_way: bool = False,
         dial: Dial,
         degrees: bool = True,
+        **more: Any,
     ) -> None:
         self.dial, self.degrees = dial, degrees
         name = "crank_span" if dial.input == "angle" else "travel_span"
@@ -386,11 +372,9 @@ class TravelMotion:
                 span,
                 input=input,
                 function=function,
-                input_zero=input_zero,
-                output_zero=output_zero,
-                weights=weights,
                 degrees=degrees,
                 scales=self.scales[1:],
+                **more,
             )
         except FieldError as error:
             raise FieldError(

@@ -42,11 +42,16 @@ NO_ROTATION = (
     "linkages with sliders need rotation and position at two samples or more, or positions at given crank angles: only four-bars "
     "were searched for"
 )
+ROUND_AGAIN = (
+    "sliders and cylinders would have to turn back on a closed way: only drives that turn fully are answered"
+)
 NO_TIME = "the time was up before linkages with sliders were searched for"
 _FOUR_BARS = 0.4
 """Part of a budget that the search among four-bars takes at most, where other kinds are asked for too."""
 _NEAR_ENOUGH = 1.1
 """Without tolerances: times the least error up to which something else may be preferred."""
+_NO_ANSWER, _TIMES_LESS = 0.1, 10.0
+"""J from which on a linkage is no answer where another one's is so many times less."""
 _SAME = 1e-3
 """Part by which all measures of two linkages differ at most that are shown once."""
 _STEP = np.deg2rad(5.0)
@@ -98,6 +103,10 @@ def _check(asked: Asked, motion: Motion) -> None:
         )
     if by in (Driver.SLIDER, Driver.CYLINDER, Driver.HINGE) and not _driven(asked, (by,)):
         raise FieldError("/driver", f"none of the kinds asked for has a {by}")
+    if _comes_round(motion.samples) and by in (Driver.SLIDER, Driver.CYLINDER):
+        raise FieldError(
+            "/driver", f"a {by} would have to turn back: a closed way is passed by drives that turn fully"
+        )
     if motion.travel is not None:
         if asked.four_bars_alone:
             raise FieldError(
@@ -155,6 +164,11 @@ _DRIVEN: dict[Driver, tuple[Kind, ...]] = {
 
 def _driven(asked: Asked, drivers: Sequence[Driver]) -> bool:
     return any(kind in _DRIVEN[driver] for driver in drivers for kind in asked.kinds)
+
+
+def _comes_round(samples: Samples) -> bool:
+    """Whether the way leads from the last sample on to the first."""
+    return isinstance(samples, Poses) and samples.closed
 
 
 def has_poses(samples: Samples) -> bool:
@@ -223,7 +237,7 @@ def search_kinds(
         least = min((error for _, error in trace), default=np.inf)
         trace += [(seconds, error) for seconds, error in report.trace if error < least]
         seeds += report.seeds
-        notes += report.notes
+        notes += [*report.notes, *([ROUND_AGAIN] if _comes_round(motion.samples) else [])]
         stopped.add(report.stopped_by.value)
     by_crank = [kind for kind in asked.sliders if kind in BY_CRANK]
     if isinstance(motion.samples, Target) and motion.samples.position is not None and by_crank and not sliders:
@@ -289,7 +303,8 @@ def front(found: Sequence[Found], motion: Motion, prefer: str, tolerance: float,
     Law: none of them beats another. Where there are more, the best of each kind and drive come before further ones.
     """
     samples = motion.samples
-    known = [(measures_of(one, samples, tolerance), one) for one in found]
+    poor = max(_NO_ANSWER, _TIMES_LESS * min((one.errors.objective for one in found), default=0.0))
+    known = [(measures_of(one, samples, tolerance), one) for one in found if one.errors.objective <= poor]
     kept: list[tuple[Measures, Found]] = []
     for mine, one in known:
         if not any(other.beats(mine) for other, _ in known) and not any(

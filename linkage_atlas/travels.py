@@ -15,7 +15,8 @@ from linkage_atlas.limits import PRESETS
 from linkage_atlas.records import KEPT, Record
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
-from synthesis.fourbar.limits import LINK_RATIO, TRANSMISSION_ANGLE
+from synthesis.fourbar.limits import LINK_RATIO, TRANSMISSION_ANGLE, Limits
+from synthesis.fourbar.passage import faults_of
 from synthesis.function.answers import FunctionErrors as Errors
 from synthesis.function.travel import ANGLE, LAWS, LENGTH, Law
 from synthesis.function.travel_search import TravelGenerator, TravelLimits, laws_for, turns_back
@@ -33,7 +34,6 @@ _SHOWN = 361
 """Places of an error curve."""
 _RATIO = 500.0
 """Most that input and output of two sliders may differ in size."""
-_ROUNDED = 1e-9
 
 
 class Dial(NamedTuple):
@@ -238,7 +238,11 @@ class TravelAsked:
         travel = wanted.crank * (1.0 if law.input == ANGLE else scales.length)
         target = Target(None, None, crank=travel)
         passed = passing_of(plain, plain.start + travel, timed=True)
-        faults = practical_faults(one, limits)
+        kept = Limits(
+            transmission_angle_min=limits.transmission_angle_min or 0.0, link_ratio_max=limits.link_ratio_max
+        )
+        links = one.lengths[np.array(one.law.positive)].tolist()
+        faults = faults_of((one.transmission_angle_min, None), links, {}, None, kept)
         reasons = [*passed.reasons, *filter(None, [turns_back(wanted, one)]), *faults]
         linkage = GuidedLinkage.of(plain, self.radian, target)
         curve = None
@@ -266,20 +270,6 @@ class TravelAsked:
     def _lengths(self, one: TravelGenerator) -> dict[str, float]:
         units = [1 / self.radian if name == "angle" else self.scales.length for name in one.law.lengths]
         return {name: float(value * unit) for name, value, unit in zip(one.law.lengths, one.lengths, units)}
-
-
-def practical_faults(one: TravelGenerator, limits: TravelLimits) -> list[str]:
-    """A sentence for each practical limit that a linkage breaks; what a request limits itself is judged by its own limit."""
-    found, wanted = one.transmission_angle_min, limits.transmission_angle_min or TRANSMISSION_ANGLE
-    faults = []
-    if found < wanted - _ROUNDED:
-        degrees = np.rad2deg([found, wanted])
-        faults.append(f"transmission angle {degrees[0]:.3g} degrees over the used interval, below {degrees[1]:.3g}")
-    lengths = one.lengths[np.array(one.law.positive)]
-    most = limits.link_ratio_max or LINK_RATIO
-    if lengths.size > 1 and lengths.max() > most * lengths.min() * (1 + _ROUNDED):
-        faults.append(f"longest link {lengths.max() / lengths.min():.3g} times the shortest, above {most:g}")
-    return faults
 
 
 def laws_of(kinds: Sequence[str], dial: Dial) -> list[Law]:

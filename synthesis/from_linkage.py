@@ -247,27 +247,9 @@ _GAP = 1e-4
 def refine_poses(
     poses: Poses, limits: Limits, linkage: Linkage, crank: Floats | None, tolerance: float, work: Work
 ) -> tuple[list[Solution], SearchReport]:
-    """The best linkage that descents from a given one lead to.
+    """The best linkage that descents from a given one lead to; parameters and what is returned as of `refine_motion`.
 
-    Parameters
-    ----------
-    poses : Poses
-    limits : Limits
-    linkage : Linkage
-        Mounted, or else it begins in its best pose.
-    crank : ndarray, shape (N,), or None
-        Its crank angles at the samples from the first one, of all samples that were asked for.
-    tolerance : float
-        The descents end when the objective is below it.
-    work : Work
-        Once it has expired the best found so far is returned.
-
-    Returns
-    -------
-    solutions : list of Solution
-        One, within the limits; none where no descent led into them. Law: where the linkage keeps the limits itself, what is
-        returned is no worse.
-    report : SearchReport
+    ``crank`` (N,): its crank angles at the samples from the first one, of all samples that were asked for; None: unknown.
     """
     begins = [linkage] if limits.family == "any" else []
     begins.append(turning_fully(linkage, limits.family))

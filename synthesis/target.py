@@ -187,6 +187,11 @@ class Target(Samples):
             return Interval(first, first + np.where(down, -TURN, TURN))
         return Interval(first, np.where(down, low, high)[()])
 
+    @property
+    def way(self) -> Floats:
+        """Crank angles (n,) that the crank passes: those of the samples, and of a closed way that of the first, a turn on."""
+        return np.append(self.crank, self.interval.last) if self.closed else self.crank
+
     def one_of(self, place: int) -> Target:
         """The target of one linkage, where each has crank angles of its own."""
         if not self.found or self.crank.ndim == 1:

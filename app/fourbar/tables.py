@@ -116,36 +116,18 @@ def _errors(errors: Errors, units: Units) -> str:
     return "; ".join(found)
 
 
-def _kinds_lines(reply: Result, units: Units) -> list[str]:
-    """Ranked solutions of several kinds with their drives, and the guides and errors of the best."""
-    best = reply.solutions[0]
-    text = columns(
-        reply.solutions,
-        ("rank", "d", "rank"),
-        ("kind", "", "kind"),
-        ("driver", "", "driver"),
-        ("size", ".3g", "size"),
-        ("transm.", ".4g", "transmission_angle_min"),
-        (units.head("rot. max", units.angle), ".3g", "errors.rotation_max"),
-        (units.head("pos. max", units.length), ".3g", "errors.position_max"),
-        ("objective", ".2e", "errors.objective"),
-    )
-    lines = ["", text, "", f"errors of rank 1: {_errors(best.errors, units)}"]
-    lines += [f"guide of rank 1: {_guide(one)}" for one in best.guides or ()]
-    for name in ("crank_angle", "travel"):
-        values = getattr(best, name, None)
-        if values is not None:
-            lines.append(f"{name.replace('_', ' ')} of rank 1: {', '.join(number(value, 4) for value in values)}")
-    if best.verdict.reasons:
-        lines.append(f"rank 1: {'; '.join(best.verdict.reasons)}")
+def _rounded_lines(best: Solution | GuidedSolution, units: Units) -> list[str]:
+    """The lengths that can be had, and what they do."""
     rounded = best.rounded
-    if rounded is not None and rounded.closes:
-        lengths = rounded.links._asdict() if isinstance(best, Solution) else rounded.lengths
-        words = ", ".join(f"{name} {number(length)}" for name, length in lengths.items()) or "no lengths"
-        lines.append(f"rounded: {words}; {_errors(rounded.errors, units)}{_proof(rounded)}")
-    elif rounded is not None:
-        lines.append(f"rounded: none of {rounded.tried} combinations of lengths closes within the limits")
-    return lines + _analysis_lines(best) + _tolerance_lines(best, units)
+    if rounded is None:
+        return []
+    if not rounded.closes:
+        return [f"rounded: none of {rounded.tried} combinations of lengths closes within the limits"]
+    if isinstance(best, Solution):
+        words = _lengths(rounded.links)
+    else:
+        words = ", ".join(f"{name} {number(length)}" for name, length in rounded.lengths.items()) or "no lengths"
+    return [f"rounded: {words}; {_errors(rounded.errors, units)}{_proof(rounded)}"]
 
 
 def _guide(guide: Any) -> str:
@@ -173,23 +155,25 @@ def _guide(guide: Any) -> str:
 
 
 def synthesize_table(reply: Result, units: Units = DEGREES) -> str:
-    """Ranked solutions of the reply with their largest errors, and the mounting pose and errors of the best."""
+    """Ranked solutions of the reply with their largest errors; place, errors, layers and studies of the best."""
     lines = [_found(reply, "solution")]
-    if any(isinstance(one, GuidedSolution) for one in reply.solutions):
-        lines += _kinds_lines(reply, units)
-    elif reply.solutions:
+    if reply.solutions:
+        best, several = reply.solutions[0], any(isinstance(one, GuidedSolution) for one in reply.solutions)
+        own: tuple[Any, ...] = (*_LINKAGE, ("family", "", "family"))
+        if several:
+            own = (("rank", "d", "rank"), ("kind", "", "kind"), ("driver", "", "driver"), ("size", ".3g", "size"))
         text = columns(
             reply.solutions,
-            *_LINKAGE,
-            ("family", "", "family"),
+            *own,
             ("transm.", ".4g", "transmission_angle_min"),
             (units.head("rot. max", units.angle), ".3g", "errors.rotation_max"),
             (units.head("pos. max", units.length), ".3g", "errors.position_max"),
             ("objective", ".2e", "errors.objective"),
         )
-        best = reply.solutions[0]
         lines += ["", text, "", f"errors of rank 1: {_errors(best.errors, units)}"]
-        if best.mount is not None:
+        if several:
+            lines += [f"guide of rank 1: {_guide(one)}" for one in best.guides or ()]
+        elif isinstance(best, Solution) and best.mount is not None:
             m = best.mount
             lines += [
                 f"mounting of rank 1: pivot A ({number(m.pivot_a[0])}, {number(m.pivot_a[1])}), "
@@ -197,17 +181,16 @@ def synthesize_table(reply: Result, units: Units = DEGREES) -> str:
                 f"coupler point: radius {number(m.coupler_point.radius)}, angle {number(m.coupler_point.angle)}; "
                 f"L_B {number(m.L_B)}, beta {number(m.beta)}",
             ]
-        if best.crank_angle is not None:
-            lines.append(f"crank angles of rank 1: {', '.join(number(angle, 4) for angle in best.crank_angle)}")
+        for name, words in (("crank_angle", "crank angles"), ("travel", "travel")):
+            values = getattr(best, name, None)
+            if values is not None:
+                lines.append(f"{words} of rank 1: {', '.join(number(value, 4) for value in values)}")
         if best.verdict.assembly is not None and best.verdict.assembly.free:
             found = best.verdict.assembly
             lines.append(f"rank 1 has {found.count} free layers: {found.reasons[0]}")
         if best.verdict.reasons:
             lines.append(f"rank 1: {'; '.join(best.verdict.reasons)}")
-        if best.rounded is not None and best.rounded.closes:
-            r = best.rounded
-            lines.append(f"rounded: {_lengths(r.links)}; {_errors(r.errors, units)}{_proof(r)}")
-        lines += _analysis_lines(best) + _tolerance_lines(best, units)
+        lines += _rounded_lines(best, units) + _analysis_lines(best) + _tolerance_lines(best, units)
     return "\n".join(lines + _search_lines(reply.report))
 
 

@@ -24,7 +24,7 @@ import numpy as np
 
 from synthesis.arrays import Floats
 from synthesis.assembly.machine import CLEARANCE, Hole, Machine, Pin, Plate, Sizes, Slit, carried_by
-from synthesis.assembly.movement import GROUND, Bodies, Crank, Movement, Place, corner_angle
+from synthesis.assembly.movement import GROUND, Bodies, Crank, Movement, Place, turn_over
 from synthesis.assembly.shapes import Shape, hull
 from synthesis.errors import FieldError
 from synthesis.fourbar.files import plate_sizes
@@ -82,7 +82,7 @@ class OnGuides:
         if isinstance(other, Circle):
             spread = np.abs(other.pivot - z)
             varies, still = (np.abs(arm), spread) if slides else (spread, np.abs(arm))
-            return _by_triangle(varies, float(still.flat[0]), other.radius, e)
+            return turn_over(float(still.flat[0]), other.radius, varies, e)
         if isinstance(other, Rail):
             beside = np.imag((z - other.point) * np.exp(-1j * other.direction))
             length = np.abs(arm)
@@ -130,21 +130,6 @@ class OnGuides:
 
 def _root(radius: float, beside: Floats) -> Floats:
     return np.asarray(np.sqrt(np.maximum((radius - beside) * (radius + beside), 0.0)))
-
-
-def _by_triangle(varies: Floats, still: float, opposite: float, e: Floats) -> Floats:
-    """A triangle with one side that varies by at most e, its direction with it."""
-    low, high = np.maximum(varies - e, abs(still - opposite)), np.minimum(varies + e, still + opposite)
-    known = (e < varies) & (low <= high)
-    middle = corner_angle(still, opposite, varies)
-    span = np.maximum(
-        np.abs(corner_angle(still, opposite, low) - middle), np.abs(corner_angle(still, opposite, high) - middle)
-    )
-    if still > opposite:
-        turning = np.sqrt((still - opposite) * (still + opposite))
-        extreme = np.abs(corner_angle(still, opposite, np.full(1, turning)) - middle)
-        span = np.where((low < turning) & (turning < high), np.maximum(span, extreme), span)
-    return np.where(known, np.arcsin(np.where(known, e / varies, 0.0)) + np.where(known, span, 0.0), np.inf)
 
 
 def _by_offset(offset: Floats, length: Floats, e: Floats) -> Floats:

@@ -96,25 +96,26 @@ class Dyad:
         shifts = bodies.spread(self.p), bodies.spread(self.q)
         r = np.abs(q - p)
         e = shifts[0] + shifts[1]
-        line = (q - p) / r
-        a, b = self.a, self.b
-        low, high = np.maximum(r - e, abs(a - b)), np.minimum(r + e, a + b)
-        known = (e < r) & (low <= high)
-        swing = np.where(known, np.arcsin(np.where(known, e / r, 0.0)), np.inf)
+        line, a, b = (q - p) / r, self.a, self.b
         rows = ((self.first, p, shifts[0], a, b, 1), (self.second, q, shifts[1], b, a, -1))
         for body, origin, shift, near, far, sign in rows:
             bodies.origin[body] = origin
             bodies.direction[body] = sign * line * corner(near, far, r, sign * self.side)
             bodies.shift[body] = shift
-            middle = corner_angle(near, far, r)
-            span = np.maximum(
-                np.abs(corner_angle(near, far, low) - middle), np.abs(corner_angle(near, far, high) - middle)
-            )
-            if near > far:
-                turning = np.sqrt((near - far) * (near + far))
-                extreme = np.abs(corner_angle(near, far, np.full(1, turning)) - middle)
-                span = np.where((low < turning) & (turning < high), np.maximum(span, extreme), span)
-            bodies.turn[body] = swing + np.where(known, span, np.inf)
+            bodies.turn[body] = turn_over(near, far, r, e)
+
+
+def turn_over(near: float, far: float, r: Floats, e: Floats) -> Floats:
+    """How far the side ``near`` of a triangle turns whose side r varies by at most e, its direction with it."""
+    low, high = np.maximum(r - e, abs(near - far)), np.minimum(r + e, near + far)
+    known = (e < r) & (low <= high)
+    middle = corner_angle(near, far, r)
+    span = np.maximum(np.abs(corner_angle(near, far, low) - middle), np.abs(corner_angle(near, far, high) - middle))
+    if near > far:
+        turning = np.sqrt((near - far) * (near + far))
+        extreme = np.abs(corner_angle(near, far, np.full(1, turning)) - middle)
+        span = np.where((low < turning) & (turning < high), np.maximum(span, extreme), span)
+    return np.where(known, np.arcsin(np.where(known, e / r, 0.0)) + span, np.inf)
 
 
 def _halves(near: float, far: float, r: Floats) -> tuple[Floats, Floats]:

@@ -22,13 +22,14 @@ _BODY_WIDTH = 0.08
 
 @dataclass(frozen=True)
 class Attached:
-    """A drive at its place.
+    """A drive at its place on a self.machine.
 
     ``kind``: rotary, actuator, dyad or toggle. ``ground``: its other end, the motor, or the pivot of a rotary drive, in the
     plane at the first sample; on the link ``on``. ``pin``: in the frame of ``link``. ``sizes``: retracted length and stroke,
     motor crank and rod, or handle and strut. ``knee``: of a toggle, where its links meet at the first sample.
     """
 
+    machine: Machine
     kind: str
     link: str
     on: str
@@ -38,27 +39,27 @@ class Attached:
     extends: bool = True
     knee: complex | None = None
 
-    def ends(self, machine: Machine) -> tuple[Complexes, Complexes]:
+    def ends(self) -> tuple[Complexes, Complexes]:
         """Where its other end and its pin are, (n,) each."""
         for name in (self.link, self.on):
-            if name not in (*machine.links, GROUND):
+            if name not in (*self.machine.links, GROUND):
                 raise FieldError("/drive/link", f"this linkage has no {name}")
-        still = np.full(machine.at.size, self.ground, dtype=complex)
-        pin = still if self.kind == "rotary" else machine.links[self.link].place(self.pin)
+        still = np.full(self.machine.at.size, self.ground, dtype=complex)
+        pin = still if self.kind == "rotary" else self.machine.links[self.link].place(self.pin)
         if self.on == GROUND:
             return still, pin
-        other = machine.links[self.on]
+        other = self.machine.links[self.on]
         return other.place(other.point_at(self.ground)), pin
 
-    def knees(self, machine: Machine) -> Complexes | None:
+    def knees(self) -> Complexes | None:
         """Where motor crank and rod meet on the way forwards, or handle and strut, (n,); None where there is no such place."""
         if self.kind == "dyad":
-            link = machine.links[self.link]
-            found = driven(link, np.zeros(machine.at.size), self.ground, self.pin, *self.sizes, self.extends)
+            link = self.machine.links[self.link]
+            found = driven(link, np.zeros(self.machine.at.size), self.ground, self.pin, *self.sizes, self.extends)
             return None if found is None else found.crank_pin[0]
         if self.kind != "toggle" or self.knee is None:
             return None
-        ground, pin = self.ends(machine)
+        ground, pin = self.ends()
         first, second = self.sizes
         v = pin - ground
         length = np.abs(v)
@@ -70,34 +71,34 @@ class Attached:
         bent[-1 if self.extends else 0] *= -1
         return np.asarray(ground + (along + 1j * bent * high) * v / length)
 
-    def columns(self, machine: Machine) -> dict[str, list[Any]]:
+    def columns(self) -> dict[str, list[Any]]:
         """Columns of a table over the machine's positions: length, arm, and where its joints are."""
-        ground, pin = self.ends(machine)
+        ground, pin = self.ends()
         found: dict[str, Any] = {}
         if self.kind != "rotary":
             length = np.abs(pin - ground)
-            link = machine.links[self.link]
+            link = self.machine.links[self.link]
             speed = link.speed(self.pin)
             if self.on != GROUND:
-                other = machine.links[self.on]
+                other = self.machine.links[self.on]
                 speed = speed - other.speed(other.point_at(self.ground))
             found["drive_length"] = length
             found["drive_arm"] = np.real(np.conj(pin - ground) * speed) / length
-        knees = self.knees(machine)
+        knees = self.knees()
         places = {"ground": ground, "pin": pin} | ({} if knees is None else {"knee": knees})
         for name, place in places.items():
             found[f"drive_{name}_x"], found[f"drive_{name}_y"] = place.real, place.imag
         return {name: values.tolist() for name, values in found.items()}
 
-    def draw(self, machine: Machine, space: Any, xy: Callable[[complex], tuple[float, float]], size: float) -> None:
+    def draw(self, space: Any, xy: Callable[[complex], tuple[float, float]], size: float) -> None:
         """Its lines on the layer `LAYER` of a drawing, at the first position; ``size``: of the drawing, in its unit."""
         at = {"layer": LAYER}
-        ground, pin = (complex(place[0]) for place in self.ends(machine))
+        ground, pin = (complex(place[0]) for place in self.ends())
         space.add_circle(xy(ground), 0.02 * size, dxfattribs=at)
         if self.kind == "rotary":
             return
         space.add_circle(xy(pin), 0.012 * size, dxfattribs=at)
-        knees = self.knees(machine)
+        knees = self.knees()
         if knees is not None:
             space.add_lwpolyline([xy(ground), xy(complex(knees[0])), xy(pin)], dxfattribs=at)
             space.add_circle(xy(complex(knees[0])), 0.012 * size, dxfattribs=at)
@@ -114,20 +115,20 @@ class Attached:
         space.add_lwpolyline([xy(corner) for corner in corners], close=True, dxfattribs=at)
         space.add_line(xy(ground + way * body), xy(pin), dxfattribs=at)
 
-    def simulated(self, machine: Machine, model: str, metre: float) -> str:
+    def simulated(self, model: str, metre: float) -> str:
         """A MuJoCo model with this drive in the place of its own; ``metre``: metres in the machine's unit of length."""
         if self.kind == "rotary":
             self._need(model, self.link)
             return re.sub(r'(<velocity name="drive" joint=")[^"]+"', rf'\g<1>{self.link}"', model)
-        ground, pin = self.ends(machine)
+        ground, pin = self.ends()
         if self.kind in ("dyad", "toggle"):
-            return self._with_knee(machine, model, metre, complex(ground[0]))
+            return self._with_knee(model, metre, complex(ground[0]))
         model = self._with_site(model, self.link, "drive_pin", self.pin, metre)
         if self.on == GROUND:
             site = f'    <site name="drive_ground" pos="{_place(self.ground * metre)}"/>\n  </worldbody>'
             model = model.replace("  </worldbody>", site)
         else:
-            point = machine.links[self.on].point_at(self.ground)
+            point = self.machine.links[self.on].point_at(self.ground)
             model = self._with_site(model, self.on, "drive_ground", point, metre)
         tendon = (
             '  <tendon>\n    <spatial name="drive" width="0.005" rgba="0.8 0.2 0.6 1">\n'
@@ -142,11 +143,11 @@ class Attached:
         model = re.sub(r"  <actuator>.*?</actuator>\n", lambda _: tendon + servo, model, flags=re.DOTALL)
         return re.sub(r'<key name="start"[^>]*/>', f'<key name="start" ctrl="{float(length[0])!r}"/>', model)
 
-    def _with_knee(self, machine: Machine, model: str, metre: float, ground: complex) -> str:
-        knees = self.knees(machine)
+    def _with_knee(self, model: str, metre: float, ground: complex) -> str:
+        knees = self.knees()
         if knees is None:
             raise FieldError("/drive", "this motor does not drive the linkage through the samples in their order")
-        pin, knee = complex(self.ends(machine)[1][0]), complex(knees[0])
+        pin, knee = complex(self.ends()[1][0]), complex(knees[0])
         first, second = (size * metre for size in self.sizes)
         turned = float(np.angle(knee - ground))
         rod = float(np.angle(pin - knee)) - turned

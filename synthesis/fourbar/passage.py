@@ -23,7 +23,7 @@ side the sign of sin(theta1 - theta2).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -365,33 +365,44 @@ class _Built(Protocol):
 
 
 def practical_faults(solution: _Built, samples: Samples, limits: Limits, excursion: float | None = None) -> list[str]:
-    """A sentence for each practical limit that a solution breaks; what a request limits itself is judged by its own limit.
+    """`faults_of` a four-bar."""
+    linkage = solution.linkage
+    pivots = {"pivot_a": linkage.pivot_a, "pivot_b": linkage.pivot_b}
+    angles = solution.transmission_angle_min, solution.transmission_angle_min_turn
+    return faults_of(angles, linkage.links, pivots, samples, limits, excursion)
 
-    ``samples``: the motion; without positions lengths are ratios, and only those are judged. ``limits``: of the
-    request. ``excursion``: of the body point between samples, see `excursion.excursions`.
+
+def faults_of(
+    angles: tuple[float, float | None],
+    links: Sequence[float],
+    pivots: Mapping[str, complex],
+    samples: Samples | None,
+    limits: Limits,
+    excursion: float | None = None,
+) -> list[str]:
+    """A sentence for each practical limit that a linkage breaks; what a request limits itself is judged by its own limit.
+
+    ``angles``: the least transmission angles over the used interval and over the turn, where that counts. ``pivots``: by the
+    names of their limits. ``samples``: the motion; without positions lengths are ratios, and only those are judged. ``limits``:
+    of the request. ``excursion``: of the body point between samples, see `excursions`.
     """
-    linkage, faults = solution.linkage, []
-
-    def angle(found: float, wanted: float, where: str) -> None:
+    faults = []
+    least = limits.transmission_angle_min or TRANSMISSION_ANGLE
+    rows = [(angles[0], least, "over the used interval")]
+    if angles[1] is not None:
+        rows.append((angles[1], limits.transmission_angle_min_turn or TRANSMISSION_ANGLE_TURN, "over the whole turn"))
+    for found, wanted, where in rows:
         if found < wanted - _ROUNDED:
             degrees = np.rad2deg([found, wanted])
             faults.append(f"transmission angle {degrees[0]:.3g} degrees {where}, below {degrees[1]:.3g}")
-
-    angle(
-        solution.transmission_angle_min, limits.transmission_angle_min or TRANSMISSION_ANGLE, "over the used interval"
-    )
-    if solution.transmission_angle_min_turn is not None:
-        least = limits.transmission_angle_min_turn or TRANSMISSION_ANGLE_TURN
-        angle(solution.transmission_angle_min_turn, least, "over the whole turn")
-    ratio, most = max(linkage.links) / min(linkage.links), limits.link_ratio_max or LINK_RATIO
-    if ratio > most * (1 + _ROUNDED):
+    longest, shortest, most = max(links, default=0.0), min(links, default=0.0), limits.link_ratio_max or LINK_RATIO
+    if longest > most * shortest * (1 + _ROUNDED):
+        ratio = longest / shortest if shortest > 0 else np.inf
         faults.append(f"longest link {ratio:.3g} times the shortest, above {most:g}")
-    if samples.position is not None:
+    if samples is not None and samples.position is not None:
         extent, middle = samples.extent, complex(samples.position_mean(samples.position))
-        longest = max(linkage.links)
         if limits.link_max is None and longest > REACH * extent:
             faults.append(f"longest link {longest / extent:.3g} times the motion's extent, above {REACH:g}")
-        pivots = {"pivot_a": linkage.pivot_a, "pivot_b": linkage.pivot_b}
         far = [abs(place - middle) / extent for name, place in pivots.items() if not placed_by(limits, name)]
         if far and max(far) > REACH * (1 + _ROUNDED):
             faults.append(f"a fixed pivot {max(far):.3g} extents from the motion's middle, above {REACH:g}")

@@ -64,8 +64,8 @@ _LOOKED_AT = 40
 """Of the guides of a sort that fit best so many are paired."""
 _SAMPLES, _FEWER, _MANY = 40, 24, 300
 """Samples up to which descents look at all, at how many of more, and up to which the best are refined on all in the end."""
-_POOL = 6
-"""Valleys that are kept of each kind and drive."""
+_POOL, _ENDED = 6, 2
+"""Valleys that are kept of each kind and drive, and so many new ones of a round that are descended to their end."""
 _ANSWERS = 6
 """Answers that are kept of each."""
 _STAGES = Stage(8, 0.1, 2), Stage(6, 1.0, 2), Stage(8, 10.0, 2)
@@ -85,13 +85,15 @@ _LOOKED_AT_WHOLE = 3
 """Candidates of each drive whose motion is looked at between the samples."""
 _TURNS = 1e-3
 """Sine of the angle between two rails, or two slots, below which a body never turns."""
+_LEAST_TRAVEL = 0.02
+"""Way of a drive, in radians or length scales, below which it drives nothing."""
 _NOISE, _EVEN = 0.05, 1e-3
 """Part of its range by which a drive may step back between noisy samples; and of the way to even steps when put in order."""
 _AS_EXACT = 1e-9
 """J of a rail below which a circle in its place tells nothing."""
 _LONG, _CHANCE = 10.0, 10.0
 """Radius, over the length scale, from which on a circle is compared with a rail; and the F up to which that is as good."""
-_IDLE, _ROUNDS, _WORTH = 2, 6, 0.01
+_IDLE, _ROUNDS, _WORTH = 4, 16, 0.01
 """A drive is left alone after so many rounds that gain nothing; rounds at most; and the part of J that is a gain."""
 
 
@@ -422,7 +424,7 @@ class Search:
             own = np.flatnonzero(found.drive == number)
             own = own[np.argsort(merit[own], kind="stable")]
             places.append(self._apart(found.pairs, own[np.isfinite(merit[own])], most))
-        return np.concatenate(places)
+        return _in_turn(places)
 
     def _apart(self, pairs: Pairs, places: Ints, most: int) -> Ints:
         """The first of places that differ."""
@@ -433,6 +435,18 @@ class Search:
                 break
             if not kept or np.abs(marks[kept] - marks[place]).max(axis=1).min() > _CELL:
                 kept.append(int(place))
+        return np.array(kept, dtype=int)
+
+    def _unlike(self, found: Candidates, known: Candidates | None) -> Ints:
+        """Places of those that are no known valley of their drive again, or lie a part lower in it."""
+        if known is None:
+            return np.arange(found.cost.size)
+        kept = []
+        marks, others = _marks(found.pairs), _marks(known.pairs)
+        for place in range(found.cost.size):
+            near = (known.drive == found.drive[place]) & (found.cost[place] > (1 - _WORTH) ** 2 * known.cost)
+            if not np.any(np.abs(others[near] - marks[place]).max(axis=1) < _CELL):
+                kept.append(place)
         return np.array(kept, dtype=int)
 
     def near(self) -> Candidates:
@@ -462,7 +476,7 @@ class Search:
             own = np.flatnonzero(pool.drive == number)
             own = own[np.argsort(pool.cost[own], kind="stable")[:3]]
             some.append(np.resize(own, _HOPS) if own.size else own)
-        places = np.concatenate(some)
+        places = _in_turn(some)
         begin = pool.take(places)
         chart = Chart(begin.pairs)
         count = places.size
@@ -514,6 +528,7 @@ class Search:
         if exact is not None:
             begin = begin.joined(exact.take(self._best(exact, 3, self.few)))
         pool: Candidates | None = None
+        ended: Candidates | None = None
         idle = np.zeros(len(self.ways), dtype=int)
         for _ in range(_ROUNDS):
             left = np.intersect1d(self._left, np.flatnonzero(idle < _IDLE))
@@ -522,8 +537,10 @@ class Search:
                 break
             before = self.levels
             begin = self._valued(self.descended(begin, _STAGES, self.few))
+            fresh = self._pooled(begin.take(self._unlike(begin, ended)), _ENDED)
+            ended = fresh if ended is None else ended.joined(fresh)
             pool = self._pooled(begin if pool is None else pool.joined(begin))
-            self._to_the_end(self._pooled(begin, 2))
+            self._to_the_end(fresh)
             self.note()
             if self.work.expired():
                 return False
@@ -691,7 +708,7 @@ class Search:
             own = np.flatnonzero(found.drive == number)
             own = own[np.argsort(found.cost[own], kind="stable")]
             places.append(self._apart(found.pairs, own, most))
-        return found.take(np.concatenate(places))
+        return found.take(_in_turn(places))
 
     # -- answers ----------------------------------------------------------------------------------------------------
 
@@ -731,6 +748,8 @@ class Search:
             return None
         linkage = replace(linkage, branch=1 if sine[0] > 0 else -1, start=float(drive[0]))
         travel = drive - drive[0]
+        if np.ptp(travel) < _LEAST_TRAVEL * (1.0 if way.driver.turns else poses.length_scale):
+            return None
         if poses.closed and not linkage.turns_fully:
             return None
         if not np.isfinite(linkage.body(drive).rotation).all():
@@ -873,6 +892,7 @@ def search_guided(
 
 
 _CELL = 0.02
+"""Difference in some mark from which on pairs are two."""
 
 
 def _marks(pairs: Pairs) -> Floats:
@@ -901,6 +921,12 @@ def _errors(guides: Guides, motion: Motion) -> Floats:
         swing = (np.conj(normal) * 1j * (places - one.position)).real
         out[own] = np.sqrt(np.sum((off**2 / (1 + swing**2)) * one.root**2, axis=1))
     return out
+
+
+def _in_turn(places: list[Ints]) -> Ints:
+    """The first of each drive, then the second: what time is left goes to all alike."""
+    rank = np.concatenate([np.arange(own.size) for own in places])
+    return np.concatenate(places)[np.argsort(rank, kind="stable")]
 
 
 def _labels(found: Candidates, margin: Floats | None = None, sign: Floats | None = None) -> Floats:

@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from synthesis.arrays import Complexes, Floats
 from synthesis.fourbar.limits import (
-    LINK_RATIO,
-    REACH,
-    TRANSMISSION_ANGLE,
-    TRANSMISSION_ANGLE_TURN,
     Limits,
-    placed_by,
 )
-from synthesis.fourbar.passage import LEAVES_SAMPLES, SHORTEST_CHORD
+from synthesis.fourbar.passage import SHORTEST_CHORD, faults_of
 from synthesis.free.poses import Poses
 from synthesis.guided.linkage import Circle, Driver, Guide, GuidedLinkage, Rail, Slot
 from synthesis.ranking import Errors, motion_errors
@@ -29,7 +23,6 @@ _ARRIVED = 1e-7
 """A step below this part of the longest is the last: the next would be its square."""
 _BACK = 20
 """Halvings of a step that would make a sample's error larger, or open the loop."""
-_ROUNDED = 1e-9
 _WAY_STEPS = 48
 """Chords that the body point's way between two samples is measured by."""
 
@@ -288,44 +281,11 @@ def size_of(solution: GuidedSolution, samples: Samples) -> float | None:
 def practical_faults(
     solution: GuidedSolution, samples: Samples, limits: Limits, excursion: float | None = None
 ) -> list[str]:
-    """A sentence for each practical limit that a solution breaks; what a request limits itself is judged by its own limit."""
-    faults: list[str] = []
-
-    def angle(found: float, wanted: float, where: str) -> None:
-        if found < wanted - _ROUNDED:
-            degrees = np.rad2deg([found, wanted])
-            faults.append(f"transmission angle {degrees[0]:.3g} degrees {where}, below {degrees[1]:.3g}")
-
-    angle(
-        solution.transmission_angle_min, limits.transmission_angle_min or TRANSMISSION_ANGLE, "over the used interval"
-    )
-    turn = solution.transmission_angle_min_turn
-    if turn is not None and solution.linkage.driver is Driver.CRANK:
-        angle(turn, limits.transmission_angle_min_turn or TRANSMISSION_ANGLE_TURN, "over the whole turn")
-    radii = [one.radius for one in solution.linkage.guides if isinstance(one, Circle)]
-    radii += [abs(second - first) for first, second in [_both(solution.linkage.guides)] if first is not None]
-    if len(radii) > 1 and max(radii) > (limits.link_ratio_max or LINK_RATIO) * min(radii) * (1 + _ROUNDED):
-        ratio = max(radii) / min(radii) if min(radii) > 0 else math.inf
-        faults.append(f"longest link {ratio:.3g} times the shortest, above {limits.link_ratio_max or LINK_RATIO:g}")
-    if samples.position is not None:
-        extent = samples.extent
-        if limits.link_max is None and radii and max(radii) > REACH * extent:
-            faults.append(f"longest link {max(radii) / extent:.3g} times the motion's extent, above {REACH:g}")
-        named = {"pivot_a": solution.linkage.guides[0], "pivot_b": solution.linkage.guides[1]}
-        far = [
-            abs(one[0] - samples.middle) / extent
-            for name, one in named.items()
-            if not isinstance(one, Rail) and not placed_by(limits, name)
-        ]
-        if far and max(far) > REACH * (1 + _ROUNDED):
-            faults.append(f"a fixed pivot {max(far):.3g} extents from the motion's middle, above {REACH:g}")
-    if excursion is not None and excursion > LEAVES_SAMPLES:
-        faults.append(
-            f"the body point goes {excursion:.3g} times as far between two samples as they are apart, above {LEAVES_SAMPLES:g}"
-        )
-    return faults
-
-
-def _both(guides: Sequence[Guide]) -> tuple[complex, complex] | tuple[None, complex]:
-    first, second = (_near(one) for one in guides)
-    return (first, second) if first is not None and second is not None else (None, 0j)
+    """`faults_of` a linkage on two guides: its links are radii, and the coupler between two guided points of the body."""
+    linkage = solution.linkage
+    radii = [one.radius for one in linkage.guides if isinstance(one, Circle)]
+    first, second = map(_near, linkage.guides)
+    radii += [abs(second - first)] if first is not None and second is not None else []
+    turn = solution.transmission_angle_min_turn if linkage.driver is Driver.CRANK else None
+    pivots = {name: one[0] for name, one in zip(("pivot_a", "pivot_b"), linkage.guides) if not isinstance(one, Rail)}
+    return faults_of((solution.transmission_angle_min, turn), radii, pivots, samples, limits, excursion)

@@ -35,7 +35,9 @@ def test_the_window_opener_is_the_designs(client: TestClient) -> None:
     forces = {one["link"]: one["peak_force"] for one in body["drives"] if one["kind"] == "actuator"}
     assert forces == pytest.approx({"coupler": 200.036417, "rocker": 221.025743}, abs=1e-5)
     torques = {one["link"]: one["peak_torque"] for one in body["drives"] if one["kind"] == "rotary"}
-    assert torques == pytest.approx({"crank": 61227.275531, "rocker": 20666.310442}, abs=1e-5)
+    # the design's are the largest of 61 places, the peaks lie between those
+    design = {"crank": 61227.275531, "rocker": 20666.310442}
+    assert torques == pytest.approx(design, rel=2e-5) and all(torques[name] >= design[name] for name in design)
     assert [one["reason"] for one in body["refused"]] == [
         "stroke 150 needs a pin at 258.6 from the pivot; reach_max is 250"
     ]

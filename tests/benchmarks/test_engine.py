@@ -35,7 +35,7 @@ def test_a_mark_sees_changes_and_no_rounding() -> None:
 @pytest.mark.parametrize("name", engine.CLASSES)
 def test_the_judge_agrees_with_the_reply_and_refuses_another_linkage(name) -> None:
     case = engine.CLASSES[name].case(engine.FRESH)
-    best = case.ask(0.3, top=1).best.to_dict()
+    best = case.ask(0.1, top=1).best.to_dict()
     cost, told = case.cost(best), best["errors"]["objective"]
     assert cost == pytest.approx(np.rad2deg(told) if name == "largest error" else told, rel=1e-5, abs=engine.EXACT)
     longer = best | {"links": best["links"] | {"coupler": 1.01 * best["links"]["coupler"]}}

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import numpy as np
+import pytest
 
 from benchmarks.engine import FRESH
 from benchmarks.live import CLASSES, drag, near
+from tests.conftest import some_of
 
 
-def test_a_drag_is_followed() -> None:
-    drags = (("drawn path", 0, 6), ("drawn path", 1, 5), ("random poses", 1, 9))
-    every = [list(drag(CLASSES[name][kind](FRESH + 500 + seed), seed, 0.3)) for name, kind, seed in drags]
-    rows = [row for one in every for row in one]
-    followed = [np.mean([near(row) for row in one if "final" in row]) >= 0.9 for one in every]
-    assert sum(followed) >= 2  # one may begin in another valley than the best
+@pytest.mark.parametrize(("kind", "seed"), some_of([(0, 6), (1, 5), (2, 6)], 1))
+def test_a_drag_of_a_path_is_followed(kind, seed) -> None:
+    """All five answers that are judged are near, or one is not; where nothing were kept of the last, one is at the most."""
+    rows = list(drag(CLASSES["drawn path"][kind](FRESH + 500 + seed), seed, 0.3))
+    assert sum(near(row) for row in rows if "final" in row) >= 4
     assert max(row["state"] for row in rows) < 30_000

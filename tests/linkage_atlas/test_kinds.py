@@ -45,6 +45,21 @@ def test_no_solution_beats_another_that_is_driven_alike():
     assert all(one.transmission_angle_min > 35 - 1e-6 for one in found)
 
 
+def test_what_turns_about_a_pin_is_driven_by_what_moves_and_made_by_no_kind_that_cannot():
+    """About a fixed point: a cylinder on it would have no stroke, and two rails would miss the motion by most of its size."""
+    turned = np.deg2rad(angles := [0, 20, 40, 60, 80])
+    position = np.round(100 * np.stack([np.cos(turned), np.sin(turned)], axis=1), 4)
+    found = la.synthesize(rotation=angles, position=position, timing="free", mechanisms="all")
+    assert len(found) >= 5
+    for one in found:
+        assert one.errors.objective < 0.1
+        if one.kind != "four_bar":
+            drive = one.crank_angle if one.travel is None else one.travel
+            assert np.ptp(drive) > 0.1
+            off = np.linalg.norm(one.linkage.joints(drive).body_point - position, axis=1)
+            assert np.max(off) == pytest.approx(one.errors.position_max, abs=1e-6)
+
+
 def test_given_travel_is_gone_along():
     free = la.synthesize(**_FOUR, timing="free", mechanisms=["rail_slot"], driver="slider", limits={"preset": "none"})
     timed = la.synthesize(**_FOUR, travel=free.best.travel, mechanisms="all", driver="slider")

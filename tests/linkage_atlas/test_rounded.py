@@ -7,6 +7,7 @@ import pytest
 
 import linkage_atlas as la
 from app.registry import worked_example
+from tests.conftest import some_of
 from tests.oracles.limited_classes import transmission_angle
 from tests.oracles.recompute import LINKS, broken_limits
 
@@ -35,7 +36,7 @@ LIMITS = [
 
 
 @pytest.mark.parametrize(
-    ("grid", "limits"), [(2.0, limits) for limits in LIMITS] + [(5.0, limits) for limits in LIMITS[:5]], ids=str
+    ("grid", "limits"), some_of([(grid, limits) for grid in (2.0, 5.0) for limits in LIMITS], len(LIMITS)), ids=str
 )
 def test_rounded_links_keep_to_the_limits(grid, limits) -> None:
     found = la.synthesize(**EXAMPLE, top=1, limits=limits, round_to=grid, tolerance=1e-6)
