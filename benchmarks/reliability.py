@@ -370,8 +370,10 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
         count = ", ".join(f"{count:,} x {what}" for what, count in sorted(deaths_["kills"].items()))
         told = ", ".join(f"{count:,} x {status}" for status, count in sorted(deaths_["statuses"].items()))
         text = "A service whose processes are killed answers again, and what it answers is right; none is left behind"
-        wrong = f"{deaths_['wrong']} wrong, {deaths_['left_behind']} left behind; at most {deaths_['longest_s']:.1f} s; {told} (0: cut off)"
-        rows.append((text, "`deaths`", count, wrong))
+        wrong = (
+            f"{deaths_['wrong']} wrong, {deaths_['left_behind']} left behind, at most {deaths_['longest_s']:.1f} s"
+        )
+        rows.append((text, "`deaths`", count, f"{wrong}; {told} (0: cut off)"))
     if indexes := found.get("indexes"):
         count, wrong = f"{indexes['kills']:,} kills", f"{indexes['other_files']} folders with other bytes"
         rows.append(("A killed maker of an index leaves nothing in the way of the next", "`indexes`", count, wrong))
