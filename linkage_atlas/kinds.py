@@ -38,7 +38,7 @@ from synthesis.work import Work
 MECHANISMS = get_args(KindName)
 SIX_BARS = ("watt_1", "stephenson_1")
 DRIVERS = tuple(one.value for one in Driver)
-NO_ROTATION = "linkages with sliders need positions, alone or with rotations at two samples or more: only four-bars were searched for"
+NO_ROTATION = "linkages with sliders need positions, alone or with two rotations or more: only four-bars were searched for"
 NO_LEAD = "no four-bar goes this way, whose rotations linkages with sliders begin with: they were not searched for"
 NO_TIME = "the time was up before linkages with sliders were searched for"
 _FOUR_BARS = 0.4
