@@ -45,9 +45,9 @@ def equilibrium(linkage: Linkage, machine: Machine, load: Loading, link: str, pl
     """The largest difference of the actuator's force from that of nine equations a position, over the largest force."""
     turn = np.exp(1j * (linkage.body_offset or 0.0))
     masses = [
-        ("coupler", one.amount, complex(linkage.arm + one.point * turn), one.inertia)
+        ("coupler", one.mass, complex(linkage.arm + one.at * turn), one.inertia)
         if one.link == "body"
-        else (one.link, one.amount, one.point, one.inertia)
+        else (one.link, one.mass, one.at, one.inertia)
         for one in load.masses
     ]
     a, b = linkage.pivot_a, linkage.pivot_b

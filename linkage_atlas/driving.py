@@ -30,6 +30,7 @@ from linkage_atlas.guided import GuidedLinkage
 from linkage_atlas.linkages import FourBar
 from linkage_atlas.motions import Motion
 from linkage_atlas.records import KEPT, Record, Values, Vectors, plane, xy
+from linkage_atlas.studies import read_load
 from synthesis.arrays import Complexes, Floats
 from synthesis.drives.actuator import (
     ROW_GRID,
@@ -47,7 +48,7 @@ from synthesis.drives.actuator import (
 from synthesis.drives.balance import Spring as Placed
 from synthesis.drives.balance import one_spring, potential_of, two_springs
 from synthesis.drives.dyad import LARGEST_RATIO, Driven, about_pivot, driven, on_any_link
-from synthesis.drives.links import GROUND, SAMPLES, LinkMotion, Loading, Machine, Mass, hinged, machine_of
+from synthesis.drives.links import GROUND, SAMPLES, LinkMotion, Loading, Machine, hinged, machine_of
 from synthesis.drives.pins import Pull, pin_forces
 from synthesis.drives.springs import Fitted, Room, best_pair, best_spring, fitted
 from synthesis.drives.toggle import Knee, locked
@@ -680,35 +681,14 @@ def _list(name: str, given: Sequence[Mapping[str, Any]] | None) -> Sequence[Mapp
 
 
 def _load(machine: Machine, given: Mapping[str, Any], radian: float) -> Loading:
-    known_fields("load", given, ("force", "torque", "masses", "parts", "gravity", "speed"))
-    force = 0j if given.get("force") is None else pair("load/force", given["force"])
-    torque = 0.0 if given.get("torque") is None else bounded("load/torque", given["torque"])
-    if force and machine.body is None:
-        raise FieldError("/load/force", "acts at the body point, but this linkage has none")
-    gravity = -9.81j if given.get("gravity") is None else pair("load/gravity", given["gravity"])
-    masses = given.get("masses") or ()
-    if given.get("parts"):
-        raise FieldError("/load/parts", "for one linkage only: /v1/drives, or `linkage_atlas.drives`")
-    if len(masses) > MOST_MASSES:
-        raise FieldError("/load/masses", f"wanted at most {MOST_MASSES}")
-    speed = 0.0 if given.get("speed") is None else bounded("load/speed", given["speed"]) * radian
-    return Loading(
-        force, torque, tuple(_mass(f"load/masses/{k}", one, machine) for k, one in enumerate(masses)), gravity, speed
+    links, mounted = (*machine.links, "body"), machine.body is not None
+    force, torque, masses, gravity, parts = read_load(
+        "load", given, links, mounted, MOST_MASSES, "speed", link="body", middles=machine.middles
     )
-
-
-def _mass(at: str, given: Mapping[str, Any], machine: Machine) -> Mass:
-    known_fields(at, given, ("link", "mass", "at", "inertia"))
-    name = "body" if given.get("link") is None else given["link"]
-    names = (*machine.links, *(() if machine.body is None else ("body",)))
-    if name not in names:
-        raise FieldError(f"/{at}/link", f"wanted one of {', '.join(names)}, found {name!r}")
-    amount = bounded(f"{at}/mass", given.get("mass"))
-    inertia = 0.0 if given.get("inertia") is None else bounded(f"{at}/inertia", given["inertia"])
-    if amount < 0 or inertia < 0:
-        raise FieldError(f"/{at}/{'mass' if amount < 0 else 'inertia'}", "wanted at least 0")
-    point = machine.middles.get(name, 0j) if given.get("at") is None else pair(f"{at}/at", given["at"], MAX_LENGTH)
-    return Mass(name, amount, point, inertia)
+    if parts:
+        raise FieldError("/load/parts", "for one linkage only: /v1/drives, or `linkage_atlas.drives`")
+    speed = 0.0 if given.get("speed") is None else bounded("load/speed", given["speed"]) * radian
+    return Loading(force, torque, masses, gravity, speed)
 
 
 def _drive(at: str, given: Mapping[str, Any], machine: Machine, radian: float, millimetres: float) -> dict[str, Any]:
@@ -1361,7 +1341,7 @@ class _Search:
         assert link.pivot is not None and body is not None
         arm = link.point_at(complex(body.origin[0]))
         part = -np.conj(load.force) * arm - sum(
-            mass.amount * np.conj(load.gravity) * (mass.point + (arm if mass.link == "body" else 0))
+            mass.mass * np.conj(load.gravity) * (mass.at + (arm if mass.link == "body" else 0))
             for mass in load.masses
         )
         point = complex(self.machine.extent / 2)

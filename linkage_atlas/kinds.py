@@ -38,8 +38,13 @@ from synthesis.work import Work
 MECHANISMS = get_args(KindName)
 SIX_BARS = ("watt_1", "stephenson_1")
 DRIVERS = tuple(one.value for one in Driver)
-NO_ROTATION = "linkages with sliders need positions, alone or with two rotations or more: only four-bars were searched for"
+NO_ROTATION = (
+    "linkages with sliders need positions, alone or with two rotations or more: only four-bars were searched for"
+)
 NO_LEAD = "no four-bar goes this way, whose rotations linkages with sliders begin with: they were not searched for"
+ROUND_AGAIN = (
+    "sliders and cylinders would have to turn back on a closed way: only drives that turn fully are answered"
+)
 NO_TIME = "the time was up before linkages with sliders were searched for"
 _FOUR_BARS = 0.4
 """Part of a budget that the search among four-bars takes at most, where other kinds are asked for too."""
@@ -100,6 +105,10 @@ def _check(asked: Asked, motion: Motion) -> None:
         )
     if by in (Driver.SLIDER, Driver.CYLINDER, Driver.HINGE) and not _driven(asked, (by,)):
         raise FieldError("/driver", f"none of the kinds asked for has a {by}")
+    if _comes_round(motion.samples) and by in (Driver.SLIDER, Driver.CYLINDER):
+        raise FieldError(
+            "/driver", f"a {by} would have to turn back: a closed way is passed by drives that turn fully"
+        )
     if motion.travel is not None:
         if asked.four_bars_alone:
             raise FieldError(
@@ -157,6 +166,11 @@ _DRIVEN: dict[Driver, tuple[Kind, ...]] = {
 
 def _driven(asked: Asked, drivers: Sequence[Driver]) -> bool:
     return any(kind in _DRIVEN[driver] for driver in drivers for kind in asked.kinds)
+
+
+def _comes_round(samples: Samples) -> bool:
+    """Whether the way leads from the last sample on to the first."""
+    return isinstance(samples, Poses) and samples.closed
 
 
 def has_poses(samples: Samples) -> bool:
@@ -240,6 +254,7 @@ def search_kinds(
             stopped.add(report.stopped_by.value)
             if work.expired():
                 break
+        notes += [ROUND_AGAIN] if _comes_round(motion.samples) else []
     by_crank = [kind for kind in asked.sliders if kind in BY_CRANK]
     if isinstance(motion.samples, Target) and motion.samples.position is not None and by_crank and not sliders:
         for kind in by_crank:

@@ -29,6 +29,7 @@ from synthesis.errors import FieldError
 from synthesis.fourbar.analysis import LinkMass, Load, Own, curve_over, forces, rates
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.tolerance_study import SOURCES, Spread, Study, Tolerances, simulate
+from synthesis.guided.analysis import Mass
 from synthesis.target import MAX_LENGTH, MIN_LENGTH, TURN, Interval
 from synthesis.work import Work
 
@@ -110,21 +111,12 @@ class Analysis(Rates):
     """The same over the used interval in steps of at most a degree."""
 
 
-class MassAt(NamedTuple):
-    """A mass on a link: in kg, its centre in the link's frame, its inertia about that in kg times length squared."""
-
-    link: str
-    mass: float
-    at: complex
-    inertia: float
-
-
 class Drive(NamedTuple):
     """What an analysis is asked for: the crank's speed in the user's unit of angle, a load, and masses of the links."""
 
     crank_speed: float
     load: Load | None
-    masses: tuple[MassAt, ...] = ()
+    masses: tuple[Mass, ...] = ()
     gravity: complex = 0j
     length_unit: str = "mm"
     parts: bool = False
@@ -137,18 +129,18 @@ class Drive(NamedTuple):
         from linkage_atlas.solids import masses_of_parts
 
         found = masses_of_parts(linkage, used, self.length_unit)
-        own = tuple(MassAt(one["link"], one["mass"], complex(*one["at"]), one["inertia"]) for one in found)
+        own = tuple(Mass(one["link"], one["mass"], complex(*one["at"]), one["inertia"]) for one in found)
         return self._replace(masses=self.masses + own, parts=False)
 
     def load_of(self, linkage: Linkage) -> Load | None:
         """The load on a linkage, with the masses of its links."""
         if self.load is None or not self.masses:
             return self.load
-        kept: dict[str, list[MassAt]] = {}
+        kept: dict[str, list[Mass]] = {}
         for one in self.masses:
             if one.link == "body":
                 turned = one.at * np.exp(1j * (linkage.body_offset or 0.0))
-                one = MassAt("coupler", one.mass, linkage.arm + turned, one.inertia)
+                one = Mass("coupler", one.mass, linkage.arm + turned, one.inertia)
             kept.setdefault(one.link, []).append(one)
         links = {}
         for link, several in kept.items():
@@ -176,27 +168,54 @@ def read_drive(analysis: Mapping[str, Any], mounted: bool) -> Drive:
     load = analysis.get("load")
     if load is None:
         return Drive(speed, None)
-    known_fields("analysis/load", load, ("force", "torque", "masses", "parts", "gravity"))
-    force = 0j if load.get("force") is None else pair("analysis/load/force", load["force"], words="[fx, fy]")
+    force, torque, masses, gravity, parts = read_load(
+        "analysis/load", load, LINKS_WITH_MASS, mounted, MOST_LINK_MASSES
+    )
+    if any(one.mass == 0 for one in masses):
+        place = [one.mass for one in masses].index(0)
+        raise FieldError(f"/analysis/load/masses/{place}/mass", "wanted a mass above 0, found 0")
+    return Drive(speed, Load(force, torque), masses, gravity, unit, parts)
+
+
+def read_load(
+    field: str,
+    given: Any,
+    links: Sequence[str],
+    mounted: bool,
+    most: int,
+    *also: str,
+    link: str | None = None,
+    middles: Mapping[str, complex] | None = None,
+) -> tuple[complex, float, tuple[Mass, ...], complex, bool]:
+    """A checked load: force and torque on the body, at most so many masses of ``links``, gravity, and whether parts weigh too.
+
+    ``mounted``: whether there is a body point. ``also``: names of further fields, which are read elsewhere. ``link``: of a mass
+    that names none. ``middles``: where those masses are, by link, that have no place; default: where the link's frame begins.
+    """
+    known_fields(field, given, ("force", "torque", "masses", "parts", "gravity", *also))
+    force = 0j if given.get("force") is None else pair(f"{field}/force", given["force"], words="[fx, fy]")
     if force and not mounted:
-        raise FieldError("/analysis/load/force", "acts at the body point, but without `position` there is none")
-    torque = 0.0 if load.get("torque") is None else bounded("analysis/load/torque", load["torque"])
+        raise FieldError(f"/{field}/force", "acts at the body point, but without `position` there is none")
+    torque = 0.0 if given.get("torque") is None else bounded(f"{field}/torque", given["torque"])
     gravity = GRAVITY
-    if load.get("gravity") is not None:
-        gravity = pair("analysis/load/gravity", load["gravity"], words="[gx, gy]")
-    masses = load.get("masses") or ()
-    parts = flag("analysis/load/parts", load.get("parts"))
-    if not isinstance(masses, Sequence) or isinstance(masses, str) or len(masses) > MOST_LINK_MASSES:
-        raise FieldError("/analysis/load/masses", f"wanted a list of at most {MOST_LINK_MASSES} masses")
-    read = tuple(_mass(f"analysis/load/masses/{k}", mass, mounted) for k, mass in enumerate(masses))
-    return Drive(speed, Load(force, torque), read, gravity, unit, parts)
+    if given.get("gravity") is not None:
+        gravity = pair(f"{field}/gravity", given["gravity"], words="[gx, gy]")
+    masses = given.get("masses") or ()
+    if not isinstance(masses, Sequence) or isinstance(masses, str) or len(masses) > most:
+        raise FieldError(f"/{field}/masses", f"wanted a list of at most {most} masses")
+    read = tuple(
+        _mass(f"{field}/masses/{k}", mass, links, mounted, link, middles or {}) for k, mass in enumerate(masses)
+    )
+    return force, torque, read, gravity, flag(f"{field}/parts", given.get("parts"))
 
 
-def _mass(field: str, given: Any, mounted: bool) -> MassAt:
+def _mass(
+    field: str, given: Any, links: Sequence[str], mounted: bool, default: str | None, middles: Mapping[str, complex]
+) -> Mass:
     known_fields(field, given, ("link", "mass", "at", "inertia"))
-    link = given.get("link")
-    if link not in LINKS_WITH_MASS:
-        raise FieldError(f"/{field}/link", f"wanted one of {', '.join(LINKS_WITH_MASS)}, found {link!r}")
+    link: Any = default if given.get("link") is None else given["link"]
+    if link not in links:
+        raise FieldError(f"/{field}/link", f"wanted one of {', '.join(links)}, found {link!r}")
     if link == "body" and not mounted:
         raise FieldError(
             f"/{field}/link", "without `position` there is no body point that the body's frame begins in"
@@ -205,11 +224,11 @@ def _mass(field: str, given: Any, mounted: bool) -> MassAt:
         raise FieldError(f"/{field}/mass", "needed: in kg")
     mass = bounded(f"{field}/mass", given["mass"])
     inertia = 0.0 if given.get("inertia") is None else bounded(f"{field}/inertia", given["inertia"])
-    if not mass > 0:
-        raise FieldError(f"/{field}/mass", f"wanted a mass above 0, found {mass:g}")
-    if inertia < 0:
-        raise FieldError(f"/{field}/inertia", f"wanted at least 0, found {inertia:g}")
-    return MassAt(link, mass, 0j if given.get("at") is None else pair(f"{field}/at", given["at"]), inertia)
+    if mass < 0 or inertia < 0:
+        name, found = ("mass", mass) if mass < 0 else ("inertia", inertia)
+        raise FieldError(f"/{field}/{name}", f"wanted at least 0, found {found:g}")
+    at = middles.get(link, 0j) if given.get("at") is None else pair(f"{field}/at", given["at"], MAX_LENGTH)
+    return Mass(link, mass, at, inertia)
 
 
 def analysed(linkage: Linkage, drive: Drive, travel: Floats, radian: float, over: Interval | None = None) -> Analysis:

@@ -72,10 +72,10 @@ def potential_of(linkage: Linkage, load: Loading) -> Potential:
     if linkage.mounted:
         add(load.force, "coupler", linkage.arm)
     for mass in load.masses:
-        link, point = mass.link, mass.point
+        link, point = mass.link, mass.at
         if link == "body":
             link, point = "coupler", linkage.arm + point * np.exp(1j * (linkage.body_offset or 0.0))
-        add(mass.amount * load.gravity, link, point)
+        add(mass.mass * load.gravity, link, point)
     return Potential(linkage, complex(w1), complex(w2))
 
 

@@ -11,9 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from synthesis.arrays import Complexes, Floats
+from synthesis.arrays import Complexes, Floats, dot
 from synthesis.fourbar.analysis import rates
 from synthesis.fourbar.linkage import Linkage
+from synthesis.guided.analysis import Mass
 from synthesis.guided.linkage import Circle, GuidedLinkage, Slot
 from synthesis.target import Interval
 
@@ -81,15 +82,6 @@ class LinkMotion:
         )
 
 
-class Mass(NamedTuple):
-    """A mass on a link, at a point of its frame, with a moment of inertia about that point."""
-
-    link: str
-    amount: float
-    point: complex
-    inertia: float = 0.0
-
-
 class Loading(NamedTuple):
     """What acts on the body and on the links; directions are those of the plane and do not turn.
 
@@ -145,18 +137,14 @@ class Machine:
         """
         torque = np.zeros(self.at.size)
         if self.body is not None:
-            torque -= _dot(load.force, self.body.speed(0j)) + load.torque * self.body.rate
+            torque -= dot(load.force, self.body.speed(0j)) + load.torque * self.body.rate
         for mass in load.masses:
             link = self.link(mass.link)
-            torque -= mass.amount * _dot(load.gravity, link.speed(mass.point))
+            torque -= mass.mass * dot(load.gravity, link.speed(mass.at))
             if load.speed:
-                inertial = mass.amount * _dot(link.change(mass.point), link.speed(mass.point))
+                inertial = mass.mass * dot(link.change(mass.at), link.speed(mass.at))
                 torque += load.speed**2 * (inertial + mass.inertia * link.rate_change * link.rate)
         return torque
-
-
-def _dot(one: Complexes | complex, other: Complexes) -> Floats:
-    return np.real(np.conj(one) * other)
 
 
 def machine_of(linkage: Linkage | GuidedLinkage, interval: Interval, samples: int = SAMPLES) -> Machine:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from synthesis.arrays import Complexes, Floats
+from synthesis.arrays import Complexes, Floats, cross
 from synthesis.drives.links import Loading, Machine
 
 
@@ -46,14 +46,14 @@ def pin_forces(machine: Machine, load: Loading, pulls: Sequence[Pull], on_rocker
     def add(name: str, place: Complexes, force: Complexes | complex) -> None:
         name = "coupler" if name == "body" else name
         forces[name] = forces[name] + force
-        moments[name] = moments[name] + _cross(place - origins[name], force)
+        moments[name] = moments[name] + cross(place - origins[name], force)
 
     if machine.body is not None:
         add("body", machine.body.origin, load.force)
     moments["coupler"] = moments["coupler"] + load.torque
     for mass in load.masses:
         link = machine.link(mass.link)
-        add(mass.link, link.place(mass.point), mass.amount * (load.gravity - load.speed**2 * link.change(mass.point)))
+        add(mass.link, link.place(mass.at), mass.mass * (load.gravity - load.speed**2 * link.change(mass.at)))
         name = "coupler" if mass.link == "body" else mass.link
         moments[name] = moments[name] - mass.inertia * load.speed**2 * link.rate_change
     for pull in pulls:
@@ -61,10 +61,6 @@ def pin_forces(machine: Machine, load: Loading, pulls: Sequence[Pull], on_rocker
             add(pull.link, pull.place, pull.force)
     moments["rocker"] = moments["rocker"] + on_rocker
     one, other = end - coupler.origin, end - rocker.origin
-    at_c = (-moments["rocker"] * one - moments["coupler"] * other) / _cross(one, other)
+    at_c = (-moments["rocker"] * one - moments["coupler"] * other) / cross(one, other)
     at_d = -at_c - forces["coupler"]
     return Pins(at_d - forces["crank"], at_d, at_c, at_c - forces["rocker"])
-
-
-def _cross(one: Complexes, other: Complexes | complex) -> Floats:
-    return np.imag(np.conj(one) * other)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from synthesis.arrays import Complexes, Floats
+from synthesis.arrays import Complexes, Floats, cross, dot
 from synthesis.fourbar.kinematics import close_loop
 from synthesis.fourbar.linkage import Linkage
 from synthesis.target import Interval
@@ -105,14 +105,6 @@ class _Directions:
             self.point = linkage.arm * self.second
 
 
-def _dot(one: Complexes, other: Complexes | complex) -> Floats:
-    return np.real(np.conj(one) * other)
-
-
-def _cross(one: Complexes, other: Complexes | complex) -> Floats:
-    return np.imag(np.conj(one) * other)
-
-
 def rates(linkage: Linkage, travel: Floats, crank_speed: float) -> Rates:
     """Velocities and accelerations of a linkage.
 
@@ -124,12 +116,12 @@ def rates(linkage: Linkage, travel: Floats, crank_speed: float) -> Rates:
     one, two, three, _ = linkage.links
     e1, e2, e3 = at.first, at.second, at.third
     with np.errstate(all="ignore"):
-        coupler = crank_speed * (one / two) * _cross(e1, e3) / at.sine
-        rocker = crank_speed * (one / three) * _cross(e1, e2) / at.sine
+        coupler = crank_speed * (one / two) * cross(e1, e3) / at.sine
+        rocker = crank_speed * (one / three) * cross(e1, e2) / at.sine
         pull = (crank_speed * one) * crank_speed
         own, across = (coupler * two) * coupler, (rocker * three) * rocker
-        coupler_change = -(pull * _dot(e1, e3) + own * _dot(e2, e3) - across) / (two * at.sine)
-        rocker_change = -(pull * _dot(e1, e2) + own - across * _dot(e2, e3)) / (three * at.sine)
+        coupler_change = -(pull * dot(e1, e3) + own * dot(e2, e3) - across) / (two * at.sine)
+        rocker_change = -(pull * dot(e1, e2) + own - across * dot(e2, e3)) / (three * at.sine)
         velocity = acceleration = None
         if at.point is not None:
             velocity = 1j * (crank_speed * one * e1 + coupler * at.point)
@@ -164,12 +156,12 @@ def forces(linkage: Linkage, travel: Floats, load: Load, crank_speed: float = 0.
     with np.errstate(all="ignore"):
         if load.force:
             assert at.point is not None
-            moment = moment + _cross(at.point, load.force)
+            moment = moment + cross(at.point, load.force)
         (by_mass, turned), (on_coupler, about_pin), (on_rocker, about_b) = own
         rod = (moment + about_pin) / (two * at.sine)
         by_rocker = rod * at.third + about_b / (three * at.sine) * at.second
         by_crank = -by_rocker - load.force - on_coupler
-        torque = one * _cross(at.first, by_crank) - turned
+        torque = one * cross(at.first, by_crank) - turned
         pins = (by_crank - by_mass, by_crank, by_rocker, by_rocker - on_rocker)
     return Forces(_finite(torque), *(_known(force) for force in pins))
 
@@ -194,7 +186,7 @@ def _own_loads(
         with np.errstate(all="ignore"):
             gain = (1j * gaining - turning**2) * arm - pin * crank_speed**2 * linkage.links[0] * at.first
             force = link.mass * (own.gravity - own.metre * gain)
-            found.append((force, _cross(arm, force) - own.metre * link.inertia * gaining))
+            found.append((force, cross(arm, force) - own.metre * link.inertia * gaining))
     return found
 
 

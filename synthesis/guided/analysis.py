@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from synthesis.arrays import Complexes, Floats
+from synthesis.arrays import Complexes, Floats, cross, dot
 from synthesis.guided.linkage import BODY, Circle, Driver, GuidedLinkage, MovingLink, Rail, Slot
 
 
@@ -50,14 +50,6 @@ class Forces(NamedTuple):
     """By the other guide's link on the body."""
 
 
-def _cross(one: Complexes, other: Complexes | complex) -> Floats:
-    return np.imag(np.conj(one) * other)
-
-
-def _dot(one: Complexes, other: Complexes | complex) -> Floats:
-    return np.real(np.conj(one) * other)
-
-
 def forces(linkage: GuidedLinkage, travel: Floats, load: Load, speed: float = 0.0) -> Forces:
     """What holds a load on the body, position by position, while the drive moves.
 
@@ -91,26 +83,26 @@ def forces(linkage: GuidedLinkage, travel: Floats, load: Load, speed: float = 0.
         if linkage.driver is Driver.HINGE:
             assert isinstance(driven, Slot)
             slot = turned * np.exp(1j * driven.body_direction)
-            size = -_dot(slot, on_body + extra) / _clear(found.sine)
+            size = -dot(slot, on_body + extra) / _clear(found.sine)
             by_other = size * push + extra
             by_driven = -by_other - on_body
             pin = driven.pin + 0j * turned
-            held = _cross(at - pin, by_other) + couple + _cross(body.place - pin, on_body) + about_place + turning
+            held = cross(at - pin, by_other) + couple + cross(body.place - pin, on_body) + about_place + turning
             return Forces(_finite(-held), _known(by_driven), _known(by_other))
         pin = driven.pin + 0j * turned if isinstance(driven, Slot) else body.place + turned * driven.body_point
-        moment = _cross(at - pin, extra) + couple + _cross(body.place - pin, on_body) + about_place
+        moment = cross(at - pin, extra) + couple + cross(body.place - pin, on_body) + about_place
         if isinstance(driven, Slot):
             moment = moment + turning
         size = -moment / _clear(np.copysign(found.arm, found.sine))
         by_other = size * push + extra
         by_driven = -by_other - on_body
         if isinstance(driven, Circle):
-            drive = _cross(pin - driven.pivot, by_driven) - turning
+            drive = cross(pin - driven.pivot, by_driven) - turning
         elif isinstance(driven, Rail):
             along = np.exp(1j * driven.direction)
             drive = np.real(np.conj(along) * (by_driven - own))
         else:
-            drive = -_dot(turned * np.exp(1j * driven.body_direction), by_driven)
+            drive = -dot(turned * np.exp(1j * driven.body_direction), by_driven)
     return Forces(_finite(drive), _known(by_driven), _known(by_other))
 
 
@@ -125,7 +117,7 @@ def _acting(link: MovingLink, load: Load, speed: float) -> tuple[Complexes, Floa
         gain = link.place_second * speed**2 + (1j * spin - (link.direction_rate * speed) ** 2) * arm
         own = one.mass * (load.gravity - load.metre * gain)
         force = force + own
-        moment = moment + _cross(arm, own) - load.metre * one.inertia * spin
+        moment = moment + cross(arm, own) - load.metre * one.inertia * spin
     return force, moment
 
 

@@ -31,12 +31,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from synthesis.arrays import Complexes, Floats
+from synthesis.arrays import Complexes, Floats, cross, dot
 from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.vectors import Condition, Round, Still, Straight, Vector, places_within
 from synthesis.target import TURN, Interval
@@ -203,14 +203,6 @@ class _Triangle(NamedTuple):
         """The acute angle between the lines XZ and XC."""
         one, other = self.total * self.beyond, self.less_arm * self.less_radius
         return 2 * np.arctan2(np.sqrt(np.minimum(one, other)), np.sqrt(np.maximum(one, other)))
-
-
-def _cross(one: Any, other: Any) -> Floats:
-    return np.imag(np.conj(one) * other)
-
-
-def _dot(one: Any, other: Any) -> Floats:
-    return np.real(np.conj(one) * other)
 
 
 def _acute(sine: Floats, cosine: Floats) -> Floats:
@@ -498,18 +490,18 @@ class GuidedLinkage:
         sliding = -turned * on_body  # of the arm, as the body has it
         if isinstance(other, Slot):
             slot = turned * np.exp(1j * other.body_direction)
-            rotation = -(_cross(slot, pin) + _cross(slot, sliding)) / lever
-            second = -_cross(slot, pin_second + 2j * rotation * -pin + rotation**2 * spread) / lever
+            rotation = -(cross(slot, pin) + cross(slot, sliding)) / lever
+            second = -cross(slot, pin_second + 2j * rotation * -pin + rotation**2 * spread) / lever
         else:
             if isinstance(other, Circle):
                 normal = (arm - spread) / other.radius
             else:
                 normal = np.full(q.shape, 1j * np.exp(1j * other.direction))
-            rotation = -_dot(normal, pin + sliding) / lever
+            rotation = -dot(normal, pin + sliding) / lever
             velocity = pin + sliding + 1j * rotation * arm
             pulled = pin_second + 2j * rotation * sliding - rotation**2 * arm
             curved = np.abs(velocity) ** 2 / other.radius if isinstance(other, Circle) else 0.0
-            second = -(_dot(normal, pulled) + curved) / lever
+            second = -(dot(normal, pulled) + curved) / lever
         point = turned * self._on_body(q)
         along = turned * on_body
         position = pin - along - 1j * rotation * point
@@ -536,10 +528,10 @@ class GuidedLinkage:
                 normal = np.full(q.shape, 1j * np.exp(1j * other.direction))
             reach = arm - extension * along  # from the fixed pin to the other body point
             push = np.where(sine != 0, sine, np.nan)
-            first = _dot(normal, 1j * reach) / push
+            first = dot(normal, 1j * reach) / push
             velocity = 1j * reach - first * along
             curved = np.abs(velocity) ** 2 / other.radius if isinstance(other, Circle) else none
-            second = (_dot(normal, -reach - 2j * first * along) + curved) / push
+            second = (dot(normal, -reach - 2j * first * along) + curved) / push
         body_point = turned * driven.body_point + extension * along
         velocity = -1j * body_point - first * along
         change = body_point - 2j * first * along - second * along
@@ -597,7 +589,7 @@ class GuidedLinkage:
             none, one = 0.0 * closed, closed
             return MovingLink(name, pivot, q * closed, 0j * closed, one, 0j * closed, none)
         spoke = point - guide.pivot
-        turn, spin = (_cross(spoke, rate) / guide.radius**2 for rate in (velocity, change))
+        turn, spin = (cross(spoke, rate) / guide.radius**2 for rate in (velocity, change))
         return MovingLink(name, pivot, self._rocker_direction(q), 0j * closed, turn, 0j * closed, spin)
 
     def _rocker_direction(self, q: Floats) -> Floats:
@@ -631,13 +623,13 @@ class GuidedLinkage:
             if isinstance(driven, Slot):
                 along = turned * np.exp(1j * driven.body_direction)
                 if self.driver is Driver.HINGE:
-                    return np.angle(along), _dot(push, along)
-                coordinate, pin = _dot(along, driven.pin - on_driven), np.full(turned.shape, driven.pin)
+                    return np.angle(along), dot(push, along)
+                coordinate, pin = dot(along, driven.pin - on_driven), np.full(turned.shape, driven.pin)
             elif isinstance(driven, Rail):
-                coordinate, pin = _dot(np.exp(1j * driven.direction), on_driven - driven.point), on_driven
+                coordinate, pin = dot(np.exp(1j * driven.direction), on_driven - driven.point), on_driven
             else:
                 coordinate, pin = np.angle(on_driven - driven.pivot), on_driven
-            return coordinate, _cross(on_other - pin, push) / np.abs(on_other - pin)
+            return coordinate, cross(on_other - pin, push) / np.abs(on_other - pin)
 
     # -- over an interval ---------------------------------------------------------------------------------------------
 
@@ -708,9 +700,9 @@ class GuidedLinkage:
         found = self.body(q)
         on_body = found.position + np.exp(1j * found.rotation) * guide.body_point
         if isinstance(guide, Rail):
-            return _dot(np.exp(1j * guide.direction), on_body - guide.point)
+            return dot(np.exp(1j * guide.direction), on_body - guide.point)
         assert isinstance(guide, Slot)
-        return _dot(np.exp(1j * (found.rotation + guide.body_direction)), guide.pin - on_body)
+        return dot(np.exp(1j * (found.rotation + guide.body_direction)), guide.pin - on_body)
 
     def used(self, place: int, interval: Interval) -> tuple[float, float]:
         """The least and the largest coordinate of a rail or slot over an interval of travel of the drive.
@@ -739,10 +731,10 @@ class GuidedLinkage:
         arm = np.exp(1j * body.direction) * guide.body_point
         velocity = body.place_rate + 1j * body.direction_rate * arm
         if isinstance(guide, Rail):
-            return _dot(np.exp(1j * guide.direction), velocity)
+            return dot(np.exp(1j * guide.direction), velocity)
         assert isinstance(guide, Slot)
         along = np.exp(1j * (body.direction + guide.body_direction))
-        return -_dot(along, velocity) + body.direction_rate * _cross(along, guide.pin - body.place - arm)
+        return -dot(along, velocity) + body.direction_rate * cross(along, guide.pin - body.place - arm)
 
     def dead_places(self, interval: Interval) -> list[float]:
         """Coordinates within an interval at which the loop just closes: there both branches meet, and the drive can be stuck."""

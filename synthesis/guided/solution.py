@@ -23,7 +23,6 @@ _ARRIVED = 1e-7
 """A step below this part of the longest is the last: the next would be its square."""
 _BACK = 20
 """Halvings of a step that would make a sample's error larger, or open the loop."""
-_ROUNDED = 1e-9
 _WAY_STEPS = 48
 """Chords that the body point's way between two samples is measured by."""
 

@@ -101,7 +101,7 @@ def fields() -> list[Any]:
             for k, value in enumerate(costliest(prop, example.get(name), schema.get("$defs", {}))):
                 found.append((query, {**example, name: value}, f"{query.path} {name} {k}"))
     return [
-        pytest.param(*one, id=name, marks=[pytest.mark.wide] * (k % 12 > 0)) for k, (*one, name) in enumerate(found)
+        pytest.param(*one, id=name, marks=[pytest.mark.wide] * (k % 24 > 0)) for k, (*one, name) in enumerate(found)
     ]
 
 

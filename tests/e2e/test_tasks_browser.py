@@ -370,18 +370,18 @@ def test_a_drag_of_a_pose_adds_none(opened) -> None:
     assert len(opened.table()) == len(before) + 1
 
 
-def test_solve_is_few_tabs_away_and_keeps_the_focus(opened) -> None:
-    opened.rest()
-    opened.run("document.activeElement.blur(); scrollTo(0, 0)")
+def test_solve_is_few_tabs_away_and_keeps_the_focus(page) -> None:
+    page.rest()
+    page.run("document.activeElement.blur(); scrollTo(0, 0)")
     tabs = 0
-    while opened.focus != "solve":
-        opened.active.send_keys(Keys.TAB)
+    while page.focus != "solve":
+        page.active.send_keys(Keys.TAB)
         tabs += 1
         assert tabs < 50
-    opened.solve_soon()
-    opened.press("#solve", "keyboard")
-    opened.found()
-    assert opened.focus == "solve"
+    page.solve_soon()
+    page.press("#solve", "keyboard")
+    page.found()
+    assert page.focus == "solve"
 
 
 def test_texts_are_free_of_jargon(standing) -> None:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from synthesis.drives.actuator import Actuator
-from synthesis.drives.links import LinkMotion, Loading, Mass
+from synthesis.drives.links import LinkMotion, Loading
 from synthesis.fourbar.linkage import Linkage
+from synthesis.guided.analysis import Mass
 from synthesis.target import Interval
 
 

@@ -11,9 +11,10 @@ import pytest
 from synthesis.drives.actuator import Actuator, Question, Refused, Wanted
 from synthesis.drives.balance import Spring, one_spring, potential_of, two_springs
 from synthesis.drives.dyad import about_pivot, driven, proportions
-from synthesis.drives.links import Loading, Machine, Mass, machine_of
+from synthesis.drives.links import Loading, Machine, machine_of
 from synthesis.drives.springs import fitted
 from synthesis.fourbar.linkage import Linkage
+from synthesis.guided.analysis import Mass
 from synthesis.target import Interval
 from tests.oracles.driven_cases import straight
 

@@ -39,9 +39,9 @@ def test_torques_and_forces_hold_every_link_in_equilibrium(seed: int) -> None:
     some = [0, 13, 30, 47, 60]
     turn = np.exp(1j * (linkage.body_offset or 0.0))
     masses = [
-        ("coupler", one.amount, complex(linkage.arm + one.point * turn), one.inertia)
+        ("coupler", one.mass, complex(linkage.arm + one.at * turn), one.inertia)
         if one.link == "body"
-        else (one.link, one.amount, one.point, one.inertia)
+        else (one.link, one.mass, one.at, one.inertia)
         for one in load.masses
     ]
     size = np.abs(torque).max()

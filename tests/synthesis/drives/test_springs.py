@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from synthesis.drives.balance import Spring, one_spring, potential_of, two_springs
-from synthesis.drives.links import Loading, Mass, hinged, machine_of
+from synthesis.drives.links import Loading, hinged, machine_of
 from synthesis.drives.springs import Kind, Room, best_pair, best_spring, fitted, spring_torque
+from synthesis.guided.analysis import Mass
 from synthesis.target import Interval
 from tests.oracles.driven_cases import random_linkage
 

@@ -43,9 +43,8 @@ def test_exact_motions_come_back(kind, samples, cases):
     random = np.random.default_rng(samples)
     for _ in range(cases):
         rotation, position, _ = random_motion(random, kind, samples)
-        found, report = search_guided(make_poses(rotation, position), _ANY, [Kind(kind)])
+        found, _ = search_guided(make_poses(rotation, position), _ANY, [Kind(kind)])
         assert min(one.errors.objective for one in found) < 1e-9
-        assert report.stopped_by.value == "tolerance" or len(found) > 0
 
 
 def test_four_poses_have_one_linkage_of_rail_and_slot():
@@ -57,11 +56,12 @@ def test_four_poses_have_one_linkage_of_rail_and_slot():
         assert len(exact) == 1
 
 
+@pytest.mark.parametrize("kinds", some_of([["slider_crank", "rail_slot"], [*KINDS]], 1), ids=len)
 @pytest.mark.parametrize("samples", [2, 3])
-def test_few_poses_have_a_choice(samples):
+def test_few_poses_have_a_choice(samples, kinds):
     rotation, position, _ = random_motion(np.random.default_rng(1), "rail_slot", samples)
     limits = Limits(family="any", transmission_angle_min=np.deg2rad(40))
-    found, _ = search_guided(make_poses(rotation, position), limits, [Kind(kind) for kind in KINDS])
+    found, _ = search_guided(make_poses(rotation, position), limits, [Kind(kind) for kind in kinds])
     assert {one.linkage.kind.value for one in found if one.errors.objective < 1e-9} >= {"slider_crank", "rail_slot"}
     assert all(one.transmission_angle_min >= np.deg2rad(40) - 1e-6 for one in found)
 
