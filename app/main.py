@@ -133,7 +133,7 @@ class Ready(ReplyModel):
     status: Literal["ready"] = "ready"
     preparing: list[str] = Field(
         description="Parts of the atlas's index that are being made, without which answers take longer: `positions`, "
-        "`short_spans`, `rockers` or `slider_cranks`."
+        "`short_spans`, `rockers`, `slider_cranks`, or `index`, where a file of it could not be read."
     )
 
 

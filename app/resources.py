@@ -103,6 +103,11 @@ class ServiceResources:
         give_back_memory()
         gc.freeze()  # what is loaded stays: looking through it again and again would hold up everyone
 
+    def renew(self) -> None:
+        """Open the atlas again: parts of its index that are not what was written are made anew."""
+        vars(self).pop("atlas", None)
+        self.load()
+
     def prepare_rest(self) -> None:
         """Have now what the first answer of each kind would else import or make: searches, their tables, models."""
         import scipy.interpolate  # noqa: F401 - the first spline would

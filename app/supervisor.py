@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import math
 import os
 import pickle
 import select
@@ -35,6 +36,10 @@ SUCCESSION = "LINKAGE_ATLAS_SUCCESSION"
 _LEAST_LIFE = 2.0
 """A front that has ended sooner, by itself, would do so again."""
 _MAKER_NICE = 5
+_INDEX = "index"
+"""All parts of the index that are used: what has become of them is looked at, and what is damaged made anew."""
+_RENEWED_SECONDS = 60.0
+"""After the index was made anew before it is again."""
 _ENDS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 RELOAD, SUCCEEDED = signal.SIGUSR1, signal.SIGUSR2
 """Start the service anew, perhaps of other code or with another atlas; and what the new one says once it answers."""
@@ -74,6 +79,7 @@ class Supervisor:
         self._count = count
         self._computers: set[int] = set()
         self._makers: dict[int, str] = {}
+        self._sound_until = 0.0
         self._successor: subprocess.Popen[bytes] | None = None
         self._deadline: float | None = None
         nohup = signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
@@ -89,8 +95,7 @@ class Supervisor:
             signal.signal(told, lambda *_: None)
         self._start_front()
         try:
-            for part in self._resources.missing():
-                self._make(part)
+            self._make_missing()
             self._fill()
             self._resources.prepare_rest()  # while the first processes answer
             self._say("fresh")
@@ -136,10 +141,11 @@ class Supervisor:
             if number in self._computers:
                 self._computers.discard(number)
                 self._say("ended", number, status)
+                self._renew(status)
                 if os.waitstatus_to_exitcode(status) > 0:
                     time.sleep(_REBIRTH_SECONDS)
             elif part := self._makers.pop(number, ""):
-                self._say("made", part)
+                self._made(part, status)
             elif self._successor is not None and number == self._successor.pid:
                 log.error("The service that was to take over has ended; this one goes on")
                 self._successor = None
@@ -159,7 +165,25 @@ class Supervisor:
         self._start_front()
         for part in self._makers.values():
             self._say("making", part)
+        self._renew(status)
         return None
+
+    def _renew(self, status: int) -> None:
+        """Have the index made anew where a file of it could not be read: that ends a process by SIGBUS."""
+        if os.waitstatus_to_exitcode(status) == -signal.SIGBUS and time.monotonic() >= self._sound_until:
+            log.error("A file of the index cannot be read: what is damaged is made anew")
+            self._sound_until = math.inf
+            self._make(_INDEX)
+
+    def _made(self, part: str, status: int) -> None:
+        """Take note of a part of the index, or of all of it; those that compute without it are replaced then."""
+        if part == _INDEX:
+            self._sound_until = time.monotonic() + _RENEWED_SECONDS
+            if status == 0:
+                self._resources.renew()
+                self._say("fresh")
+                self._make_missing()
+        self._say("made", part)
 
     def _end(self, number: int) -> None:
         """Have the front end."""
@@ -214,16 +238,23 @@ class Supervisor:
             foreign.close()
         Computer(connection, self._questions, self._resources).run()
 
+    def _make_missing(self) -> None:
+        for part in self._resources.missing():
+            self._make(part)
+
     def _make(self, part: str) -> None:
         if part not in self._makers.values():
-            self._makers[self._fork(lambda: self._made(part))] = part
+            self._makers[self._fork(lambda: self._make_here(part))] = part
             self._say("making", part)
 
-    def _made(self, part: str) -> None:
+    def _make_here(self, part: str) -> None:
         os.nice(_MAKER_NICE)
         for listener in self._listeners:
             listener.close()
-        self._resources.make(part)
+        if part == _INDEX:
+            self._resources.renew()
+        else:
+            self._resources.make(part)
 
     def _fork(self, run: Callable[[], None]) -> int:
         """The number of a new process that runs something and ends."""

@@ -27,7 +27,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from benchmarks import hostile, report, service
+from benchmarks import deaths, hostile, report, service
 from synthesis.atlas.header import check_bytes
 from synthesis.errors import AtlasError
 
@@ -330,6 +330,9 @@ PARTS: dict[str, Callable[[Path, Callable[[int], int]], Any]] = {
     "reloads": lambda atlas, some: reloads(atlas, some(50)),
     "flips": lambda atlas, some: flips(atlas, some(10_000)),
     "kills": lambda atlas, some: kills(some(1_000)),
+    "deaths": lambda atlas, some: deaths.deaths(atlas, some(1_000)),
+    "indexes": lambda atlas, some: deaths.indexes(some(1_000)),
+    "disks": lambda atlas, some: deaths.disks(atlas),
 }
 """By their names; each takes the atlas, and the number to try for a full number."""
 
@@ -363,6 +366,21 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     if kills := found.get("kills"):
         count, wrong = f"{kills['kills']:,} kills", f"{kills['other_files']} files with other bytes"
         rows.append(("A killed build goes on and ends in the same bytes", "`kills`", count, wrong))
+    if deaths_ := found.get("deaths"):
+        count = ", ".join(f"{count:,} x {what}" for what, count in sorted(deaths_["kills"].items()))
+        told = ", ".join(f"{count:,} x {status}" for status, count in sorted(deaths_["statuses"].items()))
+        text = "A service whose processes are killed answers again, and what it answers is right; none is left behind"
+        wrong = (
+            f"{deaths_['wrong']} wrong, {deaths_['left_behind']} left behind, at most {deaths_['longest_s']:.1f} s"
+        )
+        rows.append((text, "`deaths`", count, f"{wrong}; {told} (0: cut off)"))
+    if indexes := found.get("indexes"):
+        count, wrong = f"{indexes['kills']:,} kills", f"{indexes['other_files']} folders with other bytes"
+        rows.append(("A killed maker of an index leaves nothing in the way of the next", "`indexes`", count, wrong))
+    for row in found.get("disks", []):
+        refused = f", {row['refused']} refused" if "refused" in row else ""
+        text = f"{row['what'][0].upper()}{row['what'][1:]}: right answers"
+        rows.append((text, "`disks`", f"{row['answered']} answers{refused}", f"{row['wrong']} wrong"))
     if flips := found.get("flips"):
         count, wrong = f"{flips['flips']:,} flips", f"{flips['accepted']} accepted"
         rows.append(("A flipped bit of an atlas file is noticed", "`flips`", count, wrong))

@@ -42,6 +42,9 @@ NO_ROTATION = (
     "linkages with sliders need rotation and position at two samples or more, or positions at given crank angles: only four-bars "
     "were searched for"
 )
+ROUND_AGAIN = (
+    "sliders and cylinders would have to turn back on a closed way: only drives that turn fully are answered"
+)
 NO_TIME = "the time was up before linkages with sliders were searched for"
 _FOUR_BARS = 0.4
 """Part of a budget that the search among four-bars takes at most, where other kinds are asked for too."""
@@ -100,6 +103,10 @@ def _check(asked: Asked, motion: Motion) -> None:
         )
     if by in (Driver.SLIDER, Driver.CYLINDER, Driver.HINGE) and not _driven(asked, (by,)):
         raise FieldError("/driver", f"none of the kinds asked for has a {by}")
+    if _comes_round(motion.samples) and by in (Driver.SLIDER, Driver.CYLINDER):
+        raise FieldError(
+            "/driver", f"a {by} would have to turn back: a closed way is passed by drives that turn fully"
+        )
     if motion.travel is not None:
         if asked.four_bars_alone:
             raise FieldError(
@@ -157,6 +164,11 @@ _DRIVEN: dict[Driver, tuple[Kind, ...]] = {
 
 def _driven(asked: Asked, drivers: Sequence[Driver]) -> bool:
     return any(kind in _DRIVEN[driver] for driver in drivers for kind in asked.kinds)
+
+
+def _comes_round(samples: Samples) -> bool:
+    """Whether the way leads from the last sample on to the first."""
+    return isinstance(samples, Poses) and samples.closed
 
 
 def has_poses(samples: Samples) -> bool:
@@ -225,7 +237,7 @@ def search_kinds(
         least = min((error for _, error in trace), default=np.inf)
         trace += [(seconds, error) for seconds, error in report.trace if error < least]
         seeds += report.seeds
-        notes += report.notes
+        notes += [*report.notes, *([ROUND_AGAIN] if _comes_round(motion.samples) else [])]
         stopped.add(report.stopped_by.value)
     by_crank = [kind for kind in asked.sliders if kind in BY_CRANK]
     if isinstance(motion.samples, Target) and motion.samples.position is not None and by_crank and not sliders:

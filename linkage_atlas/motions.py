@@ -282,9 +282,14 @@ class Motion:
         return samples.asked if isinstance(samples, Poses) and samples.asked is not None else samples
 
     def notes(self) -> list[str]:
-        """What a user should know about a rotation that looks wrapped."""
+        """What a user should know about a motion that needs no linkage, and about a rotation that looks wrapped."""
         if self.free or self.samples.rotation is None:
-            return []
+            pole = _one_pole(self.asked)
+            return (
+                []
+                if pole is None
+                else [f"the body only turns, about ({pole.real:.6g}, {pole.imag:.6g}): a hinge there does it"]
+            )
         jump = np.abs(np.diff(self.samples.rotation))
         if jump.max() <= np.pi:
             return []
@@ -293,6 +298,22 @@ class Motion:
             f"rotation jumps by more than half a turn from sample {place + 1} to {place + 2}; it is taken as continuous, "
             "so if that is a wrap at 180 or 360 degrees, unwrap it"
         ]
+
+
+def _one_pole(samples: Samples) -> complex | None:
+    """The point about which all poses, three or more, are turns to rounding; None where there is none."""
+    if samples.rotation is None or samples.position is None:
+        return None
+    whole = np.ones(samples.samples, dtype=bool)
+    for weights in (samples.rotation_weights, samples.position_weights):
+        whole &= True if weights is None else weights > 0
+    if whole.sum() < 3:
+        return None
+    # a point of the body that stays where it is: P = c - R m, linear in c and m
+    places, turned = samples.scaled[whole], np.exp(1j * samples.rotation[whole])
+    found, _, rank, _ = np.linalg.lstsq(np.stack([np.ones_like(turned), turned], axis=1), places, rcond=1e-9)
+    off = np.abs(found[0] + found[1] * turned - places).max()
+    return complex(samples.middle + found[0] * samples.length_scale) if rank == 2 and off < 1e-9 else None
 
 
 def _present(name: str, values: Any, weights: Mapping[str, ArrayLike]) -> tuple[Any, Any]:

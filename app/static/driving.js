@@ -2,6 +2,7 @@
 
 import { redrawOn, titledChart } from "./charts.js";
 import { element, make, put, text } from "./drawing.js";
+import { driveTurns } from "./drive.js";
 import { fitOf } from "./fit.js";
 import { ask } from "./service.js";
 import { $ } from "./shell.js";
@@ -27,6 +28,9 @@ function between(curve, values, at) {
   if (one === null || other === null) return null;
   return Array.isArray(one) ? one.map((part, i) => part + t * (other[i] - part)) : one + t * (other - one);
 }
+
+/** The unit of a moment arm: a change of length by the angle, or by the travel, of what drives the linkage. */
+const armUnit = (unit, turns) => (turns ? `${unit} a radian` : `${unit} a ${unit} of travel`);
 
 /** A drive with other ends, its lengths, arms and forces computed here from the torque of the load. */
 function moved(drive, linkage, torque) {
@@ -151,13 +155,13 @@ export class Driving {
         ["torque left (rms)", `${number(one.torque.after.rms, 3)} of ${number(one.torque.before.rms, 3)}`], ["by itself", one.stays],
       ]);
     }
-    const rows = [["drive", `${drive.name ?? KINDS[drive.kind]} on the ${drive.link}${drive.byHand ? ", by hand" : ""}`]];
+    const turns = driveTurns(this.solution), rows = [["drive", `${drive.name ?? KINDS[drive.kind]} on the ${drive.link}${drive.byHand ? ", by hand" : ""}`]];
     if (drive.motor) rows.push(["motor", place(drive.motor)]);
     if (drive.ground_point) rows.push(["ground point", place(drive.ground_point)]);
     if (drive.pin) rows.push(["pin at pose 1", place(drive.pin)], ["pin on the link", place(drive.pin_on_link)]);
     if (drive.retracted) rows.push(["retracted, stroke", `${number(drive.retracted)} + ${number(drive.stroke)} ${unit}, ${drive.extends ? "extends" : "retracts"}`]);
-    if (drive.dead !== undefined && drive.dead !== null) rows.push(["dead point", `at ${number(drive.dead)}°`]);
-    if (drive.arm_min !== null && drive.arm_min !== undefined) rows.push(["least arm", `${number(drive.arm_min)} ${unit} a radian`]);
+    if (drive.dead !== undefined && drive.dead !== null) rows.push(["dead point", `at ${number(drive.dead)}${turns ? "°" : ` ${unit}`}`]);
+    if (drive.arm_min !== null && drive.arm_min !== undefined) rows.push(["least arm", `${number(drive.arm_min)} ${armUnit(unit, turns)}`]);
     if (drive.peak_force !== null) rows.push(["peak force", `${number(drive.peak_force)}${drive.over_bound ? `, ${number(drive.over_bound, 4)} × the least there can be` : ""}`]);
     if (drive.peak_torque !== null) rows.push([drive.kind === "toggle" ? "torque at the handle" : "peak torque", number(drive.peak_torque)]);
     if (drive.holding) rows.push(["holding, first and last", drive.holding.map((one) => number(one, 4)).join(", ")]);
@@ -196,9 +200,9 @@ export class Driving {
     host.replaceChildren();
     this.charts = [];
     if (!drive || $("drive-card").hidden) return;
-    const sense = this.player.shown?.pass.sense ?? 1, unit = this.answer.motion.unit, add = (title, x, series) => {
+    const sense = this.player.shown?.pass.sense ?? 1, unit = this.answer.motion.unit, turns = driveTurns(this.solution), axis = turns ? { sense } : { sense, degreesX: false, xName: ` ${unit}` }, add = (title, x, series) => {
       const order = x.map((at, k) => [sense * at, k]).sort((a, b) => a[0] - b[0]);
-      this.charts.push(titledChart(host, title, { x: order.map(([at]) => at), series: series.map((one) => ({ ...one, values: order.map(([, k]) => one.values[k]) })), height: 140 }));
+      this.charts.push(titledChart(host, title, { x: order.map(([at]) => at), series: series.map((one) => ({ ...one, values: order.map(([, k]) => one.values[k]) })), height: 140, ...axis }));
     };
     if (drive.springs) {
       const { curve } = drive.springs[0];
@@ -208,10 +212,10 @@ export class Driving {
     const { curve, bound } = drive, level = (one) => ({ values: curve.crank_angle.map(() => one), colour: "box", dash: [6, 4], width: 1.2 });
     if (curve.force) {
       const amounts = curve.force.map(Math.abs);
-      add(`Force of the ${KINDS[drive.kind]}${bound ? " (dashed: no peak is below this)" : ""}`, curve.crank_angle, [{ values: amounts, colour: "body" }, ...(bound ? [level(bound)] : [])]);
+      add(`Force of the ${KINDS[drive.kind]}, push or pull${bound ? " (dashed: no peak is below this)" : ""}`, curve.crank_angle, [{ values: amounts, colour: "body" }, ...(bound ? [level(bound)] : [])]);
     }
     if (curve.torque) add(drive.kind === "dyad" ? "Torque of the motor, forwards" : drive.kind === "toggle" ? "Torque at the handle" : "Torque", curve.crank_angle, [{ values: curve.torque, colour: "body" }]);
-    if (curve.arm) add(`Moment arm, ${unit} a radian`, curve.crank_angle, [{ values: curve.arm.map(Math.abs), colour: "path" }]);
+    if (curve.arm) add(`Moment arm, ${armUnit(unit, turns)}`, curve.crank_angle, [{ values: curve.arm.map(Math.abs), colour: "path" }]);
     this.#mark();
   }
 

@@ -268,7 +268,7 @@ def to_mjcf(
     rocking = float(linkage.links[0] * np.sin(angle1 - angle2) / lever) if lever else 0.0
     speeds = " ".join(repr(way * value) for value in (1.0, slope - 1.0, rocking) if np.isfinite(value))
     moving = f' qvel="{speeds}"' if speeds.count(" ") == 2 else ""
-    duration = abs(target.crank[-1]) / SPEED
+    duration = abs(target.interval.last - target.interval.first) / SPEED
     site = f'size="{thick / 2!r}"'
     return model_text(
         "four-bar linkage",

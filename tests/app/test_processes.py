@@ -32,6 +32,9 @@ import os, sys
 from app import cli
 from app.scenes import knotter, lift
 from app.registry import all_queries
+from synthesis.slider.dimension_types import SliderTypeRule
+
+SliderTypeRule.__init__.__defaults__ = (80, *SliderTypeRule.__init__.__defaults__[1:])
 
 def answer(kind):
     def spin(body, resources):
@@ -58,7 +61,7 @@ for query in all_queries():
             object.__setattr__(query, "answer", answer(kind))
 raise SystemExit(cli.main(["serve", "--port", "0", "--workers", "2", *sys.argv[1:]]))
 """
-"""The command, where some questions are answered badly."""
+"""The command, where some questions are answered badly, and the slider-cranks beside an atlas are few."""
 SLOW_PARTS = """
 from app.resources import ServiceResources
 from pathlib import Path
@@ -139,6 +142,13 @@ def answers(running: Running) -> bool:
         return running.post(NEEDLE)[0] == 200
     except OSError:
         return False
+
+
+def settled(running: Running) -> bool:
+    """Whether nobody is replaced any more by one who shares more."""
+    before = running.computing
+    time.sleep(0.3)
+    return len(before) == 2 and running.computing == before
 
 
 def until(condition: Any, seconds: float = PATIENCE) -> None:
@@ -285,6 +295,7 @@ def test_parts_of_the_index_are_made_beside_and_found_by_all(small_bytes, tmp_pa
     (tmp_path / "small.h5").write_bytes(small_bytes)
     with serving(tmp_path, "--atlas", str(tmp_path / "small.h5"), prepare_positions=False) as running:
         until(lambda: running.get("/readyz") == {"status": "ready", "preparing": []})
+        until(lambda: settled(running))
         parts = {"cells", "short_spans"}
         assert {path.name for path in (tmp_path / "small.h5.index").iterdir() if path.is_dir()} == parts
         rotation, before = {"rotation": [0, 5, 12, 20, 31], "crank_span": 80}, running.computing
@@ -301,6 +312,22 @@ def test_parts_of_the_index_are_made_beside_and_found_by_all(small_bytes, tmp_pa
             "rocker_cells",
             "slider_crank_cells",
         }
+
+
+def test_files_of_the_index_that_are_cut_short_while_they_are_used_are_made_anew(small_bytes, tmp_path) -> None:
+    (tmp_path / "small.h5").write_bytes(small_bytes)
+    with serving(tmp_path, "--atlas", str(tmp_path / "small.h5"), prepare_positions=False) as running:
+        until(lambda: running.get("/readyz")["preparing"] == [])
+        rotation = {"rotation": [0, 5, 12, 20, 31], "crank_span": 80}
+        found, before = running.post("/v1/match", rotation)
+        assert found == 200
+        for path in (tmp_path / "small.h5.index").rglob("*.npy"):
+            os.truncate(path, 0)
+        assert running.post("/v1/match", rotation)[0] == 503
+        until(lambda: running.post("/v1/match", rotation)[0] == 200)
+        assert running.post("/v1/match", rotation)[1]["matches"] == before["matches"]
+        until(lambda: running.get("/readyz")["preparing"] == [])
+        assert running.log.read_text().count("is made anew") == 1
 
 
 def test_what_is_being_made_is_said(small_bytes, tmp_path) -> None:

@@ -94,3 +94,22 @@ def test_bad_numbers_are_answered_in_words(opened) -> None:
     opened.wait("document.getElementById('drive-note').className.includes('bad')")
     assert "ratio" in opened.text("drive-note")
     opened.browser.get_log("browser")  # the browser's own line on a refused request
+
+
+def test_a_drive_that_slides_is_told_in_lengths(page) -> None:
+    page.take(
+        {
+            "rotation": [0, 30, 60, 90],
+            "position": [[0, 0], [120, 40], [200, 120], [220, 220]],
+            "timing": "free",
+            "mechanisms": ["rail_slot"],
+            "driver": "cylinder",
+        }
+    )
+    page.solve_soon()
+    # rounding is not told as a place
+    assert "cylinder" in page.text("numbers") and not re.search(r"e-1\d", page.text("numbers"))
+    fill(page, **{"force-y": -200})
+    found(page)
+    assert "mm a mm of travel" in page.text("drive-numbers") and "radian" not in page.text("drive-card")
+    assert "Moment arm, mm a mm of travel" in page.texts("#drive-curves h3")

@@ -348,8 +348,11 @@ class Counting:
         return self.readings - 1
 
 
-def test_an_atlas_without_types_has_no_answers() -> None:
+@pytest.mark.parametrize("short_spans", [False, True])
+def test_an_atlas_without_types_has_no_answers(short_spans) -> None:
     scan = Scan(make_atlas(AtlasRule(TypeRule(10, 9), 16)))
+    if short_spans:
+        scan.prepare_short_spans(Work())
     found, report = scan.best(make_target(np.arange(4.0), crank_span=1.0), 5)
     assert found.row.size == 0 and report == (0, 0, True)
 

@@ -304,13 +304,6 @@ def test_making_the_index_can_be_ended(scans) -> None:
     assert scan.best(request(scan, 1), 3)[1].exhaustive
 
 
-def test_an_atlas_without_types_has_no_answers() -> None:
-    scan = Scan(make_atlas(AtlasRule(TypeRule(10, 9), 16)))
-    scan.prepare_short_spans(Work())
-    found, report = scan.best(make_target(np.arange(4.0), crank_span=1.0), 5)
-    assert found.row.size == 0 and report == (0, 0, True)
-
-
 def test_an_index_of_other_starts_is_not_asked(scans) -> None:
     odd = Scan(make_atlas(RULES["increasing"]), starts=50)
     odd.prepare_short_spans(Work())

@@ -43,9 +43,8 @@ def test_exact_motions_come_back(kind, samples, cases):
     random = np.random.default_rng(samples)
     for _ in range(cases):
         rotation, position, _ = random_motion(random, kind, samples)
-        found, report = search_guided(make_poses(rotation, position), _ANY, [Kind(kind)])
+        found, _ = search_guided(make_poses(rotation, position), _ANY, [Kind(kind)])
         assert min(one.errors.objective for one in found) < 1e-9
-        assert report.stopped_by.value == "tolerance" or len(found) > 0
 
 
 def test_four_poses_have_one_linkage_of_rail_and_slot():

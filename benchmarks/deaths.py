@@ -1,0 +1,233 @@
+"""What becomes of a service whose processes are killed, whose mapped files are cut short, and whose disk is full.
+
+Parts of ``python -m benchmarks.reliability``. Clients ask all the while, and each answer is compared with the right one.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import http.client
+import json
+import os
+import random
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from benchmarks import hostile, service
+
+ASKING = 4
+"""Clients, each with a connection a request."""
+LIFE = 20
+"""Kills of processes of a service before it is killed itself."""
+BACK_SECONDS = 10.0
+"""In which a service must answer again."""
+
+
+def _answer(port: int, name: str) -> tuple[int, Any]:
+    """Status and answer to a short request, without its times; 0 where the connection ended before it."""
+    path, body = hostile.SHORT[name]
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=hostile.PATIENCE)
+    try:
+        content = body if body is None or isinstance(body, str) else json.dumps(body)
+        connection.request("GET" if body is None else "POST", path, content, {"Content-Type": "application/json"})
+        reply = connection.getresponse()
+        values = json.loads(reply.read())
+    except (OSError, http.client.HTTPException):
+        return 0, None
+    finally:
+        connection.close()
+    values.pop("report", None)
+    return reply.status, values
+
+
+class Clients:
+    """Clients that ask short requests again and again, and what they saw."""
+
+    def __init__(self, port: int) -> None:
+        self._port, self._end = port, threading.Event()
+        self.status: Counter[str] = Counter()
+        self.wrong = 0
+        self.right = {name: _answer(port, name) for name in hostile.SHORT}
+
+    def _ask(self, seed: int) -> None:
+        rng = random.Random(seed)
+        while not self._end.is_set():
+            name = rng.choice(list(hostile.SHORT))
+            status, values = _answer(self._port, name)
+            self.status[str(status)] += 1
+            self.wrong += status == 200 and values != self.right[name][1]
+            time.sleep(0.02)
+
+    @contextlib.contextmanager
+    def asking(self) -> Iterator[None]:
+        """While the block runs."""
+        threads = [threading.Thread(target=self._ask, args=(seed,)) for seed in range(ASKING)]
+        for one in threads:
+            one.start()
+        try:
+            yield
+        finally:
+            self._end.set()
+            for one in threads:
+                one.join()
+
+
+def _back(running: service.Service) -> float:
+    """Seconds until the service answers; infinite where it does not."""
+    begin = time.perf_counter()
+    while time.perf_counter() - begin < BACK_SECONDS:
+        if _answer(running.port, "match")[0] == 200:
+            return time.perf_counter() - begin
+        time.sleep(0.01)
+    return float("inf")
+
+
+def _front(running: service.Service) -> int:
+    return int(re.findall(r"Started server process \[(\d+)\]", running.log.read_text())[-1])
+
+
+def deaths(atlas: Path, count: int) -> dict[str, Any]:
+    """Processes that compute, the front and the supervisor killed at random moments."""
+    rng, killed, status = random.Random(5), Counter[str](), Counter[str]()
+    wrong, longest, orphans = 0, 0.0, 0
+    while killed.total() < count:
+        with service.running(service.serve_command, atlas=atlas) as running:
+            clients = Clients(running.port)
+            with clients.asking():
+                for _ in range(min(LIFE - 1, count - killed.total() - 1)):
+                    time.sleep(rng.uniform(0.0, 0.3))
+                    front = _front(running)
+                    others = [one for one in running.processes()[1:] if one != front]
+                    what, number = ("front", front) if rng.random() < 0.2 else ("computing", rng.choice(others))
+                    with contextlib.suppress(ProcessLookupError):
+                        os.kill(number, signal.SIGKILL)
+                        killed[what] += 1
+                    longest = max(longest, _back(running))
+            status, wrong = status + clients.status, wrong + clients.wrong
+            children = running.processes()[1:]
+            os.kill(running.process.pid, signal.SIGKILL)
+            running.process.wait()
+            killed["supervisor"] += 1
+            time.sleep(2.0)
+            orphans += sum(service.status(one, "State") not in ("", "Z") for one in children)
+    told = {"kills": dict(killed), "statuses": dict(status), "wrong": wrong, "longest_s": longest}
+    return told | {"left_behind": orphans}
+
+
+def _index(atlas: Path) -> subprocess.Popen[bytes]:
+    command = [sys.executable, "-m", "app.start", "index", "--atlas", str(atlas)]
+    silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "env": service.environment()}
+    return subprocess.Popen(command, cwd=service.ROOT, **silent)
+
+
+def _bytes_of(folder: Path) -> dict[str, bytes]:
+    return {str(one.relative_to(folder)): one.read_bytes() for one in folder.rglob("*.npy")}
+
+
+def indexes(count: int) -> dict[str, Any]:
+    """Makers of an index killed at random moments; the next goes on."""
+    rng, done, other = random.Random(6), 0, 0
+    with tempfile.TemporaryDirectory() as name:
+        atlas = Path(name) / "atlas.h5"
+        service.build(atlas, perimeter=300, samples=32, jobs=1)
+        folder = Path(f"{atlas}.index")
+        begin = time.perf_counter()
+        _index(atlas).wait()
+        whole, wanted = time.perf_counter() - begin, _bytes_of(folder)
+        shutil.rmtree(folder)
+        while done < count:
+            process = _index(atlas)
+            try:
+                process.wait(rng.uniform(0.3, 1.1) * whole)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+                done += 1
+                continue
+            other += _bytes_of(folder) != wanted
+            shutil.rmtree(folder)
+        _index(atlas).wait()
+        other += _bytes_of(folder) != wanted
+    return {"kills": done, "other_files": other}
+
+
+def disks(atlas: Path) -> list[dict[str, Any]]:
+    """Two services that start at once without an index, a mapped file cut short while it is used, a disk that is full."""
+    rows = []
+    with tempfile.TemporaryDirectory() as name:
+        copy = Path(name) / "atlas.h5"
+        shutil.copy(atlas, copy)
+        with contextlib.ExitStack() as both:
+            begun = [both.enter_context(service.running(service.serve_command, atlas=copy)) for _ in range(2)]
+            answers = [[_answer(one.port, short) for short in hostile.SHORT] for one in begun]
+            fine = answers[0] == answers[1] and all(status == 200 for status, _ in answers[0])
+            rows.append(
+                {
+                    "what": "two services that start at once without an index",
+                    "answered": 2 * len(answers[0]),
+                    "wrong": int(not fine),
+                }
+            )
+            for one in begun:
+                one.settle()
+        with service.running(service.serve_command, atlas=copy) as running:
+            clients = Clients(running.port)
+            running.settle()
+            with clients.asking():
+                time.sleep(1.0)
+                for one in Path(f"{copy}.index").rglob("*.npy"):
+                    os.truncate(one, one.stat().st_size // 2)
+                time.sleep(5.0)
+            rows.append(
+                {
+                    "what": "every file of the index cut to half while it is used",
+                    "answered": clients.status["200"],
+                    "refused": clients.status.total() - clients.status["200"],
+                    "wrong": clients.wrong,
+                }
+            )
+            right = clients.right
+        with service.running(service.serve_command, atlas=copy) as running:
+            answers = {short: _answer(running.port, short) for short in hostile.SHORT}
+            rows.append(
+                {
+                    "what": "started after that",
+                    "answered": len(answers),
+                    "wrong": sum(answers[k] != right[k] for k in right),
+                }
+            )
+    with tempfile.TemporaryDirectory() as name:
+        size = atlas.stat().st_size + 20_000_000
+        if subprocess.run(
+            ["mount", "-t", "tmpfs", "-o", f"size={size}", "none", name], stderr=subprocess.DEVNULL
+        ).returncode:
+            return rows  # only who may mount can have a disk that is full
+        try:
+            full = Path(name) / "atlas.h5"
+            shutil.copy(atlas, full)
+            kept = os.environ.get("XDG_CACHE_HOME")
+            os.environ["XDG_CACHE_HOME"] = name
+            with service.running(service.serve_command, atlas=full) as running:
+                running.settle()
+                answers = {short: _answer(running.port, short) for short in hostile.SHORT}
+            rows.append(
+                {
+                    "what": "a disk with room for the atlas alone",
+                    "answered": len(answers),
+                    "wrong": sum(answers[k] != right[k] for k in right),
+                }
+            )
+            os.environ.pop("XDG_CACHE_HOME") if kept is None else os.environ.update(XDG_CACHE_HOME=kept)
+        finally:
+            subprocess.run(["umount", name], check=True)
+    return rows
