@@ -106,7 +106,7 @@ export class Board {
   /** Draws the linkage itself at joints of `Linkage.at`; null where it does not close. */
   showJoints(joints) {
     this.joints = joints;
-    this.shape.show(this.linkage ? joints : null, this.view);
+    this.shape.show(this.linkage ? joints : null, this.view, !this.motion || wantsAngles(this.motion));
     if (this.motion?.outline || this.bodyLayer.childElementCount) drawBody(this.bodyLayer, this.motion?.outline, this.linkage && joints, this.view);
     for (const after of this.seen) after();
   }

@@ -121,8 +121,8 @@ export class LinkageShape {
     return `M${corners.join("L")}Z`;
   }
 
-  /** Draws the linkage at joints of `Linkage.at`; null hides it. */
-  show(joints, view) {
+  /** Draws the linkage at joints of `Linkage.at`, and the body's direction if it counts; null hides it. */
+  show(joints, view, directed = true) {
     this.group.setAttribute("visibility", joints ? "visible" : "hidden");
     if (!joints) return;
     const { a, b, c, d, p } = joints;
@@ -144,7 +144,8 @@ export class LinkageShape {
       put(this.names[name], { x: x + 10, y: y - 8 });
     }
     if (this.detail) put(this.bases, { d: [a, b].filter((_, k) => fixed[k]).map((place) => bearing(view.at(place))).join("") });
-    if (p && this.detail) {
+    if (!directed) put(this.carried, { d: "" });
+    else if (p && this.detail) {
       const [x, y] = view.at(p), turn = joints.rotation;
       put(this.carried, { d: `M${x} ${y}L${x + 26 * Math.cos(turn)} ${y - 26 * Math.sin(turn)}` });
     }

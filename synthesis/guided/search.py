@@ -93,8 +93,11 @@ _AS_EXACT = 1e-9
 """J of a rail below which a circle in its place tells nothing."""
 _LONG, _CHANCE = 10.0, 10.0
 """Radius, over the length scale, from which on a circle is compared with a rail; and the F up to which that is as good."""
-_IDLE, _ROUNDS, _WORTH = 4, 16, 0.01
-"""A drive is left alone after so many rounds that gain nothing; rounds at most; and the part of J that is a gain."""
+_IDLE, _IDLE_LED, _ROUNDS, _WORTH = 4, 2, 16, 0.01
+"""A drive is left alone after so many rounds that gain nothing, or where rotations are led; rounds at most; and the part of J
+that is a gain."""
+_PATIENCE = 4
+"""Rounds more for a drive that nothing was found of."""
 
 
 class SearchReport(NamedTuple):
@@ -271,6 +274,7 @@ class Search:
     """One request's search.
 
     ``given`` (N,): the drive from the first sample on, in radians or in the unit of length; None where it is free.
+    ``turned`` (N,): rotations to begin with, where none are asked for.
     """
 
     def __init__(
@@ -281,17 +285,22 @@ class Search:
         tolerance: float,
         work: Work,
         given: Floats | None = None,
+        turned: Floats | None = None,
     ) -> None:
         self.poses, self.limits, self.ways, self.tolerance, self.work = poses, limits, list(ways), tolerance, work
         self.given = given
         if given is not None and not ways[0].driver.turns:
             self.given = given / poses.length_scale
-        self.all = self._problem(Samples.of(poses, self.given))
+        samples = Samples.of(poses, self.given)
+        if turned is not None:
+            samples = samples._replace(angle=np.where(samples.rotation_missing, turned, samples.angle))
+        self.idle = _IDLE if turned is None else _IDLE_LED
+        self.all = self._problem(samples)
         self.samples = self.all.samples
         self.few = (
             self.all if self.samples.number <= _SAMPLES else self._problem(_some(self.samples, _SAMPLES, _FEWER))
         )
-        self.body = Body(poses)
+        self.body = Body(poses if turned is None else replace(poses, rotation=turned, rotation_weights=None))
         full = poses.full
         self.thin = self.body if full.size <= _MANY else Body(poses.at(full[:: 3 * full.size // _MANY]))
         self.sorts = {sort for way in ways for sort in (way.first, way.second)}
@@ -531,7 +540,8 @@ class Search:
         ended: Candidates | None = None
         idle = np.zeros(len(self.ways), dtype=int)
         for _ in range(_ROUNDS):
-            left = np.intersect1d(self._left, np.flatnonzero(idle < _IDLE))
+            patience = self.idle + _PATIENCE * np.isinf(self.levels)
+            left = np.intersect1d(self._left, np.flatnonzero(idle < patience))
             begin = begin.take(np.isin(begin.drive, left))
             if not begin.cost.size:
                 break
@@ -544,7 +554,7 @@ class Search:
             self.note()
             if self.work.expired():
                 return False
-            idle = np.where(np.isfinite(self.levels) & (self.levels >= (1 - _WORTH) * before), idle + 1, 0)
+            idle = np.where(self.levels >= (1 - _WORTH) * before, idle + 1, 0)
             begin = self.hops(pool)
         left = self._left
         if self.found is not None and left.size:
@@ -851,13 +861,14 @@ def search_guided(
     tolerance: float = DEFAULT_TOLERANCE,
     work: Work | None = None,
     given: Floats | None = None,
+    turned: Floats | None = None,
 ) -> tuple[list[GuidedSolution], SearchReport]:
     """The best linkages with sliders for poses whose drive is free, or given.
 
     Parameters
     ----------
     poses : Poses
-        With two samples at least that have both rotation and position.
+        With two samples at least that have both rotation and position, or with positions alone.
     limits : Limits
     kinds : sequence of Kind
         Among which; each has at least one rail or slot.
@@ -870,6 +881,8 @@ def search_guided(
     given : ndarray, shape (N,), optional
         The drive at the samples, from the first one: radians, or the unit of length, as its ``driver`` has it. Without a driver
         those of sliders and cylinders.
+    turned : ndarray, shape (N,), optional
+        Rotations to begin with, where none are asked for: such as those of a four-bar along the same way.
 
     Returns
     -------
@@ -882,7 +895,9 @@ def search_guided(
     ways = drives(kinds, driver)
     if given is not None and driver is None:
         ways = [way for way in ways if not way.driver.turns]
-    search = Search(poses, limits, ways, tolerance, work, given)
+    if poses.closed:  # round and round goes only what turns
+        ways = [way for way in ways if way.driver.turns]
+    search = Search(poses, limits, ways, tolerance, work, given, turned)
     ended = search.run()
     search.straighten()
     solutions = search.solutions()

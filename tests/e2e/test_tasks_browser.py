@@ -560,3 +560,11 @@ def test_a_body_s_outline_is_a_plate_of_its_own(page, tmp_path) -> None:
     file.write_text(f'<svg xmlns="http://www.w3.org/2000/svg">{shape}</svg>')
     page.find("outline-file").send_keys(str(file))
     page.wait("document.querySelector('#stack rect.body')")
+
+
+def test_of_a_path_no_direction_of_the_body_is_drawn(page) -> None:
+    page.take(path_request(np.linspace(0, 120, 8)))
+    page.solve_soon()
+    assert not page.run("return document.querySelector('#canvas .carried').getAttribute('d')")
+    page.choose("bucket")
+    assert page.run("return document.querySelector('#canvas .carried').getAttribute('d')")

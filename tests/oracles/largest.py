@@ -101,7 +101,6 @@ EXTRAS = "angles angular_velocities angular_accelerations points conditions resi
 QUICK = {
     "motion, half of the rotations missing",
     "free: poses in any order",
-    "free: poses with rotations at eight",
     "free: three poses",
     "function: max",
     "lift: motion",

@@ -15,7 +15,14 @@ from app.replies import json_of, reply_model
 from app.scenes import scene_queries
 from synthesis.work import Cancelled, Work
 
-EXAMPLES = [(query, name) for query in scene_queries() for name in query.examples]
+SLOW = {"chain tolerance-with_reserve", "knotter fit-defaults", "knotter tolerance-coarse", "lift optimize-even"}
+"""Examples whose queries have others here; the defaults of the fit are asked for in test_knotter.py too."""
+EXAMPLES = [
+    pytest.param(query, name, id=mark, marks=[pytest.mark.wide] * (mark in SLOW))
+    for query in scene_queries()
+    for name in query.examples
+    for mark in [f"{query.command}-{name}"]
+]
 
 
 @contextmanager
@@ -36,7 +43,7 @@ def computed_once(query) -> Iterator[dict[str, Any]]:
         object.__setattr__(query, "answer", plain)
 
 
-@pytest.mark.parametrize(("query", "name"), EXAMPLES, ids=[f"{q.command}-{n}" for q, n in EXAMPLES])
+@pytest.mark.parametrize(("query", "name"), EXAMPLES)
 def test_example_is_answered_alike_over_http_and_on_the_command_line(query, name, client, capsys) -> None:
     """From the same request: over HTTP, where the reply is written in pieces, and as JSON and as a table by the command."""
     with computed_once(query) as known:
