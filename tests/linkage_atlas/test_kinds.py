@@ -106,7 +106,7 @@ def test_round_a_closed_way_goes_only_what_turns():
     for one in found:
         assert one.linkage.turns_fully
     asked = {"position": np.c_[place.real, place.imag], "timing": "free", "closed": True}
-    with pytest.raises(la.FieldError, match="/mechanisms|turns fully"):
+    with pytest.raises(la.FieldError, match=r"turns fully"):
         la.synthesize(**asked, mechanisms=["two_rails"])
     assert {one.kind for one in la.synthesize(**asked, mechanisms=["two_rails", "four_bar"])} == {"four_bar"}
 
