@@ -29,8 +29,8 @@ DELAY = 1.0
 STEP = 0.2
 """Seconds between two drawings of that line."""
 _FILE_HELP = (
-    "the request as JSON; - or nothing: standard input",
-    "the request as JSON, or its samples as a table (CSV, or pasted from a spreadsheet); - or nothing: standard input",
+    "the request as JSON",
+    "the request as JSON, or its samples as a table (CSV, or pasted from a spreadsheet)",
 )
 
 
@@ -49,31 +49,18 @@ _LACKING: dict[str, Any] = {
 
 def add_query(parser: argparse.ArgumentParser, query: Query) -> None:
     """The arguments of a question's command."""
-    parser.description = query.summary
-    parser.epilog, parser.formatter_class = EPILOG, argparse.RawDescriptionHelpFormatter
-    file = parser.add_argument("file", nargs="?", default="-", help=_FILE_HELP[query.from_csv is not None])
-    file.complete = FILE  # type: ignore[attr-defined]
-    examples = {name: example.request for name, example in examples_of(query).items()}
     prefix = query.command.replace(" ", "-") + "-"
-    parser.add_argument(
-        "--example",
-        choices=sorted(examples),
-        metavar="NAME",
-        help=f"answer a bundled example instead: {', '.join(name for name in examples if not name.startswith(prefix))}",
-    )
+    shown = ", ".join(name for name in examples_of(query) if not name.startswith(prefix))
+    about = f"answer a bundled example instead: {shown}"
+    examples = add_request(parser, query, query.summary, _FILE_HELP[query.from_csv is not None], about)
     if "limits" in query.request.model_fields:
         parser.add_argument(
             "--no-preset",
             action="store_true",
             help="keep to no limits but those of the request, as --set limits.preset=none",
         )
-    parser.add_argument(
-        "--set",
-        type=setting,
-        metavar="FIELD=VALUE",
-        action="append",
-        default=[],
-        help="a field of the request, as in top=3 or limits.pivot_box=[0,0,200,100]; may be given several times",
+    add_set(
+        parser, "a field of the request, as in top=3 or limits.pivot_box=[0,0,200,100]; may be given several times"
     )
     if "refine_from" in query.request.model_fields:
         parser.add_argument(
@@ -127,6 +114,22 @@ def add_query(parser: argparse.ArgumentParser, query: Query) -> None:
             help="the unit of the request's lengths, for heads of tables and for DXF and MJCF files (mm)",
         )
     parser.set_defaults(run=lambda options: _run(options, query), examples=examples, **_LACKING)
+
+
+def add_request(parser: argparse.ArgumentParser, query: Query, about: str, file: str, example: str) -> dict[str, Any]:
+    """What a command does, and where its request comes from; returns the requests of the examples by their names."""
+    examples = {name: one.request for name, one in examples_of(query).items()}
+    parser.description, parser.epilog = about, EPILOG
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    given = parser.add_argument("file", nargs="?", default="-", help=f"{file}; - or nothing: standard input")
+    given.complete = FILE  # type: ignore[attr-defined]
+    parser.add_argument("--example", choices=sorted(examples), metavar="NAME", help=example)
+    return examples
+
+
+def add_set(parser: Any, what: str) -> None:
+    """Add ``--set`` to a parser or a group of arguments."""
+    parser.add_argument("--set", type=setting, metavar="FIELD=VALUE", action="append", default=[], help=what)
 
 
 def setting(text: str) -> tuple[list[str], Any]:

@@ -8,11 +8,11 @@ from typing import Any, get_args
 
 from pydantic import ValidationError
 
-from app.arguments import EPILOG, FILE, add_atlas, whole_number
-from app.asking import parsed, read_request, setting, text_of, waiting, with_fields, write
+from app.arguments import FILE, add_atlas, whole_number
+from app.asking import add_request, add_set, parsed, read_request, text_of, waiting, with_fields, write
 from app.fourbar.export import LINKAGE_FILES, ExportRequest, Material, SolidsRequest
 from app.query import FILES, LengthUnit, invalid
-from app.registry import examples_of, queries_named
+from app.registry import queries_named
 from linkage_atlas import FieldError
 from linkage_atlas.formats import kind_of
 
@@ -20,18 +20,14 @@ from linkage_atlas.formats import kind_of
 def add_export(parser: argparse.ArgumentParser) -> None:
     """The arguments of ``export``."""
     (query,) = queries_named("synthesize")
-    examples = {name: one.request for name, one in examples_of(query).items()}
-    parser.description = LINKAGE_FILES.summary
-    parser.epilog, parser.formatter_class = EPILOG, argparse.RawDescriptionHelpFormatter
-    file = parser.add_argument(
-        "file",
-        nargs="?",
-        default="-",
-        help="as JSON a request, or one with its solution as `synthesize --export FILE.json` writes it; or samples as a table "
-        "(CSV, or pasted from a spreadsheet); - or nothing: standard input",
+    examples = add_request(
+        parser,
+        query,
+        LINKAGE_FILES.summary,
+        "as JSON a request, or one with its solution as `synthesize --export FILE.json` writes it; or samples as a table "
+        "(CSV, or pasted from a spreadsheet)",
+        "solve a bundled example instead",
     )
-    file.complete = FILE  # type: ignore[attr-defined]
-    parser.add_argument("--example", choices=sorted(examples), metavar="NAME", help="solve a bundled example instead")
     parser.add_argument("--format", choices=LINKAGE_FILES.formats, help="default: as the ending of --out says")
     parser.add_argument(
         "--out", type=Path, metavar="FILE", help="the file to write (default: its example's or request's name)"
@@ -54,13 +50,9 @@ def add_export(parser: argparse.ArgumentParser) -> None:
     parts.add_argument("--heads", action="store_true", default=None, help="pins with heads")
     parts.add_argument("--thickness", type=float, help="of the plates")
     parts.add_argument("--nevertheless", action="store_true", default=None, help="also where parts would collide")
-    parts.add_argument(
-        "--set",
-        type=setting,
-        metavar="FIELD=VALUE",
-        action="append",
-        default=[],
-        help="another field of the body of /v1/export, as in assembly.width=20 or solids.pins=brass; may be given several times",
+    add_set(
+        parts,
+        "another field of the body of /v1/export, as in assembly.width=20 or solids.pins=brass; may be given several times",
     )
     parser.set_defaults(run=_run, examples=examples)
 

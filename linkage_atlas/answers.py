@@ -167,7 +167,7 @@ class Driven(_Parts):
     refused: list[Refusal] | None = field(default=None, repr=False, metadata=LAST)
     """Why there is none of a kind on a link."""
     springs: list[Spring] | None = field(default=None, repr=False, metadata=LAST)
-    drivable: bool | None = field(default=None, metadata=LAST)
+    drivable: bool | None = field(default=None, repr=False, metadata=LAST)
     """With `drive`: whether there is one."""
 
     def studied(self, work: Work | None = None, **studies: Any) -> Self:

@@ -109,6 +109,12 @@ class AnyLinkage(ABC):
         return assembled(self._linkage, read, used, self._radian, work or Work(), "")
 
     @abstractmethod
+    def assembly(
+        self, motion: Motion | None = None, travel: Any = None, /, *, work: Work | None = None, **asked: Any
+    ) -> Assembly:
+        """Layers of its plates in which nothing collides over the used interval."""
+
+    @abstractmethod
     def file(self, kind: str, motion: Motion | None = None, length_unit: str = "mm") -> bytes:
         """The linkage as the content of a file."""
 

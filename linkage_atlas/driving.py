@@ -27,7 +27,7 @@ from linkage_atlas.arguments import (
 )
 from linkage_atlas.catalogues import PRESSURE, read_actuators, read_springs
 from linkage_atlas.guided import GuidedLinkage
-from linkage_atlas.linkages import FourBar
+from linkage_atlas.linkages import FourBar, given_linkage
 from linkage_atlas.motions import Motion
 from linkage_atlas.records import KEPT, Record, Values, Vectors, plane, xy
 from linkage_atlas.studies import read_load
@@ -531,19 +531,12 @@ class _Place(NamedTuple):
 def _place_of(linkage: Any, motion: Motion | None, crank_angle: ArrayLike | None, degrees: bool) -> _Place:
     """The linkage over the way that a motion, its own or given crank angles say."""
     given = None if crank_angle is None else np.atleast_1d(column("crank_angle", crank_angle))
-    one = getattr(linkage, "linkage", linkage)
-    if isinstance(one, Mapping) and one.get("guides") is not None and one.get("links") is None:
-        travel = one.get("travel") if one.get("crank_angle") is None else one["crank_angle"]
-        given = given if travel is None or given is not None else np.asarray(column("linkage/travel", travel))
-        one = GuidedLinkage.from_dict(one, motion.degrees if motion is not None else degrees)
+    one, own = given_linkage(linkage, degrees if motion is None else motion.degrees)
+    if given is None and own is not None:
+        given = np.asarray(column(f"linkage/{'travel' if isinstance(one, GuidedLinkage) else 'crank_angle'}", own))
     if isinstance(one, GuidedLinkage):
         return _guided_place(one, motion, given)
-    if isinstance(one, Mapping):
-        if given is None and one.get("crank_angle") is not None:
-            given = np.asarray(column("linkage/crank_angle", one["crank_angle"]))
-        one = FourBar.from_dict(one, motion.degrees if motion is not None else degrees)
-    if not isinstance(one, FourBar):
-        raise FieldError("/linkage", "wanted a four-bar, a body on two guides, a solution or its plain values")
+    assert isinstance(one, FourBar)
     radian, plain = radians_in(one.degrees), one.plain
     if motion is not None and (not motion.free or given is not None):
         target = motion.of_solution(plain, None if given is None else given * radian).target

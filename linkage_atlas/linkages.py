@@ -12,6 +12,7 @@ from linkage_atlas.any_linkage import AnyLinkage
 from linkage_atlas.arguments import column, number, radians_in
 from linkage_atlas.assemblies import Assembly, assembled, read_assembly
 from linkage_atlas.exports import content_of
+from linkage_atlas.guided import GuidedLinkage
 from linkage_atlas.motions import Motion
 from linkage_atlas.records import plain, plane
 from linkage_atlas.solids import AskedSolids, SolidParts, read_solids, solids_in, split
@@ -569,25 +570,29 @@ def assembly(linkage: Any, motion: Motion | None = None, **asked: Any) -> Assemb
     >>> la.assembly(la.FourBar(19, 72, 144, 165)).status
     'free'
     """
+    one, travel = given_linkage(linkage, motion is None or motion.degrees)
+    for name in ("crank_angle", "travel") if one is not linkage else ():
+        travel = getattr(linkage, name, None) if travel is None else travel
     crank = asked.pop("crank_angle", None)
-    if isinstance(linkage, Mapping):
-        crank = linkage.get("crank_angle") if crank is None else crank
-        degrees = motion is None or motion.degrees
-        try:
-            if linkage.get("guides") is not None and linkage.get("links") is None:
-                from linkage_atlas.guided import GuidedLinkage
+    return one.assembly(motion, travel if crank is None else crank, **asked)
 
-                crank = linkage.get("travel") if crank is None else crank
-                return GuidedLinkage.from_dict(linkage, degrees).assembly(motion, crank, **asked)
-            linkage = FourBar.from_dict(linkage, degrees)
-        except (KeyError, TypeError):
+
+def given_linkage(given: Any, degrees: bool) -> tuple[AnyLinkage, Any]:
+    """A linkage that is given as such, as a solution, or as plain values; and of those the travel of its drive, if it is there.
+
+    Raises `FieldError`: ``/linkage``, or the field within that is amiss.
+    """
+    if not isinstance(given, Mapping):
+        one = getattr(given, "linkage", given)
+        if not isinstance(one, AnyLinkage):
             raise FieldError(
-                "/linkage", "wanted links (crank, coupler, rocker, ground), branch, start_angle"
-            ) from None
-    elif not isinstance(linkage, FourBar):
-        crank = getattr(linkage, "crank_angle", None) if crank is None else crank
-        crank = getattr(linkage, "travel", None) if crank is None else crank
-        linkage = linkage if hasattr(linkage, "assembly") else getattr(linkage, "linkage", None)
-    if not hasattr(linkage, "assembly"):
-        raise FieldError("/linkage", "wanted a linkage, a solution, or its plain values")
-    return linkage.assembly(motion, crank, **asked)
+                "/linkage", "wanted a linkage, a four-bar or on two guides, a solution, or its plain values"
+            )
+        return one, None
+    travel = given.get("travel") if given.get("crank_angle") is None else given["crank_angle"]
+    if given.get("guides") is not None and given.get("links") is None:
+        return GuidedLinkage.from_dict(given, degrees), travel
+    try:
+        return FourBar.from_dict(given, degrees), travel
+    except (KeyError, TypeError):
+        raise FieldError("/linkage", "wanted links (crank, coupler, rocker, ground), branch, start_angle") from None

@@ -315,16 +315,14 @@ class MassRequest(RequestModel):
     inertia: Annotated[Number, Field(ge=0, le=LARGEST)] | None = Field(None, description="About that place.")
 
 
-class DriveLoadRequest(RequestModel):
+class DriveLoadRequest(LoadRequest):
     """What acts on the body and on the links, in directions that do not turn with them."""
 
-    force: Pair | None = Field(None, description="[fx, fy] at the body point.")
     torque: Bounded | None = Field(None, description="On the body, counter-clockwise: force times length.")
     masses: Annotated[list[MassRequest], Field(max_length=MOST_MASSES)] | None = None
     parts: Flag = Field(
         False, description="To /v1/drives: also what the linkage's plates and pins weigh, made by default."
     )
-    gravity: Pair | None = Field(None, description="Acceleration [gx, gy] of the masses; default [0, -9.81].")
     speed: Bounded | None = Field(
         None, description="Of the crank, constant: then the masses resist their acceleration too."
     )

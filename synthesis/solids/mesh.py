@@ -48,19 +48,6 @@ class Mesh(NamedTuple):
         first, second, third = np.moveaxis(self.corners[self.triangles] - middle, 1, 0)
         return float(np.sum(np.cross(first, second) * third)) / 6
 
-    @property
-    def open_edges(self) -> int:
-        """How many edges have no counterpart in the other direction, or more than one; 0 for a closed surface."""
-        ways = np.concatenate([self.triangles[:, [k, (k + 1) % 3]] for k in range(3)]).astype(np.int64)
-        there = ways[:, 0] * len(self.corners) + ways[:, 1]
-        back = ways[:, 1] * len(self.corners) + ways[:, 0]
-        return int(len(there) - len(np.unique(there)) + len(np.setdiff1d(there, back)))
-
-    @property
-    def euler_characteristic(self) -> int:
-        """Corners less edges plus triangles: 2 less two for each hole through the part."""
-        return len(self.corners) - 3 * len(self.triangles) // 2 + len(self.triangles)
-
 
 def _steps(radius: float, angle: float) -> int:
     sagitta = min(max(SAGITTA, _LEAST_SAGITTA * radius), _MOST_SAGITTA * radius)

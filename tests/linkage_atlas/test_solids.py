@@ -21,6 +21,7 @@ from synthesis.solids.fits import FITS
 from synthesis.solids.solid import DENSITIES
 from tests.conftest import some_of
 from tests.oracles.solids import deepest, step_shells
+from tests.oracles.surface import open_edges
 from tests.synthesis.solids.test_mesh import CORE, Mesh, model_of
 
 CASEMENT = {
@@ -227,7 +228,7 @@ def test_one_command_gives_a_window_to_print(tmp_path, monkeypatch, capsys) -> N
         corners = np.array([[float(v.get(k)) for k in "xyz"] for v in one.iter(f"{CORE}vertex")])
         triangles = np.array([[int(t.get(k)) for k in ("v1", "v2", "v3")] for t in one.iter(f"{CORE}triangle")])
         mesh = Mesh(corners, triangles)
-        assert mesh.open_edges == 0 and mesh.volume > 0
+        assert open_edges(mesh) == 0 and mesh.volume > 0
         volume += mesh.volume
         height = float(item.get("transform").split()[-1])
         assert corners[:, 2].min() + height == pytest.approx(0, abs=1e-9)
