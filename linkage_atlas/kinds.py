@@ -109,6 +109,8 @@ def _check(asked: Asked, motion: Motion) -> None:
         raise FieldError(
             "/driver", f"a {by} would have to turn back: a closed way is passed by drives that turn fully"
         )
+    if _comes_round(motion.samples) and not asked.four_bars and not _driven(asked, (Driver.CRANK, Driver.HINGE)):
+        raise FieldError("/mechanisms", "none of them has a drive that turns fully, as a closed way asks for")
     if motion.travel is not None:
         if asked.four_bars_alone:
             raise FieldError(

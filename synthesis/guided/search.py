@@ -85,8 +85,9 @@ _LOOKED_AT_WHOLE = 3
 """Candidates of each drive whose motion is looked at between the samples."""
 _TURNS = 1e-3
 """Sine of the angle between two rails, or two slots, below which a body never turns."""
-_LEAST_TRAVEL = 0.02
-"""Way of a drive, in radians or length scales, below which it drives nothing."""
+_LEAST_TRAVEL, _LEAST_STROKE = 0.02, 1e-3
+"""Way of a drive, in radians or length scales, below which it drives nothing, and that along a rail or slot below which it is
+but a pin."""
 _NOISE, _EVEN = 0.05, 1e-3
 """Part of its range by which a drive may step back between noisy samples; and of the way to even steps when put in order."""
 _AS_EXACT = 1e-9
@@ -760,6 +761,9 @@ class Search:
         travel = drive - drive[0]
         if np.ptp(travel) < _LEAST_TRAVEL * (1.0 if way.driver.turns else poses.length_scale):
             return None
+        straight = [place for place, guide in enumerate(guides) if not isinstance(guide, Circle)]
+        if any(np.ptp(linkage.along(place, travel)) < _LEAST_STROKE * poses.length_scale for place in straight):
+            return None
         if poses.closed and not linkage.turns_fully:
             return None
         if not np.isfinite(linkage.body(drive).rotation).all():
@@ -897,6 +901,8 @@ def search_guided(
         ways = [way for way in ways if not way.driver.turns]
     if poses.closed:  # round and round goes only what turns
         ways = [way for way in ways if way.driver.turns]
+    if not ways:
+        return [], SearchReport(StoppedBy.CONVERGED, [], 0, [])
     search = Search(poses, limits, ways, tolerance, work, given, turned)
     ended = search.run()
     search.straighten()

@@ -57,6 +57,9 @@ def test_what_turns_about_a_pin_is_driven_by_what_moves_and_made_by_no_kind_that
         if one.kind != "four_bar":
             drive = one.crank_angle if one.travel is None else one.travel
             assert np.ptp(drive) > 0.1
+            # a slot that slides no way is a pin
+            strokes = [np.ptp(guide.used) for guide in one.linkage.guides if hasattr(guide, "used")]
+            assert min(strokes) > 0.05
             off = np.linalg.norm(one.linkage.joints(drive).body_point - position, axis=1)
             assert np.max(off) == pytest.approx(one.errors.position_max, abs=1e-6)
 
@@ -102,6 +105,10 @@ def test_round_a_closed_way_goes_only_what_turns():
     assert {one.driver for one in found} <= {"crank", "hinge"} and len({one.kind for one in found}) > 1
     for one in found:
         assert one.linkage.turns_fully
+    asked = {"position": np.c_[place.real, place.imag], "timing": "free", "closed": True}
+    with pytest.raises(la.FieldError, match=r"turns fully"):
+        la.synthesize(**asked, mechanisms=["two_rails"])
+    assert {one.kind for one in la.synthesize(**asked, mechanisms=["two_rails", "four_bar"])} == {"four_bar"}
 
 
 @pytest.mark.parametrize(
