@@ -216,6 +216,7 @@ def add(app: FastAPI, question: Question, name: str, **described: Any) -> None:
     app.state.questions[question.path] = question
 
     async def answer(request: Request) -> Response:
+        request.state.begun = time.perf_counter()
         content = await _content(request)
         if content and not problems.says_json(request.headers):
             raise problems.NotJson

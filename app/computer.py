@@ -13,6 +13,7 @@ import os
 import resource
 import signal
 import socket
+import time
 from collections.abc import Mapping
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -114,7 +115,7 @@ class Computer:
     def _replied(self, task: Task) -> tuple[Head, list[bytes]]:
         self._resources.makes = task.makes
         self._resources.look()
-        attended = Attended(self._resources, _never, task.queued, task.state)
+        attended, begin = Attended(self._resources, _never, task.queued, task.state), time.perf_counter()
         try:
             question = self._questions[task.path]
             body = bodies.read_request(task.content, question.model)
@@ -122,7 +123,7 @@ class Computer:
         except Unprepared as missing:
             return Head(0, [], 0, False, str(missing)), []
         except Exception as error:
-            reply = problems.reply_to(error)
+            reply = problems.told(error, task.path, len(task.content), task.queued + time.perf_counter() - begin)
             if reply.status_code == 500:
                 logging.getLogger("uvicorn.error").exception("A fault in %s", task.path)
         pieces = reply.pieces if isinstance(reply, bodies.Reply) else [bytes(reply.body)]

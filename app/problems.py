@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import logging
+import time
 from collections.abc import Callable, Iterable, Sequence
 from http import HTTPStatus
 from typing import Any
@@ -219,15 +220,21 @@ def reply_to(error: Exception) -> Response:
     return next(_REPLIES[kind] for kind in type(error).__mro__ if kind in _REPLIES)(error)
 
 
+def told(error: Exception, path: str, size: int | str, seconds: float) -> Response:
+    """The response, with a line in the log where the service could not answer a request of so many bytes."""
+    reply = reply_to(error)
+    if reply.status_code == 503 and not isinstance(error, (Overloaded, Superseded)):
+        log.warning("503 to %s (%s bytes, after %.2f s): %s", path, size, seconds, type(error).__name__)
+    return reply
+
+
 def install(app: FastAPI) -> None:
     """Register the replies on an application."""
 
     async def handle(request: Request, error: Exception) -> Response:
-        reply = reply_to(error)
-        if reply.status_code == 503 and not isinstance(error, (Overloaded, Superseded)):
-            sent = request.headers.get("content-length", "unknown")
-            log.warning("503 to %s (%s bytes): %s", request.url.path, sent, type(error).__name__)
-        return reply
+        now = time.perf_counter()
+        seconds = now - getattr(request.state, "begun", now)
+        return told(error, request.url.path, request.headers.get("content-length", "unknown"), seconds)
 
     for kind in _REPLIES:
         app.add_exception_handler(kind, handle)

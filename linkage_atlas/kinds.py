@@ -39,15 +39,17 @@ MECHANISMS = get_args(KindName)
 SIX_BARS = ("watt_1", "stephenson_1")
 DRIVERS = tuple(one.value for one in Driver)
 NO_ROTATION = (
-    "linkages with sliders need rotation and position at two samples or more, or positions at given crank angles: only four-bars "
-    "were searched for"
+    "linkages with sliders need positions, alone or with two rotations or more: only four-bars were searched for"
 )
+NO_LEAD = "no four-bar goes this way, whose rotations linkages with sliders begin with: they were not searched for"
 ROUND_AGAIN = (
     "sliders and cylinders would have to turn back on a closed way: only drives that turn fully are answered"
 )
 NO_TIME = "the time was up before linkages with sliders were searched for"
 _FOUR_BARS = 0.4
 """Part of a budget that the search among four-bars takes at most, where other kinds are asked for too."""
+_LEADS = 3
+"""Four-bars whose rotations linkages with sliders begin with where none are asked for."""
 _NEAR_ENOUGH = 1.1
 """Without tolerances: times the least error up to which something else may be preferred."""
 _NO_ANSWER, _TIMES_LESS = 0.1, 10.0
@@ -107,6 +109,8 @@ def _check(asked: Asked, motion: Motion) -> None:
         raise FieldError(
             "/driver", f"a {by} would have to turn back: a closed way is passed by drives that turn fully"
         )
+    if _comes_round(motion.samples) and not asked.four_bars and not _driven(asked, (Driver.CRANK, Driver.HINGE)):
+        raise FieldError("/mechanisms", "none of them has a drive that turns fully, as a closed way asks for")
     if motion.travel is not None:
         if asked.four_bars_alone:
             raise FieldError(
@@ -128,7 +132,7 @@ def _check(asked: Asked, motion: Motion) -> None:
     if along and any(kind in BY_CRANK for kind in asked.kinds):
         return
     four_bars = asked.four_bars and motion.travel is None  # which drives none of them
-    if not four_bars and not has_poses(motion.samples):
+    if not four_bars and not has_poses(motion.samples) and not is_way(motion):
         field = "rotation" if motion.samples.rotation is None else "position"
         raise FieldError(f"/{field}", "linkages with sliders need rotation and position at two samples or more")
 
@@ -179,6 +183,12 @@ def has_poses(samples: Samples) -> bool:
     return poses.full.size >= 2
 
 
+def is_way(motion: Motion) -> bool:
+    """Whether positions are asked for whose rotations and times are free."""
+    free = isinstance(motion.samples, Poses) and motion.travel is None
+    return free and motion.samples.position is not None and not has_poses(motion.samples)
+
+
 def as_poses(samples: Samples) -> Poses:
     """Samples without their crank angles."""
     if isinstance(samples, Poses):
@@ -217,12 +227,15 @@ def search_kinds(
     trace: list[tuple[float, float]] = []
     seeds, notes = 0, []
     stopped: set[str] = set()
-    sliders = bool(asked.sliders) and has_poses(motion.samples)
-    if asked.four_bars and motion.travel is None:
+    led = bool(asked.sliders) and is_way(motion)
+    sliders = led or (bool(asked.sliders) and has_poses(motion.samples))
+    leads: list[fourbar.Solution] = []
+    if (asked.four_bars or led) and motion.travel is None:
         part = work.part(_FOUR_BARS * work.budget) if sliders and np.isfinite(work.budget) else work
-        ones, course = four_bars(limits, part)
-        found += ones
-        trace += course.trace
+        leads, course = four_bars(limits, part)
+        if asked.four_bars:
+            found += leads
+            trace += course.trace
         seeds += course.counts["seeds"] or 0
         stopped.add(course.stopped_by)
     between = work.elapsed
@@ -230,15 +243,20 @@ def search_kinds(
         notes.append(NO_TIME)
     elif sliders:
         given, driver = _given(motion, asked.driver)
-        others, report = search_guided(
-            as_poses(motion.samples), limits, asked.sliders, driver, tolerance, work, given=given
-        )
-        found += others
-        least = min((error for _, error in trace), default=np.inf)
-        trace += [(seconds, error) for seconds, error in report.trace if error < least]
-        seeds += report.seeds
-        notes += [*report.notes, *([ROUND_AGAIN] if _comes_round(motion.samples) else [])]
-        stopped.add(report.stopped_by.value)
+        poses, least = as_poses(motion.samples), min((error for _, error in trace), default=np.inf)
+        if led and not leads:
+            notes.append(NO_LEAD)
+        for turned in [_turned(one, poses) for one in leads[:_LEADS]] if led else [None]:
+            others, report = search_guided(poses, limits, asked.sliders, driver, tolerance, work, given, turned)
+            found += others
+            trace += [(seconds, error) for seconds, error in report.trace if error < least]
+            least = min((error for _, error in trace), default=np.inf)
+            seeds += report.seeds
+            notes += [note for note in report.notes if note not in notes]
+            stopped.add(report.stopped_by.value)
+            if work.expired():
+                break
+        notes += [ROUND_AGAIN] if _comes_round(motion.samples) else []
     by_crank = [kind for kind in asked.sliders if kind in BY_CRANK]
     if isinstance(motion.samples, Target) and motion.samples.position is not None and by_crank and not sliders:
         for kind in by_crank:
@@ -253,6 +271,12 @@ def search_kinds(
     stages = {"screen": between, "refine": work.elapsed - between}
     counts = {"seeds": seeds, "windows": None, "exhaustive": None}
     return found, Course(stages, trace, stopped_by, counts, notes=notes)
+
+
+def _turned(lead: fourbar.Solution, poses: Poses) -> Floats:
+    """The rotations of a four-bar along the way of the poses, in radians (N,)."""
+    assert lead.crank is not None
+    return lead.linkage.joints(lead.crank[: poses.samples]).rotation
 
 
 def _given(motion: Motion, driver: Driver | None) -> tuple[Floats | None, Driver | None]:

@@ -85,16 +85,20 @@ _LOOKED_AT_WHOLE = 3
 """Candidates of each drive whose motion is looked at between the samples."""
 _TURNS = 1e-3
 """Sine of the angle between two rails, or two slots, below which a body never turns."""
-_LEAST_TRAVEL = 0.02
-"""Way of a drive, in radians or length scales, below which it drives nothing."""
+_LEAST_TRAVEL, _LEAST_STROKE = 0.02, 1e-3
+"""Way of a drive, in radians or length scales, below which it drives nothing, and that along a rail or slot below which it is
+but a pin."""
 _NOISE, _EVEN = 0.05, 1e-3
 """Part of its range by which a drive may step back between noisy samples; and of the way to even steps when put in order."""
 _AS_EXACT = 1e-9
 """J of a rail below which a circle in its place tells nothing."""
 _LONG, _CHANCE = 10.0, 10.0
 """Radius, over the length scale, from which on a circle is compared with a rail; and the F up to which that is as good."""
-_IDLE, _ROUNDS, _WORTH = 4, 16, 0.01
-"""A drive is left alone after so many rounds that gain nothing; rounds at most; and the part of J that is a gain."""
+_IDLE, _IDLE_LED, _ROUNDS, _WORTH = 4, 2, 16, 0.01
+"""A drive is left alone after so many rounds that gain nothing, or where rotations are led; rounds at most; and the part of J
+that is a gain."""
+_PATIENCE = 4
+"""Rounds more for a drive that nothing was found of."""
 
 
 class SearchReport(NamedTuple):
@@ -271,6 +275,7 @@ class Search:
     """One request's search.
 
     ``given`` (N,): the drive from the first sample on, in radians or in the unit of length; None where it is free.
+    ``turned`` (N,): rotations to begin with, where none are asked for.
     """
 
     def __init__(
@@ -281,17 +286,22 @@ class Search:
         tolerance: float,
         work: Work,
         given: Floats | None = None,
+        turned: Floats | None = None,
     ) -> None:
         self.poses, self.limits, self.ways, self.tolerance, self.work = poses, limits, list(ways), tolerance, work
         self.given = given
         if given is not None and not ways[0].driver.turns:
             self.given = given / poses.length_scale
-        self.all = self._problem(Samples.of(poses, self.given))
+        samples = Samples.of(poses, self.given)
+        if turned is not None:
+            samples = samples._replace(angle=np.where(samples.rotation_missing, turned, samples.angle))
+        self.idle = _IDLE if turned is None else _IDLE_LED
+        self.all = self._problem(samples)
         self.samples = self.all.samples
         self.few = (
             self.all if self.samples.number <= _SAMPLES else self._problem(_some(self.samples, _SAMPLES, _FEWER))
         )
-        self.body = Body(poses)
+        self.body = Body(poses if turned is None else replace(poses, rotation=turned, rotation_weights=None))
         full = poses.full
         self.thin = self.body if full.size <= _MANY else Body(poses.at(full[:: 3 * full.size // _MANY]))
         self.sorts = {sort for way in ways for sort in (way.first, way.second)}
@@ -531,7 +541,8 @@ class Search:
         ended: Candidates | None = None
         idle = np.zeros(len(self.ways), dtype=int)
         for _ in range(_ROUNDS):
-            left = np.intersect1d(self._left, np.flatnonzero(idle < _IDLE))
+            patience = self.idle + _PATIENCE * np.isinf(self.levels)
+            left = np.intersect1d(self._left, np.flatnonzero(idle < patience))
             begin = begin.take(np.isin(begin.drive, left))
             if not begin.cost.size:
                 break
@@ -544,7 +555,7 @@ class Search:
             self.note()
             if self.work.expired():
                 return False
-            idle = np.where(np.isfinite(self.levels) & (self.levels >= (1 - _WORTH) * before), idle + 1, 0)
+            idle = np.where(self.levels >= (1 - _WORTH) * before, idle + 1, 0)
             begin = self.hops(pool)
         left = self._left
         if self.found is not None and left.size:
@@ -750,6 +761,9 @@ class Search:
         travel = drive - drive[0]
         if np.ptp(travel) < _LEAST_TRAVEL * (1.0 if way.driver.turns else poses.length_scale):
             return None
+        straight = [place for place, guide in enumerate(guides) if not isinstance(guide, Circle)]
+        if any(np.ptp(linkage.along(place, travel)) < _LEAST_STROKE * poses.length_scale for place in straight):
+            return None
         if poses.closed and not linkage.turns_fully:
             return None
         if not np.isfinite(linkage.body(drive).rotation).all():
@@ -851,13 +865,14 @@ def search_guided(
     tolerance: float = DEFAULT_TOLERANCE,
     work: Work | None = None,
     given: Floats | None = None,
+    turned: Floats | None = None,
 ) -> tuple[list[GuidedSolution], SearchReport]:
     """The best linkages with sliders for poses whose drive is free, or given.
 
     Parameters
     ----------
     poses : Poses
-        With two samples at least that have both rotation and position.
+        With two samples at least that have both rotation and position, or with positions alone.
     limits : Limits
     kinds : sequence of Kind
         Among which; each has at least one rail or slot.
@@ -870,6 +885,8 @@ def search_guided(
     given : ndarray, shape (N,), optional
         The drive at the samples, from the first one: radians, or the unit of length, as its ``driver`` has it. Without a driver
         those of sliders and cylinders.
+    turned : ndarray, shape (N,), optional
+        Rotations to begin with, where none are asked for: such as those of a four-bar along the same way.
 
     Returns
     -------
@@ -882,7 +899,11 @@ def search_guided(
     ways = drives(kinds, driver)
     if given is not None and driver is None:
         ways = [way for way in ways if not way.driver.turns]
-    search = Search(poses, limits, ways, tolerance, work, given)
+    if poses.closed:  # round and round goes only what turns
+        ways = [way for way in ways if way.driver.turns]
+    if not ways:
+        return [], SearchReport(StoppedBy.CONVERGED, [], 0, [])
+    search = Search(poses, limits, ways, tolerance, work, given, turned)
     ended = search.run()
     search.straighten()
     solutions = search.solutions()

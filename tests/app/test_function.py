@@ -70,9 +70,15 @@ TRAVEL: dict[str, Any] = {
 }
 
 
+@pytest.fixture(scope="module")
+def travelled(client: TestClient) -> dict[str, Any]:
+    """The reply that each of its files begins from."""
+    return client.post("/v1/function", json=TRAVEL).json()
+
+
 @pytest.mark.parametrize("kind", ["json", "csv", "svg", "dxf", "mjcf"])
-def test_a_function_with_travel_and_its_files(client: TestClient, kind: str) -> None:
-    reply = client.post("/v1/function", json=TRAVEL).json()
+def test_a_function_with_travel_and_its_files(client: TestClient, travelled: dict[str, Any], kind: str) -> None:
+    reply = travelled
     one = reply["solutions"][1]
     assert one["kind"] == "slider_crank" and one["driver"] == "crank" and one["errors"]["max"] < 1
     assert one["lengths"].keys() == {"crank", "rod", "offset"} and reply["output"][-1] == pytest.approx(40)

@@ -193,6 +193,9 @@ def test_a_request_that_takes_too_much_fails_alone_and_says_so(path, status, det
     assert (reply.status, reply.headers.get_content_type()) == (status, "application/problem+json")
     assert problem["status"] == status and detail in problem["detail"]
     assert (status == 503) == ("Retry-After" in reply.headers)
+    assert (status == 503) == bool(
+        re.search(rf"503 to {path} \(\d+ bytes, after [\d.]+ s\)", running.log.read_text())
+    )
     until(lambda: len(running.computing) == 2)
     assert running.post(NEEDLE)[0] == 200
     assert ("SIGSEGV" in running.log.read_text()) or path != "/v1/knotter/fit"

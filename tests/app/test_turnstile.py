@@ -22,6 +22,7 @@ from app.resources import ServiceResources
 from app.settings import Settings
 from app.turnstile import Turnstile
 from tests.conftest import listening
+from tests.oracles.largest import requests
 
 PATIENCE = 30.0
 SOON = 2.0
@@ -183,6 +184,11 @@ class Abandoned(ServiceResources):
         ("/v1/lift/optimize", {"cylinder": CYLINDERS[0], **STROKE}),
         ("/v1/lift/batch", {"cylinders": CYLINDERS, **STROKE}),
         ("/v1/lift/batch", {"cylinders": CYLINDERS, **STROKE, "upper_bound": 20}),
+        ("/v1/synthesize", {**NOISE, "crank_span": None, "timing": "free", "mechanisms": "all"}),
+        ("/v1/synthesize", {**NOISE, "crank_span": None, "travel_span": 9, "mechanisms": "all"}),
+        ("/v1/drives", requests()["drives: four times two of 200 springs"].body),
+        ("/v1/assembly", requests()["assembly: a star between thin links"].body),
+        ("/v1/function", {"output": NOISE["rotation"], "crank_span": 60, "output_unit": "length"}),
     ],
 )
 def test_long_work_asks_the_clock_throughout(path, body, prepared, monkeypatch) -> None:

@@ -54,13 +54,13 @@ def test_solutions_are_left_out_where_finishing_them_takes_too_long(round_to) ->
         return Work(budget, clock=clock)
 
     clock = Clock(0.0)
-    whole = la.synthesize(**POSES, top=40, budget=1.0, round_to=round_to, work=work)
+    whole = la.synthesize(**POSES, top=12, budget=1.0, round_to=round_to, work=work)
     clock = Clock(1.0, 10_000)
     readings = []
     work_of_steps = Work(1e9, clock=lambda: readings.append(0) or 0.0)
-    la.synthesize(**POSES, top=40, budget=1.0, work=lambda _: work_of_steps)
+    la.synthesize(**POSES, top=12, budget=1.0, work=lambda _: work_of_steps)
     clock = Clock(1.0, len(readings) - 4)
-    short = la.synthesize(**POSES, top=40, budget=1.0, round_to=round_to, work=work)
+    short = la.synthesize(**POSES, top=12, budget=1.0, round_to=round_to, work=work)
     assert 1 <= len(short.solutions) < len(whole.solutions)
     assert any("the time was up" in note for note in short.report.notes)
     assert [one.rank for one in short.solutions] == list(range(1, len(short.solutions) + 1))

@@ -234,7 +234,7 @@ def test_a_table_tells_what_was_asked_for_as_it_was(kind, tmp_path) -> None:
 @pytest.mark.parametrize("way", [1, -1])
 def test_files_show_the_first_sample_whichever_way_the_drive_goes(kind, way, tmp_path) -> None:
     turned, points = np.array([0, 20, 45, 70]), np.array([[0, 0], [20, 2 * way], [40, 15 * way], [50, 30 * way]])
-    found = la.synthesize(way * turned, points, timing="free", mechanisms=[kind], limits={"preset": "none"}, top=6)
+    found = la.synthesize(way * turned, points, timing="free", mechanisms=[kind], limits={"preset": "none"}, top=3)
     assert len(found) > 1
     for one in found:
         one.linkage.save(tmp_path / "shown.dxf")

@@ -7,6 +7,7 @@ import pytest
 
 import linkage_atlas as la
 from linkage_atlas.kinds import Measures
+from tests.oracles.guided import random_motion
 
 _FOUR = {"rotation": [0, 20, 50, 85], "position": [[0, 0], [100, 20], [180, 70], [220, 150]]}
 _FLAP = {
@@ -56,6 +57,9 @@ def test_what_turns_about_a_pin_is_driven_by_what_moves_and_made_by_no_kind_that
         if one.kind != "four_bar":
             drive = one.crank_angle if one.travel is None else one.travel
             assert np.ptp(drive) > 0.1
+            # a slot that slides no way is a pin
+            strokes = [np.ptp(guide.used) for guide in one.linkage.guides if hasattr(guide, "used")]
+            assert min(strokes) > 0.05
             off = np.linalg.norm(one.linkage.joints(drive).body_point - position, axis=1)
             assert np.max(off) == pytest.approx(one.errors.position_max, abs=1e-6)
 
@@ -75,6 +79,36 @@ def test_crank_angles_and_positions_alone_find_a_slider_crank():
         position=np.c_[place.real, place.imag], crank_angle=t - t[0], degrees=False, mechanisms=["slider_crank"]
     )
     assert found.best.errors.objective < 1e-8
+
+
+@pytest.mark.parametrize("kind", ["slider_crank", "swinging_block"])
+def test_positions_alone_find_the_linkage_that_made_them(kind):
+    made = 0
+    for seed in range(4):
+        _, place, _ = random_motion(np.random.default_rng(seed), kind, 10)
+        found = la.synthesize(
+            position=np.c_[place.real, place.imag], timing="free", mechanisms=[kind], limits={"preset": "none"}
+        )
+        assert {one.kind for one in found} <= {kind}
+        best = found.best
+        drive = best.crank_angle if best.travel is None else best.travel
+        off = np.linalg.norm(best.linkage.joints(drive).body_point - np.c_[place.real, place.imag], axis=1)
+        assert np.max(off) == pytest.approx(best.errors.position_max, abs=1e-9 * np.ptp(place.real))
+        made += best.errors.objective < 1e-8
+    assert made >= 3
+
+
+def test_round_a_closed_way_goes_only_what_turns():
+    t = 2 * np.pi * np.arange(24) / 24
+    place = np.exp(1j * t) + 0.15 * np.exp(-2j * t)
+    found = la.synthesize(position=np.c_[place.real, place.imag], timing="free", closed=True, mechanisms="all")
+    assert {one.driver for one in found} <= {"crank", "hinge"} and len({one.kind for one in found}) > 1
+    for one in found:
+        assert one.linkage.turns_fully
+    asked = {"position": np.c_[place.real, place.imag], "timing": "free", "closed": True}
+    with pytest.raises(la.FieldError, match=r"turns fully"):
+        la.synthesize(**asked, mechanisms=["two_rails"])
+    assert {one.kind for one in la.synthesize(**asked, mechanisms=["two_rails", "four_bar"])} == {"four_bar"}
 
 
 @pytest.mark.parametrize(
