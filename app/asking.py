@@ -263,6 +263,12 @@ def read_request(query: Query, text: bytes, also: Sequence[tuple[list[str], Any]
     """
     is_json = text.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"{", b"[", b'"', b"")
     request: RequestModel
+    if not text.strip():
+        if not also:
+            raise FieldError("", "it is empty: name a file or an --example, or give it on standard input")
+        text = b"{}"
+    elif query.from_csv is None and not is_json:
+        raise FieldError("", "wanted JSON: tables are read where the samples of a motion or a function are asked for")
     if unwrap and is_json:
         raise FieldError("", "--unwrap is for a table of samples, and this is JSON")
     try:

@@ -97,7 +97,7 @@ GOOD = '"rotation": [1, 2, 4], "crank_span": 70'
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("", "Invalid JSON"),
+        ("", "it is empty"),
         ("nonsense", "line 1: there is no column 'nonsense'"),
         (b'\xff\xfe{"rotation": 1}', "line 1, column 1"),
         ("[" * 100_000, "Invalid JSON"),
@@ -132,6 +132,20 @@ def test_a_model_is_written_under_either_ending(run, tmp_path) -> None:
     names = [tmp_path / f"model.{ending}" for ending in ("xml", "mjcf")]
     code, _, _ = run("synthesize", "--example", "poses", *(part for name in names for part in ("--export", name)))
     assert code == OK and names[0].read_text() == names[1].read_text() and "<mujoco" in names[0].read_text()
+
+
+def test_a_request_may_be_made_of_fields_alone(run) -> None:
+    code, out, _ = run("function", "--set", "input=[0,10,20,30]", "--set", "output=[0,5,15,40]", "--set", "top=1")
+    assert code == OK and out.startswith("reached: 1 linkage")
+
+
+def test_what_is_no_request_is_told_in_words(run) -> None:
+    assert run("function")[::2] == (
+        USAGE,
+        "request: it is empty: name a file or an --example, or give it on standard input\n",
+    )
+    code, _, err = run("drive", stdin="x,y,angle\n0,0,0\n1,2,3\n")
+    assert code == USAGE and "wanted JSON: tables are read where the samples" in err
 
 
 def test_rounding_is_not_told_as_a_place(run) -> None:
