@@ -22,6 +22,8 @@ from linkage_atlas.cache import open_atlas
 
 PARTS = ("positions", "short_spans", "rockers", "slider_cranks")
 """Parts of the index that are made once the service is ready, or when they are first asked for: see `linkage_atlas.Atlas`."""
+INDEX = "index"
+"""All of it that is there: what is damaged is made anew."""
 
 
 def opened(place: Path, settings: Settings) -> la.Atlas:
@@ -132,6 +134,8 @@ class ServiceResources:
 
     def make(self, part: str, cancelled: Callable[[], bool] | None = None) -> None:
         """Make a part of the index, unless that is cancelled."""
+        if part == INDEX:
+            return self.renew()
         with suppress(la.Cancelled):
             self.atlas.make(part, la.Work(cancelled=cancelled))
         give_back_memory()

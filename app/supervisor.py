@@ -23,7 +23,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from app.computed import Question
 from app.computer import Computer
-from app.resources import PARTS, ServiceResources
+from app.resources import INDEX, PARTS, ServiceResources
 
 _LATE_SECONDS = 1.0
 """After the time in which the front ends by itself."""
@@ -36,8 +36,6 @@ SUCCESSION = "LINKAGE_ATLAS_SUCCESSION"
 _LEAST_LIFE = 2.0
 """A front that has ended sooner, by itself, would do so again."""
 _MAKER_NICE = 5
-_INDEX = "index"
-"""All parts of the index that are used: what has become of them is looked at, and what is damaged made anew."""
 _RENEWED_SECONDS = 60.0
 """After the index was made anew before it is again."""
 _ENDS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -173,11 +171,11 @@ class Supervisor:
         if os.waitstatus_to_exitcode(status) == -signal.SIGBUS and time.monotonic() >= self._sound_until:
             log.error("A file of the index cannot be read: what is damaged is made anew")
             self._sound_until = math.inf
-            self._make(_INDEX)
+            self._make(INDEX)
 
     def _made(self, part: str, status: int) -> None:
         """Take note of a part of the index, or of all of it; those that compute without it are replaced then."""
-        if part == _INDEX:
+        if part == INDEX:
             self._sound_until = time.monotonic() + _RENEWED_SECONDS
             if status == 0:
                 self._resources.renew()
@@ -251,10 +249,7 @@ class Supervisor:
         os.nice(_MAKER_NICE)
         for listener in self._listeners:
             listener.close()
-        if part == _INDEX:
-            self._resources.renew()
-        else:
-            self._resources.make(part)
+        self._resources.make(part)
 
     def _fork(self, run: Callable[[], None]) -> int:
         """The number of a new process that runs something and ends."""

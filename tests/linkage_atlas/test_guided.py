@@ -15,7 +15,7 @@ from linkage_atlas.limits import read_limits
 from linkage_atlas.studies import read_studies
 from synthesis.guided.solution import assess, nearest_travel
 from synthesis.work import Work
-from tests.oracles.guided_cases import DRIVES, NAMES, random_linkage
+from tests.oracles.guided_cases import DRIVES, NAMES, good_linkage
 
 CRANK = {"guide": "circle", "pivot": [0, 0], "radius": 1, "body_point": [0, 0]}
 RAIL = {"guide": "rail", "point": [0, 0.3], "direction": 0, "body_point": [2, 0]}
@@ -25,12 +25,7 @@ SLOT = {"guide": "slot", "pin": [2, 0], "body_point": [0, 0.5], "body_direction"
 def reply_of(drive, *, noise: float = 0.0, **studies) -> tuple[GuidedSolution, la.Motion]:
     """A solution as a search would hand it over."""
     random = np.random.default_rng(61)
-    while True:
-        linkage = random_linkage(random, *drive)
-        travel = np.linspace(0.0, 0.8, 7)
-        found = linkage.body(linkage.start + np.linspace(-0.2, 1.0, 60))
-        if np.all(found.transmission_angle > 0.7) and np.all(found.arm > 0.3):
-            break
+    linkage, travel = good_linkage(random, drive, -0.2, 1.0, 0.7), np.linspace(0.0, 0.8, 7)
     body = linkage.links(travel)[1]
     place = 50 * (body.place + noise * (random.normal(size=7) + 1j * random.normal(size=7)))
     motion = la.Motion(np.rad2deg(body.direction), np.stack([place.real, place.imag], 1), timing="free")

@@ -45,6 +45,17 @@ def random_linkage(random: np.random.Generator, guide: type, driver: Driver, oth
     return through((made[0], made[1]), driver, rotation, position)
 
 
+def good_linkage(
+    random: np.random.Generator, drive: tuple[type, Driver, type], low: float, high: float, least: float
+):
+    """One whose transmission angle is above a least one over an interval after its start, where no slot's pin comes near."""
+    while True:
+        linkage = random_linkage(random, *drive)
+        found = linkage.body(linkage.start + np.linspace(low, high, 60))
+        if np.all(found.transmission_angle > least) and np.all(found.arm > 0.3):
+            return linkage
+
+
 class Case(NamedTuple):
     """A linkage and samples on it, whatever branch they are on."""
 

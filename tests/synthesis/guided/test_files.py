@@ -14,17 +14,11 @@ from synthesis.errors import FieldError
 from synthesis.guided.files import to_csv, to_dxf, to_mjcf, to_svg
 from synthesis.guided.linkage import Circle, Driver, GuidedLinkage, Rail, Slot
 from synthesis.target import Target
-from tests.oracles.guided_cases import DRIVES, NAMES, random_linkage
+from tests.oracles.guided_cases import DRIVES, NAMES, good_linkage
 
 
 def drawn(drive) -> tuple[GuidedLinkage, Target]:
-    random = np.random.default_rng(41)
-    while True:
-        linkage = random_linkage(random, *drive)
-        found = linkage.body(linkage.start + np.linspace(-0.2, 1.0, 60))
-        if np.all(found.transmission_angle > 0.5) and np.all(found.arm > 0.3):
-            break
-    travel = np.linspace(0.0, 0.8, 9)
+    linkage, travel = good_linkage(np.random.default_rng(41), drive, -0.2, 1.0, 0.5), np.linspace(0.0, 0.8, 9)
     body = linkage.links(travel)[1]
     return linkage, Target(body.direction, body.place, 1.0, crank=travel)
 

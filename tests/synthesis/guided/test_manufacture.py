@@ -13,15 +13,11 @@ from synthesis.fourbar.tolerance_study import Tolerances
 from synthesis.guided.linkage import Circle, GuidedLinkage, Rail, of_four_bar
 from synthesis.guided.manufacture import Deviation, dimensions_of, made, simulate, slopes, sources_of
 from synthesis.work import Work
-from tests.oracles.guided_cases import DRIVES, NAMES, random_linkage
+from tests.oracles.guided_cases import DRIVES, NAMES, good_linkage
 
 
 def _good(random: np.random.Generator, drive) -> GuidedLinkage:
-    while True:
-        linkage = random_linkage(random, *drive)
-        found = linkage.body(linkage.start + np.linspace(-0.3, 0.7, 40))
-        if np.all(np.abs(found.sine) > 0.4) and np.all(found.arm > 0.3):
-            return linkage
+    return good_linkage(random, drive, -0.3, 0.7, 0.41)
 
 
 def _changed(linkage: GuidedLinkage, place: int, off: Deviation) -> GuidedLinkage:

@@ -12,17 +12,11 @@ from synthesis.guided.rounding import _Chart, _rows, fitted, from_stock, lengths
 from synthesis.guided.solution import GuidedSolution, assess, nearest_travel
 from synthesis.target import make_target
 from synthesis.work import Work
-from tests.oracles.guided_cases import DRIVES, NAMES, random_linkage
+from tests.oracles.guided_cases import DRIVES, NAMES, good_linkage
 
 
 def _case(drive, seed: int = 91):
-    random = np.random.default_rng(seed)
-    while True:
-        linkage = random_linkage(random, *drive)
-        found = linkage.body(linkage.start + np.linspace(-0.3, 1.3, 60))
-        if np.all(found.transmission_angle > 0.6) and np.all(found.arm > 0.3):
-            break
-    travel = np.linspace(0.0, 1.0, 9)
+    linkage, travel = good_linkage(np.random.default_rng(seed), drive, -0.3, 1.3, 0.6), np.linspace(0.0, 1.0, 9)
     body = linkage.links(travel)[1]
     return linkage, travel, body
 

@@ -10,17 +10,12 @@ from synthesis.free.poses import make_poses
 from synthesis.guided.linkage import GuidedLinkage
 from synthesis.guided.solution import assess, excursion, nearest_travel, practical_faults, size_of, turned_frame
 from synthesis.target import make_target
-from tests.oracles.guided_cases import DRIVES, NAMES, random_linkage
+from tests.oracles.guided_cases import DRIVES, NAMES, good_linkage
 
 
 def _used(random: np.random.Generator, drive) -> tuple[GuidedLinkage, np.ndarray]:
     """A linkage and travel over which it transmits well."""
-    while True:
-        linkage = random_linkage(random, *drive)
-        travel = np.linspace(0.0, 0.6, 8)
-        angle = linkage.body(linkage.start + np.linspace(-0.3, 0.9, 60)).transmission_angle
-        if np.all(angle > 0.3):
-            return linkage, travel
+    return good_linkage(random, drive, -0.3, 0.9, 0.3), np.linspace(0.0, 0.6, 8)
 
 
 @pytest.mark.parametrize("drive", DRIVES, ids=NAMES)
