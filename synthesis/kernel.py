@@ -2239,7 +2239,6 @@ BY_X = declare(cython.int, 12)
 BY_Y = declare(cython.int, 13)
 WIDTH = declare(cython.int, 14)
 VALUE = declare(cython.int, 11)  # behind the derivatives by the unknowns
-LABELS = declare(cython.int, 15)  # numbers that belong to a candidate beside its unknowns, see `PairDescent`
 
 FAR_OFF = declare(double, 0.7)  # longest correction of a pose, in radians and length scales
 LINED_UP = declare(double, 1e-9)  # least part of the second guide's own, where both guides have one force line
