@@ -183,6 +183,21 @@ def test_that_a_body_only_turns_is_said(mechanisms, size) -> None:
     assert not la.Motion([0, 90], [[0, 0], [5, 5]], timing="free").notes(), "two poses are always turns about a point"
 
 
+@pytest.mark.parametrize("mechanisms", [["four_bar"], ["slider_crank", "swinging_block"], ["rail_slot", "two_slots"]])
+def test_files_show_the_first_sample_wherever_on_the_way_it_is(mechanisms, tmp_path) -> None:
+    order = np.array([2, 0, 4, 1, 3])
+    turned = np.array([8.0, 23, 35, 52, 64])[order]
+    points = np.array([[0.0, 0], [30, 5], [55, 20], [75, 40], [90, 66]])[order]
+    limits = {"preset": "none"}
+    found = la.synthesize(turned, points, timing="free", order="any", mechanisms=mechanisms, limits=limits, top=5)
+    assert found
+    for one in found:
+        one.linkage.save(tmp_path / "shown.dxf")
+        outline = ezdxf.readfile(tmp_path / "shown.dxf").modelspace().query('LWPOLYLINE[layer=="BODY"]').first
+        away = [np.hypot(*(place - points[0])) for place in outline.get_points("xy")]
+        assert min(away) < one.errors.position_max + 1e-9
+
+
 def test_no_slider_drives_a_closed_way_and_that_is_said() -> None:
     turned = np.linspace(0, 2 * np.pi, 12, endpoint=False)
     motion = 10 * np.sin(turned), np.transpose([60 * np.cos(turned), 20 * np.sin(turned)])
