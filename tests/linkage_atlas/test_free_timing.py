@@ -178,6 +178,8 @@ def test_that_a_body_only_turns_is_said(mechanisms, size) -> None:
     points[2] += 1e-4 * size
     notes = la.synthesize(turned, points, timing="free", mechanisms=mechanisms, top=1).report.notes
     assert not any("only turns" in note for note in notes)
+    round_zero = np.transpose([np.cos(np.deg2rad(turned)), np.sin(np.deg2rad(turned))])
+    assert "about (0, 0):" in la.Motion(turned, size * round_zero, timing="free").notes()[0]
     line = np.transpose([turned, 2 * turned])
     assert not any("only turns" in note for note in la.Motion([30] * 5, line, timing="free").notes())
     assert not la.Motion([0, 90], [[0, 0], [5, 5]], timing="free").notes(), "two poses are always turns about a point"
