@@ -97,7 +97,8 @@ def standing(pages):
     To load the page takes longer than most of them.
     """
     if pages.run("return Boolean(window.standing)"):
-        pages.run("window.stub = null; for (const one of document.querySelectorAll('details')) one.open = false")
+        pages.run("window.stub = window.guided = null")
+        pages.run("for (const one of document.querySelectorAll('details')) one.open = false")
     else:
         pages.load()
         pages.run("window.standing = true")
