@@ -350,3 +350,22 @@ def test_a_search_within_limits_that_is_cut_short_claims_nothing(milliseconds) -
     )
     assert found.report.stopped_by == "budget"
     assert found.status == ("closest" if found.solutions else "unknown")
+
+
+@pytest.mark.parametrize("seed", [0, 2, 3])
+def test_a_closed_way_of_few_points_stays_inside_its_envelope_on_the_way_back_too(seed):
+    """Of four points of half a curve: the search is led by the limits of the whole turn (else nothing is found, or far off)."""
+    random, t = np.random.default_rng(seed), np.pi / 4 * np.arange(4)
+    z = np.exp(1j * t) + 0.25 * np.exp(-1j * t + 1j * random.uniform(0, 6))
+    z = 100 * (z + 0.12 * np.exp(2j * t + 1j * random.uniform(0, 6)))
+    spare = 0.3 * max(np.ptp(z.real), np.ptp(z.imag))
+    low, high = z.real.min() - spare + 1j * (z.imag.min() - spare), z.real.max() + spare + 1j * (z.imag.max() + spare)
+    envelope = [low.real, low.imag, high.real, high.imag]
+    found = la.synthesize(position=np.c_[z.real, z.imag], timing="free", closed=True, limits={"envelope": envelope})
+    assert found.best.errors.objective < 0.1
+    for one in found:
+        joints = one.linkage.joints(np.linspace(0, 360, 721))
+        for places in (joints.pivot_a, joints.pivot_b, joints.crank_pin, joints.coupler_pin, joints.body_point):
+            places = np.atleast_2d(places)
+            assert np.all(places >= np.array([low.real, low.imag]) - 1e-3)
+            assert np.all(places <= np.array([high.real, high.imag]) + 1e-3)
