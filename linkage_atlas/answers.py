@@ -38,6 +38,7 @@ from synthesis.fourbar.passage import excursions, practical_faults, size_of, ver
 from synthesis.fourbar.rounding import best_from_stock, round_to_grid
 from synthesis.free.poses import Poses
 from synthesis.free.search import in_turn
+from synthesis.from_linkage import refined_in_place
 from synthesis.guided import solution as guided
 from synthesis.guided.limits import broken_limits
 from synthesis.guided.linkage import GuidedLinkage as Guided
@@ -90,6 +91,8 @@ class Rounded(Record):
     errors: Errors | None
     transmission_angle_min: float | None
     """Over the used interval."""
+    crank_angle: Floats | None
+    """Where the crank angles are free: those of these links at the samples."""
     tried: int
     """Combinations of lengths that were fitted."""
     combinations: int | None
@@ -147,6 +150,8 @@ class Origin(NamedTuple):
     motion: Motion
     """With the solution's own crank angles."""
     limits: Limits
+    asked: Poses | Target
+    """The samples of the request."""
 
 
 class _Parts(Record):
@@ -628,7 +633,7 @@ def _described(
                     fixed[k].ill_posed, fixed[k].resolution, fixed[k].at_limits, fixed[k].length_uncertainty
                 ),
                 linkage=linkage,
-                origin=Origin(one, own, limits),
+                origin=Origin(one, own, limits, samples),
             )
         )
     return solutions
@@ -828,7 +833,7 @@ def _rounded(
     solution: Solution, grid: float | None, stock: Sequence[float] | None, solutions: int, work: Work
 ) -> Rounded:
     """One of several solutions with links that can be had, in the motion's unit."""
-    one, motion, limits = solution.origin
+    one, motion, limits, asked = solution.origin
     tries = max(FEWEST_TRIES, TRIES // solutions)
     if stock is None:
         assert grid is not None
@@ -838,6 +843,11 @@ def _rounded(
     values, again = _tried(Rounded, found), found.solution
     if again is None:
         return Rounded(**values)
+    if isinstance(asked, Poses):
+        again = refined_in_place(asked, limits, again, motion.target.crank, work)
+        if again.crank is not None:
+            motion = Motion.of(asked, motion.degrees, motion.tolerances).of_solution(again.linkage, again.crank)
+        values["crank_angle"] = in_turn(motion.target.crank, asked.ordered) / motion.radian
     linkage = FourBar.of(again.linkage, motion.radian, motion.target)
     dimensions = linkage.dimensions._asdict()
     del dimensions["branch"]

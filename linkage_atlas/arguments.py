@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from synthesis.errors import FieldError
+from synthesis.target import MAX_LENGTH
 
 MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
 """Units of length of files that know one, and of inertia."""
@@ -97,6 +98,19 @@ def pair(field: str, given: Any, most: float = LARGEST, words: str = "[x, y]") -
     if isinstance(given, str) or np.shape(given) != (2,):
         raise FieldError(f"/{field}", f"wanted two numbers {words}")
     return complex(*(bounded(field, value, most) for value in given))
+
+
+def box(field: str, given: Any, flat: bool = False) -> tuple[float, float, float, float]:
+    """[xmin, ymin, xmax, ymax], the least first; ``flat``: they may be the same."""
+    found = np.zeros(0) if isinstance(given, str) else column(field, given)
+    if (
+        found.shape != (4,)
+        or not np.all(np.abs(found) <= MAX_LENGTH)
+        or not (np.all(found[:2] <= found[2:]) if flat else np.all(found[:2] < found[2:]))
+    ):
+        raise FieldError(f"/{field}", "wanted [xmin, ymin, xmax, ymax], the least first")
+    left, low, right, high = found.tolist()
+    return left, low, right, high
 
 
 def whole_number(field: str, value: Any, least: int, most: int) -> int:

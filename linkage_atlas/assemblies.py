@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, NamedTuple, TypedDict
 
 import numpy as np
 
-from linkage_atlas.arguments import flag, number, whole_number
+from linkage_atlas.arguments import box, flag, number, whole_number
 from linkage_atlas.records import KEPT, Record
 from synthesis.assembly import layers
 from synthesis.assembly.driving import LINKS, Motor, motor_driven
@@ -252,8 +252,8 @@ def read_assembly(given: Mapping[str, Any] | bool, where: str = "assembly/") -> 
         lengths["washer"],
         () if values["body"] is None else _outline(f"{where}body", values["body"]),
         Asked(boards, heads, most, _mounts(f"{where}mounts", values["mounts"], boards)),
-        None if values["envelope"] is None else _box(f"{where}envelope", values["envelope"]),
-        tuple(_box(f"{where}keep_out/{k}", box) for k, box in enumerate(values["keep_out"] or ())),
+        None if values["envelope"] is None else box(f"{where}envelope", values["envelope"]),
+        tuple(box(f"{where}keep_out/{k}", one) for k, one in enumerate(values["keep_out"] or ())),
         None if values["drive"] is None else _motor(f"{where}drive", values["drive"]),
     )
 
@@ -285,16 +285,6 @@ def _motor(name: str, given: Any) -> Motor:
     if crank is None or rod is None:
         raise FieldError(f"/{name}/six_bar", "wanted crank and coupler")
     return Motor(link, places[0], crank, rod, places[1])
-
-
-def _box(name: str, given: Any) -> Box:
-    try:
-        found = np.asarray(given, dtype=float)
-    except (TypeError, ValueError):
-        found = np.zeros(0)
-    if found.shape != (4,) or not np.isfinite(found).all() or not (found[0] < found[2] and found[1] < found[3]):
-        raise FieldError(f"/{name}", "wanted [xmin, ymin, xmax, ymax] with xmin < xmax and ymin < ymax")
-    return (*found.tolist(),)
 
 
 def _length(name: str, value: Any, kind: str) -> float | None:

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from linkage_atlas.arguments import (
     bounded,
+    box,
     check_above_zero,
     check_top,
     column,
@@ -710,7 +711,7 @@ def _drive(at: str, given: Mapping[str, Any], machine: Machine, radian: float, m
             wish[name] = number(f"{at}/{name}", wish[name], 0.0) * radian
     for name in ("ground_box", "motor_box"):
         if name in wish:
-            wish[name] = _box(f"{at}/{name}", wish[name])
+            wish[name] = box(f"{at}/{name}", wish[name], flat=True)
     if wish.get("time_ratio", 1.0) > LARGEST_RATIO or wish.get("time_ratio", 1.0) < 1 / LARGEST_RATIO:
         raise FieldError(f"/{at}/time_ratio", f"wanted a ratio from {1 / LARGEST_RATIO:g} to {LARGEST_RATIO:g}")
     if kind == "toggle":
@@ -759,7 +760,7 @@ def _spring(at: str, given: Mapping[str, Any], machine: Machine, millimetres: fl
             check_above_zero(**{f"{at}/{name}": wish[name]})
             wish[name] = float(wish[name])
     if "ground_box" in wish:
-        wish["ground_box"] = _box(f"{at}/ground_box", wish["ground_box"])
+        wish["ground_box"] = box(f"{at}/ground_box", wish["ground_box"], flat=True)
     if kind == "gas" or "catalogue" in wish:
         wish["kinds"] = read_springs(f"{at}/catalogue", wish.get("catalogue"), kind, millimetres)
         if "stiffness" in wish:
@@ -776,15 +777,6 @@ def _links(at: str, given: Any, machine: Machine, names: list[str]) -> list[str]
         if name not in names:
             raise FieldError(f"/{at}/{k}", f"wanted one of {', '.join(names)}, found {name!r}")
     return list(dict.fromkeys(given))
-
-
-def _box(at: str, given: Any) -> Box:
-    if isinstance(given, str) or np.shape(given) != (4,):
-        raise FieldError(f"/{at}", "wanted [xmin, ymin, xmax, ymax]")
-    left, bottom, right, top = (number(at, value) for value in given)
-    if not (left <= right and bottom <= top) or max(map(abs, (left, bottom, right, top))) > MAX_LENGTH:
-        raise FieldError(f"/{at}", "wanted [xmin, ymin, xmax, ymax], the least first")
-    return left, bottom, right, top
 
 
 # -- what is found ----------------------------------------------------------------------------------------------------

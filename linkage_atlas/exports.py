@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from linkage_atlas.arguments import millimetres_in, number, pair
@@ -29,6 +29,12 @@ _FOUR_BARS_ONLY = {
     **{kind: f"{kind!r} is written for four-bars only" for kind in OF_PARTS},
 }
 """Why there is no file of some kinds of a body on two guides."""
+
+
+def check_format(kind: str, mechanisms: Sequence[str]) -> None:
+    """FieldError for a file that is written for four-bars only, where none of the kinds asked for is one."""
+    if kind in _FOUR_BARS_ONLY and "four_bar" not in mechanisms:
+        raise FieldError("/format", _FOUR_BARS_ONLY[kind])
 
 
 def content_of(

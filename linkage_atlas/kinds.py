@@ -48,7 +48,7 @@ ROUND_AGAIN = (
 NO_TIME = "the time was up before linkages with sliders were searched for"
 _FOUR_BARS = 0.4
 """Part of a budget that the search among four-bars takes at most, where other kinds are asked for too."""
-_LEADS = 3
+_LEADS = 2
 """Four-bars whose rotations linkages with sliders begin with where none are asked for."""
 _NEAR_ENOUGH = 1.1
 """Without tolerances: times the least error up to which something else may be preferred."""

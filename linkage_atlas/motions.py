@@ -313,7 +313,11 @@ def _one_pole(samples: Samples) -> complex | None:
     places, turned = samples.scaled[whole], np.exp(1j * samples.rotation[whole])
     found, _, rank, _ = np.linalg.lstsq(np.stack([np.ones_like(turned), turned], axis=1), places, rcond=1e-9)
     off = np.abs(found[0] + found[1] * turned - places).max()
-    return complex(samples.middle + found[0] * samples.length_scale) if rank == 2 and off < 1e-9 else None
+    if rank < 2 or not off < 1e-9:
+        return None
+    pole = complex(samples.middle + found[0] * samples.length_scale)
+    x, y = (0.0 if abs(one) < 1e-9 * samples.length_scale else one for one in (pole.real, pole.imag))
+    return complex(x, y)
 
 
 def _present(name: str, values: Any, weights: Mapping[str, ArrayLike]) -> tuple[Any, Any]:

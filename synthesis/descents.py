@@ -125,7 +125,7 @@ class Problem:
     chart : Chart
     limits : kernel.Limits, optional
         That descents keep to, over the length scale and from the mean position.
-    ordered, span_max, crank, fixed
+    ordered, span_max, crank, fixed, closed
         As of `kernel.Descent`.
     shortest : float
         |z1| below this is no crank.
@@ -149,6 +149,7 @@ class Problem:
         crank: Floats | None = None,
         fixed: tuple[bool, bool] = (False, False),
         shortest: float = 0.0,
+        closed: bool = False,
     ) -> None:
         self.chart, self.limited, self.samples = chart, limits is not None, samples.samples
         self.has_rotation, self.has_position = samples.rotation is not None, samples.position is not None
@@ -167,6 +168,7 @@ class Problem:
             fixed,
             chart.sheet,
             shortest,
+            closed,
         )
 
     def goal(self, samples: Samples) -> Floats | None:

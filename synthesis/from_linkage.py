@@ -275,6 +275,19 @@ def refine_poses(
     return found, report_of(found, given, seconds, tolerance, work)
 
 
+def refined_in_place(poses: Poses, limits: Limits, one: Solution, crank: Floats, work: Work) -> Solution:
+    """The same links mounted anew, at the crank angles (N,) that fit best; as it is where that is no better."""
+    held = replace(limits, links=one.linkage.links)
+    found, _ = refine_poses(poses, held, one.linkage, crank, 0.0, work)
+    for better in found:
+        if better.crank is not None and better.errors.objective < one.errors.objective:
+            same = replace(better.linkage, links=one.linkage.links)
+            turned = same.joints(better.crank).rotation if poses.rotation is not None else None
+            exactly = assess(poses.timed(better.crank, turned), [same])[0]
+            return replace(exactly, crank=better.crank)
+    return one
+
+
 def _as_it_is(problem: JointProblem, timed: Timed) -> Pool:
     """Candidates in their own pose."""
     return problem.measured(timed, posed=False)

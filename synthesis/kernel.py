@@ -924,6 +924,8 @@ class Descent:
         -1: only linkages with L1 < L4; 1: only others; 0: both.
     shortest : float
         |z1| below this is no crank.
+    closed : bool
+        Whether the way leads from the last sample on to the first: limits hold over the whole turn.
     """
 
     # the request
@@ -940,6 +942,7 @@ class Descent:
     fixed_start: bint
     fixed_offset: bint
     ordered: bint
+    closed: bint
     span_max: double
     sheet: cython.int
     shortest: double
@@ -1042,10 +1045,11 @@ class Descent:
         fixed=(False, False),
         sheet=0,
         shortest=0.0,
+        closed=False,
     ):
         samples = len(place if rotation is None else rotation)
         self.samples, self.ordered, self.span_max = samples, ordered, span_max
-        self.sheet, self.shortest, self.rho = sheet, shortest, 1.0
+        self.sheet, self.shortest, self.rho, self.closed = sheet, shortest, 1.0, closed
         self.has_rotation, self.has_position = rotation is not None, place is not None
         self.timed, (self.fixed_start, self.fixed_offset) = crank is not None, fixed
         rotation, crank = (
@@ -1351,6 +1355,8 @@ class Descent:
     @cfunc
     def passes(self, s: cython.int, place: double) -> bint:
         """Whether the motion passes a crank angle, or one whole turns from it."""
+        if self.closed:
+            return True
         self.ends(s)
         first, last = self.phi[s, self.first_sample], self.phi[s, self.last_sample]
         return floor((last - place) / TURN) >= -floor((place - first) / TURN)
@@ -1534,7 +1540,7 @@ class Descent:
         self.ends(s)
         self.limits.at(
             self.phi[s, self.first_sample],
-            self.phi[s, self.last_sample],
+            self.phi[s, self.first_sample] + TURN if self.closed else self.phi[s, self.last_sample],
             self.pose[s, 0],
             times(1.0 / size if size > 0.0 else 0.0, z1),
             self.pose[s, 2],
@@ -1587,7 +1593,7 @@ class Descent:
             late: bint = fabs(limits.slopes[row, BY_LAST]) > fabs(limits.slopes[row, BY_FIRST])
             self.at_sample[s, at] = self.last_sample if late else self.first_sample
             self.by_angle[s, at] = -root * limits.slopes[row, BY_LAST if late else BY_FIRST]
-            if self.timed or not known:
+            if self.timed or self.closed or not known:
                 self.by_angle[s, at] = 0.0
             at += 1
         self.active[s] = at
@@ -2239,7 +2245,6 @@ BY_X = declare(cython.int, 12)
 BY_Y = declare(cython.int, 13)
 WIDTH = declare(cython.int, 14)
 VALUE = declare(cython.int, 11)  # behind the derivatives by the unknowns
-LABELS = declare(cython.int, 15)  # numbers that belong to a candidate beside its unknowns, see `PairDescent`
 
 FAR_OFF = declare(double, 0.7)  # longest correction of a pose, in radians and length scales
 LINED_UP = declare(double, 1e-9)  # least part of the second guide's own, where both guides have one force line

@@ -129,6 +129,10 @@ _PREFIXES = {"crank_angle": "/solution", "travel": "/solution", "analysis": "/re
 
 def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
     request, given = body.request, body.solution
+    if given is None:
+        from linkage_atlas.exports import check_format  # a command that writes no file does not load it
+
+        check_format(body.format, request.mechanisms or ("four_bar",))
     with pointing(lambda field: field if field == "/rank" else "/request" + field):
         motion = la.Motion(**motion_of(request))
         found = None if given else ranked(request, body.rank, resources)

@@ -32,8 +32,8 @@ export const emptyMotion = (wanted = "both") => ({
 export const wantsPlaces = (motion) => motion.wanted !== "rotation";
 export const wantsAngles = (motion) => motion.wanted !== "position";
 
-/** Whether rails and slots can be looked for: they need angles and places. */
-export const slidable = (motion) => wantsPlaces(motion) && wantsAngles(motion);
+/** Whether rails and slots can be looked for: they need places, and angles unless the crank angles are free. */
+export const slidable = (motion) => wantsPlaces(motion) && (wantsAngles(motion) || motion.timing === "free");
 
 /** Whether all linkages are not alike in what is to be preferred: lengths need places, swings free crank angles. */
 export const preferable = (motion, prefer) => (prefer !== "size" || wantsPlaces(motion)) && (prefer !== "crank_span" || motion.timing === "free");

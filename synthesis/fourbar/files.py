@@ -77,8 +77,9 @@ def requested_poses(target: Target, turned: Floats) -> Iterable[tuple[complex, f
 
 def to_svg(linkage: Linkage, target: Target) -> str:
     """A drawing at the first sample, y up, with the names of the joints and the lengths of the links."""
-    used, turn = used_joints(linkage, target.interval), linkage.turn()
-    a, b, d, c = used.pivot_a, used.pivot_b, used.crank_pin[0], used.coupler_pin[0]
+    used, turn, now = used_joints(linkage, target.interval), linkage.turn(), linkage.joints(np.zeros(1))
+    a, b, d, c = now.pivot_a, now.pivot_b, now.crank_pin[0], now.coupler_pin[0]
+    point = None if now.body_point is None else now.body_point[0]
     path, marks = used.body_point, requested_positions(target)
     way = None if turn is None else turn.body_point
     shown = [np.array([a, b]), used.crank_pin, used.coupler_pin, marks]
@@ -95,9 +96,9 @@ def to_svg(linkage: Linkage, target: Target) -> str:
     if path is not None:
         curves = ("" if way is None else sheet.line(way, "turn")) + sheet.line(path, "path")
     curves += "".join(dot(mark, 5, "pose") for mark in marks)
-    body = np.array([d, c] if path is None else [d, c, path[0]])
+    body = np.array([d, c] if point is None else [d, c, point])
     pins = dot(a, 11, "pivot") + dot(b, 11, "pivot") + dot(d, 8, "pin") + dot(c, 8, "pin")
-    named = {"A": a, "B": b, "D": d, "C": c} | ({} if path is None else {"P": path[0]})
+    named = {"A": a, "B": b, "D": d, "C": c} | ({} if point is None else {"P": point})
     names = "".join(sheet.label(z, name) for name, z in named.items())
     middles = ((a + d) / 2, (d + c) / 2, (b + c) / 2, (a + b) / 2)
     sizes = "".join(
@@ -111,7 +112,7 @@ def to_svg(linkage: Linkage, target: Target) -> str:
             f'<g id="PATH">{curves}</g>',
             f'<g id="BODY">{sheet.line(body, "body", closed=True)}</g>',
             f'<g id="LINKS">{sheet.line(np.array([a, d]), "crank")}{sheet.line(np.array([b, c]), "rocker")}</g>',
-            f"<g>{pins}{'' if path is None else dot(path[0], 7, 'point')}</g>",
+            f"<g>{pins}{'' if point is None else dot(point, 7, 'point')}</g>",
             f'<g id="NAMES">{names}{sizes}</g>',
         ],
     )
@@ -193,7 +194,8 @@ def to_dxf(linkage: Linkage, target: Target, unit_mm: float = 1.0, more: More | 
     def xy(z: complex) -> tuple[float, float]:
         return float(z.real * unit_mm), float(z.imag * unit_mm)
 
-    a, b, d, c = used.pivot_a, used.pivot_b, used.crank_pin[0], used.coupler_pin[0]
+    now = linkage.joints(np.zeros(1))
+    a, b, d, c = now.pivot_a, now.pivot_b, now.crank_pin[0], now.coupler_pin[0]
     size = max(linkage.links) * unit_mm
     space.add_line(xy(a), xy(b), dxfattribs={"layer": "GROUND"})
     for pivot in (a, b):
@@ -202,10 +204,9 @@ def to_dxf(linkage: Linkage, target: Target, unit_mm: float = 1.0, more: More | 
         space.add_line(xy(first), xy(second), dxfattribs={"layer": "LINKS"})
     for pin in (d, c):
         space.add_circle(xy(pin), 0.012 * size, dxfattribs={"layer": "LINKS"})
-    if used.body_point is not None:
-        point = used.body_point
-        space.add_lwpolyline([xy(d), xy(c), xy(point[0])], close=True, dxfattribs={"layer": "BODY"})
-        space.add_lwpolyline([xy(z) for z in point], dxfattribs={"layer": "PATH"})
+    if used.body_point is not None and now.body_point is not None:
+        space.add_lwpolyline([xy(d), xy(c), xy(now.body_point[0])], close=True, dxfattribs={"layer": "BODY"})
+        space.add_lwpolyline([xy(z) for z in used.body_point], dxfattribs={"layer": "PATH"})
     for place, turn in requested_poses(target, linkage.joints(target.crank).rotation):
         space.add_point(xy(place), dxfattribs={"layer": "BODY"})
         arm = place + 0.08 * size / unit_mm * np.exp(1j * turn)
@@ -228,13 +229,14 @@ def to_mjcf(
     and ``loop_coupler`` and ``loop_rocker``, whose distance is the loop's residual.
     """
     _check_size(linkage, unit_mm)
-    used = used_joints(linkage, target.interval)
+    used_joints(linkage, target.interval)
+    now = linkage.joints(np.zeros(1))
     metre = unit_mm / 1000
     crank, coupler, rocker, ground = (value * metre for value in linkage.links)
     longest = max(crank, coupler, rocker, ground)
     thick = 0.02 * longest
-    at_a, at_b = used.pivot_a * metre, used.pivot_b * metre
-    angle1, angle2, angle3 = (float(x[0]) for x in (used.crank_angle, used.coupler_angle, used.rocker_angle))
+    at_a, at_b = now.pivot_a * metre, now.pivot_b * metre
+    angle1, angle2, angle3 = (float(x[0]) for x in (now.crank_angle, now.coupler_angle, now.rocker_angle))
 
     def rod(name: str, length: float, colour: str) -> str:
         if masses is None:

@@ -33,7 +33,7 @@ class JointProblem(Problem):
     """Poses, a chart and limits made ready for many candidates."""
 
     def __init__(self, poses: Poses, chart: Chart, limits: kernel.Limits | None = None) -> None:
-        super().__init__(poses, chart, limits, ordered=poses.ordered, span_max=poses.span_max)
+        super().__init__(poses, chart, limits, ordered=poses.ordered, span_max=poses.span_max, closed=poses.closed)
         self.posed = self.limited
         self.poses, self.rotation, self.position = poses, poses.rotation, poses.scaled
         self.rotation_root = np.broadcast_to(poses.rotation_mean.root, poses.samples)

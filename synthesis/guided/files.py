@@ -46,8 +46,12 @@ class _Shown(NamedTuple):
 
     links: tuple[MovingLink, ...]
     """Over the interval."""
+    body: MovingLink
+    """At the first sample."""
+    pins: list[complex]
+    """Of each guide: its body point, or its fixed pin in a slot, at the first sample."""
     points: list[Complexes]
-    """Of each guide: its body point, or its fixed pin in a slot."""
+    """The same over the interval."""
     rails: list[Complexes | None]
     """Of each guide: both ends of a rail, or of a slot at the first sample."""
     size: float
@@ -83,6 +87,7 @@ def shown(linkage: GuidedLinkage, interval: Interval) -> _Shown:
         at = travel[int(np.argmin(closed))]
         where = f"{np.rad2deg(at):.6g} degrees" if linkage.driver.turns else f"{at:.6g}"
         raise FieldError("/solution/guides", f"both guides cannot hold the body {where} after the start")
+    now = linkage.links(np.zeros(1))[1]
     points = [_pin_of(linkage, place, body) for place in (0, 1)]
     rails: list[Complexes | None] = []
     spread = np.concatenate([*points, body.place])
@@ -96,9 +101,10 @@ def shown(linkage: GuidedLinkage, interval: Interval) -> _Shown:
         if isinstance(guide, Rail):
             rails.append(guide.point + ends * np.exp(1j * guide.direction))
         else:
-            along = np.exp(1j * (body.direction[0] + guide.body_direction))
-            rails.append(body.place[0] + np.exp(1j * body.direction[0]) * guide.body_point + ends * along)
-    return _Shown(links, points, rails, size)
+            along = np.exp(1j * (now.direction[0] + guide.body_direction))
+            rails.append(now.place[0] + np.exp(1j * now.direction[0]) * guide.body_point + ends * along)
+    pins = [complex(_pin_of(linkage, place, now)[0]) for place in (0, 1)]
+    return _Shown(links, now, pins, points, rails, size)
 
 
 def _outline(linkage: GuidedLinkage, found: _Shown, positions: bool) -> Complexes:
@@ -109,17 +115,16 @@ def _outline(linkage: GuidedLinkage, found: _Shown, positions: bool) -> Complexe
         if isinstance(guide, Slot) and ends is not None:
             corners.append(complex(ends.mean()))
         else:
-            corners.append(complex(found.points[place][0]))
+            corners.append(found.pins[place])
     if positions:
-        corners.append(complex(found.links[1].place[0]))
+        corners.append(complex(found.body.place[0]))
     return np.array(corners)
 
 
 def to_svg(linkage: GuidedLinkage, target: Target) -> str:
     """A drawing at the first sample, y up, with rails, slots, and the names of the joints."""
     found = shown(linkage, target.interval)
-    body = found.links[1]
-    path, marks = body.place, requested_positions(target)
+    body, path, marks = found.body, found.links[1].place, requested_positions(target)
     seen = [*found.points, path, marks, *(one for one in found.rails if one is not None)]
     seen += [np.array([one.pivot]) for one in linkage.guides if isinstance(one, Circle)]
     sheet = Sheet(np.concatenate(seen), 0.08, 1000, digits=7)
@@ -129,7 +134,7 @@ def to_svg(linkage: GuidedLinkage, target: Target) -> str:
 
     ground, links, dots, labels = [], [], [], []
     for place, guide in enumerate(linkage.guides):
-        at, name = complex(found.points[place][0]), "AB"[place]
+        at, name = found.pins[place], "AB"[place]
         pin = "DC"[place]
         colour = "crank" if place == 0 and linkage.driver is Driver.CRANK else "rocker"
         if isinstance(guide, Circle):
@@ -150,9 +155,9 @@ def to_svg(linkage: GuidedLinkage, target: Target) -> str:
             dots.append(sheet.dot(at, 11, 'class="pivot"'))
             labels.append(sheet.label(at, name))
     curves = sheet.line(path, "path") + "".join(sheet.dot(mark, 5, 'class="pose"') for mark in marks)
-    labels.append(sheet.label(path[0], "P"))
+    labels.append(sheet.label(body.place[0], "P"))
     words = linkage.kind.replace("_", " ")
-    dots.append(sheet.dot(path[0], 7, 'class="point"'))
+    dots.append(sheet.dot(body.place[0], 7, 'class="point"'))
     return sheet.text(
         f"{words}, driven by a {linkage.driver}",
         [
@@ -232,9 +237,9 @@ def to_dxf(linkage: GuidedLinkage, target: Target, unit_mm: float = 1.0, more: M
         corners = [xy(z) for z in _block(found, at, direction)]
         space.add_lwpolyline(corners, close=True, dxfattribs={"layer": "LINKS"})
 
-    body = found.links[1]
+    body = found.body
     for place, guide in enumerate(linkage.guides):
-        at = complex(found.points[place][0])
+        at = found.pins[place]
         if isinstance(guide, Circle):
             space.add_circle(xy(guide.pivot), 0.02 * size, dxfattribs={"layer": "GROUND"})
             space.add_line(xy(guide.pivot), xy(at), dxfattribs={"layer": "LINKS"})
@@ -252,7 +257,7 @@ def to_dxf(linkage: GuidedLinkage, target: Target, unit_mm: float = 1.0, more: M
             space.add_line(xy(ends[0]), xy(ends[1]), dxfattribs={"layer": "BODY"})
     corners = [xy(z) for z in _outline(linkage, found, True)]
     space.add_lwpolyline(corners, close=True, dxfattribs={"layer": "BODY"})
-    space.add_lwpolyline([xy(z) for z in body.place], dxfattribs={"layer": "PATH"})
+    space.add_lwpolyline([xy(z) for z in found.links[1].place], dxfattribs={"layer": "PATH"})
     for mark, turn in requested_poses(target, linkage.links(target.crank)[1].direction):
         space.add_point(xy(mark), dxfattribs={"layer": "BODY"})
         space.add_line(xy(mark), xy(mark + 0.08 * found.size * np.exp(1j * turn)), dxfattribs={"layer": "BODY"})
@@ -287,7 +292,7 @@ def to_mjcf(linkage: GuidedLinkage, target: Target, unit_mm: float = 1.0) -> str
     links = linkage.links(np.zeros(1))
     names = linkage.link_names
     body, rates = links[1], {link.name: link for link in links}
-    at = [complex(one[0]) * metre for one in found.points]
+    at = [one * metre for one in found.pins]
     gamma = float(body.direction[0])
     origin = at[0]  # of the coupler's frame: the pin about which it turns, or along whose slot it slides
 

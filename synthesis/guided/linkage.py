@@ -25,7 +25,6 @@ A body's pose is its place P (complex) and rotation gamma, R = e^{i gamma}; body
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -735,25 +734,6 @@ class GuidedLinkage:
         assert isinstance(guide, Slot)
         along = np.exp(1j * (body.direction + guide.body_direction))
         return -dot(along, velocity) + body.direction_rate * cross(along, guide.pin - body.place - arm)
-
-    def dead_places(self, interval: Interval) -> list[float]:
-        """Coordinates within an interval at which the loop just closes: there both branches meet, and the drive can be stuck."""
-        found: list[float] = []
-        first, last = sorted((float(interval.first), float(interval.last)))
-        for one in self.conditions:
-            cuts = sorted([first, *places_within(one.extremes, first, last, self.period), last])
-            for low, high in itertools.pairwise(cuts):
-                ends = one.value(np.array([low, high]))
-                if ends[0] * ends[1] > 0:
-                    continue
-                rises = ends[1] > ends[0]
-                for _ in range(80):
-                    middle = (low + high) / 2
-                    above = one.value(np.array([middle]))[0] > 0
-                    low, high = (low, middle) if above == rises else (middle, high)
-                if np.isfinite(self.body(np.array([low, high])).sine).any():
-                    found.append((low + high) / 2)
-        return sorted(found)
 
 
 _LINK_OF: dict[type, str] = {Circle: "crank", Rail: "slider", Slot: "block"}

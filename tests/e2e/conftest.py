@@ -91,16 +91,17 @@ def page(pages):
 
 
 @pytest.fixture
-def standing(pages):
-    """The page as the test before has left it, if that took this fixture too: for tests that read what they put in themselves.
+def standing(pages, request):
+    """The page as the test before in the same file has left it, if that took this fixture too: for tests of what they put in.
 
     To load the page takes longer than most of them.
     """
-    if pages.run("return Boolean(window.standing)"):
-        pages.run("window.stub = null; for (const one of document.querySelectorAll('details')) one.open = false")
+    if pages.run("return window.standing") == request.module.__name__:
+        pages.run("window.stub = window.guided = null")
+        pages.run("for (const one of document.querySelectorAll('details')) one.open = false")
     else:
         pages.load()
-        pages.run("window.standing = true")
+        pages.run("window.standing = arguments[0]", request.module.__name__)
     yield pages
     pages.assert_no_errors()
 

@@ -63,9 +63,8 @@ def test_joints_are_drawn_where_the_reply_says(standing, example) -> None:
     standing.solve_soon()
     replied = [one for reply in standing.run("return window.replies") for one in reply["solutions"]]
     request = next(e["request"] for e in EXAMPLES if e["name"] == example)
-    cards = standing.cards()
-    for rank in (0, min(2, len(cards) - 1)):
-        standing.centre(cards[rank]).click()
+    for rank in (0, min(2, len(standing.cards()) - 1)):
+        standing.choose_card(rank)
         rows = standing.run(
             "const rows = [...document.querySelectorAll('#numbers tr')];"
             "return Object.fromEntries(rows.map(r => [r.cells[0].textContent, r.cells[1].textContent]))"

@@ -106,7 +106,7 @@ def test_sizes_that_a_linkage_cannot_have_are_a_reason_and_no_error() -> None:
 
 def test_the_casement_s_first_solution_has_layers() -> None:
     wanted = la.Motion.read("app/examples/casement.csv")
-    found = la.synthesize(wanted, CASEMENT, top=4, assembly=True, budget=3)
+    found = la.synthesize(wanted, CASEMENT, top=4, assembly=True, budget=30)
     assert found.best.verdict.assembly.free
     assert found.best.verdict.buildable
     order = [one.verdict.assembly.free for one in found]
@@ -169,7 +169,7 @@ def test_the_request_s_envelope_holds_for_plates_and_the_body() -> None:
 
 def test_a_search_s_solutions_with_rails_have_layers() -> None:
     wanted = la.Motion.read("app/examples/casement.csv")
-    found = la.synthesize(wanted, {"family": "any"}, mechanisms=["slider_crank"], top=2, assembly=True, budget=3)
+    found = la.synthesize(wanted, {"family": "any"}, mechanisms=["slider_crank"], top=2, assembly=True, budget=30)
     assert found.solutions
     for one in found.solutions:
         assert one.verdict.assembly is None or set(one.verdict.assembly.layers) == {"crank", "coupler", "rail"}

@@ -178,9 +178,26 @@ def test_that_a_body_only_turns_is_said(mechanisms, size) -> None:
     points[2] += 1e-4 * size
     notes = la.synthesize(turned, points, timing="free", mechanisms=mechanisms, top=1).report.notes
     assert not any("only turns" in note for note in notes)
+    round_zero = np.transpose([np.cos(np.deg2rad(turned)), np.sin(np.deg2rad(turned))])
+    assert "about (0, 0):" in la.Motion(turned, size * round_zero, timing="free").notes()[0]
     line = np.transpose([turned, 2 * turned])
     assert not any("only turns" in note for note in la.Motion([30] * 5, line, timing="free").notes())
     assert not la.Motion([0, 90], [[0, 0], [5, 5]], timing="free").notes(), "two poses are always turns about a point"
+
+
+@pytest.mark.parametrize("mechanisms", [["four_bar"], ["slider_crank", "swinging_block"], ["rail_slot", "two_slots"]])
+def test_files_show_the_first_sample_wherever_on_the_way_it_is(mechanisms, tmp_path) -> None:
+    order = np.array([2, 0, 4, 1, 3])
+    turned = np.array([8.0, 23, 35, 52, 64])[order]
+    points = np.array([[0.0, 0], [30, 5], [55, 20], [75, 40], [90, 66]])[order]
+    limits = {"preset": "none"}
+    found = la.synthesize(turned, points, timing="free", order="any", mechanisms=mechanisms, limits=limits, top=5)
+    assert found
+    for one in found:
+        one.linkage.save(tmp_path / "shown.dxf")
+        outline = ezdxf.readfile(tmp_path / "shown.dxf").modelspace().query('LWPOLYLINE[layer=="BODY"]').first
+        away = [np.hypot(*(place - points[0])) for place in outline.get_points("xy")]
+        assert min(away) < one.errors.position_max + 1e-9
 
 
 def test_no_slider_drives_a_closed_way_and_that_is_said() -> None:
@@ -333,3 +350,22 @@ def test_a_search_within_limits_that_is_cut_short_claims_nothing(milliseconds) -
     )
     assert found.report.stopped_by == "budget"
     assert found.status == ("closest" if found.solutions else "unknown")
+
+
+@pytest.mark.parametrize("seed", [0, 2, 3])
+def test_a_closed_way_of_few_points_stays_inside_its_envelope_on_the_way_back_too(seed):
+    """Of four points of half a curve: the search is led by the limits of the whole turn (else nothing is found, or far off)."""
+    random, t = np.random.default_rng(seed), np.pi / 4 * np.arange(4)
+    z = np.exp(1j * t) + 0.25 * np.exp(-1j * t + 1j * random.uniform(0, 6))
+    z = 100 * (z + 0.12 * np.exp(2j * t + 1j * random.uniform(0, 6)))
+    spare = 0.3 * max(np.ptp(z.real), np.ptp(z.imag))
+    low, high = z.real.min() - spare + 1j * (z.imag.min() - spare), z.real.max() + spare + 1j * (z.imag.max() + spare)
+    envelope = [low.real, low.imag, high.real, high.imag]
+    found = la.synthesize(position=np.c_[z.real, z.imag], timing="free", closed=True, limits={"envelope": envelope})
+    assert found.best.errors.objective < 0.1
+    for one in found:
+        joints = one.linkage.joints(np.linspace(0, 360, 721))
+        for places in (joints.pivot_a, joints.pivot_b, joints.crank_pin, joints.coupler_pin, joints.body_point):
+            places = np.atleast_2d(places)
+            assert np.all(places >= np.array([low.real, low.imag]) - 1e-3)
+            assert np.all(places <= np.array([high.real, high.imag]) + 1e-3)

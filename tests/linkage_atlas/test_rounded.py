@@ -47,3 +47,26 @@ def test_rounded_links_keep_to_the_limits(grid, limits) -> None:
     given = set(limits.get("links", ())) | ({"ground"} if {"pivot_a", "pivot_b"} <= limits.keys() else set())
     steps = np.array([reply["links"][name] for name in LINKS if name not in given]) / grid
     assert steps == pytest.approx(np.round(steps), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "limits", [{}, {"pivot_box": [-150, -150, 150, 150], "transmission_angle_min": 40}], ids=["none", "some"]
+)
+def test_rounded_links_have_crank_angles_of_their_own_where_these_are_free(limits):
+    """At those of the solution the best on this grid misses by 0.019."""
+    position = np.array([[0, 0], [50, 20], [90, 60], [110, 110], [115, 150]])
+    found = la.synthesize(
+        rotation=[0, 30, 60, 90, 110], position=position, timing="free", limits=limits, top=2, round_to=5
+    )
+    for one in found:
+        rounded = one.rounded
+        assert rounded.closes and all(length % 5 == 0 for length in rounded.links)
+        assert rounded.errors.objective < 0.01
+        off = np.linalg.norm(rounded.linkage.joints(rounded.crank_angle).body_point - position, axis=1)
+        assert off.max() == pytest.approx(rounded.errors.position_max)
+        assert np.all(np.diff(rounded.crank_angle) > 0) or np.all(np.diff(rounded.crank_angle) < 0)
+        if limits:
+            assert rounded.transmission_angle_min >= 40 - 1e-6
+            assert np.abs([rounded.mount.pivot_a, rounded.mount.pivot_b]).max() <= 150 * (1 + 1e-9)
+    given = la.synthesize(**EXAMPLE | {"top": 1, "round_to": 5.0})
+    assert given.best.rounded.crank_angle is None

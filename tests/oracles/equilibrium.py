@@ -58,18 +58,9 @@ class Moving:
         return begin[0] - alpha * y - w * w * x, begin[1] + alpha * x - w * w * y
 
 
-def drive_force(
-    at: Moving,
-    body: Any,
-    force: Any,
-    torque: float,
-    masses: Any,
-    gravity: Any,
-    speed: float,
-    drive: Any,
-) -> float:
+def drive_force(at: Moving, *loads: Any) -> float:
     """The unknown of the drive at one position, see `equilibrium`."""
-    return float(equilibrium(at, body, force, torque, masses, gravity, speed, drive)[8])
+    return float(equilibrium(at, *loads)[8])
 
 
 def equilibrium(

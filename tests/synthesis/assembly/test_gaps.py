@@ -16,7 +16,8 @@ from synthesis.fourbar.linkage import Linkage
 from synthesis.target import TURN, Interval
 from synthesis.work import Work
 from tests.oracles.assembly import shapely_gap
-from tests.synthesis.assembly.test_layers import NEAR, TABLE, linkage_of, machine_of
+from tests.oracles.solids import TABLE, linkage_of
+from tests.synthesis.assembly.test_layers import NEAR, machine_of
 
 SEED = 20351
 

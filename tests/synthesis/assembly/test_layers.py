@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -17,22 +14,10 @@ from synthesis.fourbar.linkage import Linkage
 from synthesis.target import TURN, Interval
 from synthesis.work import Work
 from tests.oracles.assembly import free_stacks
+from tests.oracles.solids import TABLE, linkage_of
 
-TABLE = json.loads((Path(__file__).parents[2] / "reference/assembly.json").read_text())["linkages"]
 NEAR = 1.5e-7
 """Of the table's seven places, with the last rounded; in degrees or units of length."""
-
-
-def linkage_of(case):
-    point = case["body_point"]
-    return Linkage(
-        tuple(case["links"]),
-        case["branch"],
-        np.deg2rad(case["start"]),
-        0j,
-        np.deg2rad(case["ground"]),
-        None if point is None else (point[0], np.deg2rad(point[1])),
-    )
 
 
 def machine_of(case, **more):
@@ -204,13 +189,13 @@ def test_a_body_lies_in_a_layer_of_its_own_on_a_post() -> None:
 
 def test_plates_in_an_envelope_and_out_of_boxes() -> None:
     """Against the corners of every plate at many places: an envelope just as large as they reach, or a little smaller."""
-    machine = machine_of(TABLE["E4"])
+    machine, pivot = machine_of(TABLE["E4"]), linkage_of(TABLE["E4"]).pivot_a
     travel = np.linspace(*machine.used, 3601)
     bodies = machine.movement.bodies(travel)
     reach = []
     for plate in machine.plates:
         at = bodies.origin[plate.body][:, None] + bodies.direction[plate.body][:, None] * np.array(plate.shape.core)
-        radius = plate.shape.radius
+        at, radius = at + pivot, plate.shape.radius
         reach.append((at.real.min() - radius, at.imag.min() - radius, at.real.max() + radius, at.imag.max() + radius))
     low, high = np.min(reach, axis=0)[:2], np.max(reach, axis=0)[2:]
     envelope = (low[0] - 1e-3, low[1] - 1e-3, high[0] + 1e-3, high[1] + 1e-3)
