@@ -677,7 +677,7 @@ def _guided_described(one: guided.GuidedSolution, motion: Motion, limits: Limits
         guides=linkage.guides,
         branch=-1 if one.linkage.branch < 0 else 1,
         start=linkage.start,
-        crank_angle=target.crank / radian if turns and motion.free else None,
+        crank_angle=_angles(samples, target, turns, radian),
         travel=None if turns or not motion.free else target.crank,
         errors=_in_unit(one.errors, radian),
         verdict=_judged(passed, own, one.linkage, faults),
@@ -689,6 +689,11 @@ def _guided_described(one: guided.GuidedSolution, motion: Motion, limits: Limits
         linkage=linkage,
         origin=GuidedOrigin(one, own, limits, samples),
     )
+
+
+def _angles(samples: Poses | Target, target: Target, turns: bool, radian: float) -> Floats | None:
+    """The angles of a drive that turns, where they were free."""
+    return in_turn(target.crank, samples.ordered) / radian if turns and isinstance(samples, Poses) else None
 
 
 def _guided_rounded(
@@ -717,7 +722,7 @@ def _guided_rounded(
         "guides": linkage.guides,
         "branch": again.linkage.branch,
         "start": linkage.start,
-        "crank_angle": target.crank / radian if turns and free else None,
+        "crank_angle": _angles(samples, target, turns, radian),
         "travel": None if turns or not free else target.crank,
         "errors": _in_unit(again.errors, radian),
         "transmission_angle_min": again.transmission_angle_min / radian,

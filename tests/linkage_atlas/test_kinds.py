@@ -180,3 +180,13 @@ def test_what_is_driven_by_given_travel_is_found_from_many_samples_as_from_few()
         body.rotation, body.body_point, travel=travel - travel[0], mechanisms=["two_rails"], limits={"preset": "none"}
     )
     assert found.status == "reached" and found.best.errors.objective < 1e-9
+
+
+def test_in_any_order_angles_of_what_turns_lie_within_a_turn():
+    found = la.synthesize(**_FLAP, timing="free", order="any", mechanisms=["slider_crank", "swinging_block"])
+    angles = [one.crank_angle for one in found if one.crank_angle is not None]
+    assert len(angles) >= 2
+    for one, own in zip((one for one in found if one.crank_angle is not None), angles):
+        assert np.all((own >= 0) & (own < 360))
+        off = np.linalg.norm(one.linkage.joints(own).body_point - _FLAP["position"], axis=1)
+        assert np.max(off) == pytest.approx(one.errors.position_max, abs=1e-6)
