@@ -2388,16 +2388,13 @@ class Guide:
 
     @cfunc
     def ground_slopes(self, out: doublecomplex[::1]):
-        """Its derivatives."""
+        """Its derivatives: of what runs in the ground those of its own place, of a pin those of its point alone."""
+        if not self.inverse:
+            self.own_slopes(out)
+            return
         for c in range(WIDTH):
             out[c] = 0.0
-        if self.inverse:
-            self.by_point(out, vector(1.0, 0.0))
-            return
-        self.by_point(out, self.turned)
-        out[BY_ROTATION] = self.by_rotation
-        out[BY_X] = 1.0
-        out[BY_Y] = vector(0.0, 1.0)
+        self.by_point(out, vector(1.0, 0.0))
 
     @cfunc
     def own_slopes(self, out: doublecomplex[::1]):

@@ -12,6 +12,7 @@ from fastapi.testclient import TestClient
 import linkage_atlas as la
 from app.cli import main
 from app.query import bundled_requests
+from tests.oracles.largest import TWO_RAILS
 
 EXAMPLES = bundled_requests()["drive"]
 
@@ -188,18 +189,8 @@ def test_a_body_on_guides_is_driven_too() -> None:
 
 def test_springs_need_a_link_that_turns_about_a_pivot(client: TestClient) -> None:
     """On two rails none does: it is said, and with `between` there is a spring."""
-    rails = {
-        "driver": "slider",
-        "guides": [
-            {"guide": "rail", "point": [0, 0], "direction": 0, "body_point": [0, 0]},
-            {"guide": "rail", "point": [0, 0], "direction": 90, "body_point": [60, 80]},
-        ],
-        "branch": 1,
-        "start": 10,
-        "travel": [0, 50],
-    }
     spring = {"kind": "tension", "catalogue": [{"stiffness": 1, "free_length": 20, "longest": 500}]}
-    body = {"linkage": rails, "load": {"force": [-10, 0]}, "drives": [], "springs": [spring]}
+    body = {"linkage": TWO_RAILS, "load": {"force": [-10, 0]}, "drives": [], "springs": [spring]}
     reply = client.post("/v1/drives", json=body).json()
     assert "say in `between`" in reply["refused"][0]["reason"]
     body["springs"][0]["between"] = ["ground", "coupler"]

@@ -8,6 +8,7 @@ import pytest
 import linkage_atlas as la
 from linkage_atlas.kinds import Measures
 from tests.oracles.guided import random_motion
+from tests.oracles.largest import TWO_RAILS
 
 _FOUR = {"rotation": [0, 20, 50, 85], "position": [[0, 0], [100, 20], [180, 70], [220, 150]]}
 _FLAP = {
@@ -163,17 +164,7 @@ def test_a_study_that_is_cut_down_says_so():
 
 def test_what_is_driven_by_given_travel_is_found_from_many_samples_as_from_few():
     """Descents look at some of many samples; the answer is as exact on all of them."""
-    rails = la.GuidedLinkage.from_dict(
-        {
-            "driver": "slider",
-            "guides": [
-                {"guide": "rail", "point": [0, 0], "direction": 0, "body_point": [0, 0]},
-                {"guide": "rail", "point": [0, 0], "direction": 90, "body_point": [60, 80]},
-            ],
-            "branch": 1,
-            "start": 10,
-        }
-    )
+    rails = la.GuidedLinkage.from_dict(TWO_RAILS)
     travel = np.linspace(0, 50, 400) ** 1.1
     body = rails.joints(travel)
     found = la.synthesize(
