@@ -329,8 +329,8 @@ def practical_limits(samples: Samples, given: dict[str, Any]) -> dict[str, Any]:
 
 def _room(given: Mapping[str, Any]) -> float:
     """How long the shortest link may be asked to be beside a longest one, given pivots, and boxes of both pivots."""
-    places = [given.get("pivot_a"), given.get("pivot_b")]
-    apart = np.inf if None in places else abs(places[1] - places[0])
+    one, other = given.get("pivot_a"), given.get("pivot_b")
+    apart = np.inf if one is None or other is None else abs(other - one)
     boxes = [given[name] for name in ("pivot_box", "envelope") if given.get(name) is not None]
     spans = [given.get("link_max", np.inf), *(np.hypot(box[2] - box[0], box[3] - box[1]) for box in boxes)]
     room = float(min(apart, _OF_ROOM * min(spans)))

@@ -188,15 +188,16 @@ def _apart(found: Sequence[Solution], poses: Poses, limits: Limits, top: int, to
     objective = np.array([one.errors.objective for one in found])
     exact = objective < tolerance
     strays = np.zeros(len(found), dtype=bool)
-    looked = np.flatnonzero(exact | limits.practical)
-    if looked.size:
-        crank = np.array([found[k].linkage.start + found[k].crank for k in looked])
-        side = np.broadcast_to(np.array([[found[k].linkage.branch] for k in looked]), crank.shape)
-        linkages = [found[k].linkage for k in looked]
+    looked = exact | limits.practical
+    if np.any(looked):
+        linkages = [one.linkage for one, looks in zip(found, looked) if looks]
+        passed = np.array([one.crank for one, looks in zip(found, looked) if looks])
+        crank = np.array([[one.start] for one in linkages]) + passed
+        side = np.broadcast_to(np.array([[one.branch] for one in linkages]), crank.shape)
         way = excursions(linkages, crank, side, poses.extent, ordered=poses.ordered, closed=poses.closed)
         strays[looked] = [one is not None and one > LEAVES_SAMPLES for one in way]
     groups = behind(objective, strays, tolerance)
-    order = np.lexsort((np.where(exact, 0.0, objective), groups))
+    order = np.lexsort((np.where(exact, 0.0, objective), groups)).tolist()
     place = {id(found[k]): rank for rank, k in enumerate(order)}
     return distinct(found, top, APART, order=lambda one: place[id(one)], exact=tolerance)
 
