@@ -22,7 +22,7 @@ from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.fourbar import solution as fourbar
 from synthesis.fourbar.limits import FORMS, Limits
-from synthesis.fourbar.passage import size_of
+from synthesis.fourbar.passage import LEAVES_SAMPLES, excursions, size_of
 from synthesis.free.poses import Poses
 from synthesis.guided import solution as guided
 from synthesis.guided.by_crank import BY_CRANK, linkages_by_crank
@@ -30,7 +30,7 @@ from synthesis.guided.limits import broken_limits
 from synthesis.guided.linkage import Driver, Kind
 from synthesis.guided.search import search_guided
 from synthesis.kept import Kept
-from synthesis.ranking import APART, distinct
+from synthesis.ranking import APART, behind, distinct
 from synthesis.search.search import StoppedBy
 from synthesis.target import Samples, Target
 from synthesis.work import Work
@@ -321,12 +321,36 @@ def measures_of(one: Found, samples: Samples, tolerance: float) -> Measures:
     return Measures(error, np.inf if size is None else size, -one.transmission_angle_min, driver)
 
 
-def front(found: Sequence[Found], motion: Motion, prefer: str, tolerance: float, top: int) -> list[Found]:
+def _staying(found: Sequence[Found], samples: Samples, tolerance: float) -> list[Found]:
+    """Linkages without those whose body point goes elsewhere between samples, where others are near: see `behind`."""
+    if not isinstance(samples, Poses) or samples.position is None:
+        return list(found)
+    strays = np.zeros(len(found), dtype=bool)
+    for k, one in enumerate(found):
+        if isinstance(one, guided.GuidedSolution):
+            way = guided.excursion(one, samples, samples.ordered)
+        else:
+            assert one.crank is not None
+            start, side, closed = one.linkage.start, np.full((1, len(one.crank)), one.linkage.branch), samples.closed
+            crank = (start + one.crank)[None]
+            (way,) = excursions([one.linkage], crank, side, samples.extent, ordered=samples.ordered, closed=closed)
+        strays[k] = way is not None and way > LEAVES_SAMPLES
+    groups = behind(np.array([one.errors.objective for one in found]), strays, tolerance)
+    left_out = strays & np.where(groups == 1, np.any(groups == 0), np.any((groups == 0) | (groups == 2)))
+    return [one for one, out in zip(found, left_out) if not out]
+
+
+def front(
+    found: Sequence[Found], motion: Motion, limits: Limits, prefer: str, tolerance: float, top: int
+) -> list[Found]:
     """The Pareto front of linkages of several kinds, at most ``top``, in the order of what is preferred.
 
-    Law: none of them beats another. Where there are more, the best of each kind and drive come before further ones.
+    Law: none of them beats another. Where there are more, the best of each kind and drive come before further ones. Within
+    the practical limits those that stray between samples are left out where others are near.
     """
     samples = motion.samples
+    if limits.practical:
+        found = _staying(found, samples, tolerance)
     poor = max(_NO_ANSWER, _TIMES_LESS * min((one.errors.objective for one in found), default=0.0))
     known = [(measures_of(one, samples, tolerance), one) for one in found if one.errors.objective <= poor]
     kept: list[tuple[Measures, Found]] = []
