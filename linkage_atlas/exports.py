@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from linkage_atlas.arguments import millimetres_in, number, pair
@@ -11,7 +12,8 @@ from linkage_atlas.formats import FORMATS, OF_PARTS
 from linkage_atlas.guided_studies import analysed as guided_analysed
 from linkage_atlas.studies import analysed, read_drive
 from synthesis.drives.attached import COLOUR, LAYER, Attached
-from synthesis.drives.links import GROUND, Machine, machine_at
+from synthesis.drives.links import GROUND, Machine, ends_of, machine_at
+from synthesis.drives.six_bar import Motor, SixBar
 from synthesis.errors import FieldError
 from synthesis.fourbar import files as of_four_bars
 from synthesis.fourbar.analysis import LinkMass
@@ -48,11 +50,12 @@ def content_of(
     parts: Callable[[bool], Any] | None = None,
     plates: Mapping[str, Any] | None = None,
     arranged: bool = False,
+    more: Mapping[str, Any] | None = None,
 ) -> bytes:
     """The content of a file; see `FourBar.file` for what the arguments mean.
 
     ``parts``: makes the `SolidParts` of a four-bar, with an error where they collide, or (True) nevertheless.
-    ``arranged``: plates are those of an assembly, not the links alone.
+    ``arranged``: plates are those of an assembly, not the links alone. ``more``: further columns of a CSV file.
     """
     if kind not in FORMATS:
         raise FieldError("/kind", f"wanted one of {', '.join(FORMATS)}, found {kind!r}")
@@ -61,16 +64,19 @@ def content_of(
     attached = drive_on(linkage, target, drive, kind)
     layer = None if attached is None else More(LAYER, COLOUR, attached.draw)
     if kind == "csv":
-        more = _analysis_columns(linkage, target, radian, analysis)
+        more = _analysis_columns(linkage, target, radian, analysis) | dict(more or {})
         more |= {} if attached is None else attached.columns()
         if isinstance(linkage, Linkage):
             return of_four_bars.to_csv(linkage, target, radian, more).encode()
         return of_guided.to_csv(linkage, target, radian, more).encode()
-    if kind == "svg" and isinstance(linkage, GuidedLinkage):
-        return of_guided.to_svg(linkage, target).encode()
-    if kind in ("svg", "pylinkage"):
+    if kind == "svg":
+        extra = None if attached is None else attached.shown()
+        if isinstance(linkage, GuidedLinkage):
+            return of_guided.to_svg(linkage, target, extra).encode()
+        return of_four_bars.to_svg(linkage, target, extra).encode()
+    if kind == "pylinkage":
         assert isinstance(linkage, Linkage)
-        return (of_four_bars.to_svg if kind == "svg" else of_four_bars.to_pylinkage)(linkage, target).encode()
+        return of_four_bars.to_pylinkage(linkage, target).encode()
     unit_mm = millimetres_in(length_unit)
     if isinstance(linkage, GuidedLinkage):
         if kind == "dxf":
@@ -113,9 +119,25 @@ def drive_on(
     """A drive of a reply on a linkage at the samples of a motion."""
     if drive is None:
         return None
-    if kind not in ("csv", "dxf", "mjcf"):
-        raise FieldError("/drive", f"a file of the kind {kind!r} holds no drive: ask for csv, dxf or mjcf")
-    return _attached(drive, machine_at(linkage, target.crank))
+    if kind not in ("csv", "svg", "dxf", "mjcf"):
+        raise FieldError("/drive", f"a file of the kind {kind!r} holds no drive: ask for csv, svg, dxf or mjcf")
+    found = _attached(drive, machine_at(linkage, target.crank))
+    if found.kind != "dyad":
+        return found
+    motor = Motor(found.link, found.ground, *found.sizes, found.pin)
+    try:
+        return replace(found, six_bar=SixBar.of(linkage, ends_of(target.way), motor))
+    except FieldError:
+        return found  # moved by hand, it does not swing the linkage: its ends alone are told
+
+
+def with_motor(
+    kind: str, assembly: Mapping[str, Any] | None, drive: Mapping[str, Any] | None
+) -> tuple[Mapping[str, Any] | None, Mapping[str, Any] | None]:
+    """What is asked of an assembly, and a drive: in files of parts a motor with its rod is two of them."""
+    if drive is None or kind not in (*OF_PARTS, "plates") or drive.get("kind") != "dyad":
+        return assembly, drive
+    return {**(assembly or {}), "drive": drive}, None
 
 
 def _attached(given: Mapping[str, Any], machine: Machine) -> Attached:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from linkage_atlas.any_linkage import AnyLinkage
 from linkage_atlas.arguments import column, number, radians_in
 from linkage_atlas.assemblies import Assembly, assembled, read_assembly
-from linkage_atlas.exports import content_of
+from linkage_atlas.exports import content_of, with_motor
 from linkage_atlas.guided import GuidedLinkage
 from linkage_atlas.motions import Motion
 from linkage_atlas.records import plain, plane
@@ -491,6 +491,7 @@ class FourBar(AnyLinkage):
             of an MJCF model.
         """
         target = self.target_of(motion, crank_angle)
+        assembly, drive = with_motor(kind, assembly, drive)
 
         def parts(nevertheless: bool) -> SolidParts:
             read = read_solids(solids)
@@ -583,7 +584,7 @@ def given_linkage(given: Any, degrees: bool) -> tuple[AnyLinkage, Any]:
     Raises `FieldError`: ``/linkage``, or the field within that is amiss.
     """
     if not isinstance(given, Mapping):
-        one = getattr(given, "linkage", given)
+        one = given if isinstance(given, AnyLinkage) else getattr(given, "linkage", given)
         if not isinstance(one, AnyLinkage):
             raise FieldError(
                 "/linkage", "wanted a linkage, a four-bar or on two guides, a solution, or its plain values"

@@ -465,7 +465,7 @@ class GivenMotor(_ReplyPart):
     """A drive of kind `dyad` of a reply of /v1/drives, as it came."""
 
     kind: Literal["dyad"]
-    link: Literal["crank", "rocker"]
+    link: LinkName
     motor: FarPoint
     pin_on_link: FarPoint
     six_bar: GivenSixBar

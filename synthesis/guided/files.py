@@ -26,7 +26,7 @@ from synthesis.fourbar.files import (
     requested_positions,
 )
 from synthesis.guided.linkage import BODY, Circle, Driver, GuidedLinkage, MovingLink, Rail, Slot
-from synthesis.sheet import More, Sheet, csv_text, dxf_document, dxf_text
+from synthesis.sheet import Extra, More, Sheet, csv_text, dxf_document, dxf_text
 from synthesis.target import Interval, Target
 
 SECONDS = 2.0
@@ -121,12 +121,13 @@ def _outline(linkage: GuidedLinkage, found: _Shown, positions: bool) -> Complexe
     return np.array(corners)
 
 
-def to_svg(linkage: GuidedLinkage, target: Target) -> str:
+def to_svg(linkage: GuidedLinkage, target: Target, extra: Extra | None = None) -> str:
     """A drawing at the first sample, y up, with rails, slots, and the names of the joints."""
     found = shown(linkage, target.interval)
     body, path, marks = found.body, found.links[1].place, requested_positions(target)
     seen = [*found.points, path, marks, *(one for one in found.rails if one is not None)]
     seen += [np.array([one.pivot]) for one in linkage.guides if isinstance(one, Circle)]
+    seen += [] if extra is None else [extra.points]
     sheet = Sheet(np.concatenate(seen), 0.08, 1000, digits=7)
 
     def block(at: complex, direction: float) -> str:
@@ -168,6 +169,7 @@ def to_svg(linkage: GuidedLinkage, target: Target) -> str:
             f'<g id="BODY">{sheet.line(_outline(linkage, found, True), "body", closed=True)}</g>',
             f'<g id="LINKS">{"".join(links)}</g>',
             f"<g>{''.join(dots)}</g>",
+            *([] if extra is None else [f'<g id="DRIVE">{extra.draw(sheet)}</g>']),
             f'<g id="NAMES">{"".join(labels)}</g>',
         ],
     )
