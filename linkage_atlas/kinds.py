@@ -416,9 +416,16 @@ def finished_kinds(
     rank = {id(one): number for number, one in enumerate(chosen)}
     others = [one for one in chosen if isinstance(one, guided.GuidedSolution)]
     four_bars = [one for one in chosen if isinstance(one, fourbar.Solution)]
-    solutions: list[AnySolution] = [*finished_guided(others, motion, limits, studies, work)] if others else []
-    if four_bars:
-        solutions += finished(four_bars, motion, limits, tolerance, studies, None, work, by_error=False)
+    solutions: list[AnySolution] = []
+    for sliders in dict.fromkeys(
+        isinstance(one, guided.GuidedSolution) for one in chosen
+    ):  # the best one's sort first
+        if solutions and work.expired():
+            break
+        if sliders:
+            solutions += finished_guided(others, motion, limits, studies, work)
+        else:
+            solutions += finished(four_bars, motion, limits, tolerance, studies, None, work, by_error=False)
 
     def place(one: AnySolution) -> tuple[bool, bool, int]:
         return not one.verdict.works, one.verdict.within_tolerance is False, rank[id(one.origin.found)]
