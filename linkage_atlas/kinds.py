@@ -36,7 +36,6 @@ from synthesis.target import Samples, Target
 from synthesis.work import Work
 
 MECHANISMS = get_args(KindName)
-SIX_BARS = ("watt_1", "stephenson_1")
 DRIVERS = tuple(one.value for one in Driver)
 NO_ROTATION = (
     "linkages with sliders need positions, alone or with two rotations or more: only four-bars were searched for"
@@ -86,9 +85,6 @@ def read_kinds(mechanisms: Any, driver: Any, motion: Motion) -> Asked:
     """The kinds that are asked for, checked against the motion. Raises `FieldError` naming the argument."""
     given = ("four_bar",) if mechanisms is None else mechanisms
     given = (given,) if isinstance(given, str) and given != "all" else given
-    for place, name in enumerate(given if isinstance(given, Sequence) else ()):
-        if name in SIX_BARS:
-            raise FieldError(f"/mechanisms/{place}", f"six-bars such as {name} are not searched for")
     kinds = tuple(map(Kind, kinds_among(given, MECHANISMS)))
     if driver is not None and driver not in DRIVERS:
         raise FieldError("/driver", f"wanted one of {', '.join(DRIVERS)}, found {driver!r}")
@@ -416,9 +412,16 @@ def finished_kinds(
     rank = {id(one): number for number, one in enumerate(chosen)}
     others = [one for one in chosen if isinstance(one, guided.GuidedSolution)]
     four_bars = [one for one in chosen if isinstance(one, fourbar.Solution)]
-    solutions: list[AnySolution] = [*finished_guided(others, motion, limits, studies, work)] if others else []
-    if four_bars:
-        solutions += finished(four_bars, motion, limits, tolerance, studies, None, work, by_error=False)
+    solutions: list[AnySolution] = []
+    for sliders in dict.fromkeys(
+        isinstance(one, guided.GuidedSolution) for one in chosen
+    ):  # the best one's sort first
+        if solutions and work.expired():
+            break
+        if sliders:
+            solutions += finished_guided(others, motion, limits, studies, work)
+        else:
+            solutions += finished(four_bars, motion, limits, tolerance, studies, None, work, by_error=False)
 
     def place(one: AnySolution) -> tuple[bool, bool, int]:
         return not one.verdict.works, one.verdict.within_tolerance is False, rank[id(one.origin.found)]

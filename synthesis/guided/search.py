@@ -60,6 +60,8 @@ _SWEEPS, _AGAIN = 8, 6
 """Newton's steps of the poses of answers, and of those looked at before they are."""
 _SEEDS, _HOPS = 18, 10
 """Candidates of each kind and drive that a round begins with."""
+_TIMED_AT_ONCE = 1 << 12
+"""Candidates times samples at a given drive between two looks at the time: some 20 ms."""
 _LOOKED_AT = 40
 """Of the guides of a sort that fit best so many are paired."""
 _SAMPLES, _FEWER, _MANY = 40, 24, 300
@@ -369,7 +371,17 @@ class Search:
         return self._problem(self.samples, given=True)
 
     def timed(self, begin: Candidates, stages: Sequence[Stage]) -> Candidates:
-        """Candidates after descents at the drive that is given; with J squared there."""
+        """Candidates after descents at the drive that is given, or as many as the time allows; with J squared there."""
+        few = max(1, _TIMED_AT_ONCE // self.samples.number)
+        parts = [self._timed(begin.take(slice(few)), stages)]
+        for k in range(few, begin.cost.size, few):
+            known = self.found is not None or any(np.isfinite(part.cost).any() for part in parts)
+            if known and self.work.expired():
+                break
+            parts.append(self._timed(begin.take(slice(k, k + few)), stages))
+        return parts[0].joined(*parts[1:])
+
+    def _timed(self, begin: Candidates, stages: Sequence[Stage]) -> Candidates:
         at = self.look(begin, self.all, _AGAIN)
         sign = self._signs(begin, at)
         first, _ = self._timing(at, sign, self.samples.drive)

@@ -410,6 +410,19 @@ def test_a_number_of_5000_digits_is_refused(field, client) -> None:
     assert "9999" not in json.dumps(values)
 
 
+@pytest.mark.parametrize("path", ["/livez", "/readyz", "/v1/atlas", "/v1/types/3", "/openapi.json", "/docs", "/"])
+def test_what_can_be_got_can_be_asked_for_its_head_alone(path, client) -> None:
+    whole, head = client.get(path), client.head(path)
+    assert head.status_code == whole.status_code == 200 and not head.content
+    assert head.headers.get("etag") == whole.headers.get("etag")
+    assert client.head(path.rstrip("/") + "/nowhere").status_code == 404
+
+
+def test_what_is_loaded_is_told_once(client) -> None:
+    etag = client.get("/v1/atlas").headers["etag"]
+    assert client.get("/v1/atlas", headers={"if-none-match": etag}).status_code == 304
+
+
 REFUSALS = json.loads((Path(__file__).parent / "refusals.json").read_text())
 """Of each question a body that is answered, and changes with which it is not: where the error points, what else it says."""
 REFUSED = [(path, table["body"], *row) for path, table in REFUSALS.items() for row in table["refused"]]

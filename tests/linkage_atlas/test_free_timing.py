@@ -416,3 +416,23 @@ def test_no_answer_hangs_a_large_body_on_tiny_links():
 )
 def test_short_links_that_a_request_needs_are_allowed(limits):
     assert la.synthesize(position=CORNER, timing="free", limits=limits).solutions
+
+
+PLACES = [[0, 0], [30, 120], [100, 220], [200, 280], [300, 300]]
+
+
+@pytest.mark.parametrize(
+    ("rotation", "degrees", "asked"),
+    [
+        ([0, 20, 45, 70, 90], False, "in degrees?"),
+        ([0, 0.35, 0.79, 1.22, 1.57], True, "in radians?"),
+        ([0, 20, 45, 70, 90], True, None),
+        ([0, 0.35, 0.79, 1.22, 1.57], False, None),
+        ([0, -0.5, -1, -1.5, -2], True, None),  # two degrees in round numbers
+        ([0, 0.05, 0.11, 0.17, 0.22], True, None),
+        ([None, 0.35, None, 1.22, 1.57], True, "in radians?"),
+    ],
+)
+def test_rotations_that_look_like_another_unit_are_asked_about(rotation, degrees, asked):
+    notes = la.Motion(rotation, PLACES, timing="free", degrees=degrees).notes()
+    assert [asked] == [note[note.index("in ") : note.index("?") + 1] for note in notes] if asked else not notes
