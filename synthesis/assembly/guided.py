@@ -21,14 +21,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from synthesis.arrays import Floats
+from synthesis.arrays import Flags, Floats
 from synthesis.assembly.machine import CLEARANCE, Hole, Machine, Pin, Plate, Sizes, Slit, SlitEnd, carried_by
 from synthesis.assembly.movement import GROUND, Between, Bodies, Crank, Movement, Place, turn_over
 from synthesis.assembly.shapes import Shape, hull
 from synthesis.errors import FieldError
 from synthesis.fourbar.files import plate_sizes
 from synthesis.guided.linkage import Circle, Driver, GuidedLinkage, Rail, Slot
+from synthesis.one_variable import bisect
 from synthesis.target import TURN, Interval
 
 _FAR, _PLACES = 64, 360
@@ -296,20 +298,23 @@ def _loop_of(linkage: GuidedLinkage, first: float, last: float) -> Interval | No
     """
     if linkage.turns_fully:
         return None
-    ends, most = [], TURN if linkage.driver.turns else _FAR * (last - first)
-    for begin, way in ((first, -1.0), (last, 1.0)):
+    most = TURN if linkage.driver.turns else _FAR * (last - first)
+
+    def end(begin: float, way: float) -> float:
         # what is known to close, and what is not: doubled until it does not, then halved
-        closes, far = 0.0, max(last - first, 1e-3)
+        closes, far = 0.0, last - first if last > first else most
         while far < most and _closes(linkage, begin, way * far):
             closes, far = far, min(2 * far, most)
         if _closes(linkage, begin, way * far):
-            ends.append(way * np.inf)
-            continue
-        for _ in range(60):
-            middle = (closes + far) / 2
-            closes, far = (middle, far) if _closes(linkage, begin, way * middle) else (closes, middle)
-        ends.append(begin + way * closes)
-    return Interval(*ends)
+            return way * np.inf
+
+        def holds(by: NDArray[np.floating]) -> Flags:
+            return np.array([_closes(linkage, begin, way * float(by[0]))])
+
+        inside, _ = bisect(holds, np.array([closes]), np.array([far]))
+        return begin + way * float(inside[0])
+
+    return Interval(end(first, -1.0), end(last, 1.0))
 
 
 def _closes(linkage: GuidedLinkage, begin: float, by: float) -> bool:
@@ -328,7 +333,7 @@ def _slit_end(
     steps = int(np.ceil(abs(end - begin) / np.deg2rad(1.0))) if linkage.driver.turns else _PLACES
     places = np.linspace(begin, end, max(steps, 2) + 1)
 
-    def beyond(guide: int, at: Floats) -> Floats:
+    def beyond(guide: int, at: NDArray[np.floating]) -> Floats:
         low, high = spans[guide]
         along = linkage.along(guide, at)
         # at the loop's end itself a place may not be known
@@ -337,17 +342,14 @@ def _slit_end(
     for guide in spans:
         out = np.flatnonzero(beyond(guide, places) > 0)
         if out.size:
-            inside, outside = (places[out[0] - 1], places[out[0]]) if out[0] else (begin, begin)
-            for _ in range(60):
-                middle = (inside + outside) / 2
-                if beyond(guide, np.array([middle]))[0] > 0:
-                    outside = middle
-                else:
-                    inside = middle
+            inside = begin
+            if out[0]:
+                ends = bisect(lambda at, guide=guide: beyond(guide, at) <= 0, places[out[:1] - 1], places[out[:1]])  # type: ignore[misc]
+                inside = float(ends[0][0])
             if abs(inside - begin) < 1e-9 * max(1.0, abs(end - begin)):
                 inside = begin
             if found is None or abs(inside - begin) < abs(found[0] - begin):
-                found = float(inside), guide
+                found = inside, guide
     return found
 
 
