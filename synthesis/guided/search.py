@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from synthesis import kernel
 from synthesis.arrays import Floats, Ints
 from synthesis.fourbar.kinematics import wrap
 from synthesis.fourbar.limits import Limits
@@ -68,6 +69,8 @@ _POOL, _ENDED = 6, 2
 """Valleys that are kept of each kind and drive, and so many new ones of a round that are descended to their end."""
 _ANSWERS = 6
 """Answers that are kept of each."""
+_FURTHER, _LEAST_FURTHER = 24, 2
+"""Further ones that are looked at in the end, of all together, and of each at least."""
 _STAGES = Stage(8, 0.1, 2), Stage(6, 1.0, 2), Stage(8, 10.0, 2)
 _END = Stage(8, 1e2, 2), Stage(8, 1e4, 3), Stage(5, 1e6, 3)
 _LAST = Stage(15, 1e4, 3), Stage(10, 1e6, 3)
@@ -308,6 +311,8 @@ class Search:
         self.random = np.random.default_rng(20)
         self.seeds = 0
         self.found: Candidates | None = None
+        self.waiting: Candidates | None = None
+        """What keeps the limits at the samples, to be looked at between them when the search has ended."""
         self.trace: list[tuple[float, float]] = []
         self.notes: list[str] = []
         self._made: dict[tuple[int, float], GuidedSolution] = {}
@@ -438,14 +443,8 @@ class Search:
 
     def _apart(self, pairs: Pairs, places: Ints, most: int) -> Ints:
         """The first of places that differ."""
-        marks = _marks(pairs)
-        kept: list[int] = []
-        for place in places:
-            if len(kept) == most:
-                break
-            if not kept or np.abs(marks[kept] - marks[place]).max(axis=1).min() > _CELL:
-                kept.append(int(place))
-        return np.array(kept, dtype=int)
+        marks = _marks(pairs.take(places))
+        return places[kernel.apart(marks, np.full(places.size, _CELL), (), 0, most)]
 
     def _unlike(self, found: Candidates, known: Candidates | None) -> Ints:
         """Places of those that are no known valley of their drive again, or lie a part lower in it."""
@@ -679,7 +678,7 @@ class Search:
             self.trace.append((self.work.elapsed, least))
 
     def _answers(self, new: Candidates) -> Floats:
-        """Keep those of candidates that keep the limits over all that they use.
+        """Keep those of candidates that are a gain and keep the limits over all that they use; others wait to be looked at.
 
         Returns
         -------
@@ -690,6 +689,8 @@ class Search:
         new, worst = self.broken(new)
         fine = np.flatnonzero((worst <= 0) & np.isfinite(new.cost))
         kept: list[int] = []
+        later: list[int] = []
+        least = self.levels**2
         most = _LOOKED_AT_WHOLE * (4 if self.body.position.size <= FEW else 1)  # few samples leave much between them
         for number in range(len(self.ways)):
             own = fine[new.drive[fine] == number]
@@ -697,19 +698,43 @@ class Search:
             if self.work.expired() and (kept or self.found is not None):
                 break
             for place in self._apart(new.pairs, own, most):
-                solution = self.solution(new.take([place]))
-                if solution is None:
+                if new.cost[place] >= least[number]:
+                    later.append(int(place))
                     continue
-                missing = broken_limits(solution, self.poses, self.limits)
+                missing = self._missing(new.take([place]))
                 if not missing:
                     kept.append(int(place))
-                    self._made[int(new.drive[place]), float(new.cost[place])] = solution
-                elif set(missing) == {"transmission_angle_min"} and solution.transmission_angle_min > 0:
+                    least[number] = new.cost[place]
+                elif set(missing) == {"transmission_angle_min"}:
                     lacking[place] = missing["transmission_angle_min"]
         if kept:
             more = new.take(np.array(kept))
             self.found = self._pooled(more if self.found is None else self.found.joined(more), _ANSWERS)
+        if later:
+            more = new.take(np.array(later))
+            self.waiting = self._pooled(more if self.waiting is None else self.waiting.joined(more), _ANSWERS)
         return lacking
+
+    def _missing(self, one: Candidates) -> dict[str, float]:
+        """What a single candidate breaks over all that it uses, by name; where that is nothing it is kept as a linkage."""
+        solution = self.solution(one)
+        if solution is None or solution.transmission_angle_min <= 0:
+            return {"samples": np.inf}
+        missing = broken_limits(solution, self.poses, self.limits)
+        if not missing:
+            self._made[_key(one)] = solution
+        return missing
+
+    def further(self) -> None:
+        """Look at those that were no gain when they were found: further answers of each drive."""
+        if self.found is None or self.waiting is None:
+            return
+        both = self._pooled(self.found.joined(self.waiting), max(_FURTHER // len(self.ways), _LEAST_FURTHER))
+        fine = []
+        for place in range(both.cost.size):
+            one = both.take([place])
+            fine.append(_key(one) in self._made or (not self.work.expired() and not self._missing(one)))
+        self.found, self.waiting = self._pooled(self.found.joined(both.take(np.array(fine))), _ANSWERS), None
 
     def _pooled(self, found: Candidates, most: int = _POOL) -> Candidates:
         """The best of each drive that differ."""
@@ -727,10 +752,8 @@ class Search:
         """The best of each drive, in the user's unit."""
         if self.found is None:
             return []
-        solutions = [
-            self._made.get((number, cost)) or self.solution(self.found.take([k]))
-            for k, (number, cost) in enumerate(zip(self.found.drive.tolist(), self.found.cost.tolist()))
-        ]
+        ones = [self.found.take([k]) for k in range(self.found.cost.size)]
+        solutions = [self._made.get(_key(one)) or self.solution(one) for one in ones]
         return [one for one in solutions if one is not None]
 
     def solution(self, one: Candidates) -> GuidedSolution | None:
@@ -770,6 +793,11 @@ class Search:
             return None
         found = assess(poses, linkage, poses.whole(travel) if way.driver.turns else travel)
         return found if np.isfinite(found.errors.objective) else None
+
+
+def _key(one: Candidates) -> tuple[int, float]:
+    """A single candidate by its drive and J squared."""
+    return int(one.drive[0]), float(one.cost[0])
 
 
 def _in_any_order(drive: Floats, span_max: float) -> tuple[Floats, bool]:
@@ -905,6 +933,7 @@ def search_guided(
         return [], SearchReport(StoppedBy.CONVERGED, [], 0, [])
     search = Search(poses, limits, ways, tolerance, work, given, turned)
     ended = search.run()
+    search.further()
     search.straighten()
     solutions = search.solutions()
     reached = not search._left.size
