@@ -59,8 +59,14 @@ _RADII, _AROUND = (0.0, 0.35, 0.8, 1.4, 2.2, 3.5), 12
 """Points that circles, rails and slots are begun with: distances from the middle of the motion, and so many around it."""
 _SWEEPS, _AGAIN = 8, 6
 """Newton's steps of the poses of answers, and of those looked at before they are."""
-_SEEDS, _HOPS = 18, 10
-"""Candidates of each kind and drive that a round begins with."""
+_SEEDS, _HOPS = 18, 5
+"""Candidates of each kind and drive that the first round begins with, and each further one."""
+_FAR: Floats = np.array([0.25, 0.25, 0.15, 0.15, 0.3])
+"""How far hops go, in the unknowns of a guide."""
+_STAYS = 0.1
+"""Part of it for a guide that hardly moves."""
+_BENT = 0.2
+"""Curvature of a circle that begins as a rail."""
 _LOOKED_AT = 40
 """Of the guides of a sort that fit best so many are paired."""
 _SAMPLES, _FEWER, _MANY = 40, 24, 300
@@ -97,7 +103,7 @@ _AS_EXACT = 1e-9
 """J of a rail below which a circle in its place tells nothing."""
 _LONG, _CHANCE = 10.0, 10.0
 """Radius, over the length scale, from which on a circle is compared with a rail; and the F up to which that is as good."""
-_IDLE, _IDLE_LED, _ROUNDS, _WORTH = 4, 2, 16, 0.01
+_IDLE, _IDLE_LED, _ROUNDS, _WORTH = 10, 5, 60, 0.01
 """A drive is left alone after so many rounds that gain nothing, or where rotations are led; rounds at most; and the part of J
 that is a gain."""
 _PATIENCE = 4
@@ -479,20 +485,53 @@ class Search:
         return found.take(self._best(found, _SEEDS, thin))
 
     def hops(self, pool: Candidates) -> Candidates:
-        """Perturbed copies of the best valleys of each drive."""
+        """Perturbed copies of the best valleys of each drive; of every other one guide alone is moved far."""
         some = []
         for number in range(len(self.ways)):
             own = np.flatnonzero(pool.drive == number)
             own = own[np.argsort(pool.cost[own], kind="stable")[:3]]
             some.append(np.resize(own, _HOPS) if own.size else own)
-        places = _in_turn(some)
-        begin = pool.take(places)
+        begin = pool.take(_in_turn(some))
         chart = Chart(begin.pairs)
-        count = places.size
-        noise = self.random.standard_t(3, size=(count, 2 * OWN)) * np.tile([0.25, 0.25, 0.15, 0.15, 0.3], 2)
-        pairs = chart.pairs_at(chart.start + noise)
+        count = begin.cost.size
+        share = np.where(self.random.random((count, 2)) < 0.5, _STAYS, 1.0)
+        share[share[:, 0] == share[:, 1]] = 1.0
+        noise = self.random.standard_t(3, size=(count, 2 * OWN)) * np.tile(_FAR, 2) * np.repeat(share, OWN, axis=1)
         self.seeds += count
-        return self.measured(pairs, begin.drive, self.few, 2)
+        return self.measured(chart.pairs_at(chart.start + noise), begin.drive, self.few, 2)
+
+    def relatives(self, valleys: Candidates) -> Candidates | None:
+        """Valleys of one drive as beginnings for others: driven otherwise, and with rails bent to circles."""
+        to = [(k, *kin) for k, number in enumerate(valleys.drive) for kin in self._kin[number]]
+        if not to:
+            return None
+        place, drive, turned, bent = (np.array(column) for column in zip(*to))
+        begin = valleys.pairs.take(place)
+        guides = []
+        for one, other in ((begin.first, begin.second), (begin.second, begin.first)):
+            guides.append(Guides(*(np.where(turned, b, a) for a, b in zip(one, other))))
+        for k in (0, 1):
+            bend = np.where(self.random.random(drive.size) < 0.5, _BENT, -_BENT)
+            guides[k] = guides[k]._replace(curvature=np.where(bent[:, k], bend, guides[k].curvature))
+        hinge = np.array([way.driver is Driver.HINGE for way in self.ways])[drive]
+        self.seeds += drive.size
+        return self.measured(Pairs(guides[0], guides[1], hinge), drive, self.few, 2)
+
+    @cached_property
+    def _kin(self) -> list[list[tuple[int, bool, tuple[bool, bool]]]]:
+        """Of each drive those that its valleys may begin: which, whether its guides change places, and which are bent."""
+        found: list[list[tuple[int, bool, tuple[bool, bool]]]] = []
+        for number, way in enumerate(self.ways):
+            kin = []
+            for other, to in enumerate(self.ways):
+                for turned in (False, True):
+                    sorts = (way.second, way.first) if turned else (way.first, way.second)
+                    bent = tuple(a is Rail and b is Circle for a, b in zip(sorts, (to.first, to.second)))
+                    alike = all(a is b or bend for a, b, bend in zip(sorts, (to.first, to.second), bent))
+                    if alike and (other != number or turned):
+                        kin.append((other, turned, (bent[0], bent[1])))
+            found.append(kin)
+        return found
 
     # -- rounds -----------------------------------------------------------------------------------------------------
 
@@ -555,7 +594,8 @@ class Search:
             if self.work.expired():
                 return False
             idle = np.where(self.levels >= (1 - _WORTH) * before, idle + 1, 0)
-            begin = self.hops(pool)
+            begin, more = self.hops(pool), self.relatives(fresh)
+            begin = begin if more is None else begin.joined(more)
         left = self._left
         if self.found is not None and left.size:
             best = self._pooled(self.found, 1)
