@@ -45,7 +45,12 @@ def asked(case: engine.Case, best: float) -> dict[str, Any] | None:
     if not reply.solutions or reply.report.unseen is None:
         return None
     beaten = bool(engine.first_cost(case, reply) > engine.NEAR * best)
-    return {"said": reply.report.unseen, "elsewhere": kept[0].elsewhere, "rounds": len(kept[0].led), "beaten": beaten}
+    return {
+        "said": reply.report.unseen,
+        "elsewhere": rounds.elsewhere(kept[0].led),
+        "rounds": len(kept[0].led),
+        "beaten": beaten,
+    }
 
 
 def fit(requests: Sequence[Mapping[str, Any]]) -> np.ndarray:

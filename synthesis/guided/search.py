@@ -42,6 +42,7 @@ from synthesis.guided.limits import broken_limits
 from synthesis.guided.linkage import DRIVERS, GUIDES, Circle, Driver, Guide, GuidedLinkage, Kind, Rail, Slot
 from synthesis.guided.pairs import OWN, Chart, Looked, Pairs, Problem, Samples, Stage
 from synthesis.guided.solution import GuidedSolution, assess
+from synthesis.rounds import elsewhere, unseen
 from synthesis.search.search import DEFAULT_TOLERANCE, StoppedBy
 from synthesis.target import TURN
 from synthesis.work import Work
@@ -106,6 +107,8 @@ _LONG, _CHANCE = 10.0, 10.0
 _IDLE, _IDLE_LED, _ROUNDS, _WORTH = 10, 5, 60, 0.01
 """A drive is left alone after so many rounds that gain nothing, or where rotations are led; rounds at most; and the part of J
 that is a gain."""
+_ODDS = (0.1, 0.9)
+"""As of `rounds.Rounds`, fitted to `benchmarks.unseen`."""
 _PATIENCE = 4
 """Rounds more for a drive that nothing was found of."""
 
@@ -119,6 +122,8 @@ class SearchReport(NamedTuple):
     seeds: int
     notes: list[str]
     """Where a guide is a rail or slot in place of a circle, and why."""
+    unseen: float | None = None
+    """The estimated chance that a linkage with less J was missed; None where one is exact, or the time was up."""
 
 
 class Drive(NamedTuple):
@@ -321,6 +326,8 @@ class Search:
         """What keeps the limits at the samples, to be looked at between them when the search has ended."""
         self.trace: list[tuple[float, float]] = []
         self.notes: list[str] = []
+        self.led: list[Floats] = []
+        """J that each round led to, of each drive."""
         self._made: dict[tuple[int, float], GuidedSolution] = {}
         """Answers as linkages, by their drive and J squared."""
 
@@ -440,17 +447,18 @@ class Search:
         merit = 0.3 * at.merit + (at.cost if errors else np.where(np.isfinite(at.cost), 0.0, np.inf))
         if self.given is not None:
             merit = merit + self._timing(at, self._signs(found, at), problem.samples.drive)[1]
+        return _in_turn(self._apart(found, merit, most))
+
+    def _apart(self, found: Candidates, order: Floats, most: int) -> list[Ints]:
+        """Of each drive the places of the first that differ, in the order of some numbers and where those are finite."""
+        marks, rank = _marks(found.pairs), np.argsort(order, kind="stable")
+        rank = rank[np.isfinite(order[rank])]
+        reach = np.full(rank.size, _CELL)
         places = []
         for number in range(len(self.ways)):
-            own = np.flatnonzero(found.drive == number)
-            own = own[np.argsort(merit[own], kind="stable")]
-            places.append(self._apart(found.pairs, own[np.isfinite(merit[own])], most))
-        return _in_turn(places)
-
-    def _apart(self, pairs: Pairs, places: Ints, most: int) -> Ints:
-        """The first of places that differ."""
-        marks = _marks(pairs.take(places))
-        return places[kernel.apart(marks, np.full(places.size, _CELL), (), 0, most)]
+            own = rank[found.drive[rank] == number]
+            places.append(own[kernel.apart(marks[own], reach[: own.size], (), 0, most)])
+        return places
 
     def _unlike(self, found: Candidates, known: Candidates | None) -> Ints:
         """Places of those that are no known valley of their drive again, or lie a part lower in it."""
@@ -586,6 +594,7 @@ class Search:
                 break
             before = self.levels
             begin = self._valued(self.descended(begin, _STAGES, self.few))
+            self.led.append(self._least(begin))
             fresh = self._pooled(begin.take(self._unlike(begin, ended)), _ENDED)
             ended = fresh if ended is None else ended.joined(fresh)
             pool = self._pooled(begin if pool is None else pool.joined(begin))
@@ -701,10 +710,18 @@ class Search:
     @property
     def levels(self) -> Floats:
         """The least J of each drive."""
+        return np.full(len(self.ways), np.inf) if self.found is None else self._least(self.found)
+
+    def _least(self, found: Candidates) -> Floats:
         least = np.full(len(self.ways), np.inf)
-        if self.found is not None:
-            np.minimum.at(least, self.found.drive, np.sqrt(self.found.cost))
+        np.minimum.at(least, found.drive, np.sqrt(found.cost))
         return least
+
+    @property
+    def elsewhere(self) -> float:
+        """The part of the rounds of the best drive that led elsewhere."""
+        best = int(np.argmin(self.levels))
+        return elsewhere([float(led[best]) for led in self.led if np.isfinite(led[best])])
 
     @property
     def _left(self) -> Ints:
@@ -727,17 +744,15 @@ class Search:
         """
         lacking = np.zeros(new.cost.size)
         new, worst = self.broken(new)
-        fine = np.flatnonzero((worst <= 0) & np.isfinite(new.cost))
+        most = _LOOKED_AT_WHOLE * (4 if self.body.position.size <= FEW else 1)  # few samples leave much between them
+        fine = self._apart(new, np.where(worst <= 0, new.cost, np.inf), most)
         kept: list[int] = []
         later: list[int] = []
         least = self.levels**2
-        most = _LOOKED_AT_WHOLE * (4 if self.body.position.size <= FEW else 1)  # few samples leave much between them
-        for number in range(len(self.ways)):
-            own = fine[new.drive[fine] == number]
-            own = own[np.argsort(new.cost[own], kind="stable")]
+        for number, own in enumerate(fine):
             if self.work.expired() and (kept or self.found is not None):
                 break
-            for place in self._apart(new.pairs, own, most):
+            for place in own:
                 if new.cost[place] >= least[number]:
                     later.append(int(place))
                     continue
@@ -778,13 +793,7 @@ class Search:
 
     def _pooled(self, found: Candidates, most: int = _POOL) -> Candidates:
         """The best of each drive that differ."""
-        found = found.take(np.isfinite(found.cost))
-        places = []
-        for number in range(len(self.ways)):
-            own = np.flatnonzero(found.drive == number)
-            own = own[np.argsort(found.cost[own], kind="stable")]
-            places.append(self._apart(found.pairs, own, most))
-        return found.take(_in_turn(places))
+        return found.take(_in_turn(self._apart(found, found.cost, most)))
 
     # -- answers ----------------------------------------------------------------------------------------------------
 
@@ -978,7 +987,9 @@ def search_guided(
     solutions = search.solutions()
     reached = not search._left.size
     stopped = StoppedBy.TOLERANCE if reached else StoppedBy.CONVERGED if ended else StoppedBy.BUDGET
-    return solutions, SearchReport(stopped, search.trace, search.seeds, search.notes)
+    told = stopped is StoppedBy.CONVERGED and search.led and solutions
+    missed = unseen(search.elsewhere, _ODDS) if told else None
+    return solutions, SearchReport(stopped, search.trace, search.seeds, search.notes, missed)
 
 
 _CELL = 0.02
