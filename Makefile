@@ -11,13 +11,13 @@ PORT ?= 8000
 export PIP_CONSTRAINT := constraints.txt
 export PIP_BUILD_CONSTRAINT := constraints.txt
 
-.PHONY: help run test tests fault audit parts lock wheel lint style types map report accept everyday engine poses function limits stability studies drives assembly solids bench docs scenes clean setup
+.PHONY: help run test tests fault audit parts lock wheel lint style types map report accept everyday engine poses function limits stability studies drives assembly solids bench figures docs scenes clean setup
 .DELETE_ON_ERROR:
 
 help:
 	@echo "make run        build the atlas if there is none, answer the example, serve on $(HOST):$(PORT)"
 	@echo "make lint       style of Python (ruff) and JavaScript (oxlint), types (mypy)"
-	@echo "make test       style and the default tests (about six minutes), the slowest fifty listed"
+	@echo "make test       style and the default tests (about five minutes), the slowest fifty listed"
 	@echo "make map        the packages by floor and who imports whom; fails on an arrow up or a circle"
 	@echo "make fault      what it withstands: kills, bit flips, changed bodies, hostile clients: docs/reliability.md (hours)"
 	@echo "make audit      known weaknesses of the locked parts (asks a database over the network)"
@@ -25,6 +25,7 @@ help:
 	@echo "make lock       the parts of the container and of its build with their hashes: requirements.lock, build.lock"
 	@echo "make wheel      a wheel for this version of Python on this kind of machine, to install without a compiler: dist/"
 	@echo "make docs       draw the pictures and fill the tables of all documents from the stored results, without measuring"
+	@echo "make figures    measure again what was measured with other code than this (says how long it will take, goes on where it stopped)"
 	@echo "make scenes     measure the scenes: docs/lift.md, docs/chain.md, docs/knotter.md (a few minutes)"
 	@echo "make report     error against run time: docs/error_vs_runtime.md (about half an hour)"
 	@echo "make everyday   everyday questions to the running service: docs/everyday.md (half an hour)"
@@ -121,6 +122,10 @@ docs: $(READY)
 	$(BIN)/python -m docs.figures
 	$(BIN)/python -m docs.notebook
 	$(BIN)/python -m benchmarks.report
+
+figures: $(READY) $(ATLAS)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test,docs,baselines]'
+	$(BIN)/python -m benchmarks.stale
 
 scenes: $(READY)
 	$(BIN)/python -m benchmarks.lift

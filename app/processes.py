@@ -27,6 +27,7 @@ from app.bodies import Held, Reply
 from app.computed import SMALL, Question, live_of
 from app.computer import Head, Task, processor_seconds
 from app.live import Lives
+from app.resources import INDEX
 from app.settings import Settings
 from app.supervisor import MAKE
 from app.turnstile import Turnstile
@@ -148,12 +149,16 @@ class Processes:
         body = None if len(content) > SMALL else bodies.read_request(content, question.model)
         long = body is None or question.is_long(body)
         async with self._lives.turn(None if body is None else live_of(body)) as kept:
-            task = Task(question.path, content, 0.0, False, kept.state)
+            task, waited = Task(question.path, content, 0.0, False, kept.state), set[str]()
             head, *reply = await self._asked(request, task, long, kept.begin)
             kept.state = head.state
-        if head.missing:
+        while head.missing and not task.makes:
             await self._made(head.missing)
-            head, *reply = await self._asked(request, task._replace(makes=True), long)
+            task = task._replace(makes=head.missing in waited)  # it could not be made
+            waited.add(head.missing)
+            head, *reply = await self._asked(request, task, long)
+        if head.missing:
+            raise problems.Died
         return Reply.relayed(head.status, head.headers, *reply)
 
     async def _asked(
@@ -170,7 +175,10 @@ class Processes:
             except TimeoutError:
                 raise OutOfTime from None
             except (asyncio.IncompleteReadError, ConnectionError):
-                raise await self._why(process, task.path) from None
+                how = await self._how(process, task.path)
+                if how == signal.SIGBUS.name:  # a file of the index cannot be read
+                    return Head(0, [], 0, True, INDEX), [], Held(0)
+                raise OutOfTime if how == signal.SIGPROF.name else problems.Died from None
             finally:
                 if kept:
                     self._free.put_nowait(process)
@@ -188,18 +196,17 @@ class Processes:
         self._alive.pop(process.number, None)
         process.close()
 
-    async def _why(self, process: _Process, path: str) -> Exception:
-        """What is to be said of a process that ended before its answer."""
+    async def _how(self, process: _Process, path: str) -> str:
+        """How a process ended before its answer; raises `problems.Ending`."""
         if self._turnstile.stopping:
-            return problems.Ending()
+            raise problems.Ending
         try:
             how = await asyncio.wait_for(process.end, _TOLD_SECONDS)
         except TimeoutError:
-            return problems.Died()
-        if how == signal.SIGPROF.name:
-            return OutOfTime()
-        log.error("A process that computed an answer of %s ended by %s; another takes its place", path, how)
-        return problems.Died()
+            return "unknown"
+        if how != signal.SIGPROF.name:
+            log.error("A process that computed an answer of %s ended by %s; another takes its place", path, how)
+        return how
 
     async def _made(self, part: str) -> None:
         """Have a part of the index made, which all processes then find."""

@@ -23,7 +23,7 @@ from linkage_atlas.cache import open_atlas
 PARTS = ("positions", "short_spans", "rockers", "slider_cranks")
 """Parts of the index that are made once the service is ready, or when they are first asked for: see `linkage_atlas.Atlas`."""
 INDEX = "index"
-"""All of it that is there: what is damaged is made anew."""
+"""All of it that is there, of which what is damaged is made anew."""
 
 
 def opened(place: Path, settings: Settings) -> la.Atlas:
@@ -55,6 +55,7 @@ class ServiceResources:
         """Whether this process answers one request at a time, within bounds of its own."""
         self.makes = True
         """Whether it may make a part of the index that an answer needs; otherwise that raises `Unprepared`."""
+        self._damaged = False
         # Several requests at a time, each with small matrices: threads inside a product would only wait for each other.
         import numpy  # noqa: F401  # for only a library that is loaded is limited
 
@@ -62,11 +63,13 @@ class ServiceResources:
 
     @cached_property
     def atlas(self) -> la.Atlas:
-        """The atlas, loaded and verified. Raises AtlasError: the one that `prepare` met, if it met one, without reading again."""
+        """The atlas, loaded and verified. Raises AtlasError: the one that `load` met, if it met one, without reading again."""
         if self.failure is not None:
             raise self.failure
         if not self.settings.with_atlas:
             raise la.AtlasError(la.AtlasFault.NOT_WANTED, "--no-atlas; searching needs none")
+        if self._damaged and not self.makes:
+            raise Unprepared(INDEX)
         place = self._find_atlas(self.settings)
         begin = time.perf_counter()
         atlas = opened(place, self.settings)
@@ -105,9 +108,15 @@ class ServiceResources:
         give_back_memory()
         gc.freeze()  # what is loaded stays: looking through it again and again would hold up everyone
 
-    def renew(self) -> None:
-        """Open the atlas again: parts of its index that are not what was written are made anew."""
+    def close_damaged(self) -> None:
+        """Leave the atlas alone, of whose index a file cannot be read, until it is opened by `renew`."""
         vars(self).pop("atlas", None)
+        self._damaged = True
+
+    def renew(self) -> None:
+        """Open the atlas again: what is missing of its index is made anew."""
+        vars(self).pop("atlas", None)
+        self._damaged, self.failure = False, None
         self.load()
 
     def prepare_rest(self) -> None:
@@ -135,6 +144,8 @@ class ServiceResources:
     def make(self, part: str, cancelled: Callable[[], bool] | None = None) -> None:
         """Make a part of the index, unless that is cancelled."""
         if part == INDEX:
+            with suppress(la.AtlasError):
+                self.atlas.drop_damaged()
             return self.renew()
         with suppress(la.Cancelled):
             self.atlas.make(part, la.Work(cancelled=cancelled))

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import math
 import os
 import pickle
 import select
@@ -36,13 +35,11 @@ SUCCESSION = "LINKAGE_ATLAS_SUCCESSION"
 _LEAST_LIFE = 2.0
 """A front that has ended sooner, by itself, would do so again."""
 _MAKER_NICE = 5
-_RENEWED_SECONDS = 60.0
-"""After the index was made anew before it is again."""
 _ENDS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 RELOAD, SUCCEEDED = signal.SIGUSR1, signal.SIGUSR2
 """Start the service anew, perhaps of other code or with another atlas; and what the new one says once it answers."""
-MAKE = {part: signal.SIGRTMIN + number for number, part in enumerate(PARTS)}
-"""Make a part of the index."""
+MAKE = {part: signal.SIGRTMIN + number for number, part in enumerate((*PARTS, INDEX))}
+"""Make a part of the index, or what is damaged of it."""
 log = logging.getLogger("uvicorn.error")
 
 
@@ -77,7 +74,6 @@ class Supervisor:
         self._count = count
         self._computers: set[int] = set()
         self._makers: dict[int, str] = {}
-        self._sound_until = 0.0
         self._successor: subprocess.Popen[bytes] | None = None
         self._deadline: float | None = None
         nohup = signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
@@ -139,7 +135,6 @@ class Supervisor:
             if number in self._computers:
                 self._computers.discard(number)
                 self._say("ended", number, status)
-                self._renew(status)
                 if os.waitstatus_to_exitcode(status) > 0:
                     time.sleep(_REBIRTH_SECONDS)
             elif part := self._makers.pop(number, ""):
@@ -163,24 +158,14 @@ class Supervisor:
         self._start_front()
         for part in self._makers.values():
             self._say("making", part)
-        self._renew(status)
         return None
-
-    def _renew(self, status: int) -> None:
-        """Have the index made anew where a file of it could not be read: that ends a process by SIGBUS."""
-        if os.waitstatus_to_exitcode(status) == -signal.SIGBUS and time.monotonic() >= self._sound_until:
-            log.error("A file of the index cannot be read: what is damaged is made anew")
-            self._sound_until = math.inf
-            self._make(INDEX)
 
     def _made(self, part: str, status: int) -> None:
         """Take note of a part of the index, or of all of it; those that compute without it are replaced then."""
-        if part == INDEX:
-            self._sound_until = time.monotonic() + _RENEWED_SECONDS
-            if status == 0:
-                self._resources.renew()
-                self._say("fresh")
-                self._make_missing()
+        if part == INDEX and status == 0:
+            self._resources.renew()
+            self._say("fresh")
+            self._make_missing()
         self._say("made", part)
 
     def _end(self, number: int) -> None:
@@ -242,6 +227,9 @@ class Supervisor:
 
     def _make(self, part: str) -> None:
         if part not in self._makers.values():
+            if part == INDEX:
+                log.error("A file of the index cannot be read: what is damaged is made anew")
+                self._resources.close_damaged()
             self._makers[self._fork(lambda: self._make_here(part))] = part
             self._say("making", part)
 

@@ -471,31 +471,26 @@ def placed(reply: Any) -> float | None:
 def blocks(results: dict[str, Any]) -> dict[str, str]:
     """The tables of docs/engine.md."""
     references = References()
-    both = [{name: row(name, part, references) for name, part in results.get(run, {}).items()} for run in RUNS]
-    rows = []
-    for name, kind in CLASSES.items():
-        row_ = {"class": name, "asked": kind.asked}
-        for run, told in zip(RUNS, both):
-            one = told.get(name)
-            row_[run] = "not measured yet" if one is None else f"{ms(one['median'])} / {ms(one['p99'])}"
-            row_[f"{run}_good"] = "-" if one is None else percent(one["good"])
-            row_[f"{run}_cases"] = "-" if one is None else f"{one['cases']:,}"
-        rows.append(row_)
-    newest = [both[1].get(name, both[0].get(name)) for name in CLASSES]
-    soon = [one for one in newest if one and not CLASSES[one["class"]].exact]
+    newest = [row(name, results["parts"][name], references) for name in CLASSES if name in results["parts"]]
+    rows = [
+        {
+            "class": one["class"],
+            "parts": f"{ms(one['median'])} / {ms(one['p99'])}",
+            "parts_good": percent(one["good"]),
+            "parts_cases": f"{one['cases']:,}",
+        }
+        for one in newest
+    ]
+    soon = [one for one in newest if not CLASSES[one["class"]].exact]
     for one in soon:
         one |= {which: percent(value) for which, value in one.items() if which.startswith("good")}
-    worst = [one | {"worst": ", ".join(one["worst"])} for one in newest if one and one["worst"]]
+    worst = [one | {"worst": ", ".join(one["worst"])} for one in newest if one["worst"]]
     known = [seconds for some in references.known.values() for _, _, seconds in some.values()]
-    parts = [
-        part for run in RUNS for part in (*results.get(run, {}).values(), results.get(f"published_{run}")) if part
-    ]
-    public = (results.get("published_parts") or results.get("published_before") or {"rows": []})["rows"]
+    public = results.get("published_parts", {"rows": []})["rows"]
     tables = report.tables("engine", {"classes": rows, "soon": soon, "worst": worst, "published": public})
     return tables | {
         "references": f"{len(known):,} requests have a reference, {sum(one >= HEAVY for one in known):,} of them such a search",
-        "state": "" if "parts" in results else "The search after it is rebuilt is not measured yet at this commit.",
-        "made": report.made_text([part["made"] for part in parts]),
+        "made": report.made_text([part["made"] for part in results["parts"].values()]),
     }
 
 

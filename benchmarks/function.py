@@ -210,7 +210,8 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
         | {
             "best_known": "-" if row["known"] is None else f"{row['known']:g}",
             "shape": " ".join(report.significant(value) for value in row["links"]),
-            **{name: None for name in ("evolution", *(f"pylinkage_{k}" for k in (3, 4, 5))) if name not in row},
+            "evolution": row.get("evolution"),
+            "pylinkage": min((row[f"pylinkage_{k}"] for k in (3, 4, 5) if f"pylinkage_{k}" in row), default=None),
         }
         for row in results["functions"]
     ]

@@ -8,14 +8,18 @@ the other two take what the result file holds, and measure nothing:
     def draw(results) -> None               # optional: its pictures, with `figures.figure`
 
 What ``measure`` yields is published: `save` writes ``benchmarks/results/NAME.json``, stamped with machine, commit and command,
-and `render` draws and fills the documents. A long one yields what it has after each part.
+and `render` draws and fills the documents. A long one yields what it has after each part. When it has ended, the result also
+tells how long the command took and which code it ran through (``benchmarks/age.py``). Nothing is published from a tree with
+changes that are not committed: there the option ``--try`` prints the blocks instead.
 
 **A marker** is the pair ``<!-- NAME.BLOCK -->`` and ``<!-- /NAME.BLOCK -->`` in README.md or docs/*.md. Where a line ends
 after the first, what stands between is a block of lines (a table); else it is a few words of the line. Every block stands
-in at least one place; ``made`` (machine, commit, command in words) is there without being written.
+in at least one place; ``made`` (machine, commit, command in words, and what of the code has changed since) is there without
+being written.
 
 **Again without measuring**: ``python -m benchmarks.report [NAME ...]`` draws the pictures and writes all markers from the
-committed JSON files. ``tests/benchmarks/test_report.py`` compares the documents with them.
+committed JSON files. ``tests/benchmarks/test_report.py`` compares the documents with them, so that it fails where code has
+changed that a figure was measured with and the document does not say so. ``python -m benchmarks.stale`` measures such again.
 
 In short::
 
@@ -48,6 +52,8 @@ from pathlib import Path
 from typing import Any, ClassVar, NamedTuple, get_args, get_type_hints
 
 import numpy as np
+
+from benchmarks import age
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "benchmarks" / "results"
@@ -248,7 +254,8 @@ def commit() -> str:
 
     try:
         # what a benchmark itself writes is no change of the code
-        changed = git("status", "--porcelain", "--", ".", ":!docs", ":!README.md", ":!benchmarks/results")
+        own = (":!docs", ":!README.md", ":!benchmarks/results", ":!app/fourbar/durations.json")
+        changed = git("status", "--porcelain", "--", ".", *own)
         return git("rev-parse", "HEAD") + ("+changes" if changed else "")
     except (OSError, subprocess.CalledProcessError):
         return "unknown"
@@ -266,13 +273,27 @@ def stamp() -> dict[str, Any]:
     return {"machine": machine(), "commit": commit(), "command": command()}
 
 
-def save(results: Mapping[str, Any], name: str) -> None:
-    """Write ``benchmarks/results/NAME.json``: the results, and under ``made`` the `stamp` if they have none."""
+def save(results: Mapping[str, Any], name: str, ended: Mapping[str, Any] | None = None) -> None:
+    """Write ``benchmarks/results/NAME.json``: the results, and under ``made`` the `stamp` if they have none.
+
+    Of each commit that a stamp names, ``code`` holds the digests of ``benchmarks/age.py``; of each command, ``took`` the seconds
+    it took. Both come from ``ended`` and from what was saved before: a run that has not ended has none.
+    """
 
     def plain(value: Any) -> Any:
         return value.tolist()  # numpy's numbers and arrays
 
-    text = json.dumps({"made": stamp(), **results}, indent=1, allow_nan=False, default=plain, ensure_ascii=False)
+    every = {"made": stamp(), **results}
+    before, found = known(name), age.stamps(every)
+    for part, key in (("code", "commit"), ("took", "command")):
+        kept = {**before.get(part, {}), **(ended or {}).get(part, {})}
+        if kept := {
+            one: kept[one] for one in dict.fromkeys(made[key] for made in found if key in made) if one in kept
+        }:
+            every[part] = kept
+        else:
+            every.pop(part, None)
+    text = json.dumps(every, indent=1, allow_nan=False, default=plain, ensure_ascii=False)
     innermost = re.compile(r"\[\n[^\[\]{}]*?\n\s*\]")  # a list of numbers or words: in one line
     text = innermost.sub(lambda found: re.sub(r"\s*\n\s*", " ", found[0]).replace("[ ", "[").replace(" ]", "]"), text)
     RESULTS.mkdir(parents=True, exist_ok=True)
@@ -280,20 +301,20 @@ def save(results: Mapping[str, Any], name: str) -> None:
 
 
 def made_text(stamps: Sequence[Mapping[str, Any]]) -> str:
-    """In words where numbers come from: each machine, commit and command once."""
+    """In words where numbers come from: each machine, commit and command once, with what has changed since (`parts`)."""
 
     words = {"processor": str, "cores": "{} cores".format, "memory_bytes": size}
-    words |= {"python": "Python {}".format, "numpy": "numpy {}".format}
     machines = dict.fromkeys(
         ", ".join(say(one["machine"][name]) for name, say in words.items() if name in one["machine"])
         for one in stamps
     )
-    commits = [re.sub("(?<=^[0-9a-f]{9})[0-9a-f]*", "", one["commit"]) for one in stamps]
-    told = [
-        re.sub("(?<=')(?: '[^']*')+ ('[^']*')", r" ... \1", one["command"]) for one in stamps
-    ]  # long lists by their ends
-    runs = dict.fromkeys(f"`{command}` at commit {found}" for command, found in zip(told, commits))
-    return f"Measured by {', '.join(runs)}; machine: {'; '.join(machines)}."
+    runs: dict[str, Any] = {}
+    for one in stamps:
+        found = re.sub("(?<=^[0-9a-f]{9})[0-9a-f]*", "", one["commit"])
+        shown = re.sub("(?<=')(?: '[^']*')+ ('[^']*')", r" ... \1", one["command"])  # long lists by their ends
+        runs[f"`{shown}` at commit {found}"] = one.get("since", [])
+    old = age.told(list(runs.values()))
+    return f"Measured by {', '.join(runs)}{old and ', ' + old}; machine: {'; '.join(machines)}."
 
 
 def load(name: str) -> Any:
@@ -336,9 +357,15 @@ def fill(text: str, parts: Mapping[str, Mapping[str, str]]) -> str:
     return MARKER.sub(filled, text)
 
 
+CODE = age.Code(ROOT)
+"""The source tree as it is."""
+
+
 def parts(name: str) -> dict[str, str]:
-    """The text of every block of a result."""
+    """The text of every block of a result; its stamps tell what has changed since."""
     results = load(name)
+    for made in age.stamps(results):
+        made["since"] = age.since(made, name, results, CODE)
     module = importlib.import_module(f"benchmarks.{name}")
     return {"made": made_text([results["made"]]), **module.blocks(results)}
 
@@ -375,8 +402,21 @@ def run(measure: Callable[..., Iterator[Mapping[str, Any]]], arguments: Sequence
             parser.add_argument(flag, action="store_true", help=words)
             continue
         parser.add_argument(flag, type=kind, default=parameter.default, help=words, **several)
-    for results in measure(**vars(parser.parse_args(arguments))):
+    parser.add_argument("--try", action="store_true", dest="trial", help="print the blocks and publish nothing")
+    options = vars(parser.parse_args(arguments))
+    trial, begin, results = options.pop("trial"), time.perf_counter(), None
+    if not trial and commit().endswith("+changes"):
+        parser.exit(1, "the tree has changes that are not committed: commit them, or measure with --try\n")
+    code = {commit(): CODE.digests(name)}
+    for results in measure(**options):
+        if trial:
+            blocks = importlib.import_module(f"benchmarks.{name}").blocks({"made": stamp(), **results})
+            print(*(f"{block}:\n{text}\n" for block, text in blocks.items()), sep="\n")
+            continue
         save(results, name)
+        render([name])
+    if results is not None and not trial:
+        save(results, name, {"code": code, "took": {command(): round(time.perf_counter() - begin)}})
         render([name])
 
 

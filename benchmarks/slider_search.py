@@ -108,7 +108,21 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     """The tables, and the exact motions in words."""
     rows = results["exact"]
     total, found = sum(row["cases"] for row in rows), sum(round(row["share"] * row["cases"]) for row in rows)
-    tables = {name: results[name] for name in ("exact", "given")}
+    kinds = []
+    for kind in KINDS:
+        own = [row for row in rows if row["kind"] == kind]
+        least = {name: [row[f"{name}_processor_ms"] for row in own] for name in ("median", "p99")}
+        kinds.append(
+            {
+                "kind": kind,
+                "poses": ", ".join(str(row["poses"]) for row in own),
+                "cases": sum(row["cases"] for row in own),
+                "share": sum(row["share"] * row["cases"] for row in own) / sum(row["cases"] for row in own),
+                "worst": max(row["worst"] for row in own),
+                **{name: f"{min(values):.2g} to {max(values):.2g}" for name, values in least.items()},
+            }
+        )
+    tables = {"exact": kinds, "given": results["given"]}
     said = [
         row | {kind: "-" if row[kind] is None else f"{row[kind]:.2e}" for kind in KINDS}
         for row in results["approximate"]

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from linkage_atlas.many_requests import StudyLocked, study
     from linkage_atlas.matching import match
     from linkage_atlas.motions import Motion
+    from linkage_atlas.six_bars import SixBarJoints, SixBarLinkage
     from linkage_atlas.solids import SolidParts
     from synthesis.errors import AtlasError, AtlasFault, FieldError
     from synthesis.work import Cancelled, OutOfTime, Work
@@ -40,6 +41,7 @@ _HOMES = {
     "linkage_atlas.guided": ("GuidedLinkage", "GuidedJoints"),
     "linkage_atlas.linkages": ("FourBar", "Joints", "assembly"),
     "linkage_atlas.motions": ("Motion",),
+    "linkage_atlas.six_bars": ("SixBarLinkage", "SixBarJoints"),
     "linkage_atlas.solids": ("SolidParts",),
     "linkage_atlas.assemblies": ("Assembly",),
     "linkage_atlas.answers": ("Result", "Solution", "GuidedSolution", "Matches", "Match"),
@@ -74,6 +76,8 @@ __all__ = [
     "Motion",
     "OutOfTime",
     "Result",
+    "SixBarJoints",
+    "SixBarLinkage",
     "SolidParts",
     "Solution",
     "StudyLocked",

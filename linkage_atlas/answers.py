@@ -56,8 +56,8 @@ StoppedBy = Annotated[str, Literal["tolerance", "converged", "budget"]]
 
 FINISHING = 0.1
 """Part of its budget that an answer may take beyond it, to finish what the search has found."""
-_AT_ONCE = 8
-"""Solutions finished between two looks at the time; one where each is rounded."""
+_AT_ONCE, _SAMPLES_AT_ONCE = 8, 2048
+"""Solutions, and samples of all of them, finished between two looks at the time; one solution where each is rounded."""
 ROUNDINGS, MOST_ROUNDINGS, FEWEST_ROUNDINGS = 40, 8, 2
 """Combinations of lengths that are fitted in all linkages with rails or slots of a request, and at most and at least in each."""
 TRIES, FEWEST_TRIES = 4000, 40
@@ -539,7 +539,7 @@ def finished(
     """
     return _finished(
         found,
-        1 if studies.long else _AT_ONCE,
+        1 if studies.long else max(1, min(_AT_ONCE, _SAMPLES_AT_ONCE // motion.samples.samples)),
         lambda some: _described(some, motion, limits, tolerance, type_of),
         studies,
         work,

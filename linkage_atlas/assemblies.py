@@ -11,13 +11,14 @@ import numpy as np
 from linkage_atlas.arguments import box, flag, number, whole_number
 from linkage_atlas.records import KEPT, Record
 from synthesis.assembly import layers
-from synthesis.assembly.driving import LINKS, Motor, motor_driven
+from synthesis.assembly.driving import motor_driven
 from synthesis.assembly.guided import guided
 from synthesis.assembly.layers import BOARDS, BOTH, Arrangement, Asked, arrange
 from synthesis.assembly.machine import Machine, Sizes, four_bar
 from synthesis.assembly.parts import Heights, parts_of
 from synthesis.assembly.shapes import crosses_itself, signed_area
 from synthesis.assembly.walls import ENVELOPE, outside
+from synthesis.drives.six_bar import Motor
 from synthesis.errors import FieldError
 from synthesis.fourbar.files import check_sizes
 from synthesis.fourbar.linkage import Linkage
@@ -269,10 +270,8 @@ def _motor(name: str, given: Any) -> Motor:
             f"/{name}", "wanted a drive of kind dyad as a reply has it, with its motor, pin_on_link and six_bar"
         )
     link = of(given, "link")
-    if link not in LINKS:
-        raise FieldError(
-            f"/{name}/link", f"wanted {' or '.join(LINKS)}, which turn about a fixed pivot; found {link!r}"
-        )
+    if not isinstance(link, str):
+        raise FieldError(f"/{name}/link", f"wanted the name of a link, found {link!r}")
     places = []
     for part in ("motor", "pin_on_link"):
         value = of(given, part)
@@ -335,15 +334,18 @@ def machine_of(
 ) -> Machine:
     """Plates and pins of a linkage with the sizes that are asked for. FieldError where they leave no material."""
     bar = asked.arranged.boards == "bar"
+    if asked.body and isinstance(linkage, Linkage) and not linkage.mounted:
+        raise FieldError(f"/{where}body", "needs `position`: without it nothing says where the body is")
     if asked.motor is not None:
-        if isinstance(linkage, GuidedLinkage):
-            raise FieldError(f"/{where}drive", "a motor's rod is arranged with four-bars only")
-        machine = motor_driven(linkage, used, asked.motor, asked.sizes, asked.body, bar)
+        try:
+            machine = motor_driven(linkage, used, asked.motor, asked.sizes, asked.body, bar)
+        except FieldError as error:
+            if not error.field.startswith("/drive"):
+                raise
+            raise FieldError(f"/{where}{error.field.lstrip('/')}", error.message) from None
     elif isinstance(linkage, GuidedLinkage):
         machine = guided(linkage, used, asked.sizes, asked.body, bar)
     else:
-        if asked.body and not linkage.mounted:
-            raise FieldError(f"/{where}body", "needs `position`: without it nothing says where the body is")
         machine = four_bar(linkage, used, asked.sizes, asked.body, bar)
     check_sizes(machine.lengths, machine.hole, machine.width, f"/{where}".rstrip("/"))
     return machine

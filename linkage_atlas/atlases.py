@@ -14,7 +14,7 @@ from typing import Any
 from linkage_atlas.answers import AtlasType
 from synthesis.atlas import table
 from synthesis.atlas.header import MAX_TYPES, Stamp, file_hash
-from synthesis.atlas.index import Index, InMemory, temporary_arrays
+from synthesis.atlas.index import Index, InMemory, remove_damaged, temporary_arrays
 from synthesis.atlas.preparation import CELLS, Preparation, Progress, types_of
 from synthesis.atlas.scan import KIND, Scan
 from synthesis.errors import AtlasError, AtlasFault, FieldError
@@ -112,6 +112,11 @@ class Atlas:
         else:
             self.scan.prepare_short_spans(work)
 
+    def drop_damaged(self) -> None:
+        """Remove the parts of its index that are not what was written: whoever opens the atlas next makes them anew."""
+        if isinstance(self._source, AtlasSource):
+            remove_damaged(self._source.index.folder)
+
     @property
     def rocker_scan(self) -> Scan:
         """The same types prepared for matching their rockers' curves, which the first that asks computes (some seconds).
@@ -189,23 +194,22 @@ class Atlas:
         if not 1 <= number <= len(self):
             raise FieldError("/number", f"there is no type {number}: the atlas has types 1 to {len(self)}")
         stored, row = self.stored, number - 1
-        if isinstance(stored, table.Atlas):
-            average, details = float(stored.average[row]), stored.details[row].tolist()
-        else:
-            assert self._source is not None
-            average, details = self._source.features(row)
-        lengths = stored.lengths[row]
+        if self._source is None:
+            rows = table.AtlasRows(*(getattr(stored, name)[row : row + 1] for name in table.AtlasRows._fields))
+        else:  # not from the index, a file of which may be damaged while it is mapped
+            rows = self._source.rows(row)
+        lengths = stored.rule.lengths(row, row + 1)[0]
         return {
             "kind": self.kind,
             "number": number,
             "lengths": lengths.tolist(),
             "family": str(family(lengths)) if self.kind == FOURBAR.kind else None,
             "samples": stored.rule.samples,
-            "winding": int(stored.winding[row]),
+            "winding": int(rows.winding[0]),
             "normalisation": "mean",
             "unit": "rad",
-            "average": average,
-            "details": details,
+            "average": float(rows.average[0]),
+            "details": rows.details[0].tolist(),
         }
 
     def describe(self) -> dict[str, Any]:
@@ -240,10 +244,9 @@ class MadeSource:
         """All of its arrays."""
         return table.atlas_of_rule(self.rule)
 
-    def features(self, row: int) -> tuple[float, list[float]]:
-        """Average and details of a row."""
-        rows = table.compute_rows(self.rule.lengths(row, row + 1), self.rule.samples, self.rule.kind.mechanism)
-        return float(rows.average[0]), rows.details[0].tolist()
+    def rows(self, row: int) -> table.AtlasRows:
+        """One row."""
+        return table.compute_rows(self.rule.lengths(row, row + 1), self.rule.samples, self.rule.kind.mechanism)
 
 
 def slider_cranks(beside: Index | InMemory | None = None, threads: int | None = None) -> Atlas:
@@ -278,8 +281,8 @@ class AtlasSource:
             return load_table(self.path, *self.limits, self.sha256, temporary_arrays(self.index.folder.parent))
         return load_table(self.path, *self.limits, self.sha256)
 
-    def features(self, row: int) -> tuple[float, list[float]]:
-        """Average and details of a row."""
+    def rows(self, row: int) -> table.AtlasRows:
+        """One row."""
         from synthesis.atlas.file import load_row
 
         return load_row(self.path, self.sha256, row)

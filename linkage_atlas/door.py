@@ -375,7 +375,7 @@ def _of_kinds(
 
     found, course = search_all(limits, watch.extended(-FINISHING))
     notes += course.notes
-    chosen = front(found, motion, prefers, tolerance, top)
+    chosen = front(found, motion, limits, prefers, tolerance, top)
     searched = watch.elapsed
     solutions = finished_kinds(chosen, motion, limits, tolerance, studies, watch.extended(FINISHING))
     notes += study_notes(studies.manufacture, solutions)

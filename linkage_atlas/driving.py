@@ -31,8 +31,9 @@ from linkage_atlas.guided import GuidedLinkage
 from linkage_atlas.linkages import FourBar, given_linkage
 from linkage_atlas.motions import Motion
 from linkage_atlas.records import KEPT, Record, Values, Vectors, plane, xy
+from linkage_atlas.six_bars import SixBarLinkage, on_hinge
 from linkage_atlas.studies import read_load
-from synthesis.arrays import Complexes, Floats
+from synthesis.arrays import Complexes, Floats, dot
 from synthesis.drives.actuator import (
     ROW_GRID,
     Actuator,
@@ -49,15 +50,27 @@ from synthesis.drives.actuator import (
 from synthesis.drives.balance import Spring as Placed
 from synthesis.drives.balance import one_spring, potential_of, two_springs
 from synthesis.drives.dyad import LARGEST_RATIO, Driven, about_pivot, driven, on_any_link
-from synthesis.drives.links import GROUND, SAMPLES, LinkMotion, Loading, Machine, hinged, machine_of
+from synthesis.drives.links import (
+    GROUND,
+    SAMPLES,
+    LinkMotion,
+    Loading,
+    Machine,
+    ends_of,
+    hinged_at,
+    machine_at,
+    machine_of,
+)
 from synthesis.drives.pins import Pull, pin_forces
+from synthesis.drives.six_bar import MOTOR_CRANK, ROD, Joint, Motor, joints_of, rod_joints
+from synthesis.drives.six_bar import SixBar as Swung
 from synthesis.drives.springs import Fitted, Room, best_pair, best_spring, fitted
 from synthesis.drives.toggle import Knee, locked
 from synthesis.errors import FieldError
 from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.linkage import Circle, Driver, Rail, Slot
 from synthesis.guided.linkage import GuidedLinkage as Guided
-from synthesis.target import MAX_LENGTH, TURN, Interval
+from synthesis.target import MAX_LENGTH, TURN, Interval, Target
 from synthesis.work import Work
 
 One = TypeVar("One")
@@ -132,6 +145,13 @@ class DriveCurve(NamedTuple):
     """Of a motor its crank's end forwards, of a knee its joint."""
 
 
+class SixBarLink(NamedTuple):
+    """A link and the joints that it has."""
+
+    name: str
+    joints: list[str]
+
+
 class SixBar(NamedTuple):
     """A motor and a rod on a linkage: together six links."""
 
@@ -161,6 +181,12 @@ class SixBar(NamedTuple):
     """There: what rod, motor and the motor's bearing carry; compression positive."""
     motor_pin: Vectors
     """There: the end of the motor's crank."""
+    driver: str
+    """The link that is turned."""
+    joints: dict[str, tuple[float, float]]
+    """By name, at the first sample, forwards: A to D of the linkage, P its body point, M the motor, K and Q the rod's ends."""
+    links: list[SixBarLink]
+    """The ground among them, and the coupler, which is the body."""
 
 
 class Buckling(NamedTuple):
@@ -250,6 +276,8 @@ class Drive(Record):
     """Of a four-bar with a load; of a motor forwards and backwards."""
     six_bar: SixBar | None = None
     lock: Lock | None = None
+    linkage: SixBarLinkage | FourBar | None = field(default=None, metadata=KEPT, repr=False, compare=False)
+    """Of a motor, the linkage with it, that moves, draws and exports itself; on a hinge a four-bar, whose rocker the link is."""
 
 
 @dataclass(frozen=True)
@@ -455,32 +483,40 @@ def drives(
 class _Place(NamedTuple):
     """A linkage over its way: coarse and fine, and where on it the samples of its motion lie."""
 
+    poses: Callable[[Floats], Machine]
+    """At any places of its drive."""
     machine: Machine
     fine: Machine
     radian: float
     samples: Floats
-    linkage: Linkage | None
-    """A four-bar, which ideal springs are computed of."""
+    view: FourBar | GuidedLinkage | None
+    """As the user has it; None of a link on a hinge."""
+
+    @property
+    def linkage(self) -> Linkage | None:
+        """A four-bar, which ideal springs are computed of."""
+        return self.view.plain if isinstance(self.view, FourBar) else None
 
     def masses_of_parts(self, length_unit: str) -> list[dict[str, Any]]:
         """What the links weigh as plates and pins that are made by default."""
         from linkage_atlas.solids import masses_of_parts
 
-        if self.linkage is None:
-            raise FieldError("/load/parts", "parts are made for four-bars only: give the masses of rails and blocks")
-        return masses_of_parts(self.linkage, _ends(self.samples), length_unit)
+        if self.view is None:
+            raise FieldError("/load/parts", "a link on a hinge has no parts: give its masses")
+        return masses_of_parts(self.view.plain, ends_of(self.samples), length_unit)
 
     @classmethod
-    def of(cls, linkage: Linkage | Guided, crank: Floats, radian: float) -> _Place:
-        """A linkage over the way between the least and the largest travel of its drive at the samples."""
-        ends, four_bar = _ends(crank), isinstance(linkage, Linkage)
+    def of(cls, linkage: Linkage | Guided, crank: Floats, radian: float, target: Target | None = None) -> _Place:
+        """A linkage over the way between the least and the largest travel of its drive at the samples, perhaps of a motion."""
+        ends, four_bar = ends_of(crank), isinstance(linkage, Linkage)
         if not abs(ends.last - ends.first) > (1e-6 if four_bar else 0.0):
             field, what = ("crank_angle", "crank angle") if four_bar else ("travel", "place of the drive")
             raise FieldError(f"/{field}", f"the way has no length: its first and last {what} are the same")
         if isinstance(linkage, Guided) and not linkage.closes_over(ends.after(linkage.start)):
             raise FieldError("/linkage", "does not close over its way")
         coarse, fine = (machine_of(linkage, ends, many) for many in (SAMPLES, FINE))
-        place = cls(coarse, fine, radian, crank, linkage if isinstance(linkage, Linkage) else None)
+        view = FourBar.of(linkage, radian, target) if four_bar else GuidedLinkage.of(linkage, radian, target)
+        place = cls(lambda at: machine_at(linkage, at), coarse, fine, radian, crank, view)
         place.check()
         return place
 
@@ -513,8 +549,12 @@ class _Place(NamedTuple):
             raise FieldError("/rocker/length", "wanted a length above 0")
         pivot = pair("rocker/pivot", given["pivot"], MAX_LENGTH) if given.get("pivot") is not None else 0j
         start = number("rocker/start", 0.0 if given.get("start") is None else given["start"]) * radian
-        machine, fine = (hinged(pivot, start, swing, length, many) for many in (SAMPLES, FINE))
-        place = cls(machine, fine, radian, machine.at[[0, -1]], None)
+
+        def poses(at: Floats) -> Machine:
+            return hinged_at(pivot, start, length, at)
+
+        machine, fine = (poses(np.linspace(0.0, swing, many)) for many in (SAMPLES, FINE))
+        place = cls(poses, machine, fine, radian, machine.at[[0, -1]], None)
         place.check()
         return place
 
@@ -537,11 +577,12 @@ def _place_of(linkage: Any, motion: Motion | None, crank_angle: ArrayLike | None
         given = np.asarray(column(f"linkage/{'travel' if isinstance(one, GuidedLinkage) else 'crank_angle'}", own))
     if isinstance(one, GuidedLinkage):
         return _guided_place(one, motion, given)
-    assert isinstance(one, FourBar)
+    if not isinstance(one, FourBar):
+        raise FieldError("/linkage", "wanted a four-bar or a body on guides: this one has a motor already")
     radian, plain = radians_in(one.degrees), one.plain
     if motion is not None and (not motion.free or given is not None):
         target = motion.of_solution(plain, None if given is None else given * radian).target
-        return _Place.of(plain, target.way, radian)
+        return _Place.of(plain, target.way, radian, target)
     if given is not None:
         if given.size < 2 or not np.all(np.isfinite(given)):
             raise FieldError("/crank_angle", "wanted two finite crank angles or more")
@@ -551,28 +592,24 @@ def _place_of(linkage: Any, motion: Motion | None, crank_angle: ArrayLike | None
     crank = one.way
     if crank is None:
         raise FieldError("/crank_angle", "needed: this linkage answers no motion that would say its way")
-    return _Place.of(plain, crank, radian)
+    return _Place.of(plain, crank, radian, one._motion)
 
 
 def _guided_place(one: GuidedLinkage, motion: Motion | None, given: Floats | None) -> _Place:
     """A body on two guides; its drive's way as that of a four-bar."""
     radian, plain = radians_in(one.degrees), one.plain
     unit = radian if plain.driver.turns else 1.0
+    target = None
     if motion is not None:
-        crank = one.target_of(motion, given).way
+        target = one.target_of(motion, given)
+        crank = target.way
     elif given is not None:
         crank = given * unit
     elif one.way is not None:
-        crank = one.way
+        crank, target = one.way, one._motion
     else:
         raise FieldError("/crank_angle", "needed: this linkage answers no motion that would say its way")
-    return _Place.of(plain, crank, radian)
-
-
-def _ends(crank: Floats) -> Interval:
-    """The used crank angles, from the end that is nearer to the first sample."""
-    low, high = float(np.min(crank)), float(np.max(crank))
-    return Interval(low, high) if abs(crank[0] - low) <= abs(crank[0] - high) else Interval(high, low)
+    return _Place.of(plain, crank, radian, target)
 
 
 def read_asked(
@@ -586,7 +623,7 @@ def read_asked(
 ) -> Asked:
     """A checked request."""
     return Asked(
-        _load(machine, load or {}, radian),
+        _load(machine, load or {}, radian, millimetres),
         tuple(
             _drive(f"drives/{k}", one, machine, radian, millimetres) for k, one in enumerate(_list("drives", wanted))
         ),
@@ -674,15 +711,16 @@ def _list(name: str, given: Sequence[Mapping[str, Any]] | None) -> Sequence[Mapp
     return found
 
 
-def _load(machine: Machine, given: Mapping[str, Any], radian: float) -> Loading:
+def _load(machine: Machine, given: Mapping[str, Any], radian: float, millimetres: float) -> Loading:
     links, mounted = (*machine.links, "body"), machine.body is not None
     force, torque, masses, gravity, parts = read_load(
         "load", given, links, mounted, MOST_MASSES, "speed", link="body", middles=machine.middles
     )
     if parts:
         raise FieldError("/load/parts", "for one linkage only: /v1/drives, or `linkage_atlas.drives`")
-    speed = 0.0 if given.get("speed") is None else bounded("load/speed", given["speed"]) * radian
-    return Loading(force, torque, masses, gravity, speed)
+    speed = 0.0 if given.get("speed") is None else bounded("load/speed", given["speed"])
+    unit = 1.0 if machine.drive in ("slider", "cylinder") else radian
+    return Loading(force, torque, masses, gravity, speed * unit, millimetres / 1000)
 
 
 def _drive(at: str, given: Mapping[str, Any], machine: Machine, radian: float, millimetres: float) -> dict[str, Any]:
@@ -1128,7 +1166,12 @@ class _Search:
         coarse = slice(None, None, (FINE - 1) // (self.machine.at.size - 1))
         fine = self.fine.links[name]
         pin = fine.place(whole.pin)
-        bar = self._six_bar(name, whole)
+        six = Swung(
+            self.place.poses,
+            Interval(*self.fine.at[[0, -1]].tolist()),
+            Motor(name, whole.motor, whole.crank, whole.rod, whole.pin),
+        )
+        bar = self._six_bar(name, six, whole)
         motor = np.full(FINE, whole.motor)
         self._keep(
             (-bar.transmission_angle_min,),
@@ -1159,49 +1202,60 @@ class _Search:
                 knee=plane(whole.crank_pin[0][coarse]),
             ),
             six_bar=bar,
+            linkage=on_hinge(six, self.place.radian)
+            if self.place.view is None
+            else SixBarLinkage.of_view(self.place.view, six, self.place.samples),
         )
 
-    def _six_bar(self, name: str, whole: Driven) -> SixBar:
+    def _six_bar(self, name: str, six: Swung, whole: Driven) -> SixBar:
         """The whole turn of a motor at even steps."""
-        radian = self.place.radian
-        forwards, backwards = whole.motor_angle
-        angle = np.concatenate([forwards, backwards[::-1][1:]])
-        angle = np.unwrap(angle)
-        sense = 1.0 if angle[-1] >= angle[0] else -1.0
-        turned = (angle - angle[0]) * sense
-        even = np.linspace(0.0, TURN, 121)
-
-        def over(pair: Floats) -> Floats:
-            values = np.concatenate([pair[0], pair[1][::-1][1:]])
-            return np.interp(even, turned, values)
-
-        at = np.stack([self.fine.at, self.fine.at])
-        crank = over(at)
-        span = abs(self.fine.at[-1] - self.fine.at[0])
-        ways = np.concatenate([at[0], at[1][::-1][1:]])
-        near = [np.abs(ways - end) <= _DWELL * span for end in self.fine.at[[0, -1]]]
-        steps = np.diff(turned)
-        dwell = [float(np.sum(steps[one[1:] & one[:-1]])) for one in near]
-        motor_angle = angle[0] + sense * even
-        kind = "stephenson_3" if self.machine.links[name].pivot is None else "watt_2"
-        if len(self.machine.links) == 1:
-            kind = "crank_rocker"
-        turns = whole.turns
+        radian, motor = self.place.radian, six.motor
+        even = six.sense * np.linspace(0.0, TURN, 121)
+        machine, at = six.machine(even), six.travel(even)
+        plain = self.place.poses(at)
+        rod, arm = machine.links[ROD], machine.links[MOTOR_CRANK].direction * motor.crank
+        force = plain.torque(self.asked.load) / dot(rod.direction, plain.links[name].speed(motor.pin))
+        torque = force * dot(rod.direction, 1j * arm)
+        forwards = six.last if six.sense > 0 else six.last - TURN
+        backwards = six.sense * TURN - forwards
+        kind = "stephenson_3" if six.pivot is None else "watt_2"
+        dwell = six.dwell(_DWELL)
+        joints = self._joints(six)
+        places = {one.name: xy(one.place[0]) for one in joints}
+        on = {
+            link: [one.name for one in joints if link in (one.first, one.second)] for link in (GROUND, *machine.links)
+        }
+        if self.place.view is not None and machine.body is not None:
+            places["P"] = xy(six.machine(six.forwards(np.zeros(1))).link("body").origin[0])
+            on["coupler"].append("P")
         return SixBar(
-            whole.crank,
-            whole.rod,
-            kind,
+            motor.crank,
+            motor.rod,
+            "crank_rocker" if self.place.view is None else kind,
             whole.time_ratio,
             whole.least_angle / radian,
             self._told(float(np.abs(whole.motor_torque).max())),
-            (sense * turns[0] / radian, sense * turns[1] / radian),
+            (forwards / radian, backwards / radian),
             (dwell[0] / radian, dwell[1] / radian),
-            motor_angle / radian,
-            crank / self.unit,
-            self._told(over(whole.motor_torque)),
-            self._told(over(whole.rod_force)),
-            plane(whole.motor + whole.crank * np.exp(1j * motor_angle)),
+            (six.start + even) / radian,
+            at / self.unit,
+            self._told(torque),
+            self._told(force),
+            plane(six.knee(even)),
+            MOTOR_CRANK,
+            places,
+            [SixBarLink(link, names) for link, names in on.items()],
         )
+
+    def _joints(self, six: Swung) -> list[Joint]:
+        """Of a six-bar at the first sample, forwards; of a link on a hinge B is its pivot."""
+        machine = six.machine(six.forwards(np.zeros(1)))
+        if self.place.view is not None:
+            return joints_of(self.place.view.plain, six.motor, machine)
+        return [
+            Joint("B", GROUND, six.motor.link, machine.links[six.motor.link].origin),
+            *rod_joints(six.motor, machine),
+        ]
 
     # -- knees ---------------------------------------------------------------------------------------------------------
 

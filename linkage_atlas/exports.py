@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from linkage_atlas.arguments import millimetres_in, number, pair
 from linkage_atlas.formats import FORMATS, OF_PARTS
 from linkage_atlas.guided_studies import analysed as guided_analysed
+from linkage_atlas.solids import SLIDES
 from linkage_atlas.studies import analysed, read_drive
 from synthesis.drives.attached import COLOUR, LAYER, Attached
-from synthesis.drives.links import GROUND, Machine, machine_at
+from synthesis.drives.links import GROUND, Machine, ends_of, machine_at
+from synthesis.drives.six_bar import Motor, SixBar
 from synthesis.errors import FieldError
 from synthesis.fourbar import files as of_four_bars
 from synthesis.fourbar.analysis import LinkMass
@@ -24,9 +27,8 @@ if TYPE_CHECKING:
     from synthesis.target import Target
 
 _FOUR_BARS_ONLY = {
-    "plates": "links are cut as plates for four-bars only: rails and slots are not drawn as plates",
     "pylinkage": "pylinkage has no guides that move or slots in a moving body: this linkage cannot be written for it",
-    **{kind: f"{kind!r} is written for four-bars only" for kind in OF_PARTS},
+    **{kind: SLIDES.format(kind) for kind in ("urdf", "sdf")},
 }
 """Why there is no file of some kinds of a body on two guides."""
 
@@ -48,51 +50,59 @@ def content_of(
     parts: Callable[[bool], Any] | None = None,
     plates: Mapping[str, Any] | None = None,
     arranged: bool = False,
+    more: Mapping[str, Any] | None = None,
 ) -> bytes:
     """The content of a file; see `FourBar.file` for what the arguments mean.
 
     ``parts``: makes the `SolidParts` of a four-bar, with an error where they collide, or (True) nevertheless.
-    ``arranged``: plates are those of an assembly, not the links alone.
+    ``arranged``: plates are those of an assembly, not the links alone. ``more``: further columns of a CSV file.
     """
     if kind not in FORMATS:
         raise FieldError("/kind", f"wanted one of {', '.join(FORMATS)}, found {kind!r}")
-    if isinstance(linkage, GuidedLinkage) and kind in _FOUR_BARS_ONLY:
+    if isinstance(linkage, GuidedLinkage) and kind == "pylinkage":
         raise FieldError("/format", _FOUR_BARS_ONLY[kind])
     attached = drive_on(linkage, target, drive, kind)
     layer = None if attached is None else More(LAYER, COLOUR, attached.draw)
     if kind == "csv":
-        more = _analysis_columns(linkage, target, radian, analysis)
+        more = _analysis_columns(linkage, target, radian, analysis) | dict(more or {})
         more |= {} if attached is None else attached.columns()
         if isinstance(linkage, Linkage):
             return of_four_bars.to_csv(linkage, target, radian, more).encode()
         return of_guided.to_csv(linkage, target, radian, more).encode()
-    if kind == "svg" and isinstance(linkage, GuidedLinkage):
-        return of_guided.to_svg(linkage, target).encode()
-    if kind in ("svg", "pylinkage"):
+    if kind == "svg":
+        extra = None if attached is None else attached.shown()
+        if isinstance(linkage, GuidedLinkage):
+            return of_guided.to_svg(linkage, target, extra).encode()
+        return of_four_bars.to_svg(linkage, target, extra).encode()
+    if kind == "pylinkage":
         assert isinstance(linkage, Linkage)
-        return (of_four_bars.to_svg if kind == "svg" else of_four_bars.to_pylinkage)(linkage, target).encode()
+        return of_four_bars.to_pylinkage(linkage, target).encode()
     unit_mm = millimetres_in(length_unit)
-    if isinstance(linkage, GuidedLinkage):
-        if kind == "dxf":
-            return of_guided.to_dxf(linkage, target, unit_mm, layer).encode()
-        model = of_guided.to_mjcf(linkage, target, unit_mm)
-        return (model if attached is None else attached.simulated(model, unit_mm / 1000)).encode()
-    assert parts is not None
-    if kind in OF_PARTS:
-        return parts(False).file(kind)
-    if kind == "plates":
-        if arranged and plates:
-            raise FieldError("/plates", "with `assembly` or `solids` sizes stand there: `hole` and `width`")
+    guided = isinstance(linkage, GuidedLinkage)
+    if kind in (*OF_PARTS, "plates"):
+        assert parts is not None
+        if plates and (arranged or guided):
+            raise FieldError(
+                "/plates", "with `assembly` or `solids`, rails or slots sizes stand there: `hole` and `width`"
+            )
+        if kind != "plates" or arranged or isinstance(linkage, GuidedLinkage):
+            return parts(False).file(kind)
         from synthesis.solids.plates import to_plates
 
-        return parts(False).file(kind) if arranged else to_plates(linkage, unit_mm, **_sizes(plates or {})).encode()
+        return to_plates(linkage, unit_mm, **_sizes(plates or {})).encode()
     if kind == "dxf":
+        if isinstance(linkage, GuidedLinkage):
+            return of_guided.to_dxf(linkage, target, unit_mm, layer).encode()
         return of_four_bars.to_dxf(linkage, target, unit_mm, layer).encode()
+    assert parts is not None
     try:
         masses = {one.link: LinkMass(one.mass, complex(*one.at), one.inertia) for one in parts(True).masses}
     except FieldError:
-        masses = None  # no plates of these sizes: the file says that its links are rods
-    model = of_four_bars.to_mjcf(linkage, target, unit_mm, masses)
+        masses = None  # no plates of these sizes: the file says so
+    if isinstance(linkage, GuidedLinkage):
+        model = of_guided.to_mjcf(linkage, target, unit_mm, masses)
+    else:
+        model = of_four_bars.to_mjcf(linkage, target, unit_mm, masses)
     return (model if attached is None else attached.simulated(model, unit_mm / 1000)).encode()
 
 
@@ -113,9 +123,25 @@ def drive_on(
     """A drive of a reply on a linkage at the samples of a motion."""
     if drive is None:
         return None
-    if kind not in ("csv", "dxf", "mjcf"):
-        raise FieldError("/drive", f"a file of the kind {kind!r} holds no drive: ask for csv, dxf or mjcf")
-    return _attached(drive, machine_at(linkage, target.crank))
+    if kind not in ("csv", "svg", "dxf", "mjcf"):
+        raise FieldError("/drive", f"a file of the kind {kind!r} holds no drive: ask for csv, svg, dxf or mjcf")
+    found = _attached(drive, machine_at(linkage, target.crank))
+    if found.kind != "dyad":
+        return found
+    motor = Motor(found.link, found.ground, *found.sizes, found.pin)
+    try:
+        return replace(found, six_bar=SixBar.of(linkage, ends_of(target.way), motor))
+    except FieldError:
+        return found  # moved by hand, it does not swing the linkage: its ends alone are told
+
+
+def with_motor(
+    kind: str, assembly: Mapping[str, Any] | None, drive: Mapping[str, Any] | None
+) -> tuple[Mapping[str, Any] | None, Mapping[str, Any] | None]:
+    """What is asked of an assembly, and a drive: in files of parts a motor with its rod is two of them."""
+    if drive is None or kind not in (*OF_PARTS, "plates") or drive.get("kind") != "dyad":
+        return assembly, drive
+    return {**(assembly or {}), "drive": drive}, None
 
 
 def _attached(given: Mapping[str, Any], machine: Machine) -> Attached:

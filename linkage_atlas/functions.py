@@ -63,6 +63,8 @@ _CALLED = {
 """Where the arguments of a callable are told of."""
 _STEEP = 8.0
 """A step of the output this many times as steep as any other is called a jump."""
+_STILL = 1e-12
+"""Radians by which an output must move to be one."""
 
 
 def function(
@@ -221,6 +223,9 @@ def function(
         motion = TravelMotion(output, span, one_way=one_way, dial=dial, **samples_asked)
         return motion.answered(kinds, limits, objective, top, tolerance, watch, curves)
     wanted, dials = read_wanted(output, crank_span, **samples_asked)
+    if np.ptp(wanted.output) <= _STILL:
+        where = "/output" if function is None else "/function"
+        raise FieldError(where, "the output is the same everywhere: a rocker that stands still follows nothing")
     kept = read_function_limits(limits, wanted.target, degrees)
     if round_to is not None and kept.links[3] is None:
         raise FieldError("/round_to", "needs `limits.links.ground`: without it no length is actual")
@@ -253,6 +258,7 @@ def function(
         )
     if solutions and solutions[0].determination.ill_posed:
         notes.append("the problem is ill-posed: quite different linkages make this function to within the resolution")
+    notes += _unasked(limits, solutions)
     status = Status.of(found, tolerance).value
     if not solutions and begin is not None:
         status = "unknown"
@@ -408,6 +414,7 @@ class TravelMotion:
         notes = _jumps(wanted, self.dial.output)
         if len(kinds) > 1:
             notes.append("linkages of several kinds are listed by error alone: transmission angle and size differ")
+        notes += _unasked(limits, solutions)
         status = Status.of(found, tolerance).value
         if not solutions and went.stopped_by == "budget":
             status = "unknown"
@@ -452,6 +459,16 @@ def _check_one_way(wanted: Wanted, where: str) -> None:
             at,
             f"the rocker must not turn back, but sample {place + 1} of the output does not go on from the one before",
         )
+
+
+def _unasked(limits: Mapping[str, Any] | None, solutions: Sequence[Any]) -> list[str]:
+    """That the practical limits were not asked for, where the best linkage breaks one."""
+    if (limits or {}).get("preset") is not None or not solutions or solutions[0].verdict.practical:
+        return []
+    return [
+        "of functions the practical limits are kept only where `limits.preset` asks for them; the verdict says which of them "
+        "the best linkage breaks"
+    ]
 
 
 def _jumps(wanted: Wanted, output: str) -> list[str]:

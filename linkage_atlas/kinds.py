@@ -22,7 +22,7 @@ from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.fourbar import solution as fourbar
 from synthesis.fourbar.limits import FORMS, Limits
-from synthesis.fourbar.passage import size_of
+from synthesis.fourbar.passage import LEAVES_SAMPLES, excursions, size_of
 from synthesis.free.poses import Poses
 from synthesis.guided import solution as guided
 from synthesis.guided.by_crank import BY_CRANK, linkages_by_crank
@@ -30,13 +30,12 @@ from synthesis.guided.limits import broken_limits
 from synthesis.guided.linkage import Driver, Kind
 from synthesis.guided.search import search_guided
 from synthesis.kept import Kept
-from synthesis.ranking import APART, distinct
+from synthesis.ranking import APART, behind, distinct
 from synthesis.search.search import StoppedBy
 from synthesis.target import Samples, Target
 from synthesis.work import Work
 
 MECHANISMS = get_args(KindName)
-SIX_BARS = ("watt_1", "stephenson_1")
 DRIVERS = tuple(one.value for one in Driver)
 NO_ROTATION = (
     "linkages with sliders need positions, alone or with two rotations or more: only four-bars were searched for"
@@ -86,9 +85,6 @@ def read_kinds(mechanisms: Any, driver: Any, motion: Motion) -> Asked:
     """The kinds that are asked for, checked against the motion. Raises `FieldError` naming the argument."""
     given = ("four_bar",) if mechanisms is None else mechanisms
     given = (given,) if isinstance(given, str) and given != "all" else given
-    for place, name in enumerate(given if isinstance(given, Sequence) else ()):
-        if name in SIX_BARS:
-            raise FieldError(f"/mechanisms/{place}", f"six-bars such as {name} are not searched for")
     kinds = tuple(map(Kind, kinds_among(given, MECHANISMS)))
     if driver is not None and driver not in DRIVERS:
         raise FieldError("/driver", f"wanted one of {', '.join(DRIVERS)}, found {driver!r}")
@@ -321,12 +317,36 @@ def measures_of(one: Found, samples: Samples, tolerance: float) -> Measures:
     return Measures(error, np.inf if size is None else size, -one.transmission_angle_min, driver)
 
 
-def front(found: Sequence[Found], motion: Motion, prefer: str, tolerance: float, top: int) -> list[Found]:
+def _staying(found: Sequence[Found], samples: Samples, tolerance: float) -> list[Found]:
+    """Linkages without those whose body point goes elsewhere between samples, where others are near: see `behind`."""
+    if not isinstance(samples, Poses) or samples.position is None:
+        return list(found)
+    strays = np.zeros(len(found), dtype=bool)
+    for k, one in enumerate(found):
+        if isinstance(one, guided.GuidedSolution):
+            way = guided.excursion(one, samples, samples.ordered)
+        else:
+            assert one.crank is not None
+            start, side, closed = one.linkage.start, np.full((1, len(one.crank)), one.linkage.branch), samples.closed
+            crank = (start + one.crank)[None]
+            (way,) = excursions([one.linkage], crank, side, samples.extent, ordered=samples.ordered, closed=closed)
+        strays[k] = way is not None and way > LEAVES_SAMPLES
+    groups = behind(np.array([one.errors.objective for one in found]), strays, tolerance)
+    left_out = strays & np.where(groups == 1, np.any(groups == 0), np.any((groups == 0) | (groups == 2)))
+    return [one for one, out in zip(found, left_out) if not out]
+
+
+def front(
+    found: Sequence[Found], motion: Motion, limits: Limits, prefer: str, tolerance: float, top: int
+) -> list[Found]:
     """The Pareto front of linkages of several kinds, at most ``top``, in the order of what is preferred.
 
-    Law: none of them beats another. Where there are more, the best of each kind and drive come before further ones.
+    Law: none of them beats another. Where there are more, the best of each kind and drive come before further ones. Within
+    the practical limits those that stray between samples are left out where others are near.
     """
     samples = motion.samples
+    if limits.practical:
+        found = _staying(found, samples, tolerance)
     poor = max(_NO_ANSWER, _TIMES_LESS * min((one.errors.objective for one in found), default=0.0))
     known = [(measures_of(one, samples, tolerance), one) for one in found if one.errors.objective <= poor]
     kept: list[tuple[Measures, Found]] = []
@@ -392,9 +412,16 @@ def finished_kinds(
     rank = {id(one): number for number, one in enumerate(chosen)}
     others = [one for one in chosen if isinstance(one, guided.GuidedSolution)]
     four_bars = [one for one in chosen if isinstance(one, fourbar.Solution)]
-    solutions: list[AnySolution] = [*finished_guided(others, motion, limits, studies, work)] if others else []
-    if four_bars:
-        solutions += finished(four_bars, motion, limits, tolerance, studies, None, work, by_error=False)
+    solutions: list[AnySolution] = []
+    for sliders in dict.fromkeys(
+        isinstance(one, guided.GuidedSolution) for one in chosen
+    ):  # the best one's sort first
+        if solutions and work.expired():
+            break
+        if sliders:
+            solutions += finished_guided(others, motion, limits, studies, work)
+        else:
+            solutions += finished(four_bars, motion, limits, tolerance, studies, None, work, by_error=False)
 
     def place(one: AnySolution) -> tuple[bool, bool, int]:
         return not one.verdict.works, one.verdict.within_tolerance is False, rank[id(one.origin.found)]

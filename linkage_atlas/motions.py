@@ -41,6 +41,9 @@ __all__ = [
     "Motion",
 ]
 
+_TURNS, _RADIANS = 2.0, 0.7
+"""Turns in radians from which on a rotation is asked about; and what 40 degrees are, given as degrees."""
+
 MOST_STOCK = 1000
 """Lengths of a stock at most."""
 OR_FREE = ", or `timing` 'free' (its angles are unknown, and found with the linkage)"
@@ -282,7 +285,24 @@ class Motion:
         return samples.asked if isinstance(samples, Poses) and samples.asked is not None else samples
 
     def notes(self) -> list[str]:
-        """What a user should know about a motion that needs no linkage, and about a rotation that looks wrapped."""
+        """What a user should know: a rotation that looks like another unit's, or wrapped; a motion that needs no linkage."""
+        return [*self._unit_notes(), *self._motion_notes()]
+
+    def _unit_notes(self) -> list[str]:
+        if self.asked.rotation is None or self.asked.position is None:
+            return []
+        weights = self.asked.rotation_weights
+        given = self.asked.rotation if weights is None else self.asked.rotation[weights > 0]
+        values = given / self.radian
+        most, span = float(np.abs(values).max(initial=0.0)), float(np.ptp(values)) if values.size else 0.0
+        if not self.degrees and span > _TURNS * TURN:
+            return [f"the rotation goes through {span / TURN:.3g} turns: is it in degrees? `angle_unit` says radians"]
+        fine = bool(np.any(np.abs(10 * values - np.round(10 * values)) > 1e-6))
+        if self.degrees and fine and most <= TURN and span >= _RADIANS:
+            return [f"the rotation goes through {span:.3g} degrees only: is it in radians? `angle_unit` says degrees"]
+        return []
+
+    def _motion_notes(self) -> list[str]:
         if self.free or self.samples.rotation is None:
             pole = _one_pole(self.asked)
             return (

@@ -67,7 +67,8 @@ def read_dial(input_unit: str | None, output_unit: str | None, degrees: bool) ->
 
 def read_kinds(mechanisms: Sequence[str] | str | None, dial: Dial) -> list[str]:
     """The kinds that are asked for; default: the one that is built most often."""
-    known = [law.kind.value for law in LAWS if (law.input, law.output) == dial] if dial.travels else [FOUR_BAR]
+    laws = dict.fromkeys(law.kind.value for law in LAWS if (law.input, law.output) == dial)
+    known = list(laws) if dial.travels else [FOUR_BAR]
     if mechanisms is None:
         return known[:1]
     return kinds_among(mechanisms, known, f"from {dial.input} to {dial.output} there is {' or '.join(known)}")

@@ -21,6 +21,8 @@ APART = 1e-2
 
 _AS_GOOD, _ALIKE = 0.02, 0.25
 """Parts by which objectives, and numbers of order one, of two answers in one valley differ at most."""
+_NEAR, _TIMES_BEST = 0.02, 2.0
+"""An answer is near if its objective is at most the first, a fiftieth of the motion's extent, or so many times the best."""
 
 
 @dataclass(frozen=True)
@@ -153,6 +155,22 @@ def distinct(
         identities = np.vstack([identities, mine]) if identities.size else mine[None, :]
         objectives = np.append(objectives, objective)
     return kept
+
+
+def behind(objective: Floats, strays: NDArray[np.bool_], tolerance: float) -> NDArray[np.intp]:
+    """Groups of answers (n,) that are ranked one behind the other, each by objective.
+
+    0: exact ones, 1: exact ones that stray between samples, 2: others that are near and do not stray, 3: the rest. A curve that
+    meets its samples closely by going far away between them is not what anybody draws; but where all that stay are
+    far off, it is the better answer.
+
+    >>> behind(np.array([1e-12, 1e-12, 1e-3, 4e-3, 0.3]), np.array([True, False, True, False, False]), 1e-10)
+    array([1, 0, 3, 2, 3])
+    """
+    exact = objective < tolerance
+    best = np.min(objective, initial=np.inf, where=~exact)
+    near = ~strays & (objective <= max(_NEAR, _TIMES_BEST * best))
+    return np.where(exact, strays.astype(int), np.where(near, 2, 3))
 
 
 def spread(answers: Sequence[A], top: int, loss: float, floor: float) -> list[A]:

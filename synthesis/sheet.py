@@ -89,6 +89,13 @@ class Sheet:
         return "\n".join([head, f"<title>{title}</title>", *parts, "</svg>"]) + "\n"
 
 
+class Extra(NamedTuple):
+    """What a drawing to look at holds besides: ``points`` that must be on its page, and what is drawn on it."""
+
+    points: NDArray[np.complex128]
+    draw: Callable[[Sheet], str]
+
+
 class More(NamedTuple):
     """What a drawing holds besides, on a layer of its own: ``draw(modelspace, xy, size)`` of the drawing's own size."""
 

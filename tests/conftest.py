@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import fcntl
 import math
+import multiprocessing
 import os
 import re
 import signal
@@ -22,6 +23,7 @@ from typing import Any
 
 import pytest
 import uvicorn
+from _pytest.assertion import rewrite
 from fastapi.testclient import TestClient
 from hypothesis import HealthCheck, settings
 
@@ -46,10 +48,29 @@ settings.register_profile(
 settings.load_profile("suite")
 
 
-def pytest_configure() -> None:
-    """What is tested is what can be read."""
+def pytest_configure(config: pytest.Config) -> None:
+    """What is tested is what can be read; what all processes of the tests would compile each for itself is compiled before."""
     if not compiled_from(SOURCE, LIBRARY):
         raise pytest.UsageError(f"{SOURCE} is not what is compiled: python setup.py build_ext --inplace --force")
+    if getattr(config.option, "numprocesses", None) and not sys.dont_write_bytecode:
+        halves = [multiprocessing.get_context("fork").Process(target=compile_tests, args=(config, k)) for k in (0, 1)]
+        for half in halves:
+            half.start()
+        for half in halves:
+            half.join()
+
+
+def compile_tests(config: pytest.Config, first: int) -> None:
+    """Every second test module with its assertions rewritten, as pytest stores it: a clean checkout has none of them.
+
+    pytest offers no name for it; without it each of its processes does the work of all.
+    """
+    for path in sorted(Path(__file__).parent.rglob("test_*.py"))[first::2]:
+        stored = rewrite.get_cache_dir(path) / (path.stem + rewrite.PYC_TAIL)
+        if rewrite._read_pyc(path, stored) is None:
+            stored.parent.mkdir(exist_ok=True)
+            source_hash, code = rewrite._rewrite_test(path, config)
+            rewrite._write_pyc(config.stash[rewrite.assertstate_key], code, source_hash, stored)
 
 
 def some_of(cases: Sequence[Any], default: int) -> list[Any]:

@@ -68,7 +68,9 @@ class ExportRequest(RequestModel):
     )
     solids: SolidsRequest | None = Field(None, description="For the same: fits, materials, scale.")
     drive: GivenDrive | None = Field(
-        None, description="A drive of a reply, as it came: columns of CSV, a layer of DXF, the drive of MJCF."
+        None,
+        description="A drive of a reply, as it came: columns of CSV, lines of SVG, a layer of DXF, the drive of MJCF; of a "
+        "motor and its rod also their parts.",
     )
 
 

@@ -1,154 +1,130 @@
-"""A motor that turns on, and its rod, as two more plates on a four-bar: all of it then moves over a turn of the motor."""
+"""A motor that turns on, and its rod, as two more plates on a linkage: all of it then moves over a turn of the motor."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
 from synthesis.arrays import Floats
+from synthesis.assembly.guided import guided
 from synthesis.assembly.machine import Hole, Machine, Pin, Plate, Sizes, four_bar
-from synthesis.assembly.movement import GROUND, Bodies, Crank, Dyad, Movement, Place, Step
+from synthesis.assembly.movement import GROUND, Between, Bodies, Crank, Movement, Place
 from synthesis.assembly.shapes import Shape, hull
+from synthesis.drives.six_bar import MOTOR_CRANK, ROD, Motor, SixBar
 from synthesis.errors import FieldError
 from synthesis.fourbar.files import plate_sizes
 from synthesis.fourbar.linkage import Linkage
+from synthesis.guided.linkage import GuidedLinkage
 from synthesis.target import TURN, Interval
 
-LINKS = ("crank", "rocker")
-"""Links that a motor's rod may move: those that turn about a fixed pivot."""
-_NEAR = 1e-3
-"""Part of the lengths, and radians, by which what a motor does may differ from what the linkage needs."""
-
-
-class Motor(NamedTuple):
-    """A motor at a place of the user's plane, its crank and rod, and the rod's pin in the frame of a link."""
-
-    link: str
-    at: complex
-    crank: float
-    rod: float
-    pin: complex
+_ROUNDING = 1e-13
+"""Of the way: places of the drive are found to far less."""
 
 
 @dataclass(frozen=True)
-class Fixed:
-    """A frame that is fixed to a body: its origin a point of it, its x axis turned by an angle."""
+class Swung:
+    """The bodies of a linkage that a motor swings through its way and back.
 
-    body: int
-    to: Place
-    turn: float
+    On either way the place of its drive is monotone in the motor's angle. So over a cell it stays between the places at both ends
+    of the cell, and one end of the way where a dead centre lies within; the linkage's own movement encloses the rest.
+    """
+
+    six: SixBar
+    plain: Movement
 
     def place(self, bodies: Bodies, travel: Floats, half: Floats) -> None:
-        """It turns as the body does."""
-        bodies.origin[self.body] = bodies.point(self.to)
-        bodies.direction[self.body] = bodies.direction[self.to.body] * np.exp(1j * self.turn)
-        bodies.shift[self.body] = bodies.spread(self.to)
-        bodies.turn[self.body] = bodies.turn[self.to.body]
+        """``travel``, ``half`` (m,): of the motor."""
+        middle = self.six.travel(travel)
+        spread = np.zeros(travel.shape)
+        wide = half > 0
+        if wide.any():
+            here, by = travel[wide], np.minimum(half[wide], np.pi)
+            ends = self.six.travel(np.concatenate([here - by, here + by])).reshape(2, -1)
+            off = np.abs(ends - middle[wide]).max(axis=0)
+            for angle, end in zip((0.0, self.six.last), self.six.used):
+                within = np.abs((here - angle + np.pi) % TURN - np.pi) <= by
+                off = np.where(within, np.maximum(off, np.abs(end - middle[wide])), off)
+            spread[wide] = off + _ROUNDING * abs(self.six.used[1] - self.six.used[0])
+        found = self.plain.bodies(middle, spread)
+        for all_of, some in zip(bodies, found):
+            all_of[: len(some)] = some
 
 
 def motor_driven(
-    linkage: Linkage, used: Interval, motor: Motor, sizes: Sizes, body: Sequence[complex] = (), bar: bool = False
+    linkage: Linkage | GuidedLinkage,
+    used: Interval,
+    motor: Motor,
+    sizes: Sizes,
+    body: Sequence[complex] = (),
+    bar: bool = False,
 ) -> Machine:
-    """A four-bar that a motor moves from one end of an interval to the other and back; the drive's travel is the motor's turn.
+    """A linkage that a motor moves from one end of an interval to the other and back; the drive's travel is the motor's turn.
 
     Further plates: motor_crank and rod; further pins: M, the motor's shaft, K between both, Q on the link.
 
-    Raises `FieldError`: for a motor that does not move the linkage over the interval.
+    Raises `FieldError`: for a motor that does not move the linkage over the interval, and a rod on a link that is no plate.
     """
-    hole, width = plate_sizes((*linkage.links, motor.crank, motor.rod), sizes.hole, sizes.width)
-    plain = four_bar(linkage, used, Sizes(hole, width, sizes.clearance), body, bar)
-    at = motor.at - plain.origin
-    pivot = 0j if motor.link == "crank" else linkage.pivot_b - linkage.pivot_a
+    six = SixBar.of(linkage, used, motor)
+
+    def of(given: Sizes) -> Machine:
+        if isinstance(linkage, Linkage):
+            return four_bar(linkage, used, given, body, bar)
+        return guided(linkage, used, given, body, bar)
+
+    plain = of(sizes)
+    hole, width = plate_sizes((*plain.lengths, motor.crank, motor.rod), sizes.hole, sizes.width)
+    plain = of(Sizes(hole, width, sizes.clearance))
+    if motor.link not in plain.movement.names:
+        raise FieldError("/drive/link", f"the rod moves the {motor.link}, which is no plate: it is not arranged")
     link = plain.movement.names.index(motor.link)
-    end = complex(plain.movement.bodies(np.zeros(1)).point(Place(link, motor.pin))[0])
-    length = abs(end - at)
-    # at an end of the swing rod and crank lie on a line
-    inward = abs(length - (motor.rod - motor.crank)) < abs(length - (motor.rod + motor.crank))
-    towards = (end - at) / length * (-1 if inward else 1)
-    knee = at + motor.crank * towards
-    side = 1 if np.imag(np.conj(pivot - knee) * (end - knee)) > 0 else -1
-    names = [*plain.movement.names, "motor_crank", "rod", "lever"]
-    cranked, rod, lever = len(names) - 3, len(names) - 2, len(names) - 1
-    steps: list[Step] = [
-        Crank(cranked, Place(GROUND, at), float(np.angle(towards))),
-        Dyad(
-            rod,
-            lever,
-            Place(cranked, complex(motor.crank)),
-            Place(GROUND, pivot),
-            motor.rod,
-            abs(motor.pin),
-            side,
+    # the body's frame of a linkage on guides begins at the driven guide's body point
+    own = isinstance(linkage, GuidedLinkage) and motor.link == "coupler"
+    pin = motor.pin - linkage.guides[0].body_point if own and isinstance(linkage, GuidedLinkage) else motor.pin
+    at = motor.at - plain.origin
+    cranked, rod = len(plain.movement.names), len(plain.movement.names) + 1
+    end, held = Place(cranked, complex(motor.crank)), Place(link, pin)
+    movement = Movement(
+        (*plain.movement.names, MOTOR_CRANK, ROD),
+        (
+            Swung(six, plain.movement),
+            Crank(cranked, Place(GROUND, at), six.start),
+            Between(rod, end, held, motor.rod),
         ),
-        Fixed(link, Place(lever, 0j), -float(np.angle(motor.pin))),
-    ]
-    crank, coupler, rocker, _ = linkage.links
-    if motor.link == "crank":
-        b = linkage.pivot_b - linkage.pivot_a
-        steps.append(Dyad(2, 3, Place(1, complex(crank)), Place(GROUND, b), coupler, rocker, linkage.branch))
-    else:
-        names.append("back_of_coupler")
-        joints = linkage.joints(np.zeros(1))
-        d, c = joints.crank_pin[0] - plain.origin, joints.coupler_pin[0] - plain.origin
-        behind = 1 if np.imag(np.conj(-c) * (d - c)) > 0 else -1
-        back = len(names) - 1
-        steps.append(Dyad(back, 1, Place(3, complex(rocker)), Place(GROUND, 0j), coupler, crank, behind))
-        steps.append(Fixed(2, Place(back, complex(coupler)), np.pi))
-    movement = Movement(names, steps)
-    _check(linkage, plain, movement, Place(rod, complex(motor.rod)), Place(link, motor.pin))
-    plates = [_with_pin(one, motor.pin, hole, "Q") if one.name == motor.link else one for one in plain.plates]
+    )
+    free = not any(one.name == "P" for one in plain.pins)
+    plates = [_with_pin(one, pin, hole, "Q", free) if one.name == motor.link else one for one in plain.plates]
+    if bar:
+        plates = [_with_pin(one, at, hole, "M", free) if one.name == "bar" else one for one in plates]
     for name, number, reach, ends in (
-        ("motor_crank", cranked, motor.crank, ("M", "K")),
-        ("rod", rod, motor.rod, ("K", "Q")),
+        (MOTOR_CRANK, cranked, motor.crank, ("M", "K")),
+        (ROD, rod, motor.rod, ("K", "Q")),
     ):
         shape = Shape((0j, complex(reach)), width / 2)
         plates.append(Plate(name, number, shape, (Hole(0j, ends[0]), Hole(complex(reach), ends[1]))))
-    joins = ("motor_crank", "bar") if bar else ("motor_crank",)
-    pins = [
+    joins = (MOTOR_CRANK, "bar") if bar else (MOTOR_CRANK,)
+    pins = (
         *plain.pins,
         Pin("M", (Place(GROUND, at), Place(cranked, 0j)), hole / 2, joins),
-        Pin("K", (Place(cranked, complex(motor.crank)), Place(rod, 0j)), hole / 2, ("motor_crank", "rod")),
-        Pin("Q", (Place(rod, complex(motor.rod)), Place(link, motor.pin)), hole / 2, ("rod", motor.link)),
-    ]
-    if bar:
-        plates = [_with_pin(one, at, hole, "M") if one.name == "bar" else one for one in plates]
+        Pin("K", (end, Place(rod, 0j)), hole / 2, (MOTOR_CRANK, ROD)),
+        Pin("Q", (Place(rod, complex(motor.rod)), held), hole / 2, (ROD, motor.link)),
+    )
     return replace(
         plain,
         movement=movement,
         plates=tuple(plates),
-        pins=tuple(pins),
+        pins=pins,
         used=Interval(0.0, TURN),
         loop=None,
         size=max(plain.size, motor.rod),
         lengths=(*plain.lengths, motor.crank, motor.rod),
+        turns=True,
     )
 
 
-def _with_pin(plate: Plate, at: complex, hole: float, pin: str) -> Plate:
-    """A plate that reaches to one more pin."""
+def _with_pin(plate: Plate, at: complex, hole: float, pin: str, free: bool) -> Plate:
+    """A plate that reaches to one more pin; ``free``: a hole for the body point alone gives way to it."""
     core = hull((*plate.shape.core, at))
-    return replace(plate, shape=Shape(core, plate.shape.radius), holes=(*plate.holes, Hole(at, pin)))
-
-
-def _check(linkage: Linkage, plain: Machine, movement: Movement, rod: Place, pin: Place) -> None:
-    """FieldError unless the motor moves the linkage from one end of its used interval to the other, and no farther."""
-    turned = movement.bodies(np.linspace(0.0, TURN, 721))
-    wanted = plain.movement.bodies(np.linspace(*plain.used, 181))
-    size = plain.size
-    held = bool(
-        np.abs(turned.point(rod) - turned.point(pin)).max() < _NEAR * size
-    )  # the rod reaches the pin everywhere
-    for body, reach in ((1, linkage.links[0]), (3, linkage.links[2])):
-        joint = Place(body, complex(reach))
-        found, ends = turned.point(joint), wanted.point(joint)
-        far = max(np.abs(found - end).min() for end in (ends[0], ends[-1]))
-        beyond = np.abs(found[:, None] - ends[None]).min(axis=1).max()
-        step = np.abs(np.diff(ends)).max()
-        if not (held and far < max(_NEAR * size, step) and beyond < max(_NEAR * size, step)):
-            raise FieldError(
-                "/drive",
-                "the motor and its rod do not move this linkage over its used interval, from one end to the other",
-            )
+    holes = [one for one in plate.holes if not (free and one.pin == "P" and abs(one.at - at) <= hole)]
+    return replace(plate, shape=Shape(core, plate.shape.radius), holes=(*holes, Hole(at, pin)))

@@ -24,7 +24,7 @@ import numpy as np
 
 from synthesis.arrays import Floats
 from synthesis.assembly.machine import CLEARANCE, Hole, Machine, Pin, Plate, Sizes, Slit, carried_by
-from synthesis.assembly.movement import GROUND, Bodies, Crank, Movement, Place, turn_over
+from synthesis.assembly.movement import GROUND, Between, Bodies, Crank, Movement, Place, turn_over
 from synthesis.assembly.shapes import Shape, hull
 from synthesis.errors import FieldError
 from synthesis.fourbar.files import plate_sizes
@@ -155,23 +155,6 @@ def _asin(sine: Floats) -> Floats:
     return np.asarray(np.arctan2(inside, np.sqrt((1.0 - inside) * (1.0 + inside))))
 
 
-@dataclass(frozen=True)
-class Rocker:
-    """A link from a fixed pivot to a pin of the body; its frame begins at the pivot, x to the pin."""
-
-    body: int
-    pivot: complex
-    radius: float
-    pin: Place
-
-    def place(self, bodies: Bodies, travel: Floats, half: Floats) -> None:
-        """The pin moves on its circle: a chord of d is an angle of 2 asin(d / (2 radius))."""
-        bodies.origin[self.body] = self.pivot
-        bodies.direction[self.body] = (bodies.point(self.pin) - self.pivot) / self.radius
-        chord = np.minimum(bodies.spread(self.pin) / (2 * self.radius), 1.0)
-        bodies.shift[self.body], bodies.turn[self.body] = 0.0, 2 * np.arcsin(chord)
-
-
 def guided(
     linkage: GuidedLinkage, used: Interval, sizes: Sizes, body: Sequence[complex] = (), bar: bool = False
 ) -> Machine:
@@ -204,7 +187,7 @@ def guided(
     size = max([*lengths, arm])
     plates: list[Plate] = []
     pins: list[Pin] = []
-    steps: list[OnGuides | Rocker | Crank] = [OnGuides(local)]
+    steps: list[OnGuides | Between | Crank] = [OnGuides(local)]
     names = ["ground", "coupler"]
     corners, holes, slits = [-driven.body_point], [], []
     for place, one in enumerate(local.guides):
@@ -216,7 +199,7 @@ def guided(
             if place == 0:
                 steps.append(Crank(number, Place(GROUND, one.pivot), linkage.start))
             else:
-                steps.append(Rocker(number, one.pivot, one.radius, Place(BODY, at)))
+                steps.append(Between(number, Place(GROUND, one.pivot), Place(BODY, at), one.radius))
             end = complex(one.radius)
             plates.append(Plate(name, number, Shape((0j, end), width / 2), (Hole(0j, fixed), Hole(end, moving))))
             pins.append(Pin(fixed, (Place(GROUND, one.pivot), Place(number, 0j)), hole / 2, (name,)))
@@ -282,6 +265,7 @@ def guided(
         tuple(lengths),
         origin,
         linkage.driver.turns,
+        -driven.body_point,
         stops=all(isinstance(one, Circle) for one in linkage.guides),
     )
 

@@ -105,6 +105,25 @@ class Dyad:
             bodies.turn[body] = turn_over(near, far, r, e)
 
 
+@dataclass(frozen=True)
+class Between:
+    """A link of a length between points of two bodies that keep it; its frame begins at the first, x to the second."""
+
+    body: int
+    first: Place
+    second: Place
+    length: float
+
+    def place(self, bodies: Bodies, travel: Floats, half: Floats) -> None:
+        """Its direction moves by a chord, at most what both ends do over its length: an angle of 2 asin(chord / 2)."""
+        origin = bodies.point(self.first)
+        shift = bodies.spread(self.first)
+        bodies.origin[self.body] = origin
+        bodies.direction[self.body] = (bodies.point(self.second) - origin) / self.length
+        chord = np.minimum((shift + bodies.spread(self.second)) / (2 * self.length), 1.0)
+        bodies.shift[self.body], bodies.turn[self.body] = shift, 2 * np.arcsin(chord)
+
+
 def turn_over(near: float, far: float, r: Floats, e: Floats) -> Floats:
     """How far the side ``near`` of a triangle turns whose side r varies by at most e, its direction with it."""
     low, high = np.maximum(r - e, abs(near - far)), np.minimum(r + e, near + far)

@@ -35,7 +35,17 @@ from synthesis.atlas.header import (
 )
 from synthesis.atlas.index import reserve
 from synthesis.atlas.series import New
-from synthesis.atlas.table import COLUMNS, SCHEMA, UNITS, Atlas, AtlasRule, Parts, compute_rows, content_hash
+from synthesis.atlas.table import (
+    COLUMNS,
+    SCHEMA,
+    UNITS,
+    Atlas,
+    AtlasRows,
+    AtlasRule,
+    Parts,
+    compute_rows,
+    content_hash,
+)
 from synthesis.errors import AtlasError, AtlasFault
 
 CHUNK_BYTES = 1 << 20
@@ -292,8 +302,8 @@ def _read(file: h5py.File, max_types: int, new: New) -> tuple[Atlas, str]:
     )
 
 
-def load_row(path: Path, sha256: str, row: int) -> tuple[float, list[float]]:
-    """Average and details of a row of a file that has been verified: of the one whose header says ``sha256``.
+def load_row(path: Path, sha256: str, row: int) -> AtlasRows:
+    """One row of a file that has been verified: of the one whose header says ``sha256``.
 
     Raises `AtlasError`: it is missing, has been replaced, or the row cannot be read.
     """
@@ -302,7 +312,7 @@ def load_row(path: Path, sha256: str, row: int) -> tuple[float, list[float]]:
             refuse(AtlasFault.CHECKSUM, "it has been replaced meanwhile")
         try:
             with h5py.File(_Image(file.fileno(), closefd=False), "r") as image:
-                return float(image["average"][row]), image["details"][row].tolist()
+                return AtlasRows(*(image[name][row : row + 1] for name in AtlasRows._fields))
         except Exception as error:
             raise AtlasError(AtlasFault.CHECKSUM, f"row {row + 1}: {type(error).__name__}") from None
 

@@ -24,7 +24,7 @@ import logging
 import math
 import os
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -100,6 +100,7 @@ class Index(InMemory):
         self.folder, self.source, self.stamp, self.prefix = folder, source, stamp, prefix
         self._key = {"atlas": source, "version": VERSION}
         self._open: dict[Path, Part] = {}
+        self._faults: dict[Path, Exception] = {}
 
     @property
     def folders(self) -> list[Path]:
@@ -116,7 +117,7 @@ class Index(InMemory):
         return Index(self.folder, self.source, self.stamp, prefix)
 
     def known(self, name: str) -> Part | None:
-        """A part that is there, whole and of this key; why it is none is logged unless it is missing."""
+        """A part that is there, whole and of this key; why one is none is logged where another is made in its place."""
         path = self.folder / (self.prefix + name)
         if path in self._open:
             return self._open[path]
@@ -125,15 +126,19 @@ class Index(InMemory):
         except (FileNotFoundError, NotADirectoryError):
             return None
         except (OSError, ValueError, KeyError, TypeError) as error:
-            log.warning("%s: %s", path, error)
+            self._faults[path] = error
             return None
+        self._faults.pop(path, None)
         self._open[path] = part
         return part
 
     def part(self, name: str, fill: Fill, go_on: Callable[[], None] = _go_on) -> Part:
         """As of `InMemory`, from files, which are made where there are none; in memory where none can be written."""
+        known, path = self.known(name), self.folder / (self.prefix + name)
+        if fault := self._faults.get(path):
+            log.warning("%s is made anew: %s", path, fault)
         try:
-            return self.known(name) or self._made(name, fill, go_on)
+            return known or self._made(name, fill, go_on)
         except OSError as error:
             log.warning("%s%s of the index is made in memory: %s", self.prefix, name, error)
             return super().part(name, fill)
@@ -187,20 +192,34 @@ def check_index(folder: Path) -> int:
     Raises `AtlasError`: a file is not what was written.
     """
     count = 0
+    for file, whole in _compared(folder):
+        if not whole:
+            raise AtlasError(
+                AtlasFault.CHECKSUM, f"of its index {file}; remove {file.parent}, and the next start makes it anew"
+            )
+        count += 1
+    return count
+
+
+def remove_damaged(folder: Path) -> None:
+    """Remove the parts of an index of which a file is not what was written; the next that needs one makes it anew."""
+    for part, file in {file.parent: file for file, whole in _compared(folder) if not whole}.items():
+        log.warning("%s is removed: %s is not what was written", part, file.name)
+        shutil.rmtree(part, ignore_errors=True)
+
+
+def _compared(folder: Path) -> Iterator[tuple[Path, bool]]:
+    """The files of an index, and whether each has the hash that its manifest tells; of a damaged manifest that one alone."""
     for manifest in sorted(folder.glob(f"*/{_MANIFEST}")):
         part = manifest.parent
         try:
             arrays = _manifest_of(part)["arrays"]
         except (OSError, ValueError, KeyError, TypeError):
-            arrays = {_MANIFEST: {"sha256": ""}}
+            yield manifest, False
+            continue
         for name, told in arrays.items():
-            file = part / f"{name}.npy" if name != _MANIFEST else manifest
-            if _file_hash(file) != told["sha256"]:
-                raise AtlasError(
-                    AtlasFault.CHECKSUM, f"of its index {file}; remove {part}, and the next start makes it anew"
-                )
-            count += 1
-    return count
+            file = part / f"{name}.npy"
+            yield file, _file_hash(file) == told["sha256"]
 
 
 def _file_hash(path: Path) -> str:

@@ -10,12 +10,17 @@ from typing import Any
 import numpy as np
 
 from synthesis.arrays import Complexes
-from synthesis.drives.dyad import driven
 from synthesis.drives.links import GROUND, Machine
+from synthesis.drives.six_bar import SixBar
 from synthesis.errors import FieldError
+from synthesis.sheet import Extra, Sheet
+from synthesis.target import TURN
 
 LAYER, COLOUR = "DRIVE", 6
 """Of a drawing, and AutoCAD's number of its colour."""
+_LIGHT = 0.1
+"""Of the heaviest link in a simulation: what the two links of a motor or of a knee weigh."""
+_STYLE = "<style>.drive{stroke:#d97706;stroke-width:6}</style>"
 _BODY_WIDTH = 0.08
 """Of an actuator's body in a drawing, over its retracted length."""
 
@@ -38,6 +43,8 @@ class Attached:
     sizes: tuple[float, float]
     extends: bool = True
     knee: complex | None = None
+    six_bar: SixBar | None = None
+    """Of a motor that swings the machine."""
 
     def ends(self) -> tuple[Complexes, Complexes]:
         """Where its other end and its pin are, (n,) each."""
@@ -53,10 +60,8 @@ class Attached:
 
     def knees(self) -> Complexes | None:
         """Where motor crank and rod meet on the way forwards, or handle and strut, (n,); None where there is no such place."""
-        if self.kind == "dyad":
-            link = self.machine.links[self.link]
-            found = driven(link, np.zeros(self.machine.at.size), self.ground, self.pin, *self.sizes, self.extends)
-            return None if found is None else found.crank_pin[0]
+        if self.six_bar is not None:
+            return self.six_bar.knee(self.six_bar.forwards(self.machine.at))
         if self.kind != "toggle" or self.knee is None:
             return None
         ground, pin = self.ends()
@@ -90,30 +95,46 @@ class Attached:
             found[f"drive_{name}_x"], found[f"drive_{name}_y"] = place.real, place.imag
         return {name: values.tolist() for name, values in found.items()}
 
-    def draw(self, space: Any, xy: Callable[[complex], tuple[float, float]], size: float) -> None:
-        """Its lines on the layer `LAYER` of a drawing, at the first position; ``size``: of the drawing, in its unit."""
-        at = {"layer": LAYER}
+    def lines(self) -> tuple[list[complex], list[complex], list[tuple[Complexes, bool]]]:
+        """What is drawn of it at the first position: its fixed place, its pins, and lines, closed or not."""
         ground, pin = (complex(place[0]) for place in self.ends())
-        space.add_circle(xy(ground), 0.02 * size, dxfattribs=at)
         if self.kind == "rotary":
-            return
-        space.add_circle(xy(pin), 0.012 * size, dxfattribs=at)
+            return [ground], [], []
         knees = self.knees()
         if knees is not None:
-            space.add_lwpolyline([xy(ground), xy(complex(knees[0])), xy(pin)], dxfattribs=at)
-            space.add_circle(xy(complex(knees[0])), 0.012 * size, dxfattribs=at)
-            if self.kind == "dyad":
-                turn = abs(complex(*xy(ground)) - complex(*xy(ground + self.sizes[0])))
-                space.add_circle(xy(ground), turn, dxfattribs=at)
-            return
-        way = (pin - ground) / abs(pin - ground)
+            knee = complex(knees[0])
+            way = ground + abs(knee - ground) * np.exp(1j * np.linspace(0.0, TURN, 73))
+            return (
+                [ground],
+                [pin, knee],
+                [(np.array([ground, knee, pin]), False)] + [(way, True)] * (self.kind == "dyad"),
+            )
+        along = (pin - ground) / abs(pin - ground)
         body, half = 0.85 * self.sizes[0], 0.5 * _BODY_WIDTH * self.sizes[0]
-        corners = [
-            ground + way * (along + 1j * across)
-            for along, across in ((0, half), (body, half), (body, -half), (0, -half))
-        ]
-        space.add_lwpolyline([xy(corner) for corner in corners], close=True, dxfattribs=at)
-        space.add_line(xy(ground + way * body), xy(pin), dxfattribs=at)
+        corners = np.array([1j * half, body + 1j * half, body - 1j * half, -1j * half])
+        rod = np.array([ground + along * body, pin])
+        return [ground], [pin], [(ground + along * corners, True), (rod, False)]
+
+    def draw(self, space: Any, xy: Callable[[complex], tuple[float, float]], size: float) -> None:
+        """It on the layer `LAYER` of a drawing for CAD; ``size``: of the drawing, in its unit."""
+        at = {"layer": LAYER}
+        pivots, pins, lines = self.lines()
+        for places, radius in ((pivots, 0.02), (pins, 0.012)):
+            for place in places:
+                space.add_circle(xy(place), radius * size, dxfattribs=at)
+        for line, closed in lines:
+            space.add_lwpolyline([xy(complex(place)) for place in line], close=closed, dxfattribs=at)
+
+    def shown(self) -> Extra:
+        """It in a drawing to look at."""
+        pivots, pins, lines = self.lines()
+
+        def draw(sheet: Sheet) -> str:
+            parts = [sheet.line(line, "drive", closed) for line, closed in lines]
+            parts += [sheet.dot(place, 11, 'class="pivot"') for place in pivots]
+            return _STYLE + "".join([*parts, *(sheet.dot(place, 8, 'class="pin"') for place in pins)])
+
+        return Extra(np.concatenate([np.array([*pivots, *pins]), *(line for line, _ in lines)]), draw)
 
     def simulated(self, model: str, metre: float) -> str:
         """A MuJoCo model with this drive in the place of its own; ``metre``: metres in the machine's unit of length."""
@@ -153,8 +174,13 @@ class Attached:
         rod = float(np.angle(pin - knee)) - turned
         model = self._with_site(model, self.link, "drive_pin", self.pin, metre)
 
+        heaviest = max(float(one) for one in re.findall(r'<inertial [^>]*?mass="([^"]+)"', model))
+
         def part(length: float) -> str:
+            mass = _LIGHT * heaviest
+            inertia = mass * length**2 / 12
             return (
+                f'<inertial pos="{length / 2!r} 0 0" mass="{mass!r}" diaginertia="{inertia!r} {inertia!r} {inertia!r}"/>'
                 f'<geom type="capsule" fromto="0 0 0 {length!r} 0 0" size="{0.01 * max(first, second)!r}" '
                 'rgba="0.8 0.2 0.6 1"/>'
             )

@@ -176,18 +176,26 @@ class Driven:
 
 
 def driven(
-    link: LinkMotion, torque: Floats, motor: complex, pin: complex, crank: float, rod: float, extends: bool
+    link: LinkMotion,
+    torque: Floats,
+    motor: complex,
+    pin: complex,
+    crank: float,
+    rod: float,
+    extends: bool,
+    loose: float = _LOOSE,
 ) -> Driven | None:
     """What motor and rod do to a link, for a motor that turns so that the rod's side is kept; None where they do not drive it.
 
-    The motor passes a dead centre at either end: the pin's distance must grow or shrink all the way between.
+    The motor passes a dead centre at either end: the pin's distance must grow or shrink all the way between. ``loose``: by how
+    much of crank and rod together the ends may differ from the dead centres.
     """
     v = link.place(pin) - motor
     length = np.abs(v)
     along = v / length
     way = np.diff(length)
     ends = [rod - crank, rod + crank] if extends else [rod + crank, rod - crank]
-    if np.max(np.abs(length[[0, -1]] - ends)) > _LOOSE * (rod + crank):
+    if np.max(np.abs(length[[0, -1]] - ends)) > loose * (rod + crank):
         return None
     if not (np.all(way > 0) if extends else np.all(way < 0)):
         return None

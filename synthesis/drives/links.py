@@ -93,6 +93,8 @@ class Loading(NamedTuple):
     masses: tuple[Mass, ...] = ()
     gravity: complex = 0j
     speed: float = 0.0
+    metre: float = 1.0
+    """Force of a unit of mass that gains a unit of length a second every second: 0.001 for kg, mm and N."""
 
 
 @dataclass(frozen=True)
@@ -143,8 +145,14 @@ class Machine:
             torque -= mass.mass * dot(load.gravity, link.speed(mass.at))
             if load.speed:
                 inertial = mass.mass * dot(link.change(mass.at), link.speed(mass.at))
-                torque += load.speed**2 * (inertial + mass.inertia * link.rate_change * link.rate)
+                torque += load.metre * load.speed**2 * (inertial + mass.inertia * link.rate_change * link.rate)
         return torque
+
+
+def ends_of(at: Floats) -> Interval:
+    """The least and the largest of places of a drive, from the end that is nearer to the first one."""
+    low, high = float(np.min(at)), float(np.max(at))
+    return Interval(low, high) if abs(at[0] - low) <= abs(at[0] - high) else Interval(high, low)
 
 
 def machine_of(linkage: Linkage | GuidedLinkage, interval: Interval, samples: int = SAMPLES) -> Machine:
@@ -226,10 +234,14 @@ def _guided(linkage: GuidedLinkage, at: Floats) -> Machine:
 
 
 def hinged(pivot: complex, start: float, swing: float, length: float, samples: int = SAMPLES) -> Machine:
-    """A link that swings about a fixed pivot and is the body itself, its body point at its end: a flap, a wiper, a boom."""
-    at = np.linspace(0.0, swing, samples)
+    """A link that swings about a fixed pivot, at even steps; see `hinged_at`."""
+    return hinged_at(pivot, start, length, np.linspace(0.0, swing, samples))
+
+
+def hinged_at(pivot: complex, start: float, length: float, at: Floats) -> Machine:
+    """A link on a hinge that is the body itself, its body point at its end: a flap, a wiper, a boom; at angles (n,)."""
     direction = np.exp(1j * (start + at))
-    ones, still = np.ones(samples), np.zeros(samples, dtype=complex)
+    ones, still = np.ones(at.size), np.zeros(at.size, dtype=complex)
     rocker = LinkMotion("rocker", pivot + still, direction, still, ones, still, 0 * ones, pivot)
     end = LinkMotion(
         "body",

@@ -53,9 +53,13 @@ def pin_forces(machine: Machine, load: Loading, pulls: Sequence[Pull], on_rocker
     moments["coupler"] = moments["coupler"] + load.torque
     for mass in load.masses:
         link = machine.link(mass.link)
-        add(mass.link, link.place(mass.at), mass.mass * (load.gravity - load.speed**2 * link.change(mass.at)))
+        add(
+            mass.link,
+            link.place(mass.at),
+            mass.mass * (load.gravity - load.metre * load.speed**2 * link.change(mass.at)),
+        )
         name = "coupler" if mass.link == "body" else mass.link
-        moments[name] = moments[name] - mass.inertia * load.speed**2 * link.rate_change
+        moments[name] = moments[name] - load.metre * mass.inertia * load.speed**2 * link.rate_change
     for pull in pulls:
         if pull.link in origins:
             add(pull.link, pull.place, pull.force)

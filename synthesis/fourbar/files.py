@@ -16,7 +16,7 @@ from synthesis.errors import FieldError
 from synthesis.fourbar.analysis import LinkMass, curve_over
 from synthesis.fourbar.kinematics import close_loop
 from synthesis.fourbar.linkage import Joints, Linkage
-from synthesis.sheet import More, Sheet, csv_text, dxf_document, dxf_text, given_cells
+from synthesis.sheet import Extra, More, Sheet, csv_text, dxf_document, dxf_text, given_cells
 from synthesis.target import Interval, Target
 
 FARTHEST = 1e9
@@ -75,8 +75,8 @@ def requested_poses(target: Target, turned: Floats) -> Iterable[tuple[complex, f
     return ((place, turn) for place, turn in zip(places, turns) if np.isfinite(place))
 
 
-def to_svg(linkage: Linkage, target: Target) -> str:
-    """A drawing at the first sample, y up, with the names of the joints and the lengths of the links."""
+def to_svg(linkage: Linkage, target: Target, extra: Extra | None = None) -> str:
+    """A drawing at the first sample, y up, with the names of the joints and the lengths of the links; `Extra`: further parts."""
     used, turn, now = used_joints(linkage, target.interval), linkage.turn(), linkage.joints(np.zeros(1))
     a, b, d, c = now.pivot_a, now.pivot_b, now.crank_pin[0], now.coupler_pin[0]
     point = None if now.body_point is None else now.body_point[0]
@@ -87,6 +87,8 @@ def to_svg(linkage: Linkage, target: Target) -> str:
         shown.append(path)
         if way is not None and np.all(np.isfinite(way)):
             shown.append(way)
+    if extra is not None:
+        shown.append(extra.points)
     sheet = Sheet(np.concatenate(shown), 0.08, 1000, digits=7)
 
     def dot(z: complex, radius: float, name: str) -> str:
@@ -113,6 +115,7 @@ def to_svg(linkage: Linkage, target: Target) -> str:
             f'<g id="BODY">{sheet.line(body, "body", closed=True)}</g>',
             f'<g id="LINKS">{sheet.line(np.array([a, d]), "crank")}{sheet.line(np.array([b, c]), "rocker")}</g>',
             f"<g>{pins}{'' if point is None else dot(point, 7, 'point')}</g>",
+            *([] if extra is None else [f'<g id="DRIVE">{extra.draw(sheet)}</g>']),
             f'<g id="NAMES">{names}{sizes}</g>',
         ],
     )

@@ -36,6 +36,7 @@ from synthesis.fourbar.kinematics import Closure, close_loop, grashof_excesses
 from synthesis.fourbar.limits import (
     LINK_RATIO,
     REACH,
+    SHORTEST,
     TRANSMISSION_ANGLE,
     TRANSMISSION_ANGLE_TURN,
     Limits,
@@ -403,6 +404,8 @@ def faults_of(
         extent, middle = samples.extent, complex(samples.position_mean(samples.position))
         if limits.link_max is None and longest > REACH * extent:
             faults.append(f"longest link {longest / extent:.3g} times the motion's extent, above {REACH:g}")
+        if limits.link_min is None and links and shortest < SHORTEST * extent * (1 - _ROUNDED):
+            faults.append(f"shortest link {shortest / extent:.3g} times the motion's extent, below {SHORTEST:g}")
         far = [abs(place - middle) / extent for name, place in pivots.items() if not placed_by(limits, name)]
         if far and max(far) > REACH * (1 + _ROUNDED):
             faults.append(f"a fixed pivot {max(far):.3g} extents from the motion's middle, above {REACH:g}")

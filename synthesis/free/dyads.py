@@ -170,26 +170,30 @@ def evaluate_dyads(body: Body, unknowns: Floats, derivatives: bool = True) -> Ev
 
 
 def polished(
-    body: Body, dyads: Dyads, steps: int = _POLISH_STEPS, stall: float = _POLISH_STALL
+    body: Body,
+    dyads: Dyads,
+    steps: int = _POLISH_STEPS,
+    stall: float = _POLISH_STALL,
+    work: Work | None = None,
 ) -> tuple[Dyads, Floats]:
-    """Dyads after least-squares steps of their first-order errors, and those errors, rms, (n,)."""
+    """Dyads after least-squares steps of their first-order errors, as many as the time allows; and those errors, rms, (n,)."""
     columns = [dyads.body.real, dyads.body.imag, dyads.fixed.real, dyads.fixed.imag, dyads.radius]
     start = np.stack(columns, axis=1)
     done = minimise(
-        lambda unknowns, _: evaluate_dyads(body, unknowns), start, np.zeros(len(start)), steps, 0.0, None, stall, 1e-8
+        lambda unknowns, _: evaluate_dyads(body, unknowns), start, np.zeros(len(start)), steps, 0.0, work, stall, 1e-8
     )
     x = done.unknowns
     return Dyads(x[:, 0] + 1j * x[:, 1], x[:, 2] + 1j * x[:, 3], x[:, 4]), np.sqrt(done.cost)
 
 
-def landscape(body: Body, steps: int = 20, most: int = 36) -> tuple[Dyads, Floats]:
+def landscape(body: Body, steps: int = 20, most: int = 36, work: Work | None = None) -> tuple[Dyads, Floats]:
     """The best dyads from starts all over the body, different from one another, and their errors; best first.
 
     A dyad has only two hard unknowns: the point of the body. Centre and radius follow from a circle through its places.
     """
     radius, angle = np.meshgrid(_RADII, np.arange(_DIRECTIONS) * (2 * np.pi / _DIRECTIONS), indexing="ij")
     points = np.concatenate([[0j], (radius * np.exp(1j * angle)).ravel()])
-    return distinct_dyads(*polished(body, circles(body, points), steps, 1e-9), most)
+    return distinct_dyads(*polished(body, circles(body, points), steps, 1e-9, work), most)
 
 
 _RADII = (0.1, 0.25, 0.5, 1.0, 1.8, 3.2, 5.5, 9.0)
@@ -329,10 +333,10 @@ class Pairs(NamedTuple):
         return Pairs(*columns)
 
 
-def pairs_of(body: Body, dyads: Dyads) -> Pairs:
-    """All ordered pairs of dyads as four-bars."""
+def pairs_of(body: Body, dyads: Dyads, cranks: slice = slice(None)) -> Pairs:
+    """All ordered pairs of dyads as four-bars, or those with some of them as cranks."""
     count = dyads.radius.size
-    crank, rocker = (index.ravel() for index in np.indices((count, count)))
+    crank, rocker = (index.ravel() for index in np.indices((count, count))[:, cranks])
     crank, rocker = crank[crank != rocker], rocker[crank != rocker]
     coupler = dyads.body[rocker] - dyads.body[crank]
     ground = dyads.fixed[rocker] - dyads.fixed[crank]
@@ -545,6 +549,8 @@ _KEPT = 100
 """Candidates that are handed on: limits may leave only a few of them."""
 _EXACT_BELOW = 1e-4
 """Where J is above this after the rounds before the last, an exact answer is not in sight."""
+_PAIRED_AT_ONCE = 1 << 18
+"""Pairs of dyads times samples between two looks at the time: some 25 ms."""
 
 
 def chart_of(family: str) -> AnyChart | GrashofChart:
@@ -552,12 +558,23 @@ def chart_of(family: str) -> AnyChart | GrashofChart:
     return AnyChart() if family == "any" else GrashofChart()
 
 
-def four_bars(poses: Poses, body: Body, dyads: Dyads, family: str, repair: bool = False) -> Timed:
+def four_bars(poses: Poses, body: Body, dyads: Dyads, family: str, work: Work, repair: bool = False) -> Timed:
     """The pairs of dyads that are of the family, lie on one branch and pass the poses in the order asked for.
 
-    With ``repair`` also those that do so only nearly, their angles put in order.
+    With ``repair`` also those that do so only nearly, their angles put in order. Where the time runs out they are those of the
+    first dyads as cranks.
     """
-    pairs = pairs_of(body, dyads)
+    count = dyads.radius.size
+    few = max(1, _PAIRED_AT_ONCE // (max(count, 1) * poses.samples))
+    parts: list[Timed] = []
+    for k in range(0, max(count, 1), few):
+        if parts and work.expired():
+            break
+        parts.append(_four_bars(poses, pairs_of(body, dyads, slice(k, k + few)), family, repair))
+    return parts[0].joined(*parts[1:])
+
+
+def _four_bars(poses: Poses, pairs: Pairs, family: str, repair: bool) -> Timed:
     if poses.ordered:
         angles, holds = in_order(pairs.angles, poses.span_max)
         if repair:
@@ -588,7 +605,7 @@ def search_motion(poses: Poses, family: str, tolerance: float, work: Work) -> It
     Pool
         All candidates so far, first those of dyads as equations give them, within milliseconds; then after each round.
     """
-    search = _Motion(poses, family)
+    search = _Motion(poses, family, work)
     if search.full <= FEW and search.mixed:
         yield from _sampled(search, tolerance, work)
         return
@@ -610,7 +627,9 @@ def search_motion(poses: Poses, family: str, tolerance: float, work: Work) -> It
     yield pool
     if pool.least < tolerance or (work.expired() and np.isfinite(pool.least)):
         return
-    everywhere, _ = landscape(search.body)
+    everywhere, _ = landscape(search.body, work=work)
+    if work.expired() and np.isfinite(pool.least):
+        return
     pool = search.measured(everywhere.joined(dyads), repair=True).joined(pool)
     yield pool
     if not work.expired():  # what follows takes half a second at 1,024 samples
@@ -649,8 +668,8 @@ def _sampled(search: _Motion, tolerance: float, work: Work) -> Iterator[Pool]:
 class _Motion:
     """A request's full samples, which give the dyads, and all of its samples, which the four-bars must fit."""
 
-    def __init__(self, poses: Poses, family: str) -> None:
-        self.poses, self.family = poses, family
+    def __init__(self, poses: Poses, family: str, work: Work) -> None:
+        self.poses, self.family, self.work = poses, family, work
         self.body = Body(poses)
         self.full = self.body.position.size
         self.mixed = self.full < poses.samples
@@ -658,7 +677,7 @@ class _Motion:
 
     def four_bars(self, dyads: Dyads, repair: bool = False, most: int = 150) -> Timed:
         """The four-bars of pairs of dyads, with an angle at every sample; of many, those that fit the rest best."""
-        timed = four_bars(self.poses, self.body, dyads, self.family, repair)
+        timed = four_bars(self.poses, self.body, dyads, self.family, self.work, repair)
         if not self.mixed:
             return timed
         if not timed.branch.size:

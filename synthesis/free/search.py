@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.arrays import Complexes, Flags, Floats
+from synthesis.arrays import Complexes, Floats
 from synthesis.descents import Pool, Stage, Timed
 from synthesis.errors import FieldError
 from synthesis.fourbar.charts import FullCrankChart
@@ -41,7 +41,7 @@ from synthesis.free.poses import Poses
 from synthesis.free.screen import COARSE, FINE, PathScreen, way_along
 from synthesis.kept import MOST, Kept
 from synthesis.mechanism import Chart, Placed
-from synthesis.ranking import APART, Status, distinct
+from synthesis.ranking import APART, Status, behind, distinct
 from synthesis.rounds import GAIN, Found, Plan, Rounds
 from synthesis.search.search import DEFAULT_TOLERANCE, SearchReport, StoppedBy
 from synthesis.search.seeds import Windows
@@ -129,15 +129,6 @@ class _Mounted(NamedTuple):
         swing = np.abs(used.last - used.first)
         return np.lexsort((size, -np.floor(transmission / _TRANSMISSION_STEP), np.floor(swing / _SWING_STEP), rest))
 
-    def leaves(self) -> Flags:
-        """Whether the body point goes far away between neighbouring samples, (n,)."""
-        linkages = [one.linkage for one in self.solutions()]
-        crank = self.start[:, None] + self.crank
-        side = np.broadcast_to(self.branch[:, None], crank.shape)
-        poses = self.poses
-        way = excursions(linkages, crank, side, poses.extent, ordered=poses.ordered, closed=poses.closed)
-        return np.array([one is not None and one > LEAVES_SAMPLES for one in way], dtype=bool)
-
     def solutions(self) -> list[Solution]:
         """Them with errors, recomputed from their own numbers."""
         linkages = FOURBAR.posed(self.links, self.branch, self.start, (self.pivot, self.turn, self.coupler))
@@ -184,14 +175,30 @@ def solutions_of(
         kept &= used <= poses.span_max * (1 + 1e-9)
     every = every.take(np.flatnonzero(kept))
     ranked = every.take(every.order(tolerance)[: 8 * top + 20])
-    exact = np.sqrt(ranked.cost) < tolerance
-    if np.any(exact):  # of those that meet all samples the ones last that go elsewhere in between
-        ranked = ranked.take(np.argsort(2 * ~exact + ranked.leaves(), kind="stable"))
     found = [one for one in ranked.solutions() if np.isfinite(one.errors.objective)]
-    found.sort(
-        key=lambda one: max(one.errors.objective, tolerance)
-    )  # by their own numbers: costs differ in the last digits
-    place = {id(one): rank for rank, one in enumerate(found)}
+    return _apart(found, poses, limits, top, tolerance)
+
+
+def _apart(found: Sequence[Solution], poses: Poses, limits: Limits, top: int, tolerance: float) -> list[Solution]:
+    """The best of solutions that differ, by their own numbers (costs differ in the last digits); exact ones keep their order.
+
+    Those whose body point goes elsewhere between samples come last of the exact ones; within the practical limits, to which it
+    belongs that it does not, also of the others.
+    """
+    objective = np.array([one.errors.objective for one in found])
+    exact = objective < tolerance
+    strays = np.zeros(len(found), dtype=bool)
+    looked = exact | limits.practical
+    if np.any(looked):
+        linkages = [one.linkage for one, looks in zip(found, looked) if looks]
+        passed = np.array([one.crank for one, looks in zip(found, looked) if looks])
+        crank = np.array([[one.start] for one in linkages]) + passed
+        side = np.broadcast_to(np.array([[one.branch] for one in linkages]), crank.shape)
+        way = excursions(linkages, crank, side, poses.extent, ordered=poses.ordered, closed=poses.closed)
+        strays[looked] = [one is not None and one > LEAVES_SAMPLES for one in way]
+    groups = behind(objective, strays, tolerance)
+    order = np.lexsort((np.where(exact, 0.0, objective), groups)).tolist()
+    place = {id(found[k]): rank for rank, k in enumerate(order)}
     return distinct(found, top, APART, order=lambda one: place[id(one)], exact=tolerance)
 
 
@@ -435,9 +442,7 @@ def search_free(
     for chart, pool in found.pools.items():
         solutions += solutions_of(poses, pool, chart, limits, top, tolerance)
     if len(found.pools) > 1:
-        solutions = distinct(
-            solutions, top, APART, order=lambda one: max(one.errors.objective, tolerance), exact=tolerance
-        )
+        solutions = _apart(solutions, poses, limits, top, tolerance)
     reached = Status.of(solutions, tolerance) is Status.REACHED
     if solutions:
         least = min(one.errors.objective for one in solutions)

@@ -47,6 +47,12 @@ _LEVELS = (1, 200, 21, 7)
 _STARTS = 24
 _TOGETHER = 1 << 13
 """Candidates of the grid whose conditions are computed at once: some megabytes."""
+LOPSIDED, EVEN = 100.0, 20.0
+"""Longest link over shortest: above the first nobody makes them, and within the second others are looked for."""
+_RANKED = 10
+"""Answers that are known at least, of which exact ones are then ordered by what one would build."""
+_TRANSMISSION_STEP = np.deg2rad(5.0)
+"""Exact answers are ordered by their transmission angle in steps."""
 _FIRST_PLACES, _PLACES = 9, 33
 _SEEDS, _VALLEYS, _CANDIDATES = 160, 48, 24
 _LOOKED, _BEGUN = 24, 8
@@ -379,25 +385,57 @@ def generate(
     if wanted.clockwise:
         found, report = generate(tables, wanted.mirrored(), limits, largest, top, tolerance, work)
         return [one.mirrored() for one in found], report
-    ground = ground_of(limits)
+    ground, many = ground_of(limits), max(top, _RANKED)
     if not largest and limits.over(ground).only_family and not wanted.one_way:
         mechanism = Generators(wanted, ground)
-        found, report = search(tables, wanted.target, Limits(family=limits.family), top, tolerance, work, mechanism)
+        found, report = search(tables, wanted.target, Limits(family=limits.family), many, tolerance, work, mechanism)
         given = wanted.start is not None or wanted.offset is not None
-        if not given or Status.of(found, tolerance) is Status.REACHED or work.expired():
-            return found, report
-        # with given zeros the search for motions ends with full cranks
-        run = FunctionSearch(wanted, limits, False, top, tolerance, work)
-        found = distinct(found + run.run(tables), top, APART)
+        lopsided = not found or link_ratio(min(found, key=lambda one: _build(one, tolerance))) > LOPSIDED
+        reached = Status.of(found, tolerance) is Status.REACHED
+        if work.expired() or not (lopsided or (given and not reached)):
+            return best_built(found, top, tolerance), report
+        # with given zeros the search for motions ends with full cranks; and where its answer is of lengths that nobody makes,
+        # as for a parallelogram's function, others may do as well
+        within = replace(limits, link_ratio_max=EVEN) if lopsided and not (given and not reached) else limits
+        run = FunctionSearch(wanted, within, False, many, tolerance, work)
+        found = best_built(distinct(found + run.run(tables), 2 * many, APART), top, tolerance)
         trace = report.trace + [
             (at, min(value, report.trace[-1][1]) if report.trace else value) for at, value in run.trace
         ]
         stopped = _stopped_by(found, tolerance, work)
         return found, SearchReport(stopped, trace, report.screen_seconds, report.seeds + run.seeds, run.settled)
-    run = FunctionSearch(wanted, limits, largest, top, tolerance, work)
-    found = run.run(tables)
+    run = FunctionSearch(wanted, limits, largest, many, tolerance, work)
+    found = best_built(run.run(tables), top, tolerance)
     stopped = _stopped_by(found, tolerance, work)
     return found, SearchReport(stopped, run.trace, run.screened, run.seeds, run.settled or not found)
+
+
+def link_ratio(generator: Generator) -> float:
+    """The longest link over the shortest."""
+    return float(max(generator.linkage.links) / min(generator.linkage.links))
+
+
+def _build(generator: Generator, tolerance: float) -> tuple[float, ...]:
+    """The place of an answer: exact ones by what one would build, even links first, others by error."""
+    if generator.errors.objective >= tolerance:
+        return 1.0, generator.errors.objective
+    ratio, step = link_ratio(generator), generator.transmission_angle_min // _TRANSMISSION_STEP
+    return 0.0, float(ratio > LOPSIDED), -step, ratio
+
+
+def best_built(found: list[Generator], top: int, tolerance: float) -> list[Generator]:
+    """The first of answers, best first: exact ones by what one would build, others by error.
+
+    One of lengths that nobody makes comes after those of at most twice its error that can be made.
+    """
+    ranked = sorted(found, key=lambda one: _build(one, tolerance))
+    objective = np.array([one.errors.objective for one in ranked])
+    lopsided = np.array([link_ratio(one) > LOPSIDED for one in ranked], dtype=bool)
+    exact = objective < tolerance
+    even = ~lopsided & ~exact
+    near = even & (objective <= 2 * np.min(objective, initial=np.inf, where=~exact))
+    groups = np.where(exact, 0, np.where(near, 1, 2))
+    return [ranked[k] for k in np.argsort(groups, kind="stable").tolist()][:top]
 
 
 def _stopped_by(found: list[Generator], tolerance: float, work: Work) -> StoppedBy:

@@ -14,10 +14,13 @@ swinging_block          crank to cylinder             y = |d - r e^{it}|,       
 swinging_block          cylinder to crank             |d - r e^{iy}| = s,                            s = zero + u
 two_rails               slider to slider              y^2 + p^2 - 2 y p cos delta = l^2,             p = zero + u
 rail_slot               slider to slotted lever       i e - p = e^{iy} (s + i h),                    p = zero + u
+rail_slot               slider to cylinder            y^2 = p^2 + e^2,                               p = zero + u
+rail_slot               cylinder to slider            y^2 = s^2 - e^2,                               s = zero + u
 ======================  ============================  ========================================================================
 
 The branch b tells the two solutions apart; where there is but one it is +1. An offset of the swinging block's cylinder from its
-pins would give no other functions: its length depends on two numbers alone. Derivatives of angles come from the closed loop
+pins would give no other functions: its length depends on two numbers alone. Nor would one of the cylinder on a slider: h^2 goes
+with e^2. Derivatives of angles come from the closed loop
 (design note on sliders, section 5).
 """
 
@@ -289,6 +292,38 @@ def _lever(lengths: Floats, branch: int, p: float) -> tuple[tuple[Guide, Guide],
     return (Rail(0j, 0.0, 0j), Slot(1j * e, 1j * h, 0.0)), float(found.value[0, 0]), complex(p)
 
 
+def _slider_to_cylinder(lengths: Floats, branch: Floats, p: Floats, zero: Floats) -> Followed:
+    e, _, _ = _columns(lengths)
+    y = branch * np.hypot(p, e)
+    lever, none = _safe(y), np.zeros_like(p)
+    return Followed(y, np.stack([e / lever, none, none, p / lever], axis=1), np.abs(y) > 0)
+
+
+def _cylinder_on_rail(lengths: Floats, branch: int, p: float) -> tuple[tuple[Guide, Guide], float, complex]:
+    e = float(lengths[0])
+    guides = Rail(0j, 0.0, 0j), Slot(1j * e, 0j, 0.0)
+    return guides, float(np.angle(branch * (1j * e - p))), complex(p)
+
+
+def _cylinder_to_slider(lengths: Floats, branch: Floats, s: Floats, zero: Floats) -> Followed:
+    e, _, _ = _columns(lengths)
+    square = (s - e) * (s + e)
+    y = branch * np.sqrt(np.maximum(square, 0.0))
+    lever, none = _safe(y), np.zeros_like(s)
+    return Followed(y, np.stack([-e / lever, none, none, s / lever], axis=1), (square > 0) & (s > 0))
+
+
+def _sine_of_cylinder_and_rail(lengths: Floats, s: Floats) -> Floats:
+    e, _, _ = _columns(lengths)
+    return np.sqrt((s - e) * (s + e)) / s
+
+
+def _driven_on_rail(lengths: Floats, branch: int, s: float) -> tuple[tuple[Guide, Guide], float, complex]:
+    e = float(lengths[0])
+    guides, rotation, position = _cylinder_on_rail(lengths, 1, branch * np.sqrt((s - e) * (s + e)))
+    return guides[::-1], rotation, position
+
+
 LAWS = (
     Law(
         Kind.SLIDER_CRANK,
@@ -361,6 +396,30 @@ LAWS = (
         _slider_to_slider,
         _sine_at_second_rail,
         _two_rails,
+    ),
+    Law(
+        Kind.RAIL_SLOT,
+        Driver.SLIDER,
+        LENGTH,
+        LENGTH,
+        ("pin_distance",),
+        (True,),
+        (1, -1),
+        _slider_to_cylinder,
+        _no_angle,
+        _cylinder_on_rail,
+    ),
+    Law(
+        Kind.RAIL_SLOT,
+        Driver.CYLINDER,
+        LENGTH,
+        LENGTH,
+        ("pin_distance",),
+        (True,),
+        (1, -1),
+        _cylinder_to_slider,
+        _sine_of_cylinder_and_rail,
+        _driven_on_rail,
     ),
 )
 """All there are, those that are built most often first."""

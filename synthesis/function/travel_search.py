@@ -20,7 +20,7 @@ from synthesis.function.descent import Linear, Linearise
 from synthesis.function.search import FunctionSearch
 from synthesis.function.travel import ANGLE, LAWS, Law
 from synthesis.function.wanted import Wanted
-from synthesis.guided.linkage import GuidedLinkage
+from synthesis.guided.linkage import Driver, GuidedLinkage
 from synthesis.pose import whole_turns
 from synthesis.ranking import APART, Status, distinct
 from synthesis.search.search import SearchReport, StoppedBy
@@ -48,6 +48,8 @@ _FEW, _GO_ON, _STEPS_ON = 40, 8, 300
 """Steps from which on a descent is the last; of its best candidates so many go on, and so far."""
 _OPEN = 1e3
 """Error where a linkage does not close."""
+_NO_ANSWER, _TIMES_LESS = 0.1, 10.0
+"""Error from which on a law has no answer where another's is so many times less."""
 _TIE = 1e-9
 """A turn back that is no more than this part of the output is rounding."""
 
@@ -212,13 +214,13 @@ class TravelProblem:
         if law.input == ANGLE:
             out[:, 3] = random.uniform(0, TURN, count)
         else:
-            reach = np.abs(lengths[:, 0]) + (np.abs(lengths[:, 1]) if law.lengths[1] != "angle" else 0.0)
-            if law.lengths[1] == "angle":
+            reach = np.abs(lengths[:, 0]) + (np.abs(lengths[:, 1]) if "angle" not in law.lengths else 0.0)
+            if "angle" in law.lengths:
                 reach = lengths[:, 0] / np.maximum(np.abs(np.sin(lengths[:, 1])), 0.1)
             out[:, 3] = (
                 1.2 * reach * random.uniform(-1, 1, count) - random.uniform(0, 1, count) * self.wanted.crank[-1]
             )
-            if "ground" in law.lengths:
+            if law.driver is Driver.CYLINDER:
                 out[:, 3] = np.abs(out[:, 3])
         if self.wanted.start is not None:
             out[:, 3] = self.wanted.start
@@ -472,7 +474,9 @@ def generate_travel(
         )
         best = trace[-1][1] if trace else np.inf
         trace += [(at, min(value, best)) for at, value in run.trace]
-    best_of = [one[0] for one in of_each if one]
+    least = min((one[0].errors.objective for one in of_each if one), default=0.0)
+    of_each = [one for one in of_each if one and one[0].errors.objective <= max(_NO_ANSWER, _TIMES_LESS * least)]
+    best_of = [one[0] for one in of_each]
     others = distinct([other for one in of_each for other in one[1:]], max(0, top - len(best_of)), APART)
     found = sorted(best_of + others, key=lambda one: one.errors.objective)[:top]
     if Status.of(found, tolerance) is Status.REACHED:

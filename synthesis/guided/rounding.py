@@ -78,12 +78,12 @@ def rounded(
             break
         work.check()
         tried += 1
-        found = fitted(samples, solution, dict(zip(own, row)))
+        found = fitted(samples, solution, dict(zip(own, row)), work)
         if found is None or not keeps(found):
             continue
         if best is None or found.errors.objective < best.errors.objective:
             best = found
-    exhaustive = None if combinations is None else tried == combinations
+    exhaustive = None if combinations is None else tried == combinations and not work.expired()
     return Rounding(best, tried, combinations, exhaustive)
 
 
@@ -145,8 +145,13 @@ class _Chart:
         return replace(self.linkage, guides=(guides[0], guides[1]), start=start)
 
 
-def fitted(samples: Poses | Target, solution: GuidedSolution, lengths: dict[str, float]) -> GuidedSolution | None:
-    """A linkage of given lengths by least squares from a solution; None where its loop does not close at every sample."""
+def fitted(
+    samples: Poses | Target, solution: GuidedSolution, lengths: dict[str, float], work: Work
+) -> GuidedSolution | None:
+    """A linkage of given lengths by least squares from a solution, as far as the time allows.
+
+    None where its loop does not close at every sample.
+    """
     timed = isinstance(samples, Target)
     chart = _Chart(solution.linkage, lengths, timed)
     travel = solution.travel if timed else solution.travel[: samples.samples]
@@ -156,6 +161,8 @@ def fitted(samples: Poses | Target, solution: GuidedSolution, lengths: dict[str,
         return None
     cost, damping = float(rows @ rows), _DAMPED
     for _ in range(_ROUNDS):
+        if work.expired():
+            break
         product = jacobian.T @ jacobian
         scale = damping * (np.diag(product) + 1e-9 * np.trace(product) + 1e-300)
         step = np.linalg.solve(product + np.diag(scale), -jacobian.T @ rows)

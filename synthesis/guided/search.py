@@ -68,6 +68,8 @@ _STAYS = 0.1
 """Part of it for a guide that hardly moves."""
 _BENT = 0.2
 """Curvature of a circle that begins as a rail."""
+_TIMED_AT_ONCE = 1 << 12
+"""Candidates times samples at a given drive between two looks at the time: some 20 ms."""
 _LOOKED_AT = 40
 """Of the guides of a sort that fit best so many are paired."""
 _SAMPLES, _FEWER, _MANY = 40, 24, 300
@@ -387,7 +389,17 @@ class Search:
         return self._problem(self.samples, given=True)
 
     def timed(self, begin: Candidates, stages: Sequence[Stage]) -> Candidates:
-        """Candidates after descents at the drive that is given; with J squared there."""
+        """Candidates after descents at the drive that is given, or as many as the time allows; with J squared there."""
+        few = max(1, _TIMED_AT_ONCE // self.samples.number)
+        parts = [self._timed(begin.take(slice(few)), stages)]
+        for k in range(few, begin.cost.size, few):
+            known = self.found is not None or any(np.isfinite(part.cost).any() for part in parts)
+            if known and self.work.expired():
+                break
+            parts.append(self._timed(begin.take(slice(k, k + few)), stages))
+        return parts[0].joined(*parts[1:])
+
+    def _timed(self, begin: Candidates, stages: Sequence[Stage]) -> Candidates:
         at = self.look(begin, self.all, _AGAIN)
         sign = self._signs(begin, at)
         first, _ = self._timing(at, sign, self.samples.drive)

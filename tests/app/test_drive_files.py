@@ -79,6 +79,43 @@ def test_a_drawing_has_the_drive_on_a_layer(client, found, kind) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
+def test_a_picture_has_the_drive_on_its_page(client, found, kind) -> None:
+    drive = one_of(found, kind)
+    picture = ElementTree.fromstring(export(client, found, "svg", drive))
+    group = next(one for one in picture.iter() if one.get("id") == "DRIVE")
+    pivots = [one for one in group.iter() if one.get("class") == "pivot"]
+    lines = [one for one in group.iter() if one.get("class") == "drive"]
+    assert (len(pivots), len(lines)) == (1, {"rotary": 0, "toggle": 1}.get(kind, 2))
+    _, _, wide, high = map(float, picture.get("viewBox").split())
+    for line in lines:
+        places = [tuple(map(float, place.split(","))) for place in line.get("d").strip("MZ").split(" L")]
+        assert all(0 <= x <= wide and 0 <= y <= high for x, y in places)
+
+
+def test_a_motor_and_its_rod_are_two_of_the_parts(client, found) -> None:
+    request, solution, _ = found
+    body = {"request": request, "solution": solution, "drive": one_of(found, "dyad"), "format": "parts"}
+    reply = client.post("/v1/export", json={**body, "solids": {"nevertheless": True}})
+    assert reply.status_code == 200, reply.text
+    names = {row["name"] for row in csv.DictReader(io.StringIO(reply.text))}
+    assert {"motor_crank", "rod", "pin_M", "pin_K", "pin_Q", "crank", "coupler", "rocker"} <= names
+    # what the front door says of the same numbers
+    drive = one_of(found, "dyad")
+    six = la.SixBarLinkage({**solution, "travel": None}, drive)
+    bar = drive["six_bar"]
+    assert six.dwell() == pytest.approx(bar["dwell"], abs=1e-6)
+    assert six.turn == pytest.approx(bar["motor_turn"], abs=1e-6)
+    at_first = six.joints(np.rad2deg(six.way[0]))
+    for name, place in bar["joints"].items():
+        where = at_first.linkage.body_point if name == "P" else at_first.joints[name]
+        assert where[0] == pytest.approx(place, abs=1e-6)
+    assert [one["name"] for one in bar["links"]][-2:] == ["motor_crank", "rod"]
+    assert sum(len(one["joints"]) for one in bar["links"]) == 15
+    layers = client.post("/v1/assembly", json={"linkage": solution, "request": request, "drive": drive})
+    assert layers.status_code == 200 and {"motor_crank", "rod"} <= set(layers.json()["layers"])
+
+
+@pytest.mark.parametrize("kind", KINDS)
 def test_a_model_is_moved_by_the_drive(client, found, kind) -> None:
     drive = one_of(found, kind)
     model = ElementTree.fromstring(export(client, found, "mjcf", drive))
@@ -105,7 +142,9 @@ def test_a_model_is_moved_by_the_drive(client, found, kind) -> None:
 def test_a_drive_that_is_none_or_in_a_file_that_has_none_is_refused(client, found) -> None:
     request, solution, drives = found
     body = {"request": request, "solution": solution, "drive": drives[0]}
-    assert client.post("/v1/export", json={**body, "format": "svg"}).json()["errors"][0]["pointer"].endswith("/drive")
+    for kind in ("pylinkage", "step"):
+        refused = client.post("/v1/export", json={**body, "format": kind})
+        assert refused.json()["errors"][0]["pointer"].endswith("/drive")
     bad = {**one_of(found, "actuator"), "link": "wing"}
     assert client.post("/v1/export", json={**body, "drive": bad, "format": "csv"}).status_code == 422
     short = {"kind": "actuator", "link": "crank"}

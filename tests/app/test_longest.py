@@ -20,6 +20,7 @@ from tests.oracles.largest import requests
 BUDGET = 1.0
 SEARCH = 0.8 * BUDGET
 """What is left to a search of the longest budget, see `app.computer`."""
+SMALL_BUDGET = 0.3
 QUERIES = {query.path: query for query in all_queries()}
 FAST = {
     "knotter: fit",
@@ -54,13 +55,13 @@ class Limited:
         return self._resources.work(SEARCH if budget is None else min(budget, SEARCH))
 
 
-def check(query: Query, body: dict[str, Any], resources: ServiceResources) -> None:
+def check(query: Query, body: dict[str, Any], resources: ServiceResources, budget: float = BUDGET) -> None:
     begin = time.process_time()
     try:
         query.answer(query.request.model_validate(body), Limited(resources))
     except (FieldError, AtlasError, OutOfTime, ValueError):
         pass  # it is refused, or would not be whole: but soon
-    assert time.process_time() - begin <= SHARE_OF_BUDGET * BUDGET
+    assert time.process_time() - begin <= SHARE_OF_BUDGET * budget
 
 
 def largest() -> list[Any]:
@@ -71,6 +72,20 @@ def largest() -> list[Any]:
 @pytest.mark.parametrize("one", largest())
 def test_the_largest_request_of_a_kind_ends_in_time(one, resources) -> None:
     check(QUERIES[one.path], json.loads(one.content), resources)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "path, any family within all limits",
+        "free: poses",
+        "sliders: travel within all limits",
+    ],
+)
+def test_a_budget_of_a_request_is_kept_too(name, resources) -> None:
+    """At 1,024 samples: once nothing looked at the clock while dyads were paired (0.3 s), or a candidate got its drive."""
+    one = requests()[name]
+    check(QUERIES[one.path], {**json.loads(one.content), "budget_ms": 1000 * SMALL_BUDGET}, resources, SMALL_BUDGET)
 
 
 def costliest(prop: dict[str, Any], value: Any, defs: dict[str, Any]) -> Iterator[Any]:

@@ -318,19 +318,35 @@ def test_parts_of_the_index_are_made_beside_and_found_by_all(small_bytes, tmp_pa
 
 
 def test_files_of_the_index_that_are_cut_short_while_they_are_used_are_made_anew(small_bytes, tmp_path) -> None:
+    """No request is refused for it, whichever part it is; one that is damaged again is made anew again."""
     (tmp_path / "small.h5").write_bytes(small_bytes)
     with serving(tmp_path, "--atlas", str(tmp_path / "small.h5"), prepare_positions=False) as running:
         until(lambda: running.get("/readyz")["preparing"] == [])
         rotation = {"rotation": [0, 5, 12, 20, 31], "crank_span": 80}
         found, before = running.post("/v1/match", rotation)
         assert found == 200
-        for path in (tmp_path / "small.h5.index").rglob("*.npy"):
-            os.truncate(path, 0)
-        assert running.post("/v1/match", rotation)[0] == 503
-        until(lambda: running.post("/v1/match", rotation)[0] == 200)
-        assert running.post("/v1/match", rotation)[1]["matches"] == before["matches"]
+        front, described = running.front, running.get("/v1/types/1")
+        for count, parts in enumerate(("*", "cells", "short_spans"), 1):
+            for path in (tmp_path / "small.h5.index").glob(f"{parts}/*.npy"):
+                os.truncate(path, 0)
+            assert running.get("/v1/types/1") == described
+            found, again = running.post("/v1/match", rotation)
+            assert found == 200 and again["matches"] == before["matches"]
+            until(lambda: running.get("/readyz")["preparing"] == [])
+            assert running.log.read_text().count("A file of the index cannot be read") == count
+        assert running.front == front
+
+
+def test_a_part_of_the_index_that_is_not_what_was_written_is_told_once(small_bytes, tmp_path) -> None:
+    (tmp_path / "small.h5").write_bytes(small_bytes)
+    with serving(tmp_path, "--atlas", str(tmp_path / "small.h5"), prepare_positions=False) as running:
         until(lambda: running.get("/readyz")["preparing"] == [])
-        assert running.log.read_text().count("is made anew") == 1
+    place = min((tmp_path / "small.h5.index" / "short_spans").glob("*.npy"))
+    place.write_bytes(b"x" + place.read_bytes()[1:])
+    with serving(tmp_path, "--atlas", str(tmp_path / "small.h5"), prepare_positions=False) as running:
+        assert running.post("/v1/match", {"rotation": [0, 5, 12, 20, 31], "crank_span": 80})[0] == 200
+        until(lambda: running.get("/readyz")["preparing"] == [])
+        assert running.log.read_text().count(f"{place.name} is not what was written") == 1
 
 
 def test_what_is_being_made_is_said(small_bytes, tmp_path) -> None:

@@ -96,6 +96,15 @@ def test_what_is_saved_can_be_loaded_and_bears_its_stamp(tmp_path, monkeypatch) 
     assert '"many": [0, 1, 2]' in (tmp_path / "some.json").read_text()
     report.save({"made": {"commit": "earlier"}}, "some")
     assert report.load("some") == {"made": {"commit": "earlier"}}
+    old, new = ({"commit": name, "command": f"python -m {name}"} for name in ("old", "new"))
+    for made in (old, new):
+        name = made["commit"]
+        report.save({"made": made}, "some", {"code": {name: {"synthesis.pose": "1"}}, "took": {made["command"]: 3}})
+        report.save(
+            {"made": new, "parts": [{"made": old}]}, "some"
+        )  # of a run that has not ended nothing more is known
+        known = [made["commit"]]
+        assert sorted(report.load("some")["code"]) == sorted(known) and len(report.load("some")["took"]) == len(known)
     with pytest.raises(ValueError, match="JSON"):
         report.save({"one": float("nan")}, "some")
 
@@ -111,13 +120,26 @@ def test_a_command_names_no_folder_of_the_machine(monkeypatch) -> None:
 def test_a_source_is_told_once() -> None:
     stamps = [{"machine": {"processor": "P", "cores": 2}, "commit": 40 * c, "command": "python -m x"} for c in "aab"]
     text = report.made_text(stamps)
+    old = report.made_text([{**one, "since": ["synthesis.pose"]} for one in stamps])
+    assert old.endswith("the oldest before the change of `synthesis.pose`; machine: P, 2 cores.")
     assert text.count("P, 2 cores") == 1 and text.count("aaaaaaaaa,") == 1 and text.count("`python -m x`") == 2
     assert "aaaaaaaaa+changes;" in report.made_text([{**stamps[0], "commit": 40 * "a" + "+changes"}])
 
 
 def test_what_a_benchmark_yields_is_published_with_options_from_its_signature(monkeypatch) -> None:
     published: list[tuple[str, dict]] = []
-    monkeypatch.setattr(report, "save", lambda results, name: published.append((name, results)))
+    ended: list[dict] = []
+
+    def save(results, name, end=None) -> None:
+        published.append((name, results)) if end is None else ended.append(end)
+
+    class Code:
+        def digests(self, name: str) -> dict[str, str]:
+            return {"synthesis.pose": name}
+
+    monkeypatch.setattr(report, "save", save)
+    monkeypatch.setattr(report, "CODE", Code())
+    monkeypatch.setattr(report, "commit", lambda: "c" * 40)
     monkeypatch.setattr(report, "render", lambda names: published.append((names[0], {})))
 
     def measure(
@@ -134,12 +156,18 @@ def test_what_a_benchmark_yields_is_published_with_options_from_its_signature(mo
         ("test_report", {"cases": 7, "kinds": ["b"]}),
         ("test_report", {}),
         ("test_report", {"atlas": None}),
-        ("test_report", {}),
+        *[("test_report", {})] * 2,
     ]
+    assert ended[0]["code"] == {"c" * 40: {"synthesis.pose": "test_report"}} and len(ended[0]["took"]) == 1
     report.run(measure, ["--atlas", "x.h5"])
-    assert published[-4][1] == {"cases": 3, "kinds": ("a", "b")} and published[-2][1] == {"atlas": Path("x.h5")}
+    assert published[-5][1] == {"cases": 3, "kinds": ("a", "b")} and published[-3][1] == {"atlas": Path("x.h5")}
     report.run(measure, ["--quick"])
-    assert published[-4][1] == {"cases": 3, "kinds": ("a", "b"), "quick": True}
+    assert published[-5][1] == {"cases": 3, "kinds": ("a", "b"), "quick": True}
+    count = len(published)
+    monkeypatch.setattr(report, "commit", lambda: "c" * 40 + "+changes")
+    with pytest.raises(SystemExit):
+        report.run(measure, [])
+    assert len(published) == count, "nothing is published from a tree with changes"
     with pytest.raises(SystemExit):
         report.run(measure, ["--kinds", "c"])
 

@@ -369,3 +369,70 @@ def test_a_closed_way_of_few_points_stays_inside_its_envelope_on_the_way_back_to
             places = np.atleast_2d(places)
             assert np.all(places >= np.array([low.real, low.imag]) - 1e-3)
             assert np.all(places <= np.array([high.real, high.imag]) + 1e-3)
+
+
+CORNER = [[0, 0], [10, 0], [20, 0], [30, 0], [40, 0], [40, 10], [40, 20], [40, 30], [40, 40]]
+
+
+@pytest.mark.parametrize("more", [{}, {"mechanisms": "all"}, {"prefer": "size"}, {"prefer": "transmission"}])
+def test_the_first_answer_to_a_drawn_corner_stays_on_it(more):
+    """A curve may meet both sides by crossing them and going 96 times as far round between two samples: nobody draws that."""
+    best = la.synthesize(position=CORNER, timing="free", **more).best
+    assert best.excursion < 1.1
+    assert best.verdict.practical
+    assert best.errors.position_max < 0.3
+
+
+def test_without_the_practical_limits_the_least_error_comes_first_wherever_the_curve_goes():
+    found = la.synthesize(position=CORNER, timing="free", limits={"preset": "none"})
+    assert found.best.excursion > 100
+    assert found.best.errors.objective == min(one.errors.objective for one in found)
+
+
+def test_no_answer_hangs_a_large_body_on_tiny_links():
+    """A hood: linkages with links of 2 to 23 mm for a way of 550 mm come nearest, and hold nothing."""
+    rotation = [0, 15, 32, 50, 65]
+    position = [[0, 0], [-80, 120], [-190, 220], [-320, 290], [-450, 320]]
+    extent = 281.7
+    best = la.synthesize(rotation, position, timing="free").best
+    assert min(best.links._asdict().values()) >= 0.0499 * extent
+    assert best.errors.objective < 4e-3
+    tiny = la.synthesize(rotation, position, timing="free", limits={"link_max": 25, "link_min": 1}).best
+    assert (
+        min(tiny.links._asdict().values()) < 0.03 * extent and tiny.verdict.practical
+    )  # asked for: its own limit counts
+    free = la.synthesize(rotation, position, crank_span=80, limits={"link_max": 10}).best
+    assert any("shortest link" in reason for reason in free.verdict.reasons)
+
+
+@pytest.mark.parametrize(
+    "limits",
+    [
+        {"pivot_a": [60, 0], "pivot_b": [60, 0.8]},
+        {"pivot_box": [60, 0, 60.5, 0.5]},
+        {"links": {"crank": 1}},
+        {"link_max": 1},
+    ],
+)
+def test_short_links_that_a_request_needs_are_allowed(limits):
+    assert la.synthesize(position=CORNER, timing="free", limits=limits).solutions
+
+
+PLACES = [[0, 0], [30, 120], [100, 220], [200, 280], [300, 300]]
+
+
+@pytest.mark.parametrize(
+    ("rotation", "degrees", "asked"),
+    [
+        ([0, 20, 45, 70, 90], False, "in degrees?"),
+        ([0, 0.35, 0.79, 1.22, 1.57], True, "in radians?"),
+        ([0, 20, 45, 70, 90], True, None),
+        ([0, 0.35, 0.79, 1.22, 1.57], False, None),
+        ([0, -0.5, -1, -1.5, -2], True, None),  # two degrees in round numbers
+        ([0, 0.05, 0.11, 0.17, 0.22], True, None),
+        ([None, 0.35, None, 1.22, 1.57], True, "in radians?"),
+    ],
+)
+def test_rotations_that_look_like_another_unit_are_asked_about(rotation, degrees, asked):
+    notes = la.Motion(rotation, PLACES, timing="free", degrees=degrees).notes()
+    assert [asked] == [note[note.index("in ") : note.index("?") + 1] for note in notes] if asked else not notes

@@ -196,3 +196,43 @@ def test_an_unknown_curve_is_named(rocker_atlas: la.Atlas) -> None:
     with pytest.raises(la.FieldError) as error:
         la.match([1, 2, 4], 30, atlas=rocker_atlas, curve="crank")
     assert error.value.field == "/curve"
+
+
+def test_equal_angles_are_made_by_a_parallelogram_that_can_be_built() -> None:
+    """Cranks of 8.9e6 times the ground at a transmission angle of 0.1 degrees make them too, to within rounding."""
+    found = la.function([0, 30, 60, 90], crank_span=90)
+    best, links = found.best, found.best.links
+    assert found.status == "reached"
+    assert best.transmission_angle_min > 40
+    assert max(links) < 100 * min(links)
+    assert [links.crank, links.coupler] == pytest.approx([links.rocker, links.ground], rel=1e-9)
+
+
+def test_a_swing_to_and_fro_comes_first_with_links_that_can_be_made() -> None:
+    """With links of a ten millionth of the ground the sine is met a little better."""
+    found = la.function([20 * np.sin(k * np.pi / 6) for k in range(12)], crank_span=330)
+    ratios = [max(one.links) / min(one.links) for one in found]
+    assert ratios[0] < 100 < max(ratios)
+    assert found.best.errors.rms < 1.1 * min(one.errors.rms for one in found)
+    assert any("preset" in note for note in found.report.notes) is not found.best.verdict.practical
+
+
+@pytest.mark.parametrize(
+    ("asked", "field"),
+    [
+        ({"output": [10, 10, 10, 10]}, "/output"),
+        ({"function": {"table": [[0, 1], [1, 1], [2, 1]], "output_span": 30}}, "/function"),
+    ],
+)
+def test_an_output_that_stands_still_is_refused(asked, field) -> None:
+    with pytest.raises(la.FieldError) as refused:
+        la.function(**asked, crank_span=60)
+    assert refused.value.field.startswith(field)
+
+
+@pytest.mark.parametrize("top", [1, 10])
+def test_of_exact_answers_the_first_is_the_one_to_build(top: int) -> None:
+    """Five pairs: one exact linkage has a transmission angle of 19 degrees, another of 70."""
+    found = la.function([0, 30, 55, 75, 90], input=[0, 20, 40, 60, 80], top=top)
+    assert found.status == "reached" and len(found) <= top
+    assert found.best.transmission_angle_min > 60

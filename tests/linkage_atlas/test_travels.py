@@ -39,6 +39,20 @@ CASES: dict[str, dict[str, Any]] = {
         "input_unit": "length",
         "output_unit": "length",
     },
+    "slider to cylinder": {
+        "output": [0, 2, 7, 15, 26],
+        "travel_span": 40,
+        "input_unit": "length",
+        "output_unit": "length",
+        "mechanisms": ["rail_slot"],
+    },
+    "cylinder to slider": {
+        "output": [0, 13.7, 25.4, 36.9, 47.6],
+        "travel_span": 40,
+        "input_unit": "length",
+        "output_unit": "length",
+        "mechanisms": ["rail_slot"],
+    },
 }
 every_case = pytest.mark.parametrize("case", CASES)
 LENGTHS = ("link_min", "link_max", "offset")
@@ -71,6 +85,8 @@ def output_of(one: Any, case: dict[str, Any], travel: np.ndarray) -> np.ndarray:
     if one.kind == "swinging_block":
         cosine = (size["ground"] ** 2 + size["crank"] ** 2 - place**2) / (2 * size["ground"] * size["crank"])
         return np.rad2deg(np.array([way * np.arccos(cosine) for way in (1, -1)]))
+    if "slot_offset" not in size:
+        return side * np.sqrt(place**2 + (1 if one.driver == "slider" else -1) * size["pin_distance"] ** 2)
     arm = 1j * size["pin_distance"] - place
     return np.rad2deg(np.angle(arm) - np.arcsin(size["slot_offset"] / np.abs(arm)))
 
@@ -261,3 +277,23 @@ def test_a_function_ends_where_it_is_said_to_however_far_it_begins():
         function={"name": "log10", "x": [1e40, 2], "output_span": 90}, crank_span=60, objective="max", top=1
     )
     assert found.solutions
+
+
+@pytest.mark.parametrize("driver", ["slider", "cylinder"])
+def test_a_slider_and_a_cylinder_that_make_a_function_exactly_are_found(driver) -> None:
+    slider = np.linspace(10.0, 60.0, 9)
+    cylinder = np.hypot(slider, 30.0)
+    asked, made = (slider, cylinder) if driver == "slider" else (cylinder, slider)
+    units = {"input_unit": "length", "output_unit": "length"}
+    found = la.function(made - made[0], input=asked - asked[0], mechanisms=["rail_slot"], **units)
+    assert (found.status, found.best.driver) == ("reached", driver)
+    assert found.best.lengths["pin_distance"] == pytest.approx(30.0, rel=1e-9)
+    assert found.best.input_zero == pytest.approx(asked[0], rel=1e-9)
+
+
+def test_a_law_that_comes_nowhere_near_is_no_answer() -> None:
+    """A cylinder that drives cannot make a square; what it makes instead is off by a third."""
+    units = {"input_unit": "length", "output_unit": "length"}
+    found = la.function([0, 1, 4, 9, 16], input=[0, 10, 20, 30, 40], mechanisms="all", **units)
+    assert {one.kind for one in found} == {"two_rails", "rail_slot"}
+    assert max(one.errors.objective for one in found) < 0.1

@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 import shapely
 
-from synthesis.assembly.driving import Motor, motor_driven
+from synthesis.assembly.driving import motor_driven
 from synthesis.assembly.guided import guided
 from synthesis.assembly.layers import Arrangement, Search
 from synthesis.assembly.machine import Machine, Sizes, four_bar
 from synthesis.assembly.parts import Heights, parts_of
-from synthesis.drives.dyad import proportions
+from synthesis.drives.dyad import about_pivot, on_any_link, proportions
+from synthesis.drives.links import machine_of
+from synthesis.drives.six_bar import Motor
 from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.linkage import DRIVERS, Circle, GuidedLinkage, Rail, Slot
 from synthesis.target import TURN, Interval
@@ -180,6 +182,51 @@ def six_bars(count: int) -> Iterator[Machine]:
             )
         except ValueError:
             continue
+        count -= 1
+
+
+def other_six_bars(count: int) -> Iterator[tuple[Any, Interval, Motor]]:
+    """Random motors on couplers of four-bars, and on cranks, rockers and bodies of linkages on rails and slots, in turn."""
+    random = np.random.default_rng(SEED)
+    tried = 0
+    while count:
+        tried += 1
+        linkage: Any
+        if count % 2:
+            linkage = Linkage(
+                tuple(10.0 ** random.uniform(-0.4, 0.1, 4)),
+                int(random.choice([-1, 1])),
+                random.uniform(0, TURN),
+                1 - 2j,
+            )
+        else:
+            crank = Circle(complex(*random.normal(size=2)), float(random.uniform(0.4, 1.0)), 0j)
+            rail = Rail(
+                complex(*random.normal(size=2)), float(random.uniform(0, TURN)), complex(random.uniform(1.5, 3))
+            )
+            slot = Slot(complex(*random.normal(size=2)) * 2, 0.1j, float(random.uniform(-0.3, 0.3)))
+            pair: Any = ((crank, rail), (crank, slot), (rail, crank))[tried % 3]
+            linkage = GuidedLinkage(
+                pair, DRIVERS[type(pair[0])][0], int(random.choice([-1, 1])), random.uniform(0, 3)
+            )
+        used = Interval(0.0, float(random.uniform(0.4, 1.2)))
+        with np.errstate(all="ignore"):
+            machine = machine_of(linkage, used)
+        if not all(np.isfinite(one.rate).all() for one in machine.links.values()):
+            continue
+        link = machine.links[
+            str(random.choice([name for name in machine.links if not name.endswith(("slider", "block"))]))
+        ]
+        if isinstance(linkage, Linkage):
+            link = machine.links["coupler"]
+        with np.errstate(all="ignore"):
+            if link.pivot is None:
+                found = on_any_link(link, machine.at, np.ones(61), None, 1.5, (-4.0, -4.0, 4.0, 4.0))
+            else:
+                found = about_pivot(link, np.ones(61), None, 0.6, False, None)
+        if isinstance(found, str) or found.least_angle < 0.15:
+            continue
+        yield linkage, used, Motor(link.name, found.motor, found.crank, found.rod, found.pin)
         count -= 1
 
 

@@ -1,24 +1,43 @@
-"""A motor and its rod on a four-bar: they swing it from end to end, and all their parts pass one another."""
+"""A motor and its rod on a linkage: they swing it from end to end, and all their parts pass one another."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from synthesis.assembly.driving import Motor, motor_driven
+from synthesis.assembly.driving import motor_driven
 from synthesis.assembly.layers import Asked, Search
-from synthesis.assembly.machine import Sizes, four_bar
+from synthesis.assembly.machine import Machine, Sizes, four_bar
 from synthesis.assembly.movement import Place
+from synthesis.drives.six_bar import Motor
 from synthesis.errors import FieldError
 from synthesis.fourbar.linkage import Linkage
-from synthesis.target import Interval
+from synthesis.guided.linkage import Circle, Driver, GuidedLinkage, Rail
+from synthesis.target import TURN, Interval
 from synthesis.work import Work
-from tests.oracles.assembly import disagreements, nearest, six_bars
+from tests.oracles.assembly import disagreements, nearest, other_six_bars, six_bars
 
 LINKAGE = Linkage((30.0, 60.0, 70.0, 50.0), 1, np.deg2rad(40.0))
 USED = Interval(0.0, np.deg2rad(60.0))
 MOTOR = Motor("crank", 74.76662388200997 - 5.0943059670631925j, 12.0, 72.0, 24 + 0j)
 """As `linkage_atlas.drives` finds it for this linkage."""
+
+
+def check(machine: Machine, number: int) -> None:
+    """Its layers agree with shapely, and no point of a body leaves its enclosure over a cell."""
+    search = Search(machine, Asked("below" if number % 2 else "both"), Work())
+    assert disagreements(machine, search)[2] == 0
+    found = search.answer()
+    if found.status == "free":
+        assert nearest(machine, found) > -1e-9
+    rng = np.random.default_rng(number)
+    for at, half in zip(rng.uniform(*machine.used, 20), 10 ** rng.uniform(-6, -0.5, 20)):
+        cell = machine.movement.bodies(np.array([at]), np.array([half]))
+        moved = machine.movement.bodies(at + half * np.linspace(-1, 1, 33))
+        for body in range(1, len(machine.movement.names)):
+            point = Place(body, complex(*rng.normal(size=2)))
+            far = np.abs(moved.point(point) - cell.point(point)[0]).max()
+            assert far <= cell.spread(point)[0] * (1 + 1e-9) + 1e-9
 
 
 def test_the_motor_swings_the_linkage_from_end_to_end() -> None:
@@ -33,23 +52,22 @@ def test_the_motor_swings_the_linkage_from_end_to_end() -> None:
 
 
 def test_six_bars_agree_with_shapely_and_their_enclosures_hold() -> None:
-    links = set()
-    for number, machine in enumerate(six_bars(6)):
-        links.add(machine.movement.names[-1])
-        search = Search(machine, Asked("below" if number % 2 else "both"), Work())
-        assert disagreements(machine, search)[2] == 0
-        found = search.answer()
-        if found.status == "free":
-            assert nearest(machine, found) > -1e-9
-        rng = np.random.default_rng(number)
-        for at, half in zip(rng.uniform(*machine.used, 20), 10 ** rng.uniform(-6, -0.5, 20)):
-            cell = machine.movement.bodies(np.array([at]), np.array([half]))
-            moved = machine.movement.bodies(at + half * np.linspace(-1, 1, 33))
-            for body in range(1, len(machine.movement.names)):
-                point = Place(body, complex(*rng.normal(size=2)))
-                far = np.abs(moved.point(point) - cell.point(point)[0]).max()
-                assert far <= cell.spread(point)[0] * (1 + 1e-9) + 1e-9
-    assert links == {"lever", "back_of_coupler"}
+    for number, machine in enumerate(six_bars(4)):
+        check(machine, number)
+
+
+def test_so_do_those_with_a_rod_on_the_coupler_or_on_a_linkage_on_guides() -> None:
+    seen = set()
+    for number, (linkage, used, motor) in enumerate(other_six_bars(6)):
+        seen.add((type(linkage), motor.link))
+        machine = motor_driven(linkage, used, motor, Sizes())
+        turn = machine.movement.bodies(np.linspace(0.0, TURN, 181))
+        rod, moved = (machine.movement.names.index(name) for name in ("rod", motor.link))
+        ends = {one.name: one.places for one in machine.pins}["Q"]
+        assert (ends[0].body, ends[1].body) == (rod, moved)
+        assert np.abs(turn.point(ends[0]) - turn.point(ends[1])).max() < 1e-12 * machine.size
+        check(machine, number)
+    assert {(Linkage, "coupler"), (GuidedLinkage, "coupler"), (GuidedLinkage, "crank")} <= seen
 
 
 def test_the_six_bar_of_the_design_s_size_has_three_layers() -> None:
@@ -60,6 +78,17 @@ def test_the_six_bar_of_the_design_s_size_has_three_layers() -> None:
 
 
 def test_a_motor_that_does_not_fit_is_refused() -> None:
-    for wrong in (MOTOR._replace(crank=15.0), MOTOR._replace(at=80 + 0j)):
+    for wrong in (MOTOR._replace(crank=15.0), MOTOR._replace(at=80 + 0j), MOTOR._replace(link="wing")):
         with pytest.raises(FieldError, match="do not move"):
             motor_driven(LINKAGE, USED, wrong, Sizes())
+
+
+def test_a_rod_on_a_slider_has_no_plate() -> None:
+    slider = GuidedLinkage((Circle(0j, 1.0, 0j), Rail(0.3j, 0.0, 3 + 0j)), Driver.CRANK, 1, 0.5)
+    used = Interval(0.0, 1.0)
+    at = slider.links(np.array(used))[2].place
+    # on the rail's line, a crank of half the way
+    way = abs(at[1] - at[0])
+    motor = Motor("slider", complex(min(at.real) - 2 * way, 0.3), way / 2, 2.5 * way, 0j)
+    with pytest.raises(FieldError, match="slider, which is no plate"):
+        motor_driven(slider, used, motor, Sizes())

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from synthesis.assembly.guided import OnGuides, Rocker, guided
+from synthesis.assembly.guided import OnGuides, guided
 from synthesis.assembly.layers import Asked, Search
 from synthesis.assembly.machine import Sizes, four_bar
-from synthesis.assembly.movement import Movement, Place
+from synthesis.assembly.movement import GROUND, Between, Movement, Place
 from synthesis.errors import FieldError
 from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.linkage import DRIVERS, Circle, Driver, GuidedLinkage, Rail, Slot, of_four_bar
@@ -49,7 +49,9 @@ def test_no_body_leaves_its_enclosure(way) -> None:
         driven, last = linkage.guides
         if isinstance(last, Circle):
             names.append("rocker")
-            steps.append(Rocker(2, last.pivot, last.radius, Place(1, last.body_point - driven.body_point)))
+            steps.append(
+                Between(2, Place(GROUND, last.pivot), Place(1, last.body_point - driven.body_point), last.radius)
+            )
         movement = Movement(names, steps)
         cell = movement.bodies(np.array([0.0]), np.array([half]))
         moved = movement.bodies(half * np.linspace(-1, 1, 65))

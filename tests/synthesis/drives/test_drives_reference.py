@@ -205,7 +205,7 @@ def masses(row: dict) -> Loading:
     return Loading(masses=(*parts, Mass("body", 1.5, 0j)), gravity=GRAVITY)
 
 
-@pytest.mark.parametrize("name", ["E1", "E3", "E4"])
+@pytest.mark.parametrize("name", ["E1", "E2", "E3", "E4"])
 def test_two_springs_balance(name: str) -> None:
     row = REFERENCE["balance"][name]
     linkage, load = linkage_of(row), masses(row)
@@ -228,13 +228,13 @@ def test_two_springs_balance(name: str) -> None:
     assert one_spring(found, ("ground", "coupler")) == pytest.approx(row["one"], abs=1e-7)
 
 
-@pytest.mark.parametrize("name", ["E1", "E3", "E4"])
+@pytest.mark.parametrize("name", ["E1", "E2", "E3", "E4"])
 def test_one_spring_balances_where_the_signs_allow(name: str) -> None:
     row = REFERENCE["balance"][name]
     row = row | {"coupler_point": row["body"]}
     linkage, load = linkage_of(row), masses(row)
     found = potential_of(linkage, load)
-    one = machine_of(linkage, Interval(0.0, 1.0), 61)
+    one = machine_of(linkage, Interval(*np.deg2rad(row["span"])), 61)
     torque = one.torque(load)
     coupler, both = one_spring(found, ("ground", "coupler")), one_spring(found, ("crank", "rocker"))
     assert isinstance(coupler, Spring)

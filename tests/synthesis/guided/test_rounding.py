@@ -44,7 +44,7 @@ def test_rounded_lengths_lie_on_the_grid(drive) -> None:
 def test_the_rest_is_fitted_as_well_as_by_a_general_method(drive) -> None:
     poses, solution = _solution(drive)
     own = {name: 1.03 * length for name, length in lengths_of(solution.linkage).items()}
-    found = fitted(poses, solution, own)
+    found = fitted(poses, solution, own, Work())
     assert found is not None
     chart = _Chart(solution.linkage, own, False)
 

@@ -1,0 +1,96 @@
+"""``python -m benchmarks.stale`` (``make figures``): measures again what was measured with other code than that of this tree.
+
+It lists the commands with what has changed since and how long each took, and runs them in turn, the short ones first. What
+has ended counts as measured, so the same command goes on where it stopped. A tree with changes that are not committed is refused.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import inspect
+import os
+import shlex
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from benchmarks import age, report
+
+
+class Run(NamedTuple):
+    """A command whose figures are old."""
+
+    name: str
+    command: str
+    since: str
+    took: float | None
+    """Seconds of its last run."""
+
+
+def stale(code: age.Code = report.CODE) -> list[Run]:
+    """The commands to run again, the shortest first; those of unknown length at the end."""
+    found = {}
+    for name in report.names():
+        results = report.load(name)
+        for stamp in age.stamps(results):
+            why, command = age.since(stamp, name, results, code), stamp["command"]
+            if why != [] and f"-m benchmarks.{name}" in command:
+                found.setdefault(
+                    (name, command), Run(name, command, age.told([why]), results.get("took", {}).get(command))
+                )
+    return sorted(found.values(), key=lambda one: (one.took is None, one.took or 0.0))
+
+
+def words(run: Run) -> list[str]:
+    """The command as it is started today: without options that the benchmark no longer has, and files that are not there."""
+    known = inspect.signature(importlib.import_module(f"benchmarks.{run.name}").measure).parameters
+    _, _, options = run.command.partition(f"-m benchmarks.{run.name}")
+    groups: list[list[str]] = []
+    for word in shlex.split(options):
+        if word.startswith("--"):
+            groups.append([word])
+        else:
+            groups[-1].append(word)
+    kept = (
+        group
+        for group in groups
+        if group[0][2:].replace("-", "_") in known
+        and all(Path(word).exists() for word in group[1:] if word.endswith(".h5"))
+    )
+    return [sys.executable, "-m", f"benchmarks.{run.name}", *(word for group in kept for word in group)]
+
+
+def told(runs: list[Run]) -> Iterator[str]:
+    """The list in words."""
+    for run in runs:
+        yield f"{run.command}\n    {run.since}; {report.duration(run.took) if run.took else 'not known how long it'} took"
+    known = [run.took for run in runs if run.took]
+    others = f", and {len(runs) - len(known)} of unknown length" if len(known) < len(runs) else ""
+    yield f"{len(runs)} to measure: {report.duration(sum(known))}{others}"
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """List, then measure; 1 where a command fails or the tree has changes."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--list", action="store_true", help="measure nothing")
+    only_list, runs, failed = parser.parse_args(arguments).list, stale(), []
+    print(*told(runs), sep="\n", flush=True)
+    if only_list:
+        return 0
+    if report.commit().endswith("+changes"):
+        print("the tree has changes that are not committed: no figure is taken from it")
+        return 1
+    for number, run in enumerate(runs, 1):
+        print(f"{number} of {len(runs)}: {shlex.join(words(run)[1:])}", flush=True)
+        one_thread = {"OMP_NUM_THREADS": "1"} if run.command.startswith("OMP_NUM_THREADS=1 ") else {}
+        if subprocess.run(words(run), cwd=report.ROOT, env={**os.environ, **one_thread}, check=False).returncode:
+            failed.append(run.command)
+    print(*(f"failed: {command}" for command in failed), sep="\n")
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

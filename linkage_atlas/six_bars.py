@@ -1,0 +1,480 @@
+"""A linkage with the motor that swings it, as a user handles it: six links that move with the motor, drawings and files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from linkage_atlas.any_linkage import AnyLinkage
+from linkage_atlas.arguments import bounded, column, known_fields, millimetres_in, number
+from linkage_atlas.assemblies import Assembly, assembled, read_assembly
+from linkage_atlas.exports import content_of
+from linkage_atlas.formats import OF_PARTS
+from linkage_atlas.guided import GuidedJoints, GuidedLinkage
+from linkage_atlas.linkages import FourBar, Joints, given_linkage
+from linkage_atlas.motions import Motion
+from linkage_atlas.records import Record, Values, Vectors, plain, plane, xy
+from linkage_atlas.solids import SolidParts, read_solids, solids_in, split
+from linkage_atlas.studies import MOST_LINK_MASSES, Drive, Manufacture, ToleranceStudy, read_load
+from synthesis.arrays import Floats
+from synthesis.drives.links import Loading, ends_of
+from synthesis.drives.six_bar import MOTOR_CRANK, ROD, SixBar, joints_of
+from synthesis.errors import FieldError
+from synthesis.guided.analysis import Mass
+from synthesis.target import TURN, Interval, Target
+from synthesis.work import Work
+
+_STEPS = 73
+"""Rows of a table over a turn of the motor."""
+_CURVE = 361
+"""Angles of the motor at which an analysis is made where none are given."""
+
+
+class SixBarJoints(NamedTuple):
+    """Where a six-bar is at n angles of its motor. Angles in the linkage's unit."""
+
+    joints: dict[str, Floats]
+    """(n, 2) of each by its name: A, B, C, D of the linkage, M the motor, K between its crank and the rod, Q on the link."""
+    linkage: Joints | GuidedJoints
+    """The linkage itself, with body point, rotation and its own transmission angle."""
+    travel: Floats
+    """Of the linkage's drive, from the first sample on: crank angles, or lengths of a slide."""
+    motor_direction: Floats
+    """Of the motor's crank against the x axis."""
+    transmission_angle: Floats
+    """Between rod and normal of its pin's path."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SixBarAnalysis(Record):
+    """Velocities, accelerations and forces at a constant speed of the motor, a value an angle of it."""
+
+    motor_angle: Floats
+    """From the first end on, counter-clockwise positive."""
+    motor_speed: float
+    travel: Values
+    """Of the linkage's drive, from the first sample on."""
+    velocity: Vectors | None
+    """Of the body point; null without positions."""
+    acceleration: Vectors | None
+    angular_velocity: dict[str, Values]
+    """Of each link by its name."""
+    angular_acceleration: dict[str, Values]
+    transmission_angle: Values
+    """Between rod and normal of its pin's path."""
+    motor_torque: Values | None
+    """Counter-clockwise; pins without friction. Null without a load."""
+    pin_forces: dict[str, Vectors] | None
+    """In each joint by its name, on the later link of the two; of a slide across it. Null without a load."""
+
+    def columns(self) -> dict[str, Iterable[Any]]:
+        """The columns of a table, a row an angle of the motor."""
+        vectors = {"velocity": self.velocity, "acceleration": self.acceleration}
+        vectors |= {f"force_{name}": force for name, force in (self.pin_forces or {}).items()}
+        columns: dict[str, Iterable[Any]] = {
+            f"{name}_{axis}": plain(values[:, k])
+            for name, values in vectors.items()
+            if values is not None
+            for k, axis in enumerate("xy")
+        }
+        for kind in ("angular_velocity", "angular_acceleration"):
+            columns |= {f"{link}_{kind}": plain(values) for link, values in getattr(self, kind).items()}
+        if self.motor_torque is not None:
+            columns["motor_torque"] = plain(self.motor_torque)
+        return columns
+
+
+class SixBarLinkage(AnyLinkage):
+    """A linkage that a motor swings through a rod while it turns on: a Watt II or Stephenson III six-bar.
+
+    Angles of the motor count, counter-clockwise, from the first end of the way, where its crank and the rod lie in a line.
+
+    Parameters
+    ----------
+    linkage : FourBar, GuidedLinkage, Solution or mapping
+        That is driven.
+    drive : Drive or mapping
+        Of kind "dyad", as `linkage_atlas.drives` finds it: its ``link``, ``motor``, ``pin_on_link``, and of its ``six_bar`` the
+        ``crank`` and the ``coupler``.
+    crank_angle : array_like, shape (n,), optional
+        The way: the least and the largest of these places of the linkage's drive, from the first sample on. Default: those of the
+        motion that it answers.
+    degrees : bool
+        Unit of angles, where the linkage does not say it.
+
+    Raises
+    ------
+    FieldError
+        Naming the argument; ``/drive`` for a motor that does not swing the linkage over its way.
+
+    Examples
+    --------
+    >>> import linkage_atlas as la
+    >>> four_bar = la.FourBar(30, 60, 70, 50, start_angle=40)
+    >>> wiper = la.drives(four_bar, [{"kind": "dyad", "links": ["crank"]}], crank_angle=[0, 60]).drives[0].linkage
+    >>> wiper.kind, round(wiper.dwell(0.01)[0], 1)
+    ('watt_2', 24.0)
+    >>> wiper.joints(180).travel.round(6).tolist()
+    [60.0]
+    """
+
+    _linkage: SixBar
+    _drive = "motor"
+
+    def __init__(
+        self, linkage: Any, drive: Any, crank_angle: ArrayLike | None = None, *, degrees: bool = True
+    ) -> None:
+        base, own = given_linkage(linkage, degrees)
+        if not isinstance(base, (FourBar, GuidedLinkage)):
+            raise FieldError("/linkage", "wanted a four-bar or a body on guides: this one has a motor already")
+        own = own if crank_angle is None else crank_angle
+        if own is not None:
+            places = np.atleast_1d(column("crank_angle", own)) * base._unit
+        elif base.way is not None:
+            places = base.way
+        else:
+            raise FieldError("/crank_angle", "needed: this linkage answers no motion that would say its way")
+        read = read_assembly({"drive": drive}, "")
+        assert read is not None and read.motor is not None
+        self._base, self._radian, self._motion, self._samples = base, base._radian, None, places
+        self._linkage = SixBar.of(base.plain, ends_of(places), read.motor)
+
+    @classmethod
+    def of_view(cls, linkage: FourBar | GuidedLinkage, six: SixBar, samples: Floats) -> SixBarLinkage:
+        """Of a linkage and a motor that were found together; ``samples`` (n,): places of its drive, radians or lengths."""
+        one = object.__new__(cls)
+        one._base, one._radian, one._motion, one._samples = linkage, linkage._radian, None, samples
+        one._linkage = six
+        return one
+
+    # -- what it is ---------------------------------------------------------------------------------------------------
+
+    @property
+    def linkage(self) -> FourBar | GuidedLinkage:
+        """The linkage that is driven."""
+        return self._base
+
+    @property
+    def kind(self) -> str:
+        """`watt_2` where the rod moves a link with a fixed pivot, `stephenson_3` on any other."""
+        return "stephenson_3" if self._linkage.pivot is None else "watt_2"
+
+    @property
+    def branch(self) -> int:
+        """Of the linkage that is driven."""
+        return self._base.branch
+
+    @property
+    def turns_fully(self) -> bool:
+        """Always: that is what the motor is for."""
+        return True
+
+    @property
+    def motor(self) -> Floats:
+        """Where the motor is, shape (2,)."""
+        return plane(self._linkage.motor.at)
+
+    @property
+    def motor_crank(self) -> float:
+        """Length of the motor's crank."""
+        return self._linkage.motor.crank
+
+    @property
+    def rod(self) -> float:
+        """Length of the rod."""
+        return self._linkage.motor.rod
+
+    @property
+    def link(self) -> str:
+        """That the rod moves."""
+        return self._linkage.motor.link
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Between which places of the linkage's drive it swings, from the first sample on."""
+        first, last = self._linkage.used
+        return first / self._base._unit, last / self._base._unit
+
+    @property
+    def turn(self) -> tuple[float, float]:
+        """How far the motor turns forwards, to the last end, and then back to the first; counter-clockwise positive."""
+        six = self._linkage
+        forwards = six.last if six.sense > 0 else six.last - TURN
+        return forwards / self._radian, (six.sense * TURN - forwards) / self._radian
+
+    @property
+    def time_ratio(self) -> float:
+        """Of the slower way over the other, at a constant speed of the motor."""
+        ways = sorted(map(abs, self.turn))
+        return ways[1] / ways[0]
+
+    @property
+    def way(self) -> Floats:
+        """Radians of the motor at which it passes, forwards, the samples of the motion that the linkage answers, (n,)."""
+        return self._linkage.forwards(self._samples)
+
+    # -- how it moves -------------------------------------------------------------------------------------------------
+
+    def joints(self, motor: ArrayLike) -> SixBarJoints:
+        """Where it is.
+
+        Parameters
+        ----------
+        motor : array_like, shape (n,) or a number
+            Angles of the motor from the first end on, any number of turns.
+        """
+        six = self._linkage
+        turned = np.atleast_1d(column("motor", motor)) * self._radian
+        machine = six.machine(turned)
+        travel = six.travel(turned) / self._base._unit
+        return SixBarJoints(
+            {one.name: plane(one.place) for one in joints_of(self._base.plain, six.motor, machine)},
+            self._base.joints(travel),
+            travel,
+            (six.start + turned) / self._radian,
+            six.transmission(machine) / self._radian,
+        )
+
+    def transmission_angle_min(self) -> float:
+        """The least angle between rod and normal of its pin's path, of 721 angles of a turn."""
+        six = self._linkage
+        return float(six.transmission(six.machine(np.linspace(0.0, TURN, 721))).min()) / self._radian
+
+    def dwell(self, share: float = 0.01) -> tuple[float, float]:
+        """How far the motor turns while the linkage is within a share of its way of the first end, and of the last."""
+        if not 0 < number("share", share) < 0.5:
+            raise FieldError("/share", f"wanted a number between 0 and 0.5, found {share}")
+        first, last = self._linkage.dwell(share)
+        return first / self._radian, last / self._radian
+
+    def analysis(
+        self,
+        motor_speed: float,
+        load: Mapping[str, Any] | None = None,
+        motor: ArrayLike | None = None,
+        *,
+        length_unit: str = "mm",
+    ) -> SixBarAnalysis:
+        """Velocities, accelerations and, with a load, the motor's torque and the forces in all seven joints.
+
+        Parameters
+        ----------
+        motor_speed : float
+            Of the motor, constant, counter-clockwise: in the linkage's unit of angle a second.
+        load : mapping, optional
+            As of `FourBar.analysis`; ``masses`` also of the links motor_crank and rod, whose frames begin at the motor and at the
+            end of its crank and lie along them.
+        motor : array_like, shape (n,), optional
+            Angles of the motor from the first end on. Default: a whole turn.
+        length_unit : {"mm", "cm", "m", "in"}
+            The unit of its lengths, which tells the forces of inertia.
+        """
+        six, speed = self._linkage, bounded("motor_speed", motor_speed) * self._radian
+        turned = np.linspace(0.0, TURN, _CURVE)
+        if motor is not None:
+            turned = np.atleast_1d(column("motor", motor)) * self._radian
+        machine, held = six.machine(turned), None
+        metre = millimetres_in(length_unit) / 1000
+        if load is not None:
+            links = (*machine.links, "body")
+            force, torque, masses, gravity, parts = read_load(
+                "load", load, links, machine.body is not None, MOST_LINK_MASSES, middles=machine.middles
+            )
+            if parts:
+                weights = self.solids(length_unit=length_unit, nevertheless=True).masses
+                masses += tuple(Mass(one.link, one.mass, complex(*one.at), one.inertia) for one in weights)
+            loading = Loading(force, torque, masses, gravity, speed, metre)
+            held = six.held(machine, joints_of(self._base.plain, six.motor, machine), loading)
+        turning = {name: one for name, one in machine.links.items() if not name.endswith("slider")}
+        body = machine.body
+        return SixBarAnalysis(
+            motor_angle=turned / self._radian,
+            motor_speed=float(motor_speed),
+            travel=six.travel(turned) / self._base._unit,
+            velocity=None if body is None else plane(body.velocity * speed),
+            acceleration=None if body is None else plane(body.acceleration * speed**2),
+            angular_velocity={name: one.rate * speed / self._radian for name, one in turning.items()},
+            angular_acceleration={name: one.rate_change * speed**2 / self._radian for name, one in turning.items()},
+            transmission_angle=six.transmission(machine) / self._radian,
+            motor_torque=None if held is None else held.torque,
+            pin_forces=None if held is None else {name: plane(force) for name, force in held.forces.items()},
+        )
+
+    # -- what it becomes ----------------------------------------------------------------------------------------------
+
+    def assembly(
+        self, motion: Motion | None = None, travel: Any = None, /, *, work: Work | None = None, **asked: Any
+    ) -> Assembly:
+        """Layers of its plates in which nothing collides over a turn of the motor, proved; ``asked`` as of `FourBar.assembly`."""
+        _no_motion(motion, travel)
+        return self._arranged(asked, work, "")
+
+    def _arranged(self, asked: Mapping[str, Any], work: Work | None, where: str) -> Assembly:
+        if "drive" in asked:
+            raise FieldError(f"/{where}drive", "is this six-bar's own motor")
+        read = read_assembly({**asked, "drive": self.drive}, where)
+        assert read is not None
+        return assembled(self._base.plain, read, self._linkage.used, self._radian, work or Work(), where)
+
+    def solids(
+        self,
+        motion: Motion | None = None,
+        crank_angle: ArrayLike | None = None,
+        *,
+        length_unit: str = "mm",
+        work: Work | None = None,
+        **asked: Any,
+    ) -> SolidParts:
+        """Its parts as solids, the motor's crank and the rod among them; ``asked`` as of `FourBar.solids`."""
+        _no_motion(motion, crank_angle)
+        of_assembly, of_solids = split(asked)
+        found = self._arranged(of_assembly, work, "")
+        return solids_in(found, read_solids(of_solids, ""), of_assembly, length_unit)
+
+    def file(
+        self,
+        kind: str,
+        motion: Motion | None = None,
+        length_unit: str = "mm",
+        motor: ArrayLike | None = None,
+        analysis: Mapping[str, Any] | None = None,
+        assembly: Mapping[str, Any] | None = None,
+        solids: Mapping[str, Any] | None = None,
+        work: Work | None = None,
+    ) -> bytes:
+        """The six-bar as the content of a file.
+
+        Parameters
+        ----------
+        kind : {"csv", "svg", "dxf", "mjcf", "plates", "step", "3mf", "stl", "urdf", "sdf", "parts"}
+            Drawings and models stand at the first sample of a motion, otherwise at the first end, and so do parts.
+        motion : Motion, optional
+            What was asked of the linkage, to be drawn with it; with given crank angles.
+        length_unit : {"mm", "cm", "m", "in"}
+            The unit of its lengths, for files that know one.
+        motor : array_like, shape (n,), optional
+            Angles of the motor that are the rows of a CSV file. Default: a turn in steps of 5 degrees.
+        analysis : mapping, optional
+            ``motor_speed`` and ``load`` as of `analysis`: further columns of a CSV file.
+        assembly, solids, work
+            As of `FourBar.file`.
+        """
+        if kind in (*OF_PARTS, "plates"):
+            found = self._arranged(assembly or {}, work, "assembly/")
+            return solids_in(found, read_solids(solids), assembly or {}, length_unit).file(kind)
+        base, plain = self._base, self._base.plain
+        if kind == "csv":
+            return self._table(motor, analysis, length_unit)
+        first, last = self._linkage.used
+        target = base._motion if motion is None else base.target_of(motion, None)
+        if target is None:
+            # drawings and models stand at travel 0: here at the first end
+            plain = replace(plain, start=plain.start + first)
+            target = Target(None, None, crank=np.linspace(0.0, last - first, _STEPS), found=True)
+        shown = type(base).of(plain, self._radian, target)
+        return shown.file(kind, length_unit=length_unit, drive=self.drive)
+
+    def _table(self, motor: ArrayLike | None, analysis: Mapping[str, Any] | None, length_unit: str) -> bytes:
+        turned = np.linspace(0.0, TURN, _STEPS) / self._radian
+        if motor is not None:
+            turned = np.atleast_1d(column("motor", motor))
+        found = self.joints(turned)
+        more: dict[str, Any] = {
+            "motor_angle": turned,
+            "motor_direction": found.motor_direction,
+            "rod_transmission_angle": found.transmission_angle,
+        }
+        for name in "KQ":
+            more |= {f"{name}_{axis}": found.joints[name][:, k] for k, axis in enumerate("xy")}
+        if analysis is not None:
+            known_fields("analysis", analysis, ("motor_speed", "load"))
+            if analysis.get("motor_speed") is None:
+                raise FieldError("/analysis/motor_speed", "needed: how fast the motor turns")
+            asked = self.analysis(analysis["motor_speed"], analysis.get("load"), turned, length_unit=length_unit)
+            more |= asked.columns()
+        rows = Target(None, None, crank=found.travel * self._base._unit, found=True)
+        return content_of(self._base.plain, rows, self._radian, "csv", length_unit, None, None, more=more)
+
+    def render(self, kind: str, motion: Motion | None = None, length_unit: str = "mm", **more: Any) -> str:
+        """The six-bar as the text of a file; arguments as of `file`."""
+        if kind in ("3mf", "stl"):
+            raise FieldError("/kind", f"{kind} is no text: `file` has its content, and `save` writes it")
+        return self.file(kind, motion, length_unit, **more).decode()
+
+    def _file_with(self, kind: str, length_unit: str, asked: Mapping[str, Any]) -> bytes:
+        of_assembly, of_solids = split(asked)
+        return self.file(kind, length_unit=length_unit, assembly=of_assembly, solids=of_solids)
+
+    @property
+    def drive(self) -> dict[str, Any]:
+        """Its motor, as a reply has a drive."""
+        motor = self._linkage.motor
+        return {
+            "kind": "dyad",
+            "link": motor.link,
+            "motor": xy(motor.at),
+            "pin_on_link": xy(motor.pin),
+            "extends": self._linkage.extends,
+            "six_bar": {"crank": motor.crank, "coupler": motor.rod},
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values; `from_dict` takes them back."""
+        return {"linkage": self._base.to_dict(), "drive": plain(self.drive), "crank_angle": list(self.ends)}
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any], degrees: bool = True) -> SixBarLinkage:
+        """A six-bar from what `to_dict` gives."""
+        for name in ("linkage", "drive", "crank_angle"):
+            if values.get(name) is None:
+                raise FieldError(f"/{name}", "needed")
+        return cls(values["linkage"], values["drive"], values["crank_angle"], degrees=degrees)
+
+    # -- what it leaves to the linkage --------------------------------------------------------------------------------
+
+    def target_of(self, motion: Motion | None, travel: ArrayLike | None) -> Target:
+        """A whole turn of the motor."""
+        _no_motion(motion, travel)
+        return Target(None, None, crank=np.linspace(0.0, TURN, _STEPS))
+
+    def made_within(self, manufacture: Manufacture, target: Target, work: Work) -> ToleranceStudy:
+        """Refused: tolerances are simulated of the linkage itself."""
+        raise FieldError("/linkage", "tolerances are simulated of the linkage itself: `linkage.tolerance_study`")
+
+    def analysed(self, drive: Drive, travel: Floats, over: Interval | None = None) -> Any:
+        """Refused: see `analysis`, whose speed is the motor's."""
+        raise FieldError("/linkage", "of a six-bar see `analysis`, whose speed is the motor's")
+
+    def __repr__(self) -> str:
+        return (
+            f"SixBarLinkage({self.kind}: {MOTOR_CRANK} {self.motor_crank:.6g}, {ROD} {self.rod:.6g} "
+            f"on the {self.link} of {self._base!r})"
+        )
+
+
+def _no_motion(motion: Motion | None, travel: Any) -> None:
+    if motion is not None or travel is not None:
+        raise FieldError("/motion", "a six-bar moves over a turn of its motor: leave this")
+
+
+def on_hinge(six: SixBar, radian: float) -> FourBar:
+    """A motor and rod on a link that turns about a fixed pivot: a four-bar, whose rocker the link is."""
+    motor, link = six.motor, six.machine(np.zeros(1)).links[six.motor.link]
+    pivot = complex(link.origin[0])
+    knee, pin = complex(six.knee(np.zeros(1))[0]), complex(link.place(motor.pin)[0])
+    line = float(np.angle(pivot - motor.at))
+    return FourBar(
+        motor.crank,
+        motor.rod,
+        abs(motor.pin),
+        abs(pivot - motor.at),
+        1 if np.imag(np.conj(pivot - knee) * (pin - knee)) > 0 else -1,
+        start_angle=(six.start - line) / radian,
+        pivot_a=xy(motor.at),
+        ground_angle=line / radian,
+        degrees=radian != 1.0,
+    )

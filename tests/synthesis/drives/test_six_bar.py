@@ -1,0 +1,143 @@
+"""A motor on a linkage as one mechanism: poses against circles, rates against differences, forces against balance."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from synthesis.drives.dyad import about_pivot
+from synthesis.drives.links import Loading, hinged, hinged_at
+from synthesis.drives.six_bar import MOTOR_CRANK, ROD, Motor, SixBar, joints_of
+from synthesis.errors import FieldError
+from synthesis.fourbar.linkage import Linkage
+from synthesis.guided.analysis import Mass
+from synthesis.target import TURN, Interval
+from tests.oracles.assembly import other_six_bars
+from tests.oracles.equilibrium import Moving, circles, equilibrium
+
+WATT = Linkage((30.0, 60.0, 70.0, 50.0), 1, np.deg2rad(40.0), 3 - 2j, 0.2, (40.0, 0.5), 0.1)
+USED = Interval(0.0, np.deg2rad(60.0))
+TURNED = np.linspace(0.0, 2 * TURN, 97)
+
+
+def watt() -> SixBar:
+    """The motor of the assembly's example, turned and moved with the linkage."""
+    at = 3 - 2j + (74.76662388200997 - 5.0943059670631925j) * np.exp(0.2j)
+    return SixBar.of(WATT, USED, Motor("crank", complex(at), 12.0, 72.0, 24 + 0j))
+
+
+CASES = [*((SixBar.of(*case), case[0]) for case in other_six_bars(6)), (watt(), WATT)]
+
+
+@pytest.mark.parametrize(("six", "linkage"), CASES)
+def test_everywhere_the_rod_keeps_its_length_and_the_linkage_its_way(six, linkage) -> None:
+    moved = six.machine(TURNED)
+    off = moved.links[six.motor.link].place(six.motor.pin) - moved.links[ROD].origin
+    assert np.abs(off) == pytest.approx(np.full(TURNED.size, six.motor.rod), rel=1e-12)
+    at = six.travel(np.linspace(0, TURN, 1001))
+    first, last = six.used
+    assert at.min() >= first - 1e-9 and at.max() <= last + 1e-9
+    assert six.travel(np.array([0.0, six.last, TURN])) == pytest.approx([first, last, first], abs=1e-9)
+    rising = np.linspace(0, six.last, 400)
+    assert np.all(np.diff(six.travel(rising)) > 0)
+    assert np.all(np.diff(six.travel(rising - six.last)[::-1]) > 0) or six.last != TURN / 2
+    # there and back by the other formula
+    inner = six.travel(np.array([0.3, 1.7, 3.0, 4.4, 5.9]))
+    assert np.abs(six.turned(inner) - [0.3, 1.7, 3.0, 4.4, 5.9]).min(axis=0) == pytest.approx(np.zeros(5), abs=1e-7)
+    forwards = six.forwards(inner)
+    assert six.travel(forwards) == pytest.approx(inner, abs=1e-9)
+    assert np.all(forwards * six.sense >= 0)
+    assert np.all(np.abs(forwards) <= max(six.last, TURN - six.last) + 1e-9)
+
+
+@pytest.mark.parametrize(("six", "linkage"), CASES)
+def test_rates_are_what_differences_tend_to(six, linkage) -> None:
+    h, point = 1e-5, 0.3 + 0.2j
+    before, here, after = (six.machine(TURNED + step) for step in (-h, 0.0, h))
+    for name in (*here.links, "body"):
+        if name == "body" and here.body is None:
+            continue
+        one = here.link(name)
+        speed = (after.link(name).place(point) - before.link(name).place(point)) / (2 * h)
+        change = (after.link(name).speed(point) - before.link(name).speed(point)) / (2 * h)
+        assert np.abs(one.speed(point) - speed).max() <= 1e-7 * (1 + np.abs(speed).max())
+        assert np.abs(one.change(point) - change).max() <= 1e-7 * (1 + np.abs(change).max())
+    # the dead centres: the linkage stands still
+    still = six.machine(np.array([0.0, six.last]))
+    assert np.abs(still.links[six.motor.link].speed(six.motor.pin)).max() < 1e-6 * six.motor.crank
+    # a dwell is as long as the linkage is near
+    at, (first, last) = six.travel(np.linspace(0, TURN, 200_001)), six.used
+    for end, found in zip((first, last), six.dwell(0.05)):
+        assert TURN * np.mean(np.abs(at - end) <= 0.05 * (last - first)) == pytest.approx(found, abs=1e-4)
+
+
+@pytest.mark.parametrize(("six", "linkage"), CASES)
+def test_newton_and_euler_give_the_torque_of_virtual_work(six, linkage) -> None:
+    rng = np.random.default_rng(5)
+    machine = six.machine(TURNED)
+    links = [*machine.links, *([] if machine.body is None else ["body"])]
+    masses = tuple(Mass(one, rng.uniform(0.1, 2), complex(*rng.normal(size=2)), rng.uniform(0, 1)) for one in links)
+    for speed in (0.0, 2.0):
+        load = Loading(complex(*rng.normal(size=2)), rng.normal(), masses, 1 - 9.81j, speed, 0.7)
+        held = six.held(machine, joints_of(linkage, six.motor, machine), load)
+        wanted = machine.torque(load)
+        assert np.abs(held.torque - wanted).max() <= 1e-11 * np.abs(wanted).max()
+        # inertia counts, and its unit
+        if speed:
+            other = six.held(machine, joints_of(linkage, six.motor, machine), load._replace(metre=1.0))
+            assert np.abs(other.torque - held.torque).max() > 1e-6 * np.abs(wanted).max()
+
+
+def test_poses_and_forces_are_those_of_circles_and_of_every_link() -> None:
+    """In plain arithmetic: the rod's pin by two circles, the four-bar from its crank, nine equations of its links."""
+    six = watt()
+    motor, load = six.motor, Loading(2 - 5j, 3.0)
+    machine = six.machine(TURNED[:49])
+    held = six.held(machine, joints_of(WATT, motor, machine), load)
+    b = WATT.pivot_b
+    for k, knee in enumerate(six.knee(TURNED[:49])):
+        pins = [circles((3, -2), abs(motor.pin), (knee.real, knee.imag), motor.rod, side) for side in (True, False)]
+        places = [complex(*pin) for pin in pins]
+        pin = machine.links["crank"].place(motor.pin)[k]
+        assert min(abs(place - pin) for place in places) < 1e-10 * motor.rod
+        at = Moving(WATT.links, 1, (3, -2), (b.real, b.imag), float(np.angle(pin - (3 - 2j))))
+        assert abs(complex(*at.c) - machine.links["rocker"].place(70 + 0j)[k]) < 1e-11 * 70
+        found = equilibrium(
+            at, WATT.arm, (2, -5), 3.0, (), (0, 0), 0.0, ("rod", "crank", motor.pin, (knee.real, knee.imag))
+        )
+        size = np.abs(found).max()
+        for name, column in (("A", 0), ("D", 2), ("B", 6)):
+            assert abs(held.forces[name][k] - complex(*found[column : column + 2])) < 1e-9 * size
+        assert abs(held.forces["C"][k] - complex(*found[4:6])) < 1e-9 * size
+        assert abs(abs(held.forces["Q"][k]) - abs(found[8])) < 1e-9 * size
+        assert abs(held.forces["K"][k] - held.forces["Q"][k]) < 1e-9 * size
+
+
+def test_a_link_on_a_hinge_is_driven_too() -> None:
+    found = about_pivot(hinged(0j, 0.5, 1.1, 400.0).links["rocker"], np.ones(61), 1.1, 320.0, True, None)
+    assert not isinstance(found, str)
+    motor = Motor("rocker", found.motor, found.crank, found.rod, found.pin)
+    six = SixBar(lambda at: hinged_at(0j, 0.5, 400.0, at), Interval(0.0, 1.1), motor)
+    six.check()
+    machine = six.machine(TURNED)
+    assert set(machine.links) == {"rocker", MOTOR_CRANK, ROD}
+    assert six.transmission(machine).min() == pytest.approx(found.least_angle, abs=1e-2)
+    assert max(six.last, TURN - six.last) / min(six.last, TURN - six.last) == pytest.approx(1.1, abs=1e-9)
+
+
+def test_a_motor_that_swings_nothing_is_refused() -> None:
+    six = watt()
+    for wrong in (
+        six.motor._replace(crank=13.0),
+        six.motor._replace(pin=30 + 5j),
+        six.motor._replace(link="slider"),
+        six.motor._replace(at=complex(np.nan, 0)),
+    ):
+        with pytest.raises(FieldError, match="do not move"):
+            SixBar.of(WATT, USED, wrong)
+    for used in (Interval(0.0, 0.5), Interval(0.0, TURN), Interval(0.0, 0.0)):
+        with pytest.raises(FieldError, match="do not move"):
+            SixBar.of(WATT, used, six.motor)
+    # numbers of six digits do, and lead a little beyond the ends
+    rounded = six.motor._replace(at=complex(round(six.motor.at.real, 3), round(six.motor.at.imag, 3)))
+    SixBar.of(WATT, USED, rounded)
