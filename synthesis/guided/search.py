@@ -109,7 +109,7 @@ _LONG, _CHANCE = 10.0, 10.0
 _IDLE, _IDLE_LED, _ROUNDS, _WORTH = 10, 5, 60, 0.01
 """A drive is left alone after so many rounds that gain nothing, or where rotations are led; rounds at most; and the part of J
 that is a gain."""
-_ODDS = (0.1, 0.9)
+ODDS = (0.1, 0.9)
 """As of `rounds.Rounds`, fitted to `benchmarks.unseen`."""
 _PATIENCE = 4
 """Rounds more for a drive that nothing was found of."""
@@ -1000,7 +1000,7 @@ def search_guided(
     reached = not search._left.size
     stopped = StoppedBy.TOLERANCE if reached else StoppedBy.CONVERGED if ended else StoppedBy.BUDGET
     told = stopped is StoppedBy.CONVERGED and search.led and solutions
-    missed = unseen(search.elsewhere, _ODDS) if told else None
+    missed = unseen(search.elsewhere, ODDS) if told else None
     return solutions, SearchReport(stopped, search.trace, search.seeds, search.notes, missed)
 
 
