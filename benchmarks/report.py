@@ -254,7 +254,7 @@ def commit() -> str:
 
     try:
         # what a benchmark itself writes is no change of the code
-        own = (":!docs", ":!README.md", ":!benchmarks/results", ":!app/fourbar/durations.json")
+        own = (":!docs", ":!*.md", ":!benchmarks/results", ":!app/fourbar/durations.json")
         changed = git("status", "--porcelain", "--", ".", *own)
         return git("rev-parse", "HEAD") + ("+changes" if changed else "")
     except (OSError, subprocess.CalledProcessError):
@@ -407,10 +407,12 @@ def run(measure: Callable[..., Iterator[Mapping[str, Any]]], arguments: Sequence
     trial, begin, results = options.pop("trial"), time.perf_counter(), None
     if not trial and commit().endswith("+changes"):
         parser.exit(1, "the tree has changes that are not committed: commit them, or measure with --try\n")
-    code = {commit(): CODE.digests(name)}
+    made = stamp()  # of the code as it is read now, whatever is committed meanwhile
+    code = {made["commit"]: CODE.digests(name)}
     for results in measure(**options):
+        results = {"made": made, **results}
         if trial:
-            blocks = importlib.import_module(f"benchmarks.{name}").blocks({"made": stamp(), **results})
+            blocks = importlib.import_module(f"benchmarks.{name}").blocks(results)
             print(*(f"{block}:\n{text}\n" for block, text in blocks.items()), sep="\n")
             continue
         save(results, name)
