@@ -10,8 +10,10 @@ from importlib import import_module
 from typing import Annotated, Any, Literal
 
 from fastapi import FastAPI
+from fastapi.routing import APIRoute
 from pydantic import BeforeValidator, Field
 from pydantic.warnings import UnsupportedFieldAttributeWarning
+from starlette.requests import Request
 from starlette.responses import Response
 
 import linkage_atlas as la
@@ -63,6 +65,7 @@ def create_app(
     page.install(app)
     _add_atlas_routes(app, resources)
     _add_health_routes(app, resources, computing)
+    _add_heads(app)
     if settings.log_json or settings.metrics:
         observed = import_module("app.observed")  # and with it the client library of Prometheus
         observed.install(app, settings, computing)
@@ -115,9 +118,13 @@ TypeNumber = Annotated[int, Field(ge=1, le=2**53), BeforeValidator(_written_plai
 
 
 def _add_atlas_routes(app: FastAPI, resources: ServiceResources) -> None:
-    @app.get("/v1/atlas", tags=["atlas"], summary="What is loaded.", responses=_problems(503))
-    async def atlas() -> AtlasReply:
-        return AtlasReply(**resources.describe_atlas())
+    loaded = page.MadeOnce(lambda: page.json_file(AtlasReply(**resources.describe_atlas()).model_dump()))
+
+    @app.get(
+        "/v1/atlas", tags=["atlas"], summary="What is loaded.", response_model=AtlasReply, responses=_problems(503)
+    )
+    async def atlas(request: Request) -> Response:
+        return await loaded.reply(request)
 
     @app.get("/v1/types/{number}", tags=["atlas"], summary="One dimension type.", responses=_problems(404, 422, 503))
     def dimension_type(number: TypeNumber, kind: Literal["four_bar", "slider_crank"] | None = None) -> AtlasTypeReply:
@@ -138,7 +145,6 @@ class Ready(ReplyModel):
 
 
 def _add_health_routes(app: FastAPI, resources: ServiceResources, computing: computed.Computing) -> None:
-    @app.head("/livez", include_in_schema=False)
     @app.get("/livez", tags=["health"], summary="The process answers.")
     async def livez() -> dict[str, str]:
         return {"status": "ok"}
@@ -150,6 +156,12 @@ def _add_health_routes(app: FastAPI, resources: ServiceResources, computing: com
         if resources.settings.with_atlas:
             _ = resources.atlas
         return Ready(preparing=list(computing.preparing))
+
+
+def _add_heads(app: FastAPI) -> None:
+    """What can be got can be asked for its head alone (RFC 9110, 9.1)."""
+    for route in [one for one in app.routes if isinstance(one, APIRoute) and "GET" in one.methods]:
+        app.add_api_route(route.path, route.endpoint, methods=["HEAD"], include_in_schema=False, response_model=None)
 
 
 _PROBLEM_RESPONSES: dict[int | str, dict[str, Any]] = {

@@ -19,7 +19,7 @@ import tempfile
 import threading
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -124,41 +124,56 @@ def deaths(atlas: Path, count: int) -> dict[str, Any]:
     return told | {"left_behind": orphans}
 
 
-def _index(atlas: Path) -> subprocess.Popen[bytes]:
-    command = [sys.executable, "-m", "app.start", "index", "--atlas", str(atlas)]
-    silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "env": service.environment()}
-    return subprocess.Popen(command, cwd=service.ROOT, **silent)
+def _interrupted(
+    command: list[str], made: Callable[[], Any], remove: Callable[[], None], count: int
+) -> dict[str, Any]:
+    """A command killed at random moments and run again; what those runs make that end is compared with that of the first."""
+
+    def run() -> subprocess.Popen[bytes]:
+        silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "env": service.environment()}
+        return subprocess.Popen([sys.executable, "-m", *command], cwd=service.ROOT, **silent)
+
+    rng, kills, finished, other = random.Random(6), 0, 0, 0
+    begin = time.perf_counter()
+    run().wait()
+    whole, wanted = time.perf_counter() - begin, made()
+    remove()
+    while True:
+        process = run()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(rng.uniform(0.1, 1.2) * whole if kills < count else None)
+        if process.returncode is None:
+            process.kill()
+            process.wait()
+            kills += 1
+            continue
+        other += made() != wanted
+        finished += 1
+        if kills >= count:
+            return {"kills": kills, "finished": finished, "other": other}
+        remove()
 
 
-def _bytes_of(folder: Path) -> dict[str, bytes]:
-    return {str(one.relative_to(folder)): one.read_bytes() for one in folder.rglob("*.npy")}
+def builds(count: int) -> dict[str, Any]:
+    """Builds of an atlas."""
+    with tempfile.TemporaryDirectory() as name:
+        out = Path(name) / "atlas.h5"
+        command = ["data_build", "--out", str(out), "--perimeter", "300", "--samples", "32", "--jobs", "2"]
+        return _interrupted(command, out.read_bytes, out.unlink, count)
 
 
 def indexes(count: int) -> dict[str, Any]:
-    """Makers of an index killed at random moments; the next goes on."""
-    rng, done, other = random.Random(6), 0, 0
+    """Makers of an index."""
     with tempfile.TemporaryDirectory() as name:
         atlas = Path(name) / "atlas.h5"
         service.build(atlas, perimeter=300, samples=32, jobs=1)
         folder = Path(f"{atlas}.index")
-        begin = time.perf_counter()
-        _index(atlas).wait()
-        whole, wanted = time.perf_counter() - begin, _bytes_of(folder)
-        shutil.rmtree(folder)
-        while done < count:
-            process = _index(atlas)
-            try:
-                process.wait(rng.uniform(0.3, 1.1) * whole)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
-                done += 1
-                continue
-            other += _bytes_of(folder) != wanted
-            shutil.rmtree(folder)
-        _index(atlas).wait()
-        other += _bytes_of(folder) != wanted
-    return {"kills": done, "other_files": other}
+
+        def made() -> dict[str, bytes]:
+            return {str(one.relative_to(folder)): one.read_bytes() for one in folder.rglob("*.npy")}
+
+        command = ["app.start", "index", "--atlas", str(atlas)]
+        return _interrupted(command, made, lambda: shutil.rmtree(folder), count)
 
 
 def disks(atlas: Path) -> list[dict[str, Any]]:

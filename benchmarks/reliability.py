@@ -16,8 +16,6 @@ import os
 import random
 import re
 import signal
-import subprocess
-import sys
 import tempfile
 import time
 from collections import Counter
@@ -31,44 +29,12 @@ from benchmarks import deaths, hostile, report, service
 from synthesis.atlas.header import check_bytes
 from synthesis.errors import AtlasError
 
-BRIEF = ["--perimeter", "300", "--samples", "32", "--jobs", "2"]
 BUDGET_MS = 1000.0
 SHARE_OF_BUDGET = 1.2
 CLIENTS = 64
 RELOADING = 8
 """Clients that ask while the service is started anew."""
 MEGABYTE = 1e6
-
-
-def kills(count: int) -> dict[str, Any]:
-    """Builds killed at random moments and gone on with."""
-    rng = random.Random(1)
-    with tempfile.TemporaryDirectory() as folder:
-        out, reference = Path(folder) / "atlas.h5", Path(folder) / "reference.h5"
-
-        def build(to: Path) -> subprocess.Popen[bytes]:
-            command = [sys.executable, "-m", "data_build", "--out", str(to), *BRIEF]
-            return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-
-        begin = time.perf_counter()
-        build(reference).wait()
-        whole, done, finished, other = time.perf_counter() - begin, 0, 0, 0
-        wanted = reference.read_bytes()
-        while done < count:
-            process = build(out)
-            try:
-                process.wait(rng.uniform(0.1, 1.2) * whole)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
-                done += 1
-            if out.exists():
-                other += out.read_bytes() != wanted
-                finished += process.returncode == 0
-                out.unlink()
-        build(out).wait()
-        other += out.read_bytes() != wanted
-    return {"kills": done, "finished": finished, "other_files": other}
 
 
 def flips(atlas: Path, count: int) -> dict[str, Any]:
@@ -329,7 +295,7 @@ PARTS: dict[str, Callable[[Path, Callable[[int], int]], Any]] = {
     "ends": lambda atlas, some: ends(atlas),
     "reloads": lambda atlas, some: reloads(atlas, some(50)),
     "flips": lambda atlas, some: flips(atlas, some(10_000)),
-    "kills": lambda atlas, some: kills(some(1_000)),
+    "kills": lambda atlas, some: deaths.builds(some(1_000)),
     "deaths": lambda atlas, some: deaths.deaths(atlas, some(1_000)),
     "indexes": lambda atlas, some: deaths.indexes(some(1_000)),
     "disks": lambda atlas, some: deaths.disks(atlas),
@@ -364,7 +330,7 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     found = {name: part["found"] for name, part in results["parts"].items()}
     rows: list[tuple[str, str, str, str]] = []
     if kills := found.get("kills"):
-        count, wrong = f"{kills['kills']:,} kills", f"{kills['other_files']} files with other bytes"
+        count, wrong = f"{kills['kills']:,} kills", f"{kills['other']} files with other bytes"
         rows.append(("A killed build goes on and ends in the same bytes", "`kills`", count, wrong))
     if deaths_ := found.get("deaths"):
         count = ", ".join(f"{count:,} x {what}" for what, count in sorted(deaths_["kills"].items()))
@@ -375,7 +341,7 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
         )
         rows.append((text, "`deaths`", count, f"{wrong}; {told} (0: cut off)"))
     if indexes := found.get("indexes"):
-        count, wrong = f"{indexes['kills']:,} kills", f"{indexes['other_files']} folders with other bytes"
+        count, wrong = f"{indexes['kills']:,} kills", f"{indexes['other']} folders with other bytes"
         rows.append(("A killed maker of an index leaves nothing in the way of the next", "`indexes`", count, wrong))
     for row in found.get("disks", []):
         refused = f", {row['refused']} refused" if "refused" in row else ""

@@ -501,9 +501,9 @@ class _Place(NamedTuple):
         """What the links weigh as plates and pins that are made by default."""
         from linkage_atlas.solids import masses_of_parts
 
-        if self.linkage is None:
-            raise FieldError("/load/parts", "parts are made for four-bars only: give the masses of rails and blocks")
-        return masses_of_parts(self.linkage, ends_of(self.samples), length_unit)
+        if self.view is None:
+            raise FieldError("/load/parts", "a link on a hinge has no parts: give its masses")
+        return masses_of_parts(self.view.plain, ends_of(self.samples), length_unit)
 
     @classmethod
     def of(cls, linkage: Linkage | Guided, crank: Floats, radian: float, target: Target | None = None) -> _Place:

@@ -36,7 +36,6 @@ from synthesis.target import Samples, Target
 from synthesis.work import Work
 
 MECHANISMS = get_args(KindName)
-SIX_BARS = ("watt_1", "stephenson_1")
 DRIVERS = tuple(one.value for one in Driver)
 NO_ROTATION = (
     "linkages with sliders need positions, alone or with two rotations or more: only four-bars were searched for"
@@ -86,9 +85,6 @@ def read_kinds(mechanisms: Any, driver: Any, motion: Motion) -> Asked:
     """The kinds that are asked for, checked against the motion. Raises `FieldError` naming the argument."""
     given = ("four_bar",) if mechanisms is None else mechanisms
     given = (given,) if isinstance(given, str) and given != "all" else given
-    for place, name in enumerate(given if isinstance(given, Sequence) else ()):
-        if name in SIX_BARS:
-            raise FieldError(f"/mechanisms/{place}", f"six-bars such as {name} are not searched for")
     kinds = tuple(map(Kind, kinds_among(given, MECHANISMS)))
     if driver is not None and driver not in DRIVERS:
         raise FieldError("/driver", f"wanted one of {', '.join(DRIVERS)}, found {driver!r}")

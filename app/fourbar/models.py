@@ -32,9 +32,8 @@ SampledPath = Annotated[list[Point | None], Field(min_length=MIN_POSES, max_leng
 Weights = Annotated[list[Annotated[Number, Field(ge=0)]], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)]
 Tolerances = Annotated[list[PositiveNumber], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)]
 Travel = Annotated[list[Coordinate], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)]
-Mechanism = Literal[KindName, "watt_1", "stephenson_1"]
 Mechanisms = Annotated[
-    list[Mechanism],
+    list[KindName],
     Field(min_length=1, max_length=8),
     BeforeValidator(
         lambda given: list(MECHANISMS) if given == "all" else [given] if isinstance(given, str) else given
@@ -44,7 +43,7 @@ Mechanisms = Annotated[
             "anyOf": [
                 {"const": "all", "type": "string"},
                 {
-                    "items": {"enum": list(get_args(Mechanism)), "type": "string"},
+                    "items": {"enum": list(get_args(KindName)), "type": "string"},
                     "maxItems": 8,
                     "minItems": 1,
                     "type": "array",
@@ -574,7 +573,7 @@ class SynthesizeRequest(CrankMotion):
     mechanisms: Mechanisms | None = Field(
         None,
         description="Kinds of mechanism, default `four_bar` alone. Of several kinds those come back that no other one driven "
-        "alike beats in error, size and transmission angle at once. Six-bars (`watt_1`, `stephenson_1`) are refused.",
+        "alike beats in error, size and transmission angle at once.",
     )
     driver: DriverName | None = Field(None, description="Only linkages that are driven so.")
     weights: WeightsRequest | None = Field(None, description="What each sample counts; default: all alike.")

@@ -89,11 +89,6 @@ def test_the_routes_are_shown_from_local_files(local) -> None:
         assert local.get(f"/docs/{name}", headers={"host": "localhost"}).status_code == 404
 
 
-def test_livez_can_be_asked_for_its_head_alone(local) -> None:
-    reply = local.head("/livez", headers={"host": "localhost"})
-    assert reply.status_code == 200 and not reply.content
-
-
 def test_a_type_has_one_name(local) -> None:
     for name in ("1_0", "+1", "1.0", "%201", "1%20", "1_000"):
         assert local.get(f"/v1/types/{name}", headers={"host": "localhost"}).status_code == 404

@@ -410,6 +410,19 @@ def test_a_number_of_5000_digits_is_refused(field, client) -> None:
     assert "9999" not in json.dumps(values)
 
 
+@pytest.mark.parametrize("path", ["/livez", "/readyz", "/v1/atlas", "/v1/types/3", "/openapi.json", "/docs", "/"])
+def test_what_can_be_got_can_be_asked_for_its_head_alone(path, client) -> None:
+    whole, head = client.get(path), client.head(path)
+    assert head.status_code == whole.status_code == 200 and not head.content
+    assert head.headers.get("etag") == whole.headers.get("etag")
+    assert client.head(path.rstrip("/") + "/nowhere").status_code == 404
+
+
+def test_what_is_loaded_is_told_once(client) -> None:
+    etag = client.get("/v1/atlas").headers["etag"]
+    assert client.get("/v1/atlas", headers={"if-none-match": etag}).status_code == 304
+
+
 REFUSALS = json.loads((Path(__file__).parent / "refusals.json").read_text())
 """Of each question a body that is answered, and changes with which it is not: where the error points, what else it says."""
 REFUSED = [(path, table["body"], *row) for path, table in REFUSALS.items() for row in table["refused"]]
@@ -639,7 +652,7 @@ def test_what_is_wrong_is_told_in_the_words_of_the_request(route, body, detail, 
 def test_a_file_that_there_is_not_is_refused_before_the_search(client, monkeypatch) -> None:
     monkeypatch.setattr("app.fourbar.export.ranked", lambda *_: pytest.fail("searched"))
     request = {"rotation": [0, 30, 60], "position": [[0, 0], [9, 1], [15, 7]], "timing": "free"}
-    for kind in ("step", "plates", "pylinkage"):
+    for kind in ("urdf", "sdf", "pylinkage"):
         body = {"request": request | {"mechanisms": ["rail_slot"]}, "format": kind}
         reply = client.post("/v1/export", json=body)
         assert reply.status_code == 422 and reply.json()["errors"][0]["pointer"] == "#/format"
