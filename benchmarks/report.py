@@ -301,7 +301,9 @@ def save(results: Mapping[str, Any], name: str, ended: Mapping[str, Any] | None 
 
 
 def made_text(stamps: Sequence[Mapping[str, Any]]) -> str:
-    """In words where numbers come from: each machine, commit and command once, with what has changed since (`parts`)."""
+    """In words where numbers come from, each machine, commit and command once (of many runs their commits), and what has
+    changed since (`parts`).
+    """
 
     words = {"processor": str, "cores": "{} cores".format, "memory_bytes": size}
     machines = dict.fromkeys(
@@ -314,7 +316,13 @@ def made_text(stamps: Sequence[Mapping[str, Any]]) -> str:
         shown = re.sub("(?<=')(?: '[^']*')+ ('[^']*')", r" ... \1", one["command"])  # long lists by their ends
         runs[f"`{shown}` at commit {found}"] = one.get("since", [])
     old = age.told(list(runs.values()))
-    return f"Measured by {', '.join(runs)}{old and ', ' + old}; machine: {'; '.join(machines)}."
+    if len(runs) > 2:
+        modules = dict.fromkeys(re.findall(r"benchmarks\.\w+", " ".join(runs)))
+        commits = dict.fromkeys(run.rpartition(" ")[2] for run in runs)
+        said = f"{len(runs)} runs of {', '.join(f'`python -m {name}`' for name in modules)} at commits {', '.join(commits)}"
+    else:
+        said = ", ".join(runs)
+    return f"Measured by {said}{old and ', ' + old}; machine: {'; '.join(machines)}."
 
 
 def load(name: str) -> Any:
