@@ -51,6 +51,13 @@ def test_a_result_says_where_it_comes_from(name) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
+def test_every_benchmark_reaches_the_product(name) -> None:
+    modules = report.CODE.digests(name)
+    assert f"benchmarks.{name}" in modules
+    assert any(module.startswith(("synthesis.", "app.", "linkage_atlas.")) for module in modules)
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_a_benchmark_is_found_by_the_name_of_its_result(name) -> None:
     module = importlib.import_module(f"benchmarks.{name}")
     assert module.__doc__ and callable(module.measure) and callable(module.blocks)
