@@ -379,8 +379,9 @@ class Report(Record):
     """With `live`: whether the search went on from the last answer."""
     unseen: float | None = None
     """The estimated chance that a better linkage was missed: of the searches that say 10 %, one in ten was beaten by more than
-    1 % by ten seconds of search. Null for exact answers, of a search that its time ended, for effort atlas, for several kinds and
-    from a given linkage."""
+    1 % by ten seconds of search. Of several kinds: that of the search that found the best. Null for exact answers, of a search
+    that its time ended, for effort atlas, from a given linkage, and where the best has a slider and the drive was given, or
+    positions alone."""
 
 
 class Ranked(Sequence[One]):

@@ -12,8 +12,10 @@ from numpy.typing import ArrayLike
 
 from linkage_atlas.arguments import column
 from linkage_atlas.assemblies import Assembly, assembled, read_assembly
+from linkage_atlas.exports import content_of, with_motor
 from linkage_atlas.formats import kind_of
 from linkage_atlas.motions import Motion
+from linkage_atlas.solids import AskedSolids, SolidParts, read_solids, solids_in, split
 from linkage_atlas.studies import Drive, Manufacture, ToleranceStudy, read_manufacture
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
@@ -114,6 +116,95 @@ class AnyLinkage(ABC):
     ) -> Assembly:
         """Layers of its plates in which nothing collides over the used interval."""
 
+    def solids(
+        self,
+        motion: Motion | None = None,
+        crank_angle: ArrayLike | None = None,
+        *,
+        length_unit: str = "mm",
+        work: Work | None = None,
+        **asked: Any,
+    ) -> SolidParts:
+        """Its parts as solids: plates, boards, pins, washers, with their masses; `SolidParts.save` writes their files.
+
+        Parameters
+        ----------
+        motion, crank_angle, work
+            As of `assembly`; of a drive that slides ``crank_angle`` is its travel.
+        length_unit : {"mm", "cm", "m", "in"}
+            The unit of its lengths; solids are in millimetres.
+        fit : {"H7", "print"}
+            How pins fit. "H7": drawn at the nominal size, with tolerances in the parts list. "print": with 0.4 mm play where a
+            plate turns and 0.1 mm where it holds the pin, and plates and gaps that a printer makes well.
+        material, pins : str
+            Of plates and boards, and of pins, washers and heads: steel, stainless, aluminium, brass, plywood, acrylic, POM, PLA,
+            PETG or ABS.
+        fillet : float
+            Radius at the convex corners of the body's outline, in the unit of its lengths (0).
+        scale : float
+            Of a model (1); plays are not scaled.
+        layout : {"assembled", "bed"}
+            Where parts stand in STEP (assembled) and 3MF (beside one another on the bed) unless it says otherwise.
+        nevertheless : bool
+            Also where parts would collide (False).
+        **asked
+            As of `assembly`.
+
+        Raises
+        ------
+        FieldError
+            Where parts would collide, or a plate has no room for a hole.
+
+        Examples
+        --------
+        >>> import linkage_atlas as la
+        >>> parts = la.FourBar(19, 72, 144, 165).solids(material="plywood")
+        >>> [one.link for one in parts.masses]
+        ['crank', 'coupler', 'rocker']
+        """
+        of_assembly, of_solids = split(asked)
+        target = self.target_of(motion, crank_angle)
+        return self._solids(target, of_assembly, read_solids(of_solids, ""), length_unit, work or Work(), "")
+
+    def _solids(
+        self,
+        target: Target,
+        assembly: Mapping[str, Any],
+        solids: AskedSolids,
+        length_unit: str,
+        work: Work,
+        where: str = "assembly/",
+    ) -> SolidParts:
+        read = read_assembly(assembly, where)
+        assert read is not None
+        found = assembled(self._linkage, read, target.interval, self._radian, work, where)
+        return solids_in(found, solids, assembly, length_unit)
+
+    def _content(
+        self,
+        kind: str,
+        target: Target,
+        length_unit: str,
+        analysis: Mapping[str, Any] | None,
+        plates: Mapping[str, Any] | None,
+        assembly: Mapping[str, Any] | None,
+        solids: Mapping[str, Any] | None,
+        work: Work | None,
+        drive: Mapping[str, Any] | None,
+    ) -> bytes:
+        assembly, drive = with_motor(kind, assembly, drive)
+
+        def parts(nevertheless: bool) -> SolidParts:
+            read = read_solids(solids)
+            if nevertheless:
+                read = read._replace(nevertheless=True)
+            return self._solids(target, assembly or {}, read, length_unit, work or Work())
+
+        arranged = bool(assembly or solids)
+        return content_of(
+            self._linkage, target, self._radian, kind, length_unit, analysis, drive, parts, plates, arranged
+        )
+
     @abstractmethod
     def file(self, kind: str, motion: Motion | None = None, length_unit: str = "mm") -> bytes:
         """The linkage as the content of a file."""
@@ -121,16 +212,16 @@ class AnyLinkage(ABC):
     def save(self, path: str | Path, length_unit: str = "mm", **asked: Any) -> None:
         """Write a file; its ending says which.
 
-        .csv, .svg, .dxf, .xml (MJCF, also .mjcf). Of a four-bar also .plates.dxf and .pylinkage.json; of its parts .step, .3mf,
-        .stl.zip, .urdf, .sdf, .parts.csv, for which ``asked`` are arguments as of `FourBar.solids`.
+        .csv, .svg, .dxf, .xml (MJCF, also .mjcf), of a four-bar .pylinkage.json; of its parts .step, .3mf, .stl.zip, .parts.csv,
+        .plates.dxf, and where all joints turn .urdf and .sdf, for which ``asked`` are arguments as of `FourBar.solids`.
         """
         path = Path(path)
         path.write_bytes(self._file_with(kind_of(path.name), length_unit, asked))
 
     def _file_with(self, kind: str, length_unit: str, asked: Mapping[str, Any]) -> bytes:
-        if asked:
-            raise FieldError(f"/{next(iter(asked))}", "parts are made for four-bars only")
-        return self.file(kind, length_unit=length_unit)
+        of_assembly, of_solids = split(asked)
+        target = self.target_of(None, None)
+        return self._content(kind, target, length_unit, None, None, of_assembly, of_solids, None, None)
 
     def _default_motion(self) -> Target:
         """What it is drawn over: the motion that it answers, or a whole turn."""

@@ -48,7 +48,7 @@ from synthesis.drives.actuator import (
     best_of_rows,
 )
 from synthesis.drives.balance import Spring as Placed
-from synthesis.drives.balance import one_spring, potential_of, two_springs
+from synthesis.drives.balance import one_spring, potential_of, springs_on_guides, two_springs
 from synthesis.drives.dyad import LARGEST_RATIO, Driven, about_pivot, driven, on_any_link
 from synthesis.drives.links import (
     GROUND,
@@ -501,9 +501,9 @@ class _Place(NamedTuple):
         """What the links weigh as plates and pins that are made by default."""
         from linkage_atlas.solids import masses_of_parts
 
-        if self.linkage is None:
-            raise FieldError("/load/parts", "parts are made for four-bars only: give the masses of rails and blocks")
-        return masses_of_parts(self.linkage, ends_of(self.samples), length_unit)
+        if self.view is None:
+            raise FieldError("/load/parts", "a link on a hinge has no parts: give its masses")
+        return masses_of_parts(self.view.plain, ends_of(self.samples), length_unit)
 
     @classmethod
     def of(cls, linkage: Linkage | Guided, crank: Floats, radian: float, target: Target | None = None) -> _Place:
@@ -1351,6 +1351,8 @@ class _Search:
         linkage, load = self.place.linkage, self.asked.load
         if load.torque or load.speed:
             return "a torque, or inertia, has no potential that springs of zero free length carry: give a catalogue"
+        if isinstance(self.place.view, GuidedLinkage):
+            return self._ideal_on_guides(self.place.view.plain, between, stiffness)
         if linkage is None:
             return self._ideal_on_hinge(stiffness)
         potential = potential_of(linkage, load)
@@ -1370,11 +1372,24 @@ class _Search:
             return f"one spring between {between[0]} and {between[1]} does not balance this load; two springs do: leave `between`"
         return f"one spring would need the stiffness {found:.6g}, below 0; two springs balance it: leave `between`"
 
-    def _ideal_on_hinge(self, stiffness: float | None) -> Fitted | str:
+    def _ideal_on_guides(
+        self, linkage: Guided, between: tuple[str, str] | None, stiffness: float | None
+    ) -> Fitted | str:
+        """Springs of zero free length on a body on guides."""
+        springs = springs_on_guides(linkage, self.machine, self.torque, stiffness)
+        if springs is None:
+            kind = linkage.kind.value
+            return f"no springs of zero free length on a {kind} balance this load in every position: give a catalogue"
+        if not springs:
+            return "the drive carries nothing that springs could balance"
+        if between is not None and (len(springs) > 1 or springs[0].between != between):
+            where = " and ".join("-".join(one.between) for one in springs)
+            return f"one spring between {between[0]} and {between[1]} does not balance this load; {where} do: leave `between`"
+        return fitted(self.machine, self.torque, springs)
+
+    def _ideal_on_hinge(self, stiffness: float | None) -> Fitted:
         """One spring of zero free length on a link on a hinge."""
         names = [name for name, one in self.machine.links.items() if one.pivot is not None]
-        if len(self.machine.links) != 1:
-            return "ideal springs are told of four-bars and of links on a hinge: give a catalogue"
         link = self.machine.links[names[0]]
         load, body = self.asked.load, self.machine.body
         assert link.pivot is not None and body is not None

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from linkage_atlas.arguments import millimetres_in, number, pair
 from linkage_atlas.formats import FORMATS, OF_PARTS
 from linkage_atlas.guided_studies import analysed as guided_analysed
+from linkage_atlas.solids import SLIDES
 from linkage_atlas.studies import analysed, read_drive
 from synthesis.drives.attached import COLOUR, LAYER, Attached
 from synthesis.drives.links import GROUND, Machine, ends_of, machine_at
@@ -26,9 +27,8 @@ if TYPE_CHECKING:
     from synthesis.target import Target
 
 _FOUR_BARS_ONLY = {
-    "plates": "links are cut as plates for four-bars only: rails and slots are not drawn as plates",
     "pylinkage": "pylinkage has no guides that move or slots in a moving body: this linkage cannot be written for it",
-    **{kind: f"{kind!r} is written for four-bars only" for kind in OF_PARTS},
+    **{kind: SLIDES.format(kind) for kind in ("urdf", "sdf")},
 }
 """Why there is no file of some kinds of a body on two guides."""
 
@@ -59,7 +59,7 @@ def content_of(
     """
     if kind not in FORMATS:
         raise FieldError("/kind", f"wanted one of {', '.join(FORMATS)}, found {kind!r}")
-    if isinstance(linkage, GuidedLinkage) and kind in _FOUR_BARS_ONLY:
+    if isinstance(linkage, GuidedLinkage) and kind == "pylinkage":
         raise FieldError("/format", _FOUR_BARS_ONLY[kind])
     attached = drive_on(linkage, target, drive, kind)
     layer = None if attached is None else More(LAYER, COLOUR, attached.draw)
@@ -78,27 +78,31 @@ def content_of(
         assert isinstance(linkage, Linkage)
         return of_four_bars.to_pylinkage(linkage, target).encode()
     unit_mm = millimetres_in(length_unit)
-    if isinstance(linkage, GuidedLinkage):
-        if kind == "dxf":
-            return of_guided.to_dxf(linkage, target, unit_mm, layer).encode()
-        model = of_guided.to_mjcf(linkage, target, unit_mm)
-        return (model if attached is None else attached.simulated(model, unit_mm / 1000)).encode()
-    assert parts is not None
-    if kind in OF_PARTS:
-        return parts(False).file(kind)
-    if kind == "plates":
-        if arranged and plates:
-            raise FieldError("/plates", "with `assembly` or `solids` sizes stand there: `hole` and `width`")
+    guided = isinstance(linkage, GuidedLinkage)
+    if kind in (*OF_PARTS, "plates"):
+        assert parts is not None
+        if plates and (arranged or guided):
+            raise FieldError(
+                "/plates", "with `assembly` or `solids`, rails or slots sizes stand there: `hole` and `width`"
+            )
+        if kind != "plates" or arranged or isinstance(linkage, GuidedLinkage):
+            return parts(False).file(kind)
         from synthesis.solids.plates import to_plates
 
-        return parts(False).file(kind) if arranged else to_plates(linkage, unit_mm, **_sizes(plates or {})).encode()
+        return to_plates(linkage, unit_mm, **_sizes(plates or {})).encode()
     if kind == "dxf":
+        if isinstance(linkage, GuidedLinkage):
+            return of_guided.to_dxf(linkage, target, unit_mm, layer).encode()
         return of_four_bars.to_dxf(linkage, target, unit_mm, layer).encode()
+    assert parts is not None
     try:
         masses = {one.link: LinkMass(one.mass, complex(*one.at), one.inertia) for one in parts(True).masses}
     except FieldError:
-        masses = None  # no plates of these sizes: the file says that its links are rods
-    model = of_four_bars.to_mjcf(linkage, target, unit_mm, masses)
+        masses = None  # no plates of these sizes: the file says so
+    if isinstance(linkage, GuidedLinkage):
+        model = of_guided.to_mjcf(linkage, target, unit_mm, masses)
+    else:
+        model = of_four_bars.to_mjcf(linkage, target, unit_mm, masses)
     return (model if attached is None else attached.simulated(model, unit_mm / 1000)).encode()
 
 

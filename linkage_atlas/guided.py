@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 from linkage_atlas.any_linkage import AnyLinkage
 from linkage_atlas.arguments import column, number, radians_in
 from linkage_atlas.assemblies import Assembly
-from linkage_atlas.exports import content_of
 from linkage_atlas.guided_studies import GuidedAnalysis, analysed, studied
 from linkage_atlas.motions import Motion
 from linkage_atlas.records import plain, plane, xy
@@ -318,13 +317,15 @@ class GuidedLinkage(AnyLinkage):
         analysis: Mapping[str, Any] | None = None,
         plates: Mapping[str, float] | None = None,
         drive: Mapping[str, Any] | None = None,
-        **_: Any,
+        assembly: Mapping[str, Any] | None = None,
+        solids: Mapping[str, Any] | None = None,
+        work: Work | None = None,
     ) -> bytes:
-        """The linkage as the content of a file; parts are arranged and made for four-bars only.
+        """The linkage as the content of a file.
 
         Parameters
         ----------
-        kind : {"csv", "svg", "dxf", "mjcf"}
+        kind : {"csv", "svg", "dxf", "mjcf", "plates", "step", "3mf", "stl", "parts"}
         motion : Motion, optional
             What was asked for; default: the motion that the linkage answers, or else a whole turn.
         length_unit : {"mm", "cm", "m", "in"}
@@ -334,13 +335,15 @@ class GuidedLinkage(AnyLinkage):
         analysis : mapping, optional
             Further columns of a CSV file, as of `analysis`.
         plates : mapping, optional
-            Refused: links are cut as plates for four-bars only.
+            Refused: sizes stand in ``assembly``.
         drive : mapping, optional
             A drive of `linkage_atlas.drives` as plain values: further columns of a CSV file, a layer of a DXF file, and the drive
-            of an MJCF model.
+            of an MJCF model; of a motor and its rod also their parts.
+        assembly, solids, work
+            As of `FourBar.file`.
         """
         target = self.target_of(motion, travel)
-        return content_of(self._linkage, target, self._radian, kind, length_unit, analysis, drive)
+        return self._content(kind, target, length_unit, analysis, plates, assembly, solids, work, drive)
 
     def render(
         self,

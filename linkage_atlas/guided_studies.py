@@ -12,7 +12,6 @@ from linkage_atlas.arguments import MILLIMETRES
 from linkage_atlas.records import Record, Values, Vectors, plain, plane
 from linkage_atlas.studies import BAND_STEPS, Drive, Manufacture, ToleranceStudy, described_study
 from synthesis.arrays import Floats
-from synthesis.errors import FieldError
 from synthesis.fourbar.analysis import CURVE_LEAST, CURVE_STEP
 from synthesis.guided.analysis import Load, Mass, forces
 from synthesis.guided.linkage import BODY, GuidedLinkage
@@ -79,10 +78,7 @@ def analysed(
     linkage: GuidedLinkage, drive: Drive, travel: Floats, radian: float, over: Interval | None = None
 ) -> GuidedAnalysis:
     """An analysis at travel (n,) of the drive from the first sample, and over an interval."""
-    if drive.parts:
-        raise FieldError(
-            "/analysis/load/parts", "parts are made of four-bars only: say by `masses` what sliders and blocks weigh"
-        )
+    drive = drive.weighed(linkage, over or Interval(float(travel.min()), float(travel.max())))
     curve = None if over is None else GuidedRates(**_rates(linkage, drive, curve_over(linkage, over), radian))
     return GuidedAnalysis(**_rates(linkage, drive, travel, radian), crank_speed=drive.crank_speed, curve=curve)
 

@@ -226,12 +226,14 @@ def search_kinds(
     led = bool(asked.sliders) and is_way(motion)
     sliders = led or (bool(asked.sliders) and has_poses(motion.samples))
     leads: list[fourbar.Solution] = []
+    sure: list[tuple[float, float | None]] = []  # the least J of each search, and the chance that it missed less
     if (asked.four_bars or led) and motion.travel is None:
         part = work.part(_FOUR_BARS * work.budget) if sliders and np.isfinite(work.budget) else work
         leads, course = four_bars(limits, part)
         if asked.four_bars:
             found += leads
             trace += course.trace
+            sure.append((_least(course.trace), course.unseen))
         seeds += course.counts["seeds"] or 0
         stopped.add(course.stopped_by)
     between = work.elapsed
@@ -239,14 +241,15 @@ def search_kinds(
         notes.append(NO_TIME)
     elif sliders:
         given, driver = _given(motion, asked.driver)
-        poses, least = as_poses(motion.samples), min((error for _, error in trace), default=np.inf)
+        poses, least = as_poses(motion.samples), _least(trace)
         if led and not leads:
             notes.append(NO_LEAD)
         for turned in [_turned(one, poses) for one in leads[:_LEADS]] if led else [None]:
             others, report = search_guided(poses, limits, asked.sliders, driver, tolerance, work, given, turned)
             found += others
             trace += [(seconds, error) for seconds, error in report.trace if error < least]
-            least = min((error for _, error in trace), default=np.inf)
+            least = _least(trace)
+            sure.append((_least(report.trace), None if led else report.unseen))
             seeds += report.seeds
             notes += [note for note in report.notes if note not in notes]
             stopped.add(report.stopped_by.value)
@@ -266,7 +269,12 @@ def search_kinds(
     stopped_by = next(one.value for one in how if one.value in stopped)
     stages = {"screen": between, "refine": work.elapsed - between}
     counts = {"seeds": seeds, "windows": None, "exhaustive": None}
-    return found, Course(stages, trace, stopped_by, counts, notes=notes)
+    unseen = min(sure, key=lambda one: one[0], default=(np.inf, None))[1]
+    return found, Course(stages, trace, stopped_by, counts, unseen=unseen, notes=notes)
+
+
+def _least(trace: Sequence[tuple[float, float]]) -> float:
+    return min((error for _, error in trace), default=np.inf)
 
 
 def _turned(lead: fourbar.Solution, poses: Poses) -> Floats:

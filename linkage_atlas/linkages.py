@@ -10,12 +10,10 @@ from numpy.typing import ArrayLike
 
 from linkage_atlas.any_linkage import AnyLinkage
 from linkage_atlas.arguments import column, number, radians_in
-from linkage_atlas.assemblies import Assembly, assembled, read_assembly
-from linkage_atlas.exports import content_of, with_motor
+from linkage_atlas.assemblies import Assembly
 from linkage_atlas.guided import GuidedLinkage
 from linkage_atlas.motions import Motion
 from linkage_atlas.records import plain, plane
-from linkage_atlas.solids import AskedSolids, SolidParts, read_solids, solids_in, split
 from linkage_atlas.studies import Analysis, Drive, Manufacture, ToleranceStudy, analysed, read_drive, studied
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
@@ -388,70 +386,6 @@ class FourBar(AnyLinkage):
             degrees=degrees,
         )
 
-    def solids(
-        self,
-        motion: Motion | None = None,
-        crank_angle: ArrayLike | None = None,
-        *,
-        length_unit: str = "mm",
-        work: Work | None = None,
-        **asked: Any,
-    ) -> SolidParts:
-        """Its parts as solids: plates, boards, pins, washers, with their masses; `SolidParts.save` writes their files.
-
-        Parameters
-        ----------
-        motion, crank_angle, work
-            As of `assembly`.
-        length_unit : {"mm", "cm", "m", "in"}
-            The unit of its lengths; solids are in millimetres.
-        fit : {"H7", "print"}
-            How pins fit. "H7": drawn at the nominal size, with tolerances in the parts list. "print": with 0.4 mm play where a
-            plate turns and 0.1 mm where it holds the pin, and plates and gaps that a printer makes well.
-        material, pins : str
-            Of plates and boards, and of pins, washers and heads: steel, stainless, aluminium, brass, plywood, acrylic, POM, PLA,
-            PETG or ABS.
-        fillet : float
-            Radius at the convex corners of the body's outline, in the unit of its lengths (0).
-        scale : float
-            Of a model (1); plays are not scaled.
-        layout : {"assembled", "bed"}
-            Where parts stand in STEP (assembled) and 3MF (beside one another on the bed) unless it says otherwise.
-        nevertheless : bool
-            Also where parts would collide (False).
-        **asked
-            As of `assembly`.
-
-        Raises
-        ------
-        FieldError
-            Where parts would collide, or a plate has no room for a hole.
-
-        Examples
-        --------
-        >>> import linkage_atlas as la
-        >>> parts = la.FourBar(19, 72, 144, 165).solids(material="plywood")
-        >>> [one.link for one in parts.masses]
-        ['crank', 'coupler', 'rocker']
-        """
-        of_assembly, of_solids = split(asked)
-        target = self.target_of(motion, crank_angle)
-        return self._solids(target, of_assembly, read_solids(of_solids, ""), length_unit, work or Work(), "")
-
-    def _solids(
-        self,
-        target: Target,
-        assembly: Mapping[str, Any],
-        solids: AskedSolids,
-        length_unit: str,
-        work: Work,
-        where: str = "assembly/",
-    ) -> SolidParts:
-        read = read_assembly(assembly, where)
-        assert read is not None
-        found = assembled(self._linkage, read, target.interval, self._radian, work, where)
-        return solids_in(found, solids, assembly, length_unit)
-
     def file(
         self,
         kind: str,
@@ -491,26 +425,7 @@ class FourBar(AnyLinkage):
             of an MJCF model.
         """
         target = self.target_of(motion, crank_angle)
-        assembly, drive = with_motor(kind, assembly, drive)
-
-        def parts(nevertheless: bool) -> SolidParts:
-            read = read_solids(solids)
-            if nevertheless:
-                read = read._replace(nevertheless=True)
-            return self._solids(target, assembly or {}, read, length_unit, work or Work())
-
-        return content_of(
-            self._linkage,
-            target,
-            self._radian,
-            kind,
-            length_unit,
-            analysis,
-            drive,
-            parts,
-            plates,
-            arranged=bool(assembly or solids),
-        )
+        return self._content(kind, target, length_unit, analysis, plates, assembly, solids, work, drive)
 
     def render(
         self,
@@ -542,10 +457,6 @@ class FourBar(AnyLinkage):
     def made_within(self, manufacture: Manufacture, target: Target, work: Work) -> ToleranceStudy:
         """A tolerance study that has been read; see `tolerance_study`."""
         return studied(self._linkage, manufacture, target.crank, target.interval, self._radian, work)
-
-    def _file_with(self, kind: str, length_unit: str, asked: Mapping[str, Any]) -> bytes:
-        of_assembly, of_solids = split(asked)
-        return self.file(kind, length_unit=length_unit, assembly=of_assembly, solids=of_solids)
 
     def __repr__(self) -> str:
         lengths = ", ".join(f"{name}={getattr(self, name):.6g}" for name in ("crank", "coupler", "rocker", "ground"))

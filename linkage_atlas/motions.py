@@ -289,7 +289,7 @@ class Motion:
         return [*self._unit_notes(), *self._motion_notes()]
 
     def _unit_notes(self) -> list[str]:
-        if self.asked.rotation is None:
+        if self.asked.rotation is None or self.asked.position is None:
             return []
         weights = self.asked.rotation_weights
         given = self.asked.rotation if weights is None else self.asked.rotation[weights > 0]

@@ -116,10 +116,10 @@ class SixBarLinkage(AnyLinkage):
     >>> import linkage_atlas as la
     >>> four_bar = la.FourBar(30, 60, 70, 50, start_angle=40)
     >>> wiper = la.drives(four_bar, [{"kind": "dyad", "links": ["crank"]}], crank_angle=[0, 60]).drives[0].linkage
-    >>> wiper.kind, wiper.dwell(0.01)[0].round(1)
-    ('watt_2', 23.3)
-    >>> wiper.joints(180).travel.round(6)
-    array([60.])
+    >>> wiper.kind, round(wiper.dwell(0.01)[0], 1)
+    ('watt_2', 24.0)
+    >>> wiper.joints(180).travel.round(6).tolist()
+    [60.0]
     """
 
     _linkage: SixBar
@@ -320,8 +320,17 @@ class SixBarLinkage(AnyLinkage):
         assert read is not None
         return assembled(self._base.plain, read, self._linkage.used, self._radian, work or Work(), where)
 
-    def solids(self, *, length_unit: str = "mm", work: Work | None = None, **asked: Any) -> SolidParts:
+    def solids(
+        self,
+        motion: Motion | None = None,
+        crank_angle: ArrayLike | None = None,
+        *,
+        length_unit: str = "mm",
+        work: Work | None = None,
+        **asked: Any,
+    ) -> SolidParts:
         """Its parts as solids, the motor's crank and the rod among them; ``asked`` as of `FourBar.solids`."""
+        _no_motion(motion, crank_angle)
         of_assembly, of_solids = split(asked)
         found = self._arranged(of_assembly, work, "")
         return solids_in(found, read_solids(of_solids, ""), of_assembly, length_unit)

@@ -13,6 +13,7 @@ from linkage_atlas.formats import OF_PARTS, kind_of
 from linkage_atlas.records import KEPT, Record
 from synthesis.errors import FieldError
 from synthesis.fourbar.linkage import Linkage
+from synthesis.guided.linkage import GuidedLinkage
 from synthesis.sheet import csv_text
 from synthesis.solids.fits import FITS, Fit
 from synthesis.solids.solid import DENSITIES, Made, Solids, masses_of_links, parts_list, solids_of
@@ -27,7 +28,8 @@ MATERIALS = {"H7": ("aluminium", "steel"), "print": ("PLA", "PLA")}
 LEAST_MM, LARGEST_MM = 0.01, 1e6
 """A pin at least, and a plate at most: what the readers of the files tell apart and hold."""
 LEAST_SCALE, LARGEST_SCALE = 1e-3, 1e3
-NAME = "four-bar linkage"
+NAME = "linkage"
+SLIDES = "{!r} is written for linkages whose joints all turn: a file of the kind 'mjcf' has those that slide"
 
 
 class AskedSolids(NamedTuple):
@@ -81,7 +83,7 @@ def read_solids(given: Mapping[str, Any] | None, where: str = "solids/") -> Aske
 class Weight(NamedTuple):
     """What a moving link weighs with everything that it carries, as `FourBar.analysis` takes it: not scaled."""
 
-    link: Annotated[str, Literal["crank", "coupler", "rocker"]]
+    link: str
     mass: float
     """Kilograms."""
     at: tuple[float, float]
@@ -143,6 +145,8 @@ class SolidParts(Record):
         if kind == "parts":
             return csv_text(parts_list(solids, self.asked.fit)).encode()
         if kind in ("urdf", "sdf"):
+            if any(one.slits for one in solids.machine.plates):
+                raise FieldError("/kind", SLIDES.format(kind))
             from synthesis.solids.robots import to_sdf, to_urdf
 
             used = None if solids.machine.whole_turn else solids.machine.used
@@ -165,7 +169,7 @@ class SolidParts(Record):
         path.write_bytes(self.file(kind_of(path.name)))
 
 
-def masses_of_parts(linkage: Linkage, used: Interval, length_unit: str) -> list[dict[str, Any]]:
+def masses_of_parts(linkage: Linkage | GuidedLinkage, used: Interval, length_unit: str) -> list[dict[str, Any]]:
     """The masses that a load calls "parts": of the moving links as they are made by default, also where parts collide."""
     asked = read_assembly(True)
     assert asked is not None
@@ -231,7 +235,7 @@ def solids_in(assembly: Assembly, asked: AskedSolids, given: Mapping[str, Any], 
         sum(one.mass for one in masses),
         [
             Weight(link, one.mass, (one.centre.real, one.centre.imag), one.inertia)
-            for link, one in masses_of_links(full.masses(), full.unit).items()
+            for link, one in masses_of_links(full.masses(), full.unit, machine.body_at).items()
         ],
         Wall(wall, part),
         solids,

@@ -30,6 +30,7 @@ from synthesis.fourbar.analysis import LinkMass, Load, Own, curve_over, forces, 
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.tolerance_study import SOURCES, Spread, Study, Tolerances, simulate
 from synthesis.guided.analysis import Mass
+from synthesis.guided.linkage import GuidedLinkage
 from synthesis.target import MAX_LENGTH, MIN_LENGTH, TURN, Interval
 from synthesis.work import Work
 
@@ -122,7 +123,7 @@ class Drive(NamedTuple):
     parts: bool = False
     """Whether the links also weigh what their parts do."""
 
-    def weighed(self, linkage: Linkage, used: Interval) -> Drive:
+    def weighed(self, linkage: Linkage | GuidedLinkage, used: Interval) -> Drive:
         """With the masses of the linkage's parts, if those are meant."""
         if not self.parts:
             return self

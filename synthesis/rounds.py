@@ -10,8 +10,9 @@ What is found within the limits is kept, whatever comes after it, and no round d
 
 from __future__ import annotations
 
+import math
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -110,16 +111,19 @@ class Found:
 
     def unseen(self, odds: tuple[float, float]) -> float | None:
         """The estimated chance that a better valley was missed; None where an answer is exact. ``odds``: see `Rounds`."""
-        if self.reached:
-            return None
-        constant, slope = odds
-        return float(1 / (1 + np.exp(-constant - slope * np.log(self.elsewhere))))
+        return None if self.reached else unseen(elsewhere(self.led), odds)
 
-    @property
-    def elsewhere(self) -> float:
-        """The part of the rounds that did not lead to the best valley, nor to one as good; half a round at least."""
-        led = np.array(self.led or [1.0])
-        return float((np.sum(led > SAME * led.min()) + 0.5) / led.size)
+
+def elsewhere(led: Sequence[float]) -> float:
+    """The part of rounds that led to more than the least of what they led to, J; half a round at least."""
+    least = SAME * min(led, default=1.0)
+    return (sum(one > least for one in led) + 0.5) / max(len(led), 1)
+
+
+def unseen(part: float, odds: tuple[float, float]) -> float:
+    """The estimated chance that a better valley was missed, from the part of the rounds that led elsewhere."""
+    constant, slope = odds
+    return 1 / (1 + math.exp(-constant - slope * math.log(part)))
 
 
 class Rounds:

@@ -5,12 +5,22 @@ import { typed } from "./fields.js";
 import { readOutline } from "./outline.js";
 import { $, say } from "./shell.js";
 
-const LEGEND = [["crank", "crank AD"], ["body", "body DCP"], ["rocker", "rocker BC"], ["ground", "ground AB, rail"], ["path", "path of P"], ["pose", "wanted"], ["bad", "error"]];
 const MAX_BYTES = 5e6;
 
-function legend() {
-  $("legend").replaceChildren(...LEGEND.map(([name, words]) => {
-    const item = element("li", "", words);
+/** What the canvas shows of a linkage of any kind by its joints; null stands for a four-bar. */
+function parts(joints) {
+  const { links = [true, true], rails = [], slots = [] } = joints ?? {};
+  const found = [links[0] && ["crank", "crank AD"], ["body", "body DCP"], slots.length && ["body", `slot${slots.length > 1 ? "s" : ""} in the body`]];
+  found.push(links[1] && ["rocker", links[0] ? "rocker BC" : "crank BC"], rails.length && ["rail", `rail${rails.length > 1 ? "s" : ""}`], !joints?.links && ["ground", "ground AB"]);
+  return [...found.filter(Boolean), ["path", "path of P"], ["pose", "wanted"], ["bad", "error"]];
+}
+
+function legend(joints) {
+  const shown = parts(joints), words = shown.map((one) => one[1]).join(), list = $("legend");
+  if (list.dataset.shown === words) return;
+  list.dataset.shown = words;
+  list.replaceChildren(...shown.map(([name, said]) => {
+    const item = element("li", "", said);
     item.prepend(element("span", `swatch ${name}`));
     return item;
   }));
@@ -48,7 +58,8 @@ class Backdrop {
 /** Binds the panel of the canvas; `edit` changes the motion, `setMode` the mode of the canvas. */
 export function startStage(board, edit, setMode) {
   const backdrop = new Backdrop(board);
-  legend();
+  legend(null);
+  board.seen.push(() => legend(board.linkage && board.joints));
   $("show-menu").addEventListener("click", () => {
     $("show-panel").hidden = !$("show-panel").hidden;
     $("show-menu").setAttribute("aria-expanded", String(!$("show-panel").hidden));

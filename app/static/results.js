@@ -309,8 +309,8 @@ export class Results {
     if (drivePlaces(this.solution)) parts.push(crankBlock(this.solution, motion));
     if (this.solution.determination?.ill_posed) parts.push(element("p", "note", "Clearly different linkages make this motion about equally well: the motion does not determine the link lengths."));
     $("numbers").replaceChildren(...parts);
-    // parts are made, links are cut as plates, and pylinkage knows, four-bars only
-    for (const format of ["plates", "pylinkage", ...OF_PARTS]) document.querySelector(`[data-format="${format}"]`).disabled = !this.solution.links;
+    // where something slides: joints of these files turn
+    for (const format of ["pylinkage", "urdf", "sdf"]) document.querySelector(`[data-format="${format}"]`).disabled = !this.solution.links;
     if (!again) note("");
   }
 
@@ -332,10 +332,11 @@ export class Results {
   #file(format) {
     const { solution, answer: { request, motion } } = this, scale = $("parts-scale").valueAsNumber;
     const sizes = ["hole", "width"].map((name) => [name, $(`plate-${name}`).valueAsNumber]).filter(([, value]) => value > 0);
-    const plates = sizes.length && format === "plates" ? { plates: Object.fromEntries(sizes) } : {};
+    const plates = sizes.length && format === "plates" && solution.links ? { plates: Object.fromEntries(sizes) } : {};
     const solids = { fit: $("parts-fit").value, ...(scale > 0 ? { scale } : {}), nevertheless: $("parts-nevertheless").checked };
-    const parts = [...OF_PARTS, "mjcf"].includes(format) && solution.links ? { assembly: this.layers.options(solution, motion), solids } : {};
-    const drive = this.driving.shown && ["dxf", "csv", "mjcf"].includes(format) ? { drive: this.driving.shown } : {};
+    const parts = [...OF_PARTS, solution.links ? "mjcf" : "plates"].includes(format) ? { assembly: this.layers.options(solution, motion), solids } : {};
+    const driven = ["dxf", "csv", "svg", "mjcf", ...(this.driving.shown?.kind === "dyad" ? OF_PARTS : [])];
+    const drive = this.driving.shown && driven.includes(format) ? { drive: this.driving.shown } : {};
     return ask("/v1/export", { request, solution, format, length_unit: motion.unit, ...plates, ...parts, ...drive });
   }
 

@@ -112,8 +112,10 @@ export function drawCurves(curves, targets, { linkage, stale, view, unit }) {
   }
   const k = linkage.worst.place, [x, y] = view.at(linkage.errors[k][0]);
   make("circle", { class: "worst", cx: x, cy: y, r: 9, "data-worst": k + 1 }, targets);
-  make("text", { class: "miss-note", x: view.width - 10, y: 18, "text-anchor": "end" }, targets).textContent =
-    `worst: pose ${k + 1}, ${text(longest, 3)} ${unit}; ${view.width < 420 ? "" : "errors "}drawn ${factor === 1 ? "to scale" : `${times(factor)} times larger`}`;
+  const note = make("text", { class: "miss-note", y: 18, "text-anchor": "end" }, targets), narrow = view.width < 420;
+  const told = [`worst: pose ${k + 1}, ${text(longest, 3)} ${unit};`, ` ${narrow ? "" : "errors "}drawn ${factor === 1 ? "to scale" : `${times(factor)} times larger`}`];
+  const lines = narrow ? told : [told.join("")];
+  lines.forEach((line, row) => { make("tspan", { x: view.width - 10, dy: row ? 16 : 0 }, note).textContent = line; });
 }
 
 /** The band around the path that 95 % of the linkages made keep to; wider than it is where it would not be seen. */

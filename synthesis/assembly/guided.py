@@ -265,6 +265,7 @@ def guided(
         tuple(lengths),
         origin,
         linkage.driver.turns,
+        -driven.body_point,
         stops=all(isinstance(one, Circle) for one in linkage.guides),
     )
 

@@ -102,6 +102,8 @@ class Machine:
     origin: complex = 0j
     turns: bool = True
     """Whether the drive turns; otherwise its travel is a length in the unit of the linkage."""
+    body_at: complex = 0j
+    """In the coupler's frame, where that frame begins in which an analysis has the coupler's masses."""
     stops: bool = True
     """Whether it can move beyond the interval; slits end with it."""
 

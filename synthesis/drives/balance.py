@@ -1,10 +1,14 @@
-"""Springs of zero free length that carry a four-bar's weight in every position, in closed form.
+"""Springs of zero free length that carry a linkage's weight in every position, in closed form.
 
 The plane of motion is vertical. With e1, e2, e3 the directions of crank, coupler and rocker every point is
 ``a0 + a1 e1 + a2 e2``, so masses have the potential ``const + Re(W1 e1 + W2 e2)``, and with e2 taken out in favour of e3
 ``Re(V1 e1 + V3 e3)``: two pendulums on fixed pivots. A spring from the ground at s to p e1 on the crank gives
 ``-k Re(conj(s - A) p e1)``. Two such springs, on crank and rocker, balance any four-bar; one alone does so only under a
 condition on signs (published: Kuo, Mechanism and Machine Theory 214, 106140; derived anew).
+
+A body on guides has two such pendulums as well: a crank about its pivot, a block about its pin, and the body about the pin that a
+slider carries. A spring there from s to p e1 gives -k Re(conj(s) p e1), on a slider too, which does not turn. With a circle among
+the guides, or two rails, every weight is theirs. What weighs along the rail beside a slot, or between two slots, is not.
 """
 
 from __future__ import annotations
@@ -13,11 +17,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from synthesis.drives.links import GROUND, Loading
+from synthesis.arrays import Complexes, Floats
+from synthesis.drives.links import GROUND, Loading, Machine
 from synthesis.fourbar.linkage import Linkage
+from synthesis.guided.linkage import Circle, GuidedLinkage, Rail
 
 _NONE = 1e-12
 """A part of the potential this small beside all of it is none."""
+_LEFT = 1e-9
+"""Part of the largest torque that springs on guides may leave: rounding."""
 
 
 @dataclass(frozen=True)
@@ -139,3 +147,79 @@ def one_spring(potential: Potential, between: tuple[str, str]) -> Spring | float
                 return np.inf
             return next(spring for spring in two_springs(potential) if spring.between == between)
     return np.inf
+
+
+# -- a body on guides -------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Pendulum:
+    """A link that turns about a point of what it is sprung to, and whose part U of the potential is Re(U e)."""
+
+    between: tuple[str, str]
+    pivot: complex
+    """In the frame of the first link."""
+    level: complex
+    """Direction of that frame, which does not turn."""
+    joint: complex
+    """The pivot in the frame of the second link."""
+    arm: float
+    """How far from it the spring takes hold."""
+    direction: Complexes
+    rate: Floats
+
+    @property
+    def rows(self) -> Floats:
+        """Derivatives of Re(U e) by the drive, for both parts of U, (n, 2)."""
+        return np.column_stack([-self.direction.imag * self.rate, -self.direction.real * self.rate])
+
+    def spring(self, part: complex, stiffness: float | None) -> Spring:
+        """That which cancels Re(U e)."""
+        rate = abs(part) / self.arm**2 if stiffness is None else stiffness
+        end = self.pivot + np.conj(part / (rate * self.arm)) / self.level
+        return Spring(self.between, (complex(end), self.joint + self.arm), float(rate))
+
+
+def _pendulums(linkage: GuidedLinkage, machine: Machine) -> list[_Pendulum]:
+    """A link on each circle, and one of those that turn with the body: a block, or else the body on a slider."""
+    first, body, second = linkage.link_names
+    found, turning = [], []
+    for guide, name in zip(linkage.guides, (first, second)):
+        if isinstance(guide, Rail):
+            link, level = machine.links[body], complex(machine.links[name].direction[0])
+            turning.append(
+                _Pendulum((name, body), 0j, level, guide.body_point, machine.extent / 4, link.direction, link.rate)
+            )
+            continue
+        link = machine.links[name]
+        pivot, arm = (guide.pivot, guide.radius) if isinstance(guide, Circle) else (guide.pin, machine.extent / 4)
+        one = _Pendulum((GROUND, name), complex(pivot), 1 + 0j, 0j, arm, link.direction, link.rate)
+        if isinstance(guide, Circle):
+            found.append(one)
+        else:
+            turning.insert(0, one)
+    return found + turning[:1]
+
+
+def springs_on_guides(
+    linkage: GuidedLinkage, machine: Machine, torque: Floats, stiffness: float | None = None
+) -> list[Spring] | None:
+    """Springs that balance what a load asks of the drive of a linkage on guides, (n,); None where no such springs do.
+
+    The parts of the potential are read off the torque: where the pendulums carry all of it nothing is left.
+    """
+    if not np.all(np.isfinite(torque)):
+        return None
+    pendulums = _pendulums(linkage, machine)
+    rows = np.concatenate([one.rows for one in pendulums], axis=1)
+    size = np.abs(rows).max()
+    parts = np.linalg.lstsq(rows / size, torque / size, rcond=None)[0]
+    largest = np.abs(torque).max()
+    if np.abs(rows @ parts - torque).max() > _LEFT * largest:
+        return None
+    found = []
+    for one, (real, imaginary) in zip(pendulums, parts.reshape(-1, 2)):
+        part = complex(real, imaginary)
+        if abs(part) * np.abs(one.rate).max() > _LEFT * largest:
+            found.append(one.spring(part, stiffness))
+    return found

@@ -49,6 +49,8 @@ _TOGETHER = 1 << 13
 """Candidates of the grid whose conditions are computed at once: some megabytes."""
 LOPSIDED, EVEN = 100.0, 20.0
 """Longest link over shortest: above the first nobody makes them, and within the second others are looked for."""
+_RANKED = 10
+"""Answers that are known at least, of which exact ones are then ordered by what one would build."""
 _TRANSMISSION_STEP = np.deg2rad(5.0)
 """Exact answers are ordered by their transmission angle in steps."""
 _FIRST_PLACES, _PLACES = 9, 33
@@ -383,10 +385,10 @@ def generate(
     if wanted.clockwise:
         found, report = generate(tables, wanted.mirrored(), limits, largest, top, tolerance, work)
         return [one.mirrored() for one in found], report
-    ground = ground_of(limits)
+    ground, many = ground_of(limits), max(top, _RANKED)
     if not largest and limits.over(ground).only_family and not wanted.one_way:
         mechanism = Generators(wanted, ground)
-        found, report = search(tables, wanted.target, Limits(family=limits.family), top, tolerance, work, mechanism)
+        found, report = search(tables, wanted.target, Limits(family=limits.family), many, tolerance, work, mechanism)
         given = wanted.start is not None or wanted.offset is not None
         lopsided = not found or link_ratio(min(found, key=lambda one: _build(one, tolerance))) > LOPSIDED
         reached = Status.of(found, tolerance) is Status.REACHED
@@ -395,14 +397,14 @@ def generate(
         # with given zeros the search for motions ends with full cranks; and where its answer is of lengths that nobody makes,
         # as for a parallelogram's function, others may do as well
         within = replace(limits, link_ratio_max=EVEN) if lopsided and not (given and not reached) else limits
-        run = FunctionSearch(wanted, within, False, top, tolerance, work)
-        found = best_built(distinct(found + run.run(tables), 2 * top, APART), top, tolerance)
+        run = FunctionSearch(wanted, within, False, many, tolerance, work)
+        found = best_built(distinct(found + run.run(tables), 2 * many, APART), top, tolerance)
         trace = report.trace + [
             (at, min(value, report.trace[-1][1]) if report.trace else value) for at, value in run.trace
         ]
         stopped = _stopped_by(found, tolerance, work)
         return found, SearchReport(stopped, trace, report.screen_seconds, report.seeds + run.seeds, run.settled)
-    run = FunctionSearch(wanted, limits, largest, top, tolerance, work)
+    run = FunctionSearch(wanted, limits, largest, many, tolerance, work)
     found = best_built(run.run(tables), top, tolerance)
     stopped = _stopped_by(found, tolerance, work)
     return found, SearchReport(stopped, run.trace, run.screened, run.seeds, run.settled or not found)

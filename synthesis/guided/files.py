@@ -12,6 +12,7 @@ import numpy as np
 
 from synthesis.arrays import Complexes
 from synthesis.errors import FieldError
+from synthesis.fourbar.analysis import LinkMass
 from synthesis.fourbar.files import (
     DXF_COLOURS,
     FARTHEST,
@@ -33,6 +34,8 @@ SECONDS = 2.0
 """In which the simulation's drive goes through the used part of a rail or slot."""
 _BEYOND = 0.06
 """Part of a drawing's size by which rails and slots reach beyond their used ends."""
+_SLIGHT = 1e-3
+"""Of the heaviest link: what a slider or a block weighs in a simulation, which is no part of its own."""
 _SLIDER = 0.05
 """Length of a slider or block in a drawing, as a part of its size."""
 _OWN_STYLE = (
@@ -277,8 +280,13 @@ def _place(z: complex) -> str:
     return f"{float(z.real)!r} {float(z.imag)!r} 0"
 
 
-def to_mjcf(linkage: GuidedLinkage, target: Target, unit_mm: float = 1.0) -> str:
+def to_mjcf(
+    linkage: GuidedLinkage, target: Target, unit_mm: float = 1.0, masses: Mapping[str, LinkMass] | None = None
+) -> str:
     """The linkage as a MuJoCo model in metres: hinges and slides, and the loop closed by an equality constraint.
+
+    ``masses``: of the body and of links on circles, in kilograms and the unit of the lengths; sliders and blocks then weigh next
+    to nothing. Without them every link weighs a kilogram.
 
     Reference position is the first sample. Bodies are named as the links: the driven one carries the coupler, which is the body;
     the other guide's link is closed to it by a ``connect`` (in a slot by a ``weld``, between the coupler and what slides in the
@@ -290,7 +298,8 @@ def to_mjcf(linkage: GuidedLinkage, target: Target, unit_mm: float = 1.0) -> str
     _check_size(found, unit_mm)
     metre = unit_mm / 1000
     size = found.size * metre
-    thick, mass = 0.02 * size, 1.0
+    thick = 0.02 * size
+    heaviest = 1.0 if masses is None else max(one.mass for one in masses.values())
     links = linkage.links(np.zeros(1))
     names = linkage.link_names
     body, rates = links[1], {link.name: link for link in links}
@@ -317,8 +326,14 @@ def to_mjcf(linkage: GuidedLinkage, target: Target, unit_mm: float = 1.0) -> str
             'rgba="0.6 0.65 0.7 1"/>'
         )
 
-    def inertial(centre: complex, length: float) -> str:
+    def inertial(name: str, centre: complex, length: float) -> str:
+        mass = 1.0 if masses is None else _SLIGHT * heaviest
         inertia = mass * max(length, thick) ** 2 / 12
+        if masses is not None and name in masses:
+            one = masses[name]
+            mass, inertia, centre = one.mass, one.inertia * metre**2, one.centre * metre
+            if name == BODY:  # whose frame here begins at the pin
+                centre = local((complex(body.place[0]) + np.exp(1j * gamma) * one.centre) * metre)
         return f'<inertial pos="{_place(centre)}" mass="{mass!r}" diaginertia="{inertia!r} {inertia!r} {inertia!r}"/>'
 
     def guide_body(place: int, inner: str) -> tuple[str, list[float]]:
@@ -331,14 +346,15 @@ def to_mjcf(linkage: GuidedLinkage, target: Target, unit_mm: float = 1.0) -> str
             colour = "0.76 0.25 0.05 1" if place == 0 else "0.11 0.15 0.2 1"
             text = (
                 f'<body name="{name}" pos="{_place(pivot)}" euler="0 0 {direction!r}">\n      <joint name="{name}"/>\n      '
-                f"{inertial(complex(long / 2), long)}{rod(f'{name}_rod', 0j, complex(long), colour)}\n      {inner}\n    </body>"
+                f"{inertial(name, complex(long / 2), long)}{rod(f'{name}_rod', 0j, complex(long), colour)}\n      {inner}\n"
+                "    </body>"
             )
             return text, [float(link.direction_rate[0])]
         if isinstance(guide, Rail):
             axis = _place(complex(np.exp(1j * guide.direction)))
             text = (
                 f'<body name="{name}" pos="{_place(at[place])}">\n      <joint name="{name}" type="slide" axis="{axis}"/>\n      '
-                f"{inertial(0j, _SLIDER * size)}{box(name, guide.direction)}\n      {inner}\n    </body>"
+                f"{inertial(name, 0j, _SLIDER * size)}{box(name, guide.direction)}\n      {inner}\n    </body>"
             )
             along = np.real(np.exp(-1j * guide.direction) * link.place_rate[0]) * (
                 metre if linkage.driver.turns else 1
@@ -347,7 +363,7 @@ def to_mjcf(linkage: GuidedLinkage, target: Target, unit_mm: float = 1.0) -> str
         direction = float(link.direction[0])
         text = (
             f'<body name="{name}" pos="{_place(at[place])}" euler="0 0 {direction!r}">\n      <joint name="{name}"/>\n      '
-            f"{inertial(0j, _SLIDER * size)}{box(name, 0.0)}\n      {inner}\n    </body>"
+            f"{inertial(name, 0j, _SLIDER * size)}{box(name, 0.0)}\n      {inner}\n    </body>"
         )
         return text, [float(link.direction_rate[0])]
 
@@ -370,7 +386,7 @@ def to_mjcf(linkage: GuidedLinkage, target: Target, unit_mm: float = 1.0) -> str
             parts.append(rod(f"slot_{place + 1}", low, high, "0.15 0.39 0.92 1"))
     parts.append(f'<site name="body_point" pos="{_place(local(point))}" size="{thick!r}" rgba="0.06 0.46 0.43 1"/>')
     parts.append(f'<site name="loop_coupler" pos="{_place(local(at[1]))}" size="{thick / 2!r}"/>')
-    parts.append(inertial((local(at[1]) + local(point)) / 2, size / 2))
+    parts.append(inertial(BODY, (local(at[1]) + local(point)) / 2, size / 2))
     inner_pieces = "\n        ".join(part for part in parts if part)
     carrier = links[0]
     turned = float(carrier.direction[0]) if not isinstance(driven, Rail) else 0.0
@@ -395,7 +411,7 @@ def to_mjcf(linkage: GuidedLinkage, target: Target, unit_mm: float = 1.0) -> str
     if isinstance(other, Slot):
         slide = (
             '<body name="slide">\n        <joint name="slide" type="slide" axis="-1 0 0"/>\n        '
-            f"{inertial(0j, _SLIDER * size)}\n        {end.format(_place(0j))}\n      </body>"
+            f"{inertial('slide', 0j, _SLIDER * size)}\n        {end.format(_place(0j))}\n      </body>"
         )
         second, more = guide_body(1, slide)
         more.append(slot_rate(1))
@@ -409,7 +425,7 @@ def to_mjcf(linkage: GuidedLinkage, target: Target, unit_mm: float = 1.0) -> str
     drive_joint = names[0] if linkage.driver is not Driver.CYLINDER else BODY
     span = float(abs(target.interval.last - target.interval.first)) * (1.0 if linkage.driver.turns else metre)
     pace = SPEED if linkage.driver.turns else span / SECONDS
-    gain = mass * 15 * (size**2 if linkage.driver.turns else 1.0)
+    gain = heaviest * 15 * (size**2 if linkage.driver.turns else 1.0)
     way = pace if forward else -pace
     moving = ""
     if np.all(np.isfinite(speeds)):
@@ -417,7 +433,8 @@ def to_mjcf(linkage: GuidedLinkage, target: Target, unit_mm: float = 1.0) -> str
     unit = "radians" if linkage.driver.turns else "metres"
     return model_text(
         f"{linkage.kind.replace('_', ' ')}, {linkage.driver}",
-        f"the used interval takes {span / pace:.6g} s at {pace:.6g} {unit} a second",
+        f"""the used interval takes {span / pace:.6g} s at {pace:.6g} {unit} a second;
+       masses are {"a kilogram a link" if masses is None else "kilograms of its parts"}""",
         'mass="0"',
         size,
         "\n    ".join((_rails(found, linkage, metre, thick), first, second)),

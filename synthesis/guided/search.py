@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from synthesis import kernel
 from synthesis.arrays import Floats, Ints
 from synthesis.fourbar.kinematics import wrap
 from synthesis.fourbar.limits import Limits
@@ -41,6 +42,7 @@ from synthesis.guided.limits import broken_limits
 from synthesis.guided.linkage import DRIVERS, GUIDES, Circle, Driver, Guide, GuidedLinkage, Kind, Rail, Slot
 from synthesis.guided.pairs import OWN, Chart, Looked, Pairs, Problem, Samples, Stage
 from synthesis.guided.solution import GuidedSolution, assess
+from synthesis.rounds import elsewhere, unseen
 from synthesis.search.search import DEFAULT_TOLERANCE, StoppedBy
 from synthesis.target import TURN
 from synthesis.work import Work
@@ -58,8 +60,14 @@ _RADII, _AROUND = (0.0, 0.35, 0.8, 1.4, 2.2, 3.5), 12
 """Points that circles, rails and slots are begun with: distances from the middle of the motion, and so many around it."""
 _SWEEPS, _AGAIN = 8, 6
 """Newton's steps of the poses of answers, and of those looked at before they are."""
-_SEEDS, _HOPS = 18, 10
-"""Candidates of each kind and drive that a round begins with."""
+_SEEDS, _HOPS = 18, 5
+"""Candidates of each kind and drive that the first round begins with, and each further one."""
+_FAR: Floats = np.array([0.25, 0.25, 0.15, 0.15, 0.3])
+"""How far hops go, in the unknowns of a guide."""
+_STAYS = 0.1
+"""Part of it for a guide that hardly moves."""
+_BENT = 0.2
+"""Curvature of a circle that begins as a rail."""
 _TIMED_AT_ONCE = 1 << 12
 """Candidates times samples at a given drive between two looks at the time: some 20 ms."""
 _LOOKED_AT = 40
@@ -70,6 +78,8 @@ _POOL, _ENDED = 6, 2
 """Valleys that are kept of each kind and drive, and so many new ones of a round that are descended to their end."""
 _ANSWERS = 6
 """Answers that are kept of each."""
+_FURTHER, _LEAST_FURTHER = 24, 2
+"""Further ones that are looked at in the end, of all together, and of each at least."""
 _STAGES = Stage(8, 0.1, 2), Stage(6, 1.0, 2), Stage(8, 10.0, 2)
 _END = Stage(8, 1e2, 2), Stage(8, 1e4, 3), Stage(5, 1e6, 3)
 _LAST = Stage(15, 1e4, 3), Stage(10, 1e6, 3)
@@ -96,9 +106,11 @@ _AS_EXACT = 1e-9
 """J of a rail below which a circle in its place tells nothing."""
 _LONG, _CHANCE = 10.0, 10.0
 """Radius, over the length scale, from which on a circle is compared with a rail; and the F up to which that is as good."""
-_IDLE, _IDLE_LED, _ROUNDS, _WORTH = 4, 2, 16, 0.01
+_IDLE, _IDLE_LED, _ROUNDS, _WORTH = 10, 5, 60, 0.01
 """A drive is left alone after so many rounds that gain nothing, or where rotations are led; rounds at most; and the part of J
 that is a gain."""
+ODDS = (0.1, 0.9)
+"""As of `rounds.Rounds`, fitted to `benchmarks.unseen`."""
 _PATIENCE = 4
 """Rounds more for a drive that nothing was found of."""
 
@@ -112,6 +124,8 @@ class SearchReport(NamedTuple):
     seeds: int
     notes: list[str]
     """Where a guide is a rail or slot in place of a circle, and why."""
+    unseen: float | None = None
+    """The estimated chance that a linkage with less J was missed; None where one is exact, or the time was up."""
 
 
 class Drive(NamedTuple):
@@ -310,8 +324,12 @@ class Search:
         self.random = np.random.default_rng(20)
         self.seeds = 0
         self.found: Candidates | None = None
+        self.waiting: Candidates | None = None
+        """What keeps the limits at the samples, to be looked at between them when the search has ended."""
         self.trace: list[tuple[float, float]] = []
         self.notes: list[str] = []
+        self.led: list[Floats] = []
+        """J that each round led to, of each drive."""
         self._made: dict[tuple[int, float], GuidedSolution] = {}
         """Answers as linkages, by their drive and J squared."""
 
@@ -441,23 +459,18 @@ class Search:
         merit = 0.3 * at.merit + (at.cost if errors else np.where(np.isfinite(at.cost), 0.0, np.inf))
         if self.given is not None:
             merit = merit + self._timing(at, self._signs(found, at), problem.samples.drive)[1]
+        return _in_turn(self._apart(found, merit, most))
+
+    def _apart(self, found: Candidates, order: Floats, most: int) -> list[Ints]:
+        """Of each drive the places of the first that differ, in the order of some numbers and where those are finite."""
+        marks, rank = _marks(found.pairs), np.argsort(order, kind="stable")
+        rank = rank[np.isfinite(order[rank])]
+        reach = np.full(rank.size, _CELL)
         places = []
         for number in range(len(self.ways)):
-            own = np.flatnonzero(found.drive == number)
-            own = own[np.argsort(merit[own], kind="stable")]
-            places.append(self._apart(found.pairs, own[np.isfinite(merit[own])], most))
-        return _in_turn(places)
-
-    def _apart(self, pairs: Pairs, places: Ints, most: int) -> Ints:
-        """The first of places that differ."""
-        marks = _marks(pairs)
-        kept: list[int] = []
-        for place in places:
-            if len(kept) == most:
-                break
-            if not kept or np.abs(marks[kept] - marks[place]).max(axis=1).min() > _CELL:
-                kept.append(int(place))
-        return np.array(kept, dtype=int)
+            own = rank[found.drive[rank] == number]
+            places.append(own[kernel.apart(marks[own], reach[: own.size], (), 0, most)])
+        return places
 
     def _unlike(self, found: Candidates, known: Candidates | None) -> Ints:
         """Places of those that are no known valley of their drive again, or lie a part lower in it."""
@@ -492,20 +505,53 @@ class Search:
         return found.take(self._best(found, _SEEDS, thin))
 
     def hops(self, pool: Candidates) -> Candidates:
-        """Perturbed copies of the best valleys of each drive."""
+        """Perturbed copies of the best valleys of each drive; of every other one guide alone is moved far."""
         some = []
         for number in range(len(self.ways)):
             own = np.flatnonzero(pool.drive == number)
             own = own[np.argsort(pool.cost[own], kind="stable")[:3]]
             some.append(np.resize(own, _HOPS) if own.size else own)
-        places = _in_turn(some)
-        begin = pool.take(places)
+        begin = pool.take(_in_turn(some))
         chart = Chart(begin.pairs)
-        count = places.size
-        noise = self.random.standard_t(3, size=(count, 2 * OWN)) * np.tile([0.25, 0.25, 0.15, 0.15, 0.3], 2)
-        pairs = chart.pairs_at(chart.start + noise)
+        count = begin.cost.size
+        share = np.where(self.random.random((count, 2)) < 0.5, _STAYS, 1.0)
+        share[share[:, 0] == share[:, 1]] = 1.0
+        noise = self.random.standard_t(3, size=(count, 2 * OWN)) * np.tile(_FAR, 2) * np.repeat(share, OWN, axis=1)
         self.seeds += count
-        return self.measured(pairs, begin.drive, self.few, 2)
+        return self.measured(chart.pairs_at(chart.start + noise), begin.drive, self.few, 2)
+
+    def relatives(self, valleys: Candidates) -> Candidates | None:
+        """Valleys of one drive as beginnings for others: driven otherwise, and with rails bent to circles."""
+        to = [(k, *kin) for k, number in enumerate(valleys.drive) for kin in self._kin[number]]
+        if not to:
+            return None
+        place, drive, turned, bent = (np.array(column) for column in zip(*to))
+        begin = valleys.pairs.take(place)
+        guides = []
+        for one, other in ((begin.first, begin.second), (begin.second, begin.first)):
+            guides.append(Guides(*(np.where(turned, b, a) for a, b in zip(one, other))))
+        for k in (0, 1):
+            bend = np.where(self.random.random(drive.size) < 0.5, _BENT, -_BENT)
+            guides[k] = guides[k]._replace(curvature=np.where(bent[:, k], bend, guides[k].curvature))
+        hinge = np.array([way.driver is Driver.HINGE for way in self.ways])[drive]
+        self.seeds += drive.size
+        return self.measured(Pairs(guides[0], guides[1], hinge), drive, self.few, 2)
+
+    @cached_property
+    def _kin(self) -> list[list[tuple[int, bool, tuple[bool, bool]]]]:
+        """Of each drive those that its valleys may begin: which, whether its guides change places, and which are bent."""
+        found: list[list[tuple[int, bool, tuple[bool, bool]]]] = []
+        for number, way in enumerate(self.ways):
+            kin = []
+            for other, to in enumerate(self.ways):
+                for turned in (False, True):
+                    sorts = (way.second, way.first) if turned else (way.first, way.second)
+                    bent = tuple(a is Rail and b is Circle for a, b in zip(sorts, (to.first, to.second)))
+                    alike = all(a is b or bend for a, b, bend in zip(sorts, (to.first, to.second), bent))
+                    if alike and (other != number or turned):
+                        kin.append((other, turned, (bent[0], bent[1])))
+            found.append(kin)
+        return found
 
     # -- rounds -----------------------------------------------------------------------------------------------------
 
@@ -560,6 +606,7 @@ class Search:
                 break
             before = self.levels
             begin = self._valued(self.descended(begin, _STAGES, self.few))
+            self.led.append(self._least(begin))
             fresh = self._pooled(begin.take(self._unlike(begin, ended)), _ENDED)
             ended = fresh if ended is None else ended.joined(fresh)
             pool = self._pooled(begin if pool is None else pool.joined(begin))
@@ -568,7 +615,8 @@ class Search:
             if self.work.expired():
                 return False
             idle = np.where(self.levels >= (1 - _WORTH) * before, idle + 1, 0)
-            begin = self.hops(pool)
+            begin, more = self.hops(pool), self.relatives(fresh)
+            begin = begin if more is None else begin.joined(more)
         left = self._left
         if self.found is not None and left.size:
             best = self._pooled(self.found, 1)
@@ -674,10 +722,18 @@ class Search:
     @property
     def levels(self) -> Floats:
         """The least J of each drive."""
+        return np.full(len(self.ways), np.inf) if self.found is None else self._least(self.found)
+
+    def _least(self, found: Candidates) -> Floats:
         least = np.full(len(self.ways), np.inf)
-        if self.found is not None:
-            np.minimum.at(least, self.found.drive, np.sqrt(self.found.cost))
+        np.minimum.at(least, found.drive, np.sqrt(found.cost))
         return least
+
+    @property
+    def elsewhere(self) -> float:
+        """The part of the rounds of the best drive that led elsewhere."""
+        best = int(np.argmin(self.levels))
+        return elsewhere([float(led[best]) for led in self.led if np.isfinite(led[best])])
 
     @property
     def _left(self) -> Ints:
@@ -691,7 +747,7 @@ class Search:
             self.trace.append((self.work.elapsed, least))
 
     def _answers(self, new: Candidates) -> Floats:
-        """Keep those of candidates that keep the limits over all that they use.
+        """Keep those of candidates that are a gain and keep the limits over all that they use; others wait to be looked at.
 
         Returns
         -------
@@ -700,38 +756,56 @@ class Search:
         """
         lacking = np.zeros(new.cost.size)
         new, worst = self.broken(new)
-        fine = np.flatnonzero((worst <= 0) & np.isfinite(new.cost))
-        kept: list[int] = []
         most = _LOOKED_AT_WHOLE * (4 if self.body.position.size <= FEW else 1)  # few samples leave much between them
-        for number in range(len(self.ways)):
-            own = fine[new.drive[fine] == number]
-            own = own[np.argsort(new.cost[own], kind="stable")]
+        fine = self._apart(new, np.where(worst <= 0, new.cost, np.inf), most)
+        kept: list[int] = []
+        later: list[int] = []
+        least = self.levels**2
+        for number, own in enumerate(fine):
             if self.work.expired() and (kept or self.found is not None):
                 break
-            for place in self._apart(new.pairs, own, most):
-                solution = self.solution(new.take([place]))
-                if solution is None:
+            for place in own:
+                if new.cost[place] >= least[number]:
+                    later.append(int(place))
                     continue
-                missing = broken_limits(solution, self.poses, self.limits)
+                missing = self._missing(new.take([place]))
                 if not missing:
                     kept.append(int(place))
-                    self._made[int(new.drive[place]), float(new.cost[place])] = solution
-                elif set(missing) == {"transmission_angle_min"} and solution.transmission_angle_min > 0:
+                    least[number] = new.cost[place]
+                elif set(missing) == {"transmission_angle_min"}:
                     lacking[place] = missing["transmission_angle_min"]
         if kept:
             more = new.take(np.array(kept))
             self.found = self._pooled(more if self.found is None else self.found.joined(more), _ANSWERS)
+        if later:
+            more = new.take(np.array(later))
+            self.waiting = self._pooled(more if self.waiting is None else self.waiting.joined(more), _ANSWERS)
         return lacking
+
+    def _missing(self, one: Candidates) -> dict[str, float]:
+        """What a single candidate breaks over all that it uses, by name; where that is nothing it is kept as a linkage."""
+        solution = self.solution(one)
+        if solution is None or solution.transmission_angle_min <= 0:
+            return {"samples": np.inf}
+        missing = broken_limits(solution, self.poses, self.limits)
+        if not missing:
+            self._made[_key(one)] = solution
+        return missing
+
+    def further(self) -> None:
+        """Look at those that were no gain when they were found: further answers of each drive."""
+        if self.found is None or self.waiting is None:
+            return
+        both = self._pooled(self.found.joined(self.waiting), max(_FURTHER // len(self.ways), _LEAST_FURTHER))
+        fine = []
+        for place in range(both.cost.size):
+            one = both.take([place])
+            fine.append(_key(one) in self._made or (not self.work.expired() and not self._missing(one)))
+        self.found, self.waiting = self._pooled(self.found.joined(both.take(np.array(fine))), _ANSWERS), None
 
     def _pooled(self, found: Candidates, most: int = _POOL) -> Candidates:
         """The best of each drive that differ."""
-        found = found.take(np.isfinite(found.cost))
-        places = []
-        for number in range(len(self.ways)):
-            own = np.flatnonzero(found.drive == number)
-            own = own[np.argsort(found.cost[own], kind="stable")]
-            places.append(self._apart(found.pairs, own, most))
-        return found.take(_in_turn(places))
+        return found.take(_in_turn(self._apart(found, found.cost, most)))
 
     # -- answers ----------------------------------------------------------------------------------------------------
 
@@ -739,10 +813,8 @@ class Search:
         """The best of each drive, in the user's unit."""
         if self.found is None:
             return []
-        solutions = [
-            self._made.get((number, cost)) or self.solution(self.found.take([k]))
-            for k, (number, cost) in enumerate(zip(self.found.drive.tolist(), self.found.cost.tolist()))
-        ]
+        ones = [self.found.take([k]) for k in range(self.found.cost.size)]
+        solutions = [self._made.get(_key(one)) or self.solution(one) for one in ones]
         return [one for one in solutions if one is not None]
 
     def solution(self, one: Candidates) -> GuidedSolution | None:
@@ -782,6 +854,11 @@ class Search:
             return None
         found = assess(poses, linkage, poses.whole(travel) if way.driver.turns else travel)
         return found if np.isfinite(found.errors.objective) else None
+
+
+def _key(one: Candidates) -> tuple[int, float]:
+    """A single candidate by its drive and J squared."""
+    return int(one.drive[0]), float(one.cost[0])
 
 
 def _in_any_order(drive: Floats, span_max: float) -> tuple[Floats, bool]:
@@ -917,11 +994,14 @@ def search_guided(
         return [], SearchReport(StoppedBy.CONVERGED, [], 0, [])
     search = Search(poses, limits, ways, tolerance, work, given, turned)
     ended = search.run()
+    search.further()
     search.straighten()
     solutions = search.solutions()
     reached = not search._left.size
     stopped = StoppedBy.TOLERANCE if reached else StoppedBy.CONVERGED if ended else StoppedBy.BUDGET
-    return solutions, SearchReport(stopped, search.trace, search.seeds, search.notes)
+    told = stopped is StoppedBy.CONVERGED and search.led and solutions
+    missed = unseen(search.elsewhere, ODDS) if told else None
+    return solutions, SearchReport(stopped, search.trace, search.seeds, search.notes, missed)
 
 
 _CELL = 0.02

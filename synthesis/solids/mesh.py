@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.arrays import Complexes, Floats
-from synthesis.solids.prism import Prism
+from synthesis.solids.prism import Hole, Prism
 from synthesis.solids.solid import Posed, Solid
 
 SAGITTA = 0.01
@@ -77,8 +77,11 @@ def ring_of(prism: Prism) -> Complexes:
     return np.asarray(ring[bent])
 
 
-def _hole_ring(centre: complex, radius: float, phase: float) -> Complexes:
+def _hole_ring(hole: Hole, phase: float) -> Complexes:
     """A hole as a polygon around it, clockwise."""
+    if hole.reach:
+        return ring_of(Prism(hole.outline, 0.0, 1.0))
+    centre, radius = hole.centre, hole.radius
     count = max(12, _steps(radius, 2 * np.pi))
     turn = phase - 2 * np.pi * np.arange(count) / count
     return np.asarray(centre + radius / np.cos(np.pi / count) * np.exp(1j * turn))
@@ -96,7 +99,7 @@ def mesh_of(prism: Prism) -> Mesh:
     for attempt in range(8):
         # no two holes alike: three corners on one line would leave out the one between
         phases = _GOLDEN * (np.arange(len(prism.holes)) + 0.3) * (attempt + 1)
-        rings = [outline, *(_hole_ring(hole.centre, hole.radius, phase) for hole, phase in zip(prism.holes, phases))]
+        rings = [outline, *(_hole_ring(hole, phase) for hole, phase in zip(prism.holes, phases))]
         plane = np.concatenate(rings)
         ends = np.cumsum([len(ring) for ring in rings]).astype(np.uint32)
         # about their middle, in which the predicates lose fewest digits

@@ -111,7 +111,11 @@ def _document(plates: Sequence[_Drawn]) -> object:
             dxfattribs={"layer": plate.name},
         )
         for hole in plate.prism.holes:
-            space.add_circle(at(hole.centre), hole.radius, dxfattribs={"layer": plate.name})
+            if not hole.reach:
+                space.add_circle(at(hole.centre), hole.radius, dxfattribs={"layer": plate.name})
+                continue
+            contour = [(*at(complex(x, y)), float(bulge)) for x, y, bulge in hole.outline]
+            space.add_lwpolyline(contour, format="xyb", close=True, dxfattribs={"layer": plate.name})
         if plate.mark is not None:
             space.add_point(at(plate.mark), dxfattribs={"layer": "MARK"})
         text = space.add_text(plate.name.lower(), height=plate.height, dxfattribs={"layer": "MARK"})

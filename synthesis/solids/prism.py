@@ -1,4 +1,4 @@
-"""A flat part: an outline of lines and arcs with round holes between two heights; its area, volume and inertia."""
+"""A flat part: an outline of lines and arcs with holes and slits between two heights; its area, volume and inertia."""
 
 from __future__ import annotations
 
@@ -15,11 +15,70 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)
 """Gauss-Legendre on [-1, 1]: exact to rounding for the moments of an arc of less than a full turn."""
 
 
+class Moments(NamedTuple):
+    """Integrals over an area: of one, of the place, and of the squares and the product of its coordinates from the centre."""
+
+    area: float
+    centre: complex
+    xx: float
+    yy: float
+    xy: float
+
+
 class Hole(NamedTuple):
-    """A round hole through a part."""
+    """A hole through a part: round, or with a ``reach`` all within its radius of a line, as far from its centre either way."""
 
     centre: complex
     radius: float
+    reach: complex = 0j
+
+    @property
+    def ends(self) -> tuple[complex, ...]:
+        """Of its line; of a round hole the centre alone."""
+        return (self.centre,) if self.reach == 0 else (self.centre - self.reach, self.centre + self.reach)
+
+    @property
+    def outline(self) -> Floats:
+        """(4, 3) as that of a `Prism`, but clockwise: the part lies to the left of it."""
+        bulge = np.array([0.0, -1.0, 0.0, -1.0])
+        across = self.radius * 1j * self.reach / abs(self.reach)
+        first, last = self.ends
+        corners = np.array([first + across, last + across, last - across, first - across])
+        return np.column_stack([corners.real, corners.imag, bulge])
+
+    @property
+    def moments(self) -> Moments:
+        """Of its area."""
+        square, half = self.radius**2, abs(self.reach)
+        area, round_ = np.pi * square + 4 * self.radius * half, np.pi * square
+        # along its line two half discs about the ends of a rectangle, across it all of the same height
+        off = 4 * self.radius / (3 * np.pi)
+        along = 4 * self.radius * half**3 / 3 + round_ * (square / 4 - off**2 + (half + off) ** 2)
+        across = 4 * half * self.radius**3 / 3 + round_ * square / 4
+        way = self.reach / half if half else 1.0 + 0j
+        cos, sin = way.real, way.imag
+        return Moments(
+            area,
+            self.centre,
+            along * cos**2 + across * sin**2,
+            along * sin**2 + across * cos**2,
+            (along - across) * cos * sin,
+        )
+
+    def distance(self, point: complex) -> float:
+        """How far a point is from its line."""
+        return min(abs(_foot(one, other, point) - point) for one, other in zip(self.ends, self.ends[::-1]))
+
+    def apart(self, other: Hole) -> float:
+        """How much material is between two holes; at most 0 where they meet."""
+        least = min([self.distance(end) for end in other.ends] + [other.distance(end) for end in self.ends])
+        if self.reach and other.reach:
+            ways, between = (2 * self.reach, 2 * other.reach), other.ends[0] - self.ends[0]
+            turned = float(np.imag(np.conj(ways[0]) * ways[1]))
+            shares = [float(np.imag(np.conj(between) * way)) for way in ways[::-1]]
+            if turned and all(0 <= share / turned <= 1 for share in shares):
+                least = 0.0
+        return least - self.radius - other.radius
 
 
 class Arc(NamedTuple):
@@ -35,16 +94,6 @@ class Arc(NamedTuple):
     def at(self, share: Floats) -> Complexes:
         """Points of it at parts of its way, 0 to 1."""
         return self.centre + self.radius * np.exp(1j * (self.first + self.angle * share))
-
-
-class Moments(NamedTuple):
-    """Integrals over an area: of one, of the place, and of the squares and the product of its coordinates from the centre."""
-
-    area: float
-    centre: complex
-    xx: float
-    yy: float
-    xy: float
 
 
 class Mass(NamedTuple):
@@ -84,7 +133,7 @@ def together(parts: Sequence[Mass]) -> Mass:
 
 @dataclass(frozen=True, eq=False)
 class Prism:
-    """An outline pulled from height ``low`` to height ``high``, with round holes through all of it.
+    """An outline pulled from height ``low`` to height ``high``, with holes through all of it.
 
     ``outline``: (n, 3) x, y and bulge of each vertex, counter-clockwise; the bulge is the tangent of a quarter of the angle of
     the arc to the next vertex, 0 for a line. Two vertices of bulge 1 are a disc. Holes lie inside and apart from one another.
@@ -153,13 +202,12 @@ class Prism:
         xx, yy = float(np.sum(x**3 * dy)) / 3, -float(np.sum(y**3 * dx)) / 3
         xy = float(np.sum(x**2 * y * dy)) / 2
         for hole in self.holes:
-            size = np.pi * hole.radius**2
-            at = hole.centre - origin
-            area -= size
-            first -= size * at
-            xx -= size * (at.real**2 + hole.radius**2 / 4)
-            yy -= size * (at.imag**2 + hole.radius**2 / 4)
-            xy -= size * at.real * at.imag
+            size, at = hole.moments, hole.centre - origin
+            area -= size.area
+            first -= size.area * at
+            xx -= size.xx + size.area * at.real**2
+            yy -= size.yy + size.area * at.imag**2
+            xy -= size.xy + size.area * at.real * at.imag
         centre = first / area
         return Moments(
             area,
@@ -189,13 +237,15 @@ class Prism:
         """The same part, turned about z by the unit number ``turn``, then moved."""
         corners = self.corners * turn + shift
         outline = np.column_stack([corners.real, corners.imag, self.outline[:, 2]])
-        holes = tuple(Hole(complex(hole.centre * turn + shift), hole.radius) for hole in self.holes)
+        holes = tuple(
+            Hole(complex(hole.centre * turn + shift), hole.radius, hole.reach * turn) for hole in self.holes
+        )
         return Prism(outline, self.low + up, self.high + up, holes)
 
     def scaled(self, scale: float) -> Prism:
         """The same part with all lengths times ``scale``."""
         outline = self.outline * np.array([scale, scale, 1.0])
-        holes = tuple(Hole(hole.centre * scale, hole.radius * scale) for hole in self.holes)
+        holes = tuple(Hole(hole.centre * scale, hole.radius * scale, hole.reach * scale) for hole in self.holes)
         return replace(self, outline=outline, low=self.low * scale, high=self.high * scale, holes=holes)
 
     @cached_property
@@ -229,8 +279,11 @@ class Prism:
         if self.circle is not None and not self.holes:
             walls.append(2 * self.circle.radius)
         for k, hole in enumerate(self.holes):
-            walls += [abs(hole.centre - other.centre) - hole.radius - other.radius for other in self.holes[:k]]
-            walls.append(distance_to_outline(self, hole.centre) - hole.radius)
+            walls += [hole.apart(other) for other in self.holes[:k]]
+            rims = [distance_to_outline(self, end) for end in hole.ends]
+            if hole.reach:
+                rims += [hole.distance(complex(corner)) for corner in self.corners]
+            walls.append(min(rims) - hole.radius)
         return float(min(walls))
 
 
@@ -242,6 +295,14 @@ class _Between:
 
     def __contains__(self, angle: float) -> bool:
         return self.low <= angle <= self.high
+
+
+def _foot(first: complex, last: complex, point: complex) -> complex:
+    """The point of a line between two places that is nearest to a point."""
+    way = last - first
+    if way == 0:
+        return first
+    return first + way * min(max(float(np.real(np.conj(way) * (point - first))) / abs(way) ** 2, 0.0), 1.0)
 
 
 def arc_between(start: complex, end: complex, bulge: float) -> Arc:
@@ -259,9 +320,7 @@ def distance_to_outline(prism: Prism, point: complex) -> float:
     for start, end, arc in zip(prism.corners, np.roll(prism.corners, -1), prism.arcs):
         ends = min(abs(point - start), abs(point - end))
         if arc is None:
-            way = end - start
-            share = float(np.real(np.conj(way) * (point - start))) / abs(way) ** 2 if way else 0.0
-            near = abs(start + way * min(max(share, 0.0), 1.0) - point)
+            near = abs(_foot(complex(start), complex(end), point) - point)
         else:
             near = ends
             off = point - arc.centre

@@ -19,6 +19,7 @@ from synthesis.assembly.machine import Machine
 from synthesis.assembly.parts import Heights, Part, parts_of
 from synthesis.errors import FieldError
 from synthesis.fourbar.analysis import LinkMass
+from synthesis.guided.linkage import BODY
 from synthesis.solids.fits import Fit, tolerance
 from synthesis.solids.prism import Hole, Mass, Prism, filleted, rounded, together
 
@@ -161,9 +162,7 @@ def solids_of(machine: Machine, stack: Stack, made: Made, unit_mm: float) -> Sol
         low = part.z[0] * unit
         if part.kind in ("plate", "board"):
             _check_holes(part, machine, stack)
-            holes = tuple(
-                Hole(hole.at * unit, held if carriers.get(hole.pin) == part.body else turning) for hole in part.holes
-            )
+            holes = _holes(part, unit, turning, held, carriers)
             prism = Prism(_outline(part, made.fillet) * np.array([unit, unit, 1.0]), 0.0, thick, holes)
             if not prism.thinnest_wall > 1e-9 * unit:
                 raise FieldError(
@@ -198,7 +197,7 @@ def _outline(part: Part, fillet: float) -> Floats:
 
 
 def _check_holes(part: Part, machine: Machine, stack: Stack) -> None:
-    has = {hole.pin for hole in part.holes}
+    has = {one.pin for one in part.holes} | {one.pin for one in part.slits}
     for pin in machine.pins:
         if part.name in pin.joins and pin.name not in has:
             raise FieldError("/assembly/hole", f"the hole for {pin.name} would run into another one of {part.name}")
@@ -223,7 +222,8 @@ class _Washers:
         self.gap, self.pitch = heights.washer * unit, (heights.thickness + heights.washer) * unit
         self.thick = heights.thickness * unit
         self.play = min(made.fit.axial, self.gap / 8)
-        apart = [abs(a.at - b.at) for one in parts for a, b in combinations(one.holes, 2)]
+        # a pin may be anywhere in its slit
+        apart = [a.apart(b) for one in parts for a, b in combinations(_holes(one, 1.0, 0.0, 0.0, {}), 2)]
         self.radius = min(
             HEAD * machine.hole / 2 * unit,
             machine.width / 2 * unit,
@@ -234,7 +234,11 @@ class _Washers:
         self.plates: dict[str, dict[int, Part]] = {}
         """Of each pin, plates, boards and heads by the layer that they fill."""
         for part in parts:
-            on = [hole.pin for hole in part.holes] if part.kind != "head" else [part.name.split("_")[1]]
+            on = (
+                [*(one.pin for one in part.holes), *(one.pin for one in part.slits)]
+                if part.kind != "head"
+                else [part.name.split("_")[1]]
+            )
             for pin in on:
                 self.plates.setdefault(pin, {})[part.layers[0]] = part
 
@@ -292,6 +296,13 @@ class _Washers:
         return [washer for pin in self.pins.values() for washer in self.solids_on(pin)]
 
 
+def _holes(part: Part, unit: float, radius: float, held: float, carriers: Mapping[str, int]) -> tuple[Hole, ...]:
+    """Of a plate or a board: of the radius ``held`` where the part holds the pin; ``carriers``: which body holds each."""
+    round_ = [Hole(one.at * unit, held if carriers.get(one.pin) == part.body else radius) for one in part.holes]
+    slits = [Hole((one.first + one.last) / 2 * unit, radius, (one.last - one.first) / 2 * unit) for one in part.slits]
+    return (*round_, *slits)
+
+
 def _pin_of(part: Part) -> str:
     """The name of a pin or a post in the machine."""
     return part.name.split("_", 1)[1]
@@ -305,8 +316,10 @@ def parts_list(solids: Solids, fit: Fit) -> dict[str, list[object]]:
         pin = prism.circle is not None and not prism.holes
         diameter = None if prism.circle is None else 2 * prism.circle.radius
         sizes = sorted({2 * hole.radius for hole in prism.holes})
-        counts = [sum(2 * hole.radius == size for hole in prism.holes) for size in sizes]
-        holes = " + ".join(f"{count} x {size:.6g}" for count, size in zip(counts, sizes))
+        # a slit by its width and the length that it is cut
+        kinds = sorted((2 * hole.radius, 2 * abs(hole.reach)) for hole in prism.holes)
+        words = [f"{wide:.6g}" + (f" x {wide + long:.6g}" if long else "") for wide, long in kinds]
+        holes = " + ".join(f"{words.count(word)} x {word}" for word in dict.fromkeys(words))
         nominal = diameter if pin else sizes[0] if sizes else None
         word = "" if nominal is None or not fit.toleranced else tolerance(nominal, not pin)
         rows.append(
@@ -333,14 +346,16 @@ def _short(value: object) -> object:
     return round(value, 9) if isinstance(value, float) else value
 
 
-def masses_of_links(masses: Mapping[str, Mass], unit: float) -> dict[str, LinkMass]:
+def masses_of_links(masses: Mapping[str, Mass], unit: float, body_at: complex = 0j) -> dict[str, LinkMass]:
     """Masses as an analysis takes them: of each moving link its mass, centre and inertia in its frame.
 
-    ``unit``: millimetres in the unit of the lengths.
+    ``unit``: millimetres in the unit of the lengths. ``body_at``: as of the machine.
     """
     found = {}
     for name, mass in masses.items():
         if name != "ground" and mass.mass > 0:
             x, y, _ = (mass.centre / unit).tolist()
-            found[name] = LinkMass(mass.mass, complex(x, y), float(mass.inertia[2, 2]) / unit**2)
+            found[name] = LinkMass(
+                mass.mass, complex(x, y) - (body_at if name == BODY else 0j), float(mass.inertia[2, 2]) / unit**2
+            )
     return found

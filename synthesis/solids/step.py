@@ -193,22 +193,29 @@ class _Data:
 
     def solid(self, prism: Prism, name: str) -> str:
         faces: list[str] = []
-        if prism.circle is not None:
-            ends, face = self.round(prism.circle, prism, hollow=False)
-            outline = tuple([edge] for edge in ends)
-            faces.append(face)
-        else:
-            outline = self.sides(prism, faces)
-        rounds = []
-        for hole in prism.holes:
-            ends, face = self.round(hole, prism, hollow=True)
-            rounds.append(ends)
-            faces.append(face)
+        # edges of each contour below and above, along their faces: the part lies to the left above
+        contours: list[tuple[tuple[list[str], list[str]], bool]] = []
+        for circle in (prism.circle, *prism.holes):
+            if circle is None:
+                contours.append((self.sides(prism, faces), True))
+            elif circle.reach:
+                slit = Prism(circle.outline, prism.low, prism.high)
+                contours.append((self.sides(slit, faces), True))
+            else:
+                hollow = circle is not prism.circle
+                ends, face = self.round(circle, prism, hollow)
+                faces.append(face)
+                contours.append((([ends[0]], [ends[1]]), not hollow))
         heights = (prism.low, prism.high)
         for end, normal in _ENDS:
-            edges = outline[end] if end else outline[end][::-1]
-            bounds = [self.bound("FACE_OUTER_BOUND", [(edge, bool(end)) for edge in edges])]
-            bounds += [self.bound("FACE_BOUND", [(ends[end], not end)]) for ends in rounds]
+            bounds = []
+            for k, (contour, along) in enumerate(contours):
+                edges = contour[end] if end else contour[end][::-1]
+                bounds.append(
+                    self.bound(
+                        "FACE_BOUND" if k else "FACE_OUTER_BOUND", [(edge, bool(end) == along) for edge in edges]
+                    )
+                )
             faces.append(self.face(bounds, self.plane((0.0, 0.0, heights[end]), _EAST, normal)))
         shell = self.add(f"CLOSED_SHELL('',{_list(faces)})")
         return self.add(f"MANIFOLD_SOLID_BREP({quoted(name)},{shell})")

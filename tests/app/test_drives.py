@@ -195,3 +195,22 @@ def test_springs_need_a_link_that_turns_about_a_pivot(client: TestClient) -> Non
     assert "say in `between`" in reply["refused"][0]["reason"]
     body["springs"][0]["between"] = ["ground", "coupler"]
     assert client.post("/v1/drives", json=body).json()["springs"]
+
+
+@pytest.mark.parametrize(("kind", "count"), [("slider_crank", 2), ("swinging_block", 2), ("two_rails", 1)])
+def test_ideal_springs_carry_a_body_on_guides(client: TestClient, kind: str, count: int) -> None:
+    asked = {**POSES, "mechanisms": [kind], "top": 1, "load": {"force": [0, -10]}}
+    (one,) = client.post("/v1/synthesize", json={**asked, "springs": [{"kind": "tension"}]}).json()["solutions"]
+    assert len(one["springs"]) == count
+    for spring in one["springs"]:
+        assert spring["exact"] and spring["free_length"] == 0
+        assert spring["torque"]["after"]["peak"] < 1e-8 * spring["torque"]["before"]["peak"]
+
+
+def test_springs_that_cannot_carry_a_body_on_a_rail_and_a_slot_are_refused(client: TestClient) -> None:
+    asked = {**POSES, "mechanisms": ["rail_slot"], "top": 1}
+    request = {"linkage": client.post("/v1/synthesize", json=asked).json()["solutions"][0], "request": asked}
+    more = {"load": {"force": [0, -10]}, "drives": [], "springs": [{"kind": "tension"}]}
+    found = client.post("/v1/drives", json={**request, **more}).json()
+    assert not found["springs"]
+    assert any("rail_slot" in row["reason"] and "catalogue" in row["reason"] for row in found["refused"])

@@ -652,7 +652,7 @@ def test_what_is_wrong_is_told_in_the_words_of_the_request(route, body, detail, 
 def test_a_file_that_there_is_not_is_refused_before_the_search(client, monkeypatch) -> None:
     monkeypatch.setattr("app.fourbar.export.ranked", lambda *_: pytest.fail("searched"))
     request = {"rotation": [0, 30, 60], "position": [[0, 0], [9, 1], [15, 7]], "timing": "free"}
-    for kind in ("step", "plates", "pylinkage"):
+    for kind in ("urdf", "sdf", "pylinkage"):
         body = {"request": request | {"mechanisms": ["rail_slot"]}, "format": kind}
         reply = client.post("/v1/export", json=body)
         assert reply.status_code == 422 and reply.json()["errors"][0]["pointer"] == "#/format"

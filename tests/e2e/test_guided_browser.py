@@ -68,6 +68,9 @@ def test_a_linkage_is_drawn_moved_and_described(standing, drive) -> None:
     for sort in set(sorts):
         assert sort in words
     assert one.driver in words and "Moment arm, least" in words
+    legend = page.text("legend")
+    assert ("rail" in legend, "slot" in legend) == ("rail" in sorts, "slot" in sorts)
+    assert ("crank" in legend) == ("circle" in sorts) and "rocker" not in legend and "ground" not in legend
     place = one.travel if one.travel is not None else one.crank_angle
     page.slide(abs(place[-1]))
     there = one.linkage.joints(place[-1])
@@ -121,3 +124,14 @@ def test_files_and_sheet_of_a_linkage_with_a_rail(standing, drive) -> None:
     page.run("dispatchEvent(new Event('beforeprint'))")
     sheet = page.run("return document.getElementById('sheet').textContent")
     assert one.driver in sheet and "First guide" in sheet
+
+
+def test_the_worst_pose_is_told_whole_on_a_narrow_canvas(page) -> None:
+    page.resize(320, 700)
+    solved(page, DRIVES[1])
+    places = page.run(
+        "const inside = document.getElementById('canvas').getBoundingClientRect();"
+        "const lines = [...document.querySelectorAll('.miss-note tspan')];"
+        "return lines.map((one) => one.parentNode.getBoundingClientRect().left - inside.left)"
+    )
+    assert len(places) == 2 and min(places) > 0

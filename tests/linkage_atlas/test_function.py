@@ -228,3 +228,11 @@ def test_an_output_that_stands_still_is_refused(asked, field) -> None:
     with pytest.raises(la.FieldError) as refused:
         la.function(**asked, crank_span=60)
     assert refused.value.field.startswith(field)
+
+
+@pytest.mark.parametrize("top", [1, 10])
+def test_of_exact_answers_the_first_is_the_one_to_build(top: int) -> None:
+    """Five pairs: one exact linkage has a transmission angle of 19 degrees, another of 70."""
+    found = la.function([0, 30, 55, 75, 90], input=[0, 20, 40, 60, 80], top=top)
+    assert found.status == "reached" and len(found) <= top
+    assert found.best.transmission_angle_min > 60

@@ -146,11 +146,16 @@ def test_files_over_http_from_a_solution(client, drive) -> None:
         assert mark in reply.text
     refused = client.post("/v1/export", json={**body, "format": "pylinkage"})
     assert refused.status_code == 422 and "pylinkage has no guides that move" in refused.text
-    for kind in ("step", "3mf", "parts"):
-        refused = client.post("/v1/export", json={**body, "format": kind})
-        assert refused.status_code == 422 and "for four-bars only" in refused.text
-    refused = client.post("/v1/export", json={**body, "format": "plates"})
-    assert refused.status_code == 422 and "/format" in refused.text
+    for kind in ("step", "3mf", "stl", "parts", "plates"):
+        made = client.post("/v1/export", json={**body, "format": kind, "solids": {"nevertheless": True}})
+        assert made.status_code == 200 and len(made.content) > 500, made.text
+    for kind in ("urdf", "sdf"):
+        refused = client.post("/v1/export", json={**body, "format": kind, "solids": {"nevertheless": True}})
+        assert refused.status_code == 422 and "whose joints all turn" in refused.text
+        kinds = {**body, "request": {**request, "mechanisms": ["rail_slot"]}, "format": kind}
+        del kinds["solution"]
+        refused = client.post("/v1/export", json=kinds)
+        assert refused.status_code == 422 and "/format" in refused.text
     del body["solution"]["driver"]
     refused = client.post("/v1/export", json={**body, "format": "svg"})
     assert refused.status_code == 422 and "/solution/driver" in refused.text

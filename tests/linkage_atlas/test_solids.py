@@ -135,6 +135,62 @@ def test_parts_stand_for_their_masses_in_analysis_and_drives(linkage, client, re
         assert refused.value.field == field
 
 
+GUIDED = [
+    la.GuidedLinkage(
+        [
+            {"guide": "circle", "pivot": [3, -4], "radius": 20, "body_point": [5, 2]},
+            {"guide": "rail", "point": [0, 6], "direction": 10, "body_point": [50, 8]},
+        ],
+        "crank",
+        start=30,
+    ),
+    la.GuidedLinkage(
+        [
+            {"guide": "rail", "point": [0, 0], "direction": 100, "body_point": [0, 4]},
+            {"guide": "slot", "pin": [60, 5], "body_point": [3, 1], "body_direction": 4},
+        ],
+        "slider",
+        start=12,
+    ),
+]
+
+
+@pytest.mark.parametrize("one", GUIDED, ids=lambda one: one.kind)
+def test_parts_of_rails_and_slots_weigh_where_they_are(one, tmp_path, client) -> None:
+    way = np.array([0.0, 10.0, 25.0])
+    turns = one.driver == "crank"
+    motion = la.Motion(position=one.joints(way).body_point, timing="free")
+    parts = one.solids(motion, way, boards="both")
+    solids = parts.solids
+    assert any(hole.reach for part in solids.parts for hole in part.prism.holes)
+    # the centre of the body's parts in the plane, by the parts as they stand and by the frame of an analysis
+    (coupler,) = [mass for mass in parts.masses if mass.link == "coupler"]
+    for k, travel in enumerate(way):
+        held, moved = 0.0, 0j
+        for part, place in zip(solids.parts, solids.posed(np.deg2rad(travel) if turns else travel), strict=True):
+            if part.link == "coupler":
+                moved += part.mass.mass * (part.prism.moments.centre * place.turn + place.shift)
+                held += part.mass.mass
+        joints = one.joints(travel)
+        place = complex(*joints.body_point[0]) + complex(*coupler.at) * np.exp(1j * np.deg2rad(joints.rotation[0]))
+        assert held == pytest.approx(coupler.mass)
+        assert moved / held == pytest.approx(place, abs=1e-6), k
+    masses = {"masses": parts.to_dict()["masses"]}
+    by_masses, by_parts = (one.analysis(5, load, way) for load in (masses, {"parts": True}))
+    assert np.abs(by_masses.drive_load).min() > 0
+    # made by default they stand on one board
+    assert by_parts.drive_load == pytest.approx(by_masses.drive_load, rel=0.2)
+    asked = [{"kind": "rotary" if turns else "actuator"}]
+    driven = la.drives(one, asked, crank_angle=way[[0, -1]], load={"parts": True})
+    assert np.abs(driven.torque.torque).max() > 0
+    body = {"linkage": one.to_dict(), "crank_angle": [0, 25], "load": {"parts": True}, "drives": asked}
+    assert client.post("/v1/drives", json=body).status_code == 200
+    with pytest.raises(la.FieldError, match="whose joints all turn"):
+        parts.save(tmp_path / "pump.urdf")
+    parts.save(tmp_path / "pump.step")
+    assert (tmp_path / "pump.step").stat().st_size > 10_000
+
+
 def test_units_of_length_are_told_apart(linkage) -> None:
     inches = la.FourBar(19 / 25.4, 72 / 25.4, 144 / 25.4, 165 / 25.4, start_angle=30, coupler_point=(20 / 25.4, 60))
     one, other = linkage.solids(), inches.solids(length_unit="in")

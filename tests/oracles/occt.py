@@ -42,6 +42,8 @@ class Reopened:
     rounds: list[tuple[float, float, float]]
     """The same of each whole cylinder around material."""
     heights: tuple[float, float]
+    halves: list[tuple[float, float, float]]
+    """The same of each half cylinder around a hollow: the ends of slits."""
 
 
 def reopened(text: str, folder: Path) -> tuple[str, list[Reopened]]:
@@ -89,7 +91,7 @@ def _seen(name, shape, colour) -> Reopened:
     while solids.More():
         count += 1
         solids.Next()
-    holes, rounds = [], []
+    holes, rounds, halves = [], [], []
     while faces.More():
         face = TopoDS.Face(faces.Current()) if hasattr(TopoDS, "Face") else TopoDS.Face_s(faces.Current())
         surface = BRepAdaptor_Surface(face)
@@ -99,10 +101,12 @@ def _seen(name, shape, colour) -> Reopened:
             if math.isclose(turned, 2 * math.pi, rel_tol=1e-9):
                 into = holes if face.Orientation() == TopAbs_REVERSED else rounds
                 into.append((axis.X(), axis.Y(), 2 * surface.Cylinder().Radius()))
+            elif face.Orientation() == TopAbs_REVERSED and math.isclose(turned, math.pi, rel_tol=1e-9):
+                halves.append((axis.X(), axis.Y(), 2 * surface.Cylinder().Radius()))
         faces.Next()
     box = Bnd_Box()
     BRepBndLib.AddOptimal_s(shape, box, False, False)
     low, high = box.CornerMin().Z(), box.CornerMax().Z()
     centre = (middle.X(), middle.Y(), middle.Z())
     valid = BRepCheck_Analyzer(shape).IsValid()
-    return Reopened(name, valid, count, properties.Mass(), centre, colour, holes, rounds, (low, high))
+    return Reopened(name, valid, count, properties.Mass(), centre, colour, holes, rounds, (low, high), halves)

@@ -15,7 +15,7 @@ from synthesis.assembly.machine import Machine, Sizes, four_bar
 from synthesis.assembly.shapes import distances
 from synthesis.fourbar.linkage import Linkage
 from synthesis.solids.fits import FITS
-from synthesis.solids.mesh import ring_of
+from synthesis.solids.mesh import mesh_of, ring_of
 from synthesis.solids.solid import Made, Solid, Solids, solids_of
 from synthesis.target import Interval
 from synthesis.work import Work
@@ -71,6 +71,7 @@ def deepest(solids: Solids, count: int) -> tuple[float, tuple[str, str]]:
         # parts of one body do not move against each other
         places = slice(1) if one.body == other.body else slice(None)
         deep = _in_hole(one, other, shifts[0, [i, j]], turns[0, [i, j]])
+        deep = _in_slit(one, other, shifts[:, [i, j]], turns[:, [i, j]]) if deep is None else deep
         if deep is None:
             drawn = [turns[places, k][:, None] * rings[k] + shifts[places, k][:, None] for k in (i, j)]
             gaps = distances(*drawn)
@@ -85,9 +86,42 @@ def _in_hole(one: Solid, other: Solid, at, turn) -> float | None:
     for pin, plate, here, there, way in ((one, other, at[0], at[1], turn[1]), (other, one, at[1], at[0], turn[0])):
         if pin.prism.circle is not None and not pin.prism.holes:
             for hole in plate.prism.holes:
-                if abs(hole.centre * way + there - here) < 1e-9:
+                if hole.reach == 0 and abs(hole.centre * way + there - here) < 1e-9:
                     return float(pin.prism.circle.radius - hole.radius)
     return None
+
+
+def _in_slit(one: Solid, other: Solid, at, turn) -> float | None:
+    """How far a pin reaches beyond the slit that it is in everywhere; None for other parts."""
+    for pin, plate, k in ((one, other, 0), (other, one, 1)):
+        if pin.prism.circle is not None and not pin.prism.holes:
+            for hole in plate.prism.holes:
+                places = (at[:, k] - at[:, 1 - k]) / turn[:, 1 - k]
+                off = max(hole.distance(complex(place)) for place in places)
+                if hole.reach and off < hole.radius / 2:
+                    return float(off + pin.prism.circle.radius - hole.radius)
+    return None
+
+
+def overlap(solids: Solids, manifold, count: int) -> float:
+    """The largest room that parts share at places of the motion, by manifold3d; every surface is a solid there."""
+    bare = []
+    for part in solids.parts:
+        mesh = mesh_of(part.prism)
+        triangles = np.ascontiguousarray(mesh.triangles.astype(np.uint64))
+        bare.append(manifold.Manifold(manifold.Mesh64(np.ascontiguousarray(mesh.corners), triangles)))
+        assert bare[-1].status() == manifold.Error.NoError
+        assert abs(bare[-1].volume() - mesh.volume) <= 1e-9 * mesh.volume
+    worst = 0.0
+    for travel in places_of(solids.machine, count):
+        solid = [
+            one.transform([[t.real, -t.imag, 0, z.real], [t.imag, t.real, 0, z.imag], [0, 0, 1, up]])
+            for one, (t, z, up) in zip(bare, solids.posed(travel), strict=True)
+        ]
+        # all together take the room of each alone
+        union = manifold.Manifold.batch_boolean(solid, manifold.OpType.Add).volume()
+        worst = max(worst, (sum(one.volume() for one in solid) - union) / max(1.0, union * 1e-6))
+    return worst
 
 
 def step_shells(text: str) -> list[dict]:

@@ -38,3 +38,14 @@ def test_a_reply_carries_it_unless_it_is_exact() -> None:
     )
     exact = la.synthesize(position=PATH[:5], timing="free")
     assert exact.status == "reached" and exact.report.unseen is None
+
+
+def test_of_several_kinds_it_is_that_of_the_search_that_found_the_best() -> None:
+    def asked(kinds) -> la.Result:
+        poses = {"rotation": [0, 12, 40, 55, 90, 100], "position": PATH[:6]}
+        return la.synthesize(**poses, timing="free", mechanisms=kinds)
+
+    alone, sliders, both = asked(["four_bar"]), asked(["slider_crank"]), asked(["four_bar", "slider_crank"])
+    best = min((alone, sliders), key=lambda one: one.solutions[0].errors.objective)
+    assert 0 < sliders.report.unseen < 1 and alone.report.unseen != sliders.report.unseen
+    assert both.report.unseen == best.report.unseen

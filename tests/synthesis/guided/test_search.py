@@ -11,8 +11,8 @@ import pytest
 from synthesis.fourbar.limits import Limits
 from synthesis.free.poses import Poses, make_poses
 from synthesis.guided.limits import broken_limits
-from synthesis.guided.linkage import Driver, Kind, Rail, Slot
-from synthesis.guided.search import search_guided
+from synthesis.guided.linkage import Circle, Driver, Kind, Rail, Slot
+from synthesis.guided.search import Search, drives, search_guided
 from synthesis.guided.solution import GuidedSolution
 from synthesis.work import Work
 from tests.conftest import some_of
@@ -187,3 +187,35 @@ def test_a_budget_ends_the_search_and_more_of_it_gives_no_less():
     long, _ = search_guided(poses, limits, kinds)
     for kind, error in least(short).items():
         assert least(long)[kind] <= error * (1 + 1e-9)
+
+
+def test_a_valley_begins_those_that_are_driven_otherwise():
+    """The same guides, in the order of the other drive, are the same linkage; a rail bent to a circle is nearly one."""
+    rotation, position, _ = random_motion(np.random.default_rng(4), "rail_slot", 8)
+    poses = make_poses(rotation + 0.01 * np.sin(np.arange(8)), position)
+    ways = drives([Kind.RAIL_SLOT, Kind.SWINGING_BLOCK], None)
+    search = Search(poses, _ANY, ways, 1e-10, Work())
+    near = search.near()
+    valleys = near.take([np.flatnonzero(near.drive == number)[0] for number in range(len(ways))])
+    kin = search.relatives(valleys)
+    begun = {(ways[number].kind, ways[number].driver): kin.take(kin.drive == number) for number in range(len(ways))}
+    for number, way in enumerate(ways):
+        alike = [k for k, other in enumerate(ways) if other.kind is way.kind and k != number]
+        own = begun[way.kind, way.driver]
+        for k in alike:
+            assert np.isclose(own.cost, valleys.cost[k], rtol=1e-9).any()
+        assert np.all(own.pairs.hinge == (way.driver is Driver.HINGE))
+        bent = [k for k, other in enumerate(ways) if other.kind is Kind.RAIL_SLOT and way.kind is Kind.SWINGING_BLOCK]
+        assert own.cost.size == len(alike) + len(bent)
+        for guides, sort in zip(own.pairs.guides, (way.first, way.second)):
+            assert np.all(guides.inverse == (sort is Slot)) and np.all(guides.straight == (sort is not Circle))
+    assert search.relatives(valleys.take([])) is None
+
+
+def test_what_is_no_gain_is_an_answer_too():
+    poses = gallery("casement")
+    found, report = search_guided(poses, _ANY, [Kind.SLIDER_CRANK], Driver.CRANK)
+    errors = sorted(one.errors.objective for one in found)
+    assert len(errors) > 2 and errors[0] < errors[1]
+    assert all(not broken_limits(one, poses, _ANY) for one in found)
+    assert 0 < report.unseen < 1

@@ -13,12 +13,11 @@ from synthesis.errors import FieldError
 from synthesis.fourbar.analysis import LinkMass
 from synthesis.fourbar.linkage import Linkage
 from synthesis.solids.fits import FITS
-from synthesis.solids.mesh import mesh_of
 from synthesis.solids.solid import COLOURS, DENSITIES, Made, masses_of_links, parts_list, solids_of
 from synthesis.target import Interval
 from synthesis.work import Work
 from tests.conftest import some_of
-from tests.oracles.solids import SASH, TABLE, arranged, built, deepest, linkage_of, places_of
+from tests.oracles.solids import SASH, TABLE, arranged, built, deepest, linkage_of, overlap, places_of
 
 CASES = [
     ("E1", "below", False, ()),
@@ -56,22 +55,7 @@ def test_no_two_parts_overlap_anywhere(name, boards, heads, body, fit) -> None:
 def test_no_two_parts_overlap_in_manifold(name, boards, heads, body) -> None:
     manifold = pytest.importorskip("manifold3d", reason="the extra [solids] is not installed")
     solids = built(name, boards, heads, "print", body)
-    bare = []
-    for part in solids.parts:
-        mesh = mesh_of(part.prism)
-        triangles = np.ascontiguousarray(mesh.triangles.astype(np.uint64))
-        bare.append(manifold.Manifold(manifold.Mesh64(np.ascontiguousarray(mesh.corners), triangles)))
-        assert bare[-1].status() == manifold.Error.NoError
-        assert bare[-1].volume() == pytest.approx(mesh.volume, rel=1e-9)
-    for travel in places_of(solids.machine, 50):
-        posed = solids.posed(travel)
-        solid = [
-            one.transform([[t.real, -t.imag, 0, z.real], [t.imag, t.real, 0, z.imag], [0, 0, 1, up]])
-            for one, (t, z, up) in zip(bare, posed, strict=True)
-        ]
-        # all together take the room of each alone
-        union = manifold.Manifold.batch_boolean(solid, manifold.OpType.Add)
-        assert sum(one.volume() for one in solid) - union.volume() <= 1e-6 * max(1.0, union.volume() * 1e-6)
+    assert overlap(solids, manifold, 50) <= 1e-6
 
 
 def test_a_part_in_the_wrong_layer_is_seen_to_overlap() -> None:

@@ -1,0 +1,70 @@
+"""Springs that carry a body on guides: the energy of all that is lifted and stretched is the same in every position."""
+
+import numpy as np
+import pytest
+
+from synthesis.drives.balance import springs_on_guides
+from synthesis.drives.links import Loading, machine_at
+from synthesis.guided.analysis import Mass
+from synthesis.guided.linkage import Circle, Driver, Rail, Slot
+from tests.oracles.guided_cases import DRIVES, NAMES, good_linkage
+
+GRAVITY = 2.3 - 9.5j
+
+
+def load_of(linkage, random):
+    names = ("body", *(name for name in linkage.link_names))
+    masses = [Mass(name, float(random.uniform(0.1, 2)), complex(*random.normal(size=2))) for name in names]
+    return Loading(force=complex(*random.normal(size=2)), masses=tuple(masses), gravity=GRAVITY)
+
+
+def energy(machine, load, springs):
+    """Of masses, force and springs, by where they are."""
+    total = -np.real(np.conj(load.force) * machine.body.place(0j))
+    for mass in load.masses:
+        total -= mass.mass * np.real(np.conj(load.gravity) * machine.link(mass.link).place(mass.at))
+    for spring in springs:
+        ends = [
+            np.full(machine.at.size, point) if name == "ground" else machine.link(name).place(point)
+            for name, point in zip(spring.between, spring.points)
+        ]
+        total += spring.stiffness / 2 * np.abs(ends[1] - ends[0]) ** 2
+    return total
+
+
+@pytest.mark.parametrize("drive", DRIVES, ids=NAMES)
+@pytest.mark.parametrize("stiffness", [None, 3.0])
+def test_the_energy_is_the_same_in_every_position(drive, stiffness):
+    random = np.random.default_rng(DRIVES.index(drive))
+    linkage = good_linkage(random, drive, -0.3, 0.6, 0.2)
+    load = load_of(linkage, random)
+    machine, wider = machine_at(linkage, np.linspace(0, 0.3, 61)), machine_at(linkage, np.linspace(-0.3, 0.6, 400))
+    found = springs_on_guides(linkage, machine, machine.torque(load), stiffness)
+    kinds = drive[0], drive[2]
+    if Circle not in kinds and kinds != (Rail, Rail):
+        assert found is None
+        return
+    assert found is not None
+    without = energy(wider, load, [])
+    assert np.ptp(without) > 0.1
+    assert np.ptp(energy(wider, load, found)) < 1e-6 * np.ptp(without)
+    assert all(one.stiffness > 0 and stiffness in (None, one.stiffness) for one in found)
+
+
+def test_what_weighs_along_a_rail_beside_a_slot_cannot_be_balanced_but_across_it_can():
+    random = np.random.default_rng(5)
+    linkage = good_linkage(random, (Rail, Driver.SLIDER, Slot), -0.1, 0.4, 0.2)
+    machine = machine_at(linkage, np.linspace(0, 0.3, 61))
+    masses = (Mass("body", 1.5, 0.4 + 0.2j), Mass("slider", 0.5, 0j))
+    along = np.exp(1j * linkage.guides[0].direction)
+    assert springs_on_guides(linkage, machine, machine.torque(Loading(masses=masses, gravity=9.81 * along))) is None
+    across = Loading(masses=masses, gravity=9.81j * along)
+    found = springs_on_guides(linkage, machine, machine.torque(across))
+    assert found is not None and [one.between for one in found] == [("ground", "block")]
+    assert np.ptp(energy(machine, across, found)) < 1e-9 * np.ptp(energy(machine, across, []))
+
+
+def test_nothing_to_carry_needs_no_spring():
+    linkage = good_linkage(np.random.default_rng(1), (Circle, Driver.CRANK, Rail), -0.1, 0.4, 0.2)
+    machine = machine_at(linkage, np.linspace(0, 0.3, 61))
+    assert springs_on_guides(linkage, machine, machine.torque(Loading())) == []

@@ -1,0 +1,178 @@
+"""Parts with slits: areas against shapely, files against their readers; parts of rails, slots and six-bars apart everywhere."""
+
+from __future__ import annotations
+
+import io
+import re
+
+import ezdxf
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+
+from synthesis.assembly.driving import motor_driven
+from synthesis.assembly.layers import Asked, arrange
+from synthesis.assembly.machine import Sizes
+from synthesis.solids.fits import FITS
+from synthesis.solids.mesh import mesh_of
+from synthesis.solids.plates import parts_to_plates
+from synthesis.solids.prism import Hole, Prism, rounded
+from synthesis.solids.solid import Made, parts_list, solids_of
+from synthesis.solids.step import to_step
+from synthesis.work import Work
+from tests.oracles.assembly import other_six_bars, six_bars, sliders
+from tests.oracles.solids import deepest, overlap, step_shells
+from tests.oracles.surface import euler_characteristic, open_edges
+from tests.synthesis.solids.test_mesh import read_strictly, watertight
+from tests.synthesis.solids.test_step import check
+
+SLIT = Hole(35 + 2j, 3.0, 12 + 5j)
+PLATE = Prism(rounded([0j, 70 + 0j, 30 + 40j], 14), 0.0, 4.0, (SLIT, Hole(0j, 3.0), Hole(30 + 40j, 4.0)))
+
+
+def made(machine, fit: str = "H7"):
+    """The parts of a machine in free layers; None where there are none."""
+    for boards in ("below", "both"):
+        found = arrange(machine, Asked(boards), Work())
+        if found.status == "free":
+            # models of a hand's size
+            unit = 200.0 / machine.size
+            return solids_of(machine, found.stack, Made(FITS[fit], "aluminium", "steel"), unit)
+    return None
+
+
+@pytest.fixture(scope="module")
+def slides():
+    """Parts of one linkage of each pair of guides, and of six-bars."""
+    found = [made(machine) for machine in sliders(16)]
+    found += [made(machine) for machine in six_bars(2)]
+    found += [made(motor_driven(*case, Sizes())) for case in other_six_bars(4)]
+    found = [solids for solids in found if solids is not None]
+    slits = sum(bool(hole.reach) for solids in found for part in solids.parts for hole in part.prism.holes)
+    assert len(found) >= 14 and slits >= 10
+    return found
+
+
+def area(hole: Hole) -> shapely.Polygon:
+    line = shapely.LineString([(end.real, end.imag) for end in hole.ends])
+    return line.buffer(hole.radius, quad_segs=4096)
+
+
+@given(
+    st.complex_numbers(max_magnitude=50, allow_nan=False),
+    st.floats(0.01, 20),
+    st.complex_numbers(min_magnitude=1e-3, max_magnitude=40, allow_nan=False),
+)
+def test_the_area_of_a_slit_is_that_of_its_outline(centre, radius, reach) -> None:
+    hole = Hole(centre, radius, reach)
+    # the outline runs clockwise: its integrals are the negative of those of the area
+    around = Prism(hole.outline, 0.0, 1.0).moments
+    told = hole.moments
+    assert -around.area == pytest.approx(told.area, rel=1e-9)
+    assert around.centre == pytest.approx(told.centre, abs=1e-7 * (1 + abs(centre) + abs(reach)))
+    size = told.area * (radius + abs(reach)) ** 2
+    for name in ("xx", "yy", "xy"):
+        assert -getattr(around, name) == pytest.approx(getattr(told, name), abs=1e-9 * size)
+
+
+def test_a_plate_with_a_slit_weighs_what_shapely_says() -> None:
+    x, y = PLATE.corners.real, PLATE.corners.imag
+    assert len(x) == 6 and np.ptp(y) > 0
+    plate = shapely.Polygon([(0, 0), (70, 0), (30, 40)]).buffer(14, quad_segs=4096)
+    left = plate.difference(shapely.unary_union([area(hole) for hole in PLATE.holes[:1]]))
+    for hole in PLATE.holes[1:]:
+        left = left.difference(shapely.Point(hole.centre.real, hole.centre.imag).buffer(hole.radius, quad_segs=4096))
+    assert PLATE.moments.area == pytest.approx(left.area, rel=1e-6)
+    assert PLATE.moments.centre == pytest.approx(complex(left.centroid.x, left.centroid.y), rel=1e-6)
+    assert PLATE.volume == pytest.approx(4 * left.area, rel=1e-6)
+    # its thinnest wall, by shapely too
+    walls = [area(SLIT).distance(plate.exterior), 4.0]
+    for hole in PLATE.holes[1:]:
+        centre = shapely.Point(hole.centre.real, hole.centre.imag)
+        walls += [one.distance(centre) - hole.radius for one in (area(SLIT), plate.exterior)]
+    assert PLATE.thinnest_wall == pytest.approx(min(walls), abs=1e-5)
+    turned = PLATE.moved(np.exp(0.7j), 5 - 3j, 2.0).scaled(2.0)
+    assert turned.volume == pytest.approx(8 * PLATE.volume)
+    assert turned.moments.xx + turned.moments.yy == pytest.approx(16 * (PLATE.moments.xx + PLATE.moments.yy))
+    # slits that cross, or meet a hole, leave no wall
+    for other in (Hole(35 + 2j, 2.0, 3j), Hole(47 + 7j, 2.0), Hole(44 + 2j, 1.0, 0.1 + 8j)):
+        assert SLIT.apart(other) == pytest.approx(other.apart(SLIT))
+        assert SLIT.apart(other) <= 0
+
+
+def test_its_surface_is_closed_and_within_the_solid() -> None:
+    mesh = mesh_of(PLATE)
+    assert open_edges(mesh) == 0 and euler_characteristic(mesh) == -4
+    assert 0 < 1 - mesh.volume / PLATE.volume < 0.01
+    # no corner lies in a slit: a pin of its width passes
+    for place in mesh.corners[:, :2]:
+        assert SLIT.distance(complex(*place)) >= SLIT.radius - 1e-12
+
+
+def test_parts_with_slits_are_apart_everywhere(slides) -> None:
+    for solids in slides:
+        deep, who = deepest(solids, 50)
+        assert deep <= 1e-9 * solids.unit * solids.machine.size + 1e-9, who
+        for part in solids.parts:
+            mesh = mesh_of(part.prism)
+            assert open_edges(mesh) == 0 and euler_characteristic(mesh) == 2 - 2 * len(part.prism.holes)
+            assert part.prism.thinnest_wall > 0
+        names = [part.name for part in solids.parts]
+        assert len(set(names)) == len(names)
+        table = parts_list(solids, FITS["H7"])
+        cut = dict(zip(table["name"], table["holes"]))
+        for part in solids.parts:
+            for hole in part.prism.holes:
+                long = f" x {2 * hole.radius + 2 * abs(hole.reach):.6g}" if hole.reach else ""
+                assert f"1 x {2 * hole.radius:.6g}{long}" in cut[part.name] or not hole.reach
+
+
+def test_step_shells_are_closed_and_dxf_contours_too(slides) -> None:
+    for solids in slides[:6]:
+        shells = step_shells(to_step(solids.parts, solids.posed(), "linkage"))
+        for shell, part in zip(shells, solids.parts, strict=True):
+            assert shell["closed"] and shell["euler"] == 2 - 2 * len(part.prism.holes), part.name
+        document = ezdxf.read(io.StringIO(parts_to_plates(solids)))
+        assert not document.audit().errors
+        space = document.modelspace()
+        for part in solids.parts:
+            slits = [hole for hole in part.prism.holes if hole.reach]
+            found = space.query(f'LWPOLYLINE[layer=="{part.name.upper()}"]')
+            if found:
+                assert len(found) == 1 + len(slits)
+                for line, hole in zip(found[1:], slits):
+                    assert line.closed
+                    bulges = [point[4] for point in line.get_points()]
+                    assert bulges == pytest.approx([0, -1, 0, -1])
+                    corners = [complex(*point[:2]) for point in line.get_points()]
+                    assert abs(corners[1] - corners[0]) == pytest.approx(2 * abs(hole.reach))
+                    assert abs(corners[2] - corners[1]) == pytest.approx(2 * hole.radius)
+
+
+def test_reopened_slits_are_where_they_were(slides, tmp_path) -> None:
+    pytest.importorskip("OCP", reason="the extra [solids] is not installed")
+    from tests.oracles import occt
+
+    for solids in slides:
+        places = solids.posed(float(solids.machine.used.last) / 3)
+        text = to_step(solids.parts, places, "linkage")
+        assert not re.search(r"nan|inf", text)
+        _, parts = occt.reopened(text, tmp_path)
+        for found, part, place in zip(parts, solids.parts, places, strict=True):
+            check(found, part, place)
+
+
+def test_readers_of_printers_take_them(slides, tmp_path) -> None:
+    lib3mf = pytest.importorskip("lib3mf", reason="the extra [solids] is not installed")
+    trimesh = pytest.importorskip("trimesh", reason="the extra [solids] is not installed")
+    for solids in slides:
+        read_strictly(lib3mf, solids, tmp_path / "slides.3mf")
+        watertight(trimesh, solids)
+
+
+def test_no_two_parts_overlap_in_manifold(slides) -> None:
+    manifold = pytest.importorskip("manifold3d", reason="the extra [solids] is not installed")
+    for solids in slides:
+        assert overlap(solids, manifold, 50) <= 1e-6
