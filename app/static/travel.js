@@ -12,6 +12,7 @@ export const DRIVES = {
   cylinder_crank: { asks: { input_unit: TRAVEL, mechanisms: ["swinging_block"] }, says: ["Cylinder extends", "Crank turns"] },
   slider_lever: { asks: { input_unit: TRAVEL, mechanisms: ["rail_slot"] }, says: ["Slider moves", "Lever turns"] },
   slider_slider: { asks: { input_unit: TRAVEL, output_unit: TRAVEL, mechanisms: ["two_rails"] }, says: ["Slider moves", "Other slider moves"] },
+  slider_cylinder: { asks: { input_unit: TRAVEL, output_unit: TRAVEL, mechanisms: ["rail_slot"] }, says: ["Slider, or cylinder, moves", "The other moves"] },
 };
 /** What stands behind a number of a unit. */
 export const sign = (unit) => (unit === TRAVEL ? "" : "°");

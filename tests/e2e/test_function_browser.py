@@ -179,6 +179,7 @@ def test_cards_of_an_earlier_question_say_so(page) -> None:
             ("crank_slider", "Slider moves", "°"),
             ("cylinder_crank", "Crank turns", "length"),
             ("slider_slider", "Other slider moves", "length"),
+            ("slider_cylinder", "The other moves", "length"),
         ],
         1,
     ),
