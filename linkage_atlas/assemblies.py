@@ -496,6 +496,7 @@ def _other(pair: Sequence[str], pin: str) -> str:
 
 def _reasons(machine: Machine, found: Arrangement, asked: Asked, unit: Reading) -> list[str]:
     stack = found.stack
+    slits = {end.pair for end in machine.slit_ends if end is not None}
     by_layer: dict[int, list[str]] = {}
     for plate, layer in stack.layers.items():
         by_layer.setdefault(layer, []).append(plate)
@@ -539,10 +540,16 @@ def _reasons(machine: Machine, found: Arrangement, asked: Asked, unit: Reading) 
         for which, stop in (("lower", found.low), ("upper", found.high)):
             if stop is not None:
                 cause = "the loop ends" if stop.pair is None else f"{_both(stop.pair, machine)} collide"
+                if stop.pair in slits:
+                    cause = f"{_part(stop.pair[0], machine)} is at the end of its slit"
                 reasons.append(f"{which} end of the motion at {_angle(stop.at, unit)}: {cause}")
     if any(one.name == "rod" for one in machine.plates):
         reasons.append("crank angles are those of the motor, from the first sample on")
-    if not machine.stops:
-        reasons.append("slits are as long as the used motion: how far it would go with longer ones was not looked at")
+    loop = machine.loop
+    if slits and loop is not None and np.isfinite(loop).any():
+        told = [
+            f"{which} end at {_angle(at, unit)}" for which, at in zip(("lower", "upper"), loop) if np.isfinite(at)
+        ]
+        reasons.append(f"with longer slits the loop itself would end: {', '.join(told)}")
     reasons.append(NOT_SAID)
     return reasons

@@ -58,6 +58,7 @@ from synthesis.drives.links import (
     Machine,
     ends_of,
     hinged_at,
+    largest,
     machine_at,
     machine_of,
 )
@@ -838,6 +839,19 @@ def found_drives(place: _Place, asked: Asked, top: int, work: Work) -> Drives:
     return Drives(kept, search.refused, search.springs, torque, search.notes, place.machine)
 
 
+class _Extremes(NamedTuple):
+    """Of an actuator over its whole way: the least moment arm, and the largest forces that it pushes and pulls with."""
+
+    arm: float
+    push: float
+    pull: float
+
+    @property
+    def peak(self) -> float:
+        """Of either sign."""
+        return max(self.push, self.pull)
+
+
 class _Search:
     """All that is looked for on one linkage, and what was found."""
 
@@ -899,7 +913,7 @@ class _Search:
         """What is null without a load."""
         return value if self.loaded else None
 
-    def _ends_of(self, found: Placement, pin: Complexes) -> dict[str, Any]:
+    def _ends_of(self, found: Placement, pin: Complexes, most: _Extremes) -> dict[str, Any]:
         """Where an actuator or a knee is, and what it gives."""
         return {
             "ground_point": xy(found.ground),
@@ -907,8 +921,8 @@ class _Search:
             "pin_on_link": xy(found.pin),
             "length": _both_ends(found.length),
             "extends": found.extends,
-            "arm_min": found.least_arm,
-            "peak_force": self._told(found.peak),
+            "arm_min": most.arm,
+            "peak_force": self._told(most.peak),
             "holding": self._told(_both_ends(found.force)),
         }
 
@@ -936,7 +950,14 @@ class _Search:
                 )
                 continue
             torque = self.torque / link.rate
-            peak = float(np.abs(self.fine.torque(self.asked.load) / rates).max()) if self.loaded else None
+            peak = None
+            if self.loaded:
+
+                def needed(at: Floats, name: str = name) -> Floats:
+                    machine = self.place.poses(at)
+                    return np.abs(machine.torque(self.asked.load) / machine.links[name].rate)
+
+                peak = largest(needed, self.machine.at)
             self._keep(
                 (peak or 0.0,),
                 "rotary",
@@ -1024,16 +1045,20 @@ class _Search:
     ) -> None:
         if self._turns_back(wish, name, found):
             return
+        rod = wish.get("rod") if row is None else wish["rods"].get(row.name, wish.get("rod"))
+        most = self._extremes(wish["on"], name, found)
+        if row is not None and self.loaded and (most.push > row.push or most.pull > row.pull):
+            self.refuse(
+                "actuator", name, f"needs a force of {most.peak:.4g} between the positions looked at", row.name
+            )
+            return
         link = self.machine.links[name]
         other = self.machine.links.get(wish["on"])
         ground: Complexes = np.full(self.machine.at.size, found.ground, dtype=np.complex128)
         if other is not None:
             ground = other.place(other.point_at(found.ground))
         pin = link.place(found.pin)
-        rod = wish.get("rod") if row is None else wish["rods"].get(row.name, wish.get("rod"))
         bound = self._told(question.bound(sizes.stroke))
-        push = found.force * (pin - ground) / found.length
-        pulls = [Pull(name, pin, push), Pull(wish["on"], ground, -push)]
         priced = math.inf if row is None or row.price is None else row.price
         worth = (priced, max(row.push, row.pull), found.worst) if row is not None else (found.worst,)
         self._keep(
@@ -1043,14 +1068,14 @@ class _Search:
             on=wish["on"],
             name=None if row is None else row.name,
             price=None if row is None else row.price,
-            **self._ends_of(found, pin),
+            **self._ends_of(found, pin, most),
             retracted=sizes.retracted,
             stroke=sizes.stroke,
             bound=bound,
-            over_bound=None if bound is None else found.peak / bound,
-            buckling=None if rod is None or not self.loaded else self._buckling(found, rod),
+            over_bound=None if bound is None else most.peak / bound,
+            buckling=None if rod is None or not self.loaded else self._buckling(wish["on"], name, found, rod),
             envelope=_envelope(ground, pin),
-            pin_forces=self._pins(self.machine, [pulls]),
+            pin_forces=self._pins(self.fine, [self._pulls(wish["on"], name, found)]),
             curve=DriveCurve(
                 self.curve_at,
                 found.length,
@@ -1074,13 +1099,42 @@ class _Search:
             )
         return bool(bad.any())
 
-    def _buckling(self, found: Placement, rod: float) -> Buckling:
-        inertia = np.pi / 64 * rod**4
-        critical = np.pi**2 * _STEEL * self.asked.millimetres**2 * inertia / found.length**2
-        pushed = found.force > 0
-        if not pushed.any():
-            return Buckling(float(critical.min()), None)
-        return Buckling(float(critical[pushed].min()), float(np.min(critical[pushed] / found.force[pushed])))
+    def _along(self, on: str, name: str, found: Placement, at: Floats) -> tuple[Floats, Floats, Floats]:
+        """Length, arm and force of an actuator or a knee at places of the drive."""
+        # the frame of a link that carries the other end lies as the plane does at the first position
+        machine = self.place.poses(np.append(self.machine.at[0], at))
+        link = self._seen(name, on, machine)
+        v, speed = link.place(found.pin) - found.ground, link.speed(found.pin)
+        length = np.abs(v)
+        arm = dot(v, speed) / length
+        return length[1:], arm[1:], (machine.torque(self.asked.load) / arm)[1:]
+
+    def _pulls(self, on: str, name: str, found: Placement) -> list[Pull]:
+        """What an actuator does to both links, at the fine positions."""
+        pin, other = self.fine.links[name].place(found.pin), self.fine.links.get(on)
+        ground = np.full(FINE, found.ground) if other is None else other.place(other.point_at(found.ground))
+        length, _, force = self._along(on, name, found, self.fine.at)
+        push = force * (pin - ground) / length
+        return [Pull(name, pin, push), Pull(on, ground, -push)]
+
+    def _most(self, on: str, name: str, found: Placement, of: Callable[[Floats, Floats, Floats], Floats]) -> float:
+        """The largest value over the whole way of something that length, arm and force make."""
+        return largest(lambda at: of(*self._along(on, name, found, at)), self.machine.at)
+
+    def _extremes(self, on: str, name: str, found: Placement) -> _Extremes:
+        return _Extremes(
+            -self._most(on, name, found, lambda length, arm, force: -np.abs(arm)),
+            self._most(on, name, found, lambda length, arm, force: force),
+            self._most(on, name, found, lambda length, arm, force: -force),
+        )
+
+    def _buckling(self, on: str, name: str, found: Placement, rod: float) -> Buckling:
+        euler = np.pi**2 * _STEEL * self.asked.millimetres**2 * np.pi / 64 * rod**4
+        worst = self._most(on, name, found, lambda length, arm, force: force * length**2)
+        if worst <= 0:
+            return Buckling(euler / float(found.length.max()) ** 2, None)
+        longest = self._most(on, name, found, lambda length, arm, force: np.where(force > 0, length, 0.0))
+        return Buckling(euler / longest**2, euler / worst)
 
     def _sentence(self, refused: Refused, question: Question, sizes: Actuator, free: bool) -> str:
         """Why an actuator finds no place, with the number that binds."""
@@ -1298,7 +1352,7 @@ class _Search:
             "toggle",
             name,
             held if self.loaded else "where the load pushes the strut together",
-            **self._ends_of(place, pin),
+            **self._ends_of(place, pin, self._extremes(GROUND, name, place)),
             peak_torque=lock.handle_torque_max,
             envelope=_envelope(still, pin, found.knee),
             curve=DriveCurve(

@@ -117,6 +117,7 @@ def motor_driven(
         pins=pins,
         used=Interval(0.0, TURN),
         loop=None,
+        slit_ends=(None, None),
         size=max(plain.size, motor.rod),
         lengths=(*plain.lengths, motor.crank, motor.rod),
         turns=True,

@@ -17,20 +17,28 @@ itself; what is enclosed is how far the body slides.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from synthesis.arrays import Floats
-from synthesis.assembly.machine import CLEARANCE, Hole, Machine, Pin, Plate, Sizes, Slit, carried_by
+from synthesis.arrays import Flags, Floats
+from synthesis.assembly.machine import CLEARANCE, Hole, Machine, Pin, Plate, Sizes, Slit, SlitEnd, carried_by
 from synthesis.assembly.movement import GROUND, Between, Bodies, Crank, Movement, Place, turn_over
 from synthesis.assembly.shapes import Shape, hull
 from synthesis.errors import FieldError
 from synthesis.fourbar.files import plate_sizes
 from synthesis.guided.linkage import Circle, Driver, GuidedLinkage, Rail, Slot
+from synthesis.one_variable import bisect
 from synthesis.target import TURN, Interval
 
+_FAR, _PLACES = 64, 360
+"""Times the used way, or places of it, that are looked at beyond it for where a slide ends."""
+_TOUCHES = 1e-12
+"""Of the size, within which a pin at the end of its slit is still in it."""
+_PINS = (("A", "D"), ("B", "C"))
+"""Of each guide: its fixed pin, in a slot, and its moving one, on a rail."""
 BODY = 1
 """Number of the body; the links of guides on circles follow."""
 
@@ -250,14 +258,27 @@ def guided(
             )
         )
         pins = [replace(pin, joins=(*pin.joins, "bar")) if pin.grounded else pin for pin in pins]
-    turns = linkage.turns_fully
-    whole = turns and last - first >= TURN
+    whole = linkage.turns_fully and last - first >= TURN
+    loop = _loop_of(linkage, first, last)
+    ends: list[SlitEnd | None] = []
+    for begin, far in ((first, last - TURN), (last, first + TURN)):
+        reach = far if loop is None else loop[len(ends)]
+        if not np.isfinite(reach):  # a slide of its own drives it there
+            reach = begin + np.sign(reach) * (last - first)
+        left = _slit_end(linkage, begin, float(reach), spans, size)
+        if left is None:
+            ends.append(None)
+            continue
+        at, guide = left
+        name = next(plate.name for plate in plates for slit in plate.slits if slit.pin in _PINS[guide])
+        pin = next(slit.pin for plate in plates for slit in plate.slits if slit.pin in _PINS[guide])
+        ends.append(SlitEnd(at, (pin, name)))
     return Machine(
         Movement(names, steps),
         tuple(plates),
         tuple(pins),
         Interval(first, first + TURN if whole else last),
-        None if whole else Interval(first, last),
+        loop,
         hole,
         width,
         CLEARANCE * size if sizes.clearance is None else sizes.clearance,
@@ -266,8 +287,70 @@ def guided(
         origin,
         linkage.driver.turns,
         -driven.body_point,
-        stops=all(isinstance(one, Circle) for one in linkage.guides),
+        (None, None) if whole else (ends[0], ends[1]),
     )
+
+
+def _loop_of(linkage: GuidedLinkage, first: float, last: float) -> Interval | None:
+    """Travel over which the loop closes about that used; None where the drive turns fully.
+
+    Infinite where a slide drives it and the loop goes on for `_FAR` times the used way.
+    """
+    if linkage.turns_fully:
+        return None
+    most = TURN if linkage.driver.turns else _FAR * (last - first)
+
+    def end(begin: float, way: float) -> float:
+        # what is known to close, and what is not: doubled until it does not, then halved
+        closes, far = 0.0, last - first if last > first else most
+        while far < most and _closes(linkage, begin, way * far):
+            closes, far = far, min(2 * far, most)
+        if _closes(linkage, begin, way * far):
+            return way * np.inf
+
+        def holds(by: NDArray[np.floating]) -> Flags:
+            return np.array([_closes(linkage, begin, way * float(by[0]))])
+
+        inside, _ = bisect(holds, np.array([closes]), np.array([far]))
+        return begin + way * float(inside[0])
+
+    return Interval(end(first, -1.0), end(last, 1.0))
+
+
+def _closes(linkage: GuidedLinkage, begin: float, by: float) -> bool:
+    ends = sorted((linkage.start + begin, linkage.start + begin + by))
+    return linkage.closes_over(Interval(*ends))
+
+
+def _slit_end(
+    linkage: GuidedLinkage, begin: float, end: float, spans: Mapping[int, tuple[float, float]], size: float
+) -> tuple[float, int] | None:
+    """Where between two places of the drive a slide first leaves what is used of it, and which; None where none does.
+
+    ``spans``: of each guide that is a rail or a slot. It is found between steps of at most a degree, or of a 360th of the way.
+    """
+    found: tuple[float, int] | None = None
+    steps = int(np.ceil(abs(end - begin) / np.deg2rad(1.0))) if linkage.driver.turns else _PLACES
+    places = np.linspace(begin, end, max(steps, 2) + 1)
+
+    def beyond(guide: int, at: NDArray[np.floating]) -> Floats:
+        low, high = spans[guide]
+        along = linkage.along(guide, at)
+        # at the loop's end itself a place may not be known
+        return np.nan_to_num(np.maximum(along - high, low - along), nan=-np.inf) - _TOUCHES * size
+
+    for guide in spans:
+        out = np.flatnonzero(beyond(guide, places) > 0)
+        if out.size:
+            inside = begin
+            if out[0]:
+                ends = bisect(lambda at, guide=guide: beyond(guide, at) <= 0, places[out[:1] - 1], places[out[:1]])  # type: ignore[misc]
+                inside = float(ends[0][0])
+            if abs(inside - begin) < 1e-9 * max(1.0, abs(end - begin)):
+                inside = begin
+            if found is None or abs(inside - begin) < abs(found[0] - begin):
+                found = inside, guide
+    return found
 
 
 def _fixed(one: Circle | Rail | Slot) -> complex:

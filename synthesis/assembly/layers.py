@@ -437,11 +437,12 @@ class Search:
         return Shaft(not passes, passes)
 
     def _stops(self, stack: Stack, free: Interval | None) -> tuple[Stop | None, Stop | None]:
-        """Where the stack collides next, or the loop ends, below and above an interval over which it is free."""
-        if free is None or not self.machine.stops:
+        """Where the stack collides next, a slit or the loop ends, below and above an interval over which it is free."""
+        if free is None:
             return None, None
         loop, turn = self.machine.loop, TURN
-        if loop is None:
+        ends = self.machine.slit_ends
+        if loop is None and None in ends:
             if free.last - free.first >= turn - WHOLE:
                 return None, None
             runs = self._runs(stack, Interval(free.last, free.first + turn))
@@ -449,11 +450,14 @@ class Search:
                 return None, None
             (pair, run), (last_pair, last_run) = min(runs, key=_begin), max(runs, key=_end)
             return Stop(last_run.last - turn, last_pair), Stop(run.first, pair)
-        low, high = Stop(loop.first, None), Stop(loop.last, None)
-        if runs := self._runs(stack, Interval(loop.first, free.first)):
+        low, high = (
+            Stop(*end) if end is not None else Stop(loop[k], None)  # type: ignore[index]
+            for k, end in enumerate(ends)
+        )
+        if runs := self._runs(stack, Interval(low.at, free.first)):
             pair, run = max(runs, key=_end)
             low = Stop(run.last, pair)
-        if runs := self._runs(stack, Interval(free.last, loop.last)):
+        if runs := self._runs(stack, Interval(free.last, high.at)):
             pair, run = min(runs, key=_begin)
             high = Stop(run.first, pair)
         return low, high

@@ -41,6 +41,13 @@ class Slit(NamedTuple):
         return abs(nearest_on((self.first, self.last), point) - point)
 
 
+class SlitEnd(NamedTuple):
+    """A place of the drive beyond which a pin would leave its slit; ``pair``: pin and plate."""
+
+    at: float
+    pair: tuple[str, str]
+
+
 @dataclass(frozen=True)
 class Plate:
     """A flat part in one layer; ``shape``, ``holes`` and ``slits`` in the frame of the body that carries it."""
@@ -104,8 +111,8 @@ class Machine:
     """Whether the drive turns; otherwise its travel is a length in the unit of the linkage."""
     body_at: complex = 0j
     """In the coupler's frame, where that frame begins in which an analysis has the coupler's masses."""
-    stops: bool = True
-    """Whether it can move beyond the interval; slits end with it."""
+    slit_ends: tuple[SlitEnd | None, SlitEnd | None] = (None, None)
+    """Below and above the interval; None where no slit ends the motion before the loop does."""
 
     @property
     def whole_turn(self) -> bool:

@@ -6,6 +6,7 @@ parameter, so a torque here times the parameter's rate is a power, and a moment 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -16,10 +17,13 @@ from synthesis.fourbar.analysis import rates
 from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.analysis import Mass
 from synthesis.guided.linkage import Circle, GuidedLinkage, Slot
+from synthesis.one_variable import closer_looks
 from synthesis.target import Interval
 
 SAMPLES = 61
 """Positions over the interval at which forces and arms are looked at."""
+_TOPS, _LOOKS = 3, (9, 9, 9, 9)
+"""Peaks that are looked at between places, and how often, at how many nodes."""
 GROUND = "ground"
 
 
@@ -153,6 +157,22 @@ def ends_of(at: Floats) -> Interval:
     """The least and the largest of places of a drive, from the end that is nearer to the first one."""
     low, high = float(np.min(at)), float(np.max(at))
     return Interval(low, high) if abs(at[0] - low) <= abs(at[0] - high) else Interval(high, low)
+
+
+def largest(of: Callable[[Floats], Floats], at: Floats) -> float:
+    """The largest value of a smooth function over places (n,), at them and between: where one is larger than its neighbours.
+
+    ``of``: values (m,) at places (m,). Law: with places so close that one peak lies between two of them, to rounding.
+    """
+    values = np.nan_to_num(of(at), nan=-np.inf)
+    before, after = np.append(-np.inf, values[:-1]), np.append(values[1:], -np.inf)
+    tops = np.flatnonzero((values >= before) & (values >= after))
+    tops = tops[np.argsort(-values[tops])[:_TOPS]]
+    low, high = at[np.maximum(tops - 1, 0)], at[np.minimum(tops + 1, at.size - 1)]
+    least, _ = closer_looks(
+        lambda looks: -of(np.asarray(looks.ravel(), dtype=float)).reshape(looks.shape), low, high, _LOOKS
+    )
+    return float(max(values.max(), -np.nanmin(least)))
 
 
 def machine_of(linkage: Linkage | GuidedLinkage, interval: Interval, samples: int = SAMPLES) -> Machine:

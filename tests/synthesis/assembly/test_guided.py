@@ -112,3 +112,45 @@ def test_a_loop_that_opens_is_refused() -> None:
     linkage = GuidedLinkage((crank, rail), Driver.CRANK, 1, 0.0)
     with pytest.raises(FieldError, match="does not close"):
         guided(linkage, Interval(0.0, TURN), Sizes())
+
+
+def test_the_motion_ends_where_a_slit_or_the_loop_does() -> None:
+    """Against places of the drive one after the other, and the loop's own conditions."""
+    seen = set()
+    for machine in sliders(24):
+        step = machine.movement.steps[0]
+        assert isinstance(step, OnGuides)
+        linkage, (first, last) = step.linkage, machine.used
+        if machine.whole_turn:
+            assert machine.slit_ends == (None, None)
+            continue
+        spans = {
+            place: linkage.used(place, machine.used)
+            for place, one in enumerate(linkage.guides)
+            if not isinstance(one, Circle)
+        }
+        for begin, way, end, k in ((first, -1, machine.slit_ends[0], 0), (last, 1, machine.slit_ends[1], 1)):
+            bound = None if machine.loop is None else machine.loop[k]
+            if bound is not None and np.isfinite(bound):
+                inside, outside = (sorted((begin, bound + way * by)) for by in (-1e-9, 1e-9))
+                assert linkage.closes_over(Interval(linkage.start + inside[0], linkage.start + inside[1]))
+                assert not linkage.closes_over(Interval(linkage.start + outside[0], linkage.start + outside[1]))
+            reach = TURN - (last - first) if linkage.driver.turns else 2 * (last - first)
+            reach = reach if bound is None else min(reach, abs(bound - begin))
+            places = begin + way * np.linspace(0, 1, 4001) * reach
+            off = []
+            for place, (low, high) in spans.items():
+                along = linkage.along(place, places)
+                off.append(np.nan_to_num(np.maximum(along - high, low - along), nan=-1) > 1e-9 * machine.size)
+            left = np.flatnonzero(np.any(off, axis=0))
+            if end is None:
+                assert not left.size
+                seen.add("loop")
+                continue
+            assert end.pair[0] in "ABCD"
+            assert way * (end.at - begin) >= -1e-12
+            seen.add("at once" if end.at == begin else "later")
+            if left.size:
+                assert way * (places[left[0]] - end.at) >= -1e-6 * reach
+                assert way * (places[max(left[0] - 1, 0)] - end.at) <= 1e-6 * reach
+    assert {"at once", "later"} <= seen
