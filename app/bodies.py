@@ -6,6 +6,7 @@ reply is written piece by piece.
 
 from __future__ import annotations
 
+import asyncio
 import json
 from collections.abc import Iterator
 from typing import Any
@@ -180,5 +181,8 @@ class Reply(Response):
             piece = self.pieces.pop()
             await send({"type": "http.response.body", "body": piece, "more_body": bool(self.pieces)})
             held.take(len(piece))
+            await asyncio.sleep(
+                0
+            )  # a client that reads lets all of it through at once; that it has gone is seen here
         if not self.size:
             await send({"type": "http.response.body", "body": b"", "more_body": False})

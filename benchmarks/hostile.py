@@ -159,8 +159,11 @@ async def repeat(
         await asyncio.sleep(pause)
 
 
-async def hold(port: int, said: bytes, count: int, until: float) -> int:
-    """Connections that say something and no more, opened again when they are closed; how many were."""
+async def hold(port: int, said: bytes, count: int, until: float, reads: bool = True) -> int:
+    """Connections that say something and no more, opened again when they are closed; how many were.
+
+    One that does not read is opened again after `UNREAD_SECONDS`.
+    """
     opened = 0
 
     async def one() -> None:
@@ -170,7 +173,8 @@ async def hold(port: int, said: bytes, count: int, until: float) -> int:
                 reader, writer = await asyncio.open_connection("127.0.0.1", port)
                 opened += 1
                 writer.write(said)
-                await asyncio.wait_for(reader.read(), max(0.01, until - time.perf_counter()))
+                left = max(0.01, until - time.perf_counter())
+                await (asyncio.wait_for(reader.read(), left) if reads else asyncio.sleep(min(left, UNREAD_SECONDS)))
                 writer.close()
             except (OSError, TimeoutError):
                 await asyncio.sleep(0.05)
@@ -179,16 +183,37 @@ async def hold(port: int, said: bytes, count: int, until: float) -> int:
     return opened
 
 
+async def leave(port: int, path: str, body: Any) -> int:
+    """Ask, and close the connection in the ordinary way without waiting for the answer."""
+    content = json.dumps(body).encode()
+    _, writer = await asyncio.open_connection("127.0.0.1", port)
+    head = (
+        f"POST {path} HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/json\r\nContent-Length: {len(content)}"
+    )
+    writer.write(f"{head}\r\n\r\n".encode() + content)
+    writer.close()
+    return 0
+
+
 HEAD = (
     b"POST /v1/match HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/json\r\nContent-Length: 900000\r\n\r\n"
 )
+_LIFT = json.dumps({"design": DESIGN, "cylinder": CYLINDER, "samples": 20_000}).encode()
+LARGE = (
+    b"POST /v1/lift/motion HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/json\r\nContent-Length: %d\r\n\r\n%s"
+    % (len(_LIFT), _LIFT)
+)
+"""A request whose reply has some megabytes."""
 SLOW = {
-    "says nothing": (b"", 200),
-    "unfinished header": (HEAD[:-2], 50),
-    "unfinished body": (HEAD + b"[" * 400_000, 50),
-    "no HTTP": (b"\x16\x03\x01\x02 hello\r\n\r\n", 2),
+    "says nothing": (b"", 200, True),
+    "unfinished header": (HEAD[:-2], 50, True),
+    "unfinished body": (HEAD + b"[" * 400_000, 50, True),
+    "no HTTP": (b"\x16\x03\x01\x02 hello\r\n\r\n", 2, True),
+    "many replies unread": (b"GET /openapi.json HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n" * 50, 100, False),
+    "large replies unread": (LARGE, 20, False),
 }
-"""What slow and rude clients say, and how many connections they hold."""
+"""What slow and rude clients say, how many connections they hold, and whether they read what is answered."""
+UNREAD_SECONDS = 8.0
 
 
 def mutated(seed: int) -> Iterator[tuple[str, bytes]]:

@@ -63,6 +63,11 @@ UNASKED = (
     "the crank angles are given, and then the practical limits are kept only where `limits.preset` asks for them; "
     "the verdict says which of them the best linkage breaks"
 )
+SWINGS = (
+    "cranks were looked for that can turn fully, but this motion needs no more than half a turn of them: "
+    "with `limits.family` 'any' four-bars that only swing are looked at too, and may come nearer"
+)
+_HALF_TURN = np.pi
 ILL_POSED = (
     "the problem is ill-posed: quite different linkages give this motion to within the resolution; "
     "see `determination` of each solution"
@@ -327,6 +332,7 @@ def synthesize(
         notes.append(ILL_POSED)
     if not wanted.free and "preset" not in (limits or {}) and solutions and not solutions[0].verdict.practical:
         notes.append(UNASKED)
+    notes += _swing_notes(solutions, wanted, limits, tolerance)
     notes += study_notes(studies.manufacture, solutions)
     notes += cognate_notes(solutions) if wanted.samples.rotation is None else []
     if not solutions and refines and not cut_short:
@@ -378,6 +384,7 @@ def _of_kinds(
     chosen = front(found, motion, limits, prefers, tolerance, top)
     searched = watch.elapsed
     solutions = finished_kinds(chosen, motion, limits, tolerance, studies, watch.extended(FINISHING))
+    notes += _swing_notes(solutions, motion, given, tolerance)
     notes += study_notes(studies.manufacture, solutions)
     cut_short = course.stopped_by == StoppedBy.BUDGET.value
     if not solutions and cut_short:
@@ -391,6 +398,20 @@ def _of_kinds(
         notes.append(f"the time was up: of {len(chosen)} linkages found the best {len(solutions)} are reported")
     report = _report(course, motion, searched, watch.elapsed, notes)
     return Result(status_of(solutions, tolerance, motion.tolerances is not None, cut_short), solutions, report)
+
+
+def _swing_notes(
+    solutions: Sequence[Any], motion: Motion, limits: Mapping[str, Any] | None, tolerance: float
+) -> list[str]:
+    """That four-bars which only swing were not looked at, where they would do and none that turns fully is good enough."""
+    if not motion.free or (limits or {}).get("family") is not None or not isinstance(motion.samples, Poses):
+        return []
+    best = next((one for one in solutions if one.kind == "four_bar"), None)
+    if best is None or motion.samples.closed or not motion.samples.ordered or best.crank_angle is None:
+        return []
+    if solutions[0].verdict.within_tolerance or solutions[0].errors.objective < tolerance:
+        return []
+    return [SWINGS] if np.ptp(best.crank_angle) * motion.radian <= _HALF_TURN else []
 
 
 def _report(course: Course, motion: Motion, searched: float, total: float, notes: list[str], **more: Any) -> Report:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -94,9 +96,22 @@ def test_the_length_of_a_reply_is_said(client) -> None:
     assert reply.status_code == 200 and reply.headers["content-length"] == str(len(reply.content))
 
 
-def test_a_long_reply_is_sent_in_pieces_and_given_back() -> None:
-    import asyncio
+def test_others_come_between_the_pieces_of_a_reply() -> None:
+    """The loss of its connection among them: once each further piece left a line in the log."""
+    seen: list[str] = []
 
+    async def send(message) -> None:
+        seen.append(message["type"])
+
+    async def story() -> None:
+        asyncio.get_running_loop().call_soon(seen.append, "lost")
+        await bodies.Reply(b"x" * (3 * bodies.PIECE_BYTES))({}, None, send)
+
+    asyncio.run(story())
+    assert seen.index("lost") == 2 and len(seen) == 5
+
+
+def test_a_long_reply_is_sent_in_pieces_and_given_back() -> None:
     reply = bodies.Reply(Holder(first=[1.25] * 400_000))
     sent: list[bytes] = []
 
