@@ -235,7 +235,7 @@ class Question:
             one
             for ground, way, side in zip(begin.grounds, begin.ways, begin.sides)
             if work is None or not work.expired()
-            for one in [self._descended(sizes, complex(ground), bool(way), float(side), 1e-7 if closer else 1e-13)]
+            for one in [self._descended(sizes, complex(ground), bool(way), float(side))]
             if one is not None
         ]
         if not found and begin.short is None:  # no descent ended within what is wanted: the grid's best is
@@ -345,9 +345,7 @@ class Question:
         # the expanded square can round below 0 only where the actuator is as good as without a length
         return np.asarray((basis @ slope) / np.sqrt(np.maximum(squared, 1e-300)))
 
-    def _descended(
-        self, sizes: Sizes, ground: complex, way: bool, side: float, ftol: float = 1e-13
-    ) -> Placement | None:
+    def _descended(self, sizes: Sizes, ground: complex, way: bool, side: float) -> Placement | None:
         """The nearest optimum of a family, by sequential quadratic programs; None where it leaves what is wanted."""
         from scipy.optimize import minimize
 
@@ -363,7 +361,7 @@ class Question:
             bounds=one.bounds,
             constraints=[{"type": "ineq", "fun": one.rows, "jac": one.slopes}],
             method="SLSQP",
-            options={"ftol": ftol, "maxiter": 60},
+            options={"ftol": 1e-13, "maxiter": 60},
         )
         ground = one.ground(answer.x)
         pin = one.pin(ground, *one.ends(answer.x))
