@@ -305,7 +305,7 @@ def made_text(stamps: Sequence[Mapping[str, Any]]) -> str:
     changed since (`parts`).
     """
 
-    words = {"processor": str, "cores": "{} cores".format, "memory_bytes": size}
+    words = {"processor": str, "cores": "{} cores".format}
     machines = dict.fromkeys(
         ", ".join(say(one["machine"][name]) for name, say in words.items() if name in one["machine"])
         for one in stamps
@@ -322,7 +322,7 @@ def made_text(stamps: Sequence[Mapping[str, Any]]) -> str:
         said = f"{len(runs)} runs of {', '.join(f'`python -m {name}`' for name in modules)} at commits {', '.join(commits)}"
     else:
         said = ", ".join(runs)
-    return f"Measured by {said}{old and ', ' + old}; machine: {'; '.join(machines)}."
+    return f"Measured by {said}{old and ', ' + old}; {'; '.join(machines)}."
 
 
 def load(name: str) -> Any:

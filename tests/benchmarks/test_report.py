@@ -128,9 +128,9 @@ def test_a_source_is_told_once() -> None:
     stamps = [{"machine": {"processor": "P", "cores": 2}, "commit": 40 * c, "command": "python -m x"} for c in "aab"]
     text = report.made_text(stamps)
     many = report.made_text([{**stamps[0], "command": f"python -m benchmarks.x --part {k}"} for k in range(3)])
-    assert many.startswith("Measured by 3 runs of `python -m benchmarks.x` at commits aaaaaaaaa; machine")
+    assert many.startswith("Measured by 3 runs of `python -m benchmarks.x` at commits aaaaaaaaa; P")
     old = report.made_text([{**one, "since": ["synthesis.pose"]} for one in stamps])
-    assert old.endswith("the oldest before the change of `synthesis.pose`; machine: P, 2 cores.")
+    assert old.endswith("the oldest before the change of `synthesis.pose`; P, 2 cores.")
     assert text.count("P, 2 cores") == 1 and text.count("aaaaaaaaa,") == 1 and text.count("`python -m x`") == 2
     assert "aaaaaaaaa+changes;" in report.made_text([{**stamps[0], "commit": 40 * "a" + "+changes"}])
 
