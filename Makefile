@@ -137,6 +137,7 @@ scenes: $(READY)
 report: $(READY)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test,docs,baselines]'
 	$(BIN)/python -m benchmarks.error_vs_runtime
+	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.profile
 
 accept: $(READY)
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.acceptance --cases 1000

@@ -40,32 +40,34 @@ class Use(NamedTuple):
     text: bool = False
 
 
-def uses(node: ast.AST) -> Iterator[Use]:
-    """Dotted names, each as long as it is, and strings."""
+def read(node: ast.AST, uses: list[Use], imports: dict[str, Names]) -> None:
+    """Adds the dotted names of a node, each as long as it is, its strings, and what its imports bind names to."""
     chain, end = [], node
     while isinstance(end, ast.Attribute):
         chain.append(end.attr)
         end = end.value
     if isinstance(end, ast.Name):
-        yield Use((end.id, *reversed(chain)))
-    elif isinstance(node, ast.Constant) and isinstance(node.value, str):
-        yield Use((node.value,), text=True)
+        uses.append(Use((end.id, *reversed(chain))))
+    elif isinstance(node, ast.Constant):
+        if isinstance(node.value, str):
+            uses.append(Use((node.value,), text=True))
+    elif isinstance(node, ast.Import):
+        for alias in node.names:
+            first = alias.name.partition(".")[0]
+            imports[alias.asname or first] = (alias.name if alias.asname else first,)
+    elif isinstance(node, ast.ImportFrom):
+        imports |= {alias.asname or alias.name: (str(node.module), alias.name) for alias in node.names}
     else:
-        for child in ast.iter_child_nodes(node):
-            if not (isinstance(child, ast.Expr) and isinstance(child.value, ast.Constant)):  # a docstring
-                yield from uses(child)
+        for name in node._fields:
+            value = getattr(node, name, None)
+            for child in value if isinstance(value, list) else (value,):
+                if isinstance(child, ast.AST) and not is_words(child):
+                    read(child, uses, imports)
 
 
-def imports(node: ast.AST) -> Iterator[tuple[str, Names]]:
-    """What each import in a node binds: a name, and the module with what is taken of it."""
-    for one in ast.walk(node):
-        if isinstance(one, ast.Import):
-            for alias in one.names:
-                yield (
-                    (alias.asname, (alias.name,)) if alias.asname else ((first := alias.name.split(".")[0]), (first,))
-                )
-        elif isinstance(one, ast.ImportFrom) and one.module and not one.level:
-            yield from ((alias.asname or alias.name, (one.module, alias.name)) for alias in one.names)
+def is_words(node: ast.AST) -> bool:
+    """Whether a statement is a docstring, of a module, class or function or behind a value."""
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
 
 
 def plain(node: Any) -> str:
@@ -74,8 +76,7 @@ def plain(node: Any) -> str:
         parts = ((name, getattr(node, name, None)) for name in node._fields if name not in ("ctx", "kind"))
         return f"{type(node).__name__}({','.join(f'{name}={plain(value)}' for name, value in parts if value not in (None, []))})"
     if isinstance(node, list):
-        kept = (one for one in node if not (isinstance(one, ast.Expr) and isinstance(one.value, ast.Constant)))
-        return f"[{','.join(map(plain, kept))}]"
+        return f"[{','.join(plain(one) for one in node if not is_words(one))}]"
     return repr(node)
 
 
@@ -92,10 +93,8 @@ class Module:
         for node in ast.parse(path.read_text()).body:
             condition = ast.unparse(node.test) if isinstance(node, ast.If) else ""
             if isinstance(node, ast.Import | ast.ImportFrom) or condition == "TYPE_CHECKING":
-                found.imports |= dict(imports(node))
-            elif not condition.startswith("__name__") and not (
-                isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
-            ):
+                read(node, [], found.imports)
+            elif not condition.startswith("__name__") and not is_words(node):
                 for name in bound(node) or {ALWAYS}:
                     found.definitions.setdefault(name, []).append(node)
         return found
@@ -163,8 +162,10 @@ class Code:
             if name == WHOLE:
                 found |= {(module, other) for other in known.definitions}
             for node in known.definitions.get(name, ()):
-                inside = dict(imports(node))
-                for use in uses(node):
+                uses: list[Use] = []
+                inside: dict[str, Names] = {}
+                read(node, uses, inside)
+                for use in uses:
                     if use.text:
                         found |= set(self.named(use.names[0]))
                     elif use.names[0] in inside:

@@ -254,7 +254,7 @@ def commit() -> str:
 
     try:
         # what a benchmark itself writes is no change of the code
-        own = (":!docs", ":!README.md", ":!benchmarks/results", ":!app/fourbar/durations.json")
+        own = (":!docs", ":!*.md", ":!benchmarks/results", ":!app/fourbar/durations.json")
         changed = git("status", "--porcelain", "--", ".", *own)
         return git("rev-parse", "HEAD") + ("+changes" if changed else "")
     except (OSError, subprocess.CalledProcessError):
@@ -301,9 +301,11 @@ def save(results: Mapping[str, Any], name: str, ended: Mapping[str, Any] | None 
 
 
 def made_text(stamps: Sequence[Mapping[str, Any]]) -> str:
-    """In words where numbers come from: each machine, commit and command once, with what has changed since (`parts`)."""
+    """In words where numbers come from, each machine, commit and command once (of many runs their commits), and what has
+    changed since (`parts`).
+    """
 
-    words = {"processor": str, "cores": "{} cores".format, "memory_bytes": size}
+    words = {"processor": str, "cores": "{} cores".format}
     machines = dict.fromkeys(
         ", ".join(say(one["machine"][name]) for name, say in words.items() if name in one["machine"])
         for one in stamps
@@ -314,7 +316,13 @@ def made_text(stamps: Sequence[Mapping[str, Any]]) -> str:
         shown = re.sub("(?<=')(?: '[^']*')+ ('[^']*')", r" ... \1", one["command"])  # long lists by their ends
         runs[f"`{shown}` at commit {found}"] = one.get("since", [])
     old = age.told(list(runs.values()))
-    return f"Measured by {', '.join(runs)}{old and ', ' + old}; machine: {'; '.join(machines)}."
+    if len(runs) > 2:
+        modules = dict.fromkeys(re.findall(r"benchmarks\.\w+", " ".join(runs)))
+        commits = dict.fromkeys(run.rpartition(" ")[2] for run in runs)
+        said = f"{len(runs)} runs of {', '.join(f'`python -m {name}`' for name in modules)} at commits {', '.join(commits)}"
+    else:
+        said = ", ".join(runs)
+    return f"Measured by {said}{old and ', ' + old}; {'; '.join(machines)}."
 
 
 def load(name: str) -> Any:
@@ -407,10 +415,12 @@ def run(measure: Callable[..., Iterator[Mapping[str, Any]]], arguments: Sequence
     trial, begin, results = options.pop("trial"), time.perf_counter(), None
     if not trial and commit().endswith("+changes"):
         parser.exit(1, "the tree has changes that are not committed: commit them, or measure with --try\n")
-    code = {commit(): CODE.digests(name)}
+    made = stamp()  # of the code as it is read now, whatever is committed meanwhile
+    code = {made["commit"]: CODE.digests(name)}
     for results in measure(**options):
+        results = {"made": made, **results}
         if trial:
-            blocks = importlib.import_module(f"benchmarks.{name}").blocks({"made": stamp(), **results})
+            blocks = importlib.import_module(f"benchmarks.{name}").blocks(results)
             print(*(f"{block}:\n{text}\n" for block, text in blocks.items()), sep="\n")
             continue
         save(results, name)

@@ -128,6 +128,7 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
 
     rows = [UNKNOWN | {"service": one["service"], **load} for one in services for load in one["loads"]]
     rows.sort(key=lambda row: row["path"])  # stable: the order of services stays
+    rows = [row for row in rows if row["service"] != "two services"]
     return report.tables("throughput", {"loads": rows}) | {"ratios": ratios_text(results)}
 
 

@@ -63,6 +63,11 @@ UNASKED = (
     "the crank angles are given, and then the practical limits are kept only where `limits.preset` asks for them; "
     "the verdict says which of them the best linkage breaks"
 )
+SWINGS = (
+    "cranks were looked for that can turn fully, but this motion needs no more than half a turn of them: "
+    "with `limits.family` 'any' four-bars that only swing are looked at too, and may come nearer"
+)
+_HALF_TURN = np.pi
 ILL_POSED = (
     "the problem is ill-posed: quite different linkages give this motion to within the resolution; "
     "see `determination` of each solution"
@@ -282,6 +287,7 @@ def synthesize(
     begun = None if live is None else Kept.unpacked(live.state)
     watch = work(budget)
     notes, kept, studies = wanted.notes(), read_limits(limits, wanted), read_studies(asked, wanted)
+    notes += _envelope_notes(wanted, kept)
     if refine_from is not None:
         source = read_start(refine_from, wanted.degrees)
         _check_start(source, wanted)
@@ -327,6 +333,7 @@ def synthesize(
         notes.append(ILL_POSED)
     if not wanted.free and "preset" not in (limits or {}) and solutions and not solutions[0].verdict.practical:
         notes.append(UNASKED)
+    notes += _swing_notes(solutions, wanted, limits, tolerance)
     notes += study_notes(studies.manufacture, solutions)
     notes += cognate_notes(solutions) if wanted.samples.rotation is None else []
     if not solutions and refines and not cut_short:
@@ -378,6 +385,7 @@ def _of_kinds(
     chosen = front(found, motion, limits, prefers, tolerance, top)
     searched = watch.elapsed
     solutions = finished_kinds(chosen, motion, limits, tolerance, studies, watch.extended(FINISHING))
+    notes += _swing_notes(solutions, motion, given, tolerance)
     notes += study_notes(studies.manufacture, solutions)
     cut_short = course.stopped_by == StoppedBy.BUDGET.value
     if not solutions and cut_short:
@@ -391,6 +399,38 @@ def _of_kinds(
         notes.append(f"the time was up: of {len(chosen)} linkages found the best {len(solutions)} are reported")
     report = _report(course, motion, searched, watch.elapsed, notes)
     return Result(status_of(solutions, tolerance, motion.tolerances is not None, cut_short), solutions, report)
+
+
+def _envelope_notes(motion: Motion, limits: Limits) -> list[str]:
+    """That a position lies outside of the box that the body point must not leave."""
+    box, asked = limits.envelope, motion.asked
+    if box is None or asked.position is None:
+        return []
+    given = np.isfinite(asked.position) & (True if asked.position_weights is None else asked.position_weights > 0)
+    x, y = asked.position.real, asked.position.imag
+    beyond = np.hypot(
+        np.maximum(np.maximum(box[0] - x, x - box[2]), 0), np.maximum(np.maximum(box[1] - y, y - box[3]), 0)
+    )
+    out = np.flatnonzero(given & (beyond > 0))
+    if not out.size:
+        return []
+    worst = int(out[np.argmax(beyond[out])])
+    count = f"{out.size} positions lie" if out.size > 1 else f"sample {worst + 1} lies"
+    return [f"{count} outside of `limits.envelope`: sample {worst + 1} is missed by at least {beyond[worst]:.4g}"]
+
+
+def _swing_notes(
+    solutions: Sequence[Any], motion: Motion, limits: Mapping[str, Any] | None, tolerance: float
+) -> list[str]:
+    """That four-bars which only swing were not looked at, where they would do and none that turns fully is good enough."""
+    if not motion.free or (limits or {}).get("family") is not None or not isinstance(motion.samples, Poses):
+        return []
+    best = next((one for one in solutions if one.kind == "four_bar"), None)
+    if best is None or motion.samples.closed or not motion.samples.ordered or best.crank_angle is None:
+        return []
+    if solutions[0].verdict.within_tolerance or solutions[0].errors.objective < tolerance:
+        return []
+    return [SWINGS] if np.ptp(best.crank_angle) * motion.radian <= _HALF_TURN else []
 
 
 def _report(course: Course, motion: Motion, searched: float, total: float, notes: list[str], **more: Any) -> Report:

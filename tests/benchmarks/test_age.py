@@ -113,13 +113,6 @@ def test_what_a_result_says_of_its_age(tree) -> None:
     assert age.stamps({"made": stamp, "parts": [{"x": {"made": stamp}}], "code": stamp}) == [stamp, stamp]
 
 
-@pytest.mark.parametrize("name", report.names())
-def test_every_benchmark_reaches_the_product(name) -> None:
-    modules = report.CODE.digests(name)
-    assert f"benchmarks.{name}" in modules
-    assert any(module.startswith(("synthesis.", "app.", "linkage_atlas.")) for module in modules)
-
-
 def test_what_is_old_is_listed_with_the_time_it_took_and_run_with_today_s_options(monkeypatch) -> None:
     stamp = {"commit": "a" * 40, "command": "OMP_NUM_THREADS=1 python -m benchmarks.solids --gone 3 4 --every 2"}
     others = {"commit": "b" * 40, "command": "python -m benchmarks.solids"}

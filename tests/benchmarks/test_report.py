@@ -51,6 +51,13 @@ def test_a_result_says_where_it_comes_from(name) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
+def test_every_benchmark_reaches_the_product(name) -> None:
+    modules = report.CODE.digests(name)
+    assert f"benchmarks.{name}" in modules
+    assert any(module.startswith(("synthesis.", "app.", "linkage_atlas.")) for module in modules)
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_a_benchmark_is_found_by_the_name_of_its_result(name) -> None:
     module = importlib.import_module(f"benchmarks.{name}")
     assert module.__doc__ and callable(module.measure) and callable(module.blocks)
@@ -120,8 +127,10 @@ def test_a_command_names_no_folder_of_the_machine(monkeypatch) -> None:
 def test_a_source_is_told_once() -> None:
     stamps = [{"machine": {"processor": "P", "cores": 2}, "commit": 40 * c, "command": "python -m x"} for c in "aab"]
     text = report.made_text(stamps)
+    many = report.made_text([{**stamps[0], "command": f"python -m benchmarks.x --part {k}"} for k in range(3)])
+    assert many.startswith("Measured by 3 runs of `python -m benchmarks.x` at commits aaaaaaaaa; P")
     old = report.made_text([{**one, "since": ["synthesis.pose"]} for one in stamps])
-    assert old.endswith("the oldest before the change of `synthesis.pose`; machine: P, 2 cores.")
+    assert old.endswith("the oldest before the change of `synthesis.pose`; P, 2 cores.")
     assert text.count("P, 2 cores") == 1 and text.count("aaaaaaaaa,") == 1 and text.count("`python -m x`") == 2
     assert "aaaaaaaaa+changes;" in report.made_text([{**stamps[0], "commit": 40 * "a" + "+changes"}])
 
@@ -151,8 +160,11 @@ def test_what_a_benchmark_yields_is_published_with_options_from_its_signature(mo
         yield {"cases": slow_cases, "kinds": kinds, **({"quick": True} if quick else {})}
         yield {"atlas": atlas}
 
+    def shown() -> list[tuple[str, dict]]:
+        return [(name, {key: value for key, value in found.items() if key != "made"}) for name, found in published]
+
     report.run(measure, ["--slow-cases", "7", "--kinds", "b"])
-    assert published == [
+    assert shown() == [
         ("test_report", {"cases": 7, "kinds": ["b"]}),
         ("test_report", {}),
         ("test_report", {"atlas": None}),
@@ -160,9 +172,9 @@ def test_what_a_benchmark_yields_is_published_with_options_from_its_signature(mo
     ]
     assert ended[0]["code"] == {"c" * 40: {"synthesis.pose": "test_report"}} and len(ended[0]["took"]) == 1
     report.run(measure, ["--atlas", "x.h5"])
-    assert published[-5][1] == {"cases": 3, "kinds": ("a", "b")} and published[-3][1] == {"atlas": Path("x.h5")}
+    assert shown()[-5][1] == {"cases": 3, "kinds": ("a", "b")} and shown()[-3][1] == {"atlas": Path("x.h5")}
     report.run(measure, ["--quick"])
-    assert published[-5][1] == {"cases": 3, "kinds": ("a", "b"), "quick": True}
+    assert shown()[-5][1] == {"cases": 3, "kinds": ("a", "b"), "quick": True}
     count = len(published)
     monkeypatch.setattr(report, "commit", lambda: "c" * 40 + "+changes")
     with pytest.raises(SystemExit):

@@ -436,3 +436,35 @@ PLACES = [[0, 0], [30, 120], [100, 220], [200, 280], [300, 300]]
 def test_rotations_that_look_like_another_unit_are_asked_about(rotation, degrees, asked):
     notes = la.Motion(rotation, PLACES, timing="free", degrees=degrees).notes()
     assert [asked] == [note[note.index("in ") : note.index("?") + 1] for note in notes] if asked else not notes
+
+
+def test_that_only_cranks_that_turn_fully_were_looked_for_is_said_where_others_would_do():
+    poses = ([0, 15, 35, 60, 85], [[0, 0], [20, 180], [90, 340], [210, 460], [360, 520]])
+    full = la.synthesize(*poses, timing="free", top=3)
+    swings = la.synthesize(*poses, timing="free", top=3, limits={"family": "any"})
+    assert swings.best.errors.objective < 0.7 * full.best.errors.objective
+    assert any("'any'" in note for note in full.report.notes)
+    assert any("'any'" in note for note in la.synthesize(*poses, timing="free", mechanisms="all").report.notes)
+    asked = [{"limits": {"family": "any"}}, {"limits": {"family": "crank_rocker"}}, {"closed": True}]
+    asked += [{"tolerances": {"rotation": 2, "position": 20}}]
+    for more in asked:
+        found = la.synthesize(*poses, timing="free", top=3, **more)
+        assert not any("'any'" in note for note in found.report.notes)
+    assert not la.synthesize([0, 90], [[0, 0], [50, 20]], timing="free").report.notes[1:]  # met exactly
+
+
+@pytest.mark.parametrize(
+    ("envelope", "said"),
+    [
+        ([-50, -50, 250, 400], "sample 5 lies outside of `limits.envelope`: sample 5 is missed by at least 50"),
+        ([50, -50, 250, 400], "3 positions lie outside of `limits.envelope`: sample"),
+        ([-200, -200, 500, 500], None),
+    ],
+)
+def test_positions_outside_of_the_envelope_are_named(envelope, said):
+    rotation = [0, 20, 45, 70, 90]
+    notes = la.synthesize(rotation, PLACES, timing="free", limits={"envelope": envelope}, budget=0.05).report.notes
+    assert [
+        note for note in notes if "envelope" in note and "lie" in note and said and note.startswith(said)
+    ] or not said
+    assert said or not any("outside of `limits.envelope`" in note for note in notes)
