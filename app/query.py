@@ -123,6 +123,8 @@ def invalid(error: ValidationError, model: type[BaseModel]) -> Invalid:
         if row["type"] == "extra_forbidden":
             *path, name = row["loc"]
             row["msg"] = FieldError.no_such("", str(name), _fields_at(model, path)).message
+        elif row["type"] == "model_type":
+            row["msg"] = "Input should be an object"
         elif row["type"] == "greater_than_equal" and 0 < row["ctx"]["ge"] < 1e-6:  # pydantic writes all of its zeros
             row["msg"] = f"Input should be at least {row['ctx']['ge']:g}"
     return Invalid(rows)

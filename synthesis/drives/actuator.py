@@ -15,13 +15,15 @@ at every position ends at the optimum.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from synthesis.arrays import Complexes, Flags, Floats, Ints
 from synthesis.drives.links import LinkMotion
-from synthesis.one_variable import golden_section
+from synthesis.one_variable import closer_looks
 from synthesis.work import Work
 
 GRID = 60
@@ -52,8 +54,8 @@ _ANGLES = 2001
 """Values of alpha that are looked at on a link with a pivot."""
 _NEAR_DEAD = 1e-3
 """Angles this near to 0 and to pi lose too many digits."""
-_STEPS = 80
-"""Of the golden section between them."""
+_LOOKS = (33,) * 8
+"""Nodes of closer looks between them."""
 _AROUND = 720
 """Directions in which a circle about a pivot is looked for in a box."""
 
@@ -233,7 +235,7 @@ class Question:
             one
             for ground, way, side in zip(begin.grounds, begin.ways, begin.sides)
             if work is None or not work.expired()
-            for one in [self._descended(sizes, complex(ground), bool(way), float(side))]
+            for one in [self._descended(sizes, complex(ground), bool(way), float(side), 1e-7 if closer else 1e-13)]
             if one is not None
         ]
         if not found and begin.short is None:  # no descent ended within what is wanted: the grid's best is
@@ -343,7 +345,9 @@ class Question:
         # the expanded square can round below 0 only where the actuator is as good as without a length
         return np.asarray((basis @ slope) / np.sqrt(np.maximum(squared, 1e-300)))
 
-    def _descended(self, sizes: Sizes, ground: complex, way: bool, side: float) -> Placement | None:
+    def _descended(
+        self, sizes: Sizes, ground: complex, way: bool, side: float, ftol: float = 1e-13
+    ) -> Placement | None:
         """The nearest optimum of a family, by sequential quadratic programs; None where it leaves what is wanted."""
         from scipy.optimize import minimize
 
@@ -359,7 +363,7 @@ class Question:
             bounds=one.bounds,
             constraints=[{"type": "ineq", "fun": one.rows, "jac": one.slopes}],
             method="SLSQP",
-            options={"ftol": 1e-13, "maxiter": 60},
+            options={"ftol": ftol, "maxiter": 60},
         )
         ground = one.ground(answer.x)
         pin = one.pin(ground, *one.ends(answer.x))
@@ -457,6 +461,23 @@ def best_of_rows(
     def cost(row: Row) -> tuple[float, float]:
         return (np.inf if row.price is None else row.price) if priced else 0.0, max(row.push, row.pull)
 
+    # rows of other forces have the same sizes
+    @cache
+    def begun(actuator: Actuator) -> Screened | None:
+        return None if question.link.pivot is not None else question.screened(actuator, _ROW_DESCENTS)
+
+    @cache
+    def placed(actuator: Actuator) -> Placement | Refused:
+        begin = begun(actuator)
+        if begin is None:
+            return question.best(actuator)
+        return question.descend(begin, Sizes(actuator), work, False)
+
+    @cache
+    def gone_over(actuator: Actuator) -> Placement | Refused:
+        one = placed(actuator)
+        return one if isinstance(one, Refused) else question.closer(one, Sizes(actuator))
+
     for worth in sorted({cost(row) for row in rows}):
         if len(found) >= most or (work is not None and work.expired()):
             break
@@ -465,7 +486,7 @@ def best_of_rows(
             if question.loaded and question.bound(row.actuator.stroke) > max(row.push, row.pull):
                 unfit.append(Unfit(row, question.bound(row.actuator.stroke)))
                 continue
-            begin = None if question.link.pivot is not None else question.screened(row.actuator, _ROW_DESCENTS)
+            begin = begun(row.actuator)
             if begin is not None and begin.refused is not None:
                 unfit.append(Unfit(row, begin.refused))
             else:
@@ -475,10 +496,9 @@ def best_of_rows(
         for _, row, begin in tries:
             if len(found) + len(here) >= most or (work is not None and work.expired()):
                 break
-            sizes = Sizes(row.actuator)
-            one = question.best(row.actuator) if begin is None else question.descend(begin, sizes, work, False)
+            one = placed(row.actuator)
             if begin is not None and isinstance(one, Placement) and (not question.loaded or _nearly(row, one)):
-                one = question.closer(one, sizes)
+                one = gone_over(row.actuator)
             if isinstance(one, Refused):
                 unfit.append(Unfit(row, one))
             elif question.loaded and not row.bears(one):
@@ -563,7 +583,7 @@ class _Descent:
         # u is told in what a placement at the bound would have, so that all unknowns are of order one
         whole = float(np.trapezoid(question.burden, question.at) * question.sense)
         self.unit = sizes.begin.stroke / max(whole, 1e-300)
-        self._seen: tuple[bytes, Floats, Floats] | None = None
+        self._seen: _Looked | None = None
 
     def ground(self, z: Floats) -> complex:
         return complex(z[0] * self.size, z[1] * self.size)
@@ -599,69 +619,91 @@ class _Descent:
         z[-1] = 0.999 * np.min(arm / np.maximum(self.q.burden, 1e-300)) / self.unit
         return z
 
-    def _evaluated(self, z: Floats) -> tuple[Floats, Floats]:
-        key = z.tobytes()
-        if self._seen is None or self._seen[0] != key:
-            self._seen = (key, *self._computed(z))
-        return self._seen[1], self._seen[2]
-
     def rows(self, z: Floats) -> Floats:
-        return self._evaluated(z)[0]
+        return self._at(z).rows
 
     def slopes(self, z: Floats) -> Floats:
-        return self._evaluated(z)[1]
+        seen = self._at(z)
+        if seen.slopes is None:
+            seen = self._seen = seen._replace(slopes=self._slopes_of(seen))
+        return np.asarray(seen.slopes)
 
-    def _computed(self, z: Floats) -> tuple[Floats, Floats]:
+    def _at(self, z: Floats) -> _Looked:
+        """What is known at the unknowns that were looked at last; a line search asks for rows alone."""
+        key = z.tobytes()
+        if self._seen is None or self._seen.key != key:
+            self._seen = self._computed(key, z)
+        return self._seen
+
+    def _computed(self, key: bytes, z: Floats) -> _Looked:
         q, link, size = self.q, self.q.link, self.size
         n = q.at.size
-        rows, slopes = np.full(2 * n + 1 + bool(self.free), -1.0), np.zeros((2 * n + 1 + bool(self.free), z.size))
-        if not np.all(np.isfinite(z)):
-            return rows, slopes
-        ground, ends = self.ground(z), self.ends(z)
-        pin = self.pin(ground, *ends)
+        rows = np.full(2 * n + 1 + bool(self.free), -1.0)
+        flat = np.zeros((rows.size, z.size))
+        ground, ends, pin = 0j, (0.0, 0.0), None
+        if np.all(np.isfinite(z)):
+            ground, ends = self.ground(z), self.ends(z)
+            pin = self.pin(ground, *ends)
         if pin is None:
-            return rows, slopes
+            return _Looked(key, rows, flat)
         v = link.place(pin) - ground
-        length = np.abs(v)
-        along = v / length
-        speed = link.speed(pin)
-        arm = np.real(np.conj(along) * speed)
         # Re(conj(v_k) R_k dq) = Re(conj(v_k) dG) + L_k dL_k at both ends: two real equations for dq
-        of_pin = np.conj(v[[0, -1]]) * link.direction[[0, -1]]
-        system = np.stack([of_pin.real, -of_pin.imag], axis=1)
-        right = np.zeros((2, z.size - 1))
-        right[:, 0], right[:, 1] = v[[0, -1]].real, v[[0, -1]].imag
+        one, other = (complex(np.conj(v[k]) * link.direction[k]) for k in (0, -1))
+        system = (one.real, -one.imag, other.real, -other.imag)
+        if abs(system[0] * system[3] - system[1] * system[2]) < 1e-14 * max(ends) ** 2:
+            return _Looked(key, rows, flat)
+        along, speed = v / np.abs(v), link.speed(pin)
+        arm = np.real(np.conj(along) * speed) * (self.sign / self.unit)
+        rows[:n] = arm - z[-1] * q.burden
+        rows[n : 2 * n] = arm - q.wanted.arm / self.unit
+        reach = q.wanted.reach
+        rows[2 * n] = (1 - abs(pin) / reach) * (1 + abs(pin) / reach)
+        if self.free:
+            rows[-1] = (min(ends) - abs(ends[1] - ends[0]) - self.sizes.dead_length) / size
+        return _Looked(key, rows, None, ends, pin, v, along, speed, system)
+
+    def _slopes_of(self, seen: _Looked) -> Floats:
+        q, link, size = self.q, self.q.link, self.size
+        n, (a, b, c, d) = q.at.size, seen.system
+        slopes = np.zeros((seen.rows.size, len(self.bounds)))
+        right = np.zeros((2, len(self.bounds) - 1))
+        right[:, 0], right[:, 1] = seen.v[[0, -1]].real, seen.v[[0, -1]].imag
         for place, k in enumerate(self.free, 2):
             longer = 1 if self.way else 0
             if k == 0:
-                right[:, place] = ends
+                right[:, place] = seen.ends
             else:
-                right[longer, place] = ends[longer]
-        if abs(system[0, 0] * system[1, 1] - system[0, 1] * system[1, 0]) < 1e-14 * max(ends) ** 2:
-            return rows, slopes
-        dq = np.linalg.solve(system, right * size)
-        moved = dq[0] + 1j * dq[1]
+                right[longer, place] = seen.ends[longer]
+        right *= size / (a * d - b * c)
+        moved = (d * right[0] - b * right[1]) + 1j * (a * right[1] - c * right[0])
         changes = np.array([1, 1j, *[0] * len(self.free)]) * size
+        along, speed = seen.along[:, None], seen.speed[:, None]
         turned = link.direction[:, None] * moved
         dv = turned - changes
-        back = np.conj(along)[:, None]
-        dn = (dv - along[:, None] * np.real(back * dv)) / length[:, None]
-        arms = np.real(np.conj(dn) * speed[:, None]) + np.real(back * 1j * link.rate[:, None] * turned)
+        back = np.conj(along)
+        dn = (dv - along * np.real(back * dv)) / np.abs(seen.v)[:, None]
+        arms = np.real(np.conj(dn) * speed) + np.real(back * 1j * link.rate[:, None] * turned)
         arms *= self.sign / self.unit
-        arm *= self.sign / self.unit
-        rows[:n] = arm - z[-1] * q.burden
         slopes[:n, :-1], slopes[:n, -1] = arms, -q.burden
-        rows[n : 2 * n] = arm - q.wanted.arm / self.unit
         slopes[n : 2 * n, :-1] = arms
-        reach = q.wanted.reach
-        rows[2 * n] = (1 - abs(pin) / reach) * (1 + abs(pin) / reach)
-        slopes[2 * n, :-1] = -2 * np.real(np.conj(pin) * moved) / reach**2
-        if self.free:
-            stroke = abs(ends[1] - ends[0])
-            rows[-1] = (min(ends) - stroke - self.sizes.dead_length) / size
-            for place, k in enumerate(self.free, 2):
-                slopes[-1, place] = 1.0 if k == 0 else -1.0
-        return rows, slopes
+        slopes[2 * n, :-1] = -2 * np.real(np.conj(seen.pin) * moved) / q.wanted.reach**2
+        for place, k in enumerate(self.free, 2):
+            slopes[-1, place] = 1.0 if k == 0 else -1.0
+        return slopes
+
+
+class _Looked(NamedTuple):
+    """What a descent knows at one set of unknowns: its rows, and what their slopes are made of."""
+
+    key: bytes
+    rows: Floats
+    slopes: Floats | None
+    ends: tuple[float, float] = (0.0, 0.0)
+    pin: complex = 0j
+    v: Complexes = np.zeros(0, dtype=np.complex128)
+    along: Complexes = np.zeros(0, dtype=np.complex128)
+    speed: Complexes = np.zeros(0, dtype=np.complex128)
+    system: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
 
 
 class _Pivoted:
@@ -697,10 +739,13 @@ class _Pivoted:
     def arms(self, alpha: Floats) -> Floats:
         """Amounts of the moment arms per radian of the drive, (alphas, n)."""
         s, t, _, _ = self.sizes(alpha)
-        at = alpha[:, None] + self.turned
+        # sine and cosine of the sums, as products: many angles at many positions
+        here, there = np.exp(1j * alpha), np.exp(1j * self.turned)
+        sine = np.outer(here.imag, there.real) + np.outer(here.real, there.imag)
+        cosine = np.outer(here.real, there.real) - np.outer(here.imag, there.imag)
         with np.errstate(invalid="ignore"):
-            length = np.sqrt(s[:, None] - t[:, None] * np.cos(at))
-            return np.asarray(t[:, None] / 2 * np.sin(at) / length * self.rate)
+            length = np.sqrt(s[:, None] - t[:, None] * cosine)
+            return np.asarray(t[:, None] / 2 * sine / length * self.rate)
 
     def worst(self, alpha: Floats) -> tuple[Floats, Flags, Flags, Floats]:
         """Largest burden over arm; whether reach and box, and the arm, are kept; the least arm."""
@@ -725,31 +770,15 @@ class _Pivoted:
         if not good.any():
             return np.inf, 0.0
 
-        def cost(alpha: float) -> float:
-            value, placed, strong, _ = self.worst(np.array([alpha]))
-            return float(value[0]) if placed[0] and strong[0] else np.inf
+        def cost(alpha: NDArray[np.floating]) -> Floats:
+            value, placed, strong, _ = self.worst(np.asarray(alpha.ravel(), dtype=float))
+            return np.where(placed & strong, value, np.inf).reshape(alpha.shape)
 
-        cost_here = np.where(good, value, np.inf)
-        k = int(np.argmin(cost_here))
-        low, high = alphas[max(k - 1, 0)], alphas[min(k + 1, alphas.size - 1)]
-        middle = float(alphas[k])
-        ends = []
-        for end in (float(low), float(high)):
-            if not np.isfinite(cost(end)):  # where what is wanted ends, between here and there
-                inside, outside = middle, end
-                for _ in range(60):
-                    half = (inside + outside) / 2
-                    inside, outside = (half, outside) if np.isfinite(cost(half)) else (inside, half)
-                end = inside
-            ends.append(end)
-        least, alpha = (
-            float(one[0])
-            for one in golden_section(
-                lambda at: np.array([cost(float(at[0]))]), np.array([min(ends)]), np.array([max(ends)]), _STEPS
-            )
-        )
-        every = [(least, alpha), *((cost(end), end) for end in (*ends, middle))]
-        return min(every)
+        # with a node in the middle of each look it is never worse than the one before, also where what is wanted ends
+        k = int(np.argmin(np.where(good, value, np.inf)))
+        low, high = alphas[[max(k - 1, 0)]], alphas[[min(k + 1, alphas.size - 1)]]
+        least, alpha = closer_looks(cost, low, high, _LOOKS)
+        return float(least[0]), float(alpha[0])
 
     def ends(self, alpha: float) -> tuple[complex, complex]:
         """Ground point and pin, turned about the pivot so that the ground point lies in its box."""

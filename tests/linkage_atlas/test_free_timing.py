@@ -459,3 +459,20 @@ def test_an_arc_drawn_by_hand_is_followed_between_its_points_too():
     arc += [(-71.834, 168.045), (-12.314, 186.196), (48.123, 179.702)]
     best = la.synthesize(position=arc, timing="free", limits={"preset": "practical"}).best
     assert best.excursion < 2.5 and best.errors.objective < 0.003
+
+
+@pytest.mark.parametrize(
+    ("envelope", "said"),
+    [
+        ([-50, -50, 250, 400], "sample 5 lies outside of `limits.envelope`: sample 5 is missed by at least 50"),
+        ([50, -50, 250, 400], "3 positions lie outside of `limits.envelope`: sample"),
+        ([-200, -200, 500, 500], None),
+    ],
+)
+def test_positions_outside_of_the_envelope_are_named(envelope, said):
+    rotation = [0, 20, 45, 70, 90]
+    notes = la.synthesize(rotation, PLACES, timing="free", limits={"envelope": envelope}, budget=0.05).report.notes
+    assert [
+        note for note in notes if "envelope" in note and "lie" in note and said and note.startswith(said)
+    ] or not said
+    assert said or not any("outside of `limits.envelope`" in note for note in notes)
