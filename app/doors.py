@@ -50,22 +50,20 @@ class Doors:
                     headers.setdefault(name, value)
             await send(message)
 
-        if scope["path"].lower().startswith(("http://", "https://")):  # a target in absolute form
-            scope = {
-                **scope,
-                "path": _path_of(scope["path"]),
-                "raw_path": _path_of(scope["raw_path"].decode()).encode(),
-            }
         headers = Headers(scope=scope)
-        refused = self._refused(scope["method"], headers)
+        host = headers.get("host", "")
+        if scope["path"].lower().startswith(("http://", "https://")):  # a target in absolute form
+            host, path = _parts_of(scope["path"])
+            _, raw_path = _parts_of(scope["raw_path"].decode())
+            scope = {**scope, "path": path, "raw_path": raw_path.encode()}
+        refused = self._refused(scope["method"], headers, host)
         if refused is None:
             await self.app(scope, receive, send_guarded)
         else:
             status, detail = refused
             await problem(status, detail, headers={"Connection": "close"})(scope, receive, send_guarded)
 
-    def _refused(self, method: str, headers: Headers) -> tuple[int, str] | None:
-        host = headers.get("host", "")
+    def _refused(self, method: str, headers: Headers, host: str) -> tuple[int, str] | None:
         if self._hosts is not None and host_of(host) not in self._hosts:
             return 421, "the service is not known under this host name"
         if "transfer-encoding" in headers and "content-length" in headers:
@@ -76,9 +74,10 @@ class Doors:
         return None
 
 
-def _path_of(target: str) -> str:
-    """The path of a target in absolute form, whose host says nothing that the Host header does not."""
-    return "/" + target.partition("://")[2].partition("/")[2]
+def _parts_of(target: str) -> tuple[str, str]:
+    """Host, which counts in place of the Host header (RFC 9112, 3.2.2), and path of a target in absolute form."""
+    host, _, path = target.partition("://")[2].partition("/")
+    return host, "/" + path
 
 
 def _same(origin: str, host: str) -> bool:

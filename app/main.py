@@ -10,8 +10,9 @@ from importlib import import_module
 from typing import Annotated, Any, Literal
 
 from fastapi import FastAPI
+from fastapi import Query as QueryParameters
 from fastapi.routing import APIRoute
-from pydantic import BeforeValidator, Field
+from pydantic import BaseModel, BeforeValidator, Field
 from pydantic.warnings import UnsupportedFieldAttributeWarning
 from starlette.requests import Request
 from starlette.responses import Response
@@ -108,10 +109,14 @@ class AtlasTypeReply(ReplyModel):
 
 
 def _written_plainly(number: str) -> str:
-    """A whole number in digits alone: ``1_0`` and ``+10`` are no other names of type 10."""
-    if not re.fullmatch("-?[0-9]+", number) and re.fullmatch(r"\s*[+-]?[0-9][0-9_]*(\.0*)?\s*", number):
+    """A whole number in digits alone: ``1_0``, ``+10`` and ``010`` are no other names of type 10."""
+    if not re.fullmatch("-?(0|[1-9][0-9]*)", number) and re.fullmatch(r"\s*[+-]?[0-9][0-9_]*(\.0*)?\s*", number):
         raise problems.NotFound("types are numbered in plain digits")
     return number
+
+
+class OfKind(BaseModel, extra="forbid"):
+    kind: Literal["four_bar", "slider_crank"] | None = None
 
 
 TypeNumber = Annotated[int, Field(ge=1, le=2**53), BeforeValidator(_written_plainly)]
@@ -127,11 +132,11 @@ def _add_atlas_routes(app: FastAPI, resources: ServiceResources) -> None:
         return await loaded.reply(request)
 
     @app.get("/v1/types/{number}", tags=["atlas"], summary="One dimension type.", responses=_problems(404, 422, 503))
-    def dimension_type(number: TypeNumber, kind: Literal["four_bar", "slider_crank"] | None = None) -> AtlasTypeReply:
+    def dimension_type(number: TypeNumber, of: Annotated[OfKind, QueryParameters()]) -> AtlasTypeReply:
         """Lengths, family and the Haar average and details of the body's rotation over the whole turn, of a kind (four_bar)."""
         try:
             atlas = resources.atlas
-            return AtlasTypeReply(**atlas.of(kind or atlas.kind).details_of(number))
+            return AtlasTypeReply(**atlas.of(of.kind or atlas.kind).details_of(number))
         except la.FieldError as error:
             raise problems.NotFound(error.message) from None
 

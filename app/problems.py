@@ -87,7 +87,7 @@ class Malformed(Exception):
 
 
 class NotJson(Exception):
-    """A body that is not declared as JSON."""
+    """A body that is not declared as JSON, or as packed."""
 
 
 class Ending(Exception):
@@ -173,7 +173,12 @@ def _invalid(error: Invalid) -> Response:
 
 def _parameter(error: RequestValidationError) -> Response:
     """Of a route whose parameters FastAPI checks: errors are told by their names, without where they stand."""
-    return _invalid(Invalid([{**entry, "loc": entry["loc"][1:]} for entry in error.errors()]))
+    rows = [{**entry, "loc": entry["loc"][1:]} for entry in error.errors()]
+    return _invalid(
+        Invalid(
+            [row | {"msg": "there is no such parameter"} if row["type"] == "extra_forbidden" else row for row in rows]
+        )
+    )
 
 
 def _model(error: ValidationError) -> Response:
@@ -193,7 +198,9 @@ def _later(seconds: int, detail: str) -> Callable[[Exception], Response]:
 _REPLIES: dict[type[Exception], Callable[[Any], Response]] = {
     Invalid: _invalid,
     Malformed: lambda error: problem(400, error.detail, [{"pointer": "#", "detail": error.at_place}]),
-    NotJson: lambda _: problem(415, "send the body with the header `Content-Type: application/json`"),
+    NotJson: lambda _: problem(
+        415, "send the body with the header `Content-Type: application/json`, and without a Content-Encoding"
+    ),
     ValidationError: _model,
     RequestValidationError: _parameter,
     FieldError: field_problem,
@@ -204,7 +211,7 @@ _REPLIES: dict[type[Exception], Callable[[Any], Response]] = {
     Unread: _later(2, "too many replies wait for their clients to read them"),
     SlowBody: lambda _: problem(408, "the body came too slowly, and others wait", headers={"Connection": "close"}),
     Ending: _later(5, "the service is ending"),
-    OutOfTime: _later(5, "the answer took longer than this service allows"),
+    OutOfTime: _later(5, "the answer took longer than its `budget_ms` or this service allows"),
     Died: _later(1, "the process that computed this answer has ended before it; the service's log says how"),
     MemoryError: _later(5, "the answer takes more memory than this service gives a request"),
     ClientDisconnect: lambda _: Response(status_code=499),  # it left before it had said what it wanted
@@ -241,6 +248,9 @@ def install(app: FastAPI) -> None:
 
 
 def says_json(headers: Headers) -> bool:
+    """Whether a body is declared as JSON, as it is."""
+    if headers.get("content-encoding", "identity").strip().lower() != "identity":
+        return False
     kind = headers.get("content-type", "").partition(";")[0].strip().lower()
     return kind == "application/json" or (kind.startswith("application/") and kind.endswith("+json"))
 

@@ -23,12 +23,14 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from benchmarks import hostile, service
+from benchmarks import hostile, many_requests, service
 
 ASKING = 4
 """Clients, each with a connection a request."""
 LIFE = 20
 """Kills of processes of a service before it is killed itself."""
+STUDIED = 300
+"""Requests of a study."""
 BACK_SECONDS = 10.0
 """In which a service must answer again."""
 
@@ -174,6 +176,15 @@ def indexes(count: int) -> dict[str, Any]:
 
         command = ["app.start", "index", "--atlas", str(atlas)]
         return _interrupted(command, made, lambda: shutil.rmtree(folder), count)
+
+
+def studies(count: int) -> dict[str, Any]:
+    """Studies of some hundred requests, which go on from what is written."""
+    with tempfile.TemporaryDirectory() as name:
+        asked, out = Path(name) / "requests.ndjson", Path(name) / "results.ndjson"
+        asked.write_bytes(b"\n".join(many_requests.bodies(STUDIED)) + b"\n")
+        command = ["app.start", "study", str(asked), "--out", str(out), "--no-preset", "--jobs", "2"]
+        return _interrupted(command, out.read_bytes, out.unlink, count)
 
 
 def disks(atlas: Path) -> list[dict[str, Any]]:

@@ -311,6 +311,7 @@ PARTS: dict[str, Callable[[Path, Callable[[int], int]], Any]] = {
     "kills": lambda atlas, some: deaths.builds(some(1_000)),
     "deaths": lambda atlas, some: deaths.deaths(atlas, some(1_000)),
     "indexes": lambda atlas, some: deaths.indexes(some(1_000)),
+    "studies": lambda atlas, some: deaths.studies(some(1_000)),
     "disks": lambda atlas, some: deaths.disks(atlas),
 }
 """By their names; each takes the atlas, and the number to try for a full number."""
@@ -356,6 +357,9 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     if indexes := found.get("indexes"):
         count, wrong = f"{indexes['kills']:,} kills", f"{indexes['other']} folders with other bytes"
         rows.append(("A killed maker of an index leaves nothing in the way of the next", "`indexes`", count, wrong))
+    if studies := found.get("studies"):
+        count, wrong = f"{studies['kills']:,} kills", f"{studies['other']} files with other bytes"
+        rows.append(("A killed study goes on and ends in the same bytes", "`studies`", count, wrong))
     for row in found.get("disks", []):
         refused = f", {row['refused']} refused" if "refused" in row else ""
         text = f"{row['what'][0].upper()}{row['what'][1:]}: right answers"

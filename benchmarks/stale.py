@@ -19,6 +19,18 @@ from typing import NamedTuple
 
 from benchmarks import age, report
 
+ABOUT = {
+    "acceptance": 1800,
+    "engine": 2700,
+    "everyday": 1800,
+    "free_timing": 900,
+    "function": 1800,
+    "limited": 1800,
+    "solids": 60,
+    "stability": 60,
+}
+"""Seconds of a whole run, as `make help` says, where no run has been timed yet."""
+
 
 class Run(NamedTuple):
     """A command whose figures are old."""
@@ -28,6 +40,11 @@ class Run(NamedTuple):
     since: str
     took: float | None
     """Seconds of its last run."""
+
+    @property
+    def expected(self) -> float | None:
+        """Seconds that it will take, None where nothing tells."""
+        return self.took or ABOUT.get(self.name)
 
 
 def stale(code: age.Code = report.CODE) -> list[Run]:
@@ -41,7 +58,7 @@ def stale(code: age.Code = report.CODE) -> list[Run]:
                 found.setdefault(
                     (name, command), Run(name, command, age.told([why]), results.get("took", {}).get(command))
                 )
-    return sorted(found.values(), key=lambda one: (one.took is None, one.took or 0.0))
+    return sorted(found.values(), key=lambda one: (one.expected is None, one.expected or 0.0))
 
 
 def words(run: Run) -> list[str]:
@@ -66,9 +83,10 @@ def words(run: Run) -> list[str]:
 def told(runs: list[Run]) -> Iterator[str]:
     """The list in words."""
     for run in runs:
-        yield f"{run.command}\n    {run.since}; {report.duration(run.took) if run.took else 'not known how long it'} took"
-    known = [run.took for run in runs if run.took]
-    others = f", and {len(runs) - len(known)} of unknown length" if len(known) < len(runs) else ""
+        time = f"{report.duration(run.expected)}{'' if run.took else ' or less'}" if run.expected else "not timed yet"
+        yield f"{run.command}\n    {run.since}; {time}"
+    known = [run.expected for run in runs if run.expected]
+    others = f", and {len(runs) - len(known)} not timed yet" if len(known) < len(runs) else ""
     yield f"{len(runs)} to measure: {report.duration(sum(known))}{others}"
 
 

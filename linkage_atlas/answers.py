@@ -665,7 +665,7 @@ def _guided_described(one: guided.GuidedSolution, motion: Motion, limits: Limits
     strays = None
     if isinstance(samples, Poses):
         way = {"ordered": samples.ordered, "closed": samples.closed}
-        strays = guided.excursion(one, samples, samples.ordered)
+        strays = guided.excursion(one, samples, samples.ordered, samples.closed)
     passed = guided_verdict(one.linkage, one.linkage.start + target.crank, **way)
     faults = guided.practical_faults(one, target, limits, strays)
     linkage = GuidedLinkage.of(one.linkage, radian, target)

@@ -287,6 +287,7 @@ def synthesize(
     begun = None if live is None else Kept.unpacked(live.state)
     watch = work(budget)
     notes, kept, studies = wanted.notes(), read_limits(limits, wanted), read_studies(asked, wanted)
+    notes += _envelope_notes(wanted, kept)
     if refine_from is not None:
         source = read_start(refine_from, wanted.degrees)
         _check_start(source, wanted)
@@ -398,6 +399,24 @@ def _of_kinds(
         notes.append(f"the time was up: of {len(chosen)} linkages found the best {len(solutions)} are reported")
     report = _report(course, motion, searched, watch.elapsed, notes)
     return Result(status_of(solutions, tolerance, motion.tolerances is not None, cut_short), solutions, report)
+
+
+def _envelope_notes(motion: Motion, limits: Limits) -> list[str]:
+    """That a position lies outside of the box that the body point must not leave."""
+    box, asked = limits.envelope, motion.asked
+    if box is None or asked.position is None:
+        return []
+    given = np.isfinite(asked.position) & (True if asked.position_weights is None else asked.position_weights > 0)
+    x, y = asked.position.real, asked.position.imag
+    beyond = np.hypot(
+        np.maximum(np.maximum(box[0] - x, x - box[2]), 0), np.maximum(np.maximum(box[1] - y, y - box[3]), 0)
+    )
+    out = np.flatnonzero(given & (beyond > 0))
+    if not out.size:
+        return []
+    worst = int(out[np.argmax(beyond[out])])
+    count = f"{out.size} positions lie" if out.size > 1 else f"sample {worst + 1} lies"
+    return [f"{count} outside of `limits.envelope`: sample {worst + 1} is missed by at least {beyond[worst]:.4g}"]
 
 
 def _swing_notes(

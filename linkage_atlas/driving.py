@@ -376,6 +376,23 @@ class Drives(Record):
         """The best of a kind; None where there is none."""
         return next((one for one in self.drives if one.kind == kind), None)
 
+    def __repr__(self) -> str:
+        rows = [f"{len(self.drives)} drives, {len(self.springs)} springs"]
+        for one in self.drives:
+            length = "" if one.length is None else f", {one.length[0]:.4g} to {one.length[1]:.4g} long"
+            force = "" if one.peak_force is None else f", force at most {one.peak_force:.4g}"
+            torque = "" if one.peak_torque is None else f", torque at most {one.peak_torque:.4g}"
+            named = "" if one.name is None else f" ({one.name})"
+            rows.append(f"  {one.kind}{named} on the {one.link}{length}{force}{torque}")
+        for spring in self.springs:
+            before, after = spring.torque.before.rms, spring.torque.after.rms
+            left = f"{100 * after / before:.3g} % of the torque left" if before > 0 else "nothing to carry"
+            rows.append(
+                f"  {spring.kind} spring {'-'.join(spring.between)}, stiffness {spring.stiffness:.4g}: {left}"
+            )
+        rows += [f"  no {one.kind} on {one.link}: {one.reason}" for one in self.refused]
+        return "\n".join(rows)
+
 
 # -- what is asked ----------------------------------------------------------------------------------------------------
 

@@ -530,7 +530,7 @@ class FunctionSolution(Record):
     """A linkage that makes a function, and how well."""
 
     rank: int
-    """From 1, by `errors.objective`."""
+    """From 1: exact ones by transmission angle and even links, others by `errors.objective`, uneven ones behind (function.md)."""
     links: Links
     branch: Literal[-1, 1]
     start_angle: float

@@ -332,7 +332,7 @@ def _staying(found: Sequence[Found], samples: Samples, tolerance: float) -> list
     strays = np.zeros(len(found), dtype=bool)
     for k, one in enumerate(found):
         if isinstance(one, guided.GuidedSolution):
-            way = guided.excursion(one, samples, samples.ordered)
+            way = guided.excursion(one, samples, samples.ordered, samples.closed)
         else:
             assert one.crank is not None
             start, side, closed = one.linkage.start, np.full((1, len(one.crank)), one.linkage.branch), samples.closed

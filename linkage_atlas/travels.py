@@ -30,6 +30,7 @@ UNITS = ("deg", "rad", LENGTH)
 _LIMITS = ("transmission_angle_min", "link_min", "link_max", "link_ratio_max", "links", "offset", "family", "preset")
 _LINKS = {"crank": "crank", "coupler": "rod", "ground": "ground"}
 """Names of limits' links, and of the lengths that they are."""
+_OTHERS = "; `input_unit` and `output_unit` say what is a length"
 _SHOWN = 361
 """Places of an error curve."""
 _RATIO = 500.0
@@ -71,7 +72,9 @@ def read_kinds(mechanisms: Sequence[str] | str | None, dial: Dial) -> list[str]:
     known = list(laws) if dial.travels else [FOUR_BAR]
     if mechanisms is None:
         return known[:1]
-    return kinds_among(mechanisms, known, f"from {dial.input} to {dial.output} there is {' or '.join(known)}")
+    return kinds_among(
+        mechanisms, known, f"from {dial.input} to {dial.output} there is {' or '.join(known)}{_OTHERS}"
+    )
 
 
 def read_travel_limits(limits: Mapping[str, Any] | None, laws: Sequence[Law], degrees: bool) -> TravelLimits:

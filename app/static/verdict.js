@@ -53,6 +53,6 @@ export const reasons = (verdict) => (verdict.reasons ?? []).map(sentence);
 export function plainNote(note) {
   if (note.startsWith("the problem is ill-posed")) return "Clearly different linkages do about equally well.";
   if (note.startsWith("the crank angles are given")) return "With given crank angles the practical limits hold only where they are switched on under Limits.";
-  if (note.startsWith("cranks were looked for")) return "This motion needs no crank that turns fully: with any family, under Limits, four-bars that only swing are looked at too.";
+  if (note.startsWith("cranks were looked for")) return "Four-bars that only swing may come nearer: any family, under Limits.";
   return sentence(note.replaceAll("`", ""));
 }

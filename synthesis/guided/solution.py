@@ -226,12 +226,15 @@ def turned_frame(linkage: GuidedLinkage, angle: float) -> GuidedLinkage:
 # -- as a machine -----------------------------------------------------------------------------------------------------
 
 
-def excursion(solution: GuidedSolution, samples: Samples, ordered: bool = True) -> float | None:
+def excursion(solution: GuidedSolution, samples: Samples, ordered: bool = True, closed: bool = False) -> float | None:
     """The largest way of the body point between two neighbouring samples over their distance, as of `passage.excursions`.
 
-    Distances below `SHORTEST_CHORD` of the length scale count as that. None where the loop opens between samples.
+    Distances below `SHORTEST_CHORD` of the length scale count as that. ``closed``: a drive that turns leads on to the first
+    sample. None where the loop opens between samples.
     """
     travel = solution.travel if ordered else np.sort(solution.travel)
+    if closed and solution.linkage.driver.turns:
+        travel = np.append(travel, travel[0] + np.copysign(TURN, travel[-1] - travel[0]))
     parts = np.linspace(0.0, 1.0, _WAY_STEPS + 1)
     places = travel[:-1, None] + np.diff(travel)[:, None] * parts
     points = solution.linkage.body(solution.linkage.start + places.ravel()).position.reshape(places.shape)

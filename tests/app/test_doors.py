@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from fastapi.testclient import TestClient
@@ -69,6 +71,32 @@ def test_pages_of_other_origins_are_refused(origin, host, status, local) -> None
     assert local.get("/livez", headers={"origin": origin, "host": host}).status_code == 200
 
 
+@pytest.mark.parametrize(
+    ("target", "status"),
+    [
+        ("http://localhost:99/livez", 200),
+        ("HTTP://LOCALHOST/livez", 200),
+        ("http://evil.example/livez", 421),
+        ("http://a@localhost/livez", 421),
+        ("http:///livez", 421),
+    ],
+)
+def test_the_host_of_an_address_in_absolute_form_counts(target, status, local) -> None:
+    """RFC 9112, 3.2.2: whatever the Host header says."""
+    sent: list[Any] = []
+
+    async def receive() -> dict[str, Any]:
+        return {"type": "http.request", "body": b"", "more_body": False}
+
+    async def send(message: Any) -> None:
+        sent.append(message)
+
+    scope = {"type": "http", "method": "GET", "path": target, "raw_path": target.encode(), "query_string": b""}
+    scope |= {"headers": [(b"host", b"localhost")], "http_version": "1.1", "scheme": "http", "root_path": ""}
+    asyncio.run(local.app(scope, receive, send))
+    assert sent[0]["status"] == status
+
+
 @pytest.mark.parametrize("path", EVERYTHING)
 def test_every_reply_says_how_it_may_be_used(path, local) -> None:
     reply = local.get(path, headers={"host": "localhost"})
@@ -90,8 +118,11 @@ def test_the_routes_are_shown_from_local_files(local) -> None:
 
 
 def test_a_type_has_one_name(local) -> None:
-    for name in ("1_0", "+1", "1.0", "%201", "1%20", "1_000"):
+    for name in ("1_0", "+1", "1.0", "%201", "1%20", "1_000", "01"):
         assert local.get(f"/v1/types/{name}", headers={"host": "localhost"}).status_code == 404
+    reply = local.get("/v1/types/1?kin=slider_crank", headers={"host": "localhost"})
+    assert reply.status_code == 422 and reply.json()["errors"][0]["pointer"] == "#/kin"
+    assert reply.json()["detail"] == "kin: there is no such parameter"
 
 
 def test_hosts_are_read_as_a_browser_does() -> None:

@@ -254,3 +254,12 @@ def test_springs_that_cannot_carry_a_body_on_a_rail_and_a_slot_are_refused(clien
     found = client.post("/v1/drives", json={**request, **more}).json()
     assert not found["springs"]
     assert any("rail_slot" in row["reason"] and "catalogue" in row["reason"] for row in found["refused"])
+
+
+def test_drives_in_python_are_told_in_a_line_each() -> None:
+    found = la.synthesize(POSES["rotation"], POSES["position"], timing="free", top=1).best
+    told = repr(la.drives(found, load={"force": [0, -10]}, springs=[{"kind": "tension"}]))
+    lines = told.splitlines()
+    assert lines[0].endswith("2 springs") and max(map(len, lines)) < 200
+    assert any("actuator on the coupler" in line and "force at most" in line for line in lines)
+    assert any("tension spring ground-crank" in line for line in lines)

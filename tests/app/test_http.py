@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import math
 import threading
@@ -408,6 +409,23 @@ def test_a_number_of_5000_digits_is_refused(field, client) -> None:
     digits = "9" * 5000
     values = refusal(client, "/v1/match", spoilt(field, field.replace("70", digits).replace("3", digits)))
     assert "9999" not in json.dumps(values)
+
+
+def test_a_body_that_is_packed_is_refused_by_what_is_wrong(client) -> None:
+    headers = {"content-type": "application/json", "content-encoding": "gzip"}
+    reply = client.post("/v1/knotter/needle", content=gzip.compress(b"{}"), headers=headers)
+    assert reply.status_code == 415 and "Content-Encoding" in reply.json()["detail"]
+
+
+def test_a_bound_is_told_without_all_of_its_zeros(client) -> None:
+    body = {"position": [[0, 0], [1e60, 0], [1, 1]], "timing": "free"}
+    assert client.post("/v1/synthesize", json=body).json()["detail"] == "position.1.0: Input should be at most 1e+50"
+
+
+@pytest.mark.parametrize("body", ["null", "[]", "5", '{"limits": 5}'])
+def test_what_is_no_object_is_told_without_names_of_the_code(body, client) -> None:
+    reply = client.post("/v1/synthesize", content=body, headers={"content-type": "application/json"})
+    assert reply.status_code == 422 and "Input should be an object" in reply.text and "Request" not in reply.text
 
 
 @pytest.mark.parametrize("path", ["/livez", "/readyz", "/v1/atlas", "/v1/types/3", "/openapi.json", "/docs", "/"])

@@ -114,18 +114,18 @@ def test_what_a_result_says_of_its_age(tree) -> None:
 
 
 def test_what_is_old_is_listed_with_the_time_it_took_and_run_with_today_s_options(monkeypatch) -> None:
-    stamp = {"commit": "a" * 40, "command": "OMP_NUM_THREADS=1 python -m benchmarks.solids --gone 3 4 --every 2"}
-    others = {"commit": "b" * 40, "command": "python -m benchmarks.solids"}
+    stamp = {"commit": "a" * 40, "command": "OMP_NUM_THREADS=1 python -m benchmarks.travel --gone 3 4 --every 2"}
+    others = {"commit": "b" * 40, "command": "python -m benchmarks.travel"}
     result = {"made": stamp, "parts": {"x": {"made": others}}, "took": {others["command"]: 90}}
-    monkeypatch.setattr(report, "names", lambda: ["solids"])
+    monkeypatch.setattr(report, "names", lambda: ["travel"])
     monkeypatch.setattr(report, "load", lambda name: result)
     runs = stale.stale()
     assert [run.took for run in runs] == [90, None]
-    assert list(stale.told(runs))[-1] == "2 to measure: 90.0 s, and 1 of unknown length"
-    assert stale.words(runs[1])[1:] == ["-m", "benchmarks.solids"]
+    assert list(stale.told(runs))[-1] == "2 to measure: 90.0 s, and 1 not timed yet"
+    assert stale.words(runs[1])[1:] == ["-m", "benchmarks.travel"]
     monkeypatch.setattr(report, "commit", lambda: "a" * 40 + "+changes")
     monkeypatch.setattr(stale.subprocess, "run", lambda *_, **__: pytest.fail("measured"))
     assert stale.main([]) == 1
     assert stale.main(["--list"]) == 0
-    result["code"] = {made["commit"]: report.CODE.digests("solids") for made in (stamp, others)}
+    result["code"] = {made["commit"]: report.CODE.digests("travel") for made in (stamp, others)}
     assert stale.stale() == []

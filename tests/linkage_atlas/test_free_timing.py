@@ -451,3 +451,28 @@ def test_that_only_cranks_that_turn_fully_were_looked_for_is_said_where_others_w
         found = la.synthesize(*poses, timing="free", top=3, **more)
         assert not any("'any'" in note for note in found.report.notes)
     assert not la.synthesize([0, 90], [[0, 0], [50, 20]], timing="free").report.notes[1:]  # met exactly
+
+
+def test_an_arc_drawn_by_hand_is_followed_between_its_points_too():
+    """Eight points: the least J within the practical limits goes 14 times as far between two of them as they are apart."""
+    arc = [(-143.762, -109.688), (-168.766, -55.525), (-177.288, 6.222), (-161.534, 78.325), (-131.551, 129.14)]
+    arc += [(-71.834, 168.045), (-12.314, 186.196), (48.123, 179.702)]
+    best = la.synthesize(position=arc, timing="free", limits={"preset": "practical"}).best
+    assert best.excursion < 2.5 and best.errors.objective < 0.003
+
+
+@pytest.mark.parametrize(
+    ("envelope", "said"),
+    [
+        ([-50, -50, 250, 400], "sample 5 lies outside of `limits.envelope`: sample 5 is missed by at least 50"),
+        ([50, -50, 250, 400], "3 positions lie outside of `limits.envelope`: sample"),
+        ([-200, -200, 500, 500], None),
+    ],
+)
+def test_positions_outside_of_the_envelope_are_named(envelope, said):
+    rotation = [0, 20, 45, 70, 90]
+    notes = la.synthesize(rotation, PLACES, timing="free", limits={"envelope": envelope}, budget=0.05).report.notes
+    assert [
+        note for note in notes if "envelope" in note and "lie" in note and said and note.startswith(said)
+    ] or not said
+    assert said or not any("outside of `limits.envelope`" in note for note in notes)

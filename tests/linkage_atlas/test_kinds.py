@@ -181,3 +181,15 @@ def test_in_any_order_angles_of_what_turns_lie_within_a_turn():
         assert np.all((own >= 0) & (own < 360))
         off = np.linalg.norm(one.linkage.joints(own).body_point - _FLAP["position"], axis=1)
         assert np.max(off) == pytest.approx(one.errors.position_max, abs=1e-6)
+
+
+def test_the_way_back_of_a_closed_way_counts_as_one_between_samples() -> None:
+    """Half an oval: from the last sample back to the first the body point goes round the other half."""
+    angle = np.linspace(0, np.pi, 7)
+    position = np.c_[100 * np.cos(angle), 70 * np.sin(angle)].round(1)
+    for one in la.synthesize(position=position, timing="free", closed=True, mechanisms=["swinging_block"]):
+        turned = np.asarray(one.crank_angle)
+        back = np.linspace(turned[-1], turned[0] + np.copysign(360, turned[-1]), 2000)
+        places = np.asarray(one.linkage.joints(back).body_point)
+        way, chord = np.hypot(*np.diff(places, axis=0).T).sum(), np.hypot(*(places[-1] - places[0]))
+        assert one.excursion >= 0.99 * way / chord
