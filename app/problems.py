@@ -211,7 +211,7 @@ _REPLIES: dict[type[Exception], Callable[[Any], Response]] = {
     Unread: _later(2, "too many replies wait for their clients to read them"),
     SlowBody: lambda _: problem(408, "the body came too slowly, and others wait", headers={"Connection": "close"}),
     Ending: _later(5, "the service is ending"),
-    OutOfTime: _later(5, "the answer took longer than this service allows"),
+    OutOfTime: _later(5, "the answer took longer than its `budget_ms` or this service allows"),
     Died: _later(1, "the process that computed this answer has ended before it; the service's log says how"),
     MemoryError: _later(5, "the answer takes more memory than this service gives a request"),
     ClientDisconnect: lambda _: Response(status_code=499),  # it left before it had said what it wanted

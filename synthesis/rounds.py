@@ -18,8 +18,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from synthesis import kernel
-from synthesis.arrays import Floats
+from synthesis.arrays import Flags, Floats
 from synthesis.descents import Pool, Problem, Stage, Timed
+from synthesis.ranking import STANDS_BACK
 from synthesis.target import Samples
 from synthesis.work import Work
 
@@ -40,6 +41,8 @@ _EXACT_NEAR = 1e-2
 """J below which an answer that no limit holds is refined in its best pose: an exact one may lie there."""
 _KEPT = 1e-13
 """To which an answer must keep equations; other limits it keeps entirely."""
+_STOOD = 40
+"""Of the pool so many may be begun from, or descend to their end."""
 _ORIGINS, _COPIES, _WIDTHS = 8, 6, (1.0, 0.5, 0.25)
 """Valleys that a round's hops begin from, hops from each, and their widths in turn."""
 GAIN = 2e-3
@@ -175,6 +178,8 @@ class Rounds:
         """How often hops started from a valley, by its cost."""
         self._ended: set[float] = set()
         """Costs of those that descended to their end."""
+        self._strays: dict[float, bool] = {}
+        """By cost, whether those of the pool that were looked at stray between samples."""
 
     # -- what is asked of those who know the timing -----------------------------------------------------------------
 
@@ -267,7 +272,9 @@ class Rounds:
         self._take(found)
         led = found.least
         assert self.pool is not None
-        best = [k for k in range(min(plan.ended, self.pool.cost.size)) if self.pool.cost[k] not in self._ended]
+        best = [
+            k for k in np.argsort(self._stood, kind="stable")[: plan.ended] if self.pool.cost[k] not in self._ended
+        ]
         if best and not (self.found.reached or self.work.expired()):
             before = set(self.pool.cost[best])
             found = self._descended(self.pool.take(best).timed, plan.end)
@@ -286,6 +293,20 @@ class Rounds:
         self.pool = self.valleys(found if self.pool is None else self.pool.joined(found), _POOL, _POOL_APART)
         if self.limited or not self.holds or found.least <= self.found.tolerance:
             self._answer(found)
+
+    def strays(self, timed: Timed) -> Flags:
+        """Whether candidates go elsewhere between samples than anybody asked for, where that counts, (n,)."""
+        return np.zeros(timed.branch.size, dtype=bool)
+
+    @property
+    def _stood(self) -> Floats:
+        """J squared of the pool's best, of those that stray as much as they stand back among answers."""
+        assert self.pool is not None
+        cost = self.pool.cost[:_STOOD]
+        new = np.array([k for k, value in enumerate(cost) if value not in self._strays], dtype=int)
+        if new.size:
+            self._strays.update(zip(cost[new], self.strays(self.pool.timed.take(new))))
+        return cost * np.where([self._strays[value] for value in cost], STANDS_BACK**2, 1.0)
 
     # -- answers ----------------------------------------------------------------------------------------------------
 
@@ -344,8 +365,8 @@ class Rounds:
         other minima of a long one.
         """
         assert self.pool is not None
-        cost = self.pool.cost
-        rank = np.log(np.maximum(cost, 1e-300)) + _TIRED * np.array([self._used[value] for value in cost])
+        cost = self.pool.cost[:_STOOD]
+        rank = np.log(np.maximum(self._stood, 1e-300)) + _TIRED * np.array([self._used[value] for value in cost])
         chosen = np.argsort(rank, kind="stable")[:origins]
         self._used.update(cost[chosen])
         best = self.pool.timed.take(np.repeat(chosen, copies // 2))

@@ -54,6 +54,8 @@ _ANGLES = 2001
 """Values of alpha that are looked at on a link with a pivot."""
 _NEAR_DEAD = 1e-3
 """Angles this near to 0 and to pi lose too many digits."""
+_BEGIN = (0.999, 0.9)
+"""Of the least arm over burden where a descent begins; from the second where the first leads to no placement."""
 _LOOKS = (33,) * 8
 """Nodes of closer looks between them."""
 _AROUND = 720
@@ -235,7 +237,7 @@ class Question:
             one
             for ground, way, side in zip(begin.grounds, begin.ways, begin.sides)
             if work is None or not work.expired()
-            for one in [self._descended(sizes, complex(ground), bool(way), float(side), 1e-7 if closer else 1e-13)]
+            for one in [self._descended(sizes, complex(ground), bool(way), float(side))]
             if one is not None
         ]
         if not found and begin.short is None:  # no descent ended within what is wanted: the grid's best is
@@ -345,32 +347,30 @@ class Question:
         # the expanded square can round below 0 only where the actuator is as good as without a length
         return np.asarray((basis @ slope) / np.sqrt(np.maximum(squared, 1e-300)))
 
-    def _descended(
-        self, sizes: Sizes, ground: complex, way: bool, side: float, ftol: float = 1e-13
-    ) -> Placement | None:
+    def _descended(self, sizes: Sizes, ground: complex, way: bool, side: float) -> Placement | None:
         """The nearest optimum of a family, by sequential quadratic programs; None where it leaves what is wanted."""
         from scipy.optimize import minimize
 
         one = _Descent(self, sizes, way, side)
-        try:
-            begin = one.start(ground)
-        except ValueError:
-            return None
-        answer = minimize(
-            lambda z: -z[-1],
-            begin,
-            jac=lambda z: one.gradient,
-            bounds=one.bounds,
-            constraints=[{"type": "ineq", "fun": one.rows, "jac": one.slopes}],
-            method="SLSQP",
-            options={"ftol": ftol, "maxiter": 60},
-        )
-        ground = one.ground(answer.x)
-        pin = one.pin(ground, *one.ends(answer.x))
-        if pin is None:
-            return None
-        found = self.placement(ground, pin)
-        return found if self.keeps(found) else None
+        for share in _BEGIN:
+            try:
+                begin = one.start(ground, share)
+            except ValueError:
+                return None
+            answer = minimize(
+                lambda z: -z[-1],
+                begin,
+                jac=lambda z: one.gradient,
+                bounds=one.bounds,
+                constraints=[{"type": "ineq", "fun": one.rows, "jac": one.slopes}],
+                method="SLSQP",
+                options={"ftol": 1e-13, "maxiter": 60},
+            )
+            there = one.ground(answer.x)
+            pin = one.pin(there, *one.ends(answer.x))
+            if pin is not None and self.keeps(found := self.placement(there, pin)):
+                return found
+        return None
 
     def keeps(self, found: Placement, hair: float = 1e-7) -> bool:
         """Whether a placement is within what is wanted, to a hair."""
@@ -609,14 +609,14 @@ class _Descent:
             return None
         return complex(first + (foot + 1j * self.side * np.sqrt(height)) * (last - first) / distance)
 
-    def start(self, ground: complex) -> Floats:
+    def start(self, ground: complex, share: float) -> Floats:
         sizes = self.sizes.begin
         z = np.array([ground.real, ground.imag, *(sizes[k] for k in self.free), 0.0]) / self.size
         pin = self.pin(ground, *self.ends(z))
         if pin is None:
             raise ValueError
         arm = self.q.placement(ground, pin).arm * self.sign
-        z[-1] = 0.999 * np.min(arm / np.maximum(self.q.burden, 1e-300)) / self.unit
+        z[-1] = share * np.min(arm / np.maximum(self.q.burden, 1e-300)) / self.unit
         return z
 
     def rows(self, z: Floats) -> Floats:

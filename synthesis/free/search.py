@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.arrays import Complexes, Floats
+from synthesis.arrays import Complexes, Flags, Floats
 from synthesis.descents import Pool, Stage, Timed
 from synthesis.errors import FieldError
 from synthesis.fourbar.charts import FullCrankChart
@@ -32,7 +32,7 @@ from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_typ
 from synthesis.fourbar.kinematics import coupler_angle, transmission_angle_over, wrap
 from synthesis.fourbar.limits import Limits, in_family
 from synthesis.fourbar.mechanism import FOURBAR, ways
-from synthesis.fourbar.passage import LEAVES_SAMPLES, excursions
+from synthesis.fourbar.passage import LEAVES_SAMPLES, SHORTEST_CHORD, excursions
 from synthesis.fourbar.solution import Solution, assess, keeps
 from synthesis.free.dyads import FEW, chart_of, search_motion
 from synthesis.free.joint import JointProblem
@@ -300,6 +300,7 @@ class FreeRounds(Rounds):
         self.few = few.astype(np.intp)
         thin = poses if self.few.size == poses.samples else poses.at(self.few)
         self._moved = poses.off(thin)
+        self._stays = limits.practical and poses.ordered and poses.position is not None
         plain = JointProblem(poses, chart)
         within = plain if limits.only_family else limited_problem(poses, chart, limits)
         problem = within if limited else plain
@@ -311,6 +312,18 @@ class FreeRounds(Rounds):
         """The timing, and the span."""
         timing = timed.angles - timed.angles[:, :1]
         return timing, np.abs(timing).max(axis=1, initial=0.0)
+
+    def strays(self, timed: Timed) -> Flags:
+        """Within the practical limits, as `excursions` tells it of answers, by chords."""
+        if not (self._stays and timed.branch.size):
+            return super().strays(timed)
+        begin, step = timed.angles[:, :-1, None], np.diff(timed.angles, axis=1)[:, :, None]
+        angles = (begin + step * np.linspace(0.0, 1.0, _CHORDS + 1)).reshape(len(step), -1)
+        lengths, (a, z1, z2) = self.chart.shape(timed.shape).lengths, timed.pose.T[:, :, None]
+        turned = np.exp(1j * coupler_angle(lengths, timed.branch, angles))
+        places = (a + z1 * np.exp(1j * angles) + z2 * turned).reshape(*step.shape[:2], -1)
+        gone, chord = np.abs(np.diff(places)).sum(axis=2), np.abs(places[:, :, -1] - places[:, :, 0])
+        return np.asarray(np.max(gone / np.maximum(chord, SHORTEST_CHORD), axis=1) > LEAVES_SAMPLES)
 
     def turned_apart(self, timed: Timed, width: float) -> Floats:
         """Another start, and another span."""
@@ -367,6 +380,8 @@ _FAR = 0.01
 """J from which on poses are no four-bar's with some noise."""
 _SAMPLES, _FEWER = 40, 20
 """Samples up to which descents look at all, and at how many of more."""
+_CHORDS = 6
+"""By so many chords the way between two samples is measured."""
 _SEEDS, _BEFORE, _LOOKED_AT = 50, 20, 15
 """Seeds of a round; further ones that come from a search before; and seeds that may be answers at once."""
 _FRESH = 3

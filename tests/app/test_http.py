@@ -417,6 +417,11 @@ def test_a_body_that_is_packed_is_refused_by_what_is_wrong(client) -> None:
     assert reply.status_code == 415 and "Content-Encoding" in reply.json()["detail"]
 
 
+def test_a_bound_is_told_without_all_of_its_zeros(client) -> None:
+    body = {"position": [[0, 0], [1e60, 0], [1, 1]], "timing": "free"}
+    assert client.post("/v1/synthesize", json=body).json()["detail"] == "position.1.0: Input should be at most 1e+50"
+
+
 @pytest.mark.parametrize("body", ["null", "[]", "5", '{"limits": 5}'])
 def test_what_is_no_object_is_told_without_names_of_the_code(body, client) -> None:
     reply = client.post("/v1/synthesize", content=body, headers={"content-type": "application/json"})

@@ -87,5 +87,5 @@ def test_a_scene_that_takes_too_long_is_refused(tmp_path) -> None:
             ("/v1/lift/optimize", {"cylinder": {"length": 220, "speed": 100}, "stroke": [200, 510]}),
         ):
             reply = client.post(path, json=body)
-            assert reply.status_code == 503 and "longer than this service allows" in reply.json()["detail"]
+            assert reply.status_code == 503 and "this service allows" in reply.json()["detail"]
             assert reply.headers["retry-after"]

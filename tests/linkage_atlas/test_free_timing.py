@@ -453,6 +453,14 @@ def test_that_only_cranks_that_turn_fully_were_looked_for_is_said_where_others_w
     assert not la.synthesize([0, 90], [[0, 0], [50, 20]], timing="free").report.notes[1:]  # met exactly
 
 
+def test_an_arc_drawn_by_hand_is_followed_between_its_points_too():
+    """Eight points: the least J within the practical limits goes 14 times as far between two of them as they are apart."""
+    arc = [(-143.762, -109.688), (-168.766, -55.525), (-177.288, 6.222), (-161.534, 78.325), (-131.551, 129.14)]
+    arc += [(-71.834, 168.045), (-12.314, 186.196), (48.123, 179.702)]
+    best = la.synthesize(position=arc, timing="free", limits={"preset": "practical"}).best
+    assert best.excursion < 2.5 and best.errors.objective < 0.003
+
+
 @pytest.mark.parametrize(
     ("envelope", "said"),
     [

@@ -9,16 +9,17 @@ from functools import cache
 import numpy as np
 import pytest
 
-from synthesis.descents import Stage
+from synthesis.descents import Pool, Stage, Timed
 from synthesis.fourbar.charts import FullCrankChart, GrashofChart
 from synthesis.fourbar.kinematics import coupler_angle
 from synthesis.fourbar.limits import Limits, practical_limits
 from synthesis.fourbar.mechanism import FOURBAR
+from synthesis.fourbar.passage import LEAVES_SAMPLES, excursions
 from synthesis.fourbar.solution import Solution
 from synthesis.free.joint import JointProblem
-from synthesis.free.poses import Poses
+from synthesis.free.poses import Poses, make_poses
 from synthesis.free.screen import COARSE, PathScreen
-from synthesis.free.search import EXACT_SAMPLES, FreeRounds, path_screens, search_free
+from synthesis.free.search import EXACT_SAMPLES, FreeRounds, _Mounted, path_screens, search_free
 from synthesis.rounds import Found, Plan
 from synthesis.work import Work
 
@@ -154,3 +155,32 @@ def counted(looks: int) -> Work:
     """Work that has expired after so many looks at the clock."""
     ticks = itertools.count()
     return Work(float(looks), clock=lambda: float(next(ticks)))
+
+
+def test_candidates_that_stray_are_told_as_answers_are():
+    """By chords instead of the curve itself: alike but for those at the edge."""
+    random = np.random.default_rng(3)
+    turn = np.linspace(0, 1.5 * np.pi, 8)
+    poses = make_poses(None, 2 * np.exp(1j * turn) + 0.5 * np.exp(-2j * turn))
+    limits = Limits(**practical_limits(poses, {"family": "full_crank"}))
+    run = FreeRounds(poses, limits, FullCrankChart(), Found(1e-9, print), Work(), poses.samples)
+    count = 200
+    steps = random.uniform(0.2, 1.0, (count, 8)) ** 20
+    steps *= random.uniform(5.0, 6.2, (count, 1)) / steps.sum(axis=1, keepdims=True)
+    timed = Timed(
+        run.chart.hopped(np.zeros((count, 3)), random.standard_normal((count, 3))),
+        random.standard_normal((count, 3, 2)) @ [1, 1j],
+        np.zeros(count),
+        np.cumsum(steps, axis=1),
+        random.choice([-1.0, 1.0], count),
+    )
+    mounted = _Mounted.of(poses, Pool(timed, np.zeros(count)), run.chart)
+    side = np.broadcast_to(timed.branch[:, None], timed.angles.shape)
+    linkages = FOURBAR.posed(
+        mounted.links, mounted.branch, mounted.start, (mounted.pivot, mounted.turn, mounted.coupler)
+    )
+    exact = np.array(excursions(linkages, timed.angles, side, poses.length_scale), dtype=float)
+    sure = np.abs(exact / LEAVES_SAMPLES - 1) > 0.02
+    strays = run.strays(timed)
+    assert 20 < strays.sum() < 180
+    assert np.array_equal(strays[sure], exact[sure] > LEAVES_SAMPLES)
