@@ -106,9 +106,9 @@ _AS_EXACT = 1e-9
 """J of a rail below which a circle in its place tells nothing."""
 _LONG, _CHANCE = 10.0, 10.0
 """Radius, over the length scale, from which on a circle is compared with a rail; and the F up to which that is as good."""
-_IDLE, _IDLE_LED, _ROUNDS, _WORTH = 10, 5, 60, 0.01
-"""A drive is left alone after so many rounds that gain nothing, or where rotations are led; rounds at most; and the part of J
-that is a gain."""
+_IDLE, _IDLE_LED, _IDLE_GIVEN, _ROUNDS, _WORTH = 10, 5, 4, 60, 0.01
+"""A drive is left alone after so many rounds that gain nothing, or where rotations are led, or the drive is given; rounds at
+most; and the part of J that is a gain."""
 ODDS = (0.1, 0.9)
 """As of `rounds.Rounds`, fitted to `benchmarks.unseen`."""
 _PATIENCE = 4
@@ -303,7 +303,9 @@ class Search:
         work: Work,
         given: Floats | None = None,
         turned: Floats | None = None,
+        rounds: int | None = None,
     ) -> None:
+        self.rounds = _ROUNDS if rounds is None else rounds
         self.poses, self.limits, self.ways, self.tolerance, self.work = poses, limits, list(ways), tolerance, work
         self.given = given
         if given is not None and not ways[0].driver.turns:
@@ -568,7 +570,9 @@ class Search:
             self.note()
         idle, pool = 0, None
         begin = self.near()
-        while idle < _IDLE and self._left.size and not (self.work.expired() and self.found is not None):
+        for _ in range(self.rounds):
+            if idle == _IDLE_GIVEN or not self._left.size or (self.work.expired() and self.found is not None):
+                break
             before = self.levels
             begin = begin.take(np.isin(begin.drive, self._left))
             begin = self._measured_again(self.descended(begin, _STAGES[:1], self.few), self.few)
@@ -598,7 +602,7 @@ class Search:
         pool: Candidates | None = None
         ended: Candidates | None = None
         idle = np.zeros(len(self.ways), dtype=int)
-        for _ in range(_ROUNDS):
+        for _ in range(self.rounds):
             patience = self.idle + _PATIENCE * np.isinf(self.levels)
             left = np.intersect1d(self._left, np.flatnonzero(idle < patience))
             begin = begin.take(np.isin(begin.drive, left))
@@ -955,6 +959,7 @@ def search_guided(
     work: Work | None = None,
     given: Floats | None = None,
     turned: Floats | None = None,
+    rounds: int | None = None,
 ) -> tuple[list[GuidedSolution], SearchReport]:
     """The best linkages with sliders for poses whose drive is free, or given.
 
@@ -976,6 +981,8 @@ def search_guided(
         those of sliders and cylinders.
     turned : ndarray, shape (N,), optional
         Rotations to begin with, where none are asked for: such as those of a four-bar along the same way.
+    rounds : int, optional
+        At most so many.
 
     Returns
     -------
@@ -992,7 +999,7 @@ def search_guided(
         ways = [way for way in ways if way.driver.turns]
     if not ways:
         return [], SearchReport(StoppedBy.CONVERGED, [], 0, [])
-    search = Search(poses, limits, ways, tolerance, work, given, turned)
+    search = Search(poses, limits, ways, tolerance, work, given, turned, rounds)
     ended = search.run()
     search.further()
     search.straighten()
