@@ -109,7 +109,9 @@ def with_sliders(seed: int, seconds: float) -> dict[str, Any] | None:
 
 def blocks(results: Mapping[str, Any]) -> dict[str, str]:
     """By what replies say: how many do, the mean of it, and how many were beaten."""
-    tables = {name: estimates(results.get(key, [])) for name, key in (("estimates", "requests"), ("sliders", "sliders"))}
+    tables = {
+        name: estimates(results.get(key, [])) for name, key in (("estimates", "requests"), ("sliders", "sliders"))
+    }
     return report.tables("unseen", tables)
 
 

@@ -72,6 +72,8 @@ _TIMED_AT_ONCE = 1 << 12
 """Candidates times samples at a given drive between two looks at the time: some 20 ms."""
 _LOOKED_AT = 40
 """Of the guides of a sort that fit best so many are paired."""
+_LITTLE = 0.01
+"""Weight of J squared where seeds are chosen that break the limits least."""
 _SAMPLES, _FEWER, _MANY = 40, 24, 300
 """Samples up to which descents look at all, at how many of more, and up to which the best are refined on all in the end."""
 _POOL, _ENDED = 6, 2
@@ -452,13 +454,13 @@ class Search:
     def _spread(self, pairs: Pairs, drive: Ints) -> tuple[Pairs, Ints]:
         """Of very many pairs those that break the limits least, as many of each drive."""
         found = self.measured(pairs, drive, self.all)
-        chosen = self._best(found, 4 * _SEEDS, self._problem(_with_between(self.samples)), errors=False)
+        chosen = self._best(found, 4 * _SEEDS, self._problem(_with_between(self.samples)), errors=0.0)
         return pairs.take(chosen), drive[chosen]
 
-    def _best(self, found: Candidates, most: int, problem: Problem, errors: bool = True) -> Ints:
-        """Places of the best of each drive by J squared and broken limits."""
+    def _best(self, found: Candidates, most: int, problem: Problem, errors: float = 1.0) -> Ints:
+        """Places of the best of each drive by broken limits and J squared times ``errors``."""
         at = self.look(found, problem, 2)
-        merit = 0.3 * at.merit + (at.cost if errors else np.where(np.isfinite(at.cost), 0.0, np.inf))
+        merit = 0.3 * at.merit + np.where(np.isfinite(at.cost), errors * at.cost, np.inf)
         if self.given is not None:
             merit = merit + self._timing(at, self._signs(found, at), problem.samples.drive)[1]
         return _in_turn(self._apart(found, merit, most))
@@ -486,16 +488,25 @@ class Search:
                 kept.append(place)
         return np.array(kept, dtype=int)
 
-    def near(self) -> Candidates:
-        """Pairs of guides of points all over body and ground: the best of each drive."""
+    def near(self, lacking: Ints | None = None) -> Candidates:
+        """Pairs of guides of points all over body and ground: the best of each drive.
+
+        ``lacking``: drives of which nothing is known, of those that fit best nothing could be made: of these alone, and of all
+        their pairs those that break the limits least.
+        """
         sorts = near_guides(self.thin, self.sorts)
+        thin = self._problem(_some(self.samples, 10, 8))
+        if lacking is not None:
+            pairs, drive = pairs_of(sorts, [self.ways[number] for number in lacking])
+            found = self.measured(pairs, lacking[drive], thin, 2)
+            self.seeds += _SEEDS * lacking.size
+            return found.take(self._best(found, _SEEDS, thin, _LITTLE))
         motion = Motion.of(self.thin)
         best = []
         for guides in sorts:
             error = _errors(guides, motion)
             best.append(guides.take(np.argsort(error, kind="stable")[:_LOOKED_AT]))
         pairs, drive = pairs_of(Sorts(*best), self.ways)
-        thin = self._problem(_some(self.samples, 10, 8))
         found = self.measured(pairs, drive, thin, 2)
         # the limits cost more to look at: of each drive the half that fits best
         places = []
@@ -602,7 +613,7 @@ class Search:
         pool: Candidates | None = None
         ended: Candidates | None = None
         idle = np.zeros(len(self.ways), dtype=int)
-        for _ in range(self.rounds):
+        for number in range(self.rounds):
             patience = self.idle + _PATIENCE * np.isinf(self.levels)
             left = np.intersect1d(self._left, np.flatnonzero(idle < patience))
             begin = begin.take(np.isin(begin.drive, left))
@@ -621,6 +632,9 @@ class Search:
             idle = np.where(self.levels >= (1 - _WORTH) * before, idle + 1, 0)
             begin, more = self.hops(pool), self.relatives(fresh)
             begin = begin if more is None else begin.joined(more)
+            lacking = np.flatnonzero(np.isinf(self.levels))
+            if number == 0 and lacking.size:
+                begin = begin.joined(self.near(lacking))
         left = self._left
         if self.found is not None and left.size:
             best = self._pooled(self.found, 1)
