@@ -113,6 +113,7 @@ class Processes:
         self._seconds = processor_seconds(settings.max_budget_ms)
         self._alive: dict[int, _Process] = {}
         self._making: dict[str, asyncio.Future[None]] = {}
+        self._patient, self._room = 0, settings.max_waiting
         self.ends: Counter[str] = Counter()
 
     @property
@@ -209,11 +210,17 @@ class Processes:
         return how
 
     async def _made(self, part: str) -> None:
-        """Have a part of the index made, which all processes then find."""
+        """Have a part of the index made, which all processes then find; raises `problems.Overloaded`."""
+        if self._patient >= self._room:  # each holds its body
+            raise problems.Overloaded
         if part not in self._making:
             self._making[part] = asyncio.get_running_loop().create_future()
             os.kill(os.getppid(), MAKE[part])
-        await asyncio.shield(self._making[part])
+        self._patient += 1
+        try:
+            await asyncio.shield(self._making[part])
+        finally:
+            self._patient -= 1
 
     def _listen(self) -> None:
         """Take what the supervisor says."""

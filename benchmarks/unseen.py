@@ -112,7 +112,8 @@ def blocks(results: Mapping[str, Any]) -> dict[str, str]:
     tables = {
         name: estimates(results.get(key, [])) for name, key in (("estimates", "requests"), ("sliders", "sliders"))
     }
-    return report.tables("unseen", tables)
+    told = report.tables("unseen", tables)
+    return told if "sliders" in results else told | {"sliders": "Of linkages with sliders: not measured yet."}
 
 
 def estimates(requests: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:

@@ -72,16 +72,17 @@ def known_fields(field: str, given: Any, names: tuple[str, ...]) -> None:
 
 
 def kinds_among(given: Any, known: Sequence[str], there_are: str = "") -> list[str]:
-    """The kinds of mechanism that are asked for, each once, in the order of all that are known."""
+    """The kinds of mechanism that are asked for, a list or one name, each once, in the order of all that are known."""
     if isinstance(given, str) and given == "all":
         return list(known)
-    asked = [] if isinstance(given, str) or not isinstance(given, Iterable) else list(given)
+    asked = [given] if isinstance(given, str) else list(given) if isinstance(given, Iterable) else []
     if not asked:
         raise FieldError("/mechanisms", f"wanted a list of {', '.join(known)}, or 'all'")
     for place, name in enumerate(asked):
         if name not in known:
             words = there_are or f"wanted one of {', '.join(known)}"
-            raise FieldError(f"/mechanisms/{place}", f"{words}, found {name!r}")
+            field = "/mechanisms" if isinstance(given, str) else f"/mechanisms/{place}"
+            raise FieldError(field, f"{words}, found {name!r}")
     return [name for name in known if name in asked]
 
 

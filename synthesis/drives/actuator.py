@@ -54,6 +54,8 @@ _ANGLES = 2001
 """Values of alpha that are looked at on a link with a pivot."""
 _NEAR_DEAD = 1e-3
 """Angles this near to 0 and to pi lose too many digits."""
+_BEGIN, _BEGIN_AGAIN, _LOST = 0.999, 0.9, 1
+"""Of the least arm over burden where a descent begins, and where it begins once more; so many that led to no placement do."""
 _LOOKS = (33,) * 8
 """Nodes of closer looks between them."""
 _AROUND = 720
@@ -231,13 +233,17 @@ class Question:
 
     def descend(self, begin: Screened, sizes: Sizes, work: Work | None, closer: bool = True) -> Placement | Refused:
         """The best of the descents from placements of the grid; ``closer``: gone over once more."""
-        found = [
-            one
-            for ground, way, side in zip(begin.grounds, begin.ways, begin.sides)
-            if work is None or not work.expired()
-            for one in [self._descended(sizes, complex(ground), bool(way), float(side), 1e-7 if closer else 1e-13)]
-            if one is not None
-        ]
+        found, lost = [], []
+        for ground, way, side in zip(begin.grounds.tolist(), begin.ways.tolist(), begin.sides.tolist()):
+            if work is None or not work.expired():
+                one = self._descended(sizes, ground, way, side)
+                if one is None:
+                    lost.append((ground, way, side))
+                else:
+                    found.append(one)
+        for ground, way, side in lost[:_LOST]:  # a line search led to where there are no placements
+            one = self._descended(sizes, ground, way, side, _BEGIN_AGAIN)
+            found += [] if one is None else [one]
         if not found and begin.short is None:  # no descent ended within what is wanted: the grid's best is
             return self.placement(complex(begin.grounds[0]), complex(begin.pins[0]))
         if not found:
@@ -346,14 +352,14 @@ class Question:
         return np.asarray((basis @ slope) / np.sqrt(np.maximum(squared, 1e-300)))
 
     def _descended(
-        self, sizes: Sizes, ground: complex, way: bool, side: float, ftol: float = 1e-13
+        self, sizes: Sizes, ground: complex, way: bool, side: float, share: float = _BEGIN
     ) -> Placement | None:
         """The nearest optimum of a family, by sequential quadratic programs; None where it leaves what is wanted."""
         from scipy.optimize import minimize
 
         one = _Descent(self, sizes, way, side)
         try:
-            begin = one.start(ground)
+            begin = one.start(ground, share)
         except ValueError:
             return None
         answer = minimize(
@@ -363,7 +369,7 @@ class Question:
             bounds=one.bounds,
             constraints=[{"type": "ineq", "fun": one.rows, "jac": one.slopes}],
             method="SLSQP",
-            options={"ftol": ftol, "maxiter": 60},
+            options={"ftol": 1e-13, "maxiter": 60},
         )
         ground = one.ground(answer.x)
         pin = one.pin(ground, *one.ends(answer.x))
@@ -609,14 +615,14 @@ class _Descent:
             return None
         return complex(first + (foot + 1j * self.side * np.sqrt(height)) * (last - first) / distance)
 
-    def start(self, ground: complex) -> Floats:
+    def start(self, ground: complex, share: float) -> Floats:
         sizes = self.sizes.begin
         z = np.array([ground.real, ground.imag, *(sizes[k] for k in self.free), 0.0]) / self.size
         pin = self.pin(ground, *self.ends(z))
         if pin is None:
             raise ValueError
         arm = self.q.placement(ground, pin).arm * self.sign
-        z[-1] = 0.999 * np.min(arm / np.maximum(self.q.burden, 1e-300)) / self.unit
+        z[-1] = share * np.min(arm / np.maximum(self.q.burden, 1e-300)) / self.unit
         return z
 
     def rows(self, z: Floats) -> Floats:

@@ -14,6 +14,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
@@ -358,6 +359,18 @@ def test_what_is_being_made_is_said(small_bytes, tmp_path) -> None:
         until(lambda: answers(running) and set(running.get("/readyz")["preparing"]) == {"positions", "short_spans"})
         (tmp_path / "go").touch()
         until(lambda: running.get("/readyz")["preparing"] == [])
+
+
+def test_no_more_wait_for_a_part_than_may_wait(small_bytes, tmp_path) -> None:
+    (tmp_path / "small.h5").write_bytes(small_bytes)
+    slow = SERVICE.replace("raise SystemExit", SLOW_PARTS + "raise SystemExit")
+    with serving(tmp_path, "--atlas", str(tmp_path / "small.h5"), code=slow, max_waiting=4) as running:
+        rotation = {"rotation": [0, 5, 12, 20, 31], "crank_span": 80, "curve": "rocker"}
+        with ThreadPoolExecutor(6) as clients:
+            asked = [clients.submit(running.post, "/v1/match", rotation) for _ in range(6)]
+            until(lambda: sum(one.done() for one in asked) == 2)
+            (tmp_path / "go").touch()
+            assert sorted(one.result()[0] for one in asked) == [200] * 4 + [503] * 2
 
 
 def test_without_an_index_what_is_missing_is_made_for_one_answer(small_bytes, tmp_path) -> None:

@@ -213,3 +213,12 @@ def test_the_way_back_of_a_closed_way_counts_as_one_between_samples() -> None:
         places = np.asarray(one.linkage.joints(back).body_point)
         way, chord = np.hypot(*np.diff(places, axis=0).T).sum(), np.hypot(*(places[-1] - places[0]))
         assert one.excursion >= 0.99 * way / chord
+
+
+def test_one_kind_may_be_named_without_a_list() -> None:
+    poses = ([0, 20, 50, 85], [[0, 0], [100, 20], [180, 70], [220, 150]])
+    found = la.synthesize(*poses, timing="free", mechanisms="rail_slot", top=1)
+    assert found.best.kind == "rail_slot"
+    with pytest.raises(la.FieldError, match="railslot") as refused:
+        la.synthesize(*poses, timing="free", mechanisms="railslot")
+    assert refused.value.field.startswith("/mechanisms")

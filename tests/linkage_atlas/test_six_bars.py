@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import linkage_atlas as la
+from synthesis.solids.robots import joints_of
 
 FOUR_BAR = la.FourBar(30, 60, 70, 50, start_angle=40, coupler_point=(40, 30), pivot_a=(5, -3))
 LOAD = {"force": [0, -10]}
@@ -116,6 +117,35 @@ def test_a_simulator_turns_it_once_around(six, tmp_path) -> None:
     wanted = linkage.joints(np.rad2deg(first + turned[:, 0])).linkage.body_point / 1000
     assert sense != 0
     assert np.abs(turned[:, 1:] - wanted).max() < 0.01 * np.ptp(wanted, axis=0).max()
+
+
+@pytest.mark.parametrize("link", ["crank", "coupler"])
+def test_its_urdf_closes_all_around_in_a_simulator(link) -> None:
+    mujoco = pytest.importorskip("mujoco", reason="the extra [mujoco] is not installed")
+    one, _ = found(FOUR_BAR, [link], [0, 60])
+    parts = one.solids(boards="both", nevertheless=True)
+    machine = parts.solids.machine
+    names, joints = machine.movement.names, joints_of(machine)
+    assert [joint.name for joint in joints if joint.closing] == ["C", "Q"]
+    spec = mujoco.MjSpec.from_string(parts.file("urdf").decode())
+    for joint in joints:
+        if joint.closing:
+            loop = spec.add_equality()
+            loop.type, loop.objtype = mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtObj.mjOBJ_BODY
+            loop.name1, loop.name2 = names[joint.parent], names[joint.child]
+            loop.data[0:3] = [joint.at_parent.real / 1000, joint.at_parent.imag / 1000, 0]
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    first = machine.movement.bodies(np.zeros(1)).direction[:, 0]
+    for turned in np.linspace(0, 2 * np.pi, 13):
+        turn = machine.movement.bodies(np.array([turned])).direction[:, 0] / first
+        for joint in joints:
+            if not joint.closing:
+                data.joint(joint.name).qpos = np.angle(turn[joint.child] / turn[joint.parent])
+        mujoco.mj_forward(model, data)
+        assert abs(data.efc_pos).max() < 1e-9
+    # SDF has all seven
+    assert parts.file("sdf").decode().count('type="revolute"') == 7
 
 
 def test_on_a_hinge_it_is_a_four_bar() -> None:

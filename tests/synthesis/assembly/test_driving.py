@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from synthesis.assembly.driving import motor_driven
+from synthesis.assembly.driving import Swung, motor_driven
 from synthesis.assembly.layers import Asked, Search
 from synthesis.assembly.machine import Machine, Sizes, four_bar
 from synthesis.assembly.movement import Place
@@ -31,7 +31,12 @@ def check(machine: Machine, number: int) -> None:
     if found.status == "free":
         assert nearest(machine, found) > -1e-9
     rng = np.random.default_rng(number)
-    for at, half in zip(rng.uniform(*machine.used, 20), 10 ** rng.uniform(-6, -0.5, 20)):
+    cells = [*zip(rng.uniform(*machine.used, 20), 10 ** rng.uniform(-6, -0.5, 20))]
+    # within these the linkage turns back: it is farther out than at both their ends
+    swung = machine.movement.steps[0]
+    assert isinstance(swung, Swung)
+    cells += [(dead + 0.4 * half, half) for dead in (0.0, swung.six.last) for half in (0.01, 0.2)]
+    for at, half in cells:
         cell = machine.movement.bodies(np.array([at]), np.array([half]))
         moved = machine.movement.bodies(at + half * np.linspace(-1, 1, 33))
         for body in range(1, len(machine.movement.names)):
