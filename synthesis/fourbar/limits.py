@@ -7,7 +7,7 @@ as a given pivot, are 0 where they are kept. A search descends along them, and a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Annotated, Any, Literal, NamedTuple, get_type_hints
@@ -32,10 +32,6 @@ LINK_RATIO = 10.0
 """Most of the longest link over the shortest."""
 REACH = 10.0
 """No link, and no distance of a pivot from the motion's middle, is longer than this many extents of the motion."""
-SHORTEST = 0.05
-"""No link is shorter than this part of the motion's extent: a body that reaches far out from tiny links is held by none."""
-_OF_ROOM = 0.25
-"""No link is asked to be longer than this part of the longest allowed, or of a box in which both pivots lie."""
 # tuning of the constraints
 _TRACED = {True: (257, 3), False: (25, 1)}
 """Crank angles at which joints are looked at, and how often their extremes are then refined: exactly, and in a search."""
@@ -297,8 +293,6 @@ def _flipped(box: Box) -> Box:
 def practical_limits(samples: Samples, given: dict[str, Any]) -> dict[str, Any]:
     """The practical limits as arguments of `Limits`; one that is given replaces them where it says the same.
 
-    The shortest link gives way where lengths or places that are given need shorter ones.
-
     Parameters
     ----------
     samples : Samples
@@ -313,9 +307,7 @@ def practical_limits(samples: Samples, given: dict[str, Any]) -> dict[str, Any]:
     }
     if samples.position is not None:
         far, middle = REACH * samples.extent, complex(samples.position_mean(samples.position))
-        lengths = [one for one in given.get("links", ()) if one is not None]
-        asked["link_max"] = max(far, given.get("link_min", 0.0), *lengths, 0.0)
-        asked["link_min"] = min(SHORTEST * samples.extent, _room(given), *lengths)
+        asked["link_max"] = max(far, given.get("link_min", 0.0), *(one or 0.0 for one in given.get("links", ())), 0.0)
         places = [
             None if given.keys() & {name, f"{name}_box", "pivot_box", "envelope"} else far
             for name in ("pivot_a", "pivot_b")
@@ -325,16 +317,6 @@ def practical_limits(samples: Samples, given: dict[str, Any]) -> dict[str, Any]:
     if lengths:
         asked["link_ratio_max"] = max(LINK_RATIO, max(lengths) / min(lengths))
     return asked | given
-
-
-def _room(given: Mapping[str, Any]) -> float:
-    """How long the shortest link may be asked to be beside a longest one, given pivots, and boxes of both pivots."""
-    one, other = given.get("pivot_a"), given.get("pivot_b")
-    apart = np.inf if one is None or other is None else abs(other - one)
-    boxes = [given[name] for name in ("pivot_box", "envelope") if given.get(name) is not None]
-    spans = [given.get("link_max", np.inf), *(np.hypot(box[2] - box[0], box[3] - box[1]) for box in boxes)]
-    room = float(min(apart, _OF_ROOM * min(spans)))
-    return room if room > 0 else np.inf
 
 
 def placed_by(limits: Limits, pivot: str) -> bool:

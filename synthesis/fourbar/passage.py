@@ -36,7 +36,6 @@ from synthesis.fourbar.kinematics import Closure, close_loop, grashof_excesses
 from synthesis.fourbar.limits import (
     LINK_RATIO,
     REACH,
-    SHORTEST,
     TRANSMISSION_ANGLE,
     TRANSMISSION_ANGLE_TURN,
     Limits,
@@ -59,6 +58,8 @@ _ROUNDED = 1e-9
 # ways between samples
 LEAVES_SAMPLES = 2.5
 """Above this excursion the curve leaves the samples in between."""
+SHORTEST = 0.05
+"""Part of the motion's extent below which a link is tiny: a body that reaches far out from it is hardly held."""
 SHORTEST_CHORD = 0.05
 """Of the length scale: shorter chords count as this long."""
 PANEL = np.deg2rad(15.0)
@@ -404,8 +405,6 @@ def faults_of(
         extent, middle = samples.extent, complex(samples.position_mean(samples.position))
         if limits.link_max is None and longest > REACH * extent:
             faults.append(f"longest link {longest / extent:.3g} times the motion's extent, above {REACH:g}")
-        if limits.link_min is None and links and shortest < SHORTEST * extent * (1 - _ROUNDED):
-            faults.append(f"shortest link {shortest / extent:.3g} times the motion's extent, below {SHORTEST:g}")
         far = [abs(place - middle) / extent for name, place in pivots.items() if not placed_by(limits, name)]
         if far and max(far) > REACH * (1 + _ROUNDED):
             faults.append(f"a fixed pivot {max(far):.3g} extents from the motion's middle, above {REACH:g}")

@@ -32,7 +32,7 @@ from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_typ
 from synthesis.fourbar.kinematics import coupler_angle, transmission_angle_over, wrap
 from synthesis.fourbar.limits import Limits, in_family
 from synthesis.fourbar.mechanism import FOURBAR, ways
-from synthesis.fourbar.passage import LEAVES_SAMPLES, SHORTEST_CHORD, excursions
+from synthesis.fourbar.passage import LEAVES_SAMPLES, SHORTEST, SHORTEST_CHORD, excursions
 from synthesis.fourbar.solution import Solution, assess, keeps
 from synthesis.free.dyads import FEW, chart_of, search_motion
 from synthesis.free.joint import JointProblem
@@ -182,8 +182,8 @@ def solutions_of(
 def _apart(found: Sequence[Solution], poses: Poses, limits: Limits, top: int, tolerance: float) -> list[Solution]:
     """The best of solutions that differ, by their own numbers (costs differ in the last digits); exact ones keep their order.
 
-    Those whose body point goes elsewhere between samples come last of the exact ones; within the practical limits, to which it
-    belongs that it does not, also of the others.
+    Those whose body point goes elsewhere between samples come last of the exact ones; within the practical limits also of the
+    others, and so do those with a tiny link.
     """
     objective = np.array([one.errors.objective for one in found])
     exact = objective < tolerance
@@ -196,6 +196,8 @@ def _apart(found: Sequence[Solution], poses: Poses, limits: Limits, top: int, to
         side = np.broadcast_to(np.array([[one.branch] for one in linkages]), crank.shape)
         way = excursions(linkages, crank, side, poses.extent, ordered=poses.ordered, closed=poses.closed)
         strays[looked] = [one is not None and one > LEAVES_SAMPLES for one in way]
+    if limits.practical:
+        strays |= np.array([min(one.linkage.links) < SHORTEST * poses.extent for one in found], dtype=bool)
     groups = behind(objective, strays, tolerance)
     order = np.lexsort((np.where(exact, 0.0, objective), groups)).tolist()
     place = {id(found[k]): rank for rank, k in enumerate(order)}
@@ -314,7 +316,7 @@ class FreeRounds(Rounds):
         return timing, np.abs(timing).max(axis=1, initial=0.0)
 
     def strays(self, timed: Timed) -> Flags:
-        """Within the practical limits, as `excursions` tells it of answers, by chords."""
+        """Within the practical limits, as `excursions` tells it of answers, by chords; those with a tiny link too."""
         if not (self._stays and timed.branch.size):
             return super().strays(timed)
         begin, step = timed.angles[:, :-1, None], np.diff(timed.angles, axis=1)[:, :, None]
@@ -323,7 +325,11 @@ class FreeRounds(Rounds):
         turned = np.exp(1j * coupler_angle(lengths, timed.branch, angles))
         places = (a + z1 * np.exp(1j * angles) + z2 * turned).reshape(*step.shape[:2], -1)
         gone, chord = np.abs(np.diff(places)).sum(axis=2), np.abs(places[:, :, -1] - places[:, :, 0])
-        return np.asarray(np.max(gone / np.maximum(chord, SHORTEST_CHORD), axis=1) > LEAVES_SAMPLES)
+        tiny = (
+            lengths.min(axis=1) * np.abs(z1[:, 0])
+            < SHORTEST * self.poses.extent / self.poses.length_scale * lengths[:, 0]
+        )
+        return np.asarray(tiny | (np.max(gone / np.maximum(chord, SHORTEST_CHORD), axis=1) > LEAVES_SAMPLES))
 
     def turned_apart(self, timed: Timed, width: float) -> Floats:
         """Another start, and another span."""

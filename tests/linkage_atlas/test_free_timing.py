@@ -397,12 +397,8 @@ def test_no_answer_hangs_a_large_body_on_tiny_links():
     best = la.synthesize(rotation, position, timing="free").best
     assert min(best.links._asdict().values()) >= 0.0499 * extent
     assert best.errors.objective < 4e-3
-    tiny = la.synthesize(rotation, position, timing="free", limits={"link_max": 25, "link_min": 1}).best
-    assert (
-        min(tiny.links._asdict().values()) < 0.03 * extent and tiny.verdict.practical
-    )  # asked for: its own limit counts
-    free = la.synthesize(rotation, position, crank_span=80, limits={"link_max": 10}).best
-    assert any("shortest link" in reason for reason in free.verdict.reasons)
+    tiny = la.synthesize(rotation, position, timing="free", limits={"link_max": 12, "link_min": 1}).best
+    assert min(tiny.links._asdict().values()) < 0.03 * extent and tiny.verdict.practical  # asked for
 
 
 @pytest.mark.parametrize(

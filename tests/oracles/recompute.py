@@ -215,8 +215,7 @@ def practical(request: Mapping[str, Any]) -> dict[str, Any]:
     middle = complex(sum(xs) / len(xs), sum(ys) / len(ys))
     far = 10 * max(abs(complex(x, y) - middle) for x, y in zip(xs, ys))
     angles = {"transmission_angle_min": 35.0, "transmission_angle_min_turn": 15.0}
-    lengths = {"link_ratio_max": 10.0, "link_max": far, "link_min": 0.005 * far * (1 - 1e-12)}
-    return angles | lengths | {"pivot_reach": (middle, far)}
+    return angles | {"link_ratio_max": 10.0, "link_max": far, "pivot_reach": (middle, far)}
 
 
 def _used(request: Mapping[str, Any], solution: Mapping[str, Any]) -> np.ndarray:
