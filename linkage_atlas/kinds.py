@@ -334,7 +334,7 @@ def measures_of(one: Found, samples: Samples, tolerance: float) -> Measures:
 
 
 def _staying(found: Sequence[Found], samples: Samples, tolerance: float) -> list[Found]:
-    """Linkages without those whose body point goes elsewhere between samples, and four-bars with a tiny link, where others are near."""
+    """Those whose body point stays between samples, four-bars without a tiny link; all where no such one is near."""
     if not isinstance(samples, Poses) or samples.position is None:
         return list(found)
     strays = np.zeros(len(found), dtype=bool)
