@@ -66,6 +66,8 @@ PANEL = np.deg2rad(15.0)
 """Longest panel of the rule for arc lengths, in the coordinate round the circuit."""
 HALVINGS = 14
 """A panel is halved so often at most; a cusp of the curve needs it."""
+_GROWN = 50
+"""Times as many panels at most: where more would be rough, it is the rounding of the positions that is."""
 ACCURACY = 1e-8
 """Estimated error of a panel, of the whole way between two samples, above which it is halved."""
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
@@ -557,6 +559,7 @@ def _arcs(circuit: RoundCircuit, point: Complexes, first: Floats, step: Floats) 
     begin = first.ravel()[gap] + (np.arange(gap.size) - (np.cumsum(panels) - panels)[gap]) * width
     arc: Floats = np.zeros(step.size)
     allowed: Floats = np.zeros(step.size)
+    most = _GROWN * gap.size
     for halved in range(HALVINGS + 1):
         row = gap // step.shape[1]
         nodes = begin[:, None] + width[:, None] * ((NODES + 1) / 2)
@@ -567,7 +570,7 @@ def _arcs(circuit: RoundCircuit, point: Complexes, first: Floats, step: Floats) 
             allowed[:] = ACCURACY * np.bincount(gap, part, minlength=arc.size)
         tail = np.max(np.abs(speed @ TAIL), axis=-1) / np.where(mean > 0, mean, 1.0)
         rough = part * tail ** (16 / 7) > allowed[gap]
-        if halved == HALVINGS:
+        if halved == HALVINGS or 2 * np.count_nonzero(rough) > most:
             rough[:] = False
         arc += np.bincount(gap[~rough], part[~rough], minlength=arc.size)
         gap, begin, width = gap[rough].repeat(2), begin[rough].repeat(2), width[rough].repeat(2) / 2
