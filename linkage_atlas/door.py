@@ -30,8 +30,11 @@ from linkage_atlas.kinds import (
     check_sliders_alone,
     finished_kinds,
     front,
+    keeps,
+    measures_of,
     read_kinds,
     search_kinds,
+    span_of,
 )
 from linkage_atlas.limits import read_limits, what_excludes
 from linkage_atlas.linkages import FourBar
@@ -44,7 +47,6 @@ from synthesis.fourbar.kinematics import wrap
 from synthesis.fourbar.limits import Limits, Reach
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.mechanism import FOURBAR
-from synthesis.fourbar.passage import size_of
 from synthesis.fourbar.solution import Solution
 from synthesis.free.poses import Poses
 from synthesis.free.screen import PathScreen
@@ -317,7 +319,14 @@ def synthesize(
         def again(other: Motion, tighter: Limits, near: float) -> list[Solution]:
             return _search(source, other, tighter, many, near, searching, TRY_ROUNDS)[0]
 
-        found = _improved(found, wanted, kept, prefers, goal, many, again, searching)
+        good = (
+            _improved(found, found[0].errors.objective, wanted, kept, prefers, goal, again, searching)
+            if found
+            else []
+        )
+        measure, near = _measure(prefers, wanted, kept).of, {id(one) for one in good}
+        ranked = distinct(sorted(good, key=measure), many, APART, order=measure)
+        found = (ranked + [one for one in found if id(one) not in near])[:many]
         if searching.expired():
             course = course._replace(stopped_by=StoppedBy.BUDGET.value)
     if diverse:
@@ -374,15 +383,31 @@ def _of_kinds(
 ) -> Result:
     """The answer to a request for other mechanisms than four-bars alone."""
 
-    def four_bars(within: Limits, work: Work) -> tuple[list[Solution], Course]:
-        return _search(seed_tables(), motion, within, top, tolerance, work)
+    def searched_for(
+        asked: Motion, within: Limits, goal: float, work: Work, rounds: int | None = None
+    ) -> tuple[list[Found], Course]:
+        def four_bars(within: Limits, work: Work) -> tuple[list[Solution], Course]:
+            return _search(seed_tables(), asked, within, top, goal, work, rounds)
+
+        return search_kinds(kinds, asked, within, goal, four_bars, work, rounds)
 
     def search_all(within: Limits, work: Work) -> tuple[list[Found], Course]:
-        return search_kinds(kinds, motion, within, tolerance, four_bars, work)
+        return searched_for(motion, within, tolerance, work)
 
-    found, course = search_all(limits, watch.extended(-FINISHING))
+    searching = watch.extended(-FINISHING)
+    found, course = search_all(limits, searching)
     notes += course.notes
     chosen = front(found, motion, limits, prefers, tolerance, top)
+    if prefers != "error" and chosen:
+
+        def again(asked: Motion, tighter: Limits, near: float) -> list[Found]:
+            return searched_for(asked, tighter, near, searching, TRY_ROUNDS)[0]
+
+        goal, least = goal_of(_allowed(motion), tolerance), min(one.errors.objective for one in chosen)
+        found += _improved(chosen, least, motion, limits, prefers, goal, again, searching)
+        chosen = front(found, motion, limits, prefers, tolerance, top)
+        if searching.expired():
+            course = course._replace(stopped_by=StoppedBy.BUDGET.value)
     searched = watch.elapsed
     solutions = finished_kinds(chosen, motion, limits, tolerance, studies, watch.extended(FINISHING))
     notes += _swing_notes(solutions, motion, given, tolerance)
@@ -493,7 +518,8 @@ def _search(
 class _Measure(NamedTuple):
     """A measure of which less is better."""
 
-    of: Callable[[Solution], float]
+    of: Callable[[Any], float]
+    """Of a linkage of any kind."""
     tightened: Callable[[float], tuple[Motion, Limits]]
     """The request in which it is at most so large."""
     least: float
@@ -530,37 +556,31 @@ def goal_of(allowed: float | None, tolerance: float) -> float:
 
 
 def _improved(
-    found: Sequence[Solution],
+    found: Sequence[Any],
+    least: float,
     motion: Motion,
     limits: Limits,
     prefer: Prefer,
     goal: float,
-    top: int,
-    search: Callable[[Motion, Limits, float], list[Solution]],
+    search: Callable[[Motion, Limits, float], Sequence[Any]],
     work: Work,
-) -> list[Solution]:
-    """Linkages that are near enough, the best by a measure first, and the others after them.
+) -> list[Any]:
+    """Linkages that are near enough, of any kinds: those of some found, and better ones by a measure.
 
-    The best of those found is the first; the same search within a tighter limit on the measure, half way to what is known to be
-    out of reach, then finds better ones or none, and the limit is tighter or looser next time.
+    The same search within a tighter limit on the measure, half way to what is known to be out of reach, finds better ones or
+    none, and the limit is tighter or looser next time. ``least``: J that is near.
     """
-    if not found:
-        return []
-    least = _NEAR_ENOUGH * max(found[0].errors.objective, goal)
+    least = _NEAR_ENOUGH * max(least, goal)
 
-    def near_enough(one: Solution) -> bool:
-        if motion.tolerances is not None:
-            return motion.keeps(one.linkage, one.crank)
-        return one.errors.objective <= least
+    def near_enough(one: Any) -> bool:
+        return keeps(one, motion) if motion.tolerances is not None else one.errors.objective <= least
 
     goal = goal if motion.tolerances is not None else least
     measure = _measure(prefer, motion, limits)
     good = [one for one in found if near_enough(one)]
-    if not good:
-        return list(found[:top])
-    best, out_of_reach = min(map(measure.of, good)), measure.least
+    best, out_of_reach = min(map(measure.of, good), default=np.inf), measure.least
     for _ in range(_TRIES):
-        if work.expired() or _as_good(best, out_of_reach, measure):
+        if work.expired() or not np.isfinite(best) or _as_good(best, out_of_reach, measure):
             break
         middle = np.sqrt(best * out_of_reach) if measure.least > 0 else (best + out_of_reach) / 2
         try:
@@ -574,8 +594,7 @@ def _improved(
             best = min(best, *map(measure.of, more))
         else:
             out_of_reach = float(middle)
-    ranked = distinct(sorted(good, key=measure.of), top, APART, order=measure.of)
-    return (ranked + [one for one in found if not near_enough(one)])[:top]
+    return good
 
 
 def by_layers(
@@ -612,11 +631,6 @@ def _as_good(best: float, other: float, measure: _Measure) -> bool:
 def _measure(prefer: Prefer, motion: Motion, limits: Limits) -> _Measure:
     samples = motion.samples
 
-    def size(one: Solution) -> float:
-        found = size_of(one.linkage, samples)
-        assert found is not None
-        return found
-
     def smaller(extents: float) -> tuple[Motion, Limits]:
         assert samples.position is not None
         far, reach = extents * samples.extent, limits.pivot_reach
@@ -640,14 +654,10 @@ def _measure(prefer: Prefer, motion: Motion, limits: Limits) -> _Measure:
         assert isinstance(samples, Poses)
         return Motion.of(replace(samples, span_max=span), motion.degrees, motion.tolerances), limits
 
-    def swing(one: Solution) -> float:
-        assert one.crank is not None
-        return float(np.ptp(one.crank))
-
     return {
-        "size": _Measure(size, smaller, _SMALLEST, 0.03),
+        "size": _Measure(lambda one: measures_of(one, samples, 0.0).size, smaller, _SMALLEST, 0.03),
         "transmission": _Measure(lambda one: -one.transmission_angle_min, straighter, -np.pi / 2, np.deg2rad(1.0)),
-        "crank_span": _Measure(swing, shorter, MIN_SPAN, 0.03),
+        "crank_span": _Measure(span_of, shorter, MIN_SPAN, 0.03),
     }[prefer]
 
 

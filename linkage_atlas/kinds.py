@@ -216,9 +216,15 @@ class Course(NamedTuple):
 
 
 def search_kinds(
-    asked: Asked, motion: Motion, limits: Limits, tolerance: float, four_bars: FourBars, work: Work
+    asked: Asked,
+    motion: Motion,
+    limits: Limits,
+    tolerance: float,
+    four_bars: FourBars,
+    work: Work,
+    rounds: int | None = None,
 ) -> tuple[list[Found], Course]:
-    """Linkages of all kinds asked for, within the limits, in no order."""
+    """Linkages of all kinds asked for, within the limits, in no order; by so many rounds at most for those with sliders."""
     found: list[Found] = []
     trace: list[tuple[float, float]] = []
     seeds, notes = 0, []
@@ -245,7 +251,9 @@ def search_kinds(
         if led and not leads:
             notes.append(NO_LEAD)
         for turned in [_turned(one, poses) for one in leads[:_LEADS]] if led else [None]:
-            others, report = search_guided(poses, limits, asked.sliders, driver, tolerance, work, given, turned)
+            others, report = search_guided(
+                poses, limits, asked.sliders, driver, tolerance, work, given, turned, rounds
+            )
             found += others
             trace += [(seconds, error) for seconds, error in report.trace if error < least]
             least = _least(trace)
@@ -369,15 +377,14 @@ def front(
 
     def place(pair: tuple[Measures, Found]) -> tuple[Any, ...]:
         mine, one = pair
-        far = not _keeps(one, motion) if motion.tolerances is not None else mine.error > least
+        far = not keeps(one, motion) if motion.tolerances is not None else mine.error > least
         by_error = (mine.error, np.floor(mine.loss / _STEP), mine.size)
         if prefer == "error":
             return False, *by_error
         if far:
             return True, *by_error
         if prefer == "crank_span":
-            span = float(np.ptp(travel_of(one))) if mine.driver in (Driver.CRANK, Driver.HINGE) else np.inf
-            return False, span, *by_error
+            return False, span_of(one), *by_error
         return False, mine.size if prefer == "size" else mine.loss, *by_error
 
     kept.sort(key=place)
@@ -393,7 +400,7 @@ def front(
     return sorted(chosen, key=lambda one: rank[id(one)])
 
 
-def _keeps(one: Found, motion: Motion) -> bool:
+def keeps(one: Found, motion: Motion) -> bool:
     """Whether a linkage is inside the tolerances at every sample."""
     if not isinstance(one, guided.GuidedSolution):
         return motion.keeps(one.linkage, one.crank)
@@ -405,6 +412,12 @@ def _keeps(one: Found, motion: Motion) -> bool:
 def travel_of(one: Found) -> Any:
     """What a linkage's drive goes through from the first sample."""
     return one.travel if isinstance(one, guided.GuidedSolution) else one.crank
+
+
+def span_of(one: Found) -> float:
+    """How far its crank or hinge turns; infinite for other drives."""
+    turns = not isinstance(one, guided.GuidedSolution) or one.linkage.driver.turns
+    return float(np.ptp(travel_of(one))) if turns else np.inf
 
 
 def _sort(one: Found) -> tuple[str, str]:

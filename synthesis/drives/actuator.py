@@ -54,8 +54,8 @@ _ANGLES = 2001
 """Values of alpha that are looked at on a link with a pivot."""
 _NEAR_DEAD = 1e-3
 """Angles this near to 0 and to pi lose too many digits."""
-_BEGIN = (0.999, 0.9)
-"""Of the least arm over burden where a descent begins; from the second where the first leads to no placement."""
+_BEGIN, _BEGIN_AGAIN, _LOST = 0.999, 0.9, 1
+"""Of the least arm over burden where a descent begins, and where it begins once more; so many that led to no placement do."""
 _LOOKS = (33,) * 8
 """Nodes of closer looks between them."""
 _AROUND = 720
@@ -233,13 +233,17 @@ class Question:
 
     def descend(self, begin: Screened, sizes: Sizes, work: Work | None, closer: bool = True) -> Placement | Refused:
         """The best of the descents from placements of the grid; ``closer``: gone over once more."""
-        found = [
-            one
-            for ground, way, side in zip(begin.grounds, begin.ways, begin.sides)
-            if work is None or not work.expired()
-            for one in [self._descended(sizes, complex(ground), bool(way), float(side))]
-            if one is not None
-        ]
+        found, lost = [], []
+        for ground, way, side in zip(begin.grounds.tolist(), begin.ways.tolist(), begin.sides.tolist()):
+            if work is None or not work.expired():
+                one = self._descended(sizes, ground, way, side)
+                if one is None:
+                    lost.append((ground, way, side))
+                else:
+                    found.append(one)
+        for ground, way, side in lost[:_LOST]:  # a line search led to where there are no placements
+            one = self._descended(sizes, ground, way, side, _BEGIN_AGAIN)
+            found += [] if one is None else [one]
         if not found and begin.short is None:  # no descent ended within what is wanted: the grid's best is
             return self.placement(complex(begin.grounds[0]), complex(begin.pins[0]))
         if not found:
@@ -347,30 +351,32 @@ class Question:
         # the expanded square can round below 0 only where the actuator is as good as without a length
         return np.asarray((basis @ slope) / np.sqrt(np.maximum(squared, 1e-300)))
 
-    def _descended(self, sizes: Sizes, ground: complex, way: bool, side: float) -> Placement | None:
+    def _descended(
+        self, sizes: Sizes, ground: complex, way: bool, side: float, share: float = _BEGIN
+    ) -> Placement | None:
         """The nearest optimum of a family, by sequential quadratic programs; None where it leaves what is wanted."""
         from scipy.optimize import minimize
 
         one = _Descent(self, sizes, way, side)
-        for share in _BEGIN:
-            try:
-                begin = one.start(ground, share)
-            except ValueError:
-                return None
-            answer = minimize(
-                lambda z: -z[-1],
-                begin,
-                jac=lambda z: one.gradient,
-                bounds=one.bounds,
-                constraints=[{"type": "ineq", "fun": one.rows, "jac": one.slopes}],
-                method="SLSQP",
-                options={"ftol": 1e-13, "maxiter": 60},
-            )
-            there = one.ground(answer.x)
-            pin = one.pin(there, *one.ends(answer.x))
-            if pin is not None and self.keeps(found := self.placement(there, pin)):
-                return found
-        return None
+        try:
+            begin = one.start(ground, share)
+        except ValueError:
+            return None
+        answer = minimize(
+            lambda z: -z[-1],
+            begin,
+            jac=lambda z: one.gradient,
+            bounds=one.bounds,
+            constraints=[{"type": "ineq", "fun": one.rows, "jac": one.slopes}],
+            method="SLSQP",
+            options={"ftol": 1e-13, "maxiter": 60},
+        )
+        ground = one.ground(answer.x)
+        pin = one.pin(ground, *one.ends(answer.x))
+        if pin is None:
+            return None
+        found = self.placement(ground, pin)
+        return found if self.keeps(found) else None
 
     def keeps(self, found: Placement, hair: float = 1e-7) -> bool:
         """Whether a placement is within what is wanted, to a hair."""

@@ -31,6 +31,12 @@ _FEW_PLACES, _MORE = 41, 0.3
 """Places of the drive, and the part of the longest step between them, that used parts are estimated by from above."""
 
 
+def _dead_length(limits: Limits) -> float | None:
+    """The least length of a driving cylinder: nothing where only the largest is limited."""
+    given = limits.cylinder_dead_length
+    return 0.0 if given is None and limits.cylinder_extended_max is not None else given
+
+
 def numbers_of(limits: Limits, poses: Poses, timed: bool) -> dict[str, Any]:
     """The limits of a request for `kernel.PairDescent`: lengths over the length scale, places from the mean position.
 
@@ -61,6 +67,7 @@ def numbers_of(limits: Limits, poses: Poses, timed: bool) -> dict[str, Any]:
         "ground": length(ground),
         "link_ratio_max": limits.link_ratio_max,
         **{name: length(getattr(limits, name)) for name in _LENGTHS},
+        "cylinder_dead_length": length(_dead_length(limits)),
         "pivots": np.array([place(limits.pivot_a), place(limits.pivot_b)]),
         "pivot_boxes": np.stack([box(limits.box("pivot_a_box")), box(limits.box("pivot_b_box"))]),
         "reach_middle": 0j if reach is None else complex(*place(reach.middle)),
@@ -182,8 +189,10 @@ def _broken(solution: GuidedSolution, samples: Samples, limits: Limits, ends: tu
     if linkage.driver is Driver.CYLINDER:
         used = ends[0]
         assert used is not None
-        low, high = sorted(np.abs(used)) if used[0] * used[1] > 0 else (0.0, max(np.abs(used)))
-        least("cylinder_dead_length", ((limits.cylinder_dead_length or 0.0) - low) / extent)
+        low, high = sorted(np.abs(used))
+        least("cylinder_dead_length", ((_dead_length(limits) or 0.0) - low) / extent)
+        if used[0] * used[1] < 0 and _dead_length(limits) is not None:  # it would pass its own pin
+            least("cylinder_dead_length", low / extent)
         least("cylinder_extended_max", (high - (limits.cylinder_extended_max or np.inf)) / extent)
     if limits.arm_min is not None and isinstance(linkage.guides[1], Slot) and linkage.driver is not Driver.HINGE:
         q = linkage.start + linkage.over(solution.interval)

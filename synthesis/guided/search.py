@@ -72,6 +72,8 @@ _TIMED_AT_ONCE = 1 << 12
 """Candidates times samples at a given drive between two looks at the time: some 20 ms."""
 _LOOKED_AT = 40
 """Of the guides of a sort that fit best so many are paired."""
+_LITTLE = 0.01
+"""Weight of J squared where seeds are chosen that break the limits least."""
 _SAMPLES, _FEWER, _MANY = 40, 24, 300
 """Samples up to which descents look at all, at how many of more, and up to which the best are refined on all in the end."""
 _POOL, _ENDED = 6, 2
@@ -106,9 +108,9 @@ _AS_EXACT = 1e-9
 """J of a rail below which a circle in its place tells nothing."""
 _LONG, _CHANCE = 10.0, 10.0
 """Radius, over the length scale, from which on a circle is compared with a rail; and the F up to which that is as good."""
-_IDLE, _IDLE_LED, _ROUNDS, _WORTH = 10, 5, 60, 0.01
-"""A drive is left alone after so many rounds that gain nothing, or where rotations are led; rounds at most; and the part of J
-that is a gain."""
+_IDLE, _IDLE_LED, _IDLE_GIVEN, _ROUNDS, _WORTH = 10, 5, 4, 60, 0.01
+"""A drive is left alone after so many rounds that gain nothing, or where rotations are led, or the drive is given; rounds at
+most; and the part of J that is a gain."""
 ODDS = (0.1, 0.9)
 """As of `rounds.Rounds`, fitted to `benchmarks.unseen`."""
 _PATIENCE = 4
@@ -303,7 +305,9 @@ class Search:
         work: Work,
         given: Floats | None = None,
         turned: Floats | None = None,
+        rounds: int | None = None,
     ) -> None:
+        self.rounds = _ROUNDS if rounds is None else rounds
         self.poses, self.limits, self.ways, self.tolerance, self.work = poses, limits, list(ways), tolerance, work
         self.given = given
         if given is not None and not ways[0].driver.turns:
@@ -450,13 +454,13 @@ class Search:
     def _spread(self, pairs: Pairs, drive: Ints) -> tuple[Pairs, Ints]:
         """Of very many pairs those that break the limits least, as many of each drive."""
         found = self.measured(pairs, drive, self.all)
-        chosen = self._best(found, 4 * _SEEDS, self._problem(_with_between(self.samples)), errors=False)
+        chosen = self._best(found, 4 * _SEEDS, self._problem(_with_between(self.samples)), errors=0.0)
         return pairs.take(chosen), drive[chosen]
 
-    def _best(self, found: Candidates, most: int, problem: Problem, errors: bool = True) -> Ints:
-        """Places of the best of each drive by J squared and broken limits."""
+    def _best(self, found: Candidates, most: int, problem: Problem, errors: float = 1.0) -> Ints:
+        """Places of the best of each drive by broken limits and J squared times ``errors``."""
         at = self.look(found, problem, 2)
-        merit = 0.3 * at.merit + (at.cost if errors else np.where(np.isfinite(at.cost), 0.0, np.inf))
+        merit = 0.3 * at.merit + np.where(np.isfinite(at.cost), errors * at.cost, np.inf)
         if self.given is not None:
             merit = merit + self._timing(at, self._signs(found, at), problem.samples.drive)[1]
         return _in_turn(self._apart(found, merit, most))
@@ -484,16 +488,25 @@ class Search:
                 kept.append(place)
         return np.array(kept, dtype=int)
 
-    def near(self) -> Candidates:
-        """Pairs of guides of points all over body and ground: the best of each drive."""
+    def near(self, lacking: Ints | None = None) -> Candidates:
+        """Pairs of guides of points all over body and ground: the best of each drive.
+
+        ``lacking``: drives of which nothing is known, of those that fit best nothing could be made: of these alone, and of all
+        their pairs those that break the limits least.
+        """
         sorts = near_guides(self.thin, self.sorts)
+        thin = self._problem(_some(self.samples, 10, 8))
+        if lacking is not None:
+            pairs, drive = pairs_of(sorts, [self.ways[number] for number in lacking])
+            found = self.measured(pairs, lacking[drive], thin, 2)
+            self.seeds += _SEEDS * lacking.size
+            return found.take(self._best(found, _SEEDS, thin, _LITTLE))
         motion = Motion.of(self.thin)
         best = []
         for guides in sorts:
             error = _errors(guides, motion)
             best.append(guides.take(np.argsort(error, kind="stable")[:_LOOKED_AT]))
         pairs, drive = pairs_of(Sorts(*best), self.ways)
-        thin = self._problem(_some(self.samples, 10, 8))
         found = self.measured(pairs, drive, thin, 2)
         # the limits cost more to look at: of each drive the half that fits best
         places = []
@@ -568,7 +581,9 @@ class Search:
             self.note()
         idle, pool = 0, None
         begin = self.near()
-        while idle < _IDLE and self._left.size and not (self.work.expired() and self.found is not None):
+        for _ in range(self.rounds):
+            if idle == _IDLE_GIVEN or not self._left.size or (self.work.expired() and self.found is not None):
+                break
             before = self.levels
             begin = begin.take(np.isin(begin.drive, self._left))
             begin = self._measured_again(self.descended(begin, _STAGES[:1], self.few), self.few)
@@ -598,7 +613,7 @@ class Search:
         pool: Candidates | None = None
         ended: Candidates | None = None
         idle = np.zeros(len(self.ways), dtype=int)
-        for _ in range(_ROUNDS):
+        for number in range(self.rounds):
             patience = self.idle + _PATIENCE * np.isinf(self.levels)
             left = np.intersect1d(self._left, np.flatnonzero(idle < patience))
             begin = begin.take(np.isin(begin.drive, left))
@@ -617,6 +632,9 @@ class Search:
             idle = np.where(self.levels >= (1 - _WORTH) * before, idle + 1, 0)
             begin, more = self.hops(pool), self.relatives(fresh)
             begin = begin if more is None else begin.joined(more)
+            lacking = np.flatnonzero(np.isinf(self.levels))
+            if number == 0 and lacking.size:
+                begin = begin.joined(self.near(lacking))
         left = self._left
         if self.found is not None and left.size:
             best = self._pooled(self.found, 1)
@@ -955,6 +973,7 @@ def search_guided(
     work: Work | None = None,
     given: Floats | None = None,
     turned: Floats | None = None,
+    rounds: int | None = None,
 ) -> tuple[list[GuidedSolution], SearchReport]:
     """The best linkages with sliders for poses whose drive is free, or given.
 
@@ -976,6 +995,8 @@ def search_guided(
         those of sliders and cylinders.
     turned : ndarray, shape (N,), optional
         Rotations to begin with, where none are asked for: such as those of a four-bar along the same way.
+    rounds : int, optional
+        At most so many.
 
     Returns
     -------
@@ -992,7 +1013,7 @@ def search_guided(
         ways = [way for way in ways if way.driver.turns]
     if not ways:
         return [], SearchReport(StoppedBy.CONVERGED, [], 0, [])
-    search = Search(poses, limits, ways, tolerance, work, given, turned)
+    search = Search(poses, limits, ways, tolerance, work, given, turned, rounds)
     ended = search.run()
     search.further()
     search.straighten()

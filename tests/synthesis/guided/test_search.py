@@ -219,3 +219,14 @@ def test_what_is_no_gain_is_an_answer_too():
     assert len(errors) > 2 and errors[0] < errors[1]
     assert all(not broken_limits(one, poses, _ANY) for one in found)
     assert 0 < report.unseen < 1
+
+
+def test_a_short_cylinder_is_found_whose_length_never_passes_zero():
+    """Those that fit best are too long: what breaks the limits least is begun with too."""
+    poses = make_poses(np.deg2rad([0, 20, 45, 70, 90]), np.array([0, 30 + 120j, 100 + 220j, 200 + 280j, 300 + 300j]))
+    limits = Limits(family="any", transmission_angle_min=np.deg2rad(35), link_max=2230, cylinder_extended_max=320)
+    found, _ = search_guided(poses, limits, [Kind.SWINGING_BLOCK], Driver.CYLINDER)
+    assert min(one.errors.objective for one in found) < 0.09
+    for one in found:
+        length = one.linkage.start + one.linkage.over(one.interval)
+        assert 0 < length.min() and length.max() <= 320 * (1 + 1e-9)
