@@ -129,7 +129,7 @@ class GivenRounds(Rounds):
         Searches that this one goes on from.
     """
 
-    bent_below, idle, odds = 1e-3, 2, (-3.0, 0.5)
+    bent_below, idle, odds = 1e-3, 2, (-2.0, 2.4)
     within: GivenProblem
     problem: GivenProblem
 
