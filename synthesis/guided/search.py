@@ -494,27 +494,24 @@ class Search:
         ``lacking``: drives of which nothing is known, of those that fit best nothing could be made: of these alone, and of all
         their pairs those that break the limits least.
         """
-        sorts = near_guides(self.thin, self.sorts)
-        thin = self._problem(_some(self.samples, 10, 8))
-        if lacking is not None:
-            pairs, drive = pairs_of(sorts, [self.ways[number] for number in lacking])
-            found = self.measured(pairs, lacking[drive], thin, 2)
-            self.seeds += _SEEDS * lacking.size
-            return found.take(self._best(found, _SEEDS, thin, _LITTLE))
-        motion = Motion.of(self.thin)
+        numbers = np.arange(len(self.ways)) if lacking is None else lacking
+        ways, motion = [self.ways[number] for number in numbers], Motion.of(self.thin)
         best = []
-        for guides in sorts:
+        for guides in near_guides(self.thin, {sort for way in ways for sort in (way.first, way.second)}):
             error = _errors(guides, motion)
             best.append(guides.take(np.argsort(error, kind="stable")[:_LOOKED_AT]))
-        pairs, drive = pairs_of(Sorts(*best), self.ways)
-        found = self.measured(pairs, drive, thin, 2)
+        pairs, drive = pairs_of(Sorts(*best), ways)
+        thin = self._problem(_some(self.samples, 10, 8))
+        found = self.measured(pairs, numbers[drive], thin, 2)
+        self.seeds += _SEEDS * len(ways)
+        if lacking is not None:
+            return found.take(self._best(found, _SEEDS, thin, _LITTLE))
         # the limits cost more to look at: of each drive the half that fits best
         places = []
         for number in range(len(self.ways)):
             own = np.flatnonzero(found.drive == number)
             places.append(own[np.argsort(found.cost[own], kind="stable")[:300]])
         found = found.take(np.concatenate(places))
-        self.seeds += _SEEDS * len(self.ways)
         return found.take(self._best(found, _SEEDS, thin))
 
     def hops(self, pool: Candidates) -> Candidates:
