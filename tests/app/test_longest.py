@@ -74,6 +74,7 @@ def test_the_largest_request_of_a_kind_ends_in_time(one, resources) -> None:
     check(QUERIES[one.path], json.loads(one.content), resources)
 
 
+@pytest.mark.timed
 @pytest.mark.parametrize(
     "name",
     [
