@@ -22,8 +22,9 @@ from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.fourbar import solution as fourbar
 from synthesis.fourbar.limits import FORMS, Limits
-from synthesis.fourbar.passage import LEAVES_SAMPLES, SHORTEST, excursions, size_of
+from synthesis.fourbar.passage import LEAVES_SAMPLES, size_of
 from synthesis.free.poses import Poses
+from synthesis.free.search import go_astray, have_tiny_links
 from synthesis.guided import solution as guided
 from synthesis.guided.by_crank import BY_CRANK, linkages_by_crank
 from synthesis.guided.limits import broken_limits
@@ -338,19 +339,13 @@ def _staying(found: Sequence[Found], samples: Samples, tolerance: float) -> list
     if not isinstance(samples, Poses) or samples.position is None:
         return list(found)
     strays = np.zeros(len(found), dtype=bool)
+    four_bars = [k for k, one in enumerate(found) if isinstance(one, fourbar.Solution)]
+    some: list[Any] = [found[k] for k in four_bars]
+    strays[four_bars] = go_astray(some, samples) | have_tiny_links(some, samples)
     for k, one in enumerate(found):
         if isinstance(one, guided.GuidedSolution):
             way = guided.excursion(one, samples, samples.ordered, samples.closed)
-            links: Sequence[float] = ()
-        else:
-            assert one.crank is not None
-            links = one.linkage.links
-            start, side, closed = one.linkage.start, np.full((1, len(one.crank)), one.linkage.branch), samples.closed
-            crank = (start + one.crank)[None]
-            (way,) = excursions([one.linkage], crank, side, samples.extent, ordered=samples.ordered, closed=closed)
-        strays[k] = (way is not None and way > LEAVES_SAMPLES) or min(
-            links, default=np.inf
-        ) < SHORTEST * samples.extent
+            strays[k] = way is not None and way > LEAVES_SAMPLES
     groups = behind(np.array([one.errors.objective for one in found]), strays, tolerance)
     left_out = strays & np.where(groups == 1, np.any(groups == 0), np.any((groups == 0) | (groups == 2)))
     return [one for one, out in zip(found, left_out) if not out]

@@ -179,6 +179,22 @@ def solutions_of(
     return _apart(found, poses, limits, top, tolerance)
 
 
+def go_astray(found: Sequence[Solution], poses: Poses) -> Flags:
+    """Whether the body point of each goes elsewhere between samples, (n,)."""
+    if not found:
+        return np.zeros(0, dtype=bool)
+    linkages = [one.linkage for one in found]
+    crank = np.array([[one.start] for one in linkages]) + np.array([one.crank for one in found])
+    side = np.broadcast_to(np.array([[one.branch] for one in linkages]), crank.shape)
+    way = excursions(linkages, crank, side, poses.extent, ordered=poses.ordered, closed=poses.closed)
+    return np.array([one is not None and one > LEAVES_SAMPLES for one in way], dtype=bool)
+
+
+def have_tiny_links(found: Sequence[Solution], poses: Poses) -> Flags:
+    """Whether a link of each is too short to hold the body, (n,)."""
+    return np.array([min(one.linkage.links) < SHORTEST * poses.extent for one in found], dtype=bool)
+
+
 def _apart(found: Sequence[Solution], poses: Poses, limits: Limits, top: int, tolerance: float) -> list[Solution]:
     """The best of solutions that differ, by their own numbers (costs differ in the last digits); exact ones keep their order.
 
@@ -188,16 +204,10 @@ def _apart(found: Sequence[Solution], poses: Poses, limits: Limits, top: int, to
     objective = np.array([one.errors.objective for one in found])
     exact = objective < tolerance
     strays = np.zeros(len(found), dtype=bool)
-    looked = exact | limits.practical
-    if np.any(looked):
-        linkages = [one.linkage for one, looks in zip(found, looked) if looks]
-        passed = np.array([one.crank for one, looks in zip(found, looked) if looks])
-        crank = np.array([[one.start] for one in linkages]) + passed
-        side = np.broadcast_to(np.array([[one.branch] for one in linkages]), crank.shape)
-        way = excursions(linkages, crank, side, poses.extent, ordered=poses.ordered, closed=poses.closed)
-        strays[looked] = [one is not None and one > LEAVES_SAMPLES for one in way]
+    looked = np.flatnonzero(exact | limits.practical).tolist()
+    strays[looked] = go_astray([found[k] for k in looked], poses)
     if limits.practical:
-        strays |= np.array([min(one.linkage.links) < SHORTEST * poses.extent for one in found], dtype=bool)
+        strays |= have_tiny_links(found, poses)
     groups = behind(objective, strays, tolerance)
     order = np.lexsort((np.where(exact, 0.0, objective), groups)).tolist()
     place = {id(found[k]): rank for rank, k in enumerate(order)}
