@@ -104,8 +104,6 @@ def chain_blocks(found: dict[str, Any]) -> dict[str, str]:
         f"{value:+.1f} per mm of the {name.replace('_', ' ')}" for name, value in spread["sensitivity"].items()
     )
     return {
-        "chord": f"{found['chord']:.0e}",
-        "arcs": f"{found['arcs']}",
         "arcs_error": f"{found['arcs_error']:.0e}",
         "wear": lines(["pitch error", "least slack", "largest slack", "stretched", "depth", "past the slot"], wear),
         "sensitivity": per,
