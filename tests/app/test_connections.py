@@ -213,6 +213,21 @@ def test_clients_that_do_not_read_make_room_and_are_cut_off(unread) -> None:
         assert eventually(lambda: bodies.Held.total == 0)
 
 
+def test_what_unread_replies_took_is_given_back(unread, monkeypatch) -> None:
+    """Once the front kept tens of megabytes of them."""
+    port, _ = unread
+    given: list[int] = []
+    monkeypatch.setattr(bodies, "give_back_memory", lambda: given.append(bodies.Held.total))
+    with closing(connected(port)) as client:
+        client.sendall(b"GET /large HTTP/1.1\r\nHost: a\r\n\r\n")
+        assert eventually(lambda: bodies.Held.total > 1 << 20)
+    assert eventually(lambda: given) and set(given) == {0}
+    with closing(connected(port)) as client:
+        client.sendall(NEEDLE.replace(b"Host: a", b"Host: a\r\nConnection: close"))
+        assert everything(client).startswith(b"HTTP/1.1 200")
+    assert len(given) == 1, "not for each short reply"
+
+
 def test_replies_that_are_not_read_hold_only_so_much(unread) -> None:
     port, _ = unread
     with ExitStack() as stack:
