@@ -92,6 +92,18 @@ def test_what_does_not_come_or_is_no_request_is_told_and_closed(sent, status, po
         assert found == problem["status"] == status
 
 
+def test_one_who_speaks_no_http_again_and_again_is_slowed_down(port) -> None:
+    """Two that began again at once took a third of the time of the process that talks to the clients."""
+    count, end = 0, time.monotonic() + 1.0
+    while time.monotonic() < end:
+        with closing(connected(port)) as client:
+            client.sendall(b"hello\r\n\r\n")
+            client.sendall(b"hello\r\n\r\n")
+            assert said(everything(client))[0] == 400
+        count += 1
+    assert count <= 11
+
+
 def test_one_who_says_nothing_is_closed_without_a_word(port) -> None:
     with closing(connected(port)) as client:
         assert everything(client) == b""
