@@ -187,8 +187,7 @@ class FunctionExportRequest(RequestModel):
 
 
 def _function_file(body: FunctionExportRequest, resources: Resources) -> bytes:
-    from linkage_atlas.functions import TravelMotion, read_wanted, render_function
-    from linkage_atlas.travels import read_dial, render_travel
+    from linkage_atlas.functions import TravelMotion, read_dial, read_wanted, render_function, render_travel
 
     request, solution = body.request, body.solution
     if body.format == "json":
