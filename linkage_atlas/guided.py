@@ -11,10 +11,9 @@ from numpy.typing import ArrayLike
 from linkage_atlas.any_linkage import AnyLinkage
 from linkage_atlas.arguments import column, number, radians_in
 from linkage_atlas.assemblies import Assembly
-from linkage_atlas.guided_studies import GuidedAnalysis, analysed, studied
 from linkage_atlas.motions import Motion
 from linkage_atlas.records import plain, plane, xy
-from linkage_atlas.studies import Drive, Manufacture, ToleranceStudy, read_drive
+from linkage_atlas.studies import GuidedAnalysis, read_drive
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.guided import linkage as guided
@@ -369,14 +368,6 @@ class GuidedLinkage(AnyLinkage):
         if motion.free and place.shape != (motion.asked.samples,):
             raise FieldError("/travel", f"wanted {motion.asked.samples} numbers, found {place.size}")
         return as_target(motion.samples, self._linkage, place)
-
-    def analysed(self, drive: Drive, travel: Floats, over: Interval | None = None) -> GuidedAnalysis:
-        """An analysis that has been read; see `analysis`."""
-        return analysed(self._linkage, drive, travel, self._radian, over)
-
-    def made_within(self, manufacture: Manufacture, target: Target, work: Work) -> ToleranceStudy:
-        """A tolerance study that has been read; see `tolerance_study`."""
-        return studied(self._linkage, manufacture, target.crank, target.interval, self._radian, work)
 
     def __repr__(self) -> str:
         words = []

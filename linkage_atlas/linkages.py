@@ -14,7 +14,7 @@ from linkage_atlas.assemblies import Assembly
 from linkage_atlas.guided import GuidedLinkage
 from linkage_atlas.motions import Motion
 from linkage_atlas.records import plain, plane
-from linkage_atlas.studies import Analysis, Drive, Manufacture, ToleranceStudy, analysed, read_drive, studied
+from linkage_atlas.studies import Analysis, read_drive
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.fourbar.linkage import Linkage, are_cognates
@@ -449,14 +449,6 @@ class FourBar(AnyLinkage):
                 raise FieldError("/crank_angle", "needed: the motion's crank angles are free")
             motion = motion.of_solution(self._linkage, column("crank_angle", travel) * self._radian)
         return motion.target if motion is not None else self._default_motion()
-
-    def analysed(self, drive: Drive, travel: Floats, over: Interval | None = None) -> Analysis:
-        """An analysis that has been read; see `analysis`."""
-        return analysed(self._linkage, drive, travel, self._radian, over)
-
-    def made_within(self, manufacture: Manufacture, target: Target, work: Work) -> ToleranceStudy:
-        """A tolerance study that has been read; see `tolerance_study`."""
-        return studied(self._linkage, manufacture, target.crank, target.interval, self._radian, work)
 
     def __repr__(self) -> str:
         lengths = ", ".join(f"{name}={getattr(self, name):.6g}" for name in ("crank", "coupler", "rocker", "ground"))

@@ -12,7 +12,6 @@ import numpy as np
 
 from synthesis.arrays import Complexes
 from synthesis.errors import FieldError
-from synthesis.fourbar.analysis import LinkMass
 from synthesis.fourbar.files import (
     DXF_COLOURS,
     FARTHEST,
@@ -26,6 +25,7 @@ from synthesis.fourbar.files import (
     requested_poses,
     requested_positions,
 )
+from synthesis.fourbar.linkage import LinkMass
 from synthesis.guided.linkage import BODY, Circle, Driver, GuidedLinkage, MovingLink, Rail, Slot
 from synthesis.sheet import Extra, More, Sheet, csv_text, dxf_document, dxf_text
 from synthesis.target import Interval, Target
