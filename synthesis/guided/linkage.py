@@ -255,6 +255,13 @@ class GuidedLinkage:
             second = "rocker" if first == "crank" else f"second_{second}"
         return first, BODY, second
 
+    @property
+    def reach(self) -> float:
+        """A length of its size, wherever it stands: the largest radius, or distance of its body points or fixed places."""
+        first, second = self.guides
+        radii = [one.radius for one in self.guides if isinstance(one, Circle)]
+        return max(*radii, abs(first.body_point - second.body_point), abs(first[0] - second[0]), 1e-300)
+
     def scaled(self, scale: float) -> GuidedLinkage:
         """The linkage with all lengths times a scale, about the origin."""
         return self._mapped(lambda z: z * scale, scale, 0.0)
