@@ -21,7 +21,7 @@ from linkage_atlas.arguments import (
     pair,
     whole_number,
 )
-from linkage_atlas.assemblies import AskedAssembly, read_assembly
+from linkage_atlas.assemblies import AskedAssembly, Assembly, read_assembly
 from linkage_atlas.motions import MOST_STOCK, Motion
 from linkage_atlas.records import Record, Values, Vectors, plain, plane
 from synthesis.arrays import Floats
@@ -575,6 +575,8 @@ class Studies(NamedTuple):
     drives: Mapping[str, Any] | None = None
     """Of `DRIVE_STUDIES`, as it was given."""
     assembly: AskedAssembly | None = None
+    arranged: Mapping[int, Assembly] = {}
+    """Assemblies that were made before, by id of the linkage."""
 
     @property
     def long(self) -> bool:

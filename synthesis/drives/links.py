@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from synthesis.arrays import Complexes, Floats, dot
+from synthesis.arrays import Complexes, Floats, Ints, dot
 from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.analysis import Mass
 from synthesis.guided.linkage import Circle, GuidedLinkage, MovingLink, Slot, of_four_bar
@@ -58,6 +58,11 @@ class LinkMotion:
     def point_at(self, place: complex, sample: int = 0) -> complex:
         """The point of the link that lies at a place of the plane at one sample."""
         return complex(np.conj(self.direction[sample]) * (place - self.origin[sample]))
+
+    def at(self, samples: Ints) -> LinkMotion:
+        """The motion at some of the values only."""
+        names = ("origin", "direction", "velocity", "rate", "acceleration", "rate_change")
+        return replace(self, **{name: getattr(self, name)[samples] for name in names})
 
     def swing(self) -> float:
         """By how much it turns from the first value to the last, in radians."""
