@@ -19,9 +19,9 @@ from scipy.optimize import brentq
 from benchmarks.knotter_pictures import PAIRS, PAPER_SAYS, draw, pairs_of  # noqa: F401 - `render` calls draw
 from benchmarks.report import ends, lines, repeat, run, tables
 from synthesis.knotter import d_knotter
+from synthesis.knotter.conditions import classify, crossing_point, inside, orientations
 from synthesis.knotter.d_knotter import Needle
 from synthesis.knotter.mechanism import Mechanism, as_array
-from synthesis.knotter.segment_triangle import classify, crossing_point, inside, orientations
 from synthesis.knotter.study import solve, study
 from tests.oracles.knotter import Exact
 

@@ -20,8 +20,22 @@ from benchmarks.lift_pictures import CYLINDER, DESIGNS, POSES, REFERENCE, task
 from benchmarks.report import Times, ends, percent, repeat
 from synthesis.lift.loops import condition, largest_residual, smallest_condition, velocity_by_instant_centre
 from synthesis.lift.motion import acceleration, motion, stroke, velocity
-from synthesis.lift.objective import Evaluator, Objective, Optimum, Task, equation_residuals, project, rise
-from synthesis.lift.optimum import ARMS, FITTED, SLOPE_STEP, STROKE, optimize, optimize_batch, published_for
+from synthesis.lift.optimum import (
+    ARMS,
+    FITTED,
+    SLOPE_STEP,
+    STROKE,
+    Evaluator,
+    Objective,
+    Optimum,
+    Task,
+    equation_residuals,
+    optimize,
+    optimize_batch,
+    project,
+    published_for,
+    rise,
+)
 from synthesis.lift.pose import Cylinder, Design, dead_point, pose_at_height, pose_at_turn, turn_at_length
 from tests.oracles import lift as oracle
 

@@ -15,15 +15,17 @@ import numpy as np
 from linkage_atlas.assemblies import AskedAssembly, Assembly, assembled
 from linkage_atlas.driving import Drive, Refusal, Spring, driven_solution
 from linkage_atlas.guided import AnyGuide, CircleGuide, DriverName, GuidedLinkage, OtherKindName, guides_of
-from linkage_atlas.guided_studies import Change, GuidedAnalysis, changes
 from linkage_atlas.linkages import FourBar, Links, Mount
 from linkage_atlas.motions import Motion
 from linkage_atlas.records import KEPT, LAST, Record, Values, names_of
 from linkage_atlas.studies import (
     STUDIES,
     Analysis,
+    Change,
+    GuidedAnalysis,
     Studies,
     ToleranceStudy,
+    changes,
     read_studies,
     share_of,
 )
