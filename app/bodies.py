@@ -149,6 +149,9 @@ class Reply(Response):
         What is held of it from now on; default: all of it, once it is sent.
     """
 
+    turn = asyncio.Lock()
+    """Of the service: one piece of all its large replies is sent between two looks at what else there is to do."""
+
     def __init__(
         self,
         content: Any,
@@ -179,10 +182,10 @@ class Reply(Response):
         self.pieces.reverse()
         while self.pieces:
             piece = self.pieces.pop()
+            if self.size > PIECE_BYTES:
+                async with Reply.turn:
+                    await asyncio.sleep(0)
             await send({"type": "http.response.body", "body": piece, "more_body": bool(self.pieces)})
             held.take(len(piece))
-            await asyncio.sleep(
-                0
-            )  # a client that reads lets all of it through at once; that it has gone is seen here
         if not self.size:
             await send({"type": "http.response.body", "body": b"", "more_body": False})

@@ -22,12 +22,16 @@ from app.settings import Settings
 
 BACKLOG = 128
 """Connections that the system accepts before the service sees the first of them."""
+ACCEPTED_AT_ONCE = 8
+"""Of them, between two looks at what else there is to do."""
 _OTHER_FILES = 96
 _PROBES = (0.01, 0.005, 0.02, 0.1)
 """Seconds before the first signs of life to a client that has closed its side: one that has gone altogether answers the first
 with a reset, which the second finds."""
 _PROBE_SECONDS = 0.4
 """Between all further ones."""
+DOUBT_SECONDS = 0.02
+"""After which one that has gone is known to have."""
 MOST_LOGGED = 500
 """Characters of an address in the log."""
 
@@ -170,6 +174,7 @@ class Connection(H11Protocol):
         if not self._answers or self.cycle.more_body:
             return None
         self.cycle.keep_alive = False
+        self.scope["state"]["half_closed"] = True
         seconds = chain(_PROBES, repeat(_PROBE_SECONDS))
         self.loop.call_later(next(seconds), self._probe, seconds)
         return True

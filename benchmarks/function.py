@@ -209,16 +209,12 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
         row
         | {
             "best_known": "-" if row["known"] is None else f"{row['known']:g}",
-            "shape": " ".join(report.significant(value) for value in row["links"]),
             "evolution": row.get("evolution"),
             "pylinkage": min((row[f"pylinkage_{k}"] for k in (3, 4, 5) if f"pylinkage_{k}" in row), default=None),
         }
         for row in results["functions"]
     ]
-    bytes_same = all(row["same_bytes"] for row in results["functions"])
-    return report.tables("function", {"functions": functions}) | {
-        "runs": f"{RUNS} runs give the same bytes for {'every' if bytes_same else 'not every'} function",
-    }
+    return report.tables("function", {"functions": functions})
 
 
 def measure(

@@ -262,6 +262,29 @@ def test_requests_whose_clients_have_gone_leave_their_places(monkeypatch) -> Non
         assert eventually(lambda: turnstile.computing == 0)
 
 
+def test_nothing_is_computed_for_clients_that_ask_and_leave_at_once() -> None:
+    """Once each that came to a free process took it along."""
+    asked = []
+
+    class Computing(Threads):
+        async def answer(self, request, question, content):
+            asked.append(question.path)
+            return await super().answer(request, question, content)
+
+    settings = Settings(atlas="none")
+    resources = ServiceResources(settings)
+    app = create_app(settings, resources, lambda turnstile: Computing(resources, turnstile))
+    with serving(app) as (port, _):
+        for _ in range(20):
+            with closing(connected(port)) as client:
+                client.sendall(NEEDLE)
+        with closing(connected(port)) as client:
+            client.sendall(NEEDLE)
+            client.shutdown(socket.SHUT_WR)
+            assert b"HTTP/1.1 200" in everything(client)
+    assert len(asked) <= 5  # of a few the closing may come late
+
+
 def test_what_is_shared_is_not_counted_while_it_is_sent() -> None:
     before, held = bodies.Held.total, bodies.Held(0)
     held.take(1000)

@@ -60,6 +60,8 @@ def turned(
 
     values = across(every, at)
     low = np.flatnonzero(values[:-1] * values[1:] < 0)
+    if low.size != 2:
+        return Turned(np.full(2, np.nan), np.nan, np.nan, np.nan, False)
     one, other = every[low], every[low + 1]
     sign, near = np.sign(values[low]), at[low]
     for _ in range(60):
@@ -73,12 +75,12 @@ def turned(
     pull = np.real(np.conj(rods) * speed) / np.abs(speed) / np.abs(rods)
     rising = np.sign(np.diff(at))
     turns = int(np.count_nonzero(rising[:-1] != rising[1:])) + int(rising[0] != rising[-1])
-    between = abs(dead[1] - dead[0]) if dead.size == 2 else np.nan
+    between = abs(dead[1] - dead[0])
     ways = sorted([between, 2 * np.pi - between])
     return Turned(
         np.sort(ends),
         float(ways[1] / ways[0]),
         float(np.arcsin(np.abs(pull).min())),
         float(np.abs(np.abs(rods) / rod - 1).max()),
-        dead.size == 2 and turns == 2,
+        turns == 2,
     )
