@@ -65,7 +65,7 @@ def actuators(cases: int) -> list[dict[str, Any]]:
             row["worse_than_grid"] += int(best > asked.scale_of_burden / grid.worth * (1 + BETTER))
         row["equilibrium"] = float(max(row["equilibrium"], equilibrium(one, found)))
     return [
-        {"kind": kind.replace("_", " "), **{key: value for key, value in row.items() if key != "times"}}
+        {"link": kind.replace("_", " "), **{key: value for key, value in row.items() if key != "times"}}
         | {"ms": 1000 * row["times"].median.processor, "p99": 1000 * row["times"].percentile(99).processor}
         for kind, row in rows.items()
         if row["cases"]
