@@ -95,7 +95,6 @@ def make_parser(whole: bool = False, named: str | None = None) -> argparse.Argum
 
 
 def _add_questions(parser: argparse.ArgumentParser, name: str) -> None:
-    """The arguments of a question, or the questions of a scene."""
     from app.asking import add_query
 
     queries = queries_named(name)

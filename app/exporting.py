@@ -18,7 +18,6 @@ from linkage_atlas.formats import kind_of
 
 
 def add_export(parser: argparse.ArgumentParser) -> None:
-    """The arguments of ``export``."""
     (query,) = queries_named("synthesize")
     examples = add_request(
         parser,

@@ -58,7 +58,6 @@ MAX_BATCH_STEPS = 12_000
 
 
 def _unit(name: str) -> dict[str, JsonValue]:
-    """The unit of a field, for its form."""
     return {"unit": name}
 
 
@@ -582,7 +581,6 @@ def motion_table(reply: MotionReply) -> str:
 
 
 def optimize_table(reply: OptimizeReply) -> str:
-    """The optimum as text, the published design beside it."""
     columns: list[tuple[str, DesignReply, float]] = [("optimum", reply.design, reply.objective)]
     if reply.published:
         columns.append(("published", reply.published.design, reply.published.objective))
@@ -616,7 +614,6 @@ def optimize_table(reply: OptimizeReply) -> str:
 
 
 def batch_table(reply: BatchReply) -> str:
-    """One line for each cylinder."""
     names = ("length", "speed", *LENGTHS, "objective", "published", "rise time")
     lines = [" ".join(f"{name:>11}" for name in names)]
     for row in reply.rows:
@@ -691,7 +688,6 @@ def _forces(request: MotionRequest, moved: Motion) -> ForcesReply | None:
 
 
 def _extras(request: MotionRequest, moved: Motion, work: Work) -> dict[str, Any]:
-    """Only what ``include`` asks for."""
     at, speed, design = moved.pose, moved.cylinder_speed, moved.pose.design
     radian = Unit(request.angle_unit).radian
 
