@@ -34,8 +34,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from synthesis.atlas.cells import New
 from synthesis.atlas.header import Stamp
-from synthesis.atlas.series import New
 from synthesis.errors import AtlasError, AtlasFault
 
 VERSION = 1
