@@ -95,7 +95,7 @@ def make_parser(whole: bool = False, named: str | None = None) -> argparse.Argum
 
 
 def _add_questions(parser: argparse.ArgumentParser, name: str) -> None:
-    from app.asking import add_query
+    from app.command import add_query
 
     queries = queries_named(name)
     if queries[0].command == name:

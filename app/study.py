@@ -19,7 +19,7 @@ from typing import Any
 from tqdm import tqdm
 
 from app.arguments import EPILOG, FILE, Exit, whole_number
-from app.asking import NO_PRESET, read_request
+from app.command import NO_PRESET, read_request
 from app.query import Query
 from app.registry import all_queries
 from app.replies import json_of, plain_of

@@ -469,9 +469,9 @@ def function(
     largest = objective == "max"
     if isinstance(tables, Start):
         with pointing_to_start():
-            found, went = refine_function(wanted, kept, largest, tables.linkage, tables.offset, tolerance, watch)
+            found, course = refine_function(wanted, kept, largest, tables.linkage, tables.offset, tolerance, watch)
     else:
-        found, went = generate(tables, wanted, kept, largest, top, tolerance, watch.extended(-FINISHING))
+        found, course = generate(tables, wanted, kept, largest, top, tolerance, watch.extended(-FINISHING))
     searched = watch.elapsed
     radian = radians_in(degrees)
     asked = Asked(wanted, dials, degrees, largest, tolerance, dial, Scales(1.0, radian, radian))
@@ -482,7 +482,7 @@ def function(
             for one, generator in zip(solutions, found)
         ]
     notes = [*_notes(wanted), *([] if begin is None else [LOCAL])]
-    if not went.settled:
+    if not course.settled:
         notes.append(
             "the best linkage was still getting better, by little, when the steps of the search were used up"
         )
@@ -493,7 +493,7 @@ def function(
         )
     if solutions and solutions[0].determination.ill_posed:
         notes.append("the problem is ill-posed: quite different linkages make this function to within the resolution")
-    return asked.result(found, solutions, limits, went, searched, watch, notes, begin is not None)
+    return asked.result(found, solutions, limits, course, searched, watch, notes, begin is not None)
 
 
 # -- what is asked ----------------------------------------------------------------------------------------------------
@@ -615,7 +615,7 @@ class TravelMotion:
         laws = laws_for(kinds, *self.dial)
         kept = read_travel_limits(limits, laws, wanted.target, self.degrees)
         largest = objective == "max"
-        found, went = generate_travel(
+        found, course = generate_travel(
             laws, wanted, kept.over(scales.length), largest, top, tolerance, watch.extended(-FINISHING)
         )
         searched = watch.elapsed
@@ -624,7 +624,7 @@ class TravelMotion:
         notes = _notes(wanted) if self.dial.output == ANGLE else []
         if len(kinds) > 1:
             notes.append("linkages of several kinds are listed by error alone: transmission angle and size differ")
-        return asked.result(found, solutions, limits, went, searched, watch, notes)
+        return asked.result(found, solutions, limits, course, searched, watch, notes)
 
 
 def _way(name: str, span: float | None, input: ArrayLike | None) -> float:
@@ -844,7 +844,7 @@ class Asked:
         found: Sequence[Any],
         solutions: list[Any],
         limits: Mapping[str, Any] | None,
-        went: SearchReport,
+        course: SearchReport,
         searched: float,
         watch: Work,
         notes: list[str],
@@ -854,17 +854,17 @@ class Asked:
         if (limits or {}).get("preset") is None and solutions and not solutions[0].verdict.practical:
             notes.append(UNASKED)
         status = Status.of(found, self.tolerance).value
-        if not solutions and (local or went.stopped_by == "budget"):
+        if not solutions and (local or course.stopped_by == "budget"):
             status = "unknown"
             notes.append(NOWHERE if local else CUT_SHORT)
         total = watch.elapsed
-        stages = {"screen": went.screen_seconds, "refine": searched - went.screen_seconds}
+        stages = {"screen": course.screen_seconds, "refine": searched - course.screen_seconds}
         stages |= {"report": total - searched, "total": total}
         report = FunctionReport(
             elapsed_ms={name: 1000 * seconds for name, seconds in stages.items()},
-            trace=[(1000 * seconds, value) for seconds, value in went.trace],
-            stopped_by=went.stopped_by.value,
-            seeds=went.seeds,
+            trace=[(1000 * seconds, value) for seconds, value in course.trace],
+            stopped_by=course.stopped_by.value,
+            seeds=course.seeds,
             notes=notes,
         )
         wanted, scales = self.wanted, self.scales
