@@ -324,7 +324,8 @@ def measure(
 ) -> Iterator[dict[str, Any]]:
     """The parts in turn; on two idle cores at full scale about two and a half hours.
 
-    Minutes of each: crowds 20, memory 12, bodies, flips, indexes 15, kills, deaths 10, studies 50, budgets, reloads, disks 2, ends 1.
+    Minutes of each: crowds 20, memory 12, bodies, flips, indexes 15, kills, deaths 10, studies 50, budgets, reloads,
+    disks 2, ends 1.
     """
 
     def some(full: int) -> int:
