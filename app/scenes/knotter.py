@@ -28,11 +28,10 @@ from app.replies import reply_model
 from app.tables import DEGREES, Units, table
 from linkage_atlas import FieldError, OutOfTime
 from synthesis.knotter import d_knotter
-from synthesis.knotter.conditions import Found, crossing_curve, point_paths, step_before
+from synthesis.knotter.conditions import Crossing, Found, crossing_curve, point_paths, step_before
 from synthesis.knotter.d_knotter import Needle
 from synthesis.knotter.fit import Direction, Pattern, Wanted, directions, rank, search, single_ranges
 from synthesis.knotter.mechanism import ANGLES, Linear, Table, as_array, dimensions
-from synthesis.knotter.segment_triangle import Crossing
 from synthesis.knotter.study import Spread, solve, spread, study
 from synthesis.sheet import csv_text
 
