@@ -38,8 +38,8 @@ from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.passage import Verdict as Passing
 from synthesis.fourbar.passage import excursions, practical_faults, size_of, verdicts
 from synthesis.fourbar.rounding import best_from_stock, round_to_grid
-from synthesis.free.poses import Poses
-from synthesis.free.search import in_turn
+from synthesis.free.poses import Poses, spin_faults
+from synthesis.free.search import in_turn, rotation_of
 from synthesis.from_linkage import refined_in_place
 from synthesis.guided import solution as guided
 from synthesis.guided.limits import broken_limits
@@ -614,6 +614,8 @@ def _described(
     for k, one in enumerate(found):
         own, turn = motion.one_of(target, k), one.transmission_angle_min_turn
         faults = practical_faults(one, own.target, limits, ways[k])
+        if isinstance(samples, Poses):
+            faults += spin_faults(samples, rotation_of(one, samples))
         kind = None if one.row is None or type_of is None else type_of(one.row)
         linkage = FourBar.of(one.linkage, own.radian, own.target)
         solutions.append(
@@ -672,6 +674,8 @@ def _guided_described(one: guided.GuidedSolution, motion: Motion, limits: Limits
         strays = guided.excursion(one, samples, samples.ordered, samples.closed)
     passed = guided_verdict(one.linkage, one.linkage.start + target.crank, **way)
     faults = guided.practical_faults(one, target, limits, strays)
+    if isinstance(samples, Poses):
+        faults += spin_faults(samples, guided.rotation_of(one, samples))
     linkage = GuidedLinkage.of(one.linkage, radian, target)
     turns, turn = one.linkage.driver.turns, one.transmission_angle_min_turn
     kind: Any = one.linkage.kind.value

@@ -774,6 +774,8 @@ class PatternFitRequest(MachineRequest):
 
 BOUNDS_SHARE = 0.3
 """Part of the budget that the search leaves to the bounds of what it found."""
+LEAST_SECONDS = 0.05
+"""Of a smaller budget: one set is judged in any case, on however busy a machine."""
 DirectionReply = reply_model(Direction)
 
 
@@ -817,8 +819,8 @@ class PatternFitReply(Provenance):
 
 def answer_fit(request: PatternFitRequest, resources: Resources) -> PatternFitReply:
     """Dimensions that reproduce a pattern, and how non-unique they are."""
-    whole, angles = resources.work(request.budget_ms / 1000), Angles(request.angle_unit, DECIMALS)
-    work = whole.extended(-BOUNDS_SHARE)
+    whole = resources.work(max(request.budget_ms / 1000, LEAST_SECONDS))
+    work, angles = whole.extended(-BOUNDS_SHARE), Angles(request.angle_unit, DECIMALS)
     mechanism, conditions = machine_of(request, angles)
     unit_in = 1.0 if request.angle_unit == "deg" else math.radians(1.0)
     unknowns = request.unknowns
