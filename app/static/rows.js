@@ -13,8 +13,9 @@ const TABLES = {
   table: { ...FUNCTIONS, wanted: "x, y", byNumber: { 2: ["x", "y"] } },
   pairs: { ...FUNCTIONS, wanted: "a crank angle and a rocker angle, or a rocker angle", byNumber: { 2: ["input", "output"], 1: ["output"] } },
 };
-const NUMBERING = ["no", "nr", "n", "pose", "point", "sample", "index"]; // columns that count the rows, and are not read
+const NUMBERING = ["no", "nr", "n", "id", "pose", "point", "sample", "index"]; // columns that count the rows, and are not read
 const TIMES = ["t", "time"];
+const SPELLED = { "°": "deg", degrees: "deg", degree: "deg", radians: "rad", inch: "in", inches: "in" };
 const GREEK = { "θ": "theta", "φ": "phi", "ϕ": "phi", "γ": "gamma", "ψ": "psi" };
 
 const cellsOf = (line, separator) => line.split(separator).map((cell) => cell.replace(/^"(.*)"$/, "$1"));
@@ -41,10 +42,19 @@ function marksDecimals(cells) {
   return found.size ? found.has(",") : cells.some((cell) => /\d,\d/.test(cell));
 }
 
-/** A name of a column, as {name, unit, written}: "X [mm]" is x in mm; null for a cell that is no name. */
+/** A name of a column, as {name, unit, written}: "X [mm]", "x_mm" and "x in mm" are x in mm; null for a cell that is no name. */
 function readName(cell) {
-  const [, name, unit] = /^([a-z][a-z0-9_]*)\W*([a-z°]*)/i.exec(cell.trim().replace(/[θφϕγψ]/gi, (letter) => GREEK[letter.toLowerCase()])) ?? [];
-  return name === undefined ? null : { name: name.toLowerCase(), unit: /^(°|degrees)$/i.test(unit) ? "deg" : unit.toLowerCase(), written: name };
+  const [, name, joined, behind] = /^([a-z][a-z0-9_]*?)(?:_(mm|cm|m|in|inch|deg|rad))?(?![a-z0-9_])\W*(?:in\W+(?=[a-z°]))?([a-z°]*)/i.exec(cell.trim().replace(/[θφϕγψ]/gi, (letter) => GREEK[letter.toLowerCase()])) ?? [];
+  if (name === undefined) return null;
+  const unit = (joined ?? behind).toLowerCase();
+  return { name: name.toLowerCase(), unit: SPELLED[unit] ?? unit, written: name };
+}
+
+/** Whether a comment names a column for each cell of the line below it, as "# x, y, theta". */
+function namesColumns(comment, first, columns) {
+  const names = comment.replace(/^[# ]+/, "").split(/[;,\t]\s*|\s+(?![[(/])/).map(readName);
+  const cells = first.split(/[;\t\s]/.test(first) ? /\s*[;\t]\s*|\s*,\s+|\s+/ : ",");
+  return names.length === cells.length && names.every((one) => one && (columns[one.name] || NUMBERING.includes(one.name)));
 }
 
 /** A number as spreadsheets show it, in plain characters: grouped thousands, a minus of its own, a degree sign behind it. */
@@ -60,8 +70,11 @@ function plainNumber(cell, decimalComma) {
  * what they are without names; `named`, `known` and `wanted` say it in words, and `otherwise` how crank angles are without a column.
  */
 export function readTable(text, { columns, named: naming, known, wanted, byNumber, otherwise }) {
-  const lines = text.replace(/^\uFEFF/, "").split(/\r\n|\r|\n/).map((line, k) => [line.replace(/^ +| +$/g, ""), k + 1])
-    .filter(([line]) => line.trim() && !line.startsWith("#"));
+  const filled = text.replace(/^\uFEFF/, "").split(/\r\n|\r|\n/).map((line, k) => [line.replace(/^ +| +$/g, ""), k + 1]).filter(([line]) => line.trim());
+  if (/^sep=.$/.test(filled[0]?.[0])) filled.shift(); // by which a spreadsheet is told what separates cells
+  const lines = filled.filter(([line]) => !line.startsWith("#"));
+  const above = filled.filter(([line, at]) => line.startsWith("#") && at < lines[0]?.[1]).at(-1);
+  if (above && namesColumns(above[0], lines[0][0], columns)) lines.unshift([above[0].replace(/^[# ]+/, ""), above[1]]);
   if (!lines.length) throw new Error("There are no rows.");
   const named = /[a-zθφϕγψ]/i.test(lines[0][0].replace(/\d[eE][-+]?\d/g, ""));
   const [separator, decimalComma] = readLayout((named && lines.length > 1 ? lines.slice(1) : lines).map(([line]) => line));
