@@ -31,13 +31,14 @@ with e^2. Derivatives of angles come from the closed loop
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.arrays import Flags, Floats
+from synthesis.fourbar.limits import Limits
 from synthesis.function.answers import PEAKS, FunctionErrors, alternations, extremes, look
 from synthesis.function.descent import Linear, Linearise
 from synthesis.function.search import FunctionSearch
@@ -473,25 +474,15 @@ _TIE = 1e-9
 
 @dataclass(frozen=True)
 class TravelLimits:
-    """What a linkage with a slider must keep to; lengths in the user's unit, or over the scale.
+    """What a linkage with a slider must keep to: limits of shape and lengths, and lengths that are ``given``, by their names."""
 
-    ``given``: lengths that are given, by their names.
-    """
-
-    transmission_angle_min: float | None = None
-    link_min: float | None = None
-    link_max: float | None = None
-    link_ratio_max: float | None = None
+    limits: Limits
     given: Mapping[str, float] = field(default_factory=dict)
 
     def over(self, scale: float) -> TravelLimits:
         """The same with lengths over a scale."""
-        return replace(
-            self,
-            link_min=None if self.link_min is None else self.link_min / scale,
-            link_max=None if self.link_max is None else self.link_max / scale,
-            given={name: value if name == "angle" else value / scale for name, value in self.given.items()},
-        )
+        given = {name: value if name == "angle" else value / scale for name, value in self.given.items()}
+        return TravelLimits(self.limits.over(scale), given)
 
 
 class TravelProblem:
@@ -501,8 +492,8 @@ class TravelProblem:
     """
 
     def __init__(self, wanted: Wanted, law: Law, limits: TravelLimits, largest: bool) -> None:
-        self.wanted, self.law, self.limits = wanted, law, limits
-        self.least_sine = max(np.sin(limits.transmission_angle_min or 0.0), _CLOSES)
+        self.wanted, self.law, self.limits = wanted, law, limits.limits
+        self.least_sine = max(np.sin(self.limits.transmission_angle_min), _CLOSES)
         given = np.full(3, np.nan)
         given[law.size :] = 0.0
         for name, value in limits.given.items():
@@ -513,7 +504,7 @@ class TravelProblem:
         held = np.concatenate([~np.isnan(given), [wanted.start is not None, wanted.offset is not None]])
         self.free = np.flatnonzero(~held)
         low, high = np.full(5, -np.inf), np.full(5, np.inf)
-        least, most = limits.link_min or 1 / _FARTHEST, limits.link_max or _FARTHEST
+        least, most = self.limits.link_min or 1 / _FARTHEST, self.limits.link_max or _FARTHEST
         for k, above in enumerate(law.positive):
             low[k], high[k] = (np.log(least), np.log(most)) if above else (-most, most)
             if law.lengths[k] == "angle":
@@ -789,7 +780,7 @@ class TravelSearch(FunctionSearch):
         return found
 
     def _generator(self, unknowns: Floats, lengths: Floats, branch: int) -> TravelGenerator | None:
-        law, wanted, limits = self.law, self.wanted, self.travel_limits
+        law, wanted, limits = self.law, self.wanted, self.travel_limits.limits
         zero = float(unknowns[3])
         whole = np.zeros(3)
         whole[: law.size] = lengths
@@ -798,7 +789,7 @@ class TravelSearch(FunctionSearch):
         linkage = law.linkage(whole, branch, zero)
         used = Interval(0.0, float(wanted.crank[-1]))
         least = linkage.transmission_angle_over(used.after(linkage.start))
-        if not least >= (limits.transmission_angle_min or 0.0) * (1 - _ROUNDING) or not least > 0:
+        if not least >= limits.transmission_angle_min * (1 - _ROUNDING) or not least > 0:
             return None
         sizes = np.abs(lengths[[name not in ("angle", "offset", "slot_offset") for name in law.lengths]])
         shortest, longest = sizes.min(), sizes.max()

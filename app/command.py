@@ -48,7 +48,6 @@ _LACKING: dict[str, Any] = {
 
 
 def add_query(parser: argparse.ArgumentParser, query: Query) -> None:
-    """The arguments of a question's command."""
     prefix = query.command.replace(" ", "-") + "-"
     shown = ", ".join(name for name in examples_of(query) if not name.startswith(prefix))
     about = f"answer a bundled example instead: {shown}"
@@ -128,7 +127,6 @@ def add_request(parser: argparse.ArgumentParser, query: Query, about: str, file:
 
 
 def add_set(parser: Any, what: str) -> None:
-    """Add ``--set`` to a parser or a group of arguments."""
     parser.add_argument("--set", type=setting, metavar="FIELD=VALUE", action="append", default=[], help=what)
 
 
