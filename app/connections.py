@@ -32,6 +32,8 @@ _PROBE_SECONDS = 0.4
 """Between all further ones."""
 DOUBT_SECONDS = 0.02
 """After which one that has gone is known to have."""
+_PAUSE_SECONDS = 0.1
+"""Before one that speaks no HTTP is told so: some begin again at once."""
 MOST_LOGGED = 500
 """Characters of an address in the log."""
 
@@ -151,7 +153,8 @@ class Connection(H11Protocol):
             )
 
     def send_400_response(self, msg: str) -> None:
-        self._refuse(400, "this is no request of HTTP/1.1")
+        self.flow.pause_reading()
+        self.loop.call_later(_PAUSE_SECONDS, self._refuse, 400, "this is no request of HTTP/1.1")
 
     def _refuse(self, status: int, detail: str) -> None:
         if self.transport.is_closing():

@@ -270,7 +270,9 @@ def blocks(results: dict) -> dict[str, str]:
     close = [row for row in results["predicates"] if row["distance_mm"] <= TOO_CLOSE_MM]
     shares = [row[f"within_1e-{digits}"] for row in close for digits in (9, 6, 3)]
     return {
-        **tables("knotter", results),
+        **tables(
+            "knotter", results | {"events": [row for row in results["events"] if "orientations" not in row["method"]]}
+        ),
         "windows": f"a scan of 0.01° misses one of {missed:.3g}°, the cells find one of {found_by_cells:.3g}°",
         "published": lines(["quantity", "published", "here"], published, 3),
         "worst": f"{found['worst_mm']:.4f} mm at {found['worst_deg']:.4f}°, against {found['sample_mm']:.4f} mm at 270°",

@@ -97,7 +97,7 @@ def chain_blocks(found: dict[str, Any]) -> dict[str, str]:
             "yes" if row["stretched"] else "no",
             *("-" if row[name] is None else f"{row[name]:.3f}" for name in ("depth_max", "beyond_slot")),
         ]
-        for row in made["wear"]
+        for row in made["wear"][::2]
     ]
     eight = next(row for row in found["powers"] if row["degree"] == 8)
     per = ", ".join(
