@@ -259,7 +259,8 @@ def read_request(query: Query, text: bytes, also: Sequence[tuple[list[str], Any]
 
     Fields in ``also`` go before those of the text; ``unwrap`` takes the angles of a table as continuous.
     """
-    is_json = text.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"{", b"[", b'"', b"")
+    # a table may begin with a name in quotes
+    is_json = text.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"{", b"[", b"" if query.from_csv else b'"', b"")
     request: RequestModel
     if not text.strip():
         if not also:
