@@ -150,6 +150,8 @@ def _serve_with_processes(
         _run(server, listeners)
 
     resources.load()
+    if predecessor is not None:  # which answers meanwhile
+        resources.prepare_rest()
     return Supervisor(front, app.state.questions, resources, listeners, workers).run()
 
 
