@@ -18,10 +18,11 @@ import anyio.to_thread
 from fastapi import FastAPI, params
 from fastapi.routing import APIRoute
 from fastapi.utils import create_model_field
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
 
 from app import bodies, problems
+from app.connections import DOUBT_SECONDS
 from app.live import Lives
 from app.query import RequestModel, Resources
 from app.resources import ServiceResources, give_back_memory
@@ -196,6 +197,16 @@ async def _content(request: Request) -> bytes:
     return content
 
 
+async def _stays(request: Request) -> None:
+    """Raise `ClientDisconnect` where the client has closed its side, and a moment later has gone altogether."""
+    for _ in range(2):
+        await asyncio.sleep(0)  # it may have closed right behind its request
+    if getattr(request.state, "half_closed", False):
+        await asyncio.sleep(DOUBT_SECONDS)
+        if await request.is_disconnected():
+            raise ClientDisconnect
+
+
 class _QuestionRoute(APIRoute):
     """A POST route that FastAPI describes by its models; `app.bodies` reads the body and writes the reply."""
 
@@ -205,7 +216,7 @@ class _QuestionRoute(APIRoute):
 
 def install(app: FastAPI, computing: Computing, settings: Settings) -> None:
     """What the routes of `add` need."""
-    bodies.Held.most = settings.reply_memory_bytes
+    bodies.Held.most, bodies.Reply.turn = settings.reply_memory_bytes, asyncio.Lock()
     app.state.computing = computing
     app.state.questions = {}
     app.state.large = LargeBodies(16, settings.body_seconds)
@@ -220,6 +231,7 @@ def add(app: FastAPI, question: Question, name: str, **described: Any) -> None:
         content = await _content(request)
         if content and not problems.says_json(request.headers):
             raise problems.NotJson
+        await _stays(request)
         return await app.state.computing.answer(request, question, content)  # type: ignore[no-any-return]
 
     route = _QuestionRoute(question.path, answer, name=name, methods=["POST"], **described)

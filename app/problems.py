@@ -9,6 +9,7 @@ import json
 import logging
 import time
 from collections.abc import Callable, Iterable, Sequence
+from functools import cache
 from http import HTTPStatus
 from typing import Any
 from urllib.parse import quote
@@ -136,6 +137,7 @@ def problem(
     )
 
 
+@cache
 def raw(status: int, detail: str) -> bytes:
     """A problem as the bytes of a whole HTTP reply, for what is refused before it is a request."""
     reply = problem(status, detail, headers={"Connection": "close", **HEADERS})

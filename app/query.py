@@ -104,6 +104,17 @@ class RequestModel(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
+    def given(self, *names: str, but: Sequence[str] = ()) -> dict[str, Any]:
+        """Some fields, or all ``but`` some, as plain values: arguments of the front door."""
+        names = names or tuple(name for name in type(self).model_fields if name not in but)
+        return {name: _given(getattr(self, name)) for name in names}
+
+
+def _given(value: Any) -> Any:
+    if isinstance(value, list) and value and isinstance(value[0], BaseModel):
+        return [_given(one) for one in value]
+    return value.model_dump(exclude_none=True) if isinstance(value, BaseModel) else value
+
 
 class Invalid(FieldError):
     """A request that is not what its question takes: pydantic's list of errors."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks import report
 from benchmarks.report import Times
-from synthesis.drives.actuator import ROW_GRID, Actuator, Placement, Question, Refused, Row, Wanted, best_of_rows
+from synthesis.drives.actuator import Actuator, Placement, Question, Refused, Wanted
 from synthesis.drives.dyad import about_pivot, driven, on_any_link
 from synthesis.drives.links import Loading, Machine, machine_of
 from synthesis.fourbar.linkage import Linkage
@@ -159,38 +159,6 @@ def _simulated(linkage: Linkage, interval: Interval, name: str, found: Any, rati
     return max(gap, abs(times / asked - 1))
 
 
-def catalogues(cases: int) -> list[dict[str, Any]]:
-    """Times for a link and one actuator, and for a catalogue of 40 rows."""
-    one, many, found = Times(), Times(), 0
-    for seed in range(cases):
-        linkage, interval = random_linkage(np.random.default_rng([seed, 0]))
-        asked, actuator, machine, _ = question(linkage, interval, seed)
-        one.run(lambda asked=asked, actuator=actuator: asked.best(actuator))
-        strokes = np.geomspace(0.1, 1.0, 10)
-        peak = float(np.abs(asked.torque).max())
-        rows = [
-            Row(f"{stroke:.2f} {force:.3g}", Actuator(stroke + 0.2, stroke), force, force)
-            for force in peak * np.array([0.5, 1, 2, 4])
-            for stroke in strokes.tolist()
-        ]
-
-        def choose(asked: Question = asked, machine: Machine = machine, rows: list[Row] = rows) -> Any:
-            coarse = Question(asked.link, machine.at, asked.torque, asked.wanted, ROW_GRID)
-            return best_of_rows(coarse, rows, 1)
-
-        found += bool(many.run(choose)[0])
-    return [
-        {
-            "what": what,
-            "cases": cases,
-            "found": some,
-            "ms": 1000 * times.median.processor,
-            "p99": 1000 * times.percentile(99).processor,
-        }
-        for what, times, some in (("one actuator", one, cases), ("a catalogue of 40 rows", many, found))
-    ]
-
-
 def blocks(results: dict[str, Any]) -> dict[str, str]:
     """The tables of docs/drives.md."""
     return report.tables("drives", results["tables"])
@@ -202,7 +170,6 @@ def measure(cases: Annotated[int, "linkages"] = 300) -> Iterator[dict[str, Any]]
 
     tables = {"actuators": actuators(cases)}
     tables["motors"] = motors(cases)
-    tables["times"] = catalogues(min(cases, 100))
     yield {"tables": tables}
 
 

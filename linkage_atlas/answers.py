@@ -6,7 +6,7 @@ Fields are those of the HTTP contract, in its order; ``to_dict`` gives what goes
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Literal, NamedTuple, Self, TypeAlias, TypeVar, cast, overload
 
@@ -15,15 +15,17 @@ import numpy as np
 from linkage_atlas.assemblies import AskedAssembly, Assembly, assembled
 from linkage_atlas.driving import Drive, Refusal, Spring, driven_solution
 from linkage_atlas.guided import AnyGuide, CircleGuide, DriverName, GuidedLinkage, OtherKindName, guides_of
-from linkage_atlas.guided_studies import Change, GuidedAnalysis, changes
 from linkage_atlas.linkages import FourBar, Links, Mount
 from linkage_atlas.motions import Motion
 from linkage_atlas.records import KEPT, LAST, Record, Values, names_of
 from linkage_atlas.studies import (
     STUDIES,
     Analysis,
+    Change,
+    GuidedAnalysis,
     Studies,
     ToleranceStudy,
+    changes,
     read_studies,
     share_of,
 )
@@ -36,8 +38,8 @@ from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.passage import Verdict as Passing
 from synthesis.fourbar.passage import excursions, practical_faults, size_of, verdicts
 from synthesis.fourbar.rounding import best_from_stock, round_to_grid
-from synthesis.free.poses import Poses
-from synthesis.free.search import in_turn
+from synthesis.free.poses import Poses, spin_faults
+from synthesis.free.search import in_turn, rotation_of
 from synthesis.from_linkage import refined_in_place
 from synthesis.guided import solution as guided
 from synthesis.guided.limits import broken_limits
@@ -563,18 +565,20 @@ def _finished(
             break
         for solution in describe(found[first : first + at_once]):
             solutions.append(_studied(solution, studies, len(found), work))
-    # a linkage that does not work as a machine never comes before one that does, nor one without free layers before one
-    # that has some
-    solutions.sort(
-        key=lambda one: (
-            not one.verdict.works,
-            one.verdict.within_tolerance is False,
-            one.verdict.assembly is not None and not one.verdict.assembly.free,
-            one.drivable is False,
-            *worth(one),
-        )
-    )
+    solutions.sort(key=lambda one: (*merit(one), *worth(one)))
     return [replace(one, rank=rank) for rank, one in enumerate(solutions, 1)]
+
+
+def merit(one: AnySolution) -> tuple[bool, ...]:
+    """What comes before any measure, less is better: whether it does not work, leaves the tolerances, lacks layers or a drive."""
+    verdict = one.verdict
+    layers = verdict.assembly
+    return (
+        not verdict.works,
+        verdict.within_tolerance is False,
+        layers is not None and not layers.free,
+        one.drivable is False,
+    )
 
 
 def _worth(one: Solution, motion: Motion, tolerance: float) -> tuple[float, ...]:
@@ -610,6 +614,8 @@ def _described(
     for k, one in enumerate(found):
         own, turn = motion.one_of(target, k), one.transmission_angle_min_turn
         faults = practical_faults(one, own.target, limits, ways[k])
+        if isinstance(samples, Poses):
+            faults += spin_faults(samples, rotation_of(one, samples))
         kind = None if one.row is None or type_of is None else type_of(one.row)
         linkage = FourBar.of(one.linkage, own.radian, own.target)
         solutions.append(
@@ -668,6 +674,8 @@ def _guided_described(one: guided.GuidedSolution, motion: Motion, limits: Limits
         strays = guided.excursion(one, samples, samples.ordered, samples.closed)
     passed = guided_verdict(one.linkage, one.linkage.start + target.crank, **way)
     faults = guided.practical_faults(one, target, limits, strays)
+    if isinstance(samples, Poses):
+        faults += spin_faults(samples, guided.rotation_of(one, samples))
     linkage = GuidedLinkage.of(one.linkage, radian, target)
     turns, turn = one.linkage.driver.turns, one.transmission_angle_min_turn
     kind: Any = one.linkage.kind.value
@@ -752,7 +760,7 @@ def _studied(solution: S, studies: Studies, solutions: int, work: Work) -> S:
         share = share_of(studies.manufacture, target.samples, solutions, work.budget)
         done["tolerance_study"] = linkage.made_within(share, target, work)
     if studies.assembly is not None:
-        done["verdict"] = _with_assembly(solution, studies.assembly, work)
+        done["verdict"] = _with_assembly(solution, studies.assembly, studies.arranged, work)
     return replace(solution, **done) if done else solution
 
 
@@ -763,7 +771,9 @@ def _sensitivity(linkage: Linkage | Guided, target: Target, radian: float) -> Se
     return Sensitivity(None if change.rotation is None else change.rotation / radian, change.position)
 
 
-def _with_assembly(solution: AnySolution, asked: AskedAssembly, work: Work) -> Verdict:
+def _with_assembly(
+    solution: AnySolution, asked: AskedAssembly, arranged: Mapping[int, Assembly], work: Work
+) -> Verdict:
     """The verdict with the assembly; the parts of a linkage that does not carry its motion are not arranged."""
     verdict, (one, own, limits) = solution.verdict, solution.origin[:3]
     found: Assembly | None = None
@@ -772,7 +782,9 @@ def _with_assembly(solution: AnySolution, asked: AskedAssembly, work: Work) -> V
     else:
         try:
             asked = asked.within(limits.envelope, limits.keep_out)
-            found = assembled(one.linkage, asked, own.target.interval, own.radian, work)
+            found = arranged.get(id(one.linkage)) or assembled(
+                one.linkage, asked, own.target.interval, own.radian, work
+            )
             why = [] if found.free else [f"layers: {found.reasons[0]}"]
         except FieldError as error:
             why = [f"layers were not looked for: {error}"]

@@ -7,7 +7,7 @@ within tighter limits on that measure; finish them as a user reads them; report.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache
 from typing import Any, Literal, NamedTuple, TypedDict, Unpack, get_args
@@ -17,25 +17,28 @@ from numpy.typing import ArrayLike
 
 from linkage_atlas.answers import FINISHING, Continued, Report, Result, cognate_notes, finished, status_of
 from linkage_atlas.arguments import check_above_zero, check_top, column, number
-from linkage_atlas.assemblies import AskedAssembly, assembled, read_assembly
+from linkage_atlas.assemblies import read_assembly
 from linkage_atlas.atlases import Atlas
 from linkage_atlas.cache import default_atlas
 from linkage_atlas.driving import check_asked
 from linkage_atlas.guided import DriverName, KindName
-from linkage_atlas.kinds import Asked as Kinds
 from linkage_atlas.kinds import (
+    UNRANKED,
     Course,
     Found,
+    Rank,
     check_kinds_alone,
     check_sliders_alone,
     finished_kinds,
     front,
-    keeps,
+    layers_of,
     measures_of,
+    near_enough,
     read_kinds,
     search_kinds,
     span_of,
 )
+from linkage_atlas.kinds import Asked as Kinds
 from linkage_atlas.limits import read_limits, what_excludes
 from linkage_atlas.linkages import FourBar
 from linkage_atlas.motions import Motion
@@ -57,7 +60,7 @@ from synthesis.ranking import APART, Status, distinct, spread
 from synthesis.search.search import DEFAULT_TOLERANCE, StoppedBy, search
 from synthesis.search.seeds import SeedTables
 from synthesis.target import MAX_LENGTH, MIN_LENGTH, MIN_SPAN, TURN, Samples
-from synthesis.work import OutOfTime, Work
+from synthesis.work import Work
 
 DIVERSE_LOSS = 2.0
 """Times the best objective that the objectives of diverse solutions may be."""
@@ -77,8 +80,9 @@ ILL_POSED = (
 LIVE_SECONDS, LIVE_FINISHING, LIVE_FINISHING_EACH = 0.06, 0.1, 0.025
 """Longest budget of an answer that goes on from the last, and the parts of it that are left for finishing: in any case, and for
 each of the first ten solutions."""
-_LAYERED = 3
-"""Times as many solutions whose layers are compared."""
+_LAYERED, _LAYERED_LEAST, _FOR_LAYERS = 3, 20, 0.3
+"""Where layers are preferred: times as many linkages whose layers are compared, and at least so many; and the part of a budget
+that is left for them."""
 _VARIETY = 6
 """Times as many solutions among which diverse ones are chosen."""
 Prefer = Literal["error", "size", "transmission", "crank_span", "layers"]
@@ -90,8 +94,6 @@ TRY_ROUNDS = 2
 """Rounds of each where the crank angles are free."""
 _SMALLEST = 0.5
 """Extents of the motion below which no linkage is looked for."""
-_NEAR_ENOUGH = 1.1
-"""Without tolerances: times the least error that a linkage may be off."""
 _SHARE = 0.35
 """Part of what is allowed at which a search ends: the largest error of a linkage is some two to three times its mean."""
 FAR = 1e6
@@ -100,6 +102,7 @@ LOCAL = (
     "refined from the given linkage to the nearest optimum that the descent came to: linkages elsewhere were not looked at, "
     "and may be better"
 )
+UNARRANGED = "the time was up: of the {1} linkages that are near enough the layers of {0} were not looked at"
 CUT_SHORT = "nothing within the limits was found before the search was cut short; that proves nothing"
 NOWHERE = "no descent from the given linkage led within the limits; that proves nothing about other linkages"
 
@@ -276,7 +279,7 @@ def synthesize(
         raise FieldError("/effort", "the atlas holds curves over crank angles: with free ones only 'refine' answers")
     kinds = read_kinds(mechanisms, driver, wanted)
     if not kinds.four_bars_alone:
-        check_kinds_alone(prefer, effort, refine_from, live)
+        check_kinds_alone(effort, refine_from, live)
     # made once, by whoever asks first: no part of this request's time
     source: SeedTables | Scan | Start
     source = seed_tables() if effort == "refine" else (atlas := atlas or default_atlas()).scan
@@ -305,25 +308,25 @@ def synthesize(
     goal = tolerance if prefers == "error" else goal_of(_allowed(wanted), tolerance)
 
     spare = FINISHING if live is None else LIVE_FINISHING + LIVE_FINISHING_EACH * min(top, 10)
-    searching, many = watch.extended(-spare), _VARIETY * top if diverse else top
+    searching, many, wish = watch.extended(-spare), _VARIETY * top if diverse else top, 0.0
     if prefers == "layers":
-        many = max(many, _LAYERED * top)
-    found, course = _search(source, wanted, kept, many, goal, searching, begun=begun)
-    if prefers == "layers":
-        if studies.assembly is None:
-            studies = studies._replace(assembly=read_assembly(True))
-        assert studies.assembly is not None
-        found = by_layers(found, wanted, studies.assembly.within(kept.envelope, kept.keep_out), goal, top, searching)
+        many, wish = max(many, _LAYERED * top, _LAYERED_LEAST), _FOR_LAYERS
+    found, course = _search(source, wanted, kept, many, goal, watch.extended(-spare - wish), begun=begun)
+    if not found:
+        pass
+    elif prefers == "layers":
+        least = max(found[0].errors.objective, goal)
+        ranks, studies, said = _arranged(found, wanted, kept, least, studies, searching)
+        found.sort(key=lambda one: (id(one) not in ranks, ranks.get(id(one), UNRANKED)))
+        found = found if diverse else found[:top]
+        notes += said
+        course = course._replace(stopped_by=StoppedBy.BUDGET.value) if said else course
     elif prefers != "error":
 
         def again(other: Motion, tighter: Limits, near: float) -> list[Solution]:
             return _search(source, other, tighter, many, near, searching, TRY_ROUNDS)[0]
 
-        good = (
-            _improved(found, found[0].errors.objective, wanted, kept, prefers, goal, again, searching)
-            if found
-            else []
-        )
+        good = _improved(found, found[0].errors.objective, wanted, kept, prefers, goal, again, searching)
         measure, near = _measure(prefers, wanted, kept).of, {id(one) for one in good}
         ranked = distinct(sorted(good, key=measure), many, APART, order=measure)
         found = (ranked + [one for one in found if id(one) not in near])[:many]
@@ -394,11 +397,18 @@ def _of_kinds(
     def search_all(within: Limits, work: Work) -> tuple[list[Found], Course]:
         return searched_for(motion, within, tolerance, work)
 
-    searching = watch.extended(-FINISHING)
-    found, course = search_all(limits, searching)
+    searching, layered = watch.extended(-FINISHING), prefers == "layers"
+    found, course = search_all(limits, watch.extended(-FINISHING - _FOR_LAYERS) if layered else searching)
     notes += course.notes
-    chosen = front(found, motion, limits, prefers, tolerance, top)
-    if prefers != "error" and chosen:
+    many = max(_LAYERED * top, _LAYERED_LEAST) if layered else top
+    chosen = front(found, motion, limits, prefers, tolerance, many)
+    if layered and chosen:
+        least = max(tolerance, min(one.errors.objective for one in chosen))
+        ranks, studies, said = _arranged(chosen, motion, limits, least, studies, searching)
+        chosen = front(chosen, motion, limits, prefers, tolerance, top, ranks)
+        notes += said
+        course = course._replace(stopped_by=StoppedBy.BUDGET.value) if said else course
+    elif prefers != "error" and chosen:
 
         def again(asked: Motion, tighter: Limits, near: float) -> list[Found]:
             return searched_for(asked, tighter, near, searching, TRY_ROUNDS)[0]
@@ -570,14 +580,10 @@ def _improved(
     The same search within a tighter limit on the measure, half way to what is known to be out of reach, finds better ones or
     none, and the limit is tighter or looser next time. ``least``: J that is near.
     """
-    least = _NEAR_ENOUGH * max(least, goal)
-
-    def near_enough(one: Any) -> bool:
-        return keeps(one, motion) if motion.tolerances is not None else one.errors.objective <= least
-
+    near = near_enough(motion, least := max(least, goal))
     goal = goal if motion.tolerances is not None else least
     measure = _measure(prefer, motion, limits)
-    good = [one for one in found if near_enough(one)]
+    good = list(filter(near, found))
     best, out_of_reach = min(map(measure.of, good), default=np.inf), measure.least
     for _ in range(_TRIES):
         if work.expired() or not np.isfinite(best) or _as_good(best, out_of_reach, measure):
@@ -588,7 +594,7 @@ def _improved(
         except FieldError:  # another limit excludes it
             more = []
         else:
-            more = [one for one in search(*asked, goal) if near_enough(one)]
+            more = list(filter(near, search(*asked, goal)))
         if more:
             good += more
             best = min(best, *map(measure.of, more))
@@ -597,31 +603,15 @@ def _improved(
     return good
 
 
-def by_layers(
-    found: Sequence[Solution], motion: Motion, asked: AskedAssembly, goal: float, top: int, work: Work
-) -> list[Solution]:
-    """Linkages that are near enough, first those with free layers over whose fixed pivots nothing passes, then by layers.
-
-    Those that the time does not reach keep their places behind them.
-    """
-    if not found:
-        return []
-    least = _NEAR_ENOUGH * max(found[0].errors.objective, goal)
-    ranked: list[tuple[tuple[float, ...], Solution]] = []
-    for place, one in enumerate(found):
-        if motion.tolerances is not None:
-            off = not motion.keeps(one.linkage, one.crank)
-        else:
-            off = one.errors.objective > least
-        rank = (off, True, 0, 0)
-        if not off and not work.expired():
-            target = motion.one_of(motion.with_angles([one.linkage], [one.crank]), 0).target
-            with suppress(FieldError, OutOfTime):
-                layers = assembled(one.linkage, asked, target.interval, motion.radian, work)
-                crossed = sum(not shaft.both_sides for shaft in layers.shaft.values())
-                rank = (off, not layers.free, crossed, layers.count)
-        ranked.append(((*rank, place), one))
-    return [one for _, one in sorted(ranked, key=lambda pair: pair[0])][:top]
+def _arranged(
+    found: Sequence[Any], motion: Motion, limits: Limits, least: float, studies: Studies, work: Work
+) -> tuple[dict[int, Rank], Studies, list[str]]:
+    """How the layers of linkages rank, by id, of those that are near enough; the studies with them; what is to be said."""
+    asked = studies.assembly or read_assembly(True)
+    assert asked is not None
+    ranks, made, left = layers_of(found, motion, least, asked.within(limits.envelope, limits.keep_out), work)
+    said = [UNARRANGED.format(left, len(ranks))] if left else []
+    return ranks, studies._replace(assembly=asked, arranged=made), said
 
 
 def _as_good(best: float, other: float, measure: _Measure) -> bool:

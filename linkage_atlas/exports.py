@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 from linkage_atlas.arguments import millimetres_in, number, pair
 from linkage_atlas.formats import FORMATS, OF_PARTS
-from linkage_atlas.guided_studies import analysed as guided_analysed
 from linkage_atlas.solids import SLIDES
 from linkage_atlas.studies import analysed, read_drive
 from synthesis.drives.attached import COLOUR, LAYER, Attached
@@ -17,8 +16,7 @@ from synthesis.drives.links import GROUND, Machine, ends_of, machine_at
 from synthesis.drives.six_bar import Motor, SixBar
 from synthesis.errors import FieldError
 from synthesis.fourbar import files as of_four_bars
-from synthesis.fourbar.analysis import LinkMass
-from synthesis.fourbar.linkage import Linkage
+from synthesis.fourbar.linkage import Linkage, LinkMass
 from synthesis.guided import files as of_guided
 from synthesis.guided.linkage import GuidedLinkage
 from synthesis.sheet import More
@@ -111,10 +109,9 @@ def _analysis_columns(
 ) -> dict[str, Any]:
     if analysis is None:
         return {}
-    if isinstance(linkage, Linkage):
-        asked = read_drive(analysis, linkage.mounted)
-        return analysed(linkage, asked, target.crank, radian).columns()
-    return guided_analysed(linkage, read_drive(analysis, True), target.crank, radian).columns()
+    asked = read_drive(analysis, isinstance(linkage, GuidedLinkage) or linkage.mounted)
+    columns: dict[str, Any] = analysed(linkage, asked, target.crank, radian).columns()
+    return columns
 
 
 def drive_on(

@@ -7,14 +7,15 @@ size and transmission angle at once (the Pareto front), ordered by what is prefe
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple, get_args
 
 import numpy as np
 
-from linkage_atlas.answers import AnySolution, finished, finished_guided
+from linkage_atlas.answers import AnySolution, finished, finished_guided, merit
 from linkage_atlas.arguments import kinds_among
+from linkage_atlas.assemblies import AskedAssembly, Assembly, assembled
 from linkage_atlas.guided import KindName
 from linkage_atlas.motions import Motion
 from linkage_atlas.studies import Studies
@@ -22,7 +23,7 @@ from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.fourbar import solution as fourbar
 from synthesis.fourbar.limits import FORMS, Limits
-from synthesis.fourbar.passage import LEAVES_SAMPLES, size_of
+from synthesis.fourbar.passage import size_of
 from synthesis.free.poses import Poses
 from synthesis.free.search import go_astray, have_tiny_links
 from synthesis.guided import solution as guided
@@ -34,7 +35,7 @@ from synthesis.kept import Kept
 from synthesis.ranking import APART, behind, distinct
 from synthesis.search.search import StoppedBy
 from synthesis.target import Samples, Target
-from synthesis.work import Work
+from synthesis.work import OutOfTime, Work
 
 MECHANISMS = get_args(KindName)
 DRIVERS = tuple(one.value for one in Driver)
@@ -52,6 +53,8 @@ _LEADS = 2
 """Four-bars whose rotations linkages with sliders begin with where none are asked for."""
 _NEAR_ENOUGH = 1.1
 """Without tolerances: times the least error up to which something else may be preferred."""
+UNRANKED = (True, 0, 0)
+"""Where there are no layers, or the time did not reach them: behind free ones."""
 _NO_ANSWER, _TIMES_LESS = 0.1, 10.0
 """J from which on a linkage is no answer where another one's is so many times less."""
 _SAME = 1e-3
@@ -134,10 +137,9 @@ def _check(asked: Asked, motion: Motion) -> None:
         raise FieldError(f"/{field}", "linkages with sliders need rotation and position at two samples or more")
 
 
-def check_kinds_alone(prefer: Any, effort: str, refine_from: Any, live: Any) -> None:
+def check_kinds_alone(effort: str, refine_from: Any, live: Any) -> None:
     """FieldError for what only a request for four-bars alone can have."""
     for name, asked, why in (
-        ("prefer", prefer == "layers", "layers are arranged for four-bars alone"),
         ("effort", effort == "atlas", "the atlas holds four-bars alone"),
         ("refine_from", refine_from is not None, "four-bars alone are refined"),
         ("live", live is not None, "only the search among four-bars goes on from its last answer"),
@@ -304,6 +306,10 @@ def _given(motion: Motion, driver: Driver | None) -> tuple[Floats | None, Driver
 # -- side by side ----------------------------------------------------------------------------------------------------
 
 
+Rank = tuple[bool, int, int]
+"""Of layers, less is better: whether none are free, fixed pivots over which something passes, layers."""
+
+
 class Measures(NamedTuple):
     """What linkages of several kinds are compared by; less is better."""
 
@@ -313,10 +319,12 @@ class Measures(NamedTuple):
     loss: float
     """The transmission angle, negative."""
     driver: str
+    layers: Rank = (False, 0, 0)
+    """Where they are preferred."""
 
     def beats(self, other: Measures) -> bool:
         """Whether it is as good in everything, better in something, and driven alike."""
-        pairs = list(zip(self[:3], other[:3]))
+        pairs: list[tuple[Any, Any]] = [*zip(self[:3], other[:3]), (self.layers, other.layers)]
         return self.driver == other.driver and all(a <= b for a, b in pairs) and any(a < b for a, b in pairs)
 
     def same_as(self, other: Measures) -> bool:
@@ -324,18 +332,18 @@ class Measures(NamedTuple):
         return all(abs(a - b) <= _SAME * max(abs(a), abs(b)) for a, b in zip(self[:3], other[:3]))
 
 
-def measures_of(one: Found, samples: Samples, tolerance: float) -> Measures:
+def measures_of(one: Found, samples: Samples, tolerance: float, layers: Rank = (False, 0, 0)) -> Measures:
     """The measures of a linkage."""
     error = max(one.errors.objective, tolerance)
     if isinstance(one, guided.GuidedSolution):
         size, driver = guided.size_of(one, samples), one.linkage.driver.value
     else:
         size, driver = size_of(one.linkage, samples), Driver.CRANK.value
-    return Measures(error, np.inf if size is None else size, -one.transmission_angle_min, driver)
+    return Measures(error, np.inf if size is None else size, -one.transmission_angle_min, driver, layers)
 
 
 def _staying(found: Sequence[Found], samples: Samples, tolerance: float) -> list[Found]:
-    """Those whose body point stays between samples, four-bars without a tiny link; all where no such one is near."""
+    """Those whose body stays between samples, four-bars without a tiny link; all where no such one is near."""
     if not isinstance(samples, Poses) or samples.position is None:
         return list(found)
     strays = np.zeros(len(found), dtype=bool)
@@ -344,44 +352,57 @@ def _staying(found: Sequence[Found], samples: Samples, tolerance: float) -> list
     strays[four_bars] = go_astray(some, samples) | have_tiny_links(some, samples)
     for k, one in enumerate(found):
         if isinstance(one, guided.GuidedSolution):
-            way = guided.excursion(one, samples, samples.ordered, samples.closed)
-            strays[k] = way is not None and way > LEAVES_SAMPLES
+            strays[k] = guided.goes_astray(one, samples)
     groups = behind(np.array([one.errors.objective for one in found]), strays, tolerance)
     left_out = strays & np.where(groups == 1, np.any(groups == 0), np.any((groups == 0) | (groups == 2)))
     return [one for one, out in zip(found, left_out) if not out]
 
 
 def front(
-    found: Sequence[Found], motion: Motion, limits: Limits, prefer: str, tolerance: float, top: int
+    found: Sequence[Found],
+    motion: Motion,
+    limits: Limits,
+    prefer: str,
+    tolerance: float,
+    top: int,
+    ranks: Mapping[int, Rank] | None = None,
 ) -> list[Found]:
     """The Pareto front of linkages of several kinds, at most ``top``, in the order of what is preferred.
 
     Law: none of them beats another. Where there are more, the best of each kind and drive come before further ones. Within
     the practical limits those that stray between samples are left out where others are near.
+
+    ``ranks``: of their layers, by id, where these are preferred; without them none is left out for being beaten.
     """
     samples = motion.samples
     if limits.practical:
         found = _staying(found, samples, tolerance)
     poor = max(_NO_ANSWER, _TIMES_LESS * min((one.errors.objective for one in found), default=0.0))
-    known = [(measures_of(one, samples, tolerance), one) for one in found if one.errors.objective <= poor]
+    unranked, rank_of = prefer == "layers" and ranks is None, ranks or {}
+    known = [
+        (measures_of(one, samples, tolerance, rank_of.get(id(one), UNRANKED)), one)
+        for one in found
+        if one.errors.objective <= poor
+    ]
     kept: list[tuple[Measures, Found]] = []
     for mine, one in known:
-        if not any(other.beats(mine) for other, _ in known) and not any(
+        if (unranked or not any(other.beats(mine) for other, _ in known)) and not any(
             _sort(one) == _sort(before) and mine.same_as(other) for other, before in kept
         ):
             kept.append((mine, one))
     if not kept:
         return []
-    least = _NEAR_ENOUGH * min(mine.error for mine, _ in kept)
+    near = near_enough(motion, min(mine.error for mine, _ in kept))
 
     def place(pair: tuple[Measures, Found]) -> tuple[Any, ...]:
         mine, one = pair
-        far = not keeps(one, motion) if motion.tolerances is not None else mine.error > least
         by_error = (mine.error, np.floor(mine.loss / _STEP), mine.size)
         if prefer == "error":
             return False, *by_error
-        if far:
+        if not near(one):
             return True, *by_error
+        if prefer == "layers":
+            return False, mine.layers, *by_error
         if prefer == "crank_span":
             return False, span_of(one), *by_error
         return False, mine.size if prefer == "size" else mine.loss, *by_error
@@ -399,13 +420,43 @@ def front(
     return sorted(chosen, key=lambda one: rank[id(one)])
 
 
-def keeps(one: Found, motion: Motion) -> bool:
-    """Whether a linkage is inside the tolerances at every sample."""
-    if not isinstance(one, guided.GuidedSolution):
-        return motion.keeps(one.linkage, one.crank)
-    assert motion.tolerances is not None
-    target = guided.as_target(motion.samples, one.linkage, one.travel)
-    return bool(np.all(motion.tolerances.shares(target, one.linkage) <= 1))
+def target_of(one: Found, motion: Motion) -> Target:
+    """The motion with the travel of the linkage's own drive."""
+    if isinstance(one, guided.GuidedSolution):
+        return guided.as_target(motion.samples, one.linkage, one.travel)
+    return motion.one_of(motion.with_angles([one.linkage], [one.crank]), 0).target
+
+
+def near_enough(motion: Motion, least: float) -> Callable[[Found], bool]:
+    """Whether a linkage is inside the tolerances at every sample; without tolerances, whether J is near the least."""
+    allowed = motion.tolerances
+    if allowed is None:
+        return lambda one: one.errors.objective <= _NEAR_ENOUGH * least
+    return lambda one: bool(np.all(allowed.shares(target_of(one, motion), one.linkage) <= 1))
+
+
+def layers_of(
+    found: Sequence[Found], motion: Motion, least: float, asked: AskedAssembly, work: Work
+) -> tuple[dict[int, Rank], dict[int, Assembly], int]:
+    """Layers of linkages that are near enough, in their order.
+
+    Returns how all of these rank, by id; the assemblies made, by id of the `linkage`; and how many the time did not reach.
+    """
+    near = list(filter(near_enough(motion, least), found))
+    ranks: dict[int, Rank] = {id(one): UNRANKED for one in near}
+    made: dict[int, Assembly] = {}
+    for place, one in enumerate(near):
+        try:
+            work.go_on()
+            layers = assembled(one.linkage, asked, target_of(one, motion).interval, motion.radian, work)
+        except OutOfTime:
+            return ranks, made, len(near) - place
+        except FieldError:
+            continue
+        made[id(one.linkage)] = layers
+        crossed = sum(not shaft.both_sides for shaft in layers.shaft.values())
+        ranks[id(one)] = not layers.free, crossed, layers.count
+    return ranks, made, 0
 
 
 def travel_of(one: Found) -> Any:
@@ -443,8 +494,5 @@ def finished_kinds(
         else:
             solutions += finished(four_bars, motion, limits, tolerance, studies, None, work, by_error=False)
 
-    def place(one: AnySolution) -> tuple[bool, bool, int]:
-        return not one.verdict.works, one.verdict.within_tolerance is False, rank[id(one.origin.found)]
-
-    solutions.sort(key=place)
+    solutions.sort(key=lambda one: (*merit(one), rank[id(one.origin.found)]))
     return [replace(one, rank=number) for number, one in enumerate(solutions, 1)]

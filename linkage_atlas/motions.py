@@ -258,12 +258,6 @@ class Motion:
             return self
         return Motion.of(target.one_of(place), self.degrees, self.tolerances)
 
-    def keeps(self, linkage: Linkage, crank: Any) -> bool:
-        """Whether a linkage that was found is inside the tolerances at every sample."""
-        assert self.tolerances is not None
-        target = self.one_of(self.with_angles([linkage], [crank]), 0).target
-        return bool(np.all(self.tolerances.shares(target, linkage) <= 1))
-
     def of_solution(self, linkage: Linkage, crank: Any) -> Motion:
         """The motion with the crank angles that one solution found."""
         if isinstance(self.samples, Target):

@@ -335,7 +335,7 @@ class SixBarLinkage(AnyLinkage):
         found = self._arranged(of_assembly, work, "")
         return solids_in(found, read_solids(of_solids, ""), of_assembly, length_unit)
 
-    def file(
+    def file(  # type: ignore[override]
         self,
         kind: str,
         motion: Motion | None = None,
@@ -398,16 +398,6 @@ class SixBarLinkage(AnyLinkage):
             more |= asked.columns()
         rows = Target(None, None, crank=found.travel * self._base._unit, found=True)
         return content_of(self._base.plain, rows, self._radian, "csv", length_unit, None, None, more=more)
-
-    def render(self, kind: str, motion: Motion | None = None, length_unit: str = "mm", **more: Any) -> str:
-        """The six-bar as the text of a file; arguments as of `file`."""
-        if kind in ("3mf", "stl"):
-            raise FieldError("/kind", f"{kind} is no text: `file` has its content, and `save` writes it")
-        return self.file(kind, motion, length_unit, **more).decode()
-
-    def _file_with(self, kind: str, length_unit: str, asked: Mapping[str, Any]) -> bytes:
-        of_assembly, of_solids = split(asked)
-        return self.file(kind, length_unit=length_unit, assembly=of_assembly, solids=of_solids)
 
     @property
     def drive(self) -> dict[str, Any]:

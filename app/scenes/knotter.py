@@ -28,11 +28,10 @@ from app.replies import reply_model
 from app.tables import DEGREES, Units, table
 from linkage_atlas import FieldError, OutOfTime
 from synthesis.knotter import d_knotter
-from synthesis.knotter.conditions import Found, crossing_curve, point_paths, step_before
+from synthesis.knotter.conditions import Crossing, Found, crossing_curve, point_paths, step_before
 from synthesis.knotter.d_knotter import Needle
 from synthesis.knotter.fit import Direction, Pattern, Wanted, directions, rank, search, single_ranges
 from synthesis.knotter.mechanism import ANGLES, Linear, Table, as_array, dimensions
-from synthesis.knotter.segment_triangle import Crossing
 from synthesis.knotter.study import Spread, solve, spread, study
 from synthesis.sheet import csv_text
 
@@ -778,6 +777,8 @@ class PatternFitRequest(MachineRequest):
 
 BOUNDS_SHARE = 0.3
 """Part of the budget that the search leaves to the bounds of what it found."""
+LEAST_SECONDS = 0.05
+"""Of a smaller budget: one set is judged in any case, on however busy a machine."""
 DirectionReply = reply_model(Direction)
 
 
@@ -821,8 +822,8 @@ class PatternFitReply(Provenance):
 
 def answer_fit(request: PatternFitRequest, resources: Resources) -> PatternFitReply:
     """Dimensions that reproduce a pattern, and how non-unique they are."""
-    whole, angles = resources.work(request.budget_ms / 1000), Angles(request.angle_unit, DECIMALS)
-    work = whole.extended(-BOUNDS_SHARE)
+    whole = resources.work(max(request.budget_ms / 1000, LEAST_SECONDS))
+    work, angles = whole.extended(-BOUNDS_SHARE), Angles(request.angle_unit, DECIMALS)
     mechanism, conditions = machine_of(request, angles)
     unit_in = 1.0 if request.angle_unit == "deg" else math.radians(1.0)
     unknowns = request.unknowns

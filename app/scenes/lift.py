@@ -30,8 +30,18 @@ from synthesis.lift.constraints import ConstraintRow, Constraints, measured, opt
 from synthesis.lift.files import columns, design_csv, design_dxf, design_svg
 from synthesis.lift.loops import condition, smallest_condition
 from synthesis.lift.motion import Drive, Motion, forces, least_bore, motion
-from synthesis.lift.objective import Built, Objective, Optimum, OptimumMotion, Task, rise
-from synthesis.lift.optimum import Published, optimize, optimize_batch, published_for
+from synthesis.lift.optimum import (
+    Built,
+    Objective,
+    Optimum,
+    OptimumMotion,
+    Published,
+    Task,
+    optimize,
+    optimize_batch,
+    published_for,
+    rise,
+)
 from synthesis.lift.pose import Cylinder, Design, joints, pose_at_turn, turns_at_length
 from synthesis.sheet import csv_text
 

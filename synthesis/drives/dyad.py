@@ -15,12 +15,12 @@ and zeta is chosen for the best transmission angle. On other links O, a and b ar
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from synthesis.arrays import Complexes, Flags, Floats
-from synthesis.drives.actuator import Actuator, Box, Question, Wanted
+from synthesis.drives.actuator import Box, Question, Wanted
 from synthesis.drives.links import LinkMotion
 from synthesis.fourbar.kinematics import grashof_excesses, transmission_angle_over
 from synthesis.target import TURN, Interval
@@ -35,10 +35,16 @@ _LOOSE = 1e-5
 _OTHER_RODS = [2.5, 2.0, 1.6, 1.3, 1.1, 0.9, 4.0, 6.0]
 LARGEST_RATIO = 5.0
 """Time ratio at most: the rod then stands at 60 degrees less than half the swing at best."""
-_GRID, _SPARSE = 22, 5
-"""Points of the grid of O, either way, and every which position of the motion is looked at there."""
-_STROKES, _RODS = np.array([0.2, 0.4, 0.6, 0.8]), np.array([0.35, 1.0, 2.0, 4.0])
-"""Sizes that are tried: 2a over the pin's longest way, and (b - a) over 2a."""
+_GRID, _FEW = 14, 19
+"""Points of the grid of O, either way, and positions of the motion that are looked at there."""
+_AROUND, _RADII = 12, (0.4, 0.7, 1.0)
+"""Directions of pins on their link, and their distances over the reach."""
+_RODS, _LENGTHS = (0.2, 50.0), 16
+"""Rods that are tried for given times, the shortest and the longest over half the way of the pin, and how many."""
+_EACH_WAY, _APART, _SAME = 4, 0.3, 0.01
+"""Short descents of each way; over the size, how far apart they begin, and how near is one place."""
+_SHORT, _LONG, _STEPS = 8, 3, 40
+"""Steps of a short descent; how many are gone on with, and for how many steps."""
 
 
 class Proportions(NamedTuple):
@@ -323,38 +329,31 @@ def on_any_link(
     work: Work | None = None,
 ) -> Driven | str:
     """The motor and rod with the best least transmission angle on a link that moves anyhow, or why there are none found."""
-    question = Question(link, at, np.zeros(at.size), Wanted(box, reach, 0.0), _GRID)
-    turned = abs(link.direction[-1] - link.direction[0])
-    most = abs(link.origin[-1] - link.origin[0]) + reach * turned
     angle = None if time_ratio is None else _angle_of(time_ratio)
-    begun: list[tuple[float, Floats, bool, float]] = []
-    sparse: Any = slice(None, None, _SPARSE)
-    for stroke in (_STROKES * most).tolist():
-        for retracted in (_RODS * stroke).tolist():
-            grounds, pins, ways, sides, _ = question.families(Actuator(retracted, stroke))
-            near = np.abs(pins) <= reach
-            if not near.any():
-                continue
-            grounds, pins, ways, sides = grounds[near], pins[near], ways[near], sides[near]
-            arm = question.arms(grounds, pins) * (question.sense * np.where(ways, 1.0, -1.0))[:, None]
-            good = np.flatnonzero(arm.min(axis=1) > 0)
-            if not good.size:
-                continue
-            grounds, pins, ways, sides = grounds[good], pins[good], ways[good], sides[good]
-            worth = _sines(link, sparse, grounds, pins, ways, retracted, stroke, question.sense).min(axis=(0, 2))
-            if angle is not None:
-                worth -= 0.5 * np.abs(_turned(link, grounds, pins) - angle)
-            for k in np.argsort(-worth)[:2]:
-                sizes = np.array([grounds[k].real, grounds[k].imag, retracted, stroke]) / question.size
-                begun.append((float(worth[k]), sizes, bool(ways[k]), float(sides[k])))
+    wanted = Wanted(box, reach, 0.0)
+    whole = Question(link, at, np.zeros(at.size), wanted, _GRID)
+    some = np.unique(((at.size - 1) * np.sin(np.linspace(0, np.pi / 2, _FEW)) ** 2).round().astype(int))
+    rough = Question(link.at(some), at[some], np.zeros(some.size), wanted, _GRID)
+    begun = _beginnings(rough, angle)
     if not begun:
         return "no point of the link has a distance from any point of motor_box that grows or shrinks all the way"
-    begun.sort(key=lambda row: -row[0])
-    best: Driven | None = None
-    for _, sizes, way, side in begun[:5]:
-        if work is not None and work.expired() and best is not None:
+    # short descents over few positions say which valleys are worth a long one over all
+    ends: list[tuple[float, _Begin]] = []
+    for begin in begun:
+        if work is not None and work.expired() and ends:
             break
-        one = _improved(question, link, torque, sizes, way, side, angle)
+        end = _improved(rough, begin, angle, _SHORT)
+        ends.append((_Descent(whole, begin.way, angle).worth(end), end))
+    ends.sort(key=lambda row: -row[0])
+    best: Driven | None = None
+    seen: list[_Begin] = []
+    for _, begin in ends:
+        if best is not None and (len(seen) >= _LONG or (work is not None and work.expired())):
+            break
+        if any(one.near(begin, _SAME * whole.size) for one in seen):
+            continue
+        seen.append(begin)
+        one = _closed(whole, torque, _improved(whole, begin, angle, _STEPS), angle)
         if one is not None and (best is None or one.least_angle > best.least_angle):
             best = one
     if best is None:
@@ -363,132 +362,251 @@ def on_any_link(
     return best
 
 
+def _beginnings(question: Question, angle: float | None) -> list[_Begin]:
+    """Motors and pins of a coarse grid that drive the link, the best of each way that lie apart from one another."""
+    link, reach = question.link, question.wanted.reach
+    turns = np.exp(2j * np.pi * np.arange(_AROUND) / _AROUND)
+    pins = np.concatenate([[0j], *(reach * part * turns for part in _RADII)])
+    if angle is None:
+        o, q = (one.ravel() for one in np.meshgrid(question.grounds, pins))
+    else:
+        o, q = _in_time(question, pins, angle)
+    arms = question.arms(o, q) * question.sense
+    found: list[_Begin] = []
+    for way in (True, False):
+        good = np.flatnonzero((arms if way else -arms).min(axis=1) > 0)
+        if not good.size:
+            continue
+        worth = _sines(link, o[good], q[good], way, question.sense).min(axis=(0, 2))
+        for _ in range(_EACH_WAY):
+            k = int(np.argmax(worth))
+            if worth[k] == -np.inf:
+                break
+            found.append(_Begin(complex(o[good][k]), complex(q[good][k]), way))
+            apart = np.abs(o[good] - found[-1].motor) + np.abs(q[good] - found[-1].pin)
+            worth[apart < _APART * question.size] = -np.inf
+    return found
+
+
 def _angle_of(time_ratio: float) -> float:
     ratio = max(time_ratio, 1 / time_ratio)
     return float(np.pi * (ratio - 1) / (ratio + 1))
 
 
-def _turned(link: LinkMotion, motors: Complexes, pins: Complexes) -> Floats:
-    """The angle QaOQb of pairs, its amount."""
-    first, last = (link.origin[k] + link.direction[k] * pins - motors for k in (0, -1))
-    return np.asarray(np.abs(np.angle(last * np.conj(first))))
-
-
-def _sines(
-    link: LinkMotion,
-    some: slice,
-    motors: Complexes,
-    pins: Complexes,
-    ways: Flags | bool,
-    retracted: Any,
-    stroke: Any,
-    sense: float,
-) -> Floats:
-    """Sines of the transmission angle, (2, m, n), negative where the rod works against the way."""
-    x, r, speed, rate = link.origin[some], link.direction[some], link.velocity[some], link.rate[some]
-    q = np.asarray(pins)[:, None]
-    v = x + r * q - np.asarray(motors)[:, None]
-    moved = speed + 1j * rate * r * q
-    a = np.broadcast_to(np.asarray(stroke) / 2, np.shape(pins))[:, None]
-    b = np.broadcast_to(np.asarray(retracted) + np.asarray(stroke) / 2, np.shape(pins))[:, None]
-    length = np.abs(v)
-    cosine = np.clip((length**2 + b**2 - a**2) / (2 * length * b), -1, 1)
-    sine = np.sqrt(1 - cosine**2)
-    sign = sense * np.where(np.broadcast_to(ways, np.shape(pins)), 1.0, -1.0)[:, None]
-    part = np.conj(v) * moved / (length * np.abs(moved)) * sign
-    return np.stack([np.real(part * (cosine - 1j * side * sine)) for side in (1, -1)])
-
-
-def _improved(
-    question: Question, link: LinkMotion, torque: Floats, sizes: Floats, way: bool, side: float, angle: float | None
-) -> Driven | None:
-    """The nearest optimum from one place of the grid, by sequential quadratic programs; None where it fails."""
-    from scipy.optimize import minimize
-
-    size, n = question.size, question.at.size
+def _in_time(question: Question, pins: Complexes, angle: float) -> tuple[Complexes, Complexes]:
+    """Motors in their box from which the ends of a pin's way are seen under an angle, and the pins; for rods of many lengths."""
+    first, last = (question.link.origin[k] + question.link.direction[k] * pins for k in (0, -1))
+    half, middle = (last - first)[:, None] / 2, (first + last)[:, None] / 2
+    size = np.abs(half)
+    # crank and rod over half the chord: points of the ellipse (a cos(e/2))^2 + (b sin(e/2))^2 = 1, some of equal steps of the rod
+    rods = np.geomspace(_RODS[0], min(_RODS[1], 0.999 / np.sin(angle / 2)), _LENGTHS)
+    cranks = np.sqrt(1 - (rods * np.sin(angle / 2)) ** 2) / np.cos(angle / 2)
+    # from the middle of the chord, along it and beside it, by the two distances b - a and b + a from its ends
+    along = cranks * rods
+    beside = np.sqrt(np.maximum((rods - cranks) ** 2 - (along - 1) ** 2, 0.0))
     left, bottom, right, top = question.wanted.box
-    reach = question.wanted.reach
-    steps = np.concatenate([np.zeros((1, 4)), 1e-7 * np.eye(4)])
+    places, of = [], []
+    for way in (1, -1):
+        for side in (1, -1):
+            motors = middle + half * (way * along + 1j * side * beside)
+            inside = (motors.real >= left) & (motors.real <= right) & (motors.imag >= bottom) & (motors.imag <= top)
+            inside &= (rods > cranks) & (size > 0)
+            places.append(motors[inside])
+            of.append(np.broadcast_to(pins[:, None], motors.shape)[inside])
+    return np.concatenate(places), np.concatenate(of)
 
-    def values(z: Floats) -> Floats:
-        """Sines less t, room of the reach, and the angle QaOQb, at z and at a step of each unknown from it."""
-        every = (z[:4] + steps) * size
-        motors = every[:, 0] + 1j * every[:, 1]
-        short, long = every[:, 2], every[:, 2] + every[:, 3]
-        begin, end = (short, long) if way else (long, short)
-        first, last = (np.conj(link.direction[k]) * (motors - link.origin[k]) for k in (0, -1))
-        distance = np.abs(last - first)
-        foot = ((begin - end) * (begin + end) / distance + distance) / 2
-        height = np.maximum((begin - foot) * (begin + foot), 0.0)
-        pins = first + (foot + 1j * side * np.sqrt(height)) * (last - first) / distance
-        sines = _sines(link, slice(None), motors, pins, way, every[:, 2], every[:, 3], question.sense)
-        sines[:, :, [0, -1]] = sines[0, :, [0, -1]].T
-        meets = (begin - foot) * (begin + foot) / size**2
-        rows = [*sines.transpose(0, 2, 1).reshape(2 * n, 5), 1 - np.abs(pins) ** 2 / reach**2, meets]
-        if angle is not None:
-            rows.append(_turned(link, motors, pins) - angle)
-        return np.array(rows)
 
-    seen: dict[bytes, Floats] = {}
+def _sines(link: LinkMotion, motors: Complexes, pins: Complexes, way: bool, sense: float) -> Floats:
+    """Sines of the transmission angle of m motors and pins, (2, m, n), negative where the rod works against the way."""
+    turned = link.direction * pins[:, None]
+    v = link.origin + turned - motors[:, None]
+    length = np.abs(v)
+    first, last = length[:, :1], length[:, -1:]
+    cosine = np.minimum((length**2 + first * last) / (length * (first + last)), 1.0)
+    part = np.conj(v) * (link.velocity + 1j * link.rate * turned)
+    part *= (sense if way else -sense) / np.maximum(np.abs(part), 1e-300)
+    along, across = part.real * cosine, part.imag * np.sqrt(1 - cosine**2)
+    return np.stack([along + across, along - across])
 
-    def known(z: Floats) -> Floats:
-        key = z[:4].tobytes()
-        if key not in seen:
-            seen.clear()
-            with np.errstate(all="ignore"):
-                seen[key] = np.nan_to_num(values(z), nan=-1.0)
-        return seen[key]
 
-    def rows(z: Floats) -> Floats:
-        found = known(z)[: 2 * n + 2, 0].copy()
-        found[: 2 * n] -= z[4]
+class _Begin(NamedTuple):
+    """Where a descent begins: motor, pin, and whether the line between both grows."""
+
+    motor: complex
+    pin: complex
+    way: bool
+
+    def near(self, other: _Begin, length: float) -> bool:
+        """Whether both are in one valley, as far as one can see."""
+        return self.way == other.way and abs(self.motor - other.motor) + abs(self.pin - other.pin) < length
+
+
+class _Descent:
+    """Rows and exact derivatives of ``sine of the transmission angle >= u``, reach and times, of motor O and pin q.
+
+    Unknowns: O and q over the size, and u. With psi the angle from the line OQ to the pin's path and beta that at the pin
+    between rod and line, the sines are ``cos(psi -+ beta)``; crank and rod follow from ``|OQ|`` at both ends.
+    """
+
+    def __init__(self, question: Question, way: bool, angle: float | None) -> None:
+        self.link, self.way, self.angle = question.link, way, angle
+        self.size, self.reach = question.size, question.wanted.reach
+        self.sign = question.sense * (1.0 if way else -1.0)
+        box = [part / self.size for part in question.wanted.box]
+        room = self.reach / self.size
+        self.bounds = [(box[0], box[2]), (box[1], box[3]), (-room, room), (-room, room), (-1.0, 1.0)]
+        self._seen: _Looked | None = None
+
+    def places(self, z: Floats) -> tuple[complex, complex]:
+        """Motor and pin."""
+        x, y, along, beside = (z[:4] * self.size).tolist()
+        return complex(x, y), complex(along, beside)
+
+    def rows(self, z: Floats) -> Floats:
+        """Sines less u, (2 n - 2,), room of the reach, and that the line grows or shrinks at all."""
+        found = self._at(z).rows[:-1].copy()
+        found[:-2] -= z[4]
         return found
 
-    def slopes(z: Floats) -> Floats:
-        found = known(z)[: 2 * n + 2]
-        table = np.empty((2 * n + 2, 5))
-        table[:, :4] = (found[:, 1:] - found[:, :1]) / 1e-7
-        table[:, 4] = -1.0
-        table[2 * n :, 4] = 0.0
-        return table
+    def slopes(self, z: Floats) -> Floats:
+        """Of `rows`, by the unknowns."""
+        found = self._slopes(z)[:-1]
+        return np.column_stack([found, np.append(np.full(found.shape[0] - 2, -1.0), [0.0, 0.0])])
 
-    begin = np.append(sizes, 0.0)
-    begin[4] = known(begin)[: 2 * n, 0].min()
-    limits = [{"type": "ineq", "fun": rows, "jac": slopes}]
-    if angle is not None:
-        limits.append(
-            {
-                "type": "eq",
-                "fun": lambda z: known(z)[-1:, 0],
-                "jac": lambda z: np.append((known(z)[-1, 1:] - known(z)[-1, 0]) / 1e-7, 0.0)[None],
-            }
+    def off(self, z: Floats) -> Floats:
+        """The angle QaOQb less the one that the times ask for."""
+        return self._at(z).rows[-1:]
+
+    def off_slopes(self, z: Floats) -> Floats:
+        """Of `off`."""
+        return np.append(self._slopes(z)[-1], 0.0)[None]
+
+    def start(self, begin: _Begin) -> Floats:
+        """The unknowns at a place, with u the smallest sine there."""
+        z = np.array([begin.motor.real, begin.motor.imag, begin.pin.real, begin.pin.imag, 0.0]) / self.size
+        z[4] = self._at(z).rows[:-3].min()
+        return z
+
+    def worth(self, begin: _Begin) -> float:
+        """The smallest sine at a place, less what the times are off."""
+        z = self.start(begin)
+        return float(z[4] - (0.0 if self.angle is None else abs(self.off(z)[0])))
+
+    def _at(self, z: Floats) -> _Looked:
+        key = z[:4].tobytes()
+        if self._seen is None or self._seen.key != key:
+            self._seen = self._computed(key, z)
+        return self._seen
+
+    def _slopes(self, z: Floats) -> Floats:
+        seen = self._at(z)
+        if seen.slopes is None:
+            seen = self._seen = seen._replace(slopes=self._slopes_of(seen))
+        return np.asarray(seen.slopes)
+
+    def _computed(self, key: bytes, z: Floats) -> _Looked:
+        motor, pin = self.places(z)
+        v, moved = self.link.place(pin) - motor, self.link.speed(pin)
+        length = np.abs(v)
+        part = np.conj(v) * moved
+        part *= self.sign / np.maximum(np.abs(part), 1e-300)
+        short, long = (length[0], length[-1]) if self.way else (length[-1], length[0])
+        middle = length[1:-1]
+        # the angle at the pin, from the triangle's sides: 0 at both ends
+        twice = middle * (short + long)
+        cosine = np.minimum((middle**2 + short * long) / twice, 1.0)
+        sine = (
+            np.sqrt(np.maximum((middle - short) * (middle + short) * (long - middle) * (long + middle), 0.0)) / twice
         )
+        rows = np.empty(2 * length.size + 1)
+        here, there = part[1:-1].real * cosine, part[1:-1].imag * sine
+        n = middle.size
+        rows[:n], rows[n : 2 * n], rows[2 * n : -3] = here + there, here - there, part[[0, -1]].real
+        rows[-3] = (1 - abs(pin) / self.reach) * (1 + abs(pin) / self.reach)
+        rows[-2] = (long - short) / self.size
+        turned = float(np.angle(v[-1] * np.conj(v[0])))
+        rows[-1] = abs(turned) - (self.angle or 0.0)
+        return _Looked(key, rows, None, pin, v, moved, part, cosine, sine, turned)
+
+    def _slopes_of(self, seen: _Looked) -> Floats:
+        link, v, part = self.link, seen.v, seen.part
+        along = link.direction[:, None]
+        dv = along * _PINS - _MOTORS
+        by_line = dv / v[:, None]
+        psi = (1j * link.rate[:, None] * along * _PINS / seen.moved[:, None]).imag - by_line.imag
+        length = np.abs(v)[:, None]
+        longer = by_line.real * length
+        (short, d_short), (long, d_long) = ((length[k], longer[k]) for k in ((0, -1) if self.way else (-1, 0)))
+        middle, total = length[1:-1], short + long
+        # of the cosine (L^2 + s l) / (L (s + l)) by L, s and l
+        cosines = (middle**2 - short * long) / (middle**2 * total) * longer[1:-1]
+        cosines += (long - middle) * (long + middle) / (middle * total**2) * d_short
+        cosines += (short - middle) * (short + middle) / (middle * total**2) * d_long
+        beta = -cosines / np.maximum(seen.sine, 1e-12)[:, None]
+        one, other = part[1:-1].imag * seen.cosine, part[1:-1].real * seen.sine
+        slopes = np.zeros((seen.rows.size, 4))
+        n = seen.sine.size
+        slopes[:n] = (other - one)[:, None] * (psi[1:-1] - beta)
+        slopes[n : 2 * n] = -(other + one)[:, None] * (psi[1:-1] + beta)
+        slopes[2 * n : -3] = -part[[0, -1]].imag[:, None] * psi[[0, -1]]
+        slopes[-3] = -2 * np.real(np.conj(seen.pin) * _PINS) / self.reach**2
+        slopes[-2] = (d_long - d_short) / self.size
+        slopes[-1] = np.sign(seen.turned) * (by_line[-1] - by_line[0]).imag
+        return slopes * self.size
+
+
+_LAST = np.array([0.0, 0.0, 0.0, 0.0, -1.0])
+_MOTORS, _PINS = np.array([1, 1j, 0, 0]), np.array([0, 0, 1, 1j])
+"""Of both by the unknowns."""
+
+
+class _Looked(NamedTuple):
+    """What a descent knows at one set of unknowns: its rows, and what their slopes are made of."""
+
+    key: bytes
+    rows: Floats
+    slopes: Floats | None
+    pin: complex
+    v: Complexes
+    moved: Complexes
+    part: Complexes
+    """Of modulus 1: real is the cosine of psi, imaginary its sine."""
+    cosine: Floats
+    sine: Floats
+    turned: float
+
+
+def _improved(question: Question, begin: _Begin, angle: float | None, steps: int) -> _Begin:
+    """Towards the nearest optimum from one place, by sequential quadratic programs."""
+    from scipy.optimize import minimize
+
+    one = _Descent(question, begin.way, angle)
+    limits = [{"type": "ineq", "fun": one.rows, "jac": one.slopes}]
+    if angle is not None:
+        limits.append({"type": "eq", "fun": one.off, "jac": one.off_slopes})
     answer = minimize(
         lambda z: -z[4],
-        begin,
-        jac=lambda z: np.array([0, 0, 0, 0, -1.0]),
-        bounds=[(left / size, right / size), (bottom / size, top / size), (1e-4, 1e3), (1e-4, 1e3), (-1, 1)],
+        one.start(begin),
+        jac=lambda z: _LAST,
+        bounds=one.bounds,
         constraints=limits,
         method="SLSQP",
-        options={"ftol": 1e-10, "maxiter": 60},
+        options={"ftol": 1e-10, "maxiter": steps},
     )
-    z = answer.x.copy()
-    for _ in range(4 if angle is not None else 0):  # the times exactly, by the stroke
-        off, slope = known(z)[-1, 0], (known(z)[-1, 4] - known(z)[-1, 0]) / 1e-7
-        if abs(off) > 1e-3 or not slope:
+    return _Begin(*one.places(answer.x), begin.way)
+
+
+def _closed(question: Question, torque: Floats, begin: _Begin, angle: float | None) -> Driven | None:
+    """Motor and rod at the end of a descent, in reach and in the times exactly; None where they do not drive the link."""
+    one = _Descent(question, begin.way, angle)
+    if abs(begin.pin) > one.reach:
+        begin = begin._replace(pin=begin.pin * one.reach / abs(begin.pin))
+    z = one.start(begin)
+    for _ in range(4 if angle is not None else 0):  # by the least step of the motor
+        off, slope = one.off(z)[0], one.off_slopes(z)[0, :2]
+        if abs(off) > 1e-3:
             return None
-        z[3] -= off / slope
-    found = known(z)
-    if found[: 2 * n + 2, 0].min() < -1e-7:
-        return None
-    x, y, retracted, stroke = (z[:4] * size).tolist()
-    short, long = retracted, retracted + stroke
-    motor, (begun, ended) = complex(x, y), (short, long) if way else (long, short)
-    first, last = (complex(np.conj(link.direction[k]) * (motor - link.origin[k])) for k in (0, -1))
-    distance = abs(last - first)
-    foot = ((begun - ended) * (begun + ended) / distance + distance) / 2
-    height = (begun - foot) * (begun + foot)
-    if height < 0:
-        return None
-    pin = first + (foot + 1j * side * np.sqrt(height)) * (last - first) / distance
-    return driven(link, torque, motor, complex(pin), stroke / 2, retracted + stroke / 2, way)
+        z[:2] -= off * slope / np.dot(slope, slope)
+    motor, pin = one.places(z)
+    first, last = np.abs(question.link.place(pin)[[0, -1]] - motor).tolist()
+    return driven(question.link, torque, motor, pin, abs(last - first) / 2, (first + last) / 2, begin.way)

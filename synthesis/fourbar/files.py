@@ -13,9 +13,8 @@ import numpy as np
 
 from synthesis.arrays import Complexes, Floats
 from synthesis.errors import FieldError
-from synthesis.fourbar.analysis import LinkMass, curve_over
 from synthesis.fourbar.kinematics import close_loop
-from synthesis.fourbar.linkage import Joints, Linkage
+from synthesis.fourbar.linkage import Joints, Linkage, LinkMass
 from synthesis.sheet import Extra, More, Sheet, csv_text, dxf_document, dxf_text, given_cells
 from synthesis.target import Interval, Target
 
@@ -340,12 +339,12 @@ def to_pylinkage(linkage: Linkage, target: Target) -> str:
 
     Joints: pivot_a, pivot_b, crank_pin, coupler_pin, and body_point where the linkage guides one, which follows the coupler. A
     crank that turns fully is a driver in the sense of the motion; any other swings over the used interval and back. The drive
-    turns in the steps of `analysis.curve_over`, of at most a degree.
+    turns in the steps of `Interval.by_degrees`, of at most a degree.
 
     Law: pylinkage's places of the body point are ours to rounding.
     """
     used = used_joints(linkage, target.interval)
-    travel = curve_over(target.interval)
+    travel = target.interval.by_degrees()
     joints = linkage.joints(np.zeros(1))
     first, last = (linkage.start + linkage.ground_angle + float(end) for end in target.interval)
     start = linkage.start + linkage.ground_angle

@@ -12,7 +12,6 @@ import numpy as np
 
 from synthesis.arrays import Complexes
 from synthesis.errors import FieldError
-from synthesis.fourbar.analysis import LinkMass
 from synthesis.fourbar.files import (
     DXF_COLOURS,
     FARTHEST,
@@ -26,6 +25,7 @@ from synthesis.fourbar.files import (
     requested_poses,
     requested_positions,
 )
+from synthesis.fourbar.linkage import LinkMass
 from synthesis.guided.linkage import BODY, Circle, Driver, GuidedLinkage, MovingLink, Rail, Slot
 from synthesis.sheet import Extra, More, Sheet, csv_text, dxf_document, dxf_text
 from synthesis.target import Interval, Target
@@ -67,19 +67,12 @@ def _pin_of(linkage: GuidedLinkage, place: int, body: MovingLink) -> Complexes:
     return body.place + np.exp(1j * body.direction) * guide.body_point
 
 
-def _reach(linkage: GuidedLinkage) -> float:
-    """A length of the linkage's size, wherever it stands."""
-    first, second = linkage.guides
-    radii = [one.radius for one in linkage.guides if isinstance(one, Circle)]
-    return max(*radii, abs(first.body_point - second.body_point), abs(first[0] - second[0]), 0.0)
-
-
 def shown(linkage: GuidedLinkage, interval: Interval) -> _Shown:
     """What is drawn. FieldError for a linkage that does not close there, at the place that fails."""
     travel = linkage.over(interval)
     links = linkage.links(travel)
     body = links[1]
-    size = _reach(linkage)
+    size = linkage.reach
     for place, guide in enumerate(linkage.guides):
         if not abs(guide[0]) <= FARTHEST * size:
             raise FieldError(

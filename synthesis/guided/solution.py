@@ -11,7 +11,7 @@ from synthesis.arrays import Complexes, Floats
 from synthesis.fourbar.limits import (
     Limits,
 )
-from synthesis.fourbar.passage import SHORTEST_CHORD, faults_of
+from synthesis.fourbar.passage import LEAVES_SAMPLES, SHORTEST_CHORD, faults_of
 from synthesis.free.poses import Poses
 from synthesis.guided.linkage import Circle, Driver, Guide, GuidedLinkage, Rail, Slot
 from synthesis.ranking import Errors, motion_errors
@@ -243,6 +243,21 @@ def excursion(solution: GuidedSolution, samples: Samples, ordered: bool = True, 
     ratios = ways / np.maximum(chords, SHORTEST_CHORD * samples.length_scale)
     largest = float(np.max(ratios))
     return max(1.0, largest) if math.isfinite(largest) else None
+
+
+def rotation_of(solution: GuidedSolution, poses: Poses) -> Floats:
+    """The body's rotation, followed without a jump, at the travel of `Poses.there_and_back`; what slides does not come back."""
+    travel = poses.there_and_back(solution.travel) if solution.linkage.driver.turns else solution.travel
+    parts = np.linspace(0.0, 1.0, _WAY_STEPS, endpoint=False)
+    places = np.append(travel[:-1, None] + np.diff(travel)[:, None] * parts, travel[-1])
+    return np.unwrap(solution.linkage.body(solution.linkage.start + places).rotation)[::_WAY_STEPS]
+
+
+def goes_astray(solution: GuidedSolution, poses: Poses) -> bool:
+    """Whether the body point goes elsewhere between samples, or the body turns otherwise than asked for."""
+    way = excursion(solution, poses, poses.ordered, poses.closed)
+    spins = not np.all(np.isnan(poses.spins(rotation_of(solution, poses))[2]))
+    return spins or (way is not None and way > LEAVES_SAMPLES)
 
 
 def lengths(solution: GuidedSolution, samples: Samples) -> dict[str, float]:

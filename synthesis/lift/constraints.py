@@ -21,7 +21,7 @@ import numpy as np
 
 from synthesis.errors import FieldError
 from synthesis.lift.motion import refusal
-from synthesis.lift.objective import (
+from synthesis.lift.optimum import (
     OPEN_END,
     Built,
     Evaluator,

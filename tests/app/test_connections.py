@@ -92,6 +92,18 @@ def test_what_does_not_come_or_is_no_request_is_told_and_closed(sent, status, po
         assert found == problem["status"] == status
 
 
+def test_one_who_speaks_no_http_again_and_again_is_slowed_down(port) -> None:
+    """Two that began again at once took a third of the time of the process that talks to the clients."""
+    count, end = 0, time.monotonic() + 1.0
+    while time.monotonic() < end:
+        with closing(connected(port)) as client:
+            client.sendall(b"hello\r\n\r\n")
+            client.sendall(b"hello\r\n\r\n")
+            assert said(everything(client))[0] == 400
+        count += 1
+    assert count <= 11
+
+
 def test_one_who_says_nothing_is_closed_without_a_word(port) -> None:
     with closing(connected(port)) as client:
         assert everything(client) == b""
@@ -213,6 +225,21 @@ def test_clients_that_do_not_read_make_room_and_are_cut_off(unread) -> None:
         assert eventually(lambda: bodies.Held.total == 0)
 
 
+def test_what_unread_replies_took_is_given_back(unread, monkeypatch) -> None:
+    """Once the front kept tens of megabytes of them."""
+    port, _ = unread
+    given: list[int] = []
+    monkeypatch.setattr(bodies, "give_back_memory", lambda: given.append(bodies.Held.total))
+    with closing(connected(port)) as client:
+        client.sendall(b"GET /large HTTP/1.1\r\nHost: a\r\n\r\n")
+        assert eventually(lambda: bodies.Held.total > 1 << 20)
+    assert eventually(lambda: given) and set(given) == {0}
+    with closing(connected(port)) as client:
+        client.sendall(NEEDLE.replace(b"Host: a", b"Host: a\r\nConnection: close"))
+        assert everything(client).startswith(b"HTTP/1.1 200")
+    assert len(given) == 1, "not for each short reply"
+
+
 def test_replies_that_are_not_read_hold_only_so_much(unread) -> None:
     port, _ = unread
     with ExitStack() as stack:
@@ -260,6 +287,29 @@ def test_requests_whose_clients_have_gone_leave_their_places(monkeypatch) -> Non
                     assert eventually(lambda: turnstile.waiting == 1)
                 assert eventually(lambda: turnstile.waiting == 0)
         assert eventually(lambda: turnstile.computing == 0)
+
+
+def test_nothing_is_computed_for_clients_that_ask_and_leave_at_once() -> None:
+    """Once each that came to a free process took it along."""
+    asked = []
+
+    class Computing(Threads):
+        async def answer(self, request, question, content):
+            asked.append(question.path)
+            return await super().answer(request, question, content)
+
+    settings = Settings(atlas="none")
+    resources = ServiceResources(settings)
+    app = create_app(settings, resources, lambda turnstile: Computing(resources, turnstile))
+    with serving(app) as (port, _):
+        for _ in range(20):
+            with closing(connected(port)) as client:
+                client.sendall(NEEDLE)
+        with closing(connected(port)) as client:
+            client.sendall(NEEDLE)
+            client.shutdown(socket.SHUT_WR)
+            assert b"HTTP/1.1 200" in everything(client)
+    assert len(asked) <= 5  # of a few the closing may come late
 
 
 def test_what_is_shared_is_not_counted_while_it_is_sent() -> None:

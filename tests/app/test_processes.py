@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import http.client
 import json
 import os
@@ -33,7 +34,7 @@ import os, sys
 from app import cli
 from app.scenes import knotter, lift
 from app.registry import all_queries
-from synthesis.slider.dimension_types import SliderTypeRule
+from synthesis.slider.mechanism import SliderTypeRule
 
 SliderTypeRule.__init__.__defaults__ = (80, *SliderTypeRule.__init__.__defaults__[1:])
 
@@ -406,6 +407,22 @@ def test_connections_do_not_wait_for_acknowledgements() -> None:
 
     asyncio.run(accept())
     assert seen == [1]
+
+
+def test_the_system_takes_little_of_what_a_client_does_not_read() -> None:
+    """Some megabytes of each connection otherwise: time to copy them and memory that nothing counts."""
+    (listener,) = listening("127.0.0.1", 0)
+    with listener, socket.socket() as client:
+        listener.listen()
+        client.connect(listener.getsockname())
+        server, _ = listener.accept()
+        with server:
+            server.setblocking(False)
+            taken = 0
+            with contextlib.suppress(BlockingIOError):
+                while True:
+                    taken += server.send(b"x" * 10_000)
+    assert taken < 1 << 20
 
 
 def test_all_addresses_of_a_host_have_the_same_port() -> None:

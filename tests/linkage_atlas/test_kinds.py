@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 import linkage_atlas as la
+from linkage_atlas.assemblies import assembled
 from linkage_atlas.kinds import Measures
+from synthesis.work import OutOfTime
 from tests.oracles.guided import random_motion
 from tests.oracles.largest import TWO_RAILS
 
@@ -65,6 +67,68 @@ def test_what_is_preferred_is_searched_for_among_all_kinds(prefer):
     assert better.best.errors.objective <= 1.1 * least * (1 + 1e-6)
     known = min(measure(one) for one in plain if one.errors.objective <= 1.1 * least)
     assert measure(better.best) <= known - (0.0 if prefer == "crank_span" else 0.02 * abs(known))
+
+
+_TURNED = {"rotation": [0, 15, 40, 70], "position": [[0, 0], [40, 8], [75, 30], [90, 60]], "timing": "free"}
+
+
+def _by_layers(one):
+    assembly = one.verdict.assembly
+    return not assembly.free, sum(not shaft.both_sides for shaft in assembly.shaft.values()), assembly.count
+
+
+@pytest.mark.parametrize("motion", [_FOUR | {"timing": "free"}, _TURNED, _FOUR | {"travel_span": 200}])
+def test_layers_are_preferred_among_all_kinds(motion):
+    """Of those that are near: first the free ones over whose fixed pivots nothing passes; none is beaten in that and all else."""
+    plain = la.synthesize(**motion, mechanisms="all", assembly=True)
+    found = la.synthesize(**motion, mechanisms="all", prefer="layers")
+    least = min(one.errors.objective for one in plain)
+    near = [one for one in found if one.errors.objective <= 1.1 * max(least, 1e-10)]
+    keys = [_by_layers(one) for one in near]
+    assert keys == sorted(keys) and keys
+    assert keys[0] == min(_by_layers(one) for one in plain if one.errors.objective <= 1.1 * max(least, 1e-10))
+    assert len({one.kind for one in found}) > 2
+    measures = [
+        Measures(max(one.errors.objective, 1e-10), one.size, -one.transmission_angle_min, one.driver, _by_layers(one))
+        for one in near
+    ]
+    assert not any(one.beats(other) for one in measures for other in measures)
+
+
+def test_of_several_kinds_those_with_free_layers_come_first():
+    found = la.synthesize(**_FLAP, timing="free", mechanisms="all", assembly=True)
+    free = [one.verdict.assembly.free for one in found if one.verdict.works]
+    assert set(free) == {True, False} and free == sorted(free, reverse=True)
+
+
+@pytest.mark.parametrize("mechanisms", ["all", "four_bar"])
+def test_layers_that_the_time_did_not_reach_are_said(monkeypatch, mechanisms):
+    asked = _FOUR | {"timing": "free", "mechanisms": mechanisms, "prefer": "layers", "tolerances": {"position": 5}}
+    whole, calls = la.synthesize(**asked), []
+
+    def two_in_time(*given):
+        calls.append(given)
+        if len(calls) > 2:
+            raise OutOfTime
+        return assembled(*given)
+
+    monkeypatch.setattr("linkage_atlas.kinds.assembled", two_in_time)
+    found = la.synthesize(**asked)
+    assert (found.report.stopped_by, len(calls)) == ("budget", 3) and whole.report.stopped_by != "budget"
+    said = [note for note in found.report.notes if "layers of" in note]
+    assert len(said) == 1 and "near enough" in said[0]
+    assert not any("near enough" in note for note in whole.report.notes)
+
+
+def test_no_linkage_at_all_has_no_layers():
+    boxed = {
+        "pivot_a_box": [1e5, 1e5, 1.001e5, 1.001e5],
+        "pivot_b_box": [-1e5, -1e5, -0.999e5, -0.999e5],
+        "link_max": 10,
+    }
+    for mechanisms in (None, "all"):
+        found = la.synthesize(**_FOUR, timing="free", mechanisms=mechanisms, prefer="layers", limits=boxed)
+        assert not found.solutions
 
 
 def test_what_turns_about_a_pin_is_driven_by_what_moves_and_made_by_no_kind_that_cannot():
@@ -144,7 +208,6 @@ def test_round_a_closed_way_goes_only_what_turns():
         ({"driver": "belt", "mechanisms": "all"}, "/driver"),
         ({"driver": "slider", "mechanisms": ["two_slots"]}, "/driver"),
         ({"limits": {"stroke_max": 5}}, "/limits/stroke_max"),
-        ({"prefer": "layers", "mechanisms": "all"}, "/prefer"),
         ({"live": la.Live(), "mechanisms": "all"}, "/live"),
     ],
 )

@@ -5,8 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from synthesis.drives.actuator import Refused, Wanted
-from synthesis.drives.dyad import about_pivot, driven, on_any_link, proportions
+from synthesis.drives.actuator import Question, Refused, Wanted
+from synthesis.drives.dyad import (
+    _angle_of,
+    _Begin,
+    _beginnings,
+    _closed,
+    _Descent,
+    _improved,
+    about_pivot,
+    driven,
+    on_any_link,
+    proportions,
+)
 from synthesis.drives.links import Loading, hinged, machine_of
 from synthesis.drives.toggle import locked
 from synthesis.work import Work
@@ -82,6 +93,55 @@ def test_a_motor_on_any_link_closes_and_keeps_its_rod(seed: int) -> None:
     again = driven(link, torque, found.motor, found.pin, found.crank, found.rod, found.extends)
     assert again is not None
     assert again.least_angle == found.least_angle
+
+
+@pytest.mark.parametrize("way", [True, False])
+@pytest.mark.parametrize("seed", range(4))
+def test_derivatives_of_the_descent_are_exact(seed: int, way: bool) -> None:
+    rng = np.random.default_rng(seed)
+    linkage, interval = random_linkage(rng)
+    machine = machine_of(linkage, interval)
+    asked = Question(machine.links["coupler"], machine.at, np.zeros(61), Wanted((-4.0, -4.0, 4.0, 4.0), 1.5, 0.0), 20)
+    some = [one for one in _beginnings(asked, 0.3) if one.way is way]
+    for begin in some:
+        one, step = _Descent(asked, way, 0.3), 1e-6
+        z = one.start(begin)
+        assert one.off(z) == pytest.approx(0, abs=1e-9)
+        slopes = np.vstack([one.slopes(z), one.off_slopes(z)])
+        for k in range(5):
+            there, here = z.copy(), z.copy()
+            there[k] += step
+            here[k] -= step
+            rows = [np.append(one.rows(at), one.off(at)) for at in (there, here)]
+            largest = np.abs(slopes[:, k]).max()
+            assert (rows[0] - rows[1]) / (2 * step) == pytest.approx(
+                slopes[:, k], rel=1e-4, abs=1e-4 * max(1, largest)
+            )
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_no_descent_from_many_other_places_ends_much_better(seed: int) -> None:
+    """From 40 places drawn by chance; on 90 linkages of all kinds 86 were the best of 60."""
+    rng = np.random.default_rng(seed)
+    linkage, interval = random_linkage(rng)
+    machine = machine_of(linkage, interval)
+    link, box, torque = machine.links["coupler"], (-4.0, -4.0, 4.0, 4.0), np.ones(61)
+    ratio = (None, 1.15)[seed % 2]
+    found = on_any_link(link, machine.at, torque, ratio, 1.5, box)
+    assert not isinstance(found, str)
+    angle = None if ratio is None else _angle_of(ratio)
+    asked = Question(link, machine.at, np.zeros(61), Wanted(box, 1.5, 0.0), 4)
+    motors = rng.uniform(-4, 4, (2000, 2)) @ [1, 1j]
+    pins = 1.5 * np.sqrt(rng.uniform(size=2000)) * np.exp(2j * np.pi * rng.uniform(size=2000))
+    arms = asked.arms(motors, pins) * asked.sense
+    good = np.flatnonzero(np.abs(np.sign(arms).sum(axis=1)) == 61)[:40]
+    ends = []
+    for k in good:
+        begin = _Begin(complex(motors[k]), complex(pins[k]), bool(arms[k, 0] > 0))
+        one = _closed(asked, torque, _improved(asked, begin, angle, 60), angle)
+        ends += [] if one is None else [one.least_angle]
+    assert len(ends) > 5
+    assert found.least_angle >= max(ends) - np.deg2rad(0.5)
 
 
 def test_times_and_boxes_that_cannot_be_are_refused_in_words() -> None:
