@@ -349,12 +349,16 @@ class FreeRounds(Rounds):
         return timing, np.abs(timing).max(axis=1, initial=0.0)
 
     def strays(self, timed: Timed) -> Flags:
-        """Within the practical limits, as `excursions` tells it of answers, by chords; those with a tiny link too."""
+        """Within the practical limits, as `go_astray` tells it of answers, by chords; those with a tiny link too."""
         if not (self._stays and timed.branch.size):
             return super().strays(timed)
         lengths, crank = self.chart.shape(timed.shape).lengths, np.abs(timed.pose[:, 1])
-        problem = self.plain if timed.angles.shape[1] == self.poses.samples else self.problem
+        whole = timed.angles.shape[1] == self.poses.samples
+        poses, problem = (self.poses, self.plain) if whole else (self.thin, self.problem)
         astray = problem.excursions(timed, SHORTEST_CHORD, _PANEL) > LEAVES_SAMPLES
+        if poses.rotation is not None:
+            turned = coupler_angle(lengths, timed.branch, poses.there_and_back(timed.angles))
+            astray |= ~np.all(np.isnan(poses.spins(turned)[2]), axis=1)
         shortest = SHORTEST * self.poses.extent / self.poses.length_scale
         return np.asarray(astray | (lengths.min(axis=1) * crank < shortest * lengths[:, 0]))
 
