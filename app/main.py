@@ -76,7 +76,6 @@ def create_app(
 
 
 def described(app: FastAPI) -> dict[str, Any]:
-    """The OpenAPI document of all routes."""
     with warnings.catch_warnings():  # FastAPI's own, which it keeps quiet where models are built at once
         warnings.simplefilter("ignore", UnsupportedFieldAttributeWarning)
         document = app.openapi()

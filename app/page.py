@@ -105,7 +105,6 @@ def static_files(folder: str = "static") -> dict[str, StaticFile]:
 
 
 def scenes() -> dict[str, str]:
-    """Title of each scene, by its name."""
     return {name: SCENE_TITLES.get(name, name.capitalize()) for name in SCENES}
 
 

@@ -83,7 +83,6 @@ class Angles:
 
     @property
     def radian(self) -> float:
-        """Radians in one unit."""
         return math.pi / 180 if self.unit == "deg" else 1.0
 
     def inward(self, angle: float) -> float:
@@ -241,7 +240,6 @@ MEDIA_TYPES = {known.endings[0]: known.media_type for known in FILES.values()}
 
 @cache
 def bundled_requests() -> dict[str, Any]:
-    """The bundled requests of each question, by its command and their names."""
     return json.loads(files("app").joinpath("examples/requests.json").read_text())
 
 
@@ -265,7 +263,6 @@ class Files:
 
     @property
     def formats(self) -> tuple[str, ...]:
-        """The formats there are."""
         return get_args(self.request.model_fields["format"].annotation)
 
 

@@ -18,8 +18,16 @@ from benchmarks import lift_pictures as pictures
 from benchmarks import report
 from benchmarks.lift_pictures import CYLINDER, DESIGNS, POSES, REFERENCE, task
 from benchmarks.report import Times, ends, percent, repeat
-from synthesis.lift.loops import condition, largest_residual, smallest_condition, velocity_by_instant_centre
-from synthesis.lift.motion import acceleration, motion, stroke, velocity
+from synthesis.lift.motion import (
+    acceleration,
+    condition,
+    largest_residual,
+    motion,
+    smallest_condition,
+    stroke,
+    velocity,
+    velocity_by_instant_centre,
+)
 from synthesis.lift.optimum import (
     ARMS,
     FITTED,

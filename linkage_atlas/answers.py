@@ -794,23 +794,23 @@ def _with_assembly(
     return replace(verdict, assembly=found, buildable=verdict.practical and free, reasons=(*verdict.reasons, *why))
 
 
-def _judged(passing: Passing, motion: Motion, linkage: Any, faults: Sequence[str]) -> Verdict:
+def _judged(passage: Passing, motion: Motion, linkage: Any, faults: Sequence[str]) -> Verdict:
     """The verdict on a linkage at its own crank angles, tolerances included."""
-    reasons, within = list(passing.reasons), None
+    reasons, within = list(passage.reasons), None
     if motion.tolerances is not None:
         shares = motion.tolerances.shares(motion.target, linkage)
         within, worst = bool(np.all(shares <= 1)), int(np.argmax(shares))
         if not within:
             reasons.append(f"sample {worst + 1} is off by {shares[worst]:.3g} times what is allowed, the most of all")
-    return verdict_of(passing, within, [*reasons, *faults], practical=not faults)
+    return verdict_of(passage, within, [*reasons, *faults], practical=not faults)
 
 
-def verdict_of(passing: Passing, within: bool | None, reasons: Sequence[str], practical: bool) -> Verdict:
+def verdict_of(passage: Passing, within: bool | None, reasons: Sequence[str], practical: bool) -> Verdict:
     """A verdict as a user reads it."""
     return Verdict(
-        order=passing.order,
-        branch=passing.branch,
-        circuit=passing.circuit,
+        order=passage.order,
+        branch=passage.branch,
+        circuit=passage.circuit,
         within_tolerance=within,
         practical=practical,
         buildable=practical,

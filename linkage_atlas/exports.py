@@ -61,22 +61,21 @@ def content_of(
         raise FieldError("/format", _FOUR_BARS_ONLY[kind])
     attached = drive_on(linkage, target, drive, kind)
     layer = None if attached is None else More(LAYER, COLOUR, attached.draw)
+    guided = isinstance(linkage, GuidedLinkage)
+    files: Any = of_guided if guided else of_four_bars
+    text: str
     if kind == "csv":
         more = _analysis_columns(linkage, target, radian, analysis) | dict(more or {})
         more |= {} if attached is None else attached.columns()
-        if isinstance(linkage, Linkage):
-            return of_four_bars.to_csv(linkage, target, radian, more).encode()
-        return of_guided.to_csv(linkage, target, radian, more).encode()
+        text = files.to_csv(linkage, target, radian, more)
+        return text.encode()
     if kind == "svg":
-        extra = None if attached is None else attached.shown()
-        if isinstance(linkage, GuidedLinkage):
-            return of_guided.to_svg(linkage, target, extra).encode()
-        return of_four_bars.to_svg(linkage, target, extra).encode()
+        text = files.to_svg(linkage, target, None if attached is None else attached.shown())
+        return text.encode()
     if kind == "pylinkage":
         assert isinstance(linkage, Linkage)
         return of_four_bars.to_pylinkage(linkage, target).encode()
     unit_mm = millimetres_in(length_unit)
-    guided = isinstance(linkage, GuidedLinkage)
     if kind in (*OF_PARTS, "plates"):
         assert parts is not None
         if plates and (arranged or guided):
@@ -89,19 +88,15 @@ def content_of(
 
         return to_plates(linkage, unit_mm, **_sizes(plates or {})).encode()
     if kind == "dxf":
-        if isinstance(linkage, GuidedLinkage):
-            return of_guided.to_dxf(linkage, target, unit_mm, layer).encode()
-        return of_four_bars.to_dxf(linkage, target, unit_mm, layer).encode()
+        text = files.to_dxf(linkage, target, unit_mm, layer)
+        return text.encode()
     assert parts is not None
     try:
         masses = {one.link: LinkMass(one.mass, complex(*one.at), one.inertia) for one in parts(True).masses}
     except FieldError:
         masses = None  # no plates of these sizes: the file says so
-    if isinstance(linkage, GuidedLinkage):
-        model = of_guided.to_mjcf(linkage, target, unit_mm, masses)
-    else:
-        model = of_four_bars.to_mjcf(linkage, target, unit_mm, masses)
-    return (model if attached is None else attached.simulated(model, unit_mm / 1000)).encode()
+    text = files.to_mjcf(linkage, target, unit_mm, masses)
+    return (text if attached is None else attached.simulated(text, unit_mm / 1000)).encode()
 
 
 def _analysis_columns(

@@ -23,14 +23,14 @@ from linkage_atlas.door import (
     seed_tables,
 )
 from linkage_atlas.guided import AnyGuide, DriverName, GuidedLinkage, KindName, guides_of
-from linkage_atlas.limits import PRESETS, read_function_limits
+from linkage_atlas.limits import read_function_limits
 from linkage_atlas.linkages import FourBar, Links
 from linkage_atlas.motions import Motion
 from linkage_atlas.records import KEPT, Record, Values, names_of
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.fourbar.determination import determinations, sensitivities
-from synthesis.fourbar.limits import LINK_RATIO, TRANSMISSION_ANGLE, Limits
+from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.passage import faults_of, practical_faults, verdicts
 from synthesis.from_linkage import refine_function
 from synthesis.function.answers import FunctionErrors as Errors
@@ -109,7 +109,9 @@ def read_kinds(mechanisms: Sequence[str] | str | None, dial: Dial) -> list[str]:
     )
 
 
-def read_travel_limits(limits: Mapping[str, Any] | None, laws: Sequence[Law], degrees: bool) -> TravelLimits:
+def read_travel_limits(
+    limits: Mapping[str, Any] | None, laws: Sequence[Law], target: Target, degrees: bool
+) -> TravelLimits:
     """The checked limits of linkages with sliders, angles in radians; names and preset as of other functions."""
     given = {name: value for name, value in (limits or {}).items() if value is not None}
     for name, value in given.items():
@@ -117,26 +119,9 @@ def read_travel_limits(limits: Mapping[str, Any] | None, laws: Sequence[Law], de
             raise FieldError(f"/limits/{name}", f"functions with travel have {', '.join(_LIMITS)}")
         if name == "family" and value != "any":
             raise FieldError("/limits/family", "belongs to four-bars")
-    preset = given.get("preset", PRESETS[1])
-    if preset not in PRESETS:
-        raise FieldError("/limits/preset", f"wanted 'practical' or 'none', found {preset!r}")
-    values: dict[str, Any] = {}
-    if preset == PRESETS[0]:
-        values = {"transmission_angle_min": TRANSMISSION_ANGLE, "link_ratio_max": LINK_RATIO}
-    if "transmission_angle_min" in given:
-        angle = number("limits/transmission_angle_min", given["transmission_angle_min"]) * radians_in(degrees)
-        if not 0 <= angle < np.pi / 2:
-            raise FieldError("/limits/transmission_angle_min", "wanted at least 0 and less than a right angle")
-        values["transmission_angle_min"] = angle
-    for name in ("link_min", "link_max", "link_ratio_max"):
-        if name in given:
-            values[name] = number(f"limits/{name}", given[name])
-            if not values[name] > 0:
-                raise FieldError(f"/limits/{name}", "wanted a number above 0")
-    if values.get("link_min", 0.0) > values.get("link_max", np.inf):
-        raise FieldError("/limits/link_max", "below link_min")
-    if values.get("link_ratio_max", 1.0) < 1:
-        raise FieldError("/limits/link_ratio_max", "wanted at least 1")
+    kept = read_function_limits(
+        {name: value for name, value in given.items() if name not in ("links", "offset")}, target, degrees
+    )
     lengths: dict[str, float] = {}
     for name, value in (given.get("links") or {}).items():
         if value is None:
@@ -153,7 +138,7 @@ def read_travel_limits(limits: Mapping[str, Any] | None, laws: Sequence[Law], de
         lengths["offset"] = number("limits/offset", given["offset"])
         if abs(lengths["offset"]) > MAX_LENGTH:
             raise FieldError("/limits/offset", f"wanted at most {MAX_LENGTH:g}, either way")
-    return TravelLimits(**values, given=lengths)
+    return TravelLimits(kept, lengths)
 
 
 class Scales(NamedTuple):
@@ -249,70 +234,6 @@ class TravelSolution(Record):
     """It moves, draws and saves itself."""
 
 
-@dataclass(frozen=True)
-class TravelAsked:
-    """What solutions are described by. ``y_of_output``: size of y that one unit of the search's output is."""
-
-    wanted: Wanted
-    scales: Scales
-    dial: Dial
-    degrees: bool
-    y_of_output: float | None
-
-    @property
-    def radian(self) -> float:
-        """Radians in one unit of angle."""
-        return radians_in(self.degrees)
-
-    def described(self, found: Sequence[TravelGenerator], limits: TravelLimits, curves: bool) -> list[TravelSolution]:
-        """Generators as a user reads them, best first."""
-        return [self._described(one, rank, limits, curves) for rank, one in enumerate(found, 1)]
-
-    def _described(self, one: TravelGenerator, rank: int, limits: TravelLimits, curves: bool) -> TravelSolution:
-        scales, wanted, law = self.scales, self.wanted, one.law
-        plain = one.linkage.scaled(scales.length)
-        travel = wanted.crank * (1.0 if law.input == ANGLE else scales.length)
-        target = Target(None, None, crank=travel)
-        passed = passing_of(plain, plain.start + travel, timed=True)
-        kept = Limits(
-            transmission_angle_min=limits.transmission_angle_min or 0.0, link_ratio_max=limits.link_ratio_max
-        )
-        links = one.lengths[np.array(one.law.positive)].tolist()
-        faults = faults_of((one.transmission_angle_min, None), links, {}, None, kept)
-        reasons = [*passed.reasons, *filter(None, [travel_turns_back(wanted, one)]), *faults]
-        linkage = GuidedLinkage.of(plain, self.radian, target)
-        curve = None
-        if curves:
-            shown = np.linspace(0.0, float(wanted.crank[-1]), _SHOWN)
-            curve = ErrorCurve(shown / scales.input, (wanted.curve(shown) - one.output(shown)) / scales.output)
-        used = Interval(float(travel.min()), float(travel.max()))
-        return TravelSolution(
-            rank=rank,
-            kind=plain.kind.value,
-            driver=plain.driver.value,
-            lengths=self._lengths(one),
-            guides=guides_of(plain, self.radian, used),
-            branch=1 if plain.branch > 0 else -1,
-            start=linkage.start,
-            input_zero=one.zero / scales.input,
-            output_offset=one.offset / scales.output,
-            errors=FunctionErrors.of(one.errors, scales.output, self.y_of_output),
-            verdict=verdict_of(passed, None, reasons, practical=not faults),
-            transmission_angle_min=one.transmission_angle_min / self.radian,
-            error_curve=curve,
-            linkage=linkage,
-        )
-
-    def _lengths(self, one: TravelGenerator) -> dict[str, float]:
-        units = [1 / self.radian if name == "angle" else self.scales.length for name in one.law.lengths]
-        return {name: float(value * unit) for name, value, unit in zip(one.law.lengths, one.lengths, units)}
-
-
-def laws_of(kinds: Sequence[str], dial: Dial) -> list[Law]:
-    """The laws of some kinds."""
-    return laws_for(kinds, *dial)
-
-
 # -- as files ---------------------------------------------------------------------------------------------------------
 
 
@@ -372,6 +293,10 @@ _CALLED = {
 """Where the arguments of a callable are told of."""
 _STEEP = 8.0
 """A step of the output this many times as steep as any other is called a jump."""
+UNASKED = (
+    "of functions the practical limits are kept only where `limits.preset` asks for them; the verdict says which of them "
+    "the best linkage breaks"
+)
 _STILL = 1e-12
 """Radians by which an output must move to be one."""
 
@@ -544,11 +469,12 @@ def function(
     largest = objective == "max"
     if isinstance(tables, Start):
         with pointing_to_start():
-            found, went = refine_function(wanted, kept, largest, tables.linkage, tables.offset, tolerance, watch)
+            found, course = refine_function(wanted, kept, largest, tables.linkage, tables.offset, tolerance, watch)
     else:
-        found, went = generate(tables, wanted, kept, largest, top, tolerance, watch.extended(-FINISHING))
+        found, course = generate(tables, wanted, kept, largest, top, tolerance, watch.extended(-FINISHING))
     searched = watch.elapsed
-    asked = Asked(wanted, dials, degrees, largest, tolerance)
+    radian = radians_in(degrees)
+    asked = Asked(wanted, dials, degrees, largest, tolerance, dial, Scales(1.0, radian, radian))
     solutions: list[Any] = described(asked, found, kept, sensitivity, curves)
     if round_to is not None:
         solutions = [
@@ -556,43 +482,18 @@ def function(
             for one, generator in zip(solutions, found)
         ]
     notes = [*_notes(wanted), *([] if begin is None else [LOCAL])]
-    if not went.settled:
+    if not course.settled:
         notes.append(
             "the best linkage was still getting better, by little, when the steps of the search were used up"
         )
     if largest and found and wanted.doubt > 0.2 * found[0].errors.max:
         notes.append(
-            f"between the samples the wanted curve is a spline, in doubt by up to {wanted.doubt / radians_in(degrees):.2g}: "
+            f"between the samples the wanted curve is a spline, in doubt by up to {wanted.doubt / radian:.2g}: "
             "with more samples the largest error would mean more"
         )
     if solutions and solutions[0].determination.ill_posed:
         notes.append("the problem is ill-posed: quite different linkages make this function to within the resolution")
-    notes += _unasked(limits, solutions)
-    status = Status.of(found, tolerance).value
-    if not solutions and begin is not None:
-        status = "unknown"
-        notes.append(NOWHERE)
-    elif not solutions and went.stopped_by == "budget":
-        status = "unknown"
-        notes.append(CUT_SHORT)
-    report, radian = _report(went, searched, watch.elapsed, notes), radians_in(degrees)
-    x, y = (None, None) if dials is None else (dials.x, dials.y)
-    return FunctionResult(
-        status, solutions, wanted.crank / radian, wanted.output / radian, x, y, report, wanted, degrees
-    )
-
-
-def _report(went: SearchReport, searched: float, total: float, notes: list[str]) -> FunctionReport:
-    """Of a search that took so many seconds, with all that was made of its answers so many in total."""
-    stages = {"screen": went.screen_seconds, "refine": searched - went.screen_seconds}
-    stages |= {"report": total - searched, "total": total}
-    return FunctionReport(
-        elapsed_ms={name: 1000 * seconds for name, seconds in stages.items()},
-        trace=[(1000 * seconds, value) for seconds, value in went.trace],
-        stopped_by=went.stopped_by.value,
-        seeds=went.seeds,
-        notes=notes,
-    )
+    return asked.result(found, solutions, limits, course, searched, watch, notes, begin is not None)
 
 
 # -- what is asked ----------------------------------------------------------------------------------------------------
@@ -710,30 +611,20 @@ class TravelMotion:
         curves: bool,
     ) -> FunctionResult:
         """The best linkages of some kinds."""
-        wanted, scales, dials = self.wanted, self.scales, self.dials
-        laws = laws_of(kinds, self.dial)
-        kept = read_travel_limits(limits, laws, self.degrees)
+        wanted, scales = self.wanted, self.scales
+        laws = laws_for(kinds, *self.dial)
+        kept = read_travel_limits(limits, laws, wanted.target, self.degrees)
         largest = objective == "max"
-        found, went = generate_travel(
+        found, course = generate_travel(
             laws, wanted, kept.over(scales.length), largest, top, tolerance, watch.extended(-FINISHING)
         )
         searched = watch.elapsed
-        asked = TravelAsked(wanted, scales, self.dial, self.degrees, None if dials is None else dials.y_of_radian)
-        solutions: list[Any] = asked.described(found, kept, curves)
-        notes = _jumps(wanted, self.dial.output)
+        asked = Asked(wanted, self.dials, self.degrees, largest, tolerance, self.dial, scales)
+        solutions = [described_travel(asked, one, rank, kept, curves) for rank, one in enumerate(found, 1)]
+        notes = _notes(wanted) if self.dial.output == ANGLE else []
         if len(kinds) > 1:
             notes.append("linkages of several kinds are listed by error alone: transmission angle and size differ")
-        notes += _unasked(limits, solutions)
-        status = Status.of(found, tolerance).value
-        if not solutions and went.stopped_by == "budget":
-            status = "unknown"
-            notes.append(CUT_SHORT)
-        report = _report(went, searched, watch.elapsed, notes)
-        x, y = (None, None) if dials is None else (dials.x, dials.y)
-        given = wanted.crank / scales.input, wanted.output / scales.output
-        return FunctionResult(
-            status, solutions, *given, x, y, report, wanted, self.degrees, dial=self.dial, scales=scales
-        )
+        return asked.result(found, solutions, limits, course, searched, watch, notes)
 
 
 def _way(name: str, span: float | None, input: ArrayLike | None) -> float:
@@ -768,21 +659,6 @@ def _check_one_way(wanted: Wanted, where: str) -> None:
             at,
             f"the rocker must not turn back, but sample {place + 1} of the output does not go on from the one before",
         )
-
-
-def _unasked(limits: Mapping[str, Any] | None, solutions: Sequence[Any]) -> list[str]:
-    """That the practical limits were not asked for, where the best linkage breaks one."""
-    if (limits or {}).get("preset") is not None or not solutions or solutions[0].verdict.practical:
-        return []
-    return [
-        "of functions the practical limits are kept only where `limits.preset` asks for them; the verdict says which of them "
-        "the best linkage breaks"
-    ]
-
-
-def _jumps(wanted: Wanted, output: str) -> list[str]:
-    """The same of a function with travel."""
-    return _notes(wanted) if output == "angle" else []
 
 
 def _notes(wanted: Wanted) -> list[str]:
@@ -899,7 +775,7 @@ class FunctionResult(Record, Ranked[FunctionSolution | TravelSolution]):
     wanted: Wanted = field(repr=False, metadata=KEPT)
     degrees: bool = field(default=True, metadata=KEPT)
     dial: Dial = field(default=Dial("angle", "angle"), repr=False, metadata=KEPT)
-    scales: Scales | None = field(default=None, repr=False, metadata=KEPT)
+    scales: Scales = field(default=Scales(1.0, 1.0, 1.0), repr=False, metadata=KEPT)
 
     @property
     def _answers(self) -> list[FunctionSolution | TravelSolution]:
@@ -924,7 +800,6 @@ class FunctionResult(Record, Ranked[FunctionSolution | TravelSolution]):
             )
         chosen = self.solutions[rank - 1]
         if isinstance(chosen, TravelSolution):
-            assert self.scales is not None
             return render_travel(
                 self.wanted, self.scales, self.dial, chosen.linkage, chosen.output_offset, kind, length_unit
             )
@@ -945,6 +820,8 @@ class Asked:
     degrees: bool
     largest: bool
     tolerance: float
+    dial: Dial
+    scales: Scales
 
     @property
     def radian(self) -> float:
@@ -956,9 +833,83 @@ class Asked:
         """The interval, for drawings."""
         return Target(None, None, crank=self.wanted.crank)
 
-    def errors(self, one: Generator) -> FunctionErrors:
+    def errors(self, one: Generator | TravelGenerator) -> FunctionErrors:
         """A generator's errors in the user's units."""
-        return FunctionErrors.of(one.errors, self.radian, None if self.dials is None else self.dials.y_of_radian)
+        return FunctionErrors.of(
+            one.errors, self.scales.output, None if self.dials is None else self.dials.y_of_radian
+        )
+
+    def result(
+        self,
+        found: Sequence[Any],
+        solutions: list[Any],
+        limits: Mapping[str, Any] | None,
+        course: SearchReport,
+        searched: float,
+        watch: Work,
+        notes: list[str],
+        local: bool = False,
+    ) -> FunctionResult:
+        """Of a search that took so many seconds, or (``local``) of a descent from a given linkage, what was found."""
+        if (limits or {}).get("preset") is None and solutions and not solutions[0].verdict.practical:
+            notes.append(UNASKED)
+        status = Status.of(found, self.tolerance).value
+        if not solutions and (local or course.stopped_by == "budget"):
+            status = "unknown"
+            notes.append(NOWHERE if local else CUT_SHORT)
+        total = watch.elapsed
+        stages = {"screen": course.screen_seconds, "refine": searched - course.screen_seconds}
+        stages |= {"report": total - searched, "total": total}
+        report = FunctionReport(
+            elapsed_ms={name: 1000 * seconds for name, seconds in stages.items()},
+            trace=[(1000 * seconds, value) for seconds, value in course.trace],
+            stopped_by=course.stopped_by.value,
+            seeds=course.seeds,
+            notes=notes,
+        )
+        wanted, scales = self.wanted, self.scales
+        x, y = (None, None) if self.dials is None else (self.dials.x, self.dials.y)
+        given = wanted.crank / scales.input, wanted.output / scales.output
+        return FunctionResult(
+            status, solutions, *given, x, y, report, wanted, self.degrees, dial=self.dial, scales=scales
+        )
+
+
+def described_travel(
+    asked: Asked, one: TravelGenerator, rank: int, limits: TravelLimits, curves: bool
+) -> TravelSolution:
+    """A generator with a slider as a user reads it."""
+    scales, wanted, law = asked.scales, asked.wanted, one.law
+    plain = one.linkage.scaled(scales.length)
+    travel = wanted.crank * (1.0 if law.input == ANGLE else scales.length)
+    target = Target(None, None, crank=travel)
+    passed = passing_of(plain, plain.start + travel, timed=True)
+    links = one.lengths[np.array(one.law.positive)].tolist()
+    faults = faults_of((one.transmission_angle_min, None), links, {}, None, limits.limits)
+    reasons = [*passed.reasons, *filter(None, [travel_turns_back(wanted, one)]), *faults]
+    linkage = GuidedLinkage.of(plain, asked.radian, target)
+    curve = None
+    if curves:
+        shown = np.linspace(0.0, float(wanted.crank[-1]), _SHOWN)
+        curve = ErrorCurve(shown / scales.input, (wanted.curve(shown) - one.output(shown)) / scales.output)
+    units = [1 / asked.radian if name == "angle" else scales.length for name in law.lengths]
+    used = Interval(float(travel.min()), float(travel.max()))
+    return TravelSolution(
+        rank=rank,
+        kind=plain.kind.value,
+        driver=plain.driver.value,
+        lengths={name: float(value * unit) for name, value, unit in zip(law.lengths, one.lengths, units)},
+        guides=guides_of(plain, asked.radian, used),
+        branch=1 if plain.branch > 0 else -1,
+        start=linkage.start,
+        input_zero=one.zero / scales.input,
+        output_offset=one.offset / scales.output,
+        errors=asked.errors(one),
+        verdict=verdict_of(passed, None, reasons, practical=not faults),
+        transmission_angle_min=one.transmission_angle_min / asked.radian,
+        error_curve=curve,
+        linkage=linkage,
+    )
 
 
 def described(

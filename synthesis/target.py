@@ -266,8 +266,8 @@ class Target(Samples):
                 continue
             own = np.ones(self.samples) if weights is None else weights
             given = np.flatnonzero(own)
-            heirs = np.flatnonzero(own[keep])
-            nearest = heirs[np.abs(given[:, None] - keep[heirs]).argmin(axis=1)]
+            left = np.flatnonzero(own[keep])
+            nearest = left[np.abs(given[:, None] - keep[left]).argmin(axis=1)]
             columns[name] = values[keep]
             columns[f"{name}_weights"] = np.bincount(nearest, weights=own[given], minlength=keep.size)
         return replace(self, **columns)

@@ -38,7 +38,6 @@ def answer_match(request: MatchRequest, resources: Resources) -> la.Matches:
 
 
 def is_long(request: SynthesizeRequest | MatchRequest) -> bool:
-    """Whether an answer may take more than a fraction of a second."""
     if request.budget_ms is not None and request.budget_ms <= SHORT_MS:
         return False
     if isinstance(request, MatchRequest):
@@ -93,5 +92,4 @@ MOTION += ("crank_span_max", "travel", "travel_span", "weights", "tolerances")
 
 
 def motion_of(request: SynthesizeRequest) -> la.Motion:
-    """The motion of a request."""
     return la.Motion(**request.given(*MOTION), degrees=request.degrees)

@@ -82,7 +82,6 @@ def find_drives(request: DrivesRequest, resources: Resources) -> la.Drives:
 
 
 def is_long(request: DrivesRequest) -> bool:
-    """Whether an answer may take more than a fraction of a second."""
     if request.budget_ms is not None and request.budget_ms <= SHORT_MS:
         return False
     return bool(request.springs) or any(one.kind != "rotary" for one in request.drives)

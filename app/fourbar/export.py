@@ -113,7 +113,6 @@ SYNTHESIZE_EXPORTS = exports_of(tuple(kind for kind in FILES if kind != "json"),
 
 
 def as_json(request: RequestModel, solution: Any) -> bytes:
-    """A solution beside its request."""
     content = {"request": request.model_dump(mode="json", exclude_defaults=True), "solution": solution}
     return json.dumps(content, indent=1, allow_nan=False).encode()
 

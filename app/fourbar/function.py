@@ -145,7 +145,6 @@ class FunctionRequest(RequestModel):
 
 
 def solve_function(request: FunctionRequest, resources: Resources) -> la.FunctionResult:
-    """Linkages that make a function, best first."""
     return la.function(
         **request.given(but=("angle_unit", "budget_ms")),
         budget=budget_of(request.budget_ms, resources),
@@ -155,7 +154,6 @@ def solve_function(request: FunctionRequest, resources: Resources) -> la.Functio
 
 
 def is_long(request: FunctionRequest) -> bool:
-    """Whether an answer may take more than a fraction of a second."""
     if "length" in (request.input_unit, request.output_unit):
         return request.budget_ms is None or request.budget_ms > SHORT_MS
     return request.round_to is not None or request.top > 20 or seconds_of(request) > SHORT_MS / 1000

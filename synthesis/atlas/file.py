@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from synthesis.atlas import haar
+from synthesis.atlas.cells import New
 from synthesis.atlas.header import (
     HEADER_BYTES,
     MAX_TYPES,
@@ -34,7 +35,6 @@ from synthesis.atlas.header import (
     refuse,
 )
 from synthesis.atlas.index import reserve
-from synthesis.atlas.series import New
 from synthesis.atlas.table import (
     COLUMNS,
     SCHEMA,

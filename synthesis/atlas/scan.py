@@ -61,10 +61,13 @@ from synthesis.atlas.cells import (
     THIRDS,
     Cells,
     Level,
+    Phasors,
     Radii,
+    SeriesGroup,
+    gather,
+    start_angles,
 )
 from synthesis.atlas.preparation import Kind, Preparation
-from synthesis.atlas.series import Phasors, SeriesGroup, gather, start_angles
 from synthesis.atlas.table import Table
 from synthesis.atlas.window_index import LEAST_SPAN, WindowSearch
 from synthesis.atlas.windows import (

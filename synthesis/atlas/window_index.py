@@ -80,7 +80,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.arrays import Floats, Ints, Singles
-from synthesis.atlas.series import New, SeriesGroup, gather
+from synthesis.atlas.cells import New, SeriesGroup, gather
 from synthesis.atlas.windows import TIE, BestWindows, Windows
 from synthesis.target import TURN, Target
 

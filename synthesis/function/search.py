@@ -13,9 +13,9 @@ Data flow::
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,7 +58,81 @@ _RATES, _LEAST_RATE, _DIFFERENCE = 9, 1e-3, 1e-6
 """Places at which the rocker must go on, its least rate beside the mean one, and the step of the rate's differences."""
 
 
-class Problem:
+class Followed(NamedTuple):
+    """The output of candidates over their input."""
+
+    value: Floats
+    """(n, M): without the offset; an angle up to whole turns; any number where a candidate is impossible."""
+    slope: Floats
+    """(n, 4, M): derivatives by the shape's unknowns and the zero; the last is that by the input too."""
+    possible: NDArray[np.bool_]
+    """(n, M), or (n, 1): where it closes."""
+
+
+class WantedFunction:
+    """A wanted function and limits made ready for many evaluations: errors and conditions with derivatives, for any linkage.
+
+    Unknowns are three of the shape, the zero and the offset.
+    """
+
+    wanted: Wanted
+    free: NDArray[np.intp]
+    """Unknowns that are not given."""
+    moving: Sequence[int] = range(4)
+    """Unknowns by which the output changes."""
+    places: Floats
+    """Inputs (q,) at which the output must go on, where it may not turn back."""
+
+    def at(self, unknowns: Floats, branch: Floats, crank: Floats) -> Followed:
+        """Outputs at inputs (n, M) from the first sample."""
+        raise NotImplementedError
+
+    def conditions(self, unknowns: Floats) -> tuple[Floats, Floats]:
+        """The conditions at unknowns (n, 5), at least 0 where they are kept, (n, m), and derivatives (n, m, 5)."""
+        raise NotImplementedError
+
+    def near(self, gap: Floats) -> Floats:
+        """Errors as they count."""
+        return gap
+
+    def _rates(self, unknowns: Floats, branch: Floats) -> tuple[Floats, Floats]:
+        """How fast the output goes the wanted way, less a little, at some places (n, q), and derivatives (n, q, 5)."""
+        rise = self.wanted.output[-1] - self.wanted.output[0]
+        way = np.sign(rise) * np.sign(self.wanted.crank[-1])
+        least = _LEAST_RATE * abs(rise / self.wanted.crank[-1])
+        places = np.broadcast_to(self.places, (len(unknowns), self.places.size))
+
+        def rate(at: Floats) -> Floats:
+            return way * np.clip(self.at(at, branch, places).slope[:, 3], -1e3, 1e3)
+
+        by = np.zeros((*places.shape, 5))
+        for k in self.moving:
+            step = _DIFFERENCE * np.eye(5)[k]
+            by[:, :, k] = (rate(unknowns + step) - rate(unknowns - step)) / (2 * _DIFFERENCE)
+        return rate(unknowns) - least, by
+
+    def linear(self, branch: Floats, crank: Floats, root: Floats) -> Linearise:
+        """The errors at inputs (n, M) times ``root`` (n, M), and the conditions, ready for `descent.descend`."""
+        curve = self.wanted.curve(crank)
+
+        def evaluate(unknowns: Floats, which: Ints) -> Linear:
+            scale = root[which]
+            found = self.at(unknowns, branch[which], crank[which])
+            error = self.near(curve[which] - unknowns[:, 4:] - found.value) * scale
+            error[~found.possible.all(axis=1)] = np.inf
+            slope = np.empty((*error.shape, 5))
+            slope[:, :, :4] = -found.slope.transpose(0, 2, 1) * scale[:, :, None]
+            slope[:, :, 4] = -scale
+            condition, by = self.conditions(unknowns)
+            if self.wanted.one_way:
+                rate, by_rate = self._rates(unknowns, branch[which])
+                condition, by = np.concatenate([condition, rate], axis=1), np.concatenate([by, by_rate], axis=1)
+            return Linear(error, np.clip(slope, -1e9, 1e9)[:, :, self.free], condition, by[:, :, self.free])
+
+        return evaluate
+
+
+class Problem(WantedFunction):
     """A wanted function and limits made ready for many evaluations, for linkages with coupler and rocker exchanged.
 
     Least and largest lengths, and lengths that are given, are edges of a box; all other limits are conditions on the unknowns.
@@ -88,16 +162,23 @@ class Problem:
         low, high = np.where(np.isnan(given), low, given), np.where(np.isnan(given), high, given)
         wide = np.full(2, np.inf)
         self.box = np.concatenate([low, -wide]), np.concatenate([high, wide])
+        self.places = (1 - np.cos(np.linspace(0.0, np.pi, _RATES))) / 2 * wanted.crank[-1]
 
     def conditions(self, unknowns: Floats) -> tuple[Floats, Floats]:
-        """The conditions at unknowns (n, 5), at least 0 where they are kept, (n, m), and derivatives (n, m, 4)."""
+        """Of lengths, angles and family."""
         lengths = np.concatenate([np.exp(unknowns[:, :3]), np.ones((len(unknowns), 1))], axis=1)
         used = self.wanted.interval.after(unknowns[:, 3])
         found = self.constraints(Placed(lengths, np.ones(len(lengths)), used))
-        slopes = np.empty((*found.values.shape, 4))
+        slopes = np.zeros((*found.values.shape, 5))
         slopes[:, :, :3] = found.slopes[:, :, :3] * lengths[:, None, :3]
         slopes[:, :, 3] = found.slopes[:, :, BEGIN] + found.slopes[:, :, END]
         return found.values - _MARGIN * np.array([name != "link_ratio_max" for name in found.names]), slopes
+
+    def at(self, unknowns: Floats, branch: Floats, crank: Floats) -> Followed:
+        """theta2 of the exchanged linkages."""
+        found = self.chart.at(unknowns[:, :3], unknowns[:, 3:4] + crank, branch)
+        assert found.slope is not None
+        return Followed(found.angle, found.slope, self._possible(found.possible, len(unknowns))[:, None])
 
     def angle(self, unknowns: Floats, branch: Floats, crank: Floats) -> Floats:
         """theta2 of the exchanged linkages at crank angles (n, M) from the first sample; infinite where it does not close."""
@@ -123,47 +204,6 @@ class Problem:
         out = unknowns.copy()
         out[:, 4] = best if given is None else given + whole_turns(best - given)
         return out
-
-    def _rates(self, unknowns: Floats, branch: Floats) -> tuple[Floats, Floats]:
-        """How fast the body turns the wanted way, less a little, at some places (n, q), and derivatives (n, q, 4)."""
-        crank = (1 - np.cos(np.linspace(0.0, np.pi, _RATES))) / 2 * self.wanted.crank[-1]
-        way = np.sign(self.wanted.output[-1] - self.wanted.output[0])
-        least = _LEAST_RATE * abs((self.wanted.output[-1] - self.wanted.output[0]) / self.wanted.crank[-1])
-
-        def rate(at: Floats) -> Floats:
-            slope = self.chart.at(at[:, :3], at[:, 3:4] + crank, branch).slope
-            assert slope is not None
-            return way * np.clip(slope[:, 3], -1e3, 1e3)
-
-        value = rate(unknowns)
-        by = np.empty((*value.shape, 4))
-        for k in range(4):
-            step = np.zeros(5)
-            step[k] = _DIFFERENCE
-            by[:, :, k] = (rate(unknowns + step) - rate(unknowns - step)) / (2 * _DIFFERENCE)
-        return value - least, by
-
-    def linear(self, branch: Floats, crank: Floats, root: Floats) -> Linearise:
-        """The errors at crank angles (n, M) times ``root`` (n, M), and the conditions, ready for `descent.descend`."""
-        curve = self.wanted.curve(crank)
-
-        def evaluate(unknowns: Floats, which: Ints) -> Linear:
-            at, goal, scale = crank[which], curve[which], root[which]
-            found = self.chart.at(unknowns[:, :3], unknowns[:, 3:4] + at, branch[which])
-            assert found.slope is not None
-            error = (goal - unknowns[:, 4:] - found.angle) * scale
-            error[~self._possible(found.possible, len(unknowns))] = np.inf
-            slope = np.empty((*error.shape, 5))
-            slope[:, :, :4] = -found.slope.transpose(0, 2, 1) * scale[:, :, None]
-            slope[:, :, 4] = -scale
-            condition, by = self.conditions(unknowns)
-            if self.wanted.one_way:
-                rate, by_rate = self._rates(unknowns, branch[which])
-                condition, by = np.concatenate([condition, rate], axis=1), np.concatenate([by, by_rate], axis=1)
-            by = np.concatenate([by, np.zeros((*condition.shape, 1))], axis=2)
-            return Linear(error, slope[:, :, self.free], condition, by[:, :, self.free])
-
-        return evaluate
 
 
 # -- the search ---------------------------------------------------------------------------------------------------------

@@ -31,16 +31,16 @@ with e^2. Derivatives of angles come from the closed loop
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.arrays import Flags, Floats
+from synthesis.arrays import Floats
+from synthesis.fourbar.limits import Limits
 from synthesis.function.answers import PEAKS, FunctionErrors, alternations, extremes, look
-from synthesis.function.descent import Linear, Linearise
-from synthesis.function.search import FunctionSearch
+from synthesis.function.search import Followed, FunctionSearch, WantedFunction
 from synthesis.function.wanted import Wanted
 from synthesis.guided.linkage import Circle, Driver, Guide, GuidedLinkage, Kind, Rail, Slot, through
 from synthesis.pose import whole_turns
@@ -54,17 +54,6 @@ from synthesis.work import Work
 ANGLE, LENGTH = "angle", "length"
 _TINY = 1e-12
 """Least square of what a slope is divided by: a dead position stops a step, no program."""
-
-
-class Followed(NamedTuple):
-    """The output of candidates over their input."""
-
-    value: Floats
-    """(n, M): without the offset; an angle up to whole turns; any number where a candidate is impossible."""
-    slope: Floats
-    """(n, 4, M): derivatives by the shape's unknowns and the zero; the last is that by the input too."""
-    possible: Flags
-    """(n, M): where it closes."""
 
 
 class Law(NamedTuple):
@@ -454,7 +443,6 @@ _ROUNDING = 1e-9
 _FARTHEST = 1e3
 """Lengths over the scale that are sought where no limit says otherwise."""
 _PLACES = 9
-_LEAST_RATE = 1e-3
 _STEP = 1e-30
 """Imaginary, of derivatives of sines."""
 _BEGINNINGS, _SEEDS = 6000, 120
@@ -473,36 +461,24 @@ _TIE = 1e-9
 
 @dataclass(frozen=True)
 class TravelLimits:
-    """What a linkage with a slider must keep to; lengths in the user's unit, or over the scale.
+    """What a linkage with a slider must keep to: limits of shape and lengths, and lengths that are ``given``, by their names."""
 
-    ``given``: lengths that are given, by their names.
-    """
-
-    transmission_angle_min: float | None = None
-    link_min: float | None = None
-    link_max: float | None = None
-    link_ratio_max: float | None = None
+    limits: Limits
     given: Mapping[str, float] = field(default_factory=dict)
 
     def over(self, scale: float) -> TravelLimits:
         """The same with lengths over a scale."""
-        return replace(
-            self,
-            link_min=None if self.link_min is None else self.link_min / scale,
-            link_max=None if self.link_max is None else self.link_max / scale,
-            given={name: value if name == "angle" else value / scale for name, value in self.given.items()},
-        )
+        given = {name: value if name == "angle" else value / scale for name, value in self.given.items()}
+        return TravelLimits(self.limits.over(scale), given)
 
 
-class TravelProblem:
-    """A wanted function, a law and limits made ready for many evaluations; as `problem.Problem` for the four-bar.
-
-    Unknowns are three of the shape, the zero and the offset; those that the law has not, or that are given, are held.
-    """
+class TravelProblem(WantedFunction):
+    """A wanted function, a law and limits; unknowns that the law has not, or that are given, are held."""
 
     def __init__(self, wanted: Wanted, law: Law, limits: TravelLimits, largest: bool) -> None:
-        self.wanted, self.law, self.limits = wanted, law, limits
-        self.least_sine = max(np.sin(limits.transmission_angle_min or 0.0), _CLOSES)
+        self.wanted, self.law, self.limits = wanted, law, limits.limits
+        self.moving = [*range(law.size), 3]
+        self.least_sine = max(np.sin(self.limits.transmission_angle_min), _CLOSES)
         given = np.full(3, np.nan)
         given[law.size :] = 0.0
         for name, value in limits.given.items():
@@ -513,7 +489,7 @@ class TravelProblem:
         held = np.concatenate([~np.isnan(given), [wanted.start is not None, wanted.offset is not None]])
         self.free = np.flatnonzero(~held)
         low, high = np.full(5, -np.inf), np.full(5, np.inf)
-        least, most = limits.link_min or 1 / _FARTHEST, limits.link_max or _FARTHEST
+        least, most = self.limits.link_min or 1 / _FARTHEST, self.limits.link_max or _FARTHEST
         for k, above in enumerate(law.positive):
             low[k], high[k] = (np.log(least), np.log(most)) if above else (-most, most)
             if law.lengths[k] == "angle":
@@ -527,10 +503,10 @@ class TravelProblem:
     # -- conditions ---------------------------------------------------------------------------------------------------
 
     def conditions(self, unknowns: Floats) -> tuple[Floats, Floats]:
-        """The conditions at unknowns (n, 5), at least 0 where they are kept, (n, m), and derivatives (n, m, 5)."""
+        """Of transmission angles and the lengths' ratio."""
         sines = self.law.sines(unknowns, self.places)
         value, slope = [sines - self.least_sine - _MARGIN], [np.zeros((*sines.shape, 5))]
-        for k in [*range(self.law.size), 3]:
+        for k in self.moving:
             aside: Any = unknowns + 0j
             aside[:, k] += 1j * _STEP
             by = self.law.sines(aside, self.places).imag / _STEP
@@ -546,32 +522,20 @@ class TravelProblem:
             slope.append(rows)
         return np.concatenate(value, axis=1), np.concatenate(slope, axis=1)
 
-    def _rates(self, unknowns: Floats, branch: Floats) -> tuple[Floats, Floats]:
-        """How fast the output goes the wanted way, less a little, at some places (n, q), and derivatives (n, q, 5)."""
-        rise = self.wanted.output[-1] - self.wanted.output[0]
-        way = np.sign(rise) * np.sign(self.wanted.crank[-1])
-        least = _LEAST_RATE * abs(rise / self.wanted.crank[-1])
-        places = np.broadcast_to(self.places, (len(unknowns), self.places.size))
-
-        def rate(at: Floats) -> Floats:
-            return way * np.clip(self.law.at(at, branch, places).slope[:, 3], -1e3, 1e3)
-
-        by, step = np.zeros((*places.shape, 5)), 1e-6
-        for k in [*range(self.law.size), 3]:
-            aside = step * np.eye(5)[k]
-            by[:, :, k] = (rate(unknowns + aside) - rate(unknowns - aside)) / (2 * step)
-        return rate(unknowns) - least, by
-
     # -- errors -------------------------------------------------------------------------------------------------------
 
-    def _near(self, gap: Floats) -> Floats:
+    def near(self, gap: Floats) -> Floats:
         """Errors to the nearest whole turn, where the output is an angle."""
         return gap - whole_turns(gap) if self.law.output == ANGLE else gap
+
+    def at(self, unknowns: Floats, branch: Floats, crank: Floats) -> Followed:
+        """By the law."""
+        return self.law.at(unknowns, branch, crank)
 
     def gap(self, unknowns: Floats, branch: Floats, crank: Floats) -> Floats:
         """Errors (n, M) at inputs (n, M) of the candidates' own; infinite where it does not close."""
         found = self.law.at(unknowns, branch, crank)
-        gap = self._near(self.wanted.curve(crank) - unknowns[:, 4:] - found.value)
+        gap = self.near(self.wanted.curve(crank) - unknowns[:, 4:] - found.value)
         return np.where(found.possible, gap, np.inf)
 
     def with_offset(self, unknowns: Floats, branch: Floats, crank: Floats, root: Floats) -> Floats:
@@ -589,26 +553,6 @@ class TravelProblem:
         else:
             out[:, 4] = gap @ share if self.wanted.offset is None else self.wanted.offset
         return out
-
-    def linear(self, branch: Floats, crank: Floats, root: Floats) -> Linearise:
-        """The errors at inputs (n, M) times ``root`` (n, M), and the conditions, ready for `descent.descend`."""
-        curve = self.wanted.curve(crank)
-
-        def evaluate(unknowns: Floats, which: Ints) -> Linear:
-            scale = root[which]
-            found = self.law.at(unknowns, branch[which], crank[which])
-            error = self._near(curve[which] - unknowns[:, 4:] - found.value) * scale
-            error[~found.possible.all(axis=1)] = np.inf
-            slope = np.empty((*error.shape, 5))
-            slope[:, :, :4] = -found.slope.transpose(0, 2, 1) * scale[:, :, None]
-            slope[:, :, 4] = -scale
-            condition, by = self.conditions(unknowns)
-            if self.wanted.one_way:
-                rate, by_rate = self._rates(unknowns, branch[which])
-                condition, by = np.concatenate([condition, rate], axis=1), np.concatenate([by, by_rate], axis=1)
-            return Linear(error, np.clip(slope, -1e9, 1e9)[:, :, self.free], condition, by[:, :, self.free])
-
-        return evaluate
 
     # -- beginnings ---------------------------------------------------------------------------------------------------
 
@@ -789,7 +733,7 @@ class TravelSearch(FunctionSearch):
         return found
 
     def _generator(self, unknowns: Floats, lengths: Floats, branch: int) -> TravelGenerator | None:
-        law, wanted, limits = self.law, self.wanted, self.travel_limits
+        law, wanted, limits = self.law, self.wanted, self.travel_limits.limits
         zero = float(unknowns[3])
         whole = np.zeros(3)
         whole[: law.size] = lengths
@@ -798,7 +742,7 @@ class TravelSearch(FunctionSearch):
         linkage = law.linkage(whole, branch, zero)
         used = Interval(0.0, float(wanted.crank[-1]))
         least = linkage.transmission_angle_over(used.after(linkage.start))
-        if not least >= (limits.transmission_angle_min or 0.0) * (1 - _ROUNDING) or not least > 0:
+        if not least >= limits.transmission_angle_min * (1 - _ROUNDING) or not least > 0:
             return None
         sizes = np.abs(lengths[[name not in ("angle", "offset", "slot_offset") for name in law.lengths]])
         shortest, longest = sizes.min(), sizes.max()

@@ -8,9 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from synthesis.arrays import Complexes, Floats
-from synthesis.fourbar.limits import (
-    Limits,
-)
+from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.passage import LEAVES_SAMPLES, SHORTEST_CHORD, faults_of
 from synthesis.free.poses import Poses
 from synthesis.guided.linkage import Circle, Driver, Guide, GuidedLinkage, Rail, Slot
@@ -58,12 +56,12 @@ class GuidedSolution:
     def identity(self) -> Floats:
         """Numbers, relative to the linkage's size, that tell linkages of one kind and drive apart; the start does not count."""
         numbers: list[float] = [self.linkage.branch]
-        size = max(abs(_from_body(one)) for one in self.linkage.guides) + sum(
+        size = max(abs(one.body_point) for one in self.linkage.guides) + sum(
             one.radius for one in self.linkage.guides if isinstance(one, Circle)
         )
         size = size if size > 0 else 1.0
         for one in self.linkage.guides:
-            body = _from_body(one) / size
+            body = one.body_point / size
             fixed = one[0] / size
             if isinstance(one, Circle):
                 numbers += [one.radius / size, fixed.real, fixed.imag, body.real, body.imag]
@@ -90,11 +88,6 @@ class GuidedSolution:
         if not self.linkage.driver.turns:
             return mirrored
         return replace(mirrored, travel=-self.travel, interval=Interval(-self.interval.last, -self.interval.first))
-
-
-def _from_body(guide: Guide) -> complex:
-    """The body point of a guide, in the body's frame."""
-    return guide.body_point
 
 
 # -- where the drive is -----------------------------------------------------------------------------------------------

@@ -212,6 +212,13 @@ def test_a_client_that_leaves_takes_its_process_with_it(running) -> None:
     assert len(before & running.computing) == 1
 
 
+def test_long_addresses_are_cut_in_the_log(running) -> None:
+    assert running.get(f"/nowhere/{'x' * 5000}")["status"] == 404
+    until(lambda: "/nowhere/" in running.log.read_text())
+    (line,) = (line for line in running.log.read_text().splitlines() if "/nowhere/" in line)
+    assert len(line) < 600 and "xxx..." in line
+
+
 def test_a_process_that_is_killed_is_replaced(running) -> None:
     before = running.computing
     for number in before:
