@@ -227,7 +227,7 @@ class Problem:
     def excursions(self, timed: Timed, shortest: float, panel: float) -> Floats:
         """How far the body point of candidates goes between two samples over their distance, at most, (n,), by chords.
 
-        ``shortest``: a distance that counts at least, over the length scale; ``panel``: of crank angles that a chord spans at most.
+        ``shortest``: a distance that counts at least, over the length scale. ``panel``: that a chord spans at most, radians.
         """
         self._begin(timed)
         return np.asarray(self._kernel.excursions(shortest, panel))

@@ -104,7 +104,9 @@ class Found:
         if pool.cost.size:
             known = self.pools[chart].joined(pool) if chart in self.pools else pool
             self.pools[chart] = rounds.valleys(known, _POOL, _APART)
-            self.standing = min(self.standing, np.sqrt(rounds.stood(self.pools[chart].take(slice(0, 1))).min(initial=np.inf)))
+            self.standing = min(
+                self.standing, np.sqrt(rounds.stood(self.pools[chart].take(slice(0, 1))).min(initial=np.inf))
+            )
         if pool.least < self.least:
             self.least = pool.least
             self.note(self.least)
@@ -276,9 +278,7 @@ class Rounds:
         self._take(found)
         led = found.least
         assert self.pool is not None
-        best = [
-            k for k in range(min(plan.ended, self.pool.cost.size)) if self.pool.cost[k] not in self._ended
-        ]
+        best = [k for k in range(min(plan.ended, self.pool.cost.size)) if self.pool.cost[k] not in self._ended]
         if best and not (self.found.reached or self.work.expired()):
             before = set(self.pool.cost[best])
             found = self._descended(self.pool.take(best).timed, plan.end)
