@@ -108,6 +108,8 @@ _STEEL = 210_000.0
 """Newtons a square millimetre, of a rod that buckles."""
 _LEAST_ARM = 0.1
 """Of the largest arm that there can be: the least one where none is asked for."""
+_USUAL, _HARDLY_MORE = 1.4, 1.05
+"""Strokes that an actuator is long when retracted, where nothing is said; and how many times the least force that may cost."""
 _OVER_CENTRE = 5.0
 """Degrees by which a knee goes beyond its line, where nothing is said."""
 _DWELL = 0.01
@@ -390,7 +392,9 @@ class Drives(Record):
             rows.append(
                 f"  {spring.kind} spring {'-'.join(spring.between)}, stiffness {spring.stiffness:.4g}: {left}"
             )
-        rows += [f"  no {one.kind} on {one.link}: {one.reason}" for one in self.refused]
+        for one in self.refused:
+            named = "" if one.name is None else f" ({one.name})"
+            rows.append(f"  no {one.kind}{named} on {one.link}: {one.reason}")
         return "\n".join(rows)
 
 
@@ -1040,11 +1044,25 @@ class _Search:
             else:
                 sizes = Actuator(retracted or question.size, stroke or question.size)
                 found = question.best_of_sizes(Sizes(sizes, retracted is None, stroke is None, dead), self.work)
+                if retracted is None and isinstance(found, Placement):
+                    found = self._shorter(question, found, dead)
             if isinstance(found, Refused):
                 self.refuse("actuator", name, self._sentence(found, question, sizes, stroke is None))
             else:
                 low, high = float(found.length[[0, -1]].min()), float(found.length[[0, -1]].max())
                 self._placed(wish, name, question, found, Actuator(low, high - low), None, 0)
+
+    def _shorter(self, question: Question, best: Placement, dead: float) -> Placement:
+        """The same stroke in an actuator of usual length, where that needs hardly more force than the best of any length."""
+        low, high = np.sort(best.length[[0, -1]]).tolist()
+        stroke = high - low
+        for length in [stroke + dead] if dead else [_USUAL * stroke, 2 * stroke]:
+            if length >= low or self.work.expired():
+                break
+            one = question.best(Actuator(length, stroke), self.work)
+            if isinstance(one, Placement) and one.worst <= _HARDLY_MORE * best.worst:
+                return one
+        return best
 
     def _longest_way(self, link: LinkMotion, reach: float) -> float:
         turned = float(abs(link.direction[-1] - link.direction[0]))
