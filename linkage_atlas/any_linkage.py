@@ -142,10 +142,13 @@ class AnyLinkage(ABC):
         >>> la.FourBar(30, 60, 70, 50).assembly(hole=6, width=18).layers
         {'crank': 1, 'coupler': 2, 'rocker': 3}
         """
-        read = read_assembly(asked, "")
+        target = self.target_of(motion, crank_angle if travel is None else travel)
+        return self._arranged(target, asked, work or Work(), "")
+
+    def _arranged(self, target: Target, asked: Mapping[str, Any], work: Work, where: str) -> Assembly:
+        read = read_assembly(asked, where)
         assert read is not None
-        used = self.target_of(motion, crank_angle if travel is None else travel).interval
-        return assembled(self._linkage, read, used, self._radian, work or Work(), "")
+        return assembled(self._linkage, read, target.interval, self._radian, work, where)
 
     def solids(
         self,
@@ -206,10 +209,7 @@ class AnyLinkage(ABC):
         work: Work,
         where: str = "assembly/",
     ) -> SolidParts:
-        read = read_assembly(assembly, where)
-        assert read is not None
-        found = assembled(self._linkage, read, target.interval, self._radian, work, where)
-        return solids_in(found, solids, assembly, length_unit)
+        return solids_in(self._arranged(target, assembly, work, where), solids, assembly, length_unit)
 
     def file(
         self,

@@ -60,6 +60,31 @@ PHASOR_COLUMNS = ("series", "error", "modulus", "modulus_mean")
 """Arrays of `Phasors`."""
 PREPARED_AT_ONCE = 512
 """Types whose series are computed at once."""
+ABOVE_SINGLE = np.float32(1 + 1e-6)
+"""Makes up for the rounding of a few operations in single precision."""
+LEAF = 48
+"""Most types of a cell of the finest level."""
+PARTS = 8
+"""Cells that make one of the next coarser level."""
+FEWEST = 24
+"""No coarser level than one of so many cells: evaluating all of its representatives costs little."""
+ARCS = 64
+"""Pieces of the turn."""
+RANGES = (2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 40, 48, 64)
+"""Pieces of the arcs over which the range of d is kept."""
+THIRDS = (2, 3, 4, 6, 8, 12, 16)
+"""Pieces of the arcs over which the largest third derivative is kept."""
+_POINTS_AT_ONCE = 1 << 18
+_HALVED_HARMONICS = 6
+"""Of the series, whose coefficients are looked at to halve."""
+_STEP = 2.0**-16
+"""Radians: a fraction of what neighbouring types of a billion differ by."""
+_LARGEST_STEP = 1 << 18
+"""Steps: whole sums of the squares of 100 million such numbers are still exact. What is larger counts as this."""
+_POINTS = 8
+"""Points of the grid for one period of the highest harmonic."""
+_ROUNDING = 4e-6
+"""Of the sum of the amplitudes: more than a transform of 2^17 points in single precision is off."""
 
 
 class GroupKey(NamedTuple):
@@ -275,35 +300,10 @@ def start_angles(starts: int) -> Floats:
 Bounds = NDArray[np.float32]
 Radii = NDArray[np.floating]
 
-ABOVE_SINGLE = np.float32(1 + 1e-6)
-"""Makes up for the rounding of a few operations in single precision."""
 
-LEAF = 48
-"""Most types of a cell of the finest level."""
-PARTS = 8
-"""Cells that make one of the next coarser level."""
-FEWEST = 24
-"""No coarser level than one of so many cells: evaluating all of its representatives costs little."""
-ARCS = 64
-"""Pieces of the turn."""
-RANGES = (2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 40, 48, 64)
-"""Pieces of the arcs over which the range of d is kept."""
-THIRDS = (2, 3, 4, 6, 8, 12, 16)
-"""Pieces of the arcs over which the largest third derivative is kept."""
 SLOPE = len(RANGES)
 CURVATURE = SLOPE + 1
 THIRD = CURVATURE + 1
-_POINTS_AT_ONCE = 1 << 18
-_HALVED_HARMONICS = 6
-"""Of the series, whose coefficients are looked at to halve."""
-_STEP = 2.0**-16
-"""Radians: a fraction of what neighbouring types of a billion differ by."""
-_LARGEST_STEP = 1 << 18
-"""Steps: whole sums of the squares of 100 million such numbers are still exact. What is larger counts as this."""
-_POINTS = 8
-"""Points of the grid for one period of the highest harmonic."""
-_ROUNDING = 4e-6
-"""Of the sum of the amplitudes: more than a transform of 2^17 points in single precision is off."""
 
 
 @dataclass(frozen=True)

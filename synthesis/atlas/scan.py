@@ -116,6 +116,22 @@ _NEARLY = 1e-9
 ROUNDING = 1e-13
 """Rounding of a mean squared rotation error, for a target of variance 1."""
 _HARMONICS_AT_ONCE = 16
+STARTS = 360
+"""Starts of a window: every whole degree."""
+HARMONICS = (5, 8, 12, 16, 24, 32, 64)
+SERIES_ERROR = 3e-7
+_FIRST_COUNT = 4096
+_COUNT_BELOW = 1 << 17
+"""Windows held where a ceiling is known: all below it are wanted, and a second pass would find the same ones first."""
+_MOST_HELD = 1 << 18
+"""Most windows that are held to be evaluated in the order of their bounds."""
+_PROBED = 64
+_AT_ONCE = 1 << 16
+_EXACT_SAMPLES = 1 << 17
+MAX_LIMITED_WINDOWS = 1 << 18
+"""Windows evaluated before a search within limits gives up; the report then says that it is not exhaustive."""
+MAX_LIMITED_SAMPLES = 1 << 22
+"""The same in samples of all windows: a request of 1,024 samples takes no longer than one of 16."""
 
 
 @lru_cache(maxsize=8)
@@ -668,24 +684,8 @@ def lowest_bounds(
 
 # -- the scan -----------------------------------------------------------------------------------------------------------
 
-STARTS = 360
-"""Starts of a window: every whole degree."""
-HARMONICS = (5, 8, 12, 16, 24, 32, 64)
-SERIES_ERROR = 3e-7
 KIND = Kind(SERIES_ERROR, HARMONICS)
 """Series of a scan unless others are asked for."""
-_FIRST_COUNT = 4096
-_COUNT_BELOW = 1 << 17
-"""Windows held where a ceiling is known: all below it are wanted, and a second pass would find the same ones first."""
-_MOST_HELD = 1 << 18
-"""Most windows that are held to be evaluated in the order of their bounds."""
-_PROBED = 64
-_AT_ONCE = 1 << 16
-_EXACT_SAMPLES = 1 << 17
-MAX_LIMITED_WINDOWS = 1 << 18
-"""Windows evaluated before a search within limits gives up; the report then says that it is not exhaustive."""
-MAX_LIMITED_SAMPLES = 1 << 22
-"""The same in samples of all windows: a request of 1,024 samples takes no longer than one of 16."""
 
 
 class Scan:

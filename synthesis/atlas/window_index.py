@@ -132,6 +132,34 @@ _USUAL = 0.995
 _ABOVE = np.float32(1 + 2.0**-22)
 _BEYOND = 24
 """Terms behind M that are added up; the next would be below the rounding of a double."""
+LEAST_SPAN = np.deg2rad(5.0)
+"""Below it the error of a tenth window is less than the remainder of the entries."""
+LARGEST_LIMIT = 0.05
+"""First limit, radians, beyond which cells of types are left to do it: extreme curves are few, and cells are made for them."""
+MOST_LEAVES = 5.0
+"""Leaves, over the root of the number of types, beyond which the same."""
+MOST_WINDOWS = 0.25
+"""Windows, over the number of types, likewise: each costs a microsecond, and the cells need less."""
+MOST_PLACED = 0.04
+"""The same where positions are wanted too, of which the index knows nothing."""
+_BEAM = 48
+_LIKELY = 64
+_BOXES_AT_ONCE = 512
+_PAIRS_AT_ONCE = 512
+_EVALUATED_AT_ONCE = 1 << 14
+_TOO_MANY = 0.71
+_MANY = 128
+"""Windows for which a closer limit, or a few of their samples, are worth their time."""
+_LOOSENED = np.float32(1 + 2e-6)
+"""Makes up for the rounding of a few operations in single precision."""
+_SINGLE = 16 * 2.0**-24
+"""Rounding of a few products in single precision, relative to the sum of the sizes of their terms."""
+_MALUS = 0.3
+"""By how much of its remainder an entry counts as worse in a first look."""
+_RANGES = 32
+_FEW_SAMPLES = 4
+_OF_ALL_SAMPLES = 8
+_LEAST_SHARE = 0.3
 
 
 class Intervals(NamedTuple):
@@ -562,34 +590,6 @@ def _box(low: Singles, high: Singles, remainder: Singles) -> Singles:
 
 # -- the search in it ---------------------------------------------------------------------------------------------------
 
-LEAST_SPAN = np.deg2rad(5.0)
-"""Below it the error of a tenth window is less than the remainder of the entries."""
-LARGEST_LIMIT = 0.05
-"""First limit, radians, beyond which cells of types are left to do it: extreme curves are few, and cells are made for them."""
-MOST_LEAVES = 5.0
-"""Leaves, over the root of the number of types, beyond which the same."""
-MOST_WINDOWS = 0.25
-"""Windows, over the number of types, likewise: each costs a microsecond, and the cells need less."""
-MOST_PLACED = 0.04
-"""The same where positions are wanted too, of which the index knows nothing."""
-_BEAM = 48
-_LIKELY = 64
-_BOXES_AT_ONCE = 512
-_PAIRS_AT_ONCE = 512
-_EVALUATED_AT_ONCE = 1 << 14
-_TOO_MANY = 0.71
-_MANY = 128
-"""Windows for which a closer limit, or a few of their samples, are worth their time."""
-_LOOSENED = np.float32(1 + 2e-6)
-"""Makes up for the rounding of a few operations in single precision."""
-_SINGLE = 16 * 2.0**-24
-"""Rounding of a few products in single precision, relative to the sum of the sizes of their terms."""
-_MALUS = 0.3
-"""By how much of its remainder an entry counts as worse in a first look."""
-_RANGES = 32
-_FEW_SAMPLES = 4
-_OF_ALL_SAMPLES = 8
-_LEAST_SHARE = 0.3
 _NEXT_TO_NOTHING = np.finfo(float).tiny
 
 

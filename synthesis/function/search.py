@@ -56,6 +56,35 @@ _MARGIN = 1e-9
 """How far inside the limits of angles and family is aimed: what rounding leaves of it is inside too."""
 _RATES, _LEAST_RATE, _DIFFERENCE = 9, 1e-3, 1e-6
 """Places at which the rocker must go on, its least rate beside the mean one, and the step of the rate's differences."""
+LEVELLED = 1e-7
+"""The least largest error has been found where the linear program over the extremes foretells a smaller part to be gained."""
+_FARTHEST = 2.2
+"""ln of the largest length ratio of the grid."""
+_LEVELS = (1, 200, 21, 7)
+"""Levels of each ratio on the grid, by how many are free."""
+_STARTS = 24
+_TOGETHER = 1 << 13
+"""Candidates of the grid whose conditions are computed at once: some megabytes."""
+LOPSIDED, EVEN = 100.0, 20.0
+"""Longest link over shortest: above the first nobody makes them, and within the second others are looked for."""
+_RANKED = 10
+"""Answers that are known at least, of which exact ones are then ordered by what one would build."""
+_TRANSMISSION_STEP = np.deg2rad(5.0)
+"""Exact answers are ordered by their transmission angle in steps."""
+_FIRST_PLACES, _PLACES = 9, 33
+_SEEDS, _VALLEYS, _CANDIDATES = 160, 48, 24
+_LOOKED, _BEGUN = 24, 8
+"""Candidates of the first look at full cranks; and, at each stage, those that are looked at as answers."""
+_SOFT = 0.5
+"""Weight of a broken condition beside errors in radians, while the descent finds its valley."""
+_NEARLY = 1e-3
+"""The same for those behind the best."""
+_ROUNDING = 1e-12
+"""Part of the longest length by which rounding may break a limit that an answer stands at."""
+_AROUND = 0.4 * np.array([0.0, 1.0, -1.0])
+"""Starts beside a solution's, in radians: rounded links may be at their best in another valley."""
+_LEAST_RADIUS = 1e-5
+_EXCHANGES, _EXCHANGES_BEHIND, _EXCHANGE_STEPS = 16, 4, 8
 
 
 class Followed(NamedTuple):
@@ -209,36 +238,6 @@ class Problem(WantedFunction):
 # -- the search ---------------------------------------------------------------------------------------------------------
 
 Ints = NDArray[np.intp]
-
-LEVELLED = 1e-7
-"""The least largest error has been found where the linear program over the extremes foretells a smaller part to be gained."""
-_FARTHEST = 2.2
-"""ln of the largest length ratio of the grid."""
-_LEVELS = (1, 200, 21, 7)
-"""Levels of each ratio on the grid, by how many are free."""
-_STARTS = 24
-_TOGETHER = 1 << 13
-"""Candidates of the grid whose conditions are computed at once: some megabytes."""
-LOPSIDED, EVEN = 100.0, 20.0
-"""Longest link over shortest: above the first nobody makes them, and within the second others are looked for."""
-_RANKED = 10
-"""Answers that are known at least, of which exact ones are then ordered by what one would build."""
-_TRANSMISSION_STEP = np.deg2rad(5.0)
-"""Exact answers are ordered by their transmission angle in steps."""
-_FIRST_PLACES, _PLACES = 9, 33
-_SEEDS, _VALLEYS, _CANDIDATES = 160, 48, 24
-_LOOKED, _BEGUN = 24, 8
-"""Candidates of the first look at full cranks; and, at each stage, those that are looked at as answers."""
-_SOFT = 0.5
-"""Weight of a broken condition beside errors in radians, while the descent finds its valley."""
-_NEARLY = 1e-3
-"""The same for those behind the best."""
-_ROUNDING = 1e-12
-"""Part of the longest length by which rounding may break a limit that an answer stands at."""
-_AROUND = 0.4 * np.array([0.0, 1.0, -1.0])
-"""Starts beside a solution's, in radians: rounded links may be at their best in another valley."""
-_LEAST_RADIUS = 1e-5
-_EXCHANGES, _EXCHANGES_BEHIND, _EXCHANGE_STEPS = 16, 4, 8
 
 
 class FunctionSearch:

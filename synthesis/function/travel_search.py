@@ -54,6 +54,28 @@ from synthesis.work import Work
 ANGLE, LENGTH = "angle", "length"
 _TINY = 1e-12
 """Least square of what a slope is divided by: a dead position stops a step, no program."""
+_CLOSES = 1e-4
+"""Least sine of the transmission angle: where the linkage locks, the output has no derivative."""
+_MARGIN = 1e-9
+_ROUNDING = 1e-9
+"""Part by which rounding may break a limit that an answer stands at."""
+_FARTHEST = 1e3
+"""Lengths over the scale that are sought where no limit says otherwise."""
+_PLACES = 9
+_STEP = 1e-30
+"""Imaginary, of derivatives of sines."""
+_BEGINNINGS, _SEEDS = 6000, 120
+"""Of each branch: shapes and zeros that are looked at, and those that descend."""
+_SPARE = 4
+"""More than are wanted, of which some turn out to lie in one valley."""
+_FEW, _GO_ON, _STEPS_ON = 40, 8, 300
+"""Steps from which on a descent is the last; of its best candidates so many go on, and so far."""
+_OPEN = 1e3
+"""Error where a linkage does not close."""
+_NO_ANSWER, _TIMES_LESS = 0.1, 10.0
+"""Error from which on a law has no answer where another's is so many times less."""
+_TIE = 1e-9
+"""A turn back that is no more than this part of the output is rounding."""
 
 
 class Law(NamedTuple):
@@ -434,29 +456,6 @@ LAWS = (
 # -- the search ---------------------------------------------------------------------------------------------------------
 
 Ints = NDArray[np.intp]
-
-_CLOSES = 1e-4
-"""Least sine of the transmission angle: where the linkage locks, the output has no derivative."""
-_MARGIN = 1e-9
-_ROUNDING = 1e-9
-"""Part by which rounding may break a limit that an answer stands at."""
-_FARTHEST = 1e3
-"""Lengths over the scale that are sought where no limit says otherwise."""
-_PLACES = 9
-_STEP = 1e-30
-"""Imaginary, of derivatives of sines."""
-_BEGINNINGS, _SEEDS = 6000, 120
-"""Of each branch: shapes and zeros that are looked at, and those that descend."""
-_SPARE = 4
-"""More than are wanted, of which some turn out to lie in one valley."""
-_FEW, _GO_ON, _STEPS_ON = 40, 8, 300
-"""Steps from which on a descent is the last; of its best candidates so many go on, and so far."""
-_OPEN = 1e3
-"""Error where a linkage does not close."""
-_NO_ANSWER, _TIMES_LESS = 0.1, 10.0
-"""Error from which on a law has no answer where another's is so many times less."""
-_TIE = 1e-9
-"""A turn back that is no more than this part of the output is rounding."""
 
 
 @dataclass(frozen=True)

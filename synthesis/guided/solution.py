@@ -299,4 +299,9 @@ def practical_faults(
     radii += [abs(second - first)] if first is not None and second is not None else []
     turn = solution.transmission_angle_min_turn if linkage.driver is Driver.CRANK else None
     pivots = {name: one[0] for name, one in zip(("pivot_a", "pivot_b"), linkage.guides) if not isinstance(one, Rail)}
-    return faults_of((solution.transmission_angle_min, turn), radii, pivots, samples, limits, excursion)
+    faults = faults_of((solution.transmission_angle_min, turn), radii, pivots, samples, limits, excursion)
+    if linkage.driver is Driver.CYLINDER:
+        low, high = linkage.used(0, solution.interval)
+        if low * high <= 0:
+            faults.append("the length of its cylinder passes 0 on the way: none can be bought")
+    return faults

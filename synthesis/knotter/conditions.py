@@ -27,6 +27,18 @@ from synthesis.work import Work
 # -- a segment and a triangle -------------------------------------------------------------------------------------------
 
 UNIT_ROUNDOFF = 2.0**-53
+MAX_PIECES = 500_000
+"""Most pieces (grid items x pieces of the driver's range) that one condition may look at."""
+CHUNK_PIECES = 4096
+"""Pieces that are worked on at once: bounds the memory and keeps the arrays in the cache."""
+NARROW = 1e-5
+"""Windows narrower than this (rad) are confirmed in extended precision."""
+SPEED_STEP = 1e-6
+"""Half step (rad) of the central difference that gives the speed of a crossing."""
+APPROACH_NODES = 7
+"""Places in each piece of the range from which the closest approach is sought."""
+APPROACH_STEPS = 60
+"""Golden-section steps of the closest approach: from the nodes' distance to below 1e-12 of it."""
 
 
 class Verdict(IntEnum):
@@ -209,11 +221,6 @@ def segment_triangle_distance(p: Vector, q: Vector, a: Vector, b: Vector, c: Vec
 
 # -- the conditions -----------------------------------------------------------------------------------------------------
 
-MAX_PIECES = 500_000
-"""Most pieces (grid items x pieces of the driver's range) that one condition may look at."""
-CHUNK_PIECES = 4096
-"""Pieces that are worked on at once: bounds the memory and keeps the arrays in the cache."""
-
 
 class Condition(Protocol):
     """One requirement on a mechanism."""
@@ -368,16 +375,6 @@ def in_chunks(
         results.append(evaluate(mechanism.item(part), len(part), ends))
     every = (np.concatenate([getattr(result, field.name) for result in results]) for field in fields(results[0]))
     return type(results[0])(*every)
-
-
-NARROW = 1e-5
-"""Windows narrower than this (rad) are confirmed in extended precision."""
-SPEED_STEP = 1e-6
-"""Half step (rad) of the central difference that gives the speed of a crossing."""
-APPROACH_NODES = 7
-"""Places in each piece of the range from which the closest approach is sought."""
-APPROACH_STEPS = 60
-"""Golden-section steps of the closest approach: from the nodes' distance to below 1e-12 of it."""
 
 
 class Found(Verdict):

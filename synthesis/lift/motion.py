@@ -42,6 +42,14 @@ MAX_PROPORTION = 1e6
 """Longest to shortest length of one lift; in more extreme ones rounding moves the joints visibly."""
 TIME_ROOM = 1e-12
 """Relative room for a time that is meant to be the very end but was rounded on its way."""
+GRAVITY = 9.80665
+"""m/s^2."""
+BAR = 0.1
+"""One bar in N/mm^2."""
+CONDITION_NODES = (33,) * 5
+"""Poses of each look for the smallest condition number; each look is 16 times closer, and the minimum is flat."""
+CONDITION_BLOCK = 4096
+"""Jacobians that are decomposed at a time: bounds the memory."""
 
 
 def refusal(constraint: str, field: str, amount: float, message: str, **facts: float) -> FieldError:
@@ -224,12 +232,6 @@ def _check_lengths(design: Design, cylinder_length: float) -> None:
         raise refusal("l3<l5", "/design", excess, message)
 
 
-GRAVITY = 9.80665
-"""m/s^2."""
-BAR = 0.1
-"""One bar in N/mm^2."""
-
-
 @dataclass(frozen=True)
 class Drive:
     """What the cylinder has to carry, and the cylinder: ``load`` in N, ``mass`` in kg, ``bore`` and ``rod`` in mm.
@@ -295,11 +297,6 @@ def least_bore(found: Forces, drive: Drive) -> float:
 
 
 # -- the loop equations -------------------------------------------------------------------------------------------------
-
-CONDITION_NODES = (33,) * 5
-"""Poses of each look for the smallest condition number; each look is 16 times closer, and the minimum is flat."""
-CONDITION_BLOCK = 4096
-"""Jacobians that are decomposed at a time: bounds the memory."""
 
 
 def link_angles(pose: Pose) -> Floats:

@@ -59,6 +59,34 @@ OPEN_END = 1e-5
 lengths no longer carry the angle."""
 BLOCK = 1 << 17
 """Poses that are evaluated at a time: bounds the memory."""
+ANGLE_NODES = 129
+"""Values of gamma on which the admissible intervals are isolated."""
+PEAK_LOOKS = 9
+"""Closer looks for an interval that is narrower than these nodes are apart."""
+STRICT = 1e-9
+"""Share of the top height by which l3 stays below l5, a strict inequality (36)."""
+ACTIVE = 5e-7
+"""A constraint is active when its slack is below this share of the top height, or of the bound that it is about."""
+SEARCH_LIMIT = 100.0
+"""Longest length that is searched, in units of the top height and the cylinder: in longer arms the last digit of a
+length decides where the dead point is."""
+CAUSE_NODES, CAUSE_ANGLES, CAUSE_LOOKS, CLOSER_REACH = 65, 17, 9, 6
+"""Values of l2 and of gamma when nothing is admissible and what must give way is looked for, the looks, and the nodes
+to either side of the best one that a closer look keeps: wide, for it may sit in the tip of a wedge."""
+ARM_NODES = 48
+"""Values of l2 in each of the even and the geometric grid of the global search."""
+FIRST_LOOK, CLOSER_LOOK = 17, 9
+"""Points across an interval at first, and at each closer look (which narrows it by a factor of four)."""
+INNER_LOOKS, OUTER_LOOKS = 9, 12
+"""Closer looks over gamma and over l2."""
+GLOBAL_LOOKS = 4
+"""Closer looks over gamma while the valleys over l2 are only being told apart."""
+CANDIDATES = 3
+"""Local optima over l2 that are followed to the end."""
+SLOPE_STEP = 1e-4
+"""Step of the slope along l4 = l2, as a share of l2."""
+SAME = 1e-9
+"""Share by which a stroke or a length may differ from the table's."""
 
 
 @dataclass(frozen=True)
@@ -278,22 +306,6 @@ class Evaluator:
         return np.stack([np.where(works, variance[:, 0], np.inf), mean[:, 0]])
 
 
-ANGLE_NODES = 129
-"""Values of gamma on which the admissible intervals are isolated."""
-PEAK_LOOKS = 9
-"""Closer looks for an interval that is narrower than these nodes are apart."""
-STRICT = 1e-9
-"""Share of the top height by which l3 stays below l5, a strict inequality (36)."""
-ACTIVE = 5e-7
-"""A constraint is active when its slack is below this share of the top height, or of the bound that it is about."""
-SEARCH_LIMIT = 100.0
-"""Longest length that is searched, in units of the top height and the cylinder: in longer arms the last digit of a
-length decides where the dead point is."""
-CAUSE_NODES, CAUSE_ANGLES, CAUSE_LOOKS, CLOSER_REACH = 65, 17, 9, 6
-"""Values of l2 and of gamma when nothing is admissible and what must give way is looked for, the looks, and the nodes
-to either side of the best one that a closer look keeps: wide, for it may sit in the tip of a wedge."""
-
-
 def check_task(task: Task) -> None:
     """Refuse what no search is needed for: a cylinder at rest, or a stroke that does not rise.
 
@@ -459,17 +471,6 @@ def _least_violation(task: Task, relaxed: Task, yielding: Sequence[str]) -> tupl
 
 # -- the optimum --------------------------------------------------------------------------------------------------------
 
-ARM_NODES = 48
-"""Values of l2 in each of the even and the geometric grid of the global search."""
-FIRST_LOOK, CLOSER_LOOK = 17, 9
-"""Points across an interval at first, and at each closer look (which narrows it by a factor of four)."""
-INNER_LOOKS, OUTER_LOOKS = 9, 12
-"""Closer looks over gamma and over l2."""
-GLOBAL_LOOKS = 4
-"""Closer looks over gamma while the valleys over l2 are only being told apart."""
-CANDIDATES = 3
-"""Local optima over l2 that are followed to the end."""
-
 
 def optimize(task: Task, work: Work | None = None) -> Optimum:
     """The global optimum of a task; deterministic, no random start.
@@ -622,10 +623,6 @@ ARMS = {200.0: 347.4, 210.0: 353.9, 220.0: 351.9, 230.0: 348.9, 240.0: 356.3, 25
 """Printed l2 = l4 by cylinder length l1'."""
 FITTED = (250.0,)
 """Cylinder lengths whose arm is not printed in full: two of its digits are lost, and (31) gives them from the printed b."""
-SLOPE_STEP = 1e-4
-"""Step of the slope along l4 = l2, as a share of l2."""
-SAME = 1e-9
-"""Share by which a stroke or a length may differ from the table's."""
 
 
 @dataclass(frozen=True)
