@@ -13,7 +13,6 @@ FILE: dict[str, str] = {}
 
 
 def add_atlas(parser: Any, what: str = "the atlas") -> None:
-    """Add ``--atlas`` to a parser or a group of arguments."""
     parser.add_argument(
         "--atlas",
         type=Path,

@@ -18,6 +18,7 @@ from starlette.types import Receive, Scope, Send
 
 from app import problems
 from app.query import Invalid, Numbers, RequestModel, invalid
+from app.resources import give_back_memory
 from linkage_atlas.records import names_of, plain
 
 MAX_KEYS = 2_000
@@ -29,6 +30,8 @@ MAX_VALUES = 120_000
 _LISTED_AT_ONCE = 256
 PIECE_BYTES = 1 << 16
 """Bytes of a reply that are sent, and passed between processes, at once."""
+GIVEN_BACK = 1 << 22
+"""Bytes of replies after which the system is given back what they took, once their clients have all of them."""
 _DEPTH = 2
 """Levels of a reply whose fields are written one by one."""
 
@@ -118,7 +121,7 @@ class Held:
     Raises `problems.Unread` where they would be more than ``Held.most``; a short reply, or one alone, is always sent.
     """
 
-    total = 0
+    total = most_since = 0
     most = 64_000_000
 
     def __init__(self, size: int) -> None:
@@ -132,9 +135,13 @@ class Held:
         size = min(size, self._left)
         self._left -= size
         Held.total -= size
+        Held.most_since = max(Held.most_since, Held.total)
 
     def __del__(self) -> None:
         self.take(self._left)
+        if Held.most_since > GIVEN_BACK and not Held.total:
+            Held.most_since = 0
+            give_back_memory()
 
 
 class Reply(Response):
@@ -148,6 +155,9 @@ class Reply(Response):
     held : Held, optional
         What is held of it from now on; default: all of it, once it is sent.
     """
+
+    turn = asyncio.Lock()
+    """Of the service: one piece of all its large replies is sent between two looks at what else there is to do."""
 
     def __init__(
         self,
@@ -179,10 +189,10 @@ class Reply(Response):
         self.pieces.reverse()
         while self.pieces:
             piece = self.pieces.pop()
+            if self.size > PIECE_BYTES:
+                async with Reply.turn:
+                    await asyncio.sleep(0)
             await send({"type": "http.response.body", "body": piece, "more_body": bool(self.pieces)})
             held.take(len(piece))
-            await asyncio.sleep(
-                0
-            )  # a client that reads lets all of it through at once; that it has gone is seen here
         if not self.size:
             await send({"type": "http.response.body", "body": b"", "more_body": False})

@@ -95,8 +95,7 @@ def make_parser(whole: bool = False, named: str | None = None) -> argparse.Argum
 
 
 def _add_questions(parser: argparse.ArgumentParser, name: str) -> None:
-    """The arguments of a question, or the questions of a scene."""
-    from app.asking import add_query
+    from app.command import add_query
 
     queries = queries_named(name)
     if queries[0].command == name:

@@ -8,20 +8,22 @@ import threading
 import time
 from collections import Counter
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterable
-from contextlib import AbstractAsyncContextManager, asynccontextmanager, suppress
+from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Protocol
+from weakref import WeakValueDictionary
 
 import anyio
 import anyio.to_thread
 from fastapi import FastAPI, params
 from fastapi.routing import APIRoute
 from fastapi.utils import create_model_field
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
 
 from app import bodies, problems
+from app.connections import DOUBT_SECONDS
 from app.live import Lives
 from app.query import RequestModel, Resources
 from app.resources import ServiceResources, give_back_memory
@@ -132,60 +134,31 @@ class LargeBodies:
     ----------
     places : int
     seconds : float
-        In which a body must be there. Where others wait, one that has been coming for `PATIENCE` seconds and is too slow for that
-        loses its place.
+        In which a body is there if it goes on as it came. One that falls `PATIENCE` seconds behind loses its place.
     """
 
-    PATIENCE = 1.0
+    PATIENCE = 2.0
 
     def __init__(self, places: int, seconds: float) -> None:
-        self._places, self._seconds = places, seconds
-        self._coming: list[_Coming] = []
-        self._left = asyncio.Event()
+        self._seconds, self._half, self._places = seconds, places // 2, asyncio.Semaphore(places)
+        self._of_address = WeakValueDictionary[str, asyncio.Semaphore]()
 
     async def read(self, request: Request) -> bytes:
         """The body of a request; raises `problems.SlowBody`."""
-        here, length = request.client.host if request.client else "", request.headers.get("content-length", "")
-        while others := self._in_the_way(here):
-            self._left.clear()
-            now = asyncio.get_running_loop().time()
-            late = [one for one in others if one.late(now, self._seconds) and one.begin + self.PATIENCE < now]
-            if late:
-                min(late, key=lambda one: len(one.body)).time.reschedule(now)
-            with suppress(TimeoutError):
-                await asyncio.wait_for(self._left.wait(), self.PATIENCE / 4)
+        host, length = request.client.host if request.client else "", request.headers.get("content-length", "")
+        own = self._of_address.setdefault(host, asyncio.Semaphore(self._half))
+        size, body = int(length) if length.isdecimal() else LARGE, bytearray()
         try:
-            async with asyncio.timeout(None) as time:
-                coming = _Coming(here, int(length) if length.isdecimal() else LARGE, time)
-                self._coming.append(coming)
+            async with own, self._places, asyncio.timeout(self.PATIENCE) as time:
+                latest = asyncio.get_running_loop().time() + self.PATIENCE
                 async for part in request.stream():
-                    coming.body += part
-            return bytes(coming.body)
+                    body += part
+                    time.reschedule(latest + self._seconds * len(body) / size)
+            return bytes(body)
         except TimeoutError:
             raise problems.SlowBody from None
         finally:
-            self._coming.remove(coming)
-            self._left.set()
             give_back_memory(every=1.0)
-
-    def _in_the_way(self, address: str) -> list[_Coming]:
-        """Bodies of which one must leave before another comes from an address; none where there is a place."""
-        if len(self._coming) >= self._places:
-            return self._coming
-        own = [one for one in self._coming if one.address == address]
-        return own if len(own) >= self._places // 2 else []
-
-
-class _Coming:
-    """A body that is being received."""
-
-    def __init__(self, address: str, size: int, time: asyncio.Timeout) -> None:
-        self.address, self.size, self.time = address, size, time
-        self.begin, self.body = asyncio.get_running_loop().time(), bytearray()
-
-    def late(self, now: float, seconds: float) -> bool:
-        """Whether it will not be there in so many seconds if it goes on as it came, and has not been given up already."""
-        return not self.time.expired() and len(self.body) * seconds < self.size * (now - self.begin)
 
 
 async def _content(request: Request) -> bytes:
@@ -194,6 +167,16 @@ async def _content(request: Request) -> bytes:
         return await request.body()
     content: bytes = await request.app.state.large.read(request)
     return content
+
+
+async def _stays(request: Request) -> None:
+    """Raise `ClientDisconnect` where the client has closed its side, and a moment later has gone altogether."""
+    for _ in range(2):
+        await asyncio.sleep(0)  # it may have closed right behind its request
+    if getattr(request.state, "half_closed", False):
+        await asyncio.sleep(DOUBT_SECONDS)
+        if await request.is_disconnected():
+            raise ClientDisconnect
 
 
 class _QuestionRoute(APIRoute):
@@ -205,7 +188,7 @@ class _QuestionRoute(APIRoute):
 
 def install(app: FastAPI, computing: Computing, settings: Settings) -> None:
     """What the routes of `add` need."""
-    bodies.Held.most = settings.reply_memory_bytes
+    bodies.Held.most, bodies.Reply.turn = settings.reply_memory_bytes, asyncio.Lock()
     app.state.computing = computing
     app.state.questions = {}
     app.state.large = LargeBodies(16, settings.body_seconds)
@@ -220,6 +203,7 @@ def add(app: FastAPI, question: Question, name: str, **described: Any) -> None:
         content = await _content(request)
         if content and not problems.says_json(request.headers):
             raise problems.NotJson
+        await _stays(request)
         return await app.state.computing.answer(request, question, content)  # type: ignore[no-any-return]
 
     route = _QuestionRoute(question.path, answer, name=name, methods=["POST"], **described)

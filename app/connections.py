@@ -22,12 +22,18 @@ from app.settings import Settings
 
 BACKLOG = 128
 """Connections that the system accepts before the service sees the first of them."""
+ACCEPTED_AT_ONCE = 8
+"""Of them, between two looks at what else there is to do."""
 _OTHER_FILES = 96
 _PROBES = (0.01, 0.005, 0.02, 0.1)
 """Seconds before the first signs of life to a client that has closed its side: one that has gone altogether answers the first
 with a reset, which the second finds."""
 _PROBE_SECONDS = 0.4
 """Between all further ones."""
+DOUBT_SECONDS = 0.02
+"""After which one that has gone is known to have."""
+_PAUSE_SECONDS = 0.1
+"""Before one that speaks no HTTP is told so: some begin again at once."""
 MOST_LOGGED = 500
 """Characters of an address in the log."""
 
@@ -147,7 +153,8 @@ class Connection(H11Protocol):
             )
 
     def send_400_response(self, msg: str) -> None:
-        self._refuse(400, "this is no request of HTTP/1.1")
+        self.flow.pause_reading()
+        self.loop.call_later(_PAUSE_SECONDS, self._refuse, 400, "this is no request of HTTP/1.1")
 
     def _refuse(self, status: int, detail: str) -> None:
         if self.transport.is_closing():
@@ -170,6 +177,7 @@ class Connection(H11Protocol):
         if not self._answers or self.cycle.more_body:
             return None
         self.cycle.keep_alive = False
+        self.scope["state"]["half_closed"] = True
         seconds = chain(_PROBES, repeat(_PROBE_SECONDS))
         self.loop.call_later(next(seconds), self._probe, seconds)
         return True

@@ -9,7 +9,7 @@ from typing import Any, get_args
 from pydantic import ValidationError
 
 from app.arguments import FILE, add_atlas, whole_number
-from app.asking import add_request, add_set, parsed, read_request, text_of, waiting, with_fields, write
+from app.command import add_request, add_set, parsed, read_request, text_of, waiting, with_fields, write
 from app.fourbar.export import LINKAGE_FILES, ExportRequest, Material, SolidsRequest
 from app.query import FILES, LengthUnit, invalid
 from app.registry import queries_named
@@ -18,7 +18,6 @@ from linkage_atlas.formats import kind_of
 
 
 def add_export(parser: argparse.ArgumentParser) -> None:
-    """The arguments of ``export``."""
     (query,) = queries_named("synthesize")
     examples = add_request(
         parser,

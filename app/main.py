@@ -21,7 +21,7 @@ import linkage_atlas as la
 from app import computed, page, problems
 from app.bodies import Reply
 from app.doors import Doors
-from app.query import FILES, MEDIA_TYPES, Files, Query, ReplyModel
+from app.query import FILES, MEDIA_TYPES, Files, Query, ReplyModel, RequestModel, Resources
 from app.registry import all_queries
 from app.replies import reply_model
 from app.resources import ServiceResources
@@ -64,19 +64,18 @@ def create_app(
     for query in all_queries():
         _add_query(app, query)
     page.install(app)
-    _add_atlas_routes(app, resources)
+    _add_atlas_routes(app, resources, computing)
     _add_health_routes(app, resources, computing)
     _add_heads(app)
     if settings.log_json or settings.metrics:
         observed = import_module("app.observed")  # and with it the client library of Prometheus
         observed.install(app, settings, computing)
-    description = page.MadeOnce(lambda: page.json_file(described(app)))
+    description = page.MadeOnce(app, "/openapi.json", lambda _: described(app), long=True)
     app.add_route("/openapi.json", description.reply, ["GET"], include_in_schema=False)
     return app
 
 
 def described(app: FastAPI) -> dict[str, Any]:
-    """The OpenAPI document of all routes."""
     with warnings.catch_warnings():  # FastAPI's own, which it keeps quiet where models are built at once
         warnings.simplefilter("ignore", UnsupportedFieldAttributeWarning)
         document = app.openapi()
@@ -119,11 +118,16 @@ class OfKind(BaseModel, extra="forbid"):
     kind: Literal["four_bar", "slider_crank"] | None = None
 
 
+class OfType(RequestModel):
+    number: int
+    kind: Literal["four_bar", "slider_crank"] | None
+
+
 TypeNumber = Annotated[int, Field(ge=1, le=2**53), BeforeValidator(_written_plainly)]
 
 
-def _add_atlas_routes(app: FastAPI, resources: ServiceResources) -> None:
-    loaded = page.MadeOnce(lambda: page.json_file(AtlasReply(**resources.describe_atlas()).model_dump()))
+def _add_atlas_routes(app: FastAPI, resources: ServiceResources, computing: computed.Computing) -> None:
+    loaded = page.MadeOnce(app, "/v1/atlas", lambda resources: resources.describe_atlas())
 
     @app.get(
         "/v1/atlas", tags=["atlas"], summary="What is loaded.", response_model=AtlasReply, responses=_problems(503)
@@ -131,14 +135,26 @@ def _add_atlas_routes(app: FastAPI, resources: ServiceResources) -> None:
     async def atlas(request: Request) -> Response:
         return await loaded.reply(request)
 
-    @app.get("/v1/types/{number}", tags=["atlas"], summary="One dimension type.", responses=_problems(404, 422, 503))
-    def dimension_type(number: TypeNumber, of: Annotated[OfKind, QueryParameters()]) -> AtlasTypeReply:
+    path, about = "/v1/types/{number}", "One dimension type."
+    question = computed.Question(path, OfType, _details, lambda _: False)
+    app.state.questions[path] = (
+        question  # its row is unpacked from the file: milliseconds that the front does not have
+    )
+
+    @app.get(path, tags=["atlas"], summary=about, response_model=AtlasTypeReply, responses=_problems(404, 422, 503))
+    async def dimension_type(
+        number: TypeNumber, of: Annotated[OfKind, QueryParameters()], request: Request
+    ) -> Response:
         """Lengths, family and the Haar average and details of the body's rotation over the whole turn, of a kind (four_bar)."""
-        try:
-            atlas = resources.atlas
-            return AtlasTypeReply(**atlas.of(of.kind or atlas.kind).details_of(number))
-        except la.FieldError as error:
-            raise problems.NotFound(error.message) from None
+        content = OfType(number=number, kind=of.kind).model_dump_json()
+        return await computing.answer(request, question, content.encode())
+
+
+def _details(of: OfType, resources: Resources) -> Reply:
+    try:
+        return Reply(AtlasTypeReply(**resources.atlas.of(of.kind or resources.atlas.kind).details_of(of.number)))
+    except la.FieldError as error:
+        raise problems.NotFound(error.message) from None
 
 
 class Ready(ReplyModel):

@@ -11,7 +11,7 @@ import hashlib
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from typing import Any
@@ -22,7 +22,9 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from app.bodies import Held, Reply
+from app.computed import Question
 from app.problems import NotFound
+from app.query import RequestModel, Resources
 from app.scenes import SCENES, queries_of
 
 MEDIA_TYPES = {
@@ -103,7 +105,6 @@ def static_files(folder: str = "static") -> dict[str, StaticFile]:
 
 
 def scenes() -> dict[str, str]:
-    """Title of each scene, by its name."""
     return {name: SCENE_TITLES.get(name, name.capitalize()) for name in SCENES}
 
 
@@ -119,21 +120,32 @@ async def sent(file: StaticFile, request: Request, **headers: str) -> Response:
     return file.reply(request, **headers)
 
 
-class MadeOnce:
-    """A file that is made on a thread when it is first asked for."""
+class Nothing(RequestModel):
+    """The body of a question that asks for the same each time."""
 
-    def __init__(self, make: Callable[[], StaticFile]) -> None:
-        self._make, self._lock = make, asyncio.Lock()
+
+class MadeOnce:
+    """A reply in JSON that depends on no request, made when it is first asked for, where answers are computed."""
+
+    def __init__(self, app: FastAPI, path: str, make: Callable[[Resources], Any], long: bool = False) -> None:
+        answer = lambda _, resources: Reply(json_file(make(resources)).content)  # noqa: E731
+        self._question = Question(path, Nothing, answer, lambda _: long)
+        app.state.questions[path] = self._question
+        self._computing, self._lock = app.state.computing, asyncio.Lock()
         self._file: StaticFile | None = None
 
     async def reply(self, request: Request) -> Response:
-        """The file; others that ask for it meanwhile wait."""
+        """The reply; others that ask for it meanwhile wait."""
         async with self._lock:
-            self._file = self._file or await run_in_threadpool(self._make)
+            if self._file is None:
+                made = await self._computing.answer(request, self._question, b"{}")
+                if made.status_code != 200:
+                    return made
+                self._file = StaticFile(b"".join(made.pieces), MEDIA_TYPES[".json"])
         return await sent(self._file, request)
 
 
-def scene_details(name: str) -> StaticFile:
+def scene_details(name: str) -> dict[str, Any]:
     """What a scene's page is made from: its queries with the schema of their requests and their examples."""
     queries = [
         {
@@ -146,14 +158,16 @@ def scene_details(name: str) -> StaticFile:
         }
         for query in queries_of(name)
     ]
-    return json_file({"name": name, "title": scenes()[name], "queries": queries})
+    return {"name": name, "title": scenes()[name], "queries": queries}
 
 
 def install(app: FastAPI) -> None:
     """The routes ``/``, ``/function``, ``/static/...``, one page a scene, and what those pages are made from."""
     stored, shown = static_files(), static_files("docs")
     titles = scenes()
-    details = {name: MadeOnce(partial(scene_details, name)) for name in titles}
+    details = {
+        name: MadeOnce(app, f"/scenes/{name}/queries", lambda _, name=name: scene_details(name)) for name in titles
+    }
 
     def page(path: str, file: StaticFile, **headers: str) -> None:
         async def reply(request: Request) -> Response:

@@ -9,6 +9,7 @@ import json
 import logging
 import time
 from collections.abc import Callable, Iterable, Sequence
+from functools import cache
 from http import HTTPStatus
 from typing import Any
 from urllib.parse import quote
@@ -75,7 +76,7 @@ class Unread(Exception):
 
 
 class SlowBody(Exception):
-    """A large body that came so slowly that another took its place."""
+    """A large body that came too slowly to keep its place."""
 
 
 class Malformed(Exception):
@@ -136,6 +137,7 @@ def problem(
     )
 
 
+@cache
 def raw(status: int, detail: str) -> bytes:
     """A problem as the bytes of a whole HTTP reply, for what is refused before it is a request."""
     reply = problem(status, detail, headers={"Connection": "close", **HEADERS})
@@ -209,7 +211,7 @@ _REPLIES: dict[type[Exception], Callable[[Any], Response]] = {
     Overloaded: _later(1, "too many requests are waiting"),
     Superseded: lambda _: problem(503, "a newer request under the same `live` has taken its place"),
     Unread: _later(2, "too many replies wait for their clients to read them"),
-    SlowBody: lambda _: problem(408, "the body came too slowly, and others wait", headers={"Connection": "close"}),
+    SlowBody: lambda _: problem(408, "the body came too slowly", headers={"Connection": "close"}),
     Ending: _later(5, "the service is ending"),
     OutOfTime: _later(5, "the answer took longer than its `budget_ms` or this service allows"),
     Died: _later(1, "the process that computed this answer has ended before it; the service's log says how"),

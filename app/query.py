@@ -83,7 +83,6 @@ class Angles:
 
     @property
     def radian(self) -> float:
-        """Radians in one unit."""
         return math.pi / 180 if self.unit == "deg" else 1.0
 
     def inward(self, angle: float) -> float:
@@ -103,6 +102,17 @@ class RequestModel(BaseModel):
     """Base of all requests: an unknown field is an error."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
+
+    def given(self, *names: str, but: Sequence[str] = ()) -> dict[str, Any]:
+        """Some fields, or all ``but`` some, as plain values: arguments of the front door."""
+        names = names or tuple(name for name in type(self).model_fields if name not in but)
+        return {name: _given(getattr(self, name)) for name in names}
+
+
+def _given(value: Any) -> Any:
+    if isinstance(value, list) and value and isinstance(value[0], BaseModel):
+        return [_given(one) for one in value]
+    return value.model_dump(exclude_none=True) if isinstance(value, BaseModel) else value
 
 
 class Invalid(FieldError):
@@ -230,7 +240,6 @@ MEDIA_TYPES = {known.endings[0]: known.media_type for known in FILES.values()}
 
 @cache
 def bundled_requests() -> dict[str, Any]:
-    """The bundled requests of each question, by its command and their names."""
     return json.loads(files("app").joinpath("examples/requests.json").read_text())
 
 
@@ -254,7 +263,6 @@ class Files:
 
     @property
     def formats(self) -> tuple[str, ...]:
-        """The formats there are."""
         return get_args(self.request.model_fields["format"].annotation)
 
 

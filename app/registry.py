@@ -92,7 +92,6 @@ def queries_named(word: str) -> tuple[Query, ...]:
 
 
 def all_queries() -> tuple[Query, ...]:
-    """Every query of the service."""
     return (
         *_motion_queries(),
         *queries_named("function"),

@@ -84,10 +84,8 @@ def _classes(module: str) -> dict[str, list[ast.stmt]]:
 
 
 def plain_of(reply: Any) -> Any:
-    """A reply as plain values."""
     return reply.model_dump() if isinstance(reply, BaseModel) else plain(reply)
 
 
 def json_of(reply: Any, indent: int | None = None) -> bytes:
-    """A reply as JSON, at once."""
     return to_json(plain_of(reply), indent=indent, inf_nan_mode="strings")

@@ -15,7 +15,7 @@ import uvicorn
 from fastapi import FastAPI
 
 from app.arguments import Exit
-from app.connections import BACKLOG, Connection, cut_addresses, protocol_of
+from app.connections import ACCEPTED_AT_ONCE, BACKLOG, Connection, cut_addresses, protocol_of
 from app.doors import LOOPBACK
 from app.main import create_app
 from app.processes import Processes
@@ -25,6 +25,8 @@ from app.supervisor import DRAIN_SECONDS, SUCCEEDED, SUCCESSION, Supervisor
 
 SWITCH_SECONDS = 0.001
 """Between two turns of threads in the interpreter, where threads compute: so long a short answer waits for a long one."""
+SEND_BUFFER = 1 << 18
+"""Bytes of a connection's replies that the system takes, for each client that does not read."""
 _LAST_SECOND = 1.0
 """Before the end: what still computes is told to stop, and its client that the service ends."""
 
@@ -39,6 +41,7 @@ class _Server(uvicorn.Server):
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         await super().startup(sockets)
         for listener in sockets or []:
+            listener.listen(BACKLOG)
             host, port = listener.getsockname()[:2]
             where = f"http://{f'[{host}]' if ':' in host else host}:{port}"
             logging.getLogger("uvicorn.error").info("Uvicorn running on %s (Press CTRL+C to quit)", where)
@@ -106,6 +109,7 @@ def listening(host: str, port: int) -> list[socket.socket]:
         listeners.append(listener)
         try:
             listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            listener.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
             if family == socket.AF_INET6:
                 listener.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
             listener.bind((name, port or listeners[0].getsockname()[1], *rest))
@@ -146,6 +150,8 @@ def _serve_with_processes(
         _run(server, listeners)
 
     resources.load()
+    if predecessor is not None:  # which answers meanwhile
+        resources.prepare_rest()
     return Supervisor(front, app.state.questions, resources, listeners, workers).run()
 
 
@@ -156,7 +162,7 @@ def _server(settings: Settings, app: FastAPI, protocol: type[Connection]) -> _Se
         access_log=not settings.log_json,
         http=protocol,
         ws="none",
-        backlog=BACKLOG,
+        backlog=ACCEPTED_AT_ONCE,
         server_header=False,
         proxy_headers=bool(settings.trusted_proxies),
         forwarded_allow_ips=settings.trusted_proxies or None,

@@ -119,7 +119,6 @@ def atlas_of(settings: Settings) -> Path:
 
 
 def settings_of(options: Any) -> Settings:
-    """The settings, with the atlas that the command line names."""
     atlas = getattr(options, "atlas", None)
     try:
         return Settings(atlas=atlas) if atlas else Settings()

@@ -19,7 +19,7 @@ from typing import Any
 from tqdm import tqdm
 
 from app.arguments import EPILOG, FILE, Exit, whole_number
-from app.asking import NO_PRESET, read_request
+from app.command import NO_PRESET, read_request
 from app.query import Query
 from app.registry import all_queries
 from app.replies import json_of, plain_of
@@ -46,7 +46,6 @@ doubled. A request without budget_ms has the same reply on every run; no time li
 
 
 def add_study(parser: argparse.ArgumentParser) -> None:
-    """The arguments of ``linkage-atlas study``."""
     parser.description, parser.epilog = DESCRIPTION, EPILOG
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument(
@@ -73,7 +72,6 @@ def add_study(parser: argparse.ArgumentParser) -> None:
 
 
 def run_study(options: argparse.Namespace) -> int:
-    """Answer the requests of a file; returns the exit code."""
     place = None if options.atlas is None else str(options.atlas.resolve())
     also = NO_PRESET if options.no_preset and "limits" in _query(options.command).request.model_fields else ()
     work = partial(answer_line, options.command, also, place)

@@ -16,7 +16,6 @@ class Units:
     length: str = ""
 
     def head(self, word: str, unit: str) -> str:
-        """The head of a column."""
         return f"{word} {unit}" if unit else word
 
     def behind(self, unit: str) -> str:

@@ -20,26 +20,30 @@ class Turnstile:
     """Lets ``concurrent`` requests compute at a time and ``waiting`` more wait; one whose client has gone leaves.
 
     Requests are of two classes, short and long. One place is kept free of long ones (if there are two), and half of the room to
-    wait; a free place goes to the class that has fewer places, and in turn where both have as many.
+    wait; a free place goes to the class that has fewer places, and in turn where both have as many. Within a class the addresses
+    of clients have turns; where there is no room, the one of which most wait loses its newest.
     """
 
     def __init__(self, concurrent: int, waiting: int) -> None:
         self.places, self._long_places = concurrent, max(1, concurrent - 1)
         self._room, self._long_room = waiting, -(-waiting // 2)
-        self._queues: dict[bool, deque[asyncio.Future[None]]] = {False: deque(), True: deque()}
-        self._running = {False: 0, True: 0}
+        self._queues: dict[bool, dict[str, deque[asyncio.Future[None]]]] = {False: {}, True: {}}
+        self._running: dict[bool, set[asyncio.Future[None]]] = {False: set(), True: set()}
         self._last = True
         self._stopping = threading.Event()
 
     @property
     def computing(self) -> int:
         """Requests that compute now."""
-        return sum(self._running.values())
+        return sum(map(len, self._running.values()))
 
     @property
     def waiting(self) -> int:
         """Requests that wait for their turn."""
-        return sum(map(len, self._queues.values()))
+        return self._of_class(False) + self._of_class(True)
+
+    def _of_class(self, long: bool) -> int:
+        return sum(map(len, self._queues[long].values()))
 
     @property
     def stopping(self) -> bool:
@@ -67,7 +71,8 @@ class Turnstile:
         computing, or out of it the next time that it looks at its work.
         """
         begin, gone = time.perf_counter(), threading.Event()
-        turn = self._join(long)
+        host = request.client.host if request.client else ""
+        turn = self._join(long, host)
         with anyio.CancelScope() as wait:  # once it computes, a thread is not abandoned and keeps its place
             watch = asyncio.create_task(_watch(request, gone, wait))
             try:
@@ -80,37 +85,50 @@ class Turnstile:
             finally:
                 watch.cancel()
                 gone.set()  # also where the server gives the request up: the thread then ends soon
-                self._leave(turn, long)
+                self._leave(turn, long, host)
         raise Cancelled
 
-    def _join(self, long: bool) -> asyncio.Future[None]:
-        """A turn: done once there is a place."""
+    def _join(self, long: bool, host: str) -> asyncio.Future[None]:
+        """A turn: done once there is a place, or refused."""
         turn: asyncio.Future[None] = asyncio.get_running_loop().create_future()
-        self._queues[long].append(turn)
+        queue = self._queues[long]
+        queue.setdefault(host, deque()).append(turn)
         self._call()
-        if not turn.done() and (self.waiting > self._room or (long and len(self._queues[long]) > self._long_room)):
-            self._queues[long].remove(turn)
-            raise problems.Overloaded
+        if self.waiting > self._room or (long and self._of_class(long) > self._long_room):
+            most = max(queue, key=lambda one: (len(queue[one]), one == host))
+            refused = queue[most][-1]
+            self._leave(refused, long, most)
+            if not refused.done():  # its client may just have gone
+                refused.set_exception(problems.Overloaded)
+                refused.exception()  # it may go before it hears of it
         return turn
 
-    def _leave(self, turn: asyncio.Future[None], long: bool) -> None:
-        if turn in self._queues[long]:
-            self._queues[long].remove(turn)
-        else:
-            self._running[long] -= 1
+    def _leave(self, turn: asyncio.Future[None], long: bool, host: str) -> None:
+        waiting = self._queues[long].get(host, ())
+        if turn in self._running[long]:
+            self._running[long].remove(turn)
             self._call()
+        elif turn in waiting:
+            waiting.remove(turn)
+            if not waiting:
+                del self._queues[long][host]
 
     def _call(self) -> None:
         """Give free places to those that wait."""
         while self.computing < self.places:
             may = [long for long in (False, True) if self._queues[long]]
-            if self._running[True] >= self._long_places:
+            if len(self._running[True]) >= self._long_places:
                 may = [long for long in may if not long]
             if not may:
                 return
-            self._last = min(may, key=lambda long: (self._running[long], long == self._last))
-            self._running[self._last] += 1
-            turn = self._queues[self._last].popleft()
+            self._last = min(may, key=lambda long: (len(self._running[long]), long == self._last))
+            queue = self._queues[self._last]
+            host = next(iter(queue))
+            waiting = queue.pop(host)
+            turn = waiting.popleft()
+            if waiting:
+                queue[host] = waiting  # behind the others
+            self._running[self._last].add(turn)
             if not turn.done():
                 turn.set_result(None)
 

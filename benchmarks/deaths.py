@@ -168,7 +168,7 @@ def indexes(count: int) -> dict[str, Any]:
     """Makers of an index."""
     with tempfile.TemporaryDirectory() as name:
         atlas = Path(name) / "atlas.h5"
-        service.build(atlas, perimeter=300, samples=32, jobs=1)
+        service.build(atlas, perimeter=150, samples=32, jobs=1)
         folder = Path(f"{atlas}.index")
 
         def made() -> dict[str, bytes]:

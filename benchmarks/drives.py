@@ -1,4 +1,4 @@
-"""Drives of random linkages: optima against finer grids, motors simulated, forces against equilibrium, times (`make drives`)."""
+"""Drives of random linkages of all kinds: optima against finer grids, motors turned round, forces by Newton and Euler, times."""
 
 from __future__ import annotations
 
@@ -10,75 +10,49 @@ import numpy as np
 
 from benchmarks import report
 from benchmarks.report import Times
-from synthesis.drives.actuator import ROW_GRID, Actuator, Placement, Question, Refused, Row, Wanted, best_of_rows
-from synthesis.drives.dyad import about_pivot, driven, on_any_link
-from synthesis.drives.links import Loading, Machine, machine_of
+from linkage_atlas.driving import FINE as FINE_WAY
+from synthesis.drives.actuator import Placement, Refused
+from synthesis.drives.dyad import Driven, about_pivot, driven, on_any_link
+from synthesis.drives.links import GROUND, machine_at, machine_of
 from synthesis.fourbar.linkage import Linkage
+from synthesis.guided.linkage import GuidedLinkage, Kind
 from synthesis.target import Interval
-from tests.oracles.driven_cases import loads, random_linkage
-from tests.oracles.equilibrium import Moving, drive_force
+from tests.oracles.driven_cases import Case, any_linkage
+from tests.oracles.newton_euler import bodies
+from tests.oracles.turned_motor import turned
 
-LINKS = ("crank", "coupler", "rocker")
 FINE = 240
 """Points of the finer grid, either way: four times as many as the search's."""
 ANGLES = 20_001
-"""Positions at which a motor's links are looked at."""
+"""Angles of the motor at which its links are looked at."""
 BETTER = 1e-6
 
 
-def question(
-    linkage: Linkage, interval: Interval, seed: int, grid: int = 60
-) -> tuple[Question, Actuator, Machine, Loading]:
-    """One link of a linkage, a load, and an actuator that may fit."""
-    rng = np.random.default_rng([seed, 1])
-    machine = machine_of(linkage, interval)
-    load = loads(linkage, rng)
-    link = machine.links[LINKS[seed % 3]]
-    middle = complex(np.mean(link.origin))
-    box = (middle.real - 2.5, middle.imag - 2.5, middle.real + 2.5, middle.imag + 2.5)
-    stroke = float(rng.uniform(0.15, 0.8))
-    asked = Question(link, machine.at, machine.torque(load), Wanted(box, 1.5, 0.02 * stroke), grid)
-    return asked, Actuator(stroke * float(rng.uniform(1.1, 2.5)), stroke), machine, load
-
-
-def equilibrium(linkage: Linkage, machine: Machine, load: Loading, link: str, place: Placement) -> float:
-    """The largest difference of the actuator's force from that of nine equations a position, over the largest force."""
-    turn = np.exp(1j * (linkage.body_offset or 0.0))
-    masses = [
-        ("coupler", one.mass, complex(linkage.arm + one.at * turn), one.inertia)
-        if one.link == "body"
-        else (one.link, one.mass, one.at, one.inertia)
-        for one in load.masses
-    ]
-    a, b = linkage.pivot_a, linkage.pivot_b
-    worst = 0.0
-    for k in range(0, machine.at.size, 12):
-        crank = linkage.start + linkage.ground_angle + machine.at[k]
-        at = Moving(linkage.links, linkage.branch, (a.real, a.imag), (b.real, b.imag), crank)
-        held = linkage.arm, (load.force.real, load.force.imag), load.torque, masses
-        gravity = (load.gravity.real, load.gravity.imag)
-        rod = ("rod", link, place.pin, (place.ground.real, place.ground.imag))
-        worst = max(worst, abs(drive_force(at, *held, gravity, load.speed, rod) - place.force[k]))
-    return worst / place.peak
+def equilibrium(case: Case, found: Placement) -> float:
+    """The largest difference of the actuator's force from that of three bodies, over the largest force."""
+    other = found.ground if case.on == GROUND else case.machine.links[case.on].point_at(found.ground)
+    three, some = bodies(case.linkage), slice(None, None, 12)
+    states = three.along(case.machine.at[some])
+    wanted = [three.force(one, case.load, case.name, found.pin, case.on, other) for one in states]
+    return float(np.abs(found.force[some] - wanted).max()) / found.peak
 
 
 def actuators(cases: int) -> list[dict[str, Any]]:
-    """Optima against the finer grid, and why there are none; a row a link."""
-    rows: dict[str, dict[str, Any]] = {name: _empty() for name in LINKS}
+    """Optima against the finer grid, and why there are none; a row a kind."""
+    rows: dict[str, dict[str, Any]] = {kind.value: _empty() for kind in Kind}
     for seed in range(cases):
-        linkage, interval = random_linkage(np.random.default_rng([seed, 0]))
-        name = LINKS[seed % 3]
-        row = rows[name]
+        one = Case(seed)
+        row = rows[one.kind]
         times: Times = row["times"]
-        asked, actuator, machine, load = question(linkage, interval, seed)
+        asked, actuator = one.question(), one.actuator
         found = times.run(lambda asked=asked, actuator=actuator: asked.best(actuator))
-        fine, *_ = question(linkage, interval, seed, FINE)
+        fine = one.question(FINE)
         again = fine.best(actuator)
         # the grid's own best, also on links with a pivot, where the search needs none
         fine.link = replace(fine.link, pivot=None)
         grid = fine.screened(actuator)
         row["cases"] += 1
-        row["clockwise"] += int(interval.last < 0)
+        row["clockwise"] += int(one.interval.last < 0)
         if isinstance(found, Refused):
             row["refused"] += 1
             row["missed"] += not isinstance(again, Refused) or (grid.refused is None and grid.short is None)
@@ -89,11 +63,12 @@ def actuators(cases: int) -> list[dict[str, Any]]:
             row["worse"] += int(best > again.worst * (1 + BETTER))
         if grid.refused is None and grid.short is None:
             row["worse_than_grid"] += int(best > asked.scale_of_burden / grid.worth * (1 + BETTER))
-        row["equilibrium"] = float(max(row["equilibrium"], equilibrium(linkage, machine, load, name, found)))
+        row["equilibrium"] = float(max(row["equilibrium"], equilibrium(one, found)))
     return [
-        {"link": name, **{key: value for key, value in row.items() if key != "times"}}
+        {"link": kind.replace("_", " "), **{key: value for key, value in row.items() if key != "times"}}
         | {"ms": 1000 * row["times"].median.processor, "p99": 1000 * row["times"].percentile(99).processor}
-        for name, row in rows.items()
+        for kind, row in rows.items()
+        if row["cases"]
     ]
 
 
@@ -103,41 +78,43 @@ def _empty() -> dict[str, Any]:
 
 
 def motors(cases: int) -> list[dict[str, Any]]:
-    """Swing and times of motors by circles at many positions, with the rod's angle between what the search looked at."""
+    """Motors on links with a fixed pivot and on others, turned all the way round."""
     rows = []
-    for name in ("crank or rocker", "coupler"):
-        times, gaps, lost, angles, refused = Times(), [0.0], 0, [], 0
-        for seed in range(cases // 2):
-            linkage, interval = random_linkage(np.random.default_rng([seed, 2]))
-            rng = np.random.default_rng([seed, 3])
+    for what in ("with a fixed pivot", "without one"):
+        times, gaps, lost, angles, refused, looked = Times(), [0.0], 0, [0.0], 0, 0
+        for seed in range(cases):
+            linkage, interval = any_linkage(seed)
             machine = machine_of(linkage, interval)
-            ratio = [None, 1.0 + rng.uniform(0.02, 0.5)][seed % 2]
-            link = machine.links["coupler" if name == "coupler" else ("crank", "rocker")[seed % 2]]
+            some = [
+                one for one in machine.links.values() if (one.pivot is not None) == (what == "with a fixed pivot")
+            ]
+            if not some or seed // 4 % 2 != (what == "without one"):
+                continue
+            link, rng = some[seed % len(some)], np.random.default_rng([seed, 3])
+            ratio = [None, 1.0 + rng.uniform(0.02, 0.5)][seed // 8 % 2]
             torque = np.ones(machine.at.size)
-            if name == "coupler":
-                box = (-4.0, -4.0, 4.0, 4.0)
+            looked += 1
+            if link.pivot is None:
+                middle = complex(np.mean(link.origin))
+                box = (middle.real - 4, middle.imag - 4, middle.real + 4, middle.imag + 4)
                 found = times.run(on_any_link, link, machine.at, torque, ratio, 1.5, box)
             else:
                 found = times.run(about_pivot, link, torque, ratio, 1.0, False, None)
             if isinstance(found, str):
                 refused += 1
                 continue
-            gaps.append(_simulated(linkage, interval, link.name, found, ratio))
-            fine = machine_of(linkage, interval, ANGLES)
-            exact = driven(
-                fine.links[link.name], np.ones(ANGLES), found.motor, found.pin, found.crank, found.rod, found.extends
-            )
-            lost += exact is None
-            if exact is not None:
-                angles.append(np.rad2deg(found.least_angle - exact.least_angle))
+            gap, between = _turned(linkage, interval, link.name, found, ratio)
+            gaps.append(gap)
+            lost += not np.isfinite(gap)
+            angles.append(between)
         rows.append(
             {
-                "link": name,
-                "cases": cases // 2,
+                "link": what,
+                "cases": looked,
                 "refused": refused,
-                "worst": max(gaps),
+                "worst": float(np.max([gap for gap in gaps if np.isfinite(gap)])),
                 "lost": lost,
-                "between": float(max(angles)),
+                "between": float(np.nanmax(angles)),
                 "ms": 1000 * times.median.processor,
                 "p99": 1000 * times.percentile(99).processor,
             }
@@ -145,50 +122,27 @@ def motors(cases: int) -> list[dict[str, Any]]:
     return rows
 
 
-def _simulated(linkage: Linkage, interval: Interval, name: str, found: Any, ratio: float | None) -> float:
-    """By how much the ends of the way differ where the motor's crank and rod are in line, and the times from those asked for."""
-    ends = machine_of(linkage, interval, 3).links[name].place(found.pin)[[0, -1]]
-    reach = np.abs(ends - found.motor)
-    lengths = [found.rod - found.crank, found.rod + found.crank][:: 1 if found.extends else -1]
-    gap = float(np.max(np.abs(reach / lengths - 1)))
-    # turn of the motor between both dead centres, forwards and backwards
-    way = [1.0, -1.0] if not found.extends else [-1.0, 1.0]
-    turn = abs(float(np.angle((ends[1] - found.motor) * way[1] / ((ends[0] - found.motor) * way[0]))))
-    times = (2 * np.pi - turn) / turn
-    asked = found.time_ratio if ratio is None else ratio
-    return max(gap, abs(times / asked - 1))
+def _turned(
+    linkage: Linkage | GuidedLinkage, interval: Interval, name: str, found: Driven, ratio: float | None
+) -> tuple[float, float]:
+    """The largest error of swing, times and rod, infinite where it turns back; degrees by which the angle is less in between."""
 
+    def pin(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        link = machine_at(linkage, at).links[name]
+        return link.place(found.pin), link.speed(found.pin)
 
-def catalogues(cases: int) -> list[dict[str, Any]]:
-    """Times for a link and one actuator, and for a catalogue of 40 rows."""
-    one, many, found = Times(), Times(), 0
-    for seed in range(cases):
-        linkage, interval = random_linkage(np.random.default_rng([seed, 0]))
-        asked, actuator, machine, _ = question(linkage, interval, seed)
-        one.run(lambda asked=asked, actuator=actuator: asked.best(actuator))
-        strokes = np.geomspace(0.1, 1.0, 10)
-        peak = float(np.abs(asked.torque).max())
-        rows = [
-            Row(f"{stroke:.2f} {force:.3g}", Actuator(stroke + 0.2, stroke), force, force)
-            for force in peak * np.array([0.5, 1, 2, 4])
-            for stroke in strokes.tolist()
-        ]
-
-        def choose(asked: Question = asked, machine: Machine = machine, rows: list[Row] = rows) -> Any:
-            coarse = Question(asked.link, machine.at, asked.torque, asked.wanted, ROW_GRID)
-            return best_of_rows(coarse, rows, 1)
-
-        found += bool(many.run(choose)[0])
-    return [
-        {
-            "what": what,
-            "cases": cases,
-            "found": some,
-            "ms": 1000 * times.median.processor,
-            "p99": 1000 * times.percentile(99).processor,
-        }
-        for what, times, some in (("one actuator", one, cases), ("a catalogue of 40 rows", many, found))
-    ]
+    start = float(found.motor_angle[0, 0])
+    with np.errstate(all="ignore"):
+        one = turned(pin, interval.first, found.motor, start, found.crank, found.rod, ANGLES)
+    if not one.swings:
+        return np.inf, np.nan
+    fine = machine_of(linkage, interval, FINE_WAY).links[name]
+    told = driven(fine, np.ones(FINE_WAY), found.motor, found.pin, found.crank, found.rod, found.extends)
+    assert told is not None
+    span = abs(interval.last - interval.first)
+    swing = float(np.abs(one.ends - np.sort([interval.first, interval.last])).max()) / span
+    times = abs(one.time_ratio / (found.time_ratio if ratio is None else ratio) - 1)
+    return max(swing, times, one.rod), float(np.rad2deg(told.least_angle - one.transmission_angle))
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
@@ -202,7 +156,6 @@ def measure(cases: Annotated[int, "linkages"] = 300) -> Iterator[dict[str, Any]]
 
     tables = {"actuators": actuators(cases)}
     tables["motors"] = motors(cases)
-    tables["times"] = catalogues(min(cases, 100))
     yield {"tables": tables}
 
 

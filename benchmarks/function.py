@@ -209,15 +209,18 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
         row
         | {
             "best_known": "-" if row["known"] is None else f"{row['known']:g}",
-            "shape": " ".join(report.significant(value) for value in row["links"]),
             "evolution": row.get("evolution"),
             "pylinkage": min((row[f"pylinkage_{k}"] for k in (3, 4, 5) if f"pylinkage_{k}" in row), default=None),
         }
         for row in results["functions"]
     ]
-    bytes_same = all(row["same_bytes"] for row in results["functions"])
-    return report.tables("function", {"functions": functions}) | {
-        "runs": f"{RUNS} runs give the same bytes for {'every' if bytes_same else 'not every'} function",
+    beaten = sum(row["evolution"] > 1.01 * row["error"] for row in functions)
+    better = sum(row["evolution"] < 0.99 * row["error"] for row in functions)
+    free = [row for row in functions if row["limits"] == "none"]
+    worse = sum(row["pylinkage"] > row["error"] for row in free)
+    return report.tables("function", {"functions": [row for row in functions if row["known"] is not None]}) | {
+        "all": f"Of all {len(functions)} functions differential evolution's error is larger by more than 1 % in {beaten} and "
+        f"smaller by as much in {better}; of the {len(free)} without limits pylinkage's is larger in {worse}",
     }
 
 

@@ -46,14 +46,7 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     """The table, and the totals in words."""
     total = results["total"]
     compared = total["cases"] - total["near"]
-    drives: dict[str, dict[str, Any]] = {}
-    for row in results["verdicts"]:  # of each drive with all other guides
-        drive = row["drive"].partition(",")[0]
-        known = drives.get(drive, {})
-        counts = {name: known.get(name, 0) + value for name, value in row.items() if name != "drive"}
-        drives[drive] = {"drive": drive, **counts}
     return {
-        **report.tables("guided", {"verdicts": list(drives.values())}),
         "words": f"{total['off']} disagreements in {compared:,} comparisons; {total['near']} further cases have a sample "
         "nearer than 0.01 to a dead position, or are all but at a change point, and are left out",
     }

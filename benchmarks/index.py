@@ -108,11 +108,9 @@ def measured(atlas: Path, bodies: Sequence[bytes]) -> dict[str, Any]:
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
     """The tables of the index in docs/scaling.md."""
-    files, starts = [], []
+    starts = []
     for row in results["rows"]:
         types = row["types"]
-        a_type = {f"{name}_a_type": row[f"{name}_bytes"] / types for name in ("file", *PARTS)}
-        files.append(row | a_type | {"make_a_million_s": 1e6 * row["make_cpu_s"] / types})
         for name, words in (
             ("anew", "the first, which makes it"),
             ("first", "with the index"),
@@ -120,7 +118,7 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
             ("without", "in memory"),
         ):
             starts.append({"types": types, "start": words, **row[name]})
-    return report.tables("index", {"files": files, "starts": starts})
+    return report.tables("index", {"starts": starts})
 
 
 def measure(

@@ -17,11 +17,11 @@ import numpy as np
 from scipy.optimize import brentq
 
 from benchmarks.knotter_pictures import PAIRS, PAPER_SAYS, draw, pairs_of  # noqa: F401 - `render` calls draw
-from benchmarks.report import ends, lines, paired, ratio, repeat, run, tables
+from benchmarks.report import ends, lines, repeat, run, tables
 from synthesis.knotter import d_knotter
+from synthesis.knotter.conditions import classify, crossing_point, inside, orientations
 from synthesis.knotter.d_knotter import Needle
 from synthesis.knotter.mechanism import Mechanism, as_array
-from synthesis.knotter.segment_triangle import classify, crossing_point, inside, orientations
 from synthesis.knotter.study import solve, study
 from tests.oracles.knotter import Exact
 
@@ -82,22 +82,6 @@ def _exact_sides(point: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray)
 
 def _percent(wrong: np.ndarray) -> float:
     return float(100.0 * np.mean(wrong))
-
-
-def predicate_times() -> dict:
-    """The sum of angles against the orientations on the same 100,000 crossings."""
-    point = np.random.default_rng(7).dirichlet((1, 1, 1), 100_000) @ np.array(TRIANGLE)
-    p, q = tuple(np.add(point, (3.0, 0.0, 0.0)).T), tuple(np.subtract(point, (2.0, 0.0, 0.0)).T)
-    corners = [tuple(corner) for corner in TRIANGLE]
-    total = angle_sum(point, *TRIANGLE)
-    ways = [lambda: angle_sum(point, *TRIANGLE), lambda: inside(orientations(p, q, *corners))]
-    summed, signed = paired(ways, rounds=7)
-    return {
-        "angle_sum_over_orientations": ratio(summed, signed)["median"],
-        "inside_and_equal_360_percent": _percent(total == 360.0),
-        "largest_miss_of_360_degrees": float(np.nanmax(np.abs(total - 360.0))),
-        "inside_by_orientations_percent": _percent(inside(orientations(p, q, *corners))),
-    }
 
 
 def scanned(items: Mechanism, count: int, step: float, way: str = "orientations") -> np.ndarray:
@@ -224,21 +208,6 @@ def short_windows(closing: float) -> Iterator[dict[str, Any]]:
         yield {**row, "cells": bool(found.holds[0])}
 
 
-def grid_time() -> dict:
-    """101 x 101 pairs under the three conditions, and under the wrap alone against a scan of 0.1 degrees."""
-    items, count = grid_of(np.linspace(0, 30, 101), np.linspace(15, 35, 101))
-    conditions = d_knotter.conditions()
-    holds = np.logical_and.reduce([condition.evaluate(items, count).holds for condition in conditions])
-    whole = repeat(lambda: [condition.evaluate(items, count) for condition in conditions], 3, 0)
-    own, scan = paired([lambda: cells(items, count), lambda: scanned(items, count, 0.1)], 3, 0)
-    return {
-        "pairs": count,
-        "seconds": whole.median.processor,
-        "feasible": int(holds.sum()),
-        "scan_0.1_over_cells_wrap": ratio(scan, own)["median"],
-    }
-
-
 def figures() -> dict:
     """What comes out for what the source prints, and the figures of single pairs that the page names."""
     needle = Needle()
@@ -281,7 +250,7 @@ def pair_names(pairs: list) -> str:
 
 def blocks(results: dict) -> dict[str, str]:
     """The page's tables and figures."""
-    found, times, grid = results["figures"], results["predicate_times"], results["grid"]
+    found = results["figures"]
     chosen, best, (low, high) = found["chosen"], found["best"], found["alpha2_range"]
     whole, cut_off = PAPER_SAYS["alpha2_limit"], PAPER_SAYS["d5"]
     kept = "that cut off, not rounded" if int(found["d5_at_8"]) == cut_off else "another length"
@@ -296,14 +265,15 @@ def blocks(results: dict) -> dict[str, str]:
         ["clearance holds at 270 deg", *agreement(found["clearance"], PAPER_SAYS["clearance_pattern"])],
         ["feasible pairs", pair_names(PAPER_SAYS["feasible"]), same],
     ]
+    missed = max(row["width_deg"] for row in results["short_windows"] if row["scan_0.01"] is not True)
+    found_by_cells = min(row["width_deg"] for row in results["short_windows"] if row["cells"] is True)
     close = [row for row in results["predicates"] if row["distance_mm"] <= TOO_CLOSE_MM]
     shares = [row[f"within_1e-{digits}"] for row in close for digits in (9, 6, 3)]
-    windows = [
-        row | {"sees": {key: "found" if found is True else "missed" for key, found in row.items()}}
-        for row in results["short_windows"]
-    ]
     return {
-        **tables("knotter", {**results, "windows": windows}),
+        **tables(
+            "knotter", results | {"events": [row for row in results["events"] if "orientations" not in row["method"]]}
+        ),
+        "windows": f"a scan of 0.01° misses one of {missed:.3g}°, the cells find one of {found_by_cells:.3g}°",
         "published": lines(["quantity", "published", "here"], published, 3),
         "worst": f"{found['worst_mm']:.4f} mm at {found['worst_deg']:.4f}°, against {found['sample_mm']:.4f} mm at 270°",
         "chosen": f"{chosen['margin_mm']:.1f} mm to spare, and what limits it is the {chosen['limited_by']}",
@@ -316,18 +286,6 @@ def blocks(results: dict) -> dict[str, str]:
             f"{TOO_CLOSE_MM:.0e} mm and less off the edge {ends(shares, 0)} % of its verdicts are wrong with any tolerance from "
             f"1e-9° to 1e-3°, of the orientations {max(row['orientation'] for row in close):.0f} %"
         ),
-        "predicate_times": (
-            "On 100,000 points inside the triangle the sum equals 360.0 for "
-            f"{times['inside_and_equal_360_percent']:.1f} % and misses it by up to "
-            f"{times['largest_miss_of_360_degrees']:.1e}°; the orientations are right for "
-            f"{times['inside_by_orientations_percent']:.0f} %. The sum takes "
-            f"{times['angle_sum_over_orientations']:.1f} times as long."
-        ),
-        "grid": (
-            f"A grid of 101 × 101 pairs with the three conditions took {grid['seconds']:.1f} s of one core "
-            f"({grid['feasible']} pairs are feasible). Under the wrap alone a scan of 0.1° of the same pairs "
-            f"takes {grid['scan_0.1_over_cells_wrap']:.1f} times as long as the cells."
-        ),
     }
 
 
@@ -337,10 +295,8 @@ def measure() -> Iterator[dict[str, Any]]:
     yield {
         "figures": found,
         "predicates": list(predicate_errors()),
-        "predicate_times": predicate_times(),
         "events": event_errors(),
         "short_windows": list(short_windows(found["closing_d5_mm"])),
-        "grid": grid_time(),
     }
 
 

@@ -10,8 +10,8 @@ import numpy as np
 from benchmarks.figures import BLUE, BROWN, GREEN, INK, ORANGE, PAPER, RED, arrow, bare, curve, figure, note
 from benchmarks.report import ROOT
 from synthesis.knotter import d_knotter
+from synthesis.knotter.conditions import crossing_point, orientations
 from synthesis.knotter.mechanism import Mechanism, as_array
-from synthesis.knotter.segment_triangle import crossing_point, orientations
 from synthesis.knotter.study import solve, study
 
 PAPER_SAYS = json.loads((ROOT / "tests" / "reference" / "knotter.json").read_text())["paper"]

@@ -67,12 +67,8 @@ def blocks(results: dict) -> dict[str, str]:
     ]
     words = {
         "cost": f"{100 * first['cost']:+.0f} %".replace("-", "−"),
-        "seconds": f"{max(row['seconds'] for row in rows):.1f} s",
         "worst": percent(max(0.0, *(row["worse_by"] for row in rows))),
-        "evolutions": f"{first['evolution_evaluations']:,}",
         "broken": f"{sum(len(row['broken']) for row in rows)} of {len(rows)} designs break a constraint",
-        "acceleration": f"{first['values']['acceleration']:.0f} mm/s²",
-        "jerk": f"{first['values']['jerk']:.0f} mm/s³",
     }
     return report.tables("lift_constrained", {"sets": shown}) | words
 

@@ -80,10 +80,7 @@ def measure(
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
     """The table, and what it is of."""
-    of = (
-        f"{results['requests']:,} requests, the best of {results['rounds']} rounds. Other work on the machine "
-        f"when it began: a load of {results['load']:.1f}."
-    )
+    of = f"{results['requests']:,} requests, the best of {results['rounds']}; load when it began: {results['load']:.1f}."
     return report.tables("many_requests", {"studies": results["rows"]}) | {"of": of}
 
 

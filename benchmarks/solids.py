@@ -71,7 +71,6 @@ def measure(runs: Annotated[int, "of each file, the median of which counts"] = 9
                 for _ in range(runs):
                     content = times.run(parts.file, kind)
             except la.FieldError:  # robots are written where all joints turn
-                row[f"{kind}_ms"] = None
                 continue
             row[f"{kind}_ms"], row[f"{kind}_kb"] = 1000 * times.median.processor, len(content) / 1000
         rows.append(row)
@@ -79,8 +78,14 @@ def measure(runs: Annotated[int, "of each file, the median of which counts"] = 9
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
-    """Its table."""
-    return report.tables("solids", results)
+    """What the files take."""
+    rows = results["files"]
+    took = ", ".join(
+        f"{report.ends([row[f'{kind}_ms'] for row in rows if f'{kind}_ms' in row], 0)} ms ({kind.upper()})"
+        for kind in ("step", "3mf", "stl", "urdf", "sdf")
+    )
+    largest = max(row[f"{kind}_kb"] for row in rows for kind in ("step", "3mf", "stl"))
+    return {"files": f"{took}, at most {largest:.0f} kB"}
 
 
 if __name__ == "__main__":

@@ -189,19 +189,16 @@ def synthesis(resources: product.ServiceResources, cases: int) -> Iterator[dict[
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
-    """The tables of docs/stability.md; what the software does stands in the first of the rows of which it is said."""
+    """The tables of docs/stability.md."""
     tables: dict[str, list[dict[str, Any]]] = {}
     for part in ("kinematics", "synthesis"):
-        before = ""
         for found in results["parts"][part]:
             known = bool(found["numbers"].get("length_gap"))  # the linkage that the motion was made with
             told = found["numbers"] | {
-                "does": "" if found["does"] == before else found["does"],
                 "gap": report.power(found["numbers"]["length_gap"]) if known else "-",
                 "said": f"{found['numbers']['within_said']} of {found['cases']}" if known else "-",
             }
             tables.setdefault(part, []).append(found | told)
-            before = found["does"]
     return report.tables("stability", tables)
 
 

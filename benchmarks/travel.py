@@ -132,7 +132,6 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
             f"{row['three_points']:.3g}",
             f"{row['same_zeros']:.3g}" if "same_zeros" in row else "-",
             f"{row['free']:.3g}",
-            str(row["alternations"]),
             f"{row['transmission']:.1f}",
             lengths(row["lengths"]),
             f"{row['practical']:.3g}",
@@ -141,7 +140,7 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
         ]
         for row in results["rows"]
     ]
-    head = ["function", "crank, degrees / travel, mm", "three points", "same zeros", "free zeros", "alternations"]
+    head = ["function", "crank, degrees / travel, mm", "three points", "same zeros", "free zeros"]
     head += ["transmission angle", "crank, rod, offset", "practical limits", "crank, rod, offset", "processor ms"]
     return {"functions": report.lines(head, rows, 2)}
 

@@ -16,8 +16,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from data_build.batch import BuildLocked, build_atlas
-from data_build.executors import dask_executor, local_executor
+from data_build.batch import BuildLocked, build_atlas, dask_executor, local_executor
 from synthesis.atlas.file import load_atlas
 from synthesis.atlas.index import check_index, temporary_arrays
 from synthesis.atlas.table import KINDS, MIN_SAMPLES, SCHEMA, Atlas, AtlasRule

@@ -15,15 +15,17 @@ import numpy as np
 from linkage_atlas.assemblies import AskedAssembly, Assembly, assembled
 from linkage_atlas.driving import Drive, Refusal, Spring, driven_solution
 from linkage_atlas.guided import AnyGuide, CircleGuide, DriverName, GuidedLinkage, OtherKindName, guides_of
-from linkage_atlas.guided_studies import Change, GuidedAnalysis, changes
 from linkage_atlas.linkages import FourBar, Links, Mount
 from linkage_atlas.motions import Motion
 from linkage_atlas.records import KEPT, LAST, Record, Values, names_of
 from linkage_atlas.studies import (
     STUDIES,
     Analysis,
+    Change,
+    GuidedAnalysis,
     Studies,
     ToleranceStudy,
+    changes,
     read_studies,
     share_of,
 )
@@ -36,8 +38,8 @@ from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.passage import Verdict as Passing
 from synthesis.fourbar.passage import excursions, practical_faults, size_of, verdicts
 from synthesis.fourbar.rounding import best_from_stock, round_to_grid
-from synthesis.free.poses import Poses
-from synthesis.free.search import in_turn
+from synthesis.free.poses import Poses, spin_faults
+from synthesis.free.search import in_turn, rotation_of
 from synthesis.from_linkage import refined_in_place
 from synthesis.guided import solution as guided
 from synthesis.guided.limits import broken_limits
@@ -612,6 +614,8 @@ def _described(
     for k, one in enumerate(found):
         own, turn = motion.one_of(target, k), one.transmission_angle_min_turn
         faults = practical_faults(one, own.target, limits, ways[k])
+        if isinstance(samples, Poses):
+            faults += spin_faults(samples, rotation_of(one, samples))
         kind = None if one.row is None or type_of is None else type_of(one.row)
         linkage = FourBar.of(one.linkage, own.radian, own.target)
         solutions.append(
@@ -670,6 +674,8 @@ def _guided_described(one: guided.GuidedSolution, motion: Motion, limits: Limits
         strays = guided.excursion(one, samples, samples.ordered, samples.closed)
     passed = guided_verdict(one.linkage, one.linkage.start + target.crank, **way)
     faults = guided.practical_faults(one, target, limits, strays)
+    if isinstance(samples, Poses):
+        faults += spin_faults(samples, guided.rotation_of(one, samples))
     linkage = GuidedLinkage.of(one.linkage, radian, target)
     turns, turn = one.linkage.driver.turns, one.transmission_angle_min_turn
     kind: Any = one.linkage.kind.value
@@ -788,23 +794,23 @@ def _with_assembly(
     return replace(verdict, assembly=found, buildable=verdict.practical and free, reasons=(*verdict.reasons, *why))
 
 
-def _judged(passing: Passing, motion: Motion, linkage: Any, faults: Sequence[str]) -> Verdict:
+def _judged(passage: Passing, motion: Motion, linkage: Any, faults: Sequence[str]) -> Verdict:
     """The verdict on a linkage at its own crank angles, tolerances included."""
-    reasons, within = list(passing.reasons), None
+    reasons, within = list(passage.reasons), None
     if motion.tolerances is not None:
         shares = motion.tolerances.shares(motion.target, linkage)
         within, worst = bool(np.all(shares <= 1)), int(np.argmax(shares))
         if not within:
             reasons.append(f"sample {worst + 1} is off by {shares[worst]:.3g} times what is allowed, the most of all")
-    return verdict_of(passing, within, [*reasons, *faults], practical=not faults)
+    return verdict_of(passage, within, [*reasons, *faults], practical=not faults)
 
 
-def verdict_of(passing: Passing, within: bool | None, reasons: Sequence[str], practical: bool) -> Verdict:
+def verdict_of(passage: Passing, within: bool | None, reasons: Sequence[str], practical: bool) -> Verdict:
     """A verdict as a user reads it."""
     return Verdict(
-        order=passing.order,
-        branch=passing.branch,
-        circuit=passing.circuit,
+        order=passage.order,
+        branch=passage.branch,
+        circuit=passage.circuit,
         within_tolerance=within,
         practical=practical,
         buildable=practical,

@@ -16,7 +16,7 @@ from linkage_atlas.exports import content_of, with_motor
 from linkage_atlas.formats import kind_of
 from linkage_atlas.motions import Motion
 from linkage_atlas.solids import AskedSolids, SolidParts, read_solids, solids_in, split
-from linkage_atlas.studies import Drive, Manufacture, ToleranceStudy, read_manufacture
+from linkage_atlas.studies import Drive, Manufacture, ToleranceStudy, analysed, read_manufacture, studied
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.target import TURN, Interval, Target
@@ -87,13 +87,13 @@ class AnyLinkage(ABC):
         """
         return self.made_within(read_manufacture(manufacture), self._default_motion(), work or Work())
 
-    @abstractmethod
     def made_within(self, manufacture: Manufacture, target: Target, work: Work) -> ToleranceStudy:
         """A tolerance study that has been read, over a motion."""
+        return studied(self._linkage, manufacture, target.crank, target.interval, self._radian, work)
 
-    @abstractmethod
     def analysed(self, drive: Drive, travel: Floats, over: Interval | None = None) -> Any:
         """An analysis that has been read, at travel (n,) of the drive in radians or lengths, and over an interval."""
+        return analysed(self._linkage, drive, travel, self._radian, over)
 
     def _analysed_at(self, drive: Drive, name: str, travel: ArrayLike | None) -> Any:
         """The same at travel in the user's unit, or over the motion that it answers."""
@@ -102,19 +102,53 @@ class AnyLinkage(ABC):
         target = self._default_motion()
         return self.analysed(drive, target.crank, target.interval)
 
-    def _assembled(
-        self, motion: Motion | None, travel: ArrayLike | None, work: Work | None, asked: Mapping[str, Any]
-    ) -> Assembly:
-        read = read_assembly(asked, "")
-        assert read is not None
-        used = self.target_of(motion, travel).interval
-        return assembled(self._linkage, read, used, self._radian, work or Work(), "")
-
-    @abstractmethod
     def assembly(
-        self, motion: Motion | None = None, travel: Any = None, /, *, work: Work | None = None, **asked: Any
+        self,
+        motion: Motion | None = None,
+        crank_angle: ArrayLike | None = None,
+        *,
+        travel: ArrayLike | None = None,
+        work: Work | None = None,
+        **asked: Any,
     ) -> Assembly:
-        """Layers of its plates in which nothing collides over the used interval."""
+        """Layers of its plates in which nothing collides over the used interval, proved; or what stops the best ones.
+
+        Parameters
+        ----------
+        motion : Motion, optional
+            Over whose interval; default: the motion that the linkage answers, or else a whole turn.
+        crank_angle, travel : array_like, shape (N,), optional
+            Of a motion whose timing is free: crank angles, or the place of a drive that slides, from the first sample on.
+        work : Work, optional
+            Asked whether the answer is still wanted.
+        width, hole, clearance : float
+            Width of the plates, diameter of the pins, and the least gap of parts that pass one another.
+        thickness, washer : float
+            Of the plates, and of the washers between layers.
+        boards : {"below", "above", "both", "bar"}
+            Where the fixed pins stand: in a board on either side or both, or in a bar, a plate of its own.
+        heads : bool
+            Whether pins have heads, of 1.8 diameters, that fill a layer at each free end.
+        mounts : mapping
+            How fixed pins must be held: {"A": "below+above"}.
+        body : array_like, shape (n, 2)
+            Outline of the body, a plate that the coupler carries: in the body's frame, from the body point.
+        layers_most : int
+            Layers at most (6).
+
+        Examples
+        --------
+        >>> import linkage_atlas as la
+        >>> la.FourBar(30, 60, 70, 50).assembly(hole=6, width=18).layers
+        {'crank': 1, 'coupler': 2, 'rocker': 3}
+        """
+        target = self.target_of(motion, crank_angle if travel is None else travel)
+        return self._arranged(target, asked, work or Work(), "")
+
+    def _arranged(self, target: Target, asked: Mapping[str, Any], work: Work, where: str) -> Assembly:
+        read = read_assembly(asked, where)
+        assert read is not None
+        return assembled(self._linkage, read, target.interval, self._radian, work, where)
 
     def solids(
         self,
@@ -175,23 +209,49 @@ class AnyLinkage(ABC):
         work: Work,
         where: str = "assembly/",
     ) -> SolidParts:
-        read = read_assembly(assembly, where)
-        assert read is not None
-        found = assembled(self._linkage, read, target.interval, self._radian, work, where)
-        return solids_in(found, solids, assembly, length_unit)
+        return solids_in(self._arranged(target, assembly, work, where), solids, assembly, length_unit)
 
-    def _content(
+    def file(
         self,
         kind: str,
-        target: Target,
-        length_unit: str,
-        analysis: Mapping[str, Any] | None,
-        plates: Mapping[str, Any] | None,
-        assembly: Mapping[str, Any] | None,
-        solids: Mapping[str, Any] | None,
-        work: Work | None,
-        drive: Mapping[str, Any] | None,
+        motion: Motion | None = None,
+        length_unit: str = "mm",
+        crank_angle: ArrayLike | None = None,
+        analysis: Mapping[str, Any] | None = None,
+        plates: Mapping[str, float] | None = None,
+        assembly: Mapping[str, Any] | None = None,
+        solids: Mapping[str, Any] | None = None,
+        work: Work | None = None,
+        drive: Mapping[str, Any] | None = None,
+        *,
+        travel: ArrayLike | None = None,
     ) -> bytes:
+        """The linkage as the content of a file.
+
+        Parameters
+        ----------
+        kind : {"csv", "svg", "dxf", "plates", "mjcf", "pylinkage", "step", "3mf", "stl", "urdf", "sdf", "parts"}
+            ``plates``: a DXF of the links as plates to cut. ``stl``: a zip file with a file a part. ``parts``: a list (CSV).
+        motion : Motion, optional
+            What was asked for; default: the motion that the linkage answers, or else a whole turn.
+        length_unit : {"mm", "cm", "m", "in"}
+            The unit of its lengths, for files that know one.
+        crank_angle, travel : array_like, shape (N,), optional
+            Of a motion whose timing is free: crank angles, or the place of a drive that slides, from the first sample on.
+        analysis : mapping, optional
+            ``crank_speed`` and ``load`` as of `analysis`: further columns of a CSV file.
+        plates : mapping, optional
+            ``hole``, the diameter of the holes, and ``width`` of the plates, for a DXF of the links of a four-bar alone.
+        assembly, solids : mapping, optional
+            How its parts are arranged and made, as of `assembly` and `solids`: for STEP and what follows it above, the masses in
+            an MJCF file, and a DXF of all flat parts in place of the links alone.
+        work : Work, optional
+            Asked whether the answer is still wanted.
+        drive : mapping, optional
+            A drive of `linkage_atlas.drives` as plain values: further columns of a CSV file, a layer of a DXF file, and the drive
+            of an MJCF model.
+        """
+        target = self.target_of(motion, crank_angle if travel is None else travel)
         assembly, drive = with_motor(kind, assembly, drive)
 
         def parts(nevertheless: bool) -> SolidParts:
@@ -205,9 +265,11 @@ class AnyLinkage(ABC):
             self._linkage, target, self._radian, kind, length_unit, analysis, drive, parts, plates, arranged
         )
 
-    @abstractmethod
-    def file(self, kind: str, motion: Motion | None = None, length_unit: str = "mm") -> bytes:
-        """The linkage as the content of a file."""
+    def render(self, kind: str, *arguments: Any, **more: Any) -> str:
+        """The linkage as the text of a file; arguments as of `file`. FieldError for 3MF and STL, which are no text."""
+        if kind in ("3mf", "stl"):
+            raise FieldError("/kind", f"{kind} is no text: `file` has its content, and `save` writes it")
+        return self.file(kind, *arguments, **more).decode()
 
     def save(self, path: str | Path, length_unit: str = "mm", **asked: Any) -> None:
         """Write a file; its ending says which.
@@ -216,12 +278,9 @@ class AnyLinkage(ABC):
         .plates.dxf, and where all joints turn .urdf and .sdf, for which ``asked`` are arguments as of `FourBar.solids`.
         """
         path = Path(path)
-        path.write_bytes(self._file_with(kind_of(path.name), length_unit, asked))
-
-    def _file_with(self, kind: str, length_unit: str, asked: Mapping[str, Any]) -> bytes:
         of_assembly, of_solids = split(asked)
-        target = self.target_of(None, None)
-        return self._content(kind, target, length_unit, None, None, of_assembly, of_solids, None, None)
+        kind = kind_of(path.name)
+        path.write_bytes(self.file(kind, length_unit=length_unit, assembly=of_assembly, solids=of_solids))
 
     def _default_motion(self) -> Target:
         """What it is drawn over: the motion that it answers, or a whole turn."""

@@ -374,7 +374,7 @@ def build_atlas(
     Atlas
     """
     from data_build.batch import build_atlas as build
-    from data_build.executors import local_executor
+    from data_build.batch import local_executor
 
     rule = table.AtlasRule.of(kind, perimeter, smallest, order, samples)
     with local_executor(jobs or os.cpu_count() or 1) as executor:

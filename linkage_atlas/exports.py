@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 from linkage_atlas.arguments import millimetres_in, number, pair
 from linkage_atlas.formats import FORMATS, OF_PARTS
-from linkage_atlas.guided_studies import analysed as guided_analysed
 from linkage_atlas.solids import SLIDES
 from linkage_atlas.studies import analysed, read_drive
 from synthesis.drives.attached import COLOUR, LAYER, Attached
@@ -17,8 +16,7 @@ from synthesis.drives.links import GROUND, Machine, ends_of, machine_at
 from synthesis.drives.six_bar import Motor, SixBar
 from synthesis.errors import FieldError
 from synthesis.fourbar import files as of_four_bars
-from synthesis.fourbar.analysis import LinkMass
-from synthesis.fourbar.linkage import Linkage
+from synthesis.fourbar.linkage import Linkage, LinkMass
 from synthesis.guided import files as of_guided
 from synthesis.guided.linkage import GuidedLinkage
 from synthesis.sheet import More
@@ -63,22 +61,21 @@ def content_of(
         raise FieldError("/format", _FOUR_BARS_ONLY[kind])
     attached = drive_on(linkage, target, drive, kind)
     layer = None if attached is None else More(LAYER, COLOUR, attached.draw)
+    guided = isinstance(linkage, GuidedLinkage)
+    files: Any = of_guided if guided else of_four_bars
+    text: str
     if kind == "csv":
         more = _analysis_columns(linkage, target, radian, analysis) | dict(more or {})
         more |= {} if attached is None else attached.columns()
-        if isinstance(linkage, Linkage):
-            return of_four_bars.to_csv(linkage, target, radian, more).encode()
-        return of_guided.to_csv(linkage, target, radian, more).encode()
+        text = files.to_csv(linkage, target, radian, more)
+        return text.encode()
     if kind == "svg":
-        extra = None if attached is None else attached.shown()
-        if isinstance(linkage, GuidedLinkage):
-            return of_guided.to_svg(linkage, target, extra).encode()
-        return of_four_bars.to_svg(linkage, target, extra).encode()
+        text = files.to_svg(linkage, target, None if attached is None else attached.shown())
+        return text.encode()
     if kind == "pylinkage":
         assert isinstance(linkage, Linkage)
         return of_four_bars.to_pylinkage(linkage, target).encode()
     unit_mm = millimetres_in(length_unit)
-    guided = isinstance(linkage, GuidedLinkage)
     if kind in (*OF_PARTS, "plates"):
         assert parts is not None
         if plates and (arranged or guided):
@@ -91,19 +88,15 @@ def content_of(
 
         return to_plates(linkage, unit_mm, **_sizes(plates or {})).encode()
     if kind == "dxf":
-        if isinstance(linkage, GuidedLinkage):
-            return of_guided.to_dxf(linkage, target, unit_mm, layer).encode()
-        return of_four_bars.to_dxf(linkage, target, unit_mm, layer).encode()
+        text = files.to_dxf(linkage, target, unit_mm, layer)
+        return text.encode()
     assert parts is not None
     try:
         masses = {one.link: LinkMass(one.mass, complex(*one.at), one.inertia) for one in parts(True).masses}
     except FieldError:
         masses = None  # no plates of these sizes: the file says so
-    if isinstance(linkage, GuidedLinkage):
-        model = of_guided.to_mjcf(linkage, target, unit_mm, masses)
-    else:
-        model = of_four_bars.to_mjcf(linkage, target, unit_mm, masses)
-    return (model if attached is None else attached.simulated(model, unit_mm / 1000)).encode()
+    text = files.to_mjcf(linkage, target, unit_mm, masses)
+    return (text if attached is None else attached.simulated(text, unit_mm / 1000)).encode()
 
 
 def _analysis_columns(
@@ -111,10 +104,9 @@ def _analysis_columns(
 ) -> dict[str, Any]:
     if analysis is None:
         return {}
-    if isinstance(linkage, Linkage):
-        asked = read_drive(analysis, linkage.mounted)
-        return analysed(linkage, asked, target.crank, radian).columns()
-    return guided_analysed(linkage, read_drive(analysis, True), target.crank, radian).columns()
+    asked = read_drive(analysis, isinstance(linkage, GuidedLinkage) or linkage.mounted)
+    columns: dict[str, Any] = analysed(linkage, asked, target.crank, radian).columns()
+    return columns
 
 
 def drive_on(

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from linkage_atlas.answers import FINISHING, Ranked, StatusName, StoppedBy, Verdict, verdict_of
-from linkage_atlas.arguments import check_above_zero, check_top, column, number, radians_in
+from linkage_atlas.arguments import check_above_zero, check_top, column, kinds_among, number, radians_in
 from linkage_atlas.door import (
     CUT_SHORT,
     LOCAL,
@@ -22,37 +22,267 @@ from linkage_atlas.door import (
     read_start,
     seed_tables,
 )
+from linkage_atlas.guided import AnyGuide, DriverName, GuidedLinkage, KindName, guides_of
 from linkage_atlas.limits import read_function_limits
 from linkage_atlas.linkages import FourBar, Links
 from linkage_atlas.motions import Motion
 from linkage_atlas.records import KEPT, Record, Values, names_of
-from linkage_atlas.travels import (
-    Dial,
-    ErrorCurve,
-    FunctionErrors,
-    Scales,
-    TravelAsked,
-    TravelSolution,
-    laws_of,
-    read_dial,
-    read_kinds,
-    read_travel_limits,
-    render_travel,
-)
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.fourbar.determination import determinations, sensitivities
 from synthesis.fourbar.limits import Limits
-from synthesis.fourbar.passage import practical_faults, verdicts
+from synthesis.fourbar.passage import faults_of, practical_faults, verdicts
 from synthesis.from_linkage import refine_function
+from synthesis.function.answers import FunctionErrors as Errors
 from synthesis.function.answers import Generator, exchanged, rocker_angles, to_csv, turns_back
 from synthesis.function.search import generate, refit
-from synthesis.function.travel_search import generate_travel
+from synthesis.function.travel_search import (
+    ANGLE,
+    LAWS,
+    LENGTH,
+    Law,
+    TravelGenerator,
+    TravelLimits,
+    generate_travel,
+    laws_for,
+    travel_turns_back,
+)
 from synthesis.function.wanted import Wanted
+from synthesis.guided.passage import verdict as passing_of
 from synthesis.ranking import Status
 from synthesis.search.search import DEFAULT_TOLERANCE, SearchReport
-from synthesis.target import MAX_SAMPLES, MIN_SAMPLES, Target, make_target
+from synthesis.sheet import csv_text
+from synthesis.target import MAX_LENGTH, MAX_SAMPLES, MIN_SAMPLES, Interval, Target, make_target
 from synthesis.work import Work
+
+# -- functions with travel ----------------------------------------------------------------------------------------------
+
+FOUR_BAR = "four_bar"
+UNITS = ("deg", "rad", LENGTH)
+_LIMITS = ("transmission_angle_min", "link_min", "link_max", "link_ratio_max", "links", "offset", "family", "preset")
+_LINKS = {"crank": "crank", "coupler": "rod", "ground": "ground"}
+"""Names of limits' links, and of the lengths that they are."""
+_OTHERS = "; `input_unit` and `output_unit` say what is a length"
+_SHOWN = 361
+"""Places of an error curve."""
+_RATIO = 500.0
+"""Most that input and output of two sliders may differ in size."""
+
+
+class Dial(NamedTuple):
+    """What an input and an output are."""
+
+    input: str
+    """"angle" or "length"."""
+    output: str
+
+    @property
+    def travels(self) -> bool:
+        """Whether one of them is a length."""
+        return LENGTH in self
+
+
+def read_dial(input_unit: str | None, output_unit: str | None, degrees: bool) -> Dial:
+    """What input and output are, by their units; default: angles in the request's unit."""
+    mine = "deg" if degrees else "rad"
+
+    def read(name: str, unit: str | None) -> str:
+        if unit is None or unit == mine:
+            return ANGLE
+        if unit not in UNITS:
+            raise FieldError(f"/{name}", f"wanted one of {', '.join(UNITS)}, found {unit!r}")
+        if unit != LENGTH:
+            raise FieldError(f"/{name}", f"angles of this request are in {mine}: give {mine!r}, or {LENGTH!r}")
+        return LENGTH
+
+    return Dial(read("input_unit", input_unit), read("output_unit", output_unit))
+
+
+def read_kinds(mechanisms: Sequence[str] | str | None, dial: Dial) -> list[str]:
+    """The kinds that are asked for; default: the one that is built most often."""
+    laws = dict.fromkeys(law.kind.value for law in LAWS if (law.input, law.output) == dial)
+    known = list(laws) if dial.travels else [FOUR_BAR]
+    if mechanisms is None:
+        return known[:1]
+    return kinds_among(
+        mechanisms, known, f"from {dial.input} to {dial.output} there is {' or '.join(known)}{_OTHERS}"
+    )
+
+
+def read_travel_limits(
+    limits: Mapping[str, Any] | None, laws: Sequence[Law], target: Target, degrees: bool
+) -> TravelLimits:
+    """The checked limits of linkages with sliders, angles in radians; names and preset as of other functions."""
+    given = {name: value for name, value in (limits or {}).items() if value is not None}
+    for name, value in given.items():
+        if name not in _LIMITS:
+            raise FieldError(f"/limits/{name}", f"functions with travel have {', '.join(_LIMITS)}")
+        if name == "family" and value != "any":
+            raise FieldError("/limits/family", "belongs to four-bars")
+    kept = read_function_limits(
+        {name: value for name, value in given.items() if name not in ("links", "offset")}, target, degrees
+    )
+    lengths: dict[str, float] = {}
+    for name, value in (given.get("links") or {}).items():
+        if value is None:
+            continue
+        if _LINKS.get(name) not in {known for law in laws for known in law.lengths}:
+            kinds = ", ".join(dict.fromkeys(law.kind.value for law in laws))
+            raise FieldError(f"/limits/links/{name}", f"there is none in {kinds}")
+        lengths[_LINKS[name]] = number(f"limits/links/{name}", value)
+        if not lengths[_LINKS[name]] > 0:
+            raise FieldError(f"/limits/links/{name}", "wanted a number above 0")
+    if "offset" in given:
+        if not any("offset" in law.lengths for law in laws):
+            raise FieldError("/limits/offset", "belongs to slider-cranks")
+        lengths["offset"] = number("limits/offset", given["offset"])
+        if abs(lengths["offset"]) > MAX_LENGTH:
+            raise FieldError("/limits/offset", f"wanted at most {MAX_LENGTH:g}, either way")
+    return TravelLimits(kept, lengths)
+
+
+class Scales(NamedTuple):
+    """One unit of the user's input and output in that of the search: radians, or lengths over one scale."""
+
+    length: float
+    """The scale, in the user's unit."""
+    input: float
+    output: float
+
+    @classmethod
+    def of(cls, dial: Dial, degrees: bool, input_span: float, output_span: float) -> Scales:
+        """From how far input and output go."""
+        radian = radians_in(degrees)
+        spans = [abs(span) for what, span in zip(dial, (input_span, output_span)) if what == LENGTH]
+        length = max(spans)
+        if not min(spans) > 0:
+            raise FieldError("/output", "the travel is the same everywhere")
+        if not length <= MAX_LENGTH:
+            raise FieldError("/output", f"wanted travel of at most {MAX_LENGTH:g}")
+        if length > _RATIO * min(spans):
+            raise FieldError("/output", f"one travel is more than {_RATIO:g} times the other")
+        sizes = (radian if what == ANGLE else 1 / length for what in dial)
+        return cls(length, *sizes)
+
+
+# -- what comes back --------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class FunctionErrors(Record):
+    """Errors of the output, in its unit."""
+
+    rms: float
+    """At the samples, weighted."""
+    max: float
+    """Over the whole interval for objective `max`, over the samples for `rms`."""
+    alternations: int | None
+    """Objective `max`: extremes of the error, of alternating sign, that are as large as the largest."""
+    rms_y: float | None
+    """`rms` in units of y; null without `function`."""
+    max_y: float | None
+    objective: float
+    """What was made least: in radians, or of a travel as a part of the largest travel that is wanted."""
+
+    @classmethod
+    def of(cls, errors: Errors, unit: float, y_of_unit: float | None) -> FunctionErrors:
+        """A generator's errors in the user's unit of the output; ``y_of_unit``: size of y that one unit of the search's is."""
+        return cls(
+            errors.rms / unit,
+            errors.max / unit,
+            errors.alternations,
+            None if y_of_unit is None else errors.rms * y_of_unit,
+            None if y_of_unit is None else errors.max * y_of_unit,
+            errors.objective,
+        )
+
+
+class ErrorCurve(NamedTuple):
+    """The error over the interval."""
+
+    input: Floats
+    error: Floats
+    """Wanted less made."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TravelSolution(Record):
+    """A linkage with a slider or a cylinder that makes a function, and how well."""
+
+    rank: int
+    """From 1, by `errors.objective`."""
+    kind: KindName
+    driver: DriverName
+    """What the input moves: crank, slider or cylinder."""
+    lengths: dict[str, float]
+    """By name: crank, rod, offset; crank, ground; rod, angle; pin_distance, slot_offset."""
+    guides: list[AnyGuide]
+    """What holds the body, the driven one first."""
+    branch: Literal[-1, 1]
+    start: float
+    """The drive's coordinate at the first sample: direction of the crank, place along the rail, or length of the cylinder."""
+    input_zero: float
+    """The input at the first sample: the crank's angle from the rail or the ground line, or the place of slider or cylinder."""
+    output_offset: float
+    """output = the linkage's own + this: an angle of the crank or lever, or a place of slider or cylinder."""
+    errors: FunctionErrors
+    verdict: Verdict
+    transmission_angle_min: float
+    """Over the used interval, exactly."""
+    error_curve: ErrorCurve | None
+    linkage: GuidedLinkage = field(metadata=KEPT)
+    """It moves, draws and saves itself."""
+
+
+# -- as files ---------------------------------------------------------------------------------------------------------
+
+
+def render_travel(
+    wanted: Wanted,
+    scales: Scales,
+    dial: Dial,
+    linkage: GuidedLinkage,
+    output_offset: float,
+    kind: str,
+    length_unit: str,
+) -> str:
+    """A linkage that makes a function, as the text of a file; ``output_offset`` in the output's unit."""
+    travel = wanted.crank * (1.0 if dial.input == ANGLE else scales.length)
+    plain = linkage.plain
+    radian = radians_in(linkage.degrees)
+    if kind != "csv":
+        return GuidedLinkage.of(plain, radian, Target(None, None, crank=travel)).render(kind, length_unit=length_unit)
+    body = plain.body(plain.start + travel)
+    made = own_output(linkage, dial, np.concatenate([[0.0], travel]))[1:] + output_offset
+    output = wanted.output / scales.output
+    columns = {
+        "input": wanted.crank / scales.input,
+        "output_wanted": output,
+        "output": made,
+        "error": output - made,
+        "transmission_angle": body.transmission_angle / radian,
+        "drive": (plain.start + travel) / (radian if plain.driver.turns else 1.0),
+    }
+    return csv_text({name: np.asarray(values).tolist() for name, values in columns.items()})
+
+
+def own_output(linkage: GuidedLinkage, dial: Dial, travel: Floats) -> Floats:
+    """A linkage's own output over travel (n,) of its drive (radians or lengths), in the user's unit; angles continuous.
+
+    Of a crank or lever its direction, in (-180, 180] degrees at the first; of a slider or cylinder its place.
+    """
+    plain = linkage.plain
+    if dial.output == LENGTH:
+        return plain.along(1, travel)
+    links = plain.links(travel)
+    name = plain.link_names[2]
+    direction = next(one.direction for one in links if one.name == name) if name != "block" else links[1].direction
+    direction = np.unwrap(direction)
+    turns = 2 * np.pi * np.round(direction[0] / (2 * np.pi))
+    return (direction - turns) / radians_in(linkage.degrees)
+
+
+# -- functions ----------------------------------------------------------------------------------------------------------
 
 _CALLED = {
     "/function": "/output",
@@ -63,6 +293,10 @@ _CALLED = {
 """Where the arguments of a callable are told of."""
 _STEEP = 8.0
 """A step of the output this many times as steep as any other is called a jump."""
+UNASKED = (
+    "of functions the practical limits are kept only where `limits.preset` asks for them; the verdict says which of them "
+    "the best linkage breaks"
+)
 _STILL = 1e-12
 """Radians by which an output must move to be one."""
 
@@ -235,11 +469,12 @@ def function(
     largest = objective == "max"
     if isinstance(tables, Start):
         with pointing_to_start():
-            found, went = refine_function(wanted, kept, largest, tables.linkage, tables.offset, tolerance, watch)
+            found, course = refine_function(wanted, kept, largest, tables.linkage, tables.offset, tolerance, watch)
     else:
-        found, went = generate(tables, wanted, kept, largest, top, tolerance, watch.extended(-FINISHING))
+        found, course = generate(tables, wanted, kept, largest, top, tolerance, watch.extended(-FINISHING))
     searched = watch.elapsed
-    asked = Asked(wanted, dials, degrees, largest, tolerance)
+    radian = radians_in(degrees)
+    asked = Asked(wanted, dials, degrees, largest, tolerance, dial, Scales(1.0, radian, radian))
     solutions: list[Any] = described(asked, found, kept, sensitivity, curves)
     if round_to is not None:
         solutions = [
@@ -247,43 +482,18 @@ def function(
             for one, generator in zip(solutions, found)
         ]
     notes = [*_notes(wanted), *([] if begin is None else [LOCAL])]
-    if not went.settled:
+    if not course.settled:
         notes.append(
             "the best linkage was still getting better, by little, when the steps of the search were used up"
         )
     if largest and found and wanted.doubt > 0.2 * found[0].errors.max:
         notes.append(
-            f"between the samples the wanted curve is a spline, in doubt by up to {wanted.doubt / radians_in(degrees):.2g}: "
+            f"between the samples the wanted curve is a spline, in doubt by up to {wanted.doubt / radian:.2g}: "
             "with more samples the largest error would mean more"
         )
     if solutions and solutions[0].determination.ill_posed:
         notes.append("the problem is ill-posed: quite different linkages make this function to within the resolution")
-    notes += _unasked(limits, solutions)
-    status = Status.of(found, tolerance).value
-    if not solutions and begin is not None:
-        status = "unknown"
-        notes.append(NOWHERE)
-    elif not solutions and went.stopped_by == "budget":
-        status = "unknown"
-        notes.append(CUT_SHORT)
-    report, radian = _report(went, searched, watch.elapsed, notes), radians_in(degrees)
-    x, y = (None, None) if dials is None else (dials.x, dials.y)
-    return FunctionResult(
-        status, solutions, wanted.crank / radian, wanted.output / radian, x, y, report, wanted, degrees
-    )
-
-
-def _report(went: SearchReport, searched: float, total: float, notes: list[str]) -> FunctionReport:
-    """Of a search that took so many seconds, with all that was made of its answers so many in total."""
-    stages = {"screen": went.screen_seconds, "refine": searched - went.screen_seconds}
-    stages |= {"report": total - searched, "total": total}
-    return FunctionReport(
-        elapsed_ms={name: 1000 * seconds for name, seconds in stages.items()},
-        trace=[(1000 * seconds, value) for seconds, value in went.trace],
-        stopped_by=went.stopped_by.value,
-        seeds=went.seeds,
-        notes=notes,
-    )
+    return asked.result(found, solutions, limits, course, searched, watch, notes, begin is not None)
 
 
 # -- what is asked ----------------------------------------------------------------------------------------------------
@@ -401,30 +611,20 @@ class TravelMotion:
         curves: bool,
     ) -> FunctionResult:
         """The best linkages of some kinds."""
-        wanted, scales, dials = self.wanted, self.scales, self.dials
-        laws = laws_of(kinds, self.dial)
-        kept = read_travel_limits(limits, laws, self.degrees)
+        wanted, scales = self.wanted, self.scales
+        laws = laws_for(kinds, *self.dial)
+        kept = read_travel_limits(limits, laws, wanted.target, self.degrees)
         largest = objective == "max"
-        found, went = generate_travel(
+        found, course = generate_travel(
             laws, wanted, kept.over(scales.length), largest, top, tolerance, watch.extended(-FINISHING)
         )
         searched = watch.elapsed
-        asked = TravelAsked(wanted, scales, self.dial, self.degrees, None if dials is None else dials.y_of_radian)
-        solutions: list[Any] = asked.described(found, kept, curves)
-        notes = _jumps(wanted, self.dial.output)
+        asked = Asked(wanted, self.dials, self.degrees, largest, tolerance, self.dial, scales)
+        solutions = [described_travel(asked, one, rank, kept, curves) for rank, one in enumerate(found, 1)]
+        notes = _notes(wanted) if self.dial.output == ANGLE else []
         if len(kinds) > 1:
             notes.append("linkages of several kinds are listed by error alone: transmission angle and size differ")
-        notes += _unasked(limits, solutions)
-        status = Status.of(found, tolerance).value
-        if not solutions and went.stopped_by == "budget":
-            status = "unknown"
-            notes.append(CUT_SHORT)
-        report = _report(went, searched, watch.elapsed, notes)
-        x, y = (None, None) if dials is None else (dials.x, dials.y)
-        given = wanted.crank / scales.input, wanted.output / scales.output
-        return FunctionResult(
-            status, solutions, *given, x, y, report, wanted, self.degrees, dial=self.dial, scales=scales
-        )
+        return asked.result(found, solutions, limits, course, searched, watch, notes)
 
 
 def _way(name: str, span: float | None, input: ArrayLike | None) -> float:
@@ -461,21 +661,6 @@ def _check_one_way(wanted: Wanted, where: str) -> None:
         )
 
 
-def _unasked(limits: Mapping[str, Any] | None, solutions: Sequence[Any]) -> list[str]:
-    """That the practical limits were not asked for, where the best linkage breaks one."""
-    if (limits or {}).get("preset") is not None or not solutions or solutions[0].verdict.practical:
-        return []
-    return [
-        "of functions the practical limits are kept only where `limits.preset` asks for them; the verdict says which of them "
-        "the best linkage breaks"
-    ]
-
-
-def _jumps(wanted: Wanted, output: str) -> list[str]:
-    """The same of a function with travel."""
-    return _notes(wanted) if output == "angle" else []
-
-
 def _notes(wanted: Wanted) -> list[str]:
     """What a user should know about a function with a jump."""
     slope = np.abs(np.diff(wanted.output) / np.diff(wanted.crank))
@@ -495,8 +680,6 @@ def _notes(wanted: Wanted) -> list[str]:
 # -- what comes back --------------------------------------------------------------------------------------------------
 
 _EXCHANGED = [0, 2, 1, 3]
-_SHOWN = 361
-"""Places of an error curve."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -592,7 +775,7 @@ class FunctionResult(Record, Ranked[FunctionSolution | TravelSolution]):
     wanted: Wanted = field(repr=False, metadata=KEPT)
     degrees: bool = field(default=True, metadata=KEPT)
     dial: Dial = field(default=Dial("angle", "angle"), repr=False, metadata=KEPT)
-    scales: Scales | None = field(default=None, repr=False, metadata=KEPT)
+    scales: Scales = field(default=Scales(1.0, 1.0, 1.0), repr=False, metadata=KEPT)
 
     @property
     def _answers(self) -> list[FunctionSolution | TravelSolution]:
@@ -617,7 +800,6 @@ class FunctionResult(Record, Ranked[FunctionSolution | TravelSolution]):
             )
         chosen = self.solutions[rank - 1]
         if isinstance(chosen, TravelSolution):
-            assert self.scales is not None
             return render_travel(
                 self.wanted, self.scales, self.dial, chosen.linkage, chosen.output_offset, kind, length_unit
             )
@@ -638,6 +820,8 @@ class Asked:
     degrees: bool
     largest: bool
     tolerance: float
+    dial: Dial
+    scales: Scales
 
     @property
     def radian(self) -> float:
@@ -649,9 +833,83 @@ class Asked:
         """The interval, for drawings."""
         return Target(None, None, crank=self.wanted.crank)
 
-    def errors(self, one: Generator) -> FunctionErrors:
+    def errors(self, one: Generator | TravelGenerator) -> FunctionErrors:
         """A generator's errors in the user's units."""
-        return FunctionErrors.of(one.errors, self.radian, None if self.dials is None else self.dials.y_of_radian)
+        return FunctionErrors.of(
+            one.errors, self.scales.output, None if self.dials is None else self.dials.y_of_radian
+        )
+
+    def result(
+        self,
+        found: Sequence[Any],
+        solutions: list[Any],
+        limits: Mapping[str, Any] | None,
+        course: SearchReport,
+        searched: float,
+        watch: Work,
+        notes: list[str],
+        local: bool = False,
+    ) -> FunctionResult:
+        """Of a search that took so many seconds, or (``local``) of a descent from a given linkage, what was found."""
+        if (limits or {}).get("preset") is None and solutions and not solutions[0].verdict.practical:
+            notes.append(UNASKED)
+        status = Status.of(found, self.tolerance).value
+        if not solutions and (local or course.stopped_by == "budget"):
+            status = "unknown"
+            notes.append(NOWHERE if local else CUT_SHORT)
+        total = watch.elapsed
+        stages = {"screen": course.screen_seconds, "refine": searched - course.screen_seconds}
+        stages |= {"report": total - searched, "total": total}
+        report = FunctionReport(
+            elapsed_ms={name: 1000 * seconds for name, seconds in stages.items()},
+            trace=[(1000 * seconds, value) for seconds, value in course.trace],
+            stopped_by=course.stopped_by.value,
+            seeds=course.seeds,
+            notes=notes,
+        )
+        wanted, scales = self.wanted, self.scales
+        x, y = (None, None) if self.dials is None else (self.dials.x, self.dials.y)
+        given = wanted.crank / scales.input, wanted.output / scales.output
+        return FunctionResult(
+            status, solutions, *given, x, y, report, wanted, self.degrees, dial=self.dial, scales=scales
+        )
+
+
+def described_travel(
+    asked: Asked, one: TravelGenerator, rank: int, limits: TravelLimits, curves: bool
+) -> TravelSolution:
+    """A generator with a slider as a user reads it."""
+    scales, wanted, law = asked.scales, asked.wanted, one.law
+    plain = one.linkage.scaled(scales.length)
+    travel = wanted.crank * (1.0 if law.input == ANGLE else scales.length)
+    target = Target(None, None, crank=travel)
+    passed = passing_of(plain, plain.start + travel, timed=True)
+    links = one.lengths[np.array(one.law.positive)].tolist()
+    faults = faults_of((one.transmission_angle_min, None), links, {}, None, limits.limits)
+    reasons = [*passed.reasons, *filter(None, [travel_turns_back(wanted, one)]), *faults]
+    linkage = GuidedLinkage.of(plain, asked.radian, target)
+    curve = None
+    if curves:
+        shown = np.linspace(0.0, float(wanted.crank[-1]), _SHOWN)
+        curve = ErrorCurve(shown / scales.input, (wanted.curve(shown) - one.output(shown)) / scales.output)
+    units = [1 / asked.radian if name == "angle" else scales.length for name in law.lengths]
+    used = Interval(float(travel.min()), float(travel.max()))
+    return TravelSolution(
+        rank=rank,
+        kind=plain.kind.value,
+        driver=plain.driver.value,
+        lengths={name: float(value * unit) for name, value, unit in zip(law.lengths, one.lengths, units)},
+        guides=guides_of(plain, asked.radian, used),
+        branch=1 if plain.branch > 0 else -1,
+        start=linkage.start,
+        input_zero=one.zero / scales.input,
+        output_offset=one.offset / scales.output,
+        errors=asked.errors(one),
+        verdict=verdict_of(passed, None, reasons, practical=not faults),
+        transmission_angle_min=one.transmission_angle_min / asked.radian,
+        error_curve=curve,
+        linkage=linkage,
+    )
 
 
 def described(

@@ -10,18 +10,15 @@ from numpy.typing import ArrayLike
 
 from linkage_atlas.any_linkage import AnyLinkage
 from linkage_atlas.arguments import column, number, radians_in
-from linkage_atlas.assemblies import Assembly
-from linkage_atlas.guided_studies import GuidedAnalysis, analysed, studied
 from linkage_atlas.motions import Motion
 from linkage_atlas.records import plain, plane, xy
-from linkage_atlas.studies import Drive, Manufacture, ToleranceStudy, read_drive
+from linkage_atlas.studies import GuidedAnalysis, read_drive
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.guided import linkage as guided
 from synthesis.guided.linkage import DRIVERS, Circle, Driver, Guide, Rail, Slot
 from synthesis.guided.solution import as_target
 from synthesis.target import Interval, Target
-from synthesis.work import Work
 
 DriverName = Literal["crank", "slider", "cylinder", "hinge"]
 OtherKindName = Literal["slider_crank", "swinging_block", "rail_slot", "two_rails", "two_slots"]
@@ -243,29 +240,6 @@ class GuidedLinkage(AnyLinkage):
         ]
         return self._linkage.transmission_angle_over(Interval(*ends).after(self._linkage.start)) / self._radian
 
-    def assembly(
-        self,
-        motion: Motion | None = None,
-        travel: ArrayLike | None = None,
-        *,
-        work: Work | None = None,
-        **asked: Any,
-    ) -> Assembly:
-        """Layers of its plates in which nothing collides over the used interval; as of `FourBar.assembly`.
-
-        Parameters
-        ----------
-        motion : Motion, optional
-            Over whose interval; default: the motion that the linkage answers, or else a whole turn.
-        travel : array_like, shape (N,), optional
-            Of a motion whose timing is free: the drive's place at each sample, from the first on.
-        work : Work, optional
-            Asked whether the answer is still wanted.
-        **asked
-            As of `FourBar.assembly`.
-        """
-        return self._assembled(motion, travel, work, asked)
-
     def analysis(
         self, speed: float, load: Mapping[str, Any] | None = None, travel: ArrayLike | None = None
     ) -> GuidedAnalysis:
@@ -308,56 +282,6 @@ class GuidedLinkage(AnyLinkage):
                 raise FieldError(f"/{name}", "needed")
         return cls(values["guides"], values["driver"], values["branch"], values["start"], degrees=degrees)
 
-    def file(
-        self,
-        kind: str,
-        motion: Motion | None = None,
-        length_unit: str = "mm",
-        travel: ArrayLike | None = None,
-        analysis: Mapping[str, Any] | None = None,
-        plates: Mapping[str, float] | None = None,
-        drive: Mapping[str, Any] | None = None,
-        assembly: Mapping[str, Any] | None = None,
-        solids: Mapping[str, Any] | None = None,
-        work: Work | None = None,
-    ) -> bytes:
-        """The linkage as the content of a file.
-
-        Parameters
-        ----------
-        kind : {"csv", "svg", "dxf", "mjcf", "plates", "step", "3mf", "stl", "parts"}
-        motion : Motion, optional
-            What was asked for; default: the motion that the linkage answers, or else a whole turn.
-        length_unit : {"mm", "cm", "m", "in"}
-            The unit of its lengths, for DXF and MJCF.
-        travel : array_like, shape (N,), optional
-            Of a motion whose timing is free: the drive's place at each sample, from the first on.
-        analysis : mapping, optional
-            Further columns of a CSV file, as of `analysis`.
-        plates : mapping, optional
-            Refused: sizes stand in ``assembly``.
-        drive : mapping, optional
-            A drive of `linkage_atlas.drives` as plain values: further columns of a CSV file, a layer of a DXF file, and the drive
-            of an MJCF model; of a motor and its rod also their parts.
-        assembly, solids, work
-            As of `FourBar.file`.
-        """
-        target = self.target_of(motion, travel)
-        return self._content(kind, target, length_unit, analysis, plates, assembly, solids, work, drive)
-
-    def render(
-        self,
-        kind: str,
-        motion: Motion | None = None,
-        length_unit: str = "mm",
-        travel: ArrayLike | None = None,
-        analysis: Mapping[str, Any] | None = None,
-        plates: Mapping[str, float] | None = None,
-        drive: Mapping[str, Any] | None = None,
-    ) -> str:
-        """The linkage as the text of a file; arguments as of `file`."""
-        return self.file(kind, motion, length_unit, travel, analysis, plates, drive).decode()
-
     def target_of(self, motion: Motion | None, travel: ArrayLike | None) -> Target:
         """A motion with the travel of the drive at its samples; without one the default."""
         if motion is None:
@@ -369,14 +293,6 @@ class GuidedLinkage(AnyLinkage):
         if motion.free and place.shape != (motion.asked.samples,):
             raise FieldError("/travel", f"wanted {motion.asked.samples} numbers, found {place.size}")
         return as_target(motion.samples, self._linkage, place)
-
-    def analysed(self, drive: Drive, travel: Floats, over: Interval | None = None) -> GuidedAnalysis:
-        """An analysis that has been read; see `analysis`."""
-        return analysed(self._linkage, drive, travel, self._radian, over)
-
-    def made_within(self, manufacture: Manufacture, target: Target, work: Work) -> ToleranceStudy:
-        """A tolerance study that has been read; see `tolerance_study`."""
-        return studied(self._linkage, manufacture, target.crank, target.interval, self._radian, work)
 
     def __repr__(self) -> str:
         words = []

@@ -23,7 +23,7 @@ from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.fourbar import solution as fourbar
 from synthesis.fourbar.limits import FORMS, Limits
-from synthesis.fourbar.passage import LEAVES_SAMPLES, size_of
+from synthesis.fourbar.passage import size_of
 from synthesis.free.poses import Poses
 from synthesis.free.search import go_astray, have_tiny_links
 from synthesis.guided import solution as guided
@@ -343,7 +343,7 @@ def measures_of(one: Found, samples: Samples, tolerance: float, layers: Rank = (
 
 
 def _staying(found: Sequence[Found], samples: Samples, tolerance: float) -> list[Found]:
-    """Those whose body point stays between samples, four-bars without a tiny link; all where no such one is near."""
+    """Those whose body stays between samples, four-bars without a tiny link; all where no such one is near."""
     if not isinstance(samples, Poses) or samples.position is None:
         return list(found)
     strays = np.zeros(len(found), dtype=bool)
@@ -352,8 +352,7 @@ def _staying(found: Sequence[Found], samples: Samples, tolerance: float) -> list
     strays[four_bars] = go_astray(some, samples) | have_tiny_links(some, samples)
     for k, one in enumerate(found):
         if isinstance(one, guided.GuidedSolution):
-            way = guided.excursion(one, samples, samples.ordered, samples.closed)
-            strays[k] = way is not None and way > LEAVES_SAMPLES
+            strays[k] = guided.goes_astray(one, samples)
     groups = behind(np.array([one.errors.objective for one in found]), strays, tolerance)
     left_out = strays & np.where(groups == 1, np.any(groups == 0), np.any((groups == 0) | (groups == 2)))
     return [one for one, out in zip(found, left_out) if not out]

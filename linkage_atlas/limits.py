@@ -13,7 +13,8 @@ from linkage_atlas.arguments import column, number, radians_in
 from linkage_atlas.motions import Motion
 from synthesis.errors import FieldError
 from synthesis.fourbar import limits as fourbar
-from synthesis.fourbar.limits import FORMS, LINKS, Form, practical_limits
+from synthesis.fourbar.kinematics import Family, family
+from synthesis.fourbar.limits import FORMS, LINKS, REACH, Form, in_family, practical_limits
 from synthesis.free.poses import Poses
 from synthesis.target import Samples
 from synthesis.work import Work
@@ -144,35 +145,45 @@ def what_excludes(limits: fourbar.Limits, motion: Motion, search: Search, work: 
     work of its own. ``work``: what is left of its time may be used.
     """
     watch = work.part(_SECONDS)
-    names = limits.given
+    extent = 1.0 if motion.samples.position is None else motion.samples.extent
+    names = [name for name in limits.given if name != "family"]
+    if limits.family != "any":  # also where it is the default, and nobody thought of it
+        names.insert(0, "family")
     notes: list[str] = []
+    if all(limits.links) and not in_family(limits.family, np.array([limits.links], dtype=float))[0]:
+        made = Family(family(np.array(limits.links, dtype=float)).item()).value
+        return [f"the given lengths are those of a {made}, which family '{limits.family}' excludes; 'any' takes them"]
     for name in names:
         if watch.expired():
             return notes
-        found, _ = search(_without(limits, name), watch)
+        found, _ = search(_without(limits, name, extent), watch)
         if found:
-            notes.append(_sentence(limits, name, motion, search, watch))
+            notes.append(_sentence(limits, name, motion, search, watch, extent))
     for one, other in combinations(names, 2):
         if notes or watch.expired():
             break
-        found, _ = search(_without(_without(limits, one), other), watch)
+        found, _ = search(_without(_without(limits, one, extent), other, extent), watch)
         if found:
             notes.append(f"no linkage was found within {one} and {other} together; without these two there are")
     return notes
 
 
-def _without(limits: fourbar.Limits, name: str) -> fourbar.Limits:
+def _without(limits: fourbar.Limits, name: str, extent: float) -> fourbar.Limits:
     """The limits without one of them; a family gives way to any."""
-    return _changed(limits, name, "any" if name == "family" else getattr(fourbar.Limits(), name))
+    return _changed(limits, name, "any" if name == "family" else getattr(fourbar.Limits(), name), extent)
 
 
-def _changed(limits: fourbar.Limits, name: str, value: Any) -> fourbar.Limits:
+def _changed(limits: fourbar.Limits, name: str, value: Any, extent: float) -> fourbar.Limits:
+    """The limits with another value of one, as a request with that value would have them."""
     changes: dict[str, Any] = {name: value}
+    if (
+        name == "link_min" and limits.practical and limits.link_max == limits.link_min
+    ):  # it has lifted the preset's longest
+        changes["link_max"] = max(extent * REACH, value or 0.0)
     return replace(limits, **changes)
 
 
-def _sentence(limits: fourbar.Limits, name: str, motion: Motion, search: Search, watch: Work) -> str:
-    extent = 1.0 if motion.samples.position is None else motion.samples.extent
+def _sentence(limits: fourbar.Limits, name: str, motion: Motion, search: Search, watch: Work, extent: float) -> str:
     low, high, best = 0.0, 1.0, None
     for _ in range(_STEPS):
         middle = (low + high) / 2
@@ -184,6 +195,8 @@ def _sentence(limits: fourbar.Limits, name: str, motion: Motion, search: Search,
         elif not watch.expired():
             low = middle
     shown = name if name != "pivot_reach" else "the distance of the pivots"
+    if name == "family":
+        return f"family '{limits.family}' excludes every linkage that was looked for; among 'any' there are some"
     if best is None:
         return f"{shown} excludes every linkage that was looked for; without it there are some"
     return f"{shown} excludes every linkage that was looked for; at {_shown(best, name, motion)} there is one"
@@ -194,12 +207,12 @@ def _eased(limits: fourbar.Limits, name: str, part: float, extent: float) -> fou
     value, form = getattr(limits, name), FORMS[name]
     match form.kind:
         case "angle":
-            return _changed(limits, name, value * (1 - part))
+            return _changed(limits, name, value * (1 - part), extent)
         case "length" | "ratio":
-            return _changed(limits, name, value * (1 - part) if form.least else value / (1 - part))
+            return _changed(limits, name, value * (1 - part) if form.least else value / (1 - part), extent)
         case "box":
             by = part / (1 - part) * extent
-            return _changed(limits, name, (value[0] - by, value[1] - by, value[2] + by, value[3] + by))
+            return _changed(limits, name, (value[0] - by, value[1] - by, value[2] + by, value[3] + by), extent)
     return None
 
 

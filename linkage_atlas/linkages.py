@@ -14,12 +14,11 @@ from linkage_atlas.assemblies import Assembly
 from linkage_atlas.guided import GuidedLinkage
 from linkage_atlas.motions import Motion
 from linkage_atlas.records import plain, plane
-from linkage_atlas.studies import Analysis, Drive, Manufacture, ToleranceStudy, analysed, read_drive, studied
+from linkage_atlas.studies import Analysis, read_drive
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.fourbar.linkage import Linkage, are_cognates
 from synthesis.target import TURN, Interval, Target
-from synthesis.work import Work
 
 
 class Joints(NamedTuple):
@@ -308,45 +307,6 @@ class FourBar(AnyLinkage):
         found: Analysis = self._analysed_at(drive, "crank", crank)
         return found
 
-    def assembly(
-        self,
-        motion: Motion | None = None,
-        crank_angle: ArrayLike | None = None,
-        *,
-        work: Work | None = None,
-        **asked: Any,
-    ) -> Assembly:
-        """Layers of its plates in which nothing collides over the used interval, proved; or what stops the best ones.
-
-        Parameters
-        ----------
-        motion : Motion, optional
-            Over whose interval; default: the motion that the linkage answers, or else a whole turn.
-        crank_angle : array_like, shape (N,), optional
-            Of a motion whose crank angles are free: those of this solution.
-        width, hole, clearance : float
-            Width of the plates, diameter of the pins, and the least gap of parts that pass one another.
-        thickness, washer : float
-            Of the plates, and of the washers between layers.
-        boards : {"below", "above", "both", "bar"}
-            Where the fixed pins stand: in a board on either side or both, or in a bar, a plate of its own.
-        heads : bool
-            Whether pins have heads, of 1.8 diameters, that fill a layer at each free end.
-        mounts : mapping
-            How fixed pins must be held: {"A": "below+above"}.
-        body : array_like, shape (n, 2)
-            Outline of the body, a plate that the coupler carries: in the body's frame, from the body point.
-        layers_most : int
-            Layers at most (6).
-
-        Examples
-        --------
-        >>> import linkage_atlas as la
-        >>> la.FourBar(30, 60, 70, 50).assembly(hole=6, width=18).layers
-        {'crank': 1, 'coupler': 2, 'rocker': 3}
-        """
-        return self._assembled(motion, crank_angle, work, asked)
-
     # -- what it becomes ----------------------------------------------------------------------------------------------
 
     @property
@@ -386,62 +346,6 @@ class FourBar(AnyLinkage):
             degrees=degrees,
         )
 
-    def file(
-        self,
-        kind: str,
-        motion: Motion | None = None,
-        length_unit: str = "mm",
-        crank_angle: ArrayLike | None = None,
-        analysis: Mapping[str, Any] | None = None,
-        plates: Mapping[str, float] | None = None,
-        assembly: Mapping[str, Any] | None = None,
-        solids: Mapping[str, Any] | None = None,
-        work: Work | None = None,
-        drive: Mapping[str, Any] | None = None,
-    ) -> bytes:
-        """The linkage as the content of a file.
-
-        Parameters
-        ----------
-        kind : {"csv", "svg", "dxf", "plates", "mjcf", "pylinkage", "step", "3mf", "stl", "urdf", "sdf", "parts"}
-            ``plates``: a DXF of the links as plates to cut. ``stl``: a zip file with a file a part. ``parts``: a list (CSV).
-        motion : Motion, optional
-            What was asked for; default: the motion that the linkage answers, or else a whole turn.
-        length_unit : {"mm", "cm", "m", "in"}
-            The unit of its lengths, for files that know one.
-        crank_angle : array_like, shape (N,), optional
-            Of a motion whose crank angles are free: those of this solution.
-        analysis : mapping, optional
-            ``crank_speed`` and ``load`` as of `analysis`: further columns of a CSV file.
-        plates : mapping, optional
-            ``hole``, the diameter of the holes, and ``width`` of the plates, for a DXF of the links alone.
-        assembly, solids : mapping, optional
-            How its parts are arranged and made, as of `assembly` and `solids`: for STEP and what follows it above, the masses in
-            an MJCF file, and a DXF of all flat parts in place of the links alone.
-        work : Work, optional
-            Asked whether the answer is still wanted.
-        drive : mapping, optional
-            A drive of `linkage_atlas.drives` as plain values: further columns of a CSV file, a layer of a DXF file, and the drive
-            of an MJCF model.
-        """
-        target = self.target_of(motion, crank_angle)
-        return self._content(kind, target, length_unit, analysis, plates, assembly, solids, work, drive)
-
-    def render(
-        self,
-        kind: str,
-        motion: Motion | None = None,
-        length_unit: str = "mm",
-        crank_angle: ArrayLike | None = None,
-        analysis: Mapping[str, Any] | None = None,
-        plates: Mapping[str, float] | None = None,
-        drive: Mapping[str, Any] | None = None,
-    ) -> str:
-        """The linkage as the text of a file; arguments as of `file`. FieldError for 3MF and STL, which are no text."""
-        if kind in ("3mf", "stl"):
-            raise FieldError("/kind", f"{kind} is no text: `file` has its content, and `save` writes it")
-        return self.file(kind, motion, length_unit, crank_angle, analysis, plates, drive=drive).decode()
-
     def target_of(self, motion: Motion | None, travel: ArrayLike | None) -> Target:
         """A motion with the crank angles of this solution where its own are free; without one the default."""
         if motion is not None and motion.free:
@@ -449,14 +353,6 @@ class FourBar(AnyLinkage):
                 raise FieldError("/crank_angle", "needed: the motion's crank angles are free")
             motion = motion.of_solution(self._linkage, column("crank_angle", travel) * self._radian)
         return motion.target if motion is not None else self._default_motion()
-
-    def analysed(self, drive: Drive, travel: Floats, over: Interval | None = None) -> Analysis:
-        """An analysis that has been read; see `analysis`."""
-        return analysed(self._linkage, drive, travel, self._radian, over)
-
-    def made_within(self, manufacture: Manufacture, target: Target, work: Work) -> ToleranceStudy:
-        """A tolerance study that has been read; see `tolerance_study`."""
-        return studied(self._linkage, manufacture, target.crank, target.interval, self._radian, work)
 
     def __repr__(self) -> str:
         lengths = ", ".join(f"{name}={getattr(self, name):.6g}" for name in ("crank", "coupler", "rocker", "ground"))

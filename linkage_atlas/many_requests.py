@@ -12,7 +12,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from data_build.executors import dask_executor, local_executor
+from data_build.batch import dask_executor, local_executor
 from data_build.lines import Question, StudyLocked, answer_of, is_error, study_lines
 from synthesis.errors import FieldError
 

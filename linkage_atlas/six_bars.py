@@ -18,7 +18,7 @@ from linkage_atlas.guided import GuidedJoints, GuidedLinkage
 from linkage_atlas.linkages import FourBar, Joints, given_linkage
 from linkage_atlas.motions import Motion
 from linkage_atlas.records import Record, Values, Vectors, plain, plane, xy
-from linkage_atlas.solids import SolidParts, read_solids, solids_in, split
+from linkage_atlas.solids import read_solids
 from linkage_atlas.studies import MOST_LINK_MASSES, Drive, Manufacture, ToleranceStudy, read_load
 from synthesis.arrays import Floats
 from synthesis.drives.links import Loading, ends_of
@@ -306,36 +306,14 @@ class SixBarLinkage(AnyLinkage):
 
     # -- what it becomes ----------------------------------------------------------------------------------------------
 
-    def assembly(
-        self, motion: Motion | None = None, travel: Any = None, /, *, work: Work | None = None, **asked: Any
-    ) -> Assembly:
-        """Layers of its plates in which nothing collides over a turn of the motor, proved; ``asked`` as of `FourBar.assembly`."""
-        _no_motion(motion, travel)
-        return self._arranged(asked, work, "")
-
-    def _arranged(self, asked: Mapping[str, Any], work: Work | None, where: str) -> Assembly:
+    def _arranged(self, target: Target, asked: Mapping[str, Any], work: Work, where: str) -> Assembly:
         if "drive" in asked:
             raise FieldError(f"/{where}drive", "is this six-bar's own motor")
         read = read_assembly({**asked, "drive": self.drive}, where)
         assert read is not None
-        return assembled(self._base.plain, read, self._linkage.used, self._radian, work or Work(), where)
+        return assembled(self._base.plain, read, self._linkage.used, self._radian, work, where)
 
-    def solids(
-        self,
-        motion: Motion | None = None,
-        crank_angle: ArrayLike | None = None,
-        *,
-        length_unit: str = "mm",
-        work: Work | None = None,
-        **asked: Any,
-    ) -> SolidParts:
-        """Its parts as solids, the motor's crank and the rod among them; ``asked`` as of `FourBar.solids`."""
-        _no_motion(motion, crank_angle)
-        of_assembly, of_solids = split(asked)
-        found = self._arranged(of_assembly, work, "")
-        return solids_in(found, read_solids(of_solids, ""), of_assembly, length_unit)
-
-    def file(
+    def file(  # type: ignore[override]
         self,
         kind: str,
         motion: Motion | None = None,
@@ -364,8 +342,8 @@ class SixBarLinkage(AnyLinkage):
             As of `FourBar.file`.
         """
         if kind in (*OF_PARTS, "plates"):
-            found = self._arranged(assembly or {}, work, "assembly/")
-            return solids_in(found, read_solids(solids), assembly or {}, length_unit).file(kind)
+            turn = self.target_of(None, None)
+            return self._solids(turn, assembly or {}, read_solids(solids), length_unit, work or Work()).file(kind)
         base, plain = self._base, self._base.plain
         if kind == "csv":
             return self._table(motor, analysis, length_unit)
@@ -398,16 +376,6 @@ class SixBarLinkage(AnyLinkage):
             more |= asked.columns()
         rows = Target(None, None, crank=found.travel * self._base._unit, found=True)
         return content_of(self._base.plain, rows, self._radian, "csv", length_unit, None, None, more=more)
-
-    def render(self, kind: str, motion: Motion | None = None, length_unit: str = "mm", **more: Any) -> str:
-        """The six-bar as the text of a file; arguments as of `file`."""
-        if kind in ("3mf", "stl"):
-            raise FieldError("/kind", f"{kind} is no text: `file` has its content, and `save` writes it")
-        return self.file(kind, motion, length_unit, **more).decode()
-
-    def _file_with(self, kind: str, length_unit: str, asked: Mapping[str, Any]) -> bytes:
-        of_assembly, of_solids = split(asked)
-        return self.file(kind, length_unit=length_unit, assembly=of_assembly, solids=of_solids)
 
     @property
     def drive(self) -> dict[str, Any]:

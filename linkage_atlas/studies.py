@@ -26,12 +26,12 @@ from linkage_atlas.motions import MOST_STOCK, Motion
 from linkage_atlas.records import Record, Values, Vectors, plain, plane
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
-from synthesis.fourbar.analysis import LinkMass, Load, Own, curve_over, forces, rates
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.tolerance_study import SOURCES, Spread, Study, Tolerances, simulate
-from synthesis.guided.analysis import Mass
-from synthesis.guided.linkage import GuidedLinkage
-from synthesis.target import MAX_LENGTH, MIN_LENGTH, TURN, Interval
+from synthesis.guided import manufacture as of_guides
+from synthesis.guided.analysis import Load, Mass, forces
+from synthesis.guided.linkage import BODY, GuidedLinkage, of_four_bar, on_body
+from synthesis.target import MAX_LENGTH, MIN_LENGTH, TURN, Interval, Target
 from synthesis.work import Work
 
 MOST_SAMPLES, FEWEST_SAMPLES = 100_000, 100
@@ -43,6 +43,8 @@ POSITIONS_A_SECOND = 1_000_000
 """Of a request's budget, less than a third of which they take."""
 BAND_STEPS = 48
 """Steps of the interval in which a study also gives its errors, to be drawn as a band."""
+STEPS = 60
+"""Steps of a curve over an interval of lengths."""
 MOST_ROWS = 100_000
 """Rows of all curves in one reply."""
 
@@ -112,6 +114,57 @@ class Analysis(Rates):
     """The same over the used interval in steps of at most a degree."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class GuidedRates(Record):
+    """A value a place of the drive; null (in Python NaN) at a dead position, and where the loop does not close."""
+
+    crank_angle: Floats | None = None
+    """Of a crank or hinge from the first sample on."""
+    travel: Floats | None = None
+    """Of a slider or cylinder from the first sample on."""
+    velocity: Vectors
+    """Of the body point."""
+    acceleration: Vectors
+    """Of the body point."""
+    angular_velocity: dict[str, Values]
+    """Of each link that turns, by its name; the body is the coupler."""
+    angular_acceleration: dict[str, Values]
+    sliding_velocity: dict[str, Values]
+    """Of the body point along a rail, of the pin along a slot, by the name of its slider or block."""
+    transmission_angle: Values
+    arm: Values
+    """Moment arm of the second guide's push about the driven guide's pin."""
+    drive_load: Values | None
+    """Torque of a crank or hinge, counter-clockwise; force of a slider or cylinder, outwards; null without a load."""
+    guide_forces: dict[str, Vectors] | None
+    """By the link of each guide on the body, without friction; null without a load."""
+
+    def columns(self) -> dict[str, Iterable[Any]]:
+        """The columns of a table, a row a place of the drive; None where there is no finite value."""
+        columns: dict[str, Iterable[Any]] = {}
+        plane = {"velocity": self.velocity, "acceleration": self.acceleration}
+        plane |= {f"force_{name}": force for name, force in (self.guide_forces or {}).items()}
+        for name, values in plane.items():
+            for k, axis in enumerate("xy"):
+                columns[f"{name}_{axis}"] = plain(values[:, k])
+        for kind in ("angular_velocity", "angular_acceleration", "sliding_velocity"):
+            for link, one in getattr(self, kind).items():
+                columns[f"{link}_{kind}"] = plain(one)
+        if self.drive_load is not None:
+            columns["drive_load"] = plain(self.drive_load)
+        return columns
+
+
+@dataclass(frozen=True, kw_only=True)
+class GuidedAnalysis(GuidedRates):
+    """Velocities, accelerations and forces at a constant speed of the drive."""
+
+    crank_speed: float
+    """Of the drive: the unit of angle, or for a slider or cylinder the unit of length, a second."""
+    curve: Annotated[GuidedRates | None, GuidedRates]
+    """The same over the used interval."""
+
+
 class Drive(NamedTuple):
     """What an analysis is asked for: the crank's speed in the user's unit of angle, a load, and masses of the links."""
 
@@ -133,23 +186,16 @@ class Drive(NamedTuple):
         own = tuple(Mass(one["link"], one["mass"], complex(*one["at"]), one["inertia"]) for one in found)
         return self._replace(masses=self.masses + own, parts=False)
 
-    def load_of(self, linkage: Linkage) -> Load | None:
-        """The load on a linkage, with the masses of its links."""
-        if self.load is None or not self.masses:
-            return self.load
-        kept: dict[str, list[Mass]] = {}
+    def load_on(self, linkage: Linkage | GuidedLinkage) -> Load | None:
+        """The load on a linkage, with masses in the frames of `GuidedLinkage.links`."""
+        if self.load is None:
+            return None
+        found = []
         for one in self.masses:
-            if one.link == "body":
-                turned = one.at * np.exp(1j * (linkage.body_offset or 0.0))
-                one = Mass("coupler", one.mass, linkage.arm + turned, one.inertia)
-            kept.setdefault(one.link, []).append(one)
-        links = {}
-        for link, several in kept.items():
-            mass = sum(one.mass for one in several)
-            centre = sum(one.mass * one.at for one in several) / mass
-            inertia = sum(one.inertia + one.mass * abs(one.at - centre) ** 2 for one in several)
-            links[link] = LinkMass(mass, complex(centre), float(inertia))
-        return self.load._replace(own=Own(links, self.gravity, MILLIMETRES[self.length_unit] / 1000))
+            if one.link == BODY and isinstance(linkage, Linkage):
+                one = one._replace(at=on_body(linkage, one.at))
+            found.append(one._replace(link=BODY) if one.link == "body" else one)
+        return self.load._replace(masses=found, gravity=self.gravity, metre=MILLIMETRES[self.length_unit] / 1000)
 
 
 LINKS_WITH_MASS = ("crank", "coupler", "rocker", "body", "slider", "block", "second_slider", "second_block")
@@ -232,32 +278,69 @@ def _mass(
     return Mass(link, mass, at, inertia)
 
 
-def analysed(linkage: Linkage, drive: Drive, travel: Floats, radian: float, over: Interval | None = None) -> Analysis:
-    """An analysis at crank angles (n,) in radians from the first sample, and over an interval."""
+def analysed(
+    linkage: Linkage | GuidedLinkage, drive: Drive, travel: Floats, radian: float, over: Interval | None = None
+) -> Any:
+    """An `Analysis` or `GuidedAnalysis` at travel (n,) of the drive from the first sample, and over an interval."""
     drive = drive.weighed(linkage, over or Interval(float(travel.min()), float(travel.max())))
-    curve = None if over is None else Rates(**_rates(linkage, drive, curve_over(over), radian))
-    return Analysis(**_rates(linkage, drive, travel, radian), crank_speed=drive.crank_speed, curve=curve)
+    record: tuple[Any, Any] = (Analysis, Rates) if isinstance(linkage, Linkage) else (GuidedAnalysis, GuidedRates)
+    curve = None if over is None else record[1](**_rates(linkage, drive, curve_over(linkage, over), radian))
+    return record[0](**_rates(linkage, drive, travel, radian), crank_speed=drive.crank_speed, curve=curve)
 
 
-def _rates(linkage: Linkage, drive: Drive, travel: Floats, radian: float) -> dict[str, Any]:
-    speed, load = drive.crank_speed * radian, drive.load_of(linkage)
-    found = rates(linkage, travel, speed)
-    held = None if load is None else forces(linkage, travel, load, speed)
-    return {
-        "crank_angle": travel / radian,
-        "velocity": None if found.velocity is None else plane(found.velocity),
-        "acceleration": None if found.acceleration is None else plane(found.acceleration),
-        "angular_velocity": OfLinks(found.coupler_velocity / radian, found.rocker_velocity / radian),
-        "angular_acceleration": OfLinks(found.coupler_acceleration / radian, found.rocker_acceleration / radian),
-        "transmission_angle": linkage.joints(travel).transmission_angle / radian,
-        "crank_torque": None if held is None else held.crank_torque,
-        "pin_forces": None if held is None else PinForces(*(plane(force) for force in held[1:])),
+def curve_over(linkage: Linkage | GuidedLinkage, over: Interval) -> Floats:
+    """Travel over an interval, both ends included, in even steps: of at most a degree for angles."""
+    turns = isinstance(linkage, Linkage) or linkage.driver.turns
+    return over.by_degrees() if turns else np.linspace(*over, STEPS + 1)
+
+
+def _rates(linkage: Linkage | GuidedLinkage, drive: Drive, travel: Floats, radian: float) -> dict[str, Any]:
+    guided = of_four_bar(linkage) if isinstance(linkage, Linkage) else linkage
+    turns, load = guided.driver.turns, drive.load_on(linkage)
+    speed = drive.crank_speed * (radian if turns else 1.0)
+    first, body, other = guided.links(travel)
+    held = None if load is None else forces(guided, travel, load, speed)
+    found = guided.body(guided.start + travel)
+    values: dict[str, Any] = {
+        "crank_angle": travel / radian if turns else None,
+        "velocity": plane(body.place_rate * speed),
+        "acceleration": plane(body.place_second * speed**2),
+        "transmission_angle": found.transmission_angle / radian,
+    }
+    if isinstance(linkage, Linkage):
+        bare = {} if linkage.mounted else {"velocity": None, "acceleration": None}
+        pins = None if held is None else (held.driven_ground, held.driven, held.other, held.other_ground)
+        return (
+            values
+            | bare
+            | {
+                "angular_velocity": OfLinks(*(one.direction_rate * speed / radian for one in (body, other))),
+                "angular_acceleration": OfLinks(*(one.direction_second * speed**2 / radian for one in (body, other))),
+                "crank_torque": None if held is None else held.drive,
+                "pin_forces": None if pins is None else PinForces(*map(plane, pins)),
+            }
+        )
+    turning = [link for link in (first, body, other) if not link.name.endswith("slider")]
+    sliding = {
+        one.name: linkage.along_rate(place, travel) * speed
+        for place, one in enumerate((first, other))
+        if not one.name.endswith(("crank", "rocker"))
+    }
+    on_body = None if held is None else {first.name: plane(held.driven), other.name: plane(held.other)}
+    return values | {
+        "travel": None if turns else travel,
+        "angular_velocity": {link.name: link.direction_rate * speed / radian for link in turning},
+        "angular_acceleration": {link.name: link.direction_second * speed**2 / radian for link in turning},
+        "sliding_velocity": sliding,
+        "arm": found.arm,
+        "drive_load": None if held is None else held.drive,
+        "guide_forces": on_body,
     }
 
 
 def check_rows(solutions: int, interval: Interval | None) -> None:
     """FieldError where the curves of so many solutions make too large a reply; None: an interval of at most a turn."""
-    rows = solutions * curve_over(Interval(0.0, TURN) if interval is None else interval).size
+    rows = solutions * (Interval(0.0, TURN) if interval is None else interval).by_degrees().size
     if rows > MOST_ROWS:
         most = MOST_ROWS * solutions // rows
         raise FieldError(
@@ -389,13 +472,44 @@ def study_notes(asked: Manufacture | None, solutions: Sequence[Any]) -> list[str
 
 
 def studied(
-    linkage: Linkage, manufacture: Manufacture, travel: Floats, over: Interval, radian: float, work: Work
+    linkage: Linkage | GuidedLinkage, asked: Manufacture, travel: Floats, over: Interval, radian: float, work: Work
 ) -> ToleranceStudy:
-    """A tolerance study at crank angles (n,) in radians from the first sample, and over an interval."""
-    band = np.linspace(*over, BAND_STEPS + 1)
+    """A tolerance study at travel (n,) of the drive from the first sample, and over an interval."""
+    band, samples = np.linspace(*over, BAND_STEPS + 1), travel.size
     every = np.concatenate([travel, band])
-    found = simulate(linkage, every, travel.size, *manufacture, work)
-    return described_study(found, SOURCES, manufacture, travel.size, band / radian, radian)
+    if isinstance(linkage, Linkage):
+        found = simulate(linkage, every, samples, *asked, work)
+        return described_study(found, SOURCES, asked, samples, band / radian, radian)
+    found, turns = of_guides.simulate(linkage, every, samples, *asked, work), linkage.driver.turns
+    names = [source.name for source in of_guides.sources_of(linkage)]
+    return described_study(found, names, asked, samples, band / radian if turns else band, radian, turns)
+
+
+class Change(NamedTuple):
+    """What a dimension does to the motion."""
+
+    dimension: str
+    rotation: float | None
+    """Rms change of rotation over the samples per unit of the dimension; null where no rotation was asked for."""
+    position: float | None
+    """Rms change of position."""
+
+
+def changes(linkage: GuidedLinkage, target: Target, radian: float) -> list[Change]:
+    """Rms changes of the motion per unit of each dimension, all else held: lengths, and per unit of angle directions."""
+    found = []
+    for name, guide, unit in of_guides.dimensions_of(linkage):
+        place, turn = of_guides.slopes(linkage, linkage.start + target.crank, [(guide, unit)])
+        scale = radian if unit.direction else 1.0
+        rms = [
+            None if given is None else float(np.sqrt(mean(np.abs(slope) ** 2))) * scale
+            for given, mean, slope in (
+                (target.rotation, target.rotation_mean, turn[0] / radian),
+                (target.position, target.position_mean, place[0]),
+            )
+        ]
+        found.append(Change(name, *rms))
+    return found
 
 
 def described_study(

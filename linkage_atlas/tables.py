@@ -15,7 +15,7 @@ CRANK = ("crank", "crank_angle", "theta1")
 TIME = ("t", "time")
 """Names of columns that are no crank angles, though the crank may turn evenly with them."""
 TURN = ("angle", "rotation", "gamma", "phi", "theta", "\u03b3", "\u03c6", "\u03b8")
-NUMBER = dict.fromkeys(("no", "nr", "n", "pose", "point", "sample", "index"), None)
+NUMBER = dict.fromkeys(("no", "nr", "n", "id", "pose", "point", "sample", "index"), None)
 """Names of columns that number the rows, and are not read."""
 
 
@@ -62,6 +62,12 @@ ROCKERS = Kind(
 
 _ONE_GROUP = re.compile(r"[+\-\u2212]?[1-9]\d{0,2}[.,]\d{3}(?!\d|[.,])")
 """A number of which nothing shows whether its mark is that of decimals or of thousands."""
+
+
+_HEAD = re.compile(r"(\w+?)\.?(?:_(mm|cm|m|in|inch|deg|rad))?(|[\s(\[/].*)")
+"""The head of a column in small letters: a name, and perhaps a unit, also as in x_mm."""
+_SEPARATOR = re.compile(r"sep=.")
+"""The first line by which a spreadsheet is told what separates cells."""
 
 
 class _Row(NamedTuple):
@@ -136,7 +142,7 @@ def function_from_csv(text: str, also: Mapping[str, Any] | None = None, unwrap: 
 
 def _read(text: str, kind: Kind, unwrap: bool) -> tuple[dict[str, list[float | None]], list[_Row], dict[str, str]]:
     """The columns of a table, its rows, and the unit of its angles where that is not the degree."""
-    rows = _rows(text)
+    rows = _rows(text, kind)
     heads = rows[0].cells if rows and any(map(_is_head, rows[0].cells)) else []
     names, unit = _names(rows, kind)
     if not rows:
@@ -160,13 +166,15 @@ def _unwrapped(angles: list[float | None], turn: float) -> list[float | None]:
     return out
 
 
-def _rows(text: str) -> list[_Row]:
-    """The lines that are neither empty nor a comment, in cells."""
-    lines = [
-        (number, line)
-        for number, line in enumerate(text.lstrip("\ufeff").splitlines(), 1)
-        if line.strip() and not line.startswith("#")
-    ]
+def _rows(text: str, kind: Kind) -> list[_Row]:
+    """The lines that are neither empty nor a comment, in cells; a comment that names the columns is the line of names."""
+    filled = [(number, line) for number, line in enumerate(text.lstrip("\ufeff").splitlines(), 1) if line.strip()]
+    if filled and _SEPARATOR.fullmatch(filled[0][1].strip()):
+        filled = filled[1:]
+    lines = [(number, line) for number, line in filled if not line.startswith("#")]
+    above = [(number, line) for number, line in filled if lines and line.startswith("#") and number < lines[0][0]]
+    if above and _names_columns(above[-1][1], lines[0][1], kind):
+        lines.insert(0, (above[-1][0], above[-1][1].lstrip("# ")))
     bare = [re.sub('"[^"]*"', "", line) for _, line in lines]
     for separator in "\t;":
         if any(separator in line for line in bare):
@@ -179,6 +187,15 @@ def _rows(text: str) -> list[_Row]:
     if separator == " ":
         return [_Row(number, _words(line)) for number, line in lines]
     return [_Row(number, _cells(line, separator, number)) for number, line in lines]
+
+
+def _names_columns(comment: str, first: str, kind: Kind) -> bool:
+    """Whether a comment names a column for each cell of the line below it, as "# x, y, theta"."""
+    names = [
+        _HEAD.fullmatch(one) for one in re.split(r"[;,\t]\s*|\s+(?![(\[/])", comment.lower().lstrip("# ").strip())
+    ]
+    cells = re.split(r"\s*[;\t]\s*|\s*,\s+|\s+" if re.search(r"[;\t\s]", first.strip()) else ",", first.strip())
+    return len(names) == len(cells) and all(one is not None and one[1] in kind.columns for one in names)
 
 
 def _cells(line: str, separator: str, number: int) -> list[str]:
@@ -216,7 +233,7 @@ def _names(rows: list[_Row], kind: Kind) -> tuple[list[str | None], str]:
     names: list[str | None] = []
     units = set()
     for cell in _trimmed(head.cells, 1):
-        found = re.fullmatch(r"(\w+)(|[\s(\[/].*)", cell.lower())  # a name, and perhaps a unit
+        found = _HEAD.fullmatch(cell.lower())
         if found is not None and found[1] in TIME:
             free = "free, or " if kind is POSES else ""
             raise FieldError(
@@ -226,13 +243,13 @@ def _names(rows: list[_Row], kind: Kind) -> tuple[list[str | None], str]:
             )
         if found is None or found[1] not in kind.columns:
             raise FieldError("", f"line {head.line}: there is no column '{cell[:20]}'; there are {kind.known}")
-        word, behind = found.groups()
+        word, unit, behind = found.groups(default="")
         name = kind.columns[word]
         if name is not None and name in names:
             raise FieldError("", f"line {head.line}: two columns hold {name.replace('_', ' ')}")
         names.append(name)
         if name in kind.angles:
-            units.add("rad" if re.search(r"\brad", behind) else "deg")
+            units.add("rad" if unit == "rad" or re.search(r"\brad", behind) else "deg")
     if len(units) > 1:
         raise FieldError("", f"line {head.line}: wanted all angles in one unit, found degrees and radians")
     return names, units.pop() if units else "deg"

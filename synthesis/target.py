@@ -25,6 +25,10 @@ MIN_LENGTH, MAX_LENGTH = 1e-50, 1e50
 """Lengths and coordinates lie between: squares, and quotients of squares, neither over- nor underflow."""
 
 
+CURVE_STEP, CURVE_LEAST = np.deg2rad(1.0), 24
+"""Largest step of a curve over an interval, in radians, and the fewest steps, however short the interval is."""
+
+
 class Interval(NamedTuple):
     """A part of the crank's turn in radians, between two crank angles in either order; arrays are one interval each."""
 
@@ -34,6 +38,11 @@ class Interval(NamedTuple):
     def after(self, start: Any) -> Interval:
         """The interval moved so that what was crank angle 0 is ``start``."""
         return Interval(start + self.first, start + self.last)
+
+    def by_degrees(self) -> Floats:
+        """Angles from end to end in even steps of at most a degree, at least `CURVE_LEAST` of them."""
+        steps = max(CURVE_LEAST, int(np.ceil(abs(self.last - self.first) / CURVE_STEP * (1 - 1e-12))))
+        return np.linspace(self.first, self.last, steps + 1)
 
 
 class Mean:
@@ -257,8 +266,8 @@ class Target(Samples):
                 continue
             own = np.ones(self.samples) if weights is None else weights
             given = np.flatnonzero(own)
-            heirs = np.flatnonzero(own[keep])
-            nearest = heirs[np.abs(given[:, None] - keep[heirs]).argmin(axis=1)]
+            left = np.flatnonzero(own[keep])
+            nearest = left[np.abs(given[:, None] - keep[left]).argmin(axis=1)]
             columns[name] = values[keep]
             columns[f"{name}_weights"] = np.bincount(nearest, weights=own[given], minlength=keep.size)
         return replace(self, **columns)

@@ -29,8 +29,7 @@ from hypothesis import HealthCheck, settings
 
 from app.main import create_app
 from app.settings import Settings
-from data_build.batch import build_atlas
-from data_build.executors import local_executor
+from data_build.batch import build_atlas, local_executor
 from synthesis.atlas.file import encode_atlas, generator_versions
 from synthesis.atlas.table import Atlas, AtlasRule, compute_rows
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_types

@@ -48,8 +48,7 @@ def _placed(field: str) -> str:
 
 def answer_assembly(request: AssemblyRequest, resources: Resources) -> la.Assembly:
     """Layers that are free, or what stops the best ones."""
-    asked = {name: getattr(request, name) for name in ASSEMBLY}
-    asked["drive"] = None if request.drive is None else request.drive.model_dump()
+    asked = request.given(*ASSEMBLY)
     question, given = request.request, request.linkage
     if question is None and given is None:
         raise la.FieldError("/linkage", "needed, or a `request` to be solved")
@@ -58,7 +57,7 @@ def answer_assembly(request: AssemblyRequest, resources: Resources) -> la.Assemb
         for name in ("envelope", "keep_out"):
             asked[name] = asked[name] or getattr(question.limits, name)
         with pointing(lambda field: "/request" + field):
-            motion = la.Motion(**motion_of(question))
+            motion = motion_of(question)
     work = resources.work(budget_of(None, resources))
     if given is None:
         assert question is not None

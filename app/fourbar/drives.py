@@ -8,7 +8,7 @@ from pydantic import Field
 
 import linkage_atlas as la
 from app.fourbar import QUESTIONS
-from app.fourbar.answers import SHORT_MS, budget_of, drives_of, motion_of
+from app.fourbar.answers import SHORT_MS, budget_of, motion_of
 from app.fourbar.export import pointing
 from app.fourbar.models import (
     DriveLoadRequest,
@@ -64,22 +64,17 @@ def find_drives(request: DrivesRequest, resources: Resources) -> la.Drives:
                 "/angle_unit", f"the request that the linkage came from has {request.request.angle_unit!r}"
             )
         with pointing(lambda field: "/request" + field):
-            motion = la.Motion(**motion_of(request.request))
-    asked, linkage, crank = drives_of(request), None, request.crank_angle
+            motion = motion_of(request.request)
+    linkage, crank = None, request.crank_angle
     if request.linkage is not None:
         with pointing(lambda field: "/linkage" + field):
             linkage = request.linkage.linkage(unit == "deg")
         crank = crank or request.linkage.crank_angle or request.linkage.travel
     return la.drives(
         linkage,
-        asked.pop("drives"),
-        **asked,
+        **request.given("drives", "load", "springs", "rocker", "hand", "length_unit", "top"),
         motion=motion,
         crank_angle=crank,
-        rocker=None if request.rocker is None else request.rocker.model_dump(),
-        hand=request.hand,
-        length_unit=request.length_unit,
-        top=request.top,
         degrees=unit == "deg",
         budget=budget_of(request.budget_ms, resources),
         work=resources.work,
@@ -87,7 +82,6 @@ def find_drives(request: DrivesRequest, resources: Resources) -> la.Drives:
 
 
 def is_long(request: DrivesRequest) -> bool:
-    """Whether an answer may take more than a fraction of a second."""
     if request.budget_ms is not None and request.budget_ms <= SHORT_MS:
         return False
     return bool(request.springs) or any(one.kind != "rotary" for one in request.drives)

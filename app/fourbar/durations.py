@@ -34,7 +34,6 @@ def kind_of(request: Any) -> str:
 
 
 def samples_of(request: Any) -> int:
-    """Samples of such a request."""
     columns = [getattr(request, name, None) for name in ("rotation", "position", "output")]
     return max((len(column) for column in columns if column is not None), default=101)
 

@@ -11,7 +11,7 @@ from pydantic import Field, Strict
 
 import linkage_atlas as la
 from app.fourbar import worked_example
-from app.fourbar.answers import analysis_of, answer_synthesize, assembly_of, has_much_to_arrange, is_long, motion_of
+from app.fourbar.answers import answer_synthesize, has_much_to_arrange, is_long, motion_of
 from app.fourbar.models import AssemblyOptions, FarLength, GivenDrive, GivenLinkage, Size, SynthesizeRequest
 from app.query import FILES, Files, Flag, LengthUnit, Number, RequestModel, Resources
 from linkage_atlas.solids import LARGEST_SCALE, LEAST_SCALE
@@ -93,18 +93,10 @@ def pointing(change: Callable[[str], str]) -> Iterator[None]:
         raise la.FieldError(change(error.field), error.message, **error.details) from error
 
 
-def parts_of(request: SynthesizeRequest) -> dict[str, Any] | None:
-    """How a request says that parts are arranged."""
-    asked = assembly_of(request)
-    return asked if isinstance(asked, dict) else None
-
-
 def _best_linkage(request: SynthesizeRequest, resources: Resources, kind: str) -> bytes:
     best = ranked(request, 1, resources)
     with pointing(lambda field: field if field == "/format" else ""):
-        return best.linkage.file(
-            kind, analysis=analysis_of(request), assembly=parts_of(request), work=resources.work()
-        )
+        return best.linkage.file(kind, **request.given("analysis", "assembly"), work=resources.work())
 
 
 def exports_of(
@@ -121,7 +113,6 @@ SYNTHESIZE_EXPORTS = exports_of(tuple(kind for kind in FILES if kind != "json"),
 
 
 def as_json(request: RequestModel, solution: Any) -> bytes:
-    """A solution beside its request."""
     content = {"request": request.model_dump(mode="json", exclude_defaults=True), "solution": solution}
     return json.dumps(content, indent=1, allow_nan=False).encode()
 
@@ -136,7 +127,7 @@ def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
 
         check_format(body.format, request.mechanisms or ("four_bar",))
     with pointing(lambda field: field if field == "/rank" else "/request" + field):
-        motion = la.Motion(**motion_of(request))
+        motion = motion_of(request)
         found = None if given else ranked(request, body.rank, resources)
     with pointing(lambda field: "/solution" + field):
         linkage = found.linkage if found else given.linkage(request.degrees)
@@ -145,24 +136,10 @@ def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
     one = found or given
     place = one.crank_angle if one.crank_angle is not None else getattr(one, "travel", None)
     with pointing(lambda field: _PREFIXES.get(field.lstrip("/").partition("/")[0], "") + field):
-        plates = None if body.plates is None else body.plates.model_dump(exclude_none=True)
-        assembly = None if body.assembly is None else body.assembly.model_dump(exclude_none=True)
-        if assembly is None and body.format != "plates":
-            assembly = parts_of(request)
-        solids = None if body.solids is None else body.solids.model_dump(exclude_none=True)
-        drive = None if body.drive is None else body.drive.model_dump(exclude_none=True)
-        return linkage.file(
-            body.format,
-            motion,
-            body.length_unit,
-            place,
-            analysis_of(request),
-            plates,
-            assembly=assembly,
-            solids=solids,
-            work=resources.work(),
-            drive=drive,
-        )
+        asked = request.given("analysis") | body.given("plates", "assembly", "solids", "drive", "length_unit")
+        if body.assembly is None and body.format != "plates":
+            asked |= request.given("assembly")
+        return linkage.file(body.format, motion, crank_angle=place, **asked, work=resources.work())
 
 
 def _is_long(body: ExportRequest) -> bool:

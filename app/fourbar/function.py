@@ -145,25 +145,8 @@ class FunctionRequest(RequestModel):
 
 
 def solve_function(request: FunctionRequest, resources: Resources) -> la.FunctionResult:
-    """Linkages that make a function, best first."""
-    names = ("output", "crank_span", "input", "objective", "input_zero", "output_zero", "weights", "one_way")
-    names += (
-        "tolerance",
-        "round_to",
-        "sensitivity",
-        "curves",
-        "travel_span",
-        "input_unit",
-        "output_unit",
-        "mechanisms",
-    )
-    asked = None if request.function is None else request.function.model_dump(exclude_none=True)
     return la.function(
-        **{name: getattr(request, name) for name in names},
-        function=asked,
-        refine_from=None if request.refine_from is None else request.refine_from.model_dump(),
-        limits=request.limits.model_dump(exclude_none=True),
-        top=request.top,
+        **request.given(but=("angle_unit", "budget_ms")),
         budget=budget_of(request.budget_ms, resources),
         degrees=request.angle_unit == "deg",
         work=resources.work,
@@ -171,7 +154,6 @@ def solve_function(request: FunctionRequest, resources: Resources) -> la.Functio
 
 
 def is_long(request: FunctionRequest) -> bool:
-    """Whether an answer may take more than a fraction of a second."""
     if "length" in (request.input_unit, request.output_unit):
         return request.budget_ms is None or request.budget_ms > SHORT_MS
     return request.round_to is not None or request.top > 20 or seconds_of(request) > SHORT_MS / 1000
@@ -187,14 +169,13 @@ class FunctionExportRequest(RequestModel):
 
 
 def _function_file(body: FunctionExportRequest, resources: Resources) -> bytes:
-    from linkage_atlas.functions import TravelMotion, read_wanted, render_function
-    from linkage_atlas.travels import read_dial, render_travel
+    from linkage_atlas.functions import TravelMotion, read_dial, read_wanted, render_function, render_travel
 
     request, solution = body.request, body.solution
     if body.format == "json":
         return as_json(request, solution.model_dump(mode="json"))
     degrees = request.angle_unit == "deg"
-    asked = None if request.function is None else request.function.model_dump(exclude_none=True)
+    asked = request.given("input", "function")
     with pointing(lambda field: "/solution" + field):
         given = solution.linkage(degrees)
     with pointing(lambda field: "/request" + field):
@@ -203,17 +184,13 @@ def _function_file(body: FunctionExportRequest, resources: Resources) -> bytes:
             raise la.FieldError("/output_unit", "the solution belongs to a request of another unit")
         if dial.travels:
             span = request.crank_span if dial.input == "angle" else request.travel_span
-            motion = TravelMotion(
-                request.output, span, input=request.input, function=asked, dial=dial, degrees=degrees
-            )
+            motion = TravelMotion(request.output, span, **asked, dial=dial, degrees=degrees)
     if isinstance(given, la.GuidedLinkage):
         return render_travel(
             motion.wanted, motion.scales, dial, given, solution.output_offset, body.format, body.length_unit
         ).encode()
     with pointing(lambda field: "/request" + field):
-        wanted, _ = read_wanted(
-            request.output, request.crank_span, input=request.input, function=asked, degrees=degrees
-        )
+        wanted, _ = read_wanted(request.output, request.crank_span, **asked, degrees=degrees)
     made = SimpleNamespace(linkage=given, output_offset=solution.output_offset)
     return render_function(wanted, made, body.format, body.length_unit, degrees).encode()
 

@@ -71,7 +71,6 @@ class CrankMotion(RequestModel):
 
     @property
     def degrees(self) -> bool:
-        """Whether angles are in degrees."""
         return self.angle_unit == "deg"
 
 

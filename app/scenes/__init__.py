@@ -16,7 +16,6 @@ SCENES: tuple[str, ...] = ("lift", "chain", "knotter")
 
 
 def queries_of(scene: str) -> tuple[Query, ...]:
-    """The queries of a scene."""
     queries: tuple[Query, ...] = import_module(f"app.scenes.{scene}").QUERIES
     return queries
 

@@ -538,7 +538,6 @@ def _shared_rows(reply: ChainSlotReply | ChainTrackReply, length: str) -> list[t
 
 
 def table_slot(reply: ChainSlotReply, units: Units = DEGREES) -> str:
-    """The crescent as text."""
     geometry, unit, length = reply.geometry, reply.angle_unit, units.behind(units.length)
     return _rows(
         [
@@ -560,7 +559,6 @@ def table_slot(reply: ChainSlotReply, units: Units = DEGREES) -> str:
 
 
 def table_track(reply: ChainTrackReply, units: Units = DEGREES) -> str:
-    """The slot of any track as text."""
     length = units.behind(units.length)
     rows = [
         ("status", reply.status),
@@ -629,7 +627,6 @@ class ChainToleranceReply(ReplyModel):
 
 
 def answer_tolerance(request: ChainToleranceRequest, resources: Resources) -> ChainToleranceReply:
-    """Pitch wear, and the corners of the tolerances."""
     tolerances = request.tolerances.model_dump()
     largest = LARGEST_ERROR * request.pitch
     for field, values in (
@@ -657,7 +654,6 @@ def answer_tolerance(request: ChainToleranceRequest, resources: Resources) -> Ch
 
 
 def wear_columns(reply: ChainToleranceReply) -> dict[str, list[Any]]:
-    """The pitch errors as columns."""
     return {name: [getattr(row, name) for row in reply.wear] for name in WornReply.model_fields}
 
 
@@ -668,7 +664,6 @@ def _head(name: str, units: Units) -> str:
 
 
 def table_tolerance(reply: ChainToleranceReply, units: Units = DEGREES) -> str:
-    """Wear and tolerances as text."""
     columns, length = wear_columns(reply), units.behind(units.length)
     rows = [
         [
@@ -709,7 +704,6 @@ def _check_size(request: SlotOptions, links: int) -> None:
 
 
 def is_long(request: SlotOptions) -> bool:
-    """Whether an answer may take more than a fraction of a second."""
     return request.samples > LONG_SAMPLES or (request.fit is not None and request.fit.order > LONG_SAMPLES)
 
 
@@ -731,7 +725,6 @@ def _crescent(request: ChainSlotRequest, work: Work) -> Shown:
 
 
 def answer_slot(request: ChainSlotRequest, resources: Resources) -> ChainSlotReply:
-    """The crescent's closure and slot."""
     work = resources.work()
     shown = _crescent(request, work)
     slot, axis, crescent, angle = shown.slot, shown.axis, shown.crescent, Angles(request.angle_unit).outward
@@ -827,7 +820,6 @@ def _on_track(request: ChainTrackRequest, work: Work) -> Shown:
 
 
 def answer_track(request: ChainTrackRequest, resources: Resources) -> ChainTrackReply:
-    """Closure and slot on any track."""
     work = resources.work()
     shown = _on_track(request, work)
     facts, common, locus = common_parts(shown, request, work)

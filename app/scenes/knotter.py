@@ -28,11 +28,10 @@ from app.replies import reply_model
 from app.tables import DEGREES, Units, table
 from linkage_atlas import FieldError, OutOfTime
 from synthesis.knotter import d_knotter
-from synthesis.knotter.conditions import Found, crossing_curve, point_paths, step_before
+from synthesis.knotter.conditions import Crossing, Found, crossing_curve, point_paths, step_before
 from synthesis.knotter.d_knotter import Needle
 from synthesis.knotter.fit import Direction, Pattern, Wanted, directions, rank, search, single_ranges
 from synthesis.knotter.mechanism import ANGLES, Linear, Table, as_array, dimensions
-from synthesis.knotter.segment_triangle import Crossing
 from synthesis.knotter.study import Spread, solve, spread, study
 from synthesis.sheet import csv_text
 
@@ -368,7 +367,6 @@ DECIMALS = 9
 
 
 def given_fields(model: RequestModel) -> dict[str, Any]:
-    """The fields of a model that have a value."""
     return {name: value for name in type(model).model_fields if (value := getattr(model, name)) is not None}
 
 
@@ -573,7 +571,6 @@ class CurvesReply(Provenance):
 
 
 def answer_curves(request: CurvesRequest, resources: Resources) -> CurvesReply:
-    """Crossings, paths and verdict of one pair."""
     work, angles = resources.work(), Angles(request.angle_unit, DECIMALS)
     mechanism, conditions, pair, given = pair_of(request, angles)
     low, high = (0.0, math.tau) if request.over is None else (angles.inward(at) for at in request.over)
@@ -650,7 +647,6 @@ def _axes(mechanism: Any, frame: str) -> dict[str, list[list[float]]]:
 
 
 def curves_table(reply: CurvesReply, units: Units = DEGREES) -> str:
-    """Verdict and crossings as text."""
     before = reply.step_before
     lines = [f"alpha1 {reply.alpha1:g}, alpha3 {reply.alpha3:g} {units.angle}: {reply.status}"]
     for name in ("wrap", "clearance", "bite"):
@@ -778,6 +774,8 @@ class PatternFitRequest(MachineRequest):
 
 BOUNDS_SHARE = 0.3
 """Part of the budget that the search leaves to the bounds of what it found."""
+LEAST_SECONDS = 0.05
+"""Of a smaller budget: one set is judged in any case, on however busy a machine."""
 DirectionReply = reply_model(Direction)
 
 
@@ -821,8 +819,8 @@ class PatternFitReply(Provenance):
 
 def answer_fit(request: PatternFitRequest, resources: Resources) -> PatternFitReply:
     """Dimensions that reproduce a pattern, and how non-unique they are."""
-    whole, angles = resources.work(request.budget_ms / 1000), Angles(request.angle_unit, DECIMALS)
-    work = whole.extended(-BOUNDS_SHARE)
+    whole = resources.work(max(request.budget_ms / 1000, LEAST_SECONDS))
+    work, angles = whole.extended(-BOUNDS_SHARE), Angles(request.angle_unit, DECIMALS)
     mechanism, conditions = machine_of(request, angles)
     unit_in = 1.0 if request.angle_unit == "deg" else math.radians(1.0)
     unknowns = request.unknowns
@@ -909,7 +907,6 @@ def answer_fit(request: PatternFitRequest, resources: Resources) -> PatternFitRe
 
 
 def fit_table(reply: PatternFitReply, units: Units = DEGREES) -> str:
-    """The set, and how far each unknown may move."""
     held = sum(entry.margin > 0 for entry in reply.entries)
     alone = reply.alone or {}
     rows = [
@@ -979,7 +976,6 @@ class KnotterToleranceReply(Provenance):
 
 
 def answer_tolerance(request: KnotterToleranceRequest, resources: Resources) -> KnotterToleranceReply:
-    """The three conditions of one pair within tolerances."""
     work, angles = resources.work(), Angles(request.angle_unit, DECIMALS)
     mechanism, conditions, pair, given = pair_of(request, angles)
     for condition in conditions.values():
@@ -1009,7 +1005,6 @@ def answer_tolerance(request: KnotterToleranceRequest, resources: Resources) -> 
 
 
 def tolerance_table(reply: KnotterToleranceReply, units: Units = DEGREES) -> str:
-    """The conditions as rows, and what contributes most."""
     rows, most = [], []
     for name in ("wrap", "clearance", "bite"):
         one = getattr(reply, name)
@@ -1051,7 +1046,6 @@ def scan_table(reply: ScanReply, units: Units = DEGREES) -> str:
 
 
 def limit_table(reply: LimitReply, units: Units = DEGREES) -> str:
-    """The limits as rows."""
     lines = [
         f"  {row.value:.9f}, holds {row.holds}  {_verdict(row.wrap or row.clearance or row.bite)}"
         for row in reply.limits
@@ -1060,7 +1054,6 @@ def limit_table(reply: LimitReply, units: Units = DEGREES) -> str:
 
 
 def needle_table(reply: NeedleReply, units: Units = DEGREES) -> str:
-    """The needle's figures, one a row."""
     rows = reply.model_dump(exclude={"assumed", "published", "given"})
     return "\n".join([*(f"{name:<22}{value}" for name, value in rows.items()), _measured(units, "lengths")])
 
@@ -1112,7 +1105,6 @@ LONG_PAIRS, LONG_SAMPLES = 200, 300
 
 
 def answer_scan(request: ScanRequest, resources: Resources) -> ScanReply:
-    """Every combination of the grid under the conditions that are asked for."""
     work = resources.work()
     angles = Angles(request.angle_unit, DECIMALS)
     given = given_fields(request.grid)

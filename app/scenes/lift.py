@@ -25,13 +25,34 @@ from app.query import (
 )
 from app.replies import reply_model
 from linkage_atlas import FieldError, Work
-from synthesis.lift import loops
 from synthesis.lift.constraints import ConstraintRow, Constraints, measured, optimize_within, rows_of
 from synthesis.lift.files import columns, design_csv, design_dxf, design_svg
-from synthesis.lift.loops import condition, smallest_condition
-from synthesis.lift.motion import Drive, Motion, forces, least_bore, motion
-from synthesis.lift.objective import Built, Objective, Optimum, OptimumMotion, Task, rise
-from synthesis.lift.optimum import Published, optimize, optimize_batch, published_for
+from synthesis.lift.motion import (
+    Drive,
+    Motion,
+    angular_accelerations,
+    angular_velocities,
+    condition,
+    forces,
+    largest_residual,
+    least_bore,
+    link_angles,
+    motion,
+    smallest_condition,
+    velocity_by_instant_centre,
+)
+from synthesis.lift.optimum import (
+    Built,
+    Objective,
+    Optimum,
+    OptimumMotion,
+    Published,
+    Task,
+    optimize,
+    optimize_batch,
+    published_for,
+    rise,
+)
 from synthesis.lift.pose import Cylinder, Design, joints, pose_at_turn, turns_at_length
 from synthesis.sheet import csv_text
 
@@ -48,7 +69,6 @@ MAX_BATCH_STEPS = 12_000
 
 
 def _unit(name: str) -> dict[str, JsonValue]:
-    """The unit of a field, for its form."""
     return {"unit": name}
 
 
@@ -572,7 +592,6 @@ def motion_table(reply: MotionReply) -> str:
 
 
 def optimize_table(reply: OptimizeReply) -> str:
-    """The optimum as text, the published design beside it."""
     columns: list[tuple[str, DesignReply, float]] = [("optimum", reply.design, reply.objective)]
     if reply.published:
         columns.append(("published", reply.published.design, reply.published.objective))
@@ -606,7 +625,6 @@ def optimize_table(reply: OptimizeReply) -> str:
 
 
 def batch_table(reply: BatchReply) -> str:
-    """One line for each cylinder."""
     names = ("length", "speed", *LENGTHS, "objective", "published", "rise time")
     lines = [" ".join(f"{name:>11}" for name in names)]
     for row in reply.rows:
@@ -681,7 +699,6 @@ def _forces(request: MotionRequest, moved: Motion) -> ForcesReply | None:
 
 
 def _extras(request: MotionRequest, moved: Motion, work: Work) -> dict[str, Any]:
-    """Only what ``include`` asks for."""
     at, speed, design = moved.pose, moved.cylinder_speed, moved.pose.design
     radian = Unit(request.angle_unit).radian
 
@@ -693,7 +710,7 @@ def _extras(request: MotionRequest, moved: Motion, work: Work) -> dict[str, Any]
         return {**found, "D": (-design.b, 0.0)}
 
     def instant_centre() -> list[float | None]:
-        speeds = loops.velocity_by_instant_centre(design, speed, at.height).tolist()
+        speeds = velocity_by_instant_centre(design, speed, at.height).tolist()
         return [value if math.isfinite(value) else None for value in speeds]
 
     def assemblies() -> list[Assembly]:
@@ -705,14 +722,14 @@ def _extras(request: MotionRequest, moved: Motion, work: Work) -> dict[str, Any]
         ]
 
     extras = {
-        "angles": lambda: per_link("theta", loops.link_angles(at)),
-        "angular_velocities": lambda: per_link("link", loops.angular_velocities(at, speed)),
+        "angles": lambda: per_link("theta", link_angles(at)),
+        "angular_velocities": lambda: per_link("link", angular_velocities(at, speed)),
         "angular_accelerations": lambda: per_link(
-            "link", loops.angular_accelerations(at, speed, moved.cylinder_acceleration)
+            "link", angular_accelerations(at, speed, moved.cylinder_acceleration)
         ),
         "points": points,
-        "conditions": lambda: Numbers(loops.condition(design, at.turn)),
-        "residual": lambda: loops.largest_residual(moved),
+        "conditions": lambda: Numbers(condition(design, at.turn)),
+        "residual": lambda: largest_residual(moved),
         "instant_centre": instant_centre,
         "assemblies": assemblies,
     }

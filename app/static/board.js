@@ -21,9 +21,8 @@ const SMALL = 1e-9;
 
 /**
  * Changes the motion only through `actions`: `edit(change, kind)`, `settle()` at the end of a drag, `choose(k)`, `add(at)`,
- * `remove(k)`, `draw(places, closed)` for a path drawn by hand, which begins a new motion, `hand(joint, place)` for a joint of the
- * linkage. `stale` says that the linkage belongs to an earlier motion; it is drawn dimmed. `moved` says that the user has moved or
- * zoomed the view since it was fitted.
+ * `remove(k)`, `draw(places, closed)` for a path drawn by hand, `hand(joint, place)` for a joint of the linkage. `stale`: the linkage
+ * belongs to an earlier motion. `moved`: the user has moved or zoomed the view since it was fitted.
  */
 export class Board {
   constructor(svg, help, actions) {
@@ -168,7 +167,7 @@ export class Board {
     return [event.clientX - frame.left - this.svg.clientLeft, event.clientY - frame.top - this.svg.clientTop];
   }
 
-  /** World coordinates of a pixel, on a tenth of the grid where it snaps, else rounded to the power of ten below a pixel's size. */
+  /** World coordinates of a pixel, on a tenth of the grid where it snaps, else rounded below a pixel's size. */
   place(px, py) {
     const unit = this.snap ? this.step / 10 : 10 ** Math.floor(Math.log10(1 / this.view.scale));
     return this.view.world(px, py).map((value) => Number((Math.round(value / unit) * unit).toPrecision(12)));

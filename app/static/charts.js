@@ -18,7 +18,7 @@ const decades = (u, splits) => splits.map((value) => (Math.abs(Math.log10(value)
 
 /**
  * A chart that fills `host`. `x` holds the abscissas, `series` are {values, colour, points, steps, size, width, dash};
- * null values are gaps; with `sense` -1 the abscissas are named by their negatives. Returns the uPlot with a method `mark(x)`, which moves the vertical line.
+ * nulls are gaps; with `sense` -1 the abscissas are named by their negatives. Returns the uPlot; `mark(x)` moves its vertical line.
  */
 export function chart(host, { x, series, height = 130, degreesX = true, degreesY = false, logY = false, range = null, splits = null, xName = "", sense = 1 }) {
   host.replaceChildren();

@@ -5,7 +5,7 @@ import { $ } from "./shell.js";
 const when = (at) => new Date(at).toLocaleString("en-GB", { day: "numeric", month: "long", hour: "2-digit", minute: "2-digit" });
 
 export class Draft {
-  /** A page has one under its own `name`; `open(content)` shows it and throws for what it cannot read, `leave()` shows something else. */
+  /** A page has one under its own `name`; `open(content)` shows it or throws, `leave()` shows something else. */
   constructor(name, open, leave) {
     Object.assign(this, { name, open, leave, kept: null, text: null, shown: false });
     try {

@@ -1,4 +1,4 @@
-// What drives the selected linkage: asks for cylinders, motors, locks and springs, moves one on the canvas, and lets its pins be dragged.
+// What drives the selected linkage: asks for cylinders, motors, locks and springs, moves one, and lets its pins be dragged.
 
 import { redrawOn, titledChart } from "./charts.js";
 import { element, make, put, text } from "./drawing.js";

@@ -1,4 +1,4 @@
-// What the reader puts on the canvas besides the motion: ghosts, snapping, the body's outline, a picture to trace; and the legend.
+// What the reader puts on the canvas besides the motion: ghosts, snapping, outline, a picture to trace; and the legend.
 
 import { element } from "./drawing.js";
 import { typed } from "./fields.js";

@@ -1,4 +1,4 @@
-// Kinematics of a body on two guides (circle, rail or slot), the first driven, as synthesis/guided/linkage.py has them, for drawing.
+// Kinematics of a body on two guides, the first driven, as in synthesis/guided/linkage.py, for drawing.
 // The travel of a drive is radians, or for a slider or cylinder a length; `unit` tells them apart in the page's degrees.
 
 import { driveTurns } from "./drive.js";
@@ -26,10 +26,7 @@ function roundDirection(middle, radius, q) {
   return q - Math.PI + Math.atan2(distance * Math.sin(x), radius - distance + 2 * distance * Math.sin(x / 2) ** 2);
 }
 
-/**
- * The linkage of a solution with guides, whose angles are in degrees.
- * at(travel): as of `Linkage`; a slider's or cylinder's travel comes in as its length times a degree, so that callers need not know.
- */
+/** The linkage of a solution with guides. at(travel): as of `Linkage`; a travel that is a length comes in as that times a degree. */
 export class GuidedLinkage {
   constructor(solution) {
     this.guides = solution.guides.map((one) => ({
@@ -127,7 +124,7 @@ export class GuidedLinkage {
 /** The linkage of a solution, a four-bar or one with guides alone. */
 export const linkageOf = (solution) => (solution.links ? new Linkage(solution) : new GuidedLinkage(solution));
 
-/** The guides that lie as joints {a, b, c, d, p, rotation} say, and where the drive then is, in degrees or a length; null for what is none. */
+/** The guides that lie as joints {a, b, c, d, p, rotation} say, and where the drive then is; null for what is none. */
 export function guidesFrom({ a, b, c, d, p, rotation }, { guides, driver }) {
   const made = [[a, d], [b, c]].map(([fixed, held], k) => {
     const { guide } = guides[k], reach = less(held, fixed), local = turned(less(held, p), -rotation);

@@ -74,7 +74,7 @@ function sharpened(linkage, motion, k, angle, scale, step) {
   return error(best) <= error(angle) ? best : angle;
 }
 
-/** Crank angles from the start at which a linkage meets the poses best: one way where their order is given, near the former ones. */
+/** Crank angles from the start at which a linkage meets the poses best, near the former ones. */
 function crankAngles(solution, motion, scale) {
   const linkage = linkageOf(solution), former = drivePlaces(solution), span = Math.max(...former) - Math.min(...former);
   // a slider's or cylinder's way is looked at in as many steps as a crank's quarter turn
@@ -105,7 +105,7 @@ function crankAngles(solution, motion, scale) {
 const rms = (values) => { const given = values.filter((value) => value !== null); return given.length ? Math.sqrt(given.reduce((sum, value) => sum + value ** 2, 0) / given.length) : null; };
 const largest = (values) => { const given = values.filter((value) => value !== null); return given.length ? Math.max(...given.map(Math.abs)) : null; };
 
-/** A solution with crank angles, errors and transmission angle found anew in the browser; `shift` says by how much its start moved. */
+/** A solution with crank angles, errors and transmission angle found anew in the browser. */
 export function assessed(solution, motion) {
   const places = motion.poses.map(placeOf).filter(Boolean), middle = [0, 1].map((i) => places.reduce((sum, place) => sum + place[i], 0) / (places.length || 1));
   const scale = Math.max(...places.map((place) => distance(middle, place)), Number.MIN_VALUE);
@@ -134,7 +134,7 @@ export function fromHere({ diverse: _diverse, prefer: _prefer, mechanisms: _mech
   return { ...request, top: 1, refine_from: { links, branch, start_angle, body_offset, mount, crank_angle } };
 }
 
-/** A request for linkages whose pivots lie near those of a solution: within `share` of the motion's extent, and of its family or any. */
+/** A request for linkages whose pivots lie near those of a solution: within `share` of the motion's extent. */
 export function nearby(request, solution, share = 0.05) {
   const xs = request.position.filter(Boolean), extent = Math.max(...[0, 1].map((i) => Math.max(...xs.map((p) => p[i])) - Math.min(...xs.map((p) => p[i]))));
   const around = ([x, y]) => [x - share * extent, y - share * extent, x + share * extent, y + share * extent].map((value) => Number(value.toPrecision(6)));

@@ -9,7 +9,7 @@ const SAME = 1e-9; // of the linkage's size: a field keeps its entry while the j
 const FARTHEST = 1e50;
 
 export class JointFields {
-  /** `move(joint, place)` puts a joint at a place and returns null, or says in a sentence why it cannot; `hold()` stops the crank. */
+  /** `move(joint, place)` puts a joint at a place and returns null, or says why it cannot; `hold()` stops the crank. */
   constructor(board, move, hold) {
     Object.assign(this, { board, move, fields: [], faults: new Map() });
     for (const joint of JOINTS) {
@@ -46,7 +46,7 @@ export class JointFields {
     if (board.fitted) board.fit();
   }
 
-  /** Writes a joint's coordinate into its field, all digits where it is being edited; an entry that still stands for it as it was typed. */
+  /** Writes a joint's coordinate into its field, all digits where it is edited; an entry that stands for it as typed. */
   #fill({ input, name, k, entry }) {
     const { joints } = this.board, [a, b, c] = [joints.a, joints.b, joints.c], value = joints[name][k];
     if ([...this.faults.keys()].some((one) => one.input === input)) return;

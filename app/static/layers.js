@@ -1,4 +1,4 @@
-// Layers of the plates of a linkage: asked for after an answer, the stack drawn from the side, plates and collisions on the canvas.
+// Layers of the plates of a linkage: asked for after an answer, drawn from the side, plates and collisions on the canvas.
 
 import { element, make, put, text } from "./drawing.js";
 import { driveTurns } from "./drive.js";

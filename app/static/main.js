@@ -51,7 +51,7 @@ function fits(one) {
   return Boolean(one) && JSON.stringify(toRequest(editor.motion)) === JSON.stringify(one.request);
 }
 
-/** Brings back, with an earlier motion, the answer that was shown with it, unless this one came for it later, and its linkage as it was by hand. */
+/** Brings back, with an earlier motion, the answer that was shown with it, and its linkage as it was by hand. */
 function putBack({ answer: shown, state }) {
   if (shown !== answer) {
     if (!fits(shown) && fits(answer)) return;
@@ -345,7 +345,7 @@ function bindButtons() {
   });
 }
 
-/** Searches for the motion of the page's address; without one, after a link that is as it came, there is again what was there before. */
+/** Searches for the motion of the page's address; without one there is again what was there before. */
 async function addressChanged() {
   try {
     if (await sources.openLink()) startSearch();

@@ -19,8 +19,8 @@ const STUDY_SAMPLES = 2000; // linkages of a tolerance study: the search is aske
 /**
  * `timing` says what is known of the crank angles: "free" (nothing), "even" (over `span`) or "table" (the `t` of each pose).
  * A pose is {t, x, y, angle}; x and y, or angle, are null where they are missing. Its weights and tolerances, wr, wp, er, ep
- * (rotation and position), are undefined where those of the whole motion hold. `prefer` is null for the service's default. `unit` of lengths, `outline` of the body,
- * polylines from the body point at angle 0, and a `note` on where the motion comes from are for the page alone.
+ * (rotation and position), are undefined where those of the whole motion hold. `prefer` is null for the service's default. `unit`, `outline` (polylines
+ * from the body point at angle 0) and a `note` on where the motion comes from are for the page alone.
  */
 export const emptyMotion = (wanted = "both") => ({
   poses: [], wanted, timing: "free", span: 90, direction: 1, anyOrder: false, closed: false, spanMax: null,
@@ -59,7 +59,7 @@ export function setTiming(motion, timing) {
   takeTiming(motion, timing);
 }
 
-/** The practical limits hold by default where the crank angles are free, and are off where they are given: until one is chosen, they follow. */
+/** By default the practical limits hold where the crank angles are free, and not where they are given. */
 export function takeTiming(motion, timing) {
   const { kept } = motion.limits, was = motion.timing === "free", is = timing === "free";
   if (Object.values(kept).every((one) => one === was)) for (const name of Object.keys(kept)) kept[name] = is;
@@ -109,8 +109,8 @@ export function nextPose(motion, at = null) {
 }
 
 /**
- * A value with undo and redo. Consecutive changes of the same `kind` (one drag, typing in one cell) are one step. What else a step
- * brings back is kept `beside` the value: `get()` returns it as it is, `put(kept)` restores it.
+ * A value with undo and redo. Consecutive changes of the same `kind` (one drag) are one step. What else a step
+ * brings back is kept `beside`: `get()` returns it, `put(kept)` restores it.
  */
 export class History {
   constructor(value, onChange, beside) {

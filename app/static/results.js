@@ -185,7 +185,7 @@ export class Results {
     this.#list();
   }
 
-  /** What undo brings back: the linkage changed by hand, the one selected, and where its crank stands; null where there is none. */
+  /** What undo brings back: the linkage changed by hand, the one selected, and where its crank stands. */
   get state() {
     return this.solution && { hand: this.answer.reply.solutions.find(isHand), solution: this.solution, travel: this.player.travel };
   }
@@ -258,7 +258,7 @@ export class Results {
     [...$("solutions").children].forEach((item, k) => item.firstChild.setAttribute("aria-pressed", String(this.cards[k] === this.solution)));
   }
 
-  /** `fit` the view: "all", so that it holds all solutions, or "holds", where parts of this one lie outside and the user has not moved it. */
+  /** `fit` the view: "all" solutions, or "holds", where parts of this one lie outside and the user has not moved it. */
   #select(solution, fit = null, curves = true) {
     const { motion, reply } = this.answer;
     this.solution = solution;

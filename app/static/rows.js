@@ -13,8 +13,9 @@ const TABLES = {
   table: { ...FUNCTIONS, wanted: "x, y", byNumber: { 2: ["x", "y"] } },
   pairs: { ...FUNCTIONS, wanted: "a crank angle and a rocker angle, or a rocker angle", byNumber: { 2: ["input", "output"], 1: ["output"] } },
 };
-const NUMBERING = ["no", "nr", "n", "pose", "point", "sample", "index"]; // columns that count the rows, and are not read
+const NUMBERING = ["no", "nr", "n", "id", "pose", "point", "sample", "index"]; // columns that count the rows, and are not read
 const TIMES = ["t", "time"];
+const SPELLED = { "°": "deg", degrees: "deg", degree: "deg", radians: "rad", inch: "in", inches: "in" };
 const GREEK = { "θ": "theta", "φ": "phi", "ϕ": "phi", "γ": "gamma", "ψ": "psi" };
 
 const cellsOf = (line, separator) => line.split(separator).map((cell) => cell.replace(/^"(.*)"$/, "$1"));
@@ -41,13 +42,15 @@ function marksDecimals(cells) {
   return found.size ? found.has(",") : cells.some((cell) => /\d,\d/.test(cell));
 }
 
-/** A name of a column, as {name, unit, written}: "X [mm]" is x in mm; null for a cell that is no name. */
+/** A name of a column, as {name, unit, written}: "X [mm]", "x_mm" and "x in mm" are x in mm; null for a cell that is no name. */
 function readName(cell) {
-  const [, name, unit] = /^([a-z][a-z0-9_]*)\W*([a-z°]*)/i.exec(cell.trim().replace(/[θφϕγψ]/gi, (letter) => GREEK[letter.toLowerCase()])) ?? [];
-  return name === undefined ? null : { name: name.toLowerCase(), unit: /^(°|degrees)$/i.test(unit) ? "deg" : unit.toLowerCase(), written: name };
+  const [, name, joined, behind] = /^([a-z][a-z0-9_]*?)(?:_(mm|cm|m|in|inch|deg|rad))?(?![a-z0-9_])\W*(?:in\W+(?=[a-z°]))?([a-z°]*)/i.exec(cell.trim().replace(/[θφϕγψ]/gi, (letter) => GREEK[letter.toLowerCase()])) ?? [];
+  if (name === undefined) return null;
+  const unit = (joined ?? behind).toLowerCase();
+  return { name: name.toLowerCase(), unit: SPELLED[unit] ?? unit, written: name };
 }
 
-/** A number as spreadsheets show it, in plain characters: grouped thousands, a minus of its own, a degree sign behind it. */
+/** A number as spreadsheets show it (grouped thousands, a minus of its own, a degree sign) in plain characters. */
 function plainNumber(cell, decimalComma) {
   const plain = cell.replace(/\s*°$/, "").replace("\u2212", "-").replace(/(?<=\d)[\u00a0\u202f\u2009'’](?=\d{3})/g, "").trim();
   const whole = plain.replace(decimalComma ? /(?<=\d)\.(?=\d{3}(\D|$))/g : /(?<=\d),(?=\d{3}(\D|$))/g, "");
@@ -55,27 +58,27 @@ function plainNumber(cell, decimalComma) {
   return decimalComma ? (whole.includes(".") ? plain : whole.replace(",", ".")) : whole;
 }
 
-/**
- * The rows of a text: {names of the columns, unit of each, rows of cells as text, the line of each row}. `columns` says what a column may be called, `byNumber`
- * what they are without names; `named`, `known` and `wanted` say it in words, and `otherwise` how crank angles are without a column.
- */
+/** {names, units, rows of cells, their lines} of a text. `columns`: what a column may be called; `byNumber`: what it is without names; the rest are words. */
 export function readTable(text, { columns, named: naming, known, wanted, byNumber, otherwise }) {
-  const lines = text.replace(/^\uFEFF/, "").split(/\r\n|\r|\n/).map((line, k) => [line.replace(/^ +| +$/g, ""), k + 1])
-    .filter(([line]) => line.trim() && !line.startsWith("#"));
+  const filled = text.replace(/^\uFEFF/, "").split(/\r\n|\r|\n/).map((line, k) => [line.replace(/^ +| +$/g, ""), k + 1]).filter(([line]) => line.trim());
+  if (/^sep=.$/.test(filled[0]?.[0])) filled.shift();
+  const lines = filled.filter(([line]) => !line.startsWith("#"));
   if (!lines.length) throw new Error("There are no rows.");
+  // a head may be separated otherwise than the rows
+  const headOf = (first) => cellsOf(first, /[;\t,]/.test(first) ? /\s*[;\t,]\s*/ : /\s+(?![[(])/).map(readName), read = (one) => columns[one?.name] || NUMBERING.includes(one?.name);
+  const note = filled[filled.indexOf(lines[0]) - 1]?.[0].replace(/^[# ]+/, "") ?? "", noted = headOf(note); // "# x, y, theta" above the rows
+  if (noted.every(read) && noted.length === cellsOf(lines[0][0], /\s*[;\t]\s*|\s*,\s+|\s+/.test(lines[0][0]) ? /\s*[;\t]\s*|\s*,\s+|\s+/ : ",").length) lines.unshift([note, 0]);
   const named = /[a-zθφϕγψ]/i.test(lines[0][0].replace(/\d[eE][-+]?\d/g, ""));
   const [separator, decimalComma] = readLayout((named && lines.length > 1 ? lines.slice(1) : lines).map(([line]) => line));
   let names, units = [];
   if (named) {
-    const first = lines.shift()[0];
-    // a head may be separated otherwise than the rows
-    const head = cellsOf(first, /[;\t,]/.test(first) ? /\s*[;\t,]\s*/ : /\s+(?![[(])/).map(readName);
+    const head = headOf(lines.shift()[0]);
     const time = head.find((one) => TIMES.includes(one?.name));
     if (time) throw new Error(`The column '${time.written}' is a time, and no crank angle: name it 'crank' if it holds crank angles in degrees, or leave it out (then crank angles are ${otherwise}).`);
     if (!lines.length) throw new Error("There are no rows.");
     names = head.map((one) => one && columns[one.name]);
     units = head.map((one) => one?.unit ?? "");
-    const unknown = head.find((one, k) => one && !names[k] && !NUMBERING.includes(one.name));
+    const unknown = head.find((one) => one && !read(one));
     if (unknown && names.some(Boolean)) throw new Error(`The first line names a column “${unknown.name}”, which is not known; ${known}.`);
     if (!names.some(Boolean)) throw new Error(`The first line names none of the columns ${naming}.`);
     const twice = names.findIndex((name, k) => name && names.indexOf(name) < k);

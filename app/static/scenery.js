@@ -1,4 +1,4 @@
-// What lies around the poses on the canvas: grid, pivot box, way, path and errors of the linkage, ghosts, body outline, overlay.
+// What lies around the poses on the canvas: grid, pivot box, way, path and errors, ghosts, body outline, overlay.
 
 import { LinkageShape, make, pathData, roundStep, text } from "./drawing.js";
 import { placeOf, wantsAngles, wantsPlaces } from "./motion.js";

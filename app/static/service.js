@@ -35,21 +35,24 @@ const objective = ({ errors }) => (errors.objective < 1e-10 ? 0 : errors.objecti
 /** What the first of the solutions to a request is to have: its `prefer`, or the default of the service. */
 export const preferred = ({ prefer, tolerances, position }) => prefer ?? (tolerances && position ? "size" : "error");
 
-/** Compares two solutions: above 0 where the first is worse. What else than the least error is preferred is the service's to say. */
-const comparison = (request) => (a, b) => faulty(a) - faulty(b) || outside(a) - outside(b) || (preferred(request) === "error" ? objective(a) - objective(b) : 0);
+const nearer = (a, b) => a.verdict?.practical === true && b.verdict?.practical === false && objective(a) <= Math.max(0.02, 2 * objective(b));
 
-/**
- * The solutions of a reply, and those of an earlier one to the same request that it does not have again (`same` tells), best first and
- * at most `top`.
- */
+/** Compares two solutions: above 0 where the first is worse. What else than the least error is preferred is the service's to say. */
+const comparison = (request) => (a, b) => faulty(a) - faulty(b) || outside(a) - outside(b)
+  || (preferred(request) === "error" ? (request.timing === "free" ? nearer(b, a) - nearer(a, b) : 0) || objective(a) - objective(b) : 0);
+
+/** At most `top` solutions of a reply in its order, and among them those of an earlier one that it does not have again (`same` tells). */
 export function together(request, earlier, reply, top, same) {
-  const kept = earlier.filter((one) => !reply.solutions.some((other) => same(one, other)));
-  return [...reply.solutions, ...kept].toSorted(comparison(request)).slice(0, top).map((one, k) => ({ ...one, rank: k + 1 }));
+  const all = [...reply.solutions], worse = comparison(request);
+  for (const one of earlier.filter((before) => !reply.solutions.some((other) => same(before, other)))) {
+    const at = all.findIndex((other) => worse(one, other) < 0);
+    all.splice(at < 0 ? all.length : at, 0, one);
+  }
+  return all.slice(0, top).map((one, k) => ({ ...one, rank: k + 1 }));
 }
 
 /**
- * Repeats the search with the next budget as long as the budget ended it; `show(reply, last)` gets each answer, which takes the place of
- * the one before: of that only what is better than all of the new one stays.
+ * Repeats the search with the next budget as long as the budget ended it; `show(reply, last)` gets each answer.
  */
 export async function solve(request, show, signal, same) {
   let found = [];
@@ -57,7 +60,7 @@ export async function solve(request, show, signal, same) {
   const budgets = [...STAGES, LONGER];
   for (const [k, budget] of budgets.entries()) {
     const reply = await (await ask("/v1/synthesize", { ...request, budget_ms: budget }, signal)).json();
-    const [best] = reply.solutions.toSorted(worse);
+    const [best] = reply.solutions;
     if (k) reply.solutions = together(request, best ? found.filter((one) => worse(one, best) < 0) : found, reply, request.top ?? 10, same);
     // a search that has run into its budget on the way to smaller linkages says what ended its first part: it is asked again
     const { stopped_by, elapsed_ms } = reply.report, ended = stopped_by !== "budget" && elapsed_ms.total < SHARE * budget;

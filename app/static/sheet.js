@@ -1,4 +1,4 @@
-// The sheet that is printed: first pose, wanted poses, dimensions and errors on one page; layers and the list of parts on a second one.
+// The sheet that is printed: poses, dimensions and errors on one page; layers and the list of parts on a second one.
 
 import { LinkageShape, View, element, make, pathData, text } from "./drawing.js";
 import { driveName } from "./drive.js";
@@ -80,7 +80,7 @@ function partsOf(assembly, parts) {
   return section;
 }
 
-/** Fills the sheet with a solution of an answer, its drive, {rows(), lines()}, and the list of its parts; without one the page prints as it is. */
+/** Fills the sheet with a solution, its drive, {rows(), lines()}, and the list of its parts; without one the page prints as it is. */
 export function fillSheet(answer, solution, drive, parts = null) {
   const sheet = $("sheet");
   sheet.replaceChildren();

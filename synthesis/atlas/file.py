@@ -14,6 +14,7 @@ import math
 import os
 import unicodedata
 from dataclasses import replace
+from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from synthesis.atlas import haar
+from synthesis.atlas.cells import New
 from synthesis.atlas.header import (
     HEADER_BYTES,
     MAX_TYPES,
@@ -34,7 +36,6 @@ from synthesis.atlas.header import (
     refuse,
 )
 from synthesis.atlas.index import reserve
-from synthesis.atlas.series import New
 from synthesis.atlas.table import (
     COLUMNS,
     SCHEMA,
@@ -302,6 +303,7 @@ def _read(file: h5py.File, max_types: int, new: New) -> tuple[Atlas, str]:
     )
 
 
+@lru_cache(maxsize=256)  # unpacking what it lies in takes milliseconds
 def load_row(path: Path, sha256: str, row: int) -> AtlasRows:
     """One row of a file that has been verified: of the one whose header says ``sha256``.
 

@@ -34,16 +34,13 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from synthesis.atlas.cells import New
 from synthesis.atlas.header import Stamp
-from synthesis.atlas.series import New
 from synthesis.errors import AtlasError, AtlasFault
 
 VERSION = 1
 """Of what is indexed: raised by every change that makes other numbers of the same atlas, or names them otherwise."""
 _MANIFEST = "manifest.json"
-_EARLIER = ("", ".positions", ".spans", ".paths", ".rocker", ".rocker.positions", ".rocker.spans", ".rocker.paths")
-_EARLIER_MAGIC = b"linkage-atlas prepared"
-"""Files of an index were single ones before, which began like this."""
 _PATIENCE = 0.01
 """Seconds between two looks at whether another process has finished."""
 _ZEROS = bytes(1 << 20)
@@ -145,7 +142,6 @@ class Index(InMemory):
 
     def _made(self, name: str, fill: Fill, go_on: Callable[[], None]) -> Part:
         path = self.folder / (self.prefix + name)
-        _remove_earlier_format(self.folder)
         self.folder.mkdir(exist_ok=True)
         handle = os.open(path.with_name(f".{path.name}.lock"), os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644)
         try:
@@ -329,15 +325,3 @@ def reserve(handle: int, offset: int, nbytes: int) -> None:
     while nbytes > 0:
         written = os.pwrite(handle, _ZEROS[:nbytes], offset)
         offset, nbytes = offset + written, nbytes - written
-
-
-def _remove_earlier_format(folder: Path) -> None:
-    """Remove what earlier versions wrote in place of the folder and beside it."""
-    for ending in _EARLIER:
-        name = folder.name + ending
-        for path in (folder.with_name(name), folder.with_name(f".{name}.tmp")):
-            if path.is_file() and not path.is_symlink():
-                with path.open("rb") as file:
-                    ours = file.read(len(_EARLIER_MAGIC)) == _EARLIER_MAGIC or path.suffix == ".tmp"
-                if ours:
-                    path.unlink()

@@ -14,20 +14,22 @@ from typing import IO, Any, NamedTuple
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from synthesis.atlas.cells import Cells, Level, make_cells
-from synthesis.atlas.index import InMemory, Part
-from synthesis.atlas.series import (
+from synthesis.atlas.cells import (
     COLUMNS,
     PHASOR_COLUMNS,
     PREPARED_AT_ONCE,
+    Cells,
     GroupKey,
+    Level,
     New,
     Phasors,
     SeriesGroup,
+    make_cells,
     phasor_harmonics,
     prepare,
     prepare_phasors,
 )
+from synthesis.atlas.index import InMemory, Part
 from synthesis.atlas.table import AtlasTypes, Table, Types
 from synthesis.atlas.window_index import INTERVALS, WindowIndex, build_window_index
 from synthesis.mechanism import Turning

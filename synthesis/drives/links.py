@@ -13,10 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from synthesis.arrays import Complexes, Floats, Ints, dot
-from synthesis.fourbar.analysis import rates
 from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.analysis import Mass
-from synthesis.guided.linkage import Circle, GuidedLinkage, Slot
+from synthesis.guided.linkage import Circle, GuidedLinkage, MovingLink, Slot, of_four_bar
 from synthesis.one_variable import closer_looks
 from synthesis.target import Interval
 
@@ -195,56 +194,49 @@ def machine_at(linkage: Linkage | GuidedLinkage, at: Floats) -> Machine:
     return _four_bar(linkage, at) if isinstance(linkage, Linkage) else _guided(linkage, at)
 
 
-def _four_bar(linkage: Linkage, at: Floats) -> Machine:
-    joints, moving = linkage.joints(at), rates(linkage, at, 1.0)
-    e1, e2, e3 = (np.exp(1j * angle) for angle in (joints.crank_angle, joints.coupler_angle, joints.rocker_angle))
-    w2, w3, a2, a3 = (
-        moving.coupler_velocity,
-        moving.rocker_velocity,
-        moving.coupler_acceleration,
-        moving.rocker_acceleration,
+def _moving(one: MovingLink, pivot: complex | None) -> LinkMotion:
+    """A link as a drive meets it."""
+    turned = np.exp(1j * one.direction)
+    return LinkMotion(
+        one.name,
+        one.place,
+        turned,
+        one.place_rate,
+        one.direction_rate,
+        one.place_second,
+        one.direction_second,
+        pivot,
     )
+
+
+def _four_bar(linkage: Linkage, at: Floats) -> Machine:
+    guided = of_four_bar(linkage)
+    first, carried, other = guided.links(at)
     one, two, three, _ = linkage.links
-    ones, zeros = np.ones(at.size), np.zeros(at.size)
-    a, b = complex(linkage.pivot_a), linkage.pivot_b
-    pin, still = a + one * e1, zeros.astype(complex)
-    links = {
-        "crank": LinkMotion("crank", a + still, e1, still, ones, still, zeros, a),
-        "coupler": LinkMotion("coupler", pin, e2, 1j * one * e1, w2, -one * e1, a2),
-        "rocker": LinkMotion("rocker", b + still, e3, still, w3, still, a3, b),
-    }
-    body = None
-    if linkage.mounted:
-        coupler, point = links["coupler"], linkage.arm
-        body = LinkMotion(
-            "body",
-            coupler.place(point),
-            e2 * np.exp(1j * (linkage.body_offset or 0.0)),
-            coupler.speed(point),
-            w2,
-            coupler.change(point),
-            a2,
-        )
+    body = _moving(carried._replace(name="body"), None)
+    pin = guided.guides[0].body_point
+    coupler = replace(
+        body,
+        name="coupler",
+        origin=body.place(pin),
+        direction=body.direction * np.exp(-1j * (linkage.body_offset or 0.0)),
+        velocity=body.speed(pin),
+        acceleration=body.change(pin),
+    )
+    links = {"crank": _moving(first, complex(linkage.pivot_a)), "coupler": coupler}
+    links["rocker"] = _moving(other, linkage.pivot_b)
     arm = abs(linkage.arm) if linkage.mounted else 0.0
     reaches = {"crank": one, "coupler": max(two, arm), "rocker": three}
     middles = {"crank": one / 2 + 0j, "coupler": two / 2 + 0j, "rocker": three / 2 + 0j}
-    return Machine(at, links, body, "crank", float(max(*linkage.links, arm)), reaches, middles)
+    extent = float(max(*linkage.links, arm))
+    return Machine(at, links, body if linkage.mounted else None, "crank", extent, reaches, middles)
 
 
 def _guided(linkage: GuidedLinkage, at: Floats) -> Machine:
     links = {}
     for guide, one in zip((linkage.guides[0], None, linkage.guides[1]), linkage.links(at)):
         pivot = guide.pivot if isinstance(guide, Circle) else guide.pin if isinstance(guide, Slot) else None
-        links[one.name] = LinkMotion(
-            one.name,
-            one.place,
-            np.exp(1j * one.direction),
-            one.place_rate,
-            one.direction_rate,
-            one.place_second,
-            one.direction_second,
-            pivot,
-        )
+        links[one.name] = _moving(one, pivot)
     way = float(max(np.ptp(one.origin.real) + np.ptp(one.origin.imag) for one in links.values()))
     sizes = [guide.radius for guide in linkage.guides if isinstance(guide, Circle)]
     arms = [abs(guide.body_point) for guide in linkage.guides]

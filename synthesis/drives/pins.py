@@ -24,7 +24,7 @@ class Pull(NamedTuple):
 
 
 class Pins(NamedTuple):
-    """Forces in the pins, (n,) each, as of `synthesis.fourbar.analysis.Forces`."""
+    """Forces in the pins, (n,) each, by ground on crank, crank on coupler, rocker on coupler, ground on rocker."""
 
     pivot_a: Complexes
     crank_pin: Complexes

@@ -6,16 +6,15 @@ Coordinates are the user's own; DXF and MJCF know units, so there `unit_mm` says
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from synthesis.arrays import Complexes, Floats
 from synthesis.errors import FieldError
-from synthesis.fourbar.analysis import LinkMass, curve_over
 from synthesis.fourbar.kinematics import close_loop
-from synthesis.fourbar.linkage import Joints, Linkage
+from synthesis.fourbar.linkage import Joints, Linkage, LinkMass
 from synthesis.sheet import Extra, More, Sheet, csv_text, dxf_document, dxf_text, given_cells
 from synthesis.target import Interval, Target
 
@@ -207,10 +206,27 @@ def to_dxf(linkage: Linkage, target: Target, unit_mm: float = 1.0, more: More | 
         space.add_line(xy(first), xy(second), dxfattribs={"layer": "LINKS"})
     for pin in (d, c):
         space.add_circle(xy(pin), 0.012 * size, dxfattribs={"layer": "LINKS"})
-    if used.body_point is not None and now.body_point is not None:
-        space.add_lwpolyline([xy(d), xy(c), xy(now.body_point[0])], close=True, dxfattribs={"layer": "BODY"})
-        space.add_lwpolyline([xy(z) for z in used.body_point], dxfattribs={"layer": "PATH"})
-    for place, turn in requested_poses(target, linkage.joints(target.crank).rotation):
+    body = None if now.body_point is None else np.array([d, c, now.body_point[0]])
+    turned = linkage.joints(target.crank).rotation
+    return dxf_with_motion(document, xy, size, unit_mm, body, used.body_point, requested_poses(target, turned), more)
+
+
+def dxf_with_motion(
+    document: Any,
+    xy: Callable[[complex], tuple[float, float]],
+    size: float,
+    unit_mm: float,
+    body: Complexes | None,
+    path: Complexes | None,
+    poses: Iterable[tuple[complex, float]],
+    more: More | None,
+) -> str:
+    """The file of a drawing of links of some ``size`` in millimetres, with the body's outline, its way, and requested poses."""
+    space = document.modelspace()
+    if body is not None and path is not None:
+        space.add_lwpolyline([xy(z) for z in body], close=True, dxfattribs={"layer": "BODY"})
+        space.add_lwpolyline([xy(z) for z in path], dxfattribs={"layer": "PATH"})
+    for place, turn in poses:
         space.add_point(xy(place), dxfattribs={"layer": "BODY"})
         arm = place + 0.08 * size / unit_mm * np.exp(1j * turn)
         space.add_line(xy(place), xy(arm), dxfattribs={"layer": "BODY"})
@@ -340,12 +356,12 @@ def to_pylinkage(linkage: Linkage, target: Target) -> str:
 
     Joints: pivot_a, pivot_b, crank_pin, coupler_pin, and body_point where the linkage guides one, which follows the coupler. A
     crank that turns fully is a driver in the sense of the motion; any other swings over the used interval and back. The drive
-    turns in the steps of `analysis.curve_over`, of at most a degree.
+    turns in the steps of `Interval.by_degrees`, of at most a degree.
 
     Law: pylinkage's places of the body point are ours to rounding.
     """
     used = used_joints(linkage, target.interval)
-    travel = curve_over(target.interval)
+    travel = target.interval.by_degrees()
     joints = linkage.joints(np.zeros(1))
     first, last = (linkage.start + linkage.ground_angle + float(end) for end in target.interval)
     start = linkage.start + linkage.ground_angle

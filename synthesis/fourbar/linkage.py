@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,6 +17,15 @@ from synthesis.fourbar.kinematics import (
     transmission_angle_over,
 )
 from synthesis.target import TURN, Interval
+
+
+class LinkMass(NamedTuple):
+    """Mass, centre and inertia of a moving link, in its frame: origin in its first joint, x axis to its second."""
+
+    mass: float
+    centre: complex
+    inertia: float = 0.0
+    """About the centre: mass times length squared."""
 
 
 @dataclass(frozen=True)

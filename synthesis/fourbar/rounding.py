@@ -22,7 +22,7 @@ import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +39,7 @@ from synthesis.pose import rotation_residual
 from synthesis.target import TURN, Target
 from synthesis.work import Work
 
+One = TypeVar("One")
 # the choice of lengths
 GRID_TRIES = 300
 """Combinations around the nearest that are tried at most; they come in the order of their estimate."""
@@ -78,7 +79,7 @@ _MARGIN = 1e-8
 
 
 @dataclass(frozen=True)
-class Rounding:
+class Rounding(Generic[One]):
     """What came of looking for lengths that can be had.
 
     ``solution``: the best; None where no combination that was tried has a place within the limits. ``tried``: how many
@@ -87,7 +88,7 @@ class Rounding:
     refined unless the scan shows it to be worse. None for a grid.
     """
 
-    solution: Solution | None
+    solution: One | None
     tried: int
     combinations: int | None = None
     exhaustive: bool | None = None
@@ -95,7 +96,7 @@ class Rounding:
 
 def round_to_grid(
     target: Target, solution: Solution, grid: float, limits: Limits, tries: int, work: Work
-) -> Rounding:
+) -> Rounding[Solution]:
     """The solution with its links on a grid and everything else fitted anew, within the limits.
 
     ``target``: with positions: only then are lengths actual. ``grid``: step of the lengths, in the user's unit; a link
@@ -122,7 +123,7 @@ def round_to_grid(
 
 def best_from_stock(
     target: Target, solution: Solution, stock: Sequence[float], limits: Limits, tries: int, work: Work
-) -> Rounding:
+) -> Rounding[Solution]:
     """The solution with each link of a stock length and everything else fitted anew, within the limits; arguments as above.
 
     Law: each length is one of the stock; where it is exhaustive no combination is better.
@@ -141,7 +142,7 @@ def _given(limits: Limits) -> Floats:
 
 def _best_of(
     target: Target, solution: Solution, choices: Sequence[Floats], limits: Limits, tries: int, work: Work
-) -> Rounding:
+) -> Rounding[Solution]:
     """The best combination of lengths, one of each of four lists."""
     old = solution.linkage
     every = int(np.prod([float(values.size) for values in choices]))

@@ -8,6 +8,7 @@ its pivot A, that of the rocker's pins its pivot B. The drive holds the crank's 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -110,37 +111,57 @@ def simulate(
     linkage = replace(linkage, pivot_a=0j)  # where it stands takes digits, and changes nothing
     made = _Made.of(linkage, tolerances, count, np.random.default_rng(seed))
     nominal = linkage.joints(travel)
+    by_rotation, by_position = _derivatives(linkage, travel)
+    designed = nominal.body_point, nominal.coupler_angle
+    first_order = by_position, by_rotation, _variances(tolerances)
+
+    def positions(places: slice) -> tuple[Complexes, Floats]:
+        return made.positions(travel[places])
+
+    return compared(designed, positions, first_order, samples, count, work)
+
+
+def compared(
+    designed: tuple[Complexes | None, Floats],
+    made: Callable[[slice], tuple[Complexes, Floats]],
+    first_order: tuple[Floats | None, Floats, Floats],
+    samples: int,
+    count: int,
+    work: Work,
+) -> Study:
+    """Body points and directions (count, n) of linkages ``made``, at some of n places, against those ``designed``, (n,).
+
+    ``first_order``: derivatives of place and direction by the sources, and the variances of these.
+    """
+    point, direction = designed
     quantiles: list[list[Floats]] = [[], []]
     worst = np.zeros((2, count))
     step = max(1, _BLOCK // count)
-    for places in (slice(first, first + step) for first in range(0, travel.size, step)):
+    for places in (slice(first, first + step) for first in range(0, direction.size, step)):
         work.check()
-        point, direction = made.positions(travel[places])
-        turned = direction - nominal.coupler_angle[places]
+        there, turned = made(places)
+        turned = turned - direction[places]
         gaps = [np.abs(turned - whole_turns(turned))]
-        if nominal.body_point is not None:
-            gaps.append(np.abs(point - nominal.body_point[places]))
-        inside = np.arange(travel.size)[places] < samples
+        if point is not None:
+            gaps.append(np.abs(there - point[places]))
+        inside = np.arange(direction.size)[places] < samples
         for kind, gap in enumerate(gaps):
-            gap = np.where(np.isnan(gap), np.inf, gap)
+            gap = np.broadcast_to(np.where(np.isnan(gap), np.inf, gap), (count, gap.shape[1]))
             quantiles[kind].append(quantiles_of(gap))
             if inside.any():
                 worst[kind] = np.maximum(worst[kind], gap[:, inside].max(axis=1))
-    by_rotation, by_position = _derivatives(linkage, travel)
-    variances = _variances(tolerances)
-    unclosed = float(np.mean(np.isinf(worst[0])))
+    by_position, by_rotation, variances = first_order
 
     def spread(kind: int, derivatives: Floats) -> Spread:
-        found = np.concatenate(quantiles[kind])
         return Spread(
-            found,
+            np.concatenate(quantiles[kind]),
             linear_quantiles(derivatives, variances),
             quantiles_of(worst[kind][:, None])[0],
             contributions_of(derivatives[:, :samples], variances),
         )
 
     position = None if by_position is None else spread(1, by_position)
-    return Study(position, spread(0, by_rotation), count, unclosed)
+    return Study(position, spread(0, by_rotation), count, float(np.mean(np.isinf(worst[0]))))
 
 
 def quantiles_of(values: Floats) -> Floats:

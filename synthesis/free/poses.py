@@ -15,6 +15,8 @@ from synthesis.target import MIN_SPAN, TURN, Samples, Target, read_samples
 
 MIN_POSES = 2
 """Fewest samples that fix anything."""
+HALF = np.pi * (1 + 1e-9)
+"""Half a turn: angles that differ by no more are taken as they are."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,6 +47,43 @@ class Poses(Samples):
             return crank
         way = np.where(crank[..., -1:] >= crank[..., :1], 1.0, -1.0)
         return np.concatenate([crank, crank[..., :1] + way * TURN], axis=-1)
+
+    def there_and_back(self, crank: Floats) -> Floats:
+        """Crank angles (..., N) of all samples that were asked for, of a closed way with the first once more at its end."""
+        if not self.closed or crank.shape[-1] > self.samples:
+            return crank
+        return np.concatenate(
+            [crank, crank[..., :1] + np.where(crank[..., -1:] >= crank[..., :1], TURN, -TURN)], axis=-1
+        )
+
+    def spins(self, rotation: Floats) -> tuple[NDArray[np.intp], Floats, Floats]:
+        """By how much a body turns from each sample with an angle to the next, where that is not what was asked for.
+
+        Asked for is the difference of both angles; one of more than half a turn may be an angle that was wrapped, and less
+        whole turns it is as good. Law: a body that turns as its angles say, or as they say unwrapped, spins nowhere.
+
+        ``rotation`` (..., M): continuous, at the crank angles of `there_and_back`, with any offset.
+
+        Returns
+        -------
+        given : ndarray, shape (G,)
+            Samples with an angle, of all that were asked for; G is 0 where the order does not count.
+        asked : ndarray, shape (G - 1,)
+            In radians.
+        turned : ndarray, shape (..., G - 1)
+            NaN where the body turns as it should.
+        """
+        one = self.asked if self.asked is not None and rotation.shape[-1] > self.samples else self
+        if one.rotation is None or not self.ordered:
+            return np.zeros(0, dtype=np.intp), np.zeros(0), np.zeros((*rotation.shape[:-1], 0))
+        given = np.flatnonzero(np.ones(one.samples) if one.rotation_weights is None else one.rotation_weights)
+        wanted, places = one.rotation[given], given
+        if rotation.shape[-1] > one.samples and 0 in given:  # and on to the first
+            places, wanted = np.append(given, one.samples), np.append(wanted, wanted[0])
+        asked, turned = np.diff(wanted), np.diff(rotation[..., places], axis=-1)
+        extra = np.round((turned - asked) / TURN)
+        wrapped = np.where(np.abs(asked) > HALF, -np.round(asked / TURN), 0.0)
+        return places, asked, np.where((extra == 0) | (extra == wrapped), np.nan, turned)
 
     def at(self, kept: NDArray[np.intp]) -> Poses:
         """The poses at some samples; their length scale stays."""
@@ -98,6 +137,18 @@ class Poses(Samples):
             closed=self.closed,
             moved=moved,
         )
+
+
+def spin_faults(poses: Poses, rotation: Floats) -> list[str]:
+    """A sentence for the first two samples between which a body turns otherwise than asked for; arguments of `Poses.spins`."""
+    places, asked, turned = poses.spins(rotation)
+    wrong = np.flatnonzero(~np.isnan(turned))
+    if not wrong.size:
+        return []
+    k = int(wrong[0])
+    first, last = (int(place) % (poses.asked or poses).samples + 1 for place in places[k : k + 2])
+    degrees = np.rad2deg([turned[k], asked[k]])
+    return [f"the body turns by {degrees[0]:.4g} degrees from sample {first} to {last}, not by {degrees[1]:.4g}"]
 
 
 def make_poses(

@@ -114,6 +114,13 @@ class _Mounted(NamedTuple):
             rotation = coupler_angle(self.links, self.branch, self.start[:, None] + self.crank) + self.offset[:, None]
         return self.poses.timed(self.crank, rotation)
 
+    @property
+    def spin(self) -> Flags:
+        """Whether the body of each turns otherwise than asked for between samples, (n,)."""
+        crank = self.start[:, None] + self.poses.there_and_back(self.crank)
+        turned = self.poses.spins(coupler_angle(self.links, self.branch, crank))[2]
+        return np.asarray(~np.all(np.isnan(turned), axis=1))
+
     def order(self, tolerance: float) -> NDArray[np.intp]:
         """Places, best first: by J, and exact ones by what one would build.
 
@@ -174,20 +181,36 @@ def solutions_of(
         used = np.abs(pool.timed.angles[np.isfinite(pool.cost)][:, [0, -1]] @ [-1.0, 1.0])
         kept &= used <= poses.span_max * (1 + 1e-9)
     every = every.take(np.flatnonzero(kept))
-    ranked = every.take(every.order(tolerance)[: 8 * top + 20])
+    order = every.order(tolerance)
+    spins = every.spin[order]
+    most = 8 * top + 20
+    ranked = every.take(np.concatenate([order[~spins][:most], order[spins][:most]]))
     found = [one for one in ranked.solutions() if np.isfinite(one.errors.objective)]
     return _apart(found, poses, limits, top, tolerance)
 
 
 def go_astray(found: Sequence[Solution], poses: Poses) -> Flags:
-    """Whether the body point of each goes elsewhere between samples, (n,)."""
+    """Whether the body point of each goes elsewhere between samples, or the body turns otherwise than asked for, (n,)."""
     if not found:
         return np.zeros(0, dtype=bool)
     linkages = [one.linkage for one in found]
     crank = np.array([[one.start] for one in linkages]) + np.array([one.crank for one in found])
     side = np.broadcast_to(np.array([[one.branch] for one in linkages]), crank.shape)
     way = excursions(linkages, crank, side, poses.extent, ordered=poses.ordered, closed=poses.closed)
-    return np.array([one is not None and one > LEAVES_SAMPLES for one in way], dtype=bool)
+    spins = np.array([turns_otherwise(one, poses) for one in found])
+    return spins | np.array([one is not None and one > LEAVES_SAMPLES for one in way], dtype=bool)
+
+
+def turns_otherwise(found: Solution, poses: Poses) -> bool:
+    """Whether the body of one turns otherwise than asked for between samples."""
+    return not np.all(np.isnan(poses.spins(rotation_of(found, poses))[2]))
+
+
+def rotation_of(found: Solution, poses: Poses) -> Floats:
+    """The body's rotation at the crank angles of `Poses.there_and_back`, but for its offset."""
+    linkage = found.linkage
+    assert found.crank is not None
+    return coupler_angle(linkage.links, linkage.branch, linkage.start + poses.there_and_back(found.crank))
 
 
 def have_tiny_links(found: Sequence[Solution], poses: Poses) -> Flags:

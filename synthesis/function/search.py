@@ -13,31 +13,49 @@ Data flow::
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.arrays import Floats
-from synthesis.fourbar.limits import Limits
+from synthesis.fourbar.charts import AnyChart
+from synthesis.fourbar.limits import BEGIN, END, Constraints, Limits
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.solution import four, keeps
 from synthesis.function.answers import PEAKS, Generator, Generators, exchanged, extremes, finished, look, turns_back
-from synthesis.function.descent import FIRST_RADIUS, PENALTY, Descended, apart, descend, freudenstein_step
-from synthesis.function.problem import Problem
+from synthesis.function.descent import (
+    FIRST_RADIUS,
+    PENALTY,
+    Descended,
+    Linear,
+    Linearise,
+    apart,
+    descend,
+    freudenstein_step,
+)
 from synthesis.function.wanted import Wanted
 from synthesis.least_squares import Evaluation, minimise
 from synthesis.mechanism import Placed
+from synthesis.pose import whole_turns
 from synthesis.ranking import APART, Status, distinct
 from synthesis.search.search import SEARCH_SAMPLES, SearchReport, StoppedBy, first_look, search
 from synthesis.search.seeds import SeedTables
 from synthesis.target import TURN
 from synthesis.work import Work
 
-Ints = NDArray[np.intp]
+# -- errors and their derivatives ---------------------------------------------------------------------------------------
 
+_RATIO, _WIDE = 20.0, 1e6
+"""Lengths over the ground that are sought, and one over it, where no limit says otherwise; and where only the samples count."""
+_CLOSES = 1e-4
+"""Least transmission angle in radians: where the linkage locks, the rocker's angle has no derivative."""
+_MARGIN = 1e-9
+"""How far inside the limits of angles and family is aimed: what rounding leaves of it is inside too."""
+_RATES, _LEAST_RATE, _DIFFERENCE = 9, 1e-3, 1e-6
+"""Places at which the rocker must go on, its least rate beside the mean one, and the step of the rate's differences."""
 LEVELLED = 1e-7
 """The least largest error has been found where the linear program over the extremes foretells a smaller part to be gained."""
 _FARTHEST = 2.2
@@ -67,6 +85,159 @@ _AROUND = 0.4 * np.array([0.0, 1.0, -1.0])
 """Starts beside a solution's, in radians: rounded links may be at their best in another valley."""
 _LEAST_RADIUS = 1e-5
 _EXCHANGES, _EXCHANGES_BEHIND, _EXCHANGE_STEPS = 16, 4, 8
+
+
+class Followed(NamedTuple):
+    """The output of candidates over their input."""
+
+    value: Floats
+    """(n, M): without the offset; an angle up to whole turns; any number where a candidate is impossible."""
+    slope: Floats
+    """(n, 4, M): derivatives by the shape's unknowns and the zero; the last is that by the input too."""
+    possible: NDArray[np.bool_]
+    """(n, M), or (n, 1): where it closes."""
+
+
+class WantedFunction:
+    """A wanted function and limits made ready for many evaluations: errors and conditions with derivatives, for any linkage.
+
+    Unknowns are three of the shape, the zero and the offset.
+    """
+
+    wanted: Wanted
+    free: NDArray[np.intp]
+    """Unknowns that are not given."""
+    moving: Sequence[int] = range(4)
+    """Unknowns by which the output changes."""
+    places: Floats
+    """Inputs (q,) at which the output must go on, where it may not turn back."""
+
+    def at(self, unknowns: Floats, branch: Floats, crank: Floats) -> Followed:
+        """Outputs at inputs (n, M) from the first sample."""
+        raise NotImplementedError
+
+    def conditions(self, unknowns: Floats) -> tuple[Floats, Floats]:
+        """The conditions at unknowns (n, 5), at least 0 where they are kept, (n, m), and derivatives (n, m, 5)."""
+        raise NotImplementedError
+
+    def near(self, gap: Floats) -> Floats:
+        """Errors as they count."""
+        return gap
+
+    def _rates(self, unknowns: Floats, branch: Floats) -> tuple[Floats, Floats]:
+        """How fast the output goes the wanted way, less a little, at some places (n, q), and derivatives (n, q, 5)."""
+        rise = self.wanted.output[-1] - self.wanted.output[0]
+        way = np.sign(rise) * np.sign(self.wanted.crank[-1])
+        least = _LEAST_RATE * abs(rise / self.wanted.crank[-1])
+        places = np.broadcast_to(self.places, (len(unknowns), self.places.size))
+
+        def rate(at: Floats) -> Floats:
+            return way * np.clip(self.at(at, branch, places).slope[:, 3], -1e3, 1e3)
+
+        by = np.zeros((*places.shape, 5))
+        for k in self.moving:
+            step = _DIFFERENCE * np.eye(5)[k]
+            by[:, :, k] = (rate(unknowns + step) - rate(unknowns - step)) / (2 * _DIFFERENCE)
+        return rate(unknowns) - least, by
+
+    def linear(self, branch: Floats, crank: Floats, root: Floats) -> Linearise:
+        """The errors at inputs (n, M) times ``root`` (n, M), and the conditions, ready for `descent.descend`."""
+        curve = self.wanted.curve(crank)
+
+        def evaluate(unknowns: Floats, which: Ints) -> Linear:
+            scale = root[which]
+            found = self.at(unknowns, branch[which], crank[which])
+            error = self.near(curve[which] - unknowns[:, 4:] - found.value) * scale
+            error[~found.possible.all(axis=1)] = np.inf
+            slope = np.empty((*error.shape, 5))
+            slope[:, :, :4] = -found.slope.transpose(0, 2, 1) * scale[:, :, None]
+            slope[:, :, 4] = -scale
+            condition, by = self.conditions(unknowns)
+            if self.wanted.one_way:
+                rate, by_rate = self._rates(unknowns, branch[which])
+                condition, by = np.concatenate([condition, rate], axis=1), np.concatenate([by, by_rate], axis=1)
+            return Linear(error, np.clip(slope, -1e9, 1e9)[:, :, self.free], condition, by[:, :, self.free])
+
+        return evaluate
+
+
+class Problem(WantedFunction):
+    """A wanted function and limits made ready for many evaluations, for linkages with coupler and rocker exchanged.
+
+    Least and largest lengths, and lengths that are given, are edges of a box; all other limits are conditions on the unknowns.
+
+    Parameters
+    ----------
+    wanted : Wanted
+        With a crank that turns counter-clockwise.
+    limits : Limits
+        Of the exchanged linkages, lengths over the ground's.
+    largest : bool
+        Whether ratios are sought within `_RATIO`, or as far as numbers go where no limit says otherwise.
+    """
+
+    def __init__(self, wanted: Wanted, limits: Limits, largest: bool) -> None:
+        self.wanted = wanted
+        self.chart = AnyChart()
+        least = max(limits.transmission_angle_min, _CLOSES)
+        in_box = replace(limits, transmission_angle_min=least, link_min=None, link_max=None, links=(None,) * 4)
+        self.constraints = Constraints(in_box, smooth=True)
+        self.given = given = np.log([np.nan if one is None else one for one in limits.links[:3]])
+        """ln of the ratios that are given, NaN of the others, (3,)."""
+        held = np.concatenate([~np.isnan(given), [wanted.start is not None, wanted.offset is not None]])
+        self.free = np.flatnonzero(~held)
+        ratio = limits.link_ratio_max or (_RATIO if largest else _WIDE)
+        low, high = np.log([limits.link_min or 1 / ratio, limits.link_max or ratio])
+        low, high = np.where(np.isnan(given), low, given), np.where(np.isnan(given), high, given)
+        wide = np.full(2, np.inf)
+        self.box = np.concatenate([low, -wide]), np.concatenate([high, wide])
+        self.places = (1 - np.cos(np.linspace(0.0, np.pi, _RATES))) / 2 * wanted.crank[-1]
+
+    def conditions(self, unknowns: Floats) -> tuple[Floats, Floats]:
+        """Of lengths, angles and family."""
+        lengths = np.concatenate([np.exp(unknowns[:, :3]), np.ones((len(unknowns), 1))], axis=1)
+        used = self.wanted.interval.after(unknowns[:, 3])
+        found = self.constraints(Placed(lengths, np.ones(len(lengths)), used))
+        slopes = np.zeros((*found.values.shape, 5))
+        slopes[:, :, :3] = found.slopes[:, :, :3] * lengths[:, None, :3]
+        slopes[:, :, 3] = found.slopes[:, :, BEGIN] + found.slopes[:, :, END]
+        return found.values - _MARGIN * np.array([name != "link_ratio_max" for name in found.names]), slopes
+
+    def at(self, unknowns: Floats, branch: Floats, crank: Floats) -> Followed:
+        """theta2 of the exchanged linkages."""
+        found = self.chart.at(unknowns[:, :3], unknowns[:, 3:4] + crank, branch)
+        assert found.slope is not None
+        return Followed(found.angle, found.slope, self._possible(found.possible, len(unknowns))[:, None])
+
+    def angle(self, unknowns: Floats, branch: Floats, crank: Floats) -> Floats:
+        """theta2 of the exchanged linkages at crank angles (n, M) from the first sample; infinite where it does not close."""
+        found = self.chart.at(unknowns[:, :3], unknowns[:, 3:4] + crank, branch, derivatives=False)
+        return np.where(self._possible(found.possible, len(unknowns))[:, None], found.angle, np.inf)
+
+    @staticmethod
+    def _possible(possible: object, count: int) -> NDArray[np.bool_]:
+        return np.full(count, True) if possible is True else np.asarray(possible)
+
+    def gap(self, unknowns: Floats, branch: Floats, crank: Floats) -> Floats:
+        """Errors (n, M) at crank angles (n, M) of the candidates' own; infinite where it does not close."""
+        with np.errstate(invalid="ignore"):  # an output beyond all numbers
+            return np.asarray(self.wanted.curve(crank) - unknowns[:, 4:] - self.angle(unknowns, branch, crank))
+
+    def with_offset(self, unknowns: Floats, branch: Floats, crank: Floats, root: Floats) -> Floats:
+        """Candidates with the given offset, or the best over crank angles (M,), whose errors count ``root`` (M,)."""
+        some = np.broadcast_to(crank, (len(unknowns), crank.size))
+        with np.errstate(invalid="ignore"):
+            gap = self.wanted.curve(some) - self.angle(unknowns, branch, some)
+        best = np.nan_to_num(gap, posinf=0.0, neginf=0.0) @ (root**2 / np.sum(root**2))
+        given = self.wanted.target.offset
+        out = unknowns.copy()
+        out[:, 4] = best if given is None else given + whole_turns(best - given)
+        return out
+
+
+# -- the search ---------------------------------------------------------------------------------------------------------
+
+Ints = NDArray[np.intp]
 
 
 class FunctionSearch:

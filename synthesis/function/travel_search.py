@@ -3,32 +3,57 @@
 That of `search` with other linkages: beginnings spread over all shapes and zeros, least squares, then sequential quadratic steps
 within the limits, for the largest error over the extremes of each candidate's own error curve. Inputs and outputs are radians,
 or lengths over one scale, in which all lengths are.
+
+An input or an output is the angle of a crank or lever, or a travel: of a slider along its rail, or of a cylinder. With u the way
+from the first sample on, every law is y(u) + offset, of five unknowns: three of the shape, the *zero*, where the input is first,
+and the offset. Lengths are over one scale; those that must be above 0 are logarithms. Frames as in `slider.charts`: pivot of the
+crank in the origin, the rail on y = e, fixed pin d on the x axis.
+
+======================  ============================  ========================================================================
+kind                    input to output               law
+======================  ============================  ========================================================================
+slider_crank            crank to slider               y = r cos t + b sqrt(l^2 - (e - r sin t)^2),   t = zero + u
+slider_crank            slider to crank               |p + i e - r e^{iy}| = l,                      p = zero + u
+swinging_block          crank to cylinder             y = |d - r e^{it}|,                            t = zero + u
+swinging_block          cylinder to crank             |d - r e^{iy}| = s,                            s = zero + u
+two_rails               slider to slider              y^2 + p^2 - 2 y p cos delta = l^2,             p = zero + u
+rail_slot               slider to slotted lever       i e - p = e^{iy} (s + i h),                    p = zero + u
+rail_slot               slider to cylinder            y^2 = p^2 + e^2,                               p = zero + u
+rail_slot               cylinder to slider            y^2 = s^2 - e^2,                               s = zero + u
+======================  ============================  ========================================================================
+
+The branch b tells the two solutions apart; where there is but one it is +1. An offset of the swinging block's cylinder from its
+pins would give no other functions: its length depends on two numbers alone. Nor would one of the cylinder on a slider: h^2 goes
+with e^2. Derivatives of angles come from the closed loop
+(design note on sliders, section 5).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.arrays import Floats
+from synthesis.fourbar.limits import Limits
 from synthesis.function.answers import PEAKS, FunctionErrors, alternations, extremes, look
-from synthesis.function.descent import Linear, Linearise
-from synthesis.function.search import FunctionSearch
-from synthesis.function.travel import ANGLE, LAWS, Law
+from synthesis.function.search import Followed, FunctionSearch, WantedFunction
 from synthesis.function.wanted import Wanted
-from synthesis.guided.linkage import Driver, GuidedLinkage
+from synthesis.guided.linkage import Circle, Driver, Guide, GuidedLinkage, Kind, Rail, Slot, through
 from synthesis.pose import whole_turns
 from synthesis.ranking import APART, Status, distinct
 from synthesis.search.search import SearchReport, StoppedBy
 from synthesis.target import TURN, Interval
 from synthesis.work import Work
 
-Ints = NDArray[np.intp]
+# -- the laws of the linkages -------------------------------------------------------------------------------------------
 
+ANGLE, LENGTH = "angle", "length"
+_TINY = 1e-12
+"""Least square of what a slope is divided by: a dead position stops a step, no program."""
 _CLOSES = 1e-4
 """Least sine of the transmission angle: where the linkage locks, the output has no derivative."""
 _MARGIN = 1e-9
@@ -37,7 +62,6 @@ _ROUNDING = 1e-9
 _FARTHEST = 1e3
 """Lengths over the scale that are sought where no limit says otherwise."""
 _PLACES = 9
-_LEAST_RATE = 1e-3
 _STEP = 1e-30
 """Imaginary, of derivatives of sines."""
 _BEGINNINGS, _SEEDS = 6000, 120
@@ -54,38 +78,406 @@ _TIE = 1e-9
 """A turn back that is no more than this part of the output is rounding."""
 
 
+class Law(NamedTuple):
+    """How the output of a kind of linkage follows its input."""
+
+    kind: Kind
+    driver: Driver
+    input: str
+    output: str
+    lengths: tuple[str, ...]
+    """Names of the unknowns of the shape."""
+    positive: tuple[bool, ...]
+    """Which of them are lengths above 0, and stand as logarithms."""
+    branches: tuple[int, ...]
+    follow: Callable[[Floats, Floats, Floats, Floats], Followed]
+    """``follow(lengths (n, 3, 1), branch (n, 1), place (n, M), zero)``: slopes by lengths, not logarithms."""
+    sine: Callable[[Floats, Floats], Floats]
+    """``sine(lengths (n, 3, 1), place (n, M))``: sine of the transmission angle; of complex numbers too."""
+    mounted: Callable[[Floats, int, float], tuple[tuple[Guide, Guide], float, complex]]
+    """``mounted(lengths, branch, place)``: guides, and rotation and place of the body where the input is there."""
+
+    @property
+    def size(self) -> int:
+        """How many unknowns its shape has."""
+        return len(self.lengths)
+
+    def of(self, unknowns: Floats) -> Floats:
+        """Lengths (n, 3) of unknowns (n, 5); 0 where there is none."""
+        out = np.zeros((len(unknowns), 3), dtype=unknowns.dtype)
+        for k, above in enumerate(self.positive):
+            out[:, k] = np.exp(unknowns[:, k]) if above else unknowns[:, k]
+        return out
+
+    def at(self, unknowns: Floats, branch: Floats, travel: Floats) -> Followed:
+        """The output at inputs (n, M) from the first sample on, and derivatives by the unknowns (n, 5), but the offset."""
+        lengths = self.of(unknowns)
+        with np.errstate(all="ignore"):
+            found = self.follow(lengths[:, :, None], branch[:, None], unknowns[:, 3:4] + travel, unknowns[:, 3:4])
+            slope = np.nan_to_num(found.slope)
+            for k, above in enumerate(self.positive):
+                if above:
+                    slope[:, k] *= lengths[:, k, None]
+        return Followed(np.nan_to_num(found.value), slope, found.possible & np.isfinite(found.value))
+
+    def sines(self, unknowns: Floats, travel: Floats) -> Floats:
+        """Sines of the transmission angle at inputs (n, M); 0 where it does not close."""
+        with np.errstate(all="ignore"):
+            found = self.sine(self.of(unknowns)[:, :, None], unknowns[:, 3:4] + travel)
+        return np.where(np.isfinite(found), found, 0.0)
+
+    def linkage(self, lengths: Floats, branch: int, zero: float) -> GuidedLinkage:
+        """The linkage, its input at the zero."""
+        guides, rotation, position = self.mounted(lengths, branch, zero)
+        return through(guides, self.driver, rotation, position)
+
+
+def _columns(lengths: Floats) -> tuple[Floats, Floats, Floats]:
+    return lengths[:, 0], lengths[:, 1], lengths[:, 2]
+
+
+def _safe(value: Floats) -> Floats:
+    """A divisor that is not 0."""
+    return np.where(np.abs(value) > _TINY, value, np.copysign(_TINY, value))
+
+
+# -- slider-crank ------------------------------------------------------------------------------------------------------
+
+
+def _crank_to_slider(lengths: Floats, branch: Floats, t: Floats, zero: Floats) -> Followed:
+    r, rod, e = _columns(lengths)
+    sine, cosine = np.sin(t), np.cos(t)
+    across = e - r * sine
+    square = (rod - across) * (rod + across)
+    along = branch * np.sqrt(np.maximum(square, 0.0))
+    lever = _safe(along)
+    slope = np.stack(
+        [
+            cosine + across * sine / lever,
+            rod / lever,
+            -across / lever,
+            -r * sine + across * r * cosine / lever,
+        ],
+        axis=1,
+    )
+    return Followed(r * cosine + along, slope, square > 0)
+
+
+def _sine_at_rail(lengths: Floats, t: Floats) -> Floats:
+    r, rod, e = _columns(lengths)
+    across = e - r * np.sin(t)
+    return np.sqrt((rod - across) * (rod + across)) / rod
+
+
+def _rod_and_crank(lengths: Floats, branch: int, t: float, p: float) -> tuple[tuple[Circle, Rail], float, complex]:
+    r, rod, e = lengths
+    pin = complex(r * np.exp(1j * t))
+    return (Circle(0j, r, 0j), Rail(1j * e, 0.0, complex(rod))), float(np.angle(p + 1j * e - pin)), pin
+
+
+def _slider_crank(lengths: Floats, branch: int, t: float) -> tuple[tuple[Guide, Guide], float, complex]:
+    r, rod, e = lengths
+    across = e - r * np.sin(t)
+    p = r * np.cos(t) + branch * np.sqrt((rod - across) * (rod + across))
+    return _rod_and_crank(lengths, branch, t, p)
+
+
+def _triangle(one: Floats, other: Floats, opposite: Floats) -> tuple[Floats, Floats]:
+    """The angle between two sides of a triangle by all three, and 16 times its squared area; NaN where there is none."""
+    outer = (one + other - opposite) * (one + other + opposite)
+    inner = (opposite - (one - other)) * (opposite + (one - other))
+    square = outer * inner
+    return 2 * np.arctan2(np.sqrt(inner), np.sqrt(outer)), square
+
+
+def _slider_to_crank(lengths: Floats, branch: Floats, p: Floats, zero: Floats) -> Followed:
+    r, rod, e = _columns(lengths)
+    distance = np.hypot(p, e)
+    opening, square = _triangle(distance, r, rod)
+    y = np.arctan2(e, p) + branch * opening
+    across, along = e - r * np.sin(y), p - r * np.cos(y)
+    lever = _safe(r * (across * np.cos(y) - along * np.sin(y)))
+    # along dp + across de - (along cos y + across sin y) dr - r (across cos y - along sin y) dy = l dl
+    rod = np.broadcast_to(rod, p.shape)
+    slope = np.stack([-(along * np.cos(y) + across * np.sin(y)), -rod, across, along], axis=1)
+    return Followed(y, slope / lever[:, None], square > 0)
+
+
+def _sine_at_pin(lengths: Floats, p: Floats) -> Floats:
+    r, rod, e = _columns(lengths)
+    square = p * p + e * e
+    distance = np.sqrt(square)
+    area = (distance + r - rod) * (distance + r + rod) * (rod - distance + r) * (rod + distance - r)
+    return np.sqrt(area) / (2 * r * rod)
+
+
+def _driven_crank(lengths: Floats, branch: int, p: float) -> tuple[tuple[Guide, Guide], float, complex]:
+    column = np.asarray(lengths, dtype=float).reshape(1, 3, 1)
+    found = _slider_to_crank(column, np.full((1, 1), float(branch)), np.full((1, 1), p), np.zeros((1, 1)))
+    guides, rotation, position = _rod_and_crank(lengths, branch, float(found.value[0, 0]), p)
+    return guides[::-1], rotation, position
+
+
+# -- swinging block: a cylinder between two pins ------------------------------------------------------------------------
+
+
+def _crank_to_cylinder(lengths: Floats, branch: Floats, t: Floats, zero: Floats) -> Followed:
+    r, d, _ = _columns(lengths)
+    cosine = np.cos(t)
+    square = (d - r) ** 2 + 4 * d * r * np.sin(t / 2) ** 2
+    s = np.sqrt(square)
+    lever = _safe(s)
+    none = np.zeros_like(t)
+    slope = np.stack([(r - d * cosine) / lever, (d - r * cosine) / lever, none, d * r * np.sin(t) / lever], axis=1)
+    return Followed(s, slope, square > 0)
+
+
+def _no_angle(lengths: Floats, place: Floats) -> Floats:
+    return np.ones(np.broadcast_shapes(lengths[:, 0].shape, place.shape), dtype=place.dtype) + 0 * place
+
+
+def _block(lengths: Floats, branch: int, t: float) -> tuple[tuple[Guide, Guide], float, complex]:
+    r, d, _ = lengths
+    pin = complex(r * np.exp(1j * t))
+    return (Circle(0j, r, 0j), Slot(complex(d), 0j, 0.0)), float(np.angle(d - pin)), pin
+
+
+def _cylinder_to_crank(lengths: Floats, branch: Floats, s: Floats, zero: Floats) -> Followed:
+    r, d, _ = _columns(lengths)
+    opening, square = _triangle(d, r, s)
+    y = branch * opening
+    lever = _safe(d * r * np.sin(y))
+    none = np.zeros_like(s)
+    slope = np.stack([-(r - d * np.cos(y)) / lever, -(d - r * np.cos(y)) / lever, none, s / lever], axis=1)
+    return Followed(y, slope, (square > 0) & (s > 0))
+
+
+def _sine_at_cylinder(lengths: Floats, s: Floats) -> Floats:
+    r, d, _ = _columns(lengths)
+    area = (s + r - d) * (s + r + d) * (d - s + r) * (d + s - r)
+    return np.sqrt(area) / (2 * r * s)
+
+
+def _driven_block(lengths: Floats, branch: int, s: float) -> tuple[tuple[Guide, Guide], float, complex]:
+    column = np.asarray(lengths, dtype=float).reshape(1, 3, 1)
+    found = _cylinder_to_crank(column, np.full((1, 1), float(branch)), np.full((1, 1), s), np.zeros((1, 1)))
+    guides, rotation, position = _block(lengths, branch, float(found.value[0, 0]))
+    return guides[::-1], rotation, position
+
+
+# -- two sliders, and a slotted lever -----------------------------------------------------------------------------------
+
+
+def _slider_to_slider(lengths: Floats, branch: Floats, p: Floats, zero: Floats) -> Followed:
+    rod, delta, _ = _columns(lengths)
+    cosine, sine = np.cos(delta), np.sin(delta)
+    across = p * sine
+    square = (rod - across) * (rod + across)
+    along = branch * np.sqrt(np.maximum(square, 0.0))
+    lever = _safe(along)
+    none = np.zeros_like(p)
+    by_delta = -p * sine - across * p * cosine / lever
+    slope = np.stack([rod / lever, by_delta, none, cosine - across * sine / lever], axis=1)
+    return Followed(p * cosine + along, slope, square > 0)
+
+
+def _sine_at_second_rail(lengths: Floats, p: Floats) -> Floats:
+    rod, delta, _ = _columns(lengths)
+    across = p * np.sin(delta)
+    return np.sqrt((rod - across) * (rod + across)) / rod
+
+
+def _two_rails(lengths: Floats, branch: int, p: float) -> tuple[tuple[Guide, Guide], float, complex]:
+    rod, delta, _ = lengths
+    across = p * np.sin(delta)
+    q = p * np.cos(delta) + branch * np.sqrt((rod - across) * (rod + across))
+    guides = Rail(0j, 0.0, 0j), Rail(0j, float(delta), complex(rod))
+    return guides, float(np.angle(q * np.exp(1j * delta) - p)), complex(p)
+
+
+def _slider_to_lever(lengths: Floats, branch: Floats, p: Floats, zero: Floats) -> Followed:
+    e, h, _ = _columns(lengths)
+    square = p * p + (e - h) * (e + h)
+    s = np.sqrt(square)
+    lever = _safe(s)
+    # continuous: the pin lies on one side of the rail
+    y = np.sign(e) * (np.pi / 2 + np.arctan2(p, np.abs(e))) - np.arctan2(h, s)
+    none = np.zeros_like(p)
+    slope = np.stack([np.cos(y) / lever, -1 / lever, none, np.sin(y) / lever], axis=1)
+    return Followed(y, slope, (square > 0) & (np.abs(e) > 0))
+
+
+def _sine_at_slot(lengths: Floats, p: Floats) -> Floats:
+    e, h, _ = _columns(lengths)
+    square = p * p + e * e
+    return np.sqrt((square - h * h) / square)
+
+
+def _lever(lengths: Floats, branch: int, p: float) -> tuple[tuple[Guide, Guide], float, complex]:
+    e, h, _ = lengths
+    column = np.asarray(lengths, dtype=float).reshape(1, 3, 1)
+    found = _slider_to_lever(column, np.ones((1, 1)), np.full((1, 1), p), np.zeros((1, 1)))
+    return (Rail(0j, 0.0, 0j), Slot(1j * e, 1j * h, 0.0)), float(found.value[0, 0]), complex(p)
+
+
+def _slider_to_cylinder(lengths: Floats, branch: Floats, p: Floats, zero: Floats) -> Followed:
+    e, _, _ = _columns(lengths)
+    y = branch * np.hypot(p, e)
+    lever, none = _safe(y), np.zeros_like(p)
+    return Followed(y, np.stack([e / lever, none, none, p / lever], axis=1), np.abs(y) > 0)
+
+
+def _cylinder_on_rail(lengths: Floats, branch: int, p: float) -> tuple[tuple[Guide, Guide], float, complex]:
+    e = float(lengths[0])
+    guides = Rail(0j, 0.0, 0j), Slot(1j * e, 0j, 0.0)
+    return guides, float(np.angle(branch * (1j * e - p))), complex(p)
+
+
+def _cylinder_to_slider(lengths: Floats, branch: Floats, s: Floats, zero: Floats) -> Followed:
+    e, _, _ = _columns(lengths)
+    square = (s - e) * (s + e)
+    y = branch * np.sqrt(np.maximum(square, 0.0))
+    lever, none = _safe(y), np.zeros_like(s)
+    return Followed(y, np.stack([-e / lever, none, none, s / lever], axis=1), (square > 0) & (s > 0))
+
+
+def _sine_of_cylinder_and_rail(lengths: Floats, s: Floats) -> Floats:
+    e, _, _ = _columns(lengths)
+    return np.sqrt((s - e) * (s + e)) / s
+
+
+def _driven_on_rail(lengths: Floats, branch: int, s: float) -> tuple[tuple[Guide, Guide], float, complex]:
+    e = float(lengths[0])
+    guides, rotation, position = _cylinder_on_rail(lengths, 1, branch * np.sqrt((s - e) * (s + e)))
+    return guides[::-1], rotation, position
+
+
+LAWS = (
+    Law(
+        Kind.SLIDER_CRANK,
+        Driver.CRANK,
+        ANGLE,
+        LENGTH,
+        ("crank", "rod", "offset"),
+        (True, True, False),
+        (1, -1),
+        _crank_to_slider,
+        _sine_at_rail,
+        _slider_crank,
+    ),
+    Law(
+        Kind.SWINGING_BLOCK,
+        Driver.CRANK,
+        ANGLE,
+        LENGTH,
+        ("crank", "ground"),
+        (True, True),
+        (1,),
+        _crank_to_cylinder,
+        _no_angle,
+        _block,
+    ),
+    Law(
+        Kind.SLIDER_CRANK,
+        Driver.SLIDER,
+        LENGTH,
+        ANGLE,
+        ("crank", "rod", "offset"),
+        (True, True, False),
+        (1, -1),
+        _slider_to_crank,
+        _sine_at_pin,
+        _driven_crank,
+    ),
+    Law(
+        Kind.SWINGING_BLOCK,
+        Driver.CYLINDER,
+        LENGTH,
+        ANGLE,
+        ("crank", "ground"),
+        (True, True),
+        (1, -1),
+        _cylinder_to_crank,
+        _sine_at_cylinder,
+        _driven_block,
+    ),
+    Law(
+        Kind.RAIL_SLOT,
+        Driver.SLIDER,
+        LENGTH,
+        ANGLE,
+        ("pin_distance", "slot_offset"),
+        (False, False),
+        (1,),
+        _slider_to_lever,
+        _sine_at_slot,
+        _lever,
+    ),
+    Law(
+        Kind.TWO_RAILS,
+        Driver.SLIDER,
+        LENGTH,
+        LENGTH,
+        ("rod", "angle"),
+        (True, False),
+        (1, -1),
+        _slider_to_slider,
+        _sine_at_second_rail,
+        _two_rails,
+    ),
+    Law(
+        Kind.RAIL_SLOT,
+        Driver.SLIDER,
+        LENGTH,
+        LENGTH,
+        ("pin_distance",),
+        (True,),
+        (1, -1),
+        _slider_to_cylinder,
+        _no_angle,
+        _cylinder_on_rail,
+    ),
+    Law(
+        Kind.RAIL_SLOT,
+        Driver.CYLINDER,
+        LENGTH,
+        LENGTH,
+        ("pin_distance",),
+        (True,),
+        (1, -1),
+        _cylinder_to_slider,
+        _sine_of_cylinder_and_rail,
+        _driven_on_rail,
+    ),
+)
+"""All there are, those that are built most often first."""
+
+
+# -- the search ---------------------------------------------------------------------------------------------------------
+
+Ints = NDArray[np.intp]
+
+
 @dataclass(frozen=True)
 class TravelLimits:
-    """What a linkage with a slider must keep to; lengths in the user's unit, or over the scale.
+    """What a linkage with a slider must keep to: limits of shape and lengths, and lengths that are ``given``, by their names."""
 
-    ``given``: lengths that are given, by their names.
-    """
-
-    transmission_angle_min: float | None = None
-    link_min: float | None = None
-    link_max: float | None = None
-    link_ratio_max: float | None = None
+    limits: Limits
     given: Mapping[str, float] = field(default_factory=dict)
 
     def over(self, scale: float) -> TravelLimits:
         """The same with lengths over a scale."""
-        return replace(
-            self,
-            link_min=None if self.link_min is None else self.link_min / scale,
-            link_max=None if self.link_max is None else self.link_max / scale,
-            given={name: value if name == "angle" else value / scale for name, value in self.given.items()},
-        )
+        given = {name: value if name == "angle" else value / scale for name, value in self.given.items()}
+        return TravelLimits(self.limits.over(scale), given)
 
 
-class TravelProblem:
-    """A wanted function, a law and limits made ready for many evaluations; as `problem.Problem` for the four-bar.
-
-    Unknowns are three of the shape, the zero and the offset; those that the law has not, or that are given, are held.
-    """
+class TravelProblem(WantedFunction):
+    """A wanted function, a law and limits; unknowns that the law has not, or that are given, are held."""
 
     def __init__(self, wanted: Wanted, law: Law, limits: TravelLimits, largest: bool) -> None:
-        self.wanted, self.law, self.limits = wanted, law, limits
-        self.least_sine = max(np.sin(limits.transmission_angle_min or 0.0), _CLOSES)
+        self.wanted, self.law, self.limits = wanted, law, limits.limits
+        self.moving = [*range(law.size), 3]
+        self.least_sine = max(np.sin(self.limits.transmission_angle_min), _CLOSES)
         given = np.full(3, np.nan)
         given[law.size :] = 0.0
         for name, value in limits.given.items():
@@ -96,7 +488,7 @@ class TravelProblem:
         held = np.concatenate([~np.isnan(given), [wanted.start is not None, wanted.offset is not None]])
         self.free = np.flatnonzero(~held)
         low, high = np.full(5, -np.inf), np.full(5, np.inf)
-        least, most = limits.link_min or 1 / _FARTHEST, limits.link_max or _FARTHEST
+        least, most = self.limits.link_min or 1 / _FARTHEST, self.limits.link_max or _FARTHEST
         for k, above in enumerate(law.positive):
             low[k], high[k] = (np.log(least), np.log(most)) if above else (-most, most)
             if law.lengths[k] == "angle":
@@ -110,10 +502,10 @@ class TravelProblem:
     # -- conditions ---------------------------------------------------------------------------------------------------
 
     def conditions(self, unknowns: Floats) -> tuple[Floats, Floats]:
-        """The conditions at unknowns (n, 5), at least 0 where they are kept, (n, m), and derivatives (n, m, 5)."""
+        """Of transmission angles and the lengths' ratio."""
         sines = self.law.sines(unknowns, self.places)
         value, slope = [sines - self.least_sine - _MARGIN], [np.zeros((*sines.shape, 5))]
-        for k in [*range(self.law.size), 3]:
+        for k in self.moving:
             aside: Any = unknowns + 0j
             aside[:, k] += 1j * _STEP
             by = self.law.sines(aside, self.places).imag / _STEP
@@ -129,32 +521,20 @@ class TravelProblem:
             slope.append(rows)
         return np.concatenate(value, axis=1), np.concatenate(slope, axis=1)
 
-    def _rates(self, unknowns: Floats, branch: Floats) -> tuple[Floats, Floats]:
-        """How fast the output goes the wanted way, less a little, at some places (n, q), and derivatives (n, q, 5)."""
-        rise = self.wanted.output[-1] - self.wanted.output[0]
-        way = np.sign(rise) * np.sign(self.wanted.crank[-1])
-        least = _LEAST_RATE * abs(rise / self.wanted.crank[-1])
-        places = np.broadcast_to(self.places, (len(unknowns), self.places.size))
-
-        def rate(at: Floats) -> Floats:
-            return way * np.clip(self.law.at(at, branch, places).slope[:, 3], -1e3, 1e3)
-
-        by, step = np.zeros((*places.shape, 5)), 1e-6
-        for k in [*range(self.law.size), 3]:
-            aside = step * np.eye(5)[k]
-            by[:, :, k] = (rate(unknowns + aside) - rate(unknowns - aside)) / (2 * step)
-        return rate(unknowns) - least, by
-
     # -- errors -------------------------------------------------------------------------------------------------------
 
-    def _near(self, gap: Floats) -> Floats:
+    def near(self, gap: Floats) -> Floats:
         """Errors to the nearest whole turn, where the output is an angle."""
         return gap - whole_turns(gap) if self.law.output == ANGLE else gap
+
+    def at(self, unknowns: Floats, branch: Floats, crank: Floats) -> Followed:
+        """By the law."""
+        return self.law.at(unknowns, branch, crank)
 
     def gap(self, unknowns: Floats, branch: Floats, crank: Floats) -> Floats:
         """Errors (n, M) at inputs (n, M) of the candidates' own; infinite where it does not close."""
         found = self.law.at(unknowns, branch, crank)
-        gap = self._near(self.wanted.curve(crank) - unknowns[:, 4:] - found.value)
+        gap = self.near(self.wanted.curve(crank) - unknowns[:, 4:] - found.value)
         return np.where(found.possible, gap, np.inf)
 
     def with_offset(self, unknowns: Floats, branch: Floats, crank: Floats, root: Floats) -> Floats:
@@ -172,26 +552,6 @@ class TravelProblem:
         else:
             out[:, 4] = gap @ share if self.wanted.offset is None else self.wanted.offset
         return out
-
-    def linear(self, branch: Floats, crank: Floats, root: Floats) -> Linearise:
-        """The errors at inputs (n, M) times ``root`` (n, M), and the conditions, ready for `descent.descend`."""
-        curve = self.wanted.curve(crank)
-
-        def evaluate(unknowns: Floats, which: Ints) -> Linear:
-            scale = root[which]
-            found = self.law.at(unknowns, branch[which], crank[which])
-            error = self._near(curve[which] - unknowns[:, 4:] - found.value) * scale
-            error[~found.possible.all(axis=1)] = np.inf
-            slope = np.empty((*error.shape, 5))
-            slope[:, :, :4] = -found.slope.transpose(0, 2, 1) * scale[:, :, None]
-            slope[:, :, 4] = -scale
-            condition, by = self.conditions(unknowns)
-            if self.wanted.one_way:
-                rate, by_rate = self._rates(unknowns, branch[which])
-                condition, by = np.concatenate([condition, rate], axis=1), np.concatenate([by, by_rate], axis=1)
-            return Linear(error, np.clip(slope, -1e9, 1e9)[:, :, self.free], condition, by[:, :, self.free])
-
-        return evaluate
 
     # -- beginnings ---------------------------------------------------------------------------------------------------
 
@@ -372,7 +732,7 @@ class TravelSearch(FunctionSearch):
         return found
 
     def _generator(self, unknowns: Floats, lengths: Floats, branch: int) -> TravelGenerator | None:
-        law, wanted, limits = self.law, self.wanted, self.travel_limits
+        law, wanted, limits = self.law, self.wanted, self.travel_limits.limits
         zero = float(unknowns[3])
         whole = np.zeros(3)
         whole[: law.size] = lengths
@@ -381,7 +741,7 @@ class TravelSearch(FunctionSearch):
         linkage = law.linkage(whole, branch, zero)
         used = Interval(0.0, float(wanted.crank[-1]))
         least = linkage.transmission_angle_over(used.after(linkage.start))
-        if not least >= (limits.transmission_angle_min or 0.0) * (1 - _ROUNDING) or not least > 0:
+        if not least >= limits.transmission_angle_min * (1 - _ROUNDING) or not least > 0:
             return None
         sizes = np.abs(lengths[[name not in ("angle", "offset", "slot_offset") for name in law.lengths]])
         shortest, longest = sizes.min(), sizes.max()
@@ -398,7 +758,7 @@ class TravelSearch(FunctionSearch):
         one = one._replace(offset=offset + raw - own)
         if law.output == ANGLE:  # the nearest to the wanted one by whole turns
             one = one._replace(offset=one.offset + float(whole_turns(wanted.output[0] - own - one.offset)))
-        if wanted.one_way and turns_back(wanted, one) is not None:
+        if wanted.one_way and travel_turns_back(wanted, one) is not None:
             return None
         return one
 
@@ -426,7 +786,7 @@ class TravelSearch(FunctionSearch):
         return FunctionErrors(rms, float(plain.size.max()), count, float(found.size.max())), float(unknowns[4])
 
 
-def turns_back(wanted: Wanted, one: TravelGenerator) -> str | None:
+def travel_turns_back(wanted: Wanted, one: TravelGenerator) -> str | None:
     """A sentence where the output turns back though the wanted one goes one way."""
     steps = np.diff(wanted.output) * np.sign(wanted.output[-1] - wanted.output[0])
     if not np.all(steps > 0):

@@ -48,6 +48,10 @@ class Forces(NamedTuple):
     """By the driven guide's link on the body."""
     other: Complexes
     """By the other guide's link on the body."""
+    driven_ground: Complexes
+    """On the driven guide's link, by the ground and a drive that slides."""
+    other_ground: Complexes
+    """By the ground on the other guide's link."""
 
 
 def forces(linkage: GuidedLinkage, travel: Floats, load: Load, speed: float = 0.0) -> Forces:
@@ -79,7 +83,13 @@ def forces(linkage: GuidedLinkage, travel: Floats, load: Load, speed: float = 0.
             push, extra = 1j * along + 0j * turned, np.real(np.conj(along) * own) * along
         else:
             push, couple = 1j * turned * np.exp(1j * other.body_direction), turning
+        own_other = own
         own, turning = acting[links[0].name]
+
+        def held_by(drive: Floats, by_driven: Complexes, by_other: Complexes) -> Forces:
+            ground = by_driven - own, by_other - own_other
+            return Forces(_finite(drive), *(_known(force) for force in (by_driven, by_other, *ground)))
+
         if linkage.driver is Driver.HINGE:
             assert isinstance(driven, Slot)
             slot = turned * np.exp(1j * driven.body_direction)
@@ -88,7 +98,7 @@ def forces(linkage: GuidedLinkage, travel: Floats, load: Load, speed: float = 0.
             by_driven = -by_other - on_body
             pin = driven.pin + 0j * turned
             held = cross(at - pin, by_other) + couple + cross(body.place - pin, on_body) + about_place + turning
-            return Forces(_finite(-held), _known(by_driven), _known(by_other))
+            return held_by(-held, by_driven, by_other)
         pin = driven.pin + 0j * turned if isinstance(driven, Slot) else body.place + turned * driven.body_point
         moment = cross(at - pin, extra) + couple + cross(body.place - pin, on_body) + about_place
         if isinstance(driven, Slot):
@@ -103,7 +113,7 @@ def forces(linkage: GuidedLinkage, travel: Floats, load: Load, speed: float = 0.
             drive = np.real(np.conj(along) * (by_driven - own))
         else:
             drive = -dot(turned * np.exp(1j * driven.body_direction), by_driven)
-    return Forces(_finite(drive), _known(by_driven), _known(by_other))
+        return held_by(drive, by_driven, by_other)
 
 
 def _acting(link: MovingLink, load: Load, speed: float) -> tuple[Complexes, Floats]:

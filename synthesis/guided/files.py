@@ -12,7 +12,6 @@ import numpy as np
 
 from synthesis.arrays import Complexes
 from synthesis.errors import FieldError
-from synthesis.fourbar.analysis import LinkMass
 from synthesis.fourbar.files import (
     DXF_COLOURS,
     FARTHEST,
@@ -20,14 +19,16 @@ from synthesis.fourbar.files import (
     SPEED,
     STYLE,
     check_size,
+    dxf_with_motion,
     model_text,
     motion_columns,
     places,
     requested_poses,
     requested_positions,
 )
+from synthesis.fourbar.linkage import LinkMass
 from synthesis.guided.linkage import BODY, Circle, Driver, GuidedLinkage, MovingLink, Rail, Slot
-from synthesis.sheet import Extra, More, Sheet, csv_text, dxf_document, dxf_text
+from synthesis.sheet import Extra, More, Sheet, csv_text, dxf_document
 from synthesis.target import Interval, Target
 
 SECONDS = 2.0
@@ -67,19 +68,12 @@ def _pin_of(linkage: GuidedLinkage, place: int, body: MovingLink) -> Complexes:
     return body.place + np.exp(1j * body.direction) * guide.body_point
 
 
-def _reach(linkage: GuidedLinkage) -> float:
-    """A length of the linkage's size, wherever it stands."""
-    first, second = linkage.guides
-    radii = [one.radius for one in linkage.guides if isinstance(one, Circle)]
-    return max(*radii, abs(first.body_point - second.body_point), abs(first[0] - second[0]), 0.0)
-
-
 def shown(linkage: GuidedLinkage, interval: Interval) -> _Shown:
     """What is drawn. FieldError for a linkage that does not close there, at the place that fails."""
     travel = linkage.over(interval)
     links = linkage.links(travel)
     body = links[1]
-    size = _reach(linkage)
+    size = linkage.reach
     for place, guide in enumerate(linkage.guides):
         if not abs(guide[0]) <= FARTHEST * size:
             raise FieldError(
@@ -110,7 +104,7 @@ def shown(linkage: GuidedLinkage, interval: Interval) -> _Shown:
     return _Shown(links, now, pins, points, rails, size)
 
 
-def _outline(linkage: GuidedLinkage, found: _Shown, positions: bool) -> Complexes:
+def _outline(linkage: GuidedLinkage, found: _Shown) -> Complexes:
     """The body at the first sample: its guided points, or the middle of a slot, and the body point."""
     corners = []
     for place, guide in enumerate(linkage.guides):
@@ -119,9 +113,7 @@ def _outline(linkage: GuidedLinkage, found: _Shown, positions: bool) -> Complexe
             corners.append(complex(ends.mean()))
         else:
             corners.append(found.pins[place])
-    if positions:
-        corners.append(complex(found.body.place[0]))
-    return np.array(corners)
+    return np.array([*corners, complex(found.body.place[0])])
 
 
 def to_svg(linkage: GuidedLinkage, target: Target, extra: Extra | None = None) -> str:
@@ -169,7 +161,7 @@ def to_svg(linkage: GuidedLinkage, target: Target, extra: Extra | None = None) -
             _OWN_STYLE,
             f'<g id="GROUND">{"".join(ground)}</g>',
             f'<g id="PATH">{curves}</g>',
-            f'<g id="BODY">{sheet.line(_outline(linkage, found, True), "body", closed=True)}</g>',
+            f'<g id="BODY">{sheet.line(_outline(linkage, found), "body", closed=True)}</g>',
             f'<g id="LINKS">{"".join(links)}</g>',
             f"<g>{''.join(dots)}</g>",
             *([] if extra is None else [f'<g id="DRIVE">{extra.draw(sheet)}</g>']),
@@ -260,16 +252,9 @@ def to_dxf(linkage: GuidedLinkage, target: Target, unit_mm: float = 1.0, more: M
             space.add_circle(xy(at), 0.02 * size, dxfattribs={"layer": "GROUND"})
             block(at, float(body.direction[0]) + guide.body_direction)
             space.add_line(xy(ends[0]), xy(ends[1]), dxfattribs={"layer": "BODY"})
-    corners = [xy(z) for z in _outline(linkage, found, True)]
-    space.add_lwpolyline(corners, close=True, dxfattribs={"layer": "BODY"})
-    space.add_lwpolyline([xy(z) for z in found.links[1].place], dxfattribs={"layer": "PATH"})
-    for mark, turn in requested_poses(target, linkage.links(target.crank)[1].direction):
-        space.add_point(xy(mark), dxfattribs={"layer": "BODY"})
-        space.add_line(xy(mark), xy(mark + 0.08 * found.size * np.exp(1j * turn)), dxfattribs={"layer": "BODY"})
-    if more is not None:
-        document.layers.add(more.layer, color=more.colour)
-        more.draw(space, xy, size)
-    return dxf_text(document)
+    corners, way = _outline(linkage, found), found.links[1].place
+    poses = requested_poses(target, linkage.links(target.crank)[1].direction)
+    return dxf_with_motion(document, xy, size, unit_mm, corners, way, poses, more)
 
 
 def _number(value: float) -> str:

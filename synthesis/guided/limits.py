@@ -32,9 +32,9 @@ _FEW_PLACES, _MORE = 41, 0.3
 
 
 def _dead_length(limits: Limits) -> float | None:
-    """The least length of a driving cylinder: nothing where only the largest is limited."""
+    """The least length of a driving cylinder: nothing where only the largest, or what is practical, is asked for."""
     given = limits.cylinder_dead_length
-    return 0.0 if given is None and limits.cylinder_extended_max is not None else given
+    return 0.0 if given is None and (limits.practical or limits.cylinder_extended_max is not None) else given
 
 
 def numbers_of(limits: Limits, poses: Poses, timed: bool) -> dict[str, Any]:

@@ -255,6 +255,13 @@ class GuidedLinkage:
             second = "rocker" if first == "crank" else f"second_{second}"
         return first, BODY, second
 
+    @property
+    def reach(self) -> float:
+        """A length of its size, wherever it stands: the largest radius, or distance of its body points or fixed places."""
+        first, second = self.guides
+        radii = [one.radius for one in self.guides if isinstance(one, Circle)]
+        return max(*radii, abs(first.body_point - second.body_point), abs(first[0] - second[0]), 1e-300)
+
     def scaled(self, scale: float) -> GuidedLinkage:
         """The linkage with all lengths times a scale, about the origin."""
         return self._mapped(lambda z: z * scale, scale, 0.0)
@@ -761,8 +768,12 @@ def of_four_bar(linkage: Linkage) -> GuidedLinkage:
     Law: poses over travel from the first sample are those of `Linkage.joints`.
     """
     crank, coupler, rocker, _ = linkage.links
-    turn = np.exp(-1j * (linkage.body_offset or 0.0))
-    point = linkage.arm if linkage.mounted else 0j
-    first, second = complex(-point * turn), complex((coupler - point) * turn)
-    guides = Circle(linkage.pivot_a, crank, first), Circle(linkage.pivot_b, rocker, second)
-    return GuidedLinkage(guides, Driver.CRANK, linkage.branch, linkage.start + linkage.ground_angle)
+    first = Circle(linkage.pivot_a, crank, on_body(linkage, 0j))
+    second = Circle(linkage.pivot_b, rocker, on_body(linkage, coupler + 0j))
+    return GuidedLinkage((first, second), Driver.CRANK, linkage.branch, linkage.start + linkage.ground_angle)
+
+
+def on_body(linkage: Linkage, point: complex) -> complex:
+    """A point of a four-bar's coupler, from the crank pin along the coupler, in the body's frame of `of_four_bar`."""
+    origin = linkage.arm if linkage.mounted else 0j
+    return complex((point - origin) * np.exp(-1j * (linkage.body_offset or 0.0)))

@@ -13,16 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from synthesis.arrays import Complexes, Floats
-from synthesis.fourbar.tolerance_study import (
-    Spread,
-    Study,
-    Tolerances,
-    contributions_of,
-    linear_quantiles,
-    quantiles_of,
-)
+from synthesis.fourbar.tolerance_study import Study, Tolerances, compared
 from synthesis.guided.linkage import Circle, Driver, Guide, GuidedLinkage, Rail, Slot
-from synthesis.pose import whole_turns
 from synthesis.target import TURN
 from synthesis.work import Work
 
@@ -32,8 +24,6 @@ _SMALL = 1e-8
 """A step shorter than this is the last: the next would be its square."""
 _CLOSED = 1e-9
 """Of the linkage's size: a loop that is not met closer than this is open."""
-_BLOCK = 2**16
-"""Positions of made linkages that are computed at once."""
 _STEP = 1e-6
 """Of the linkage's size: half the difference of two linkages whose motions are compared for a derivative."""
 
@@ -109,7 +99,7 @@ def made(linkage: GuidedLinkage, coordinate: Floats, first: Deviation, second: D
     """
     driven, other = _Guide(linkage.guides[0], first), _Guide(linkage.guides[1], second)
     nominal = linkage.body(coordinate)
-    size = _size(linkage)
+    size = linkage.reach
     with np.errstate(all="ignore"):
         if linkage.driver is Driver.HINGE:
             return _by_hinge(linkage, coordinate, driven, other, size)
@@ -196,12 +186,6 @@ def _slid(other: _Guide, position: Complexes, turned: Complexes, along: Complexe
     return value, -np.real(np.conj(push) * along)
 
 
-def _size(linkage: GuidedLinkage) -> float:
-    first, second = linkage.guides
-    radii = [one.radius for one in linkage.guides if isinstance(one, Circle)]
-    return max(*radii, abs(first.body_point - second.body_point), abs(first[0] - second[0]), 1e-300)
-
-
 # -- to first order ---------------------------------------------------------------------------------------------------
 
 
@@ -211,7 +195,7 @@ def slopes(
     """Derivatives (changes, n) of place and rotation by changes, each of one guide by a unit of its own; NaN where dead."""
     places: list[Complexes] = []
     turns: list[Floats] = []
-    size = _size(linkage)
+    size = linkage.reach
     for guide, unit in changes:
         ends = []
         step = _STEP * (1.0 if unit.direction else size)
@@ -262,37 +246,18 @@ def simulate(
         offs[source.guide] = offs[source.guide]._replace(**{source.what: before + off})
     coordinate = linkage.start + travel
     nominal = linkage.body(coordinate)
-    quantiles: list[list[Floats]] = [[], []]
-    worst = np.zeros((2, count))
-    step = max(1, _BLOCK // count)
-    for places in (slice(first, first + step) for first in range(0, travel.size, step)):
-        work.check()
-        point, direction = made(linkage, coordinate[places], offs[0], offs[1])
-        turned = direction - nominal.rotation[places]
-        gaps = [np.abs(turned - whole_turns(turned)), np.abs(point - nominal.position[places])]
-        inside = np.arange(travel.size)[places] < samples
-        for kind, gap in enumerate(gaps):
-            gap = np.broadcast_to(np.where(np.isnan(gap), np.inf, gap), (count, gap.shape[1]))
-            quantiles[kind].append(quantiles_of(gap))
-            if inside.any():
-                worst[kind] = np.maximum(worst[kind], gap[:, inside].max(axis=1))
-    by_rotation, by_position, variances = _first_order(linkage, coordinate, sources, tolerances)
+    first_order = _first_order(linkage, coordinate, sources, tolerances)
 
-    def spread(kind: int, derivatives: Floats) -> Spread:
-        return Spread(
-            np.concatenate(quantiles[kind]),
-            linear_quantiles(derivatives, variances),
-            quantiles_of(worst[kind][:, None])[0],
-            contributions_of(derivatives[:, :samples], variances),
-        )
+    def positions(places: slice) -> tuple[Complexes, Floats]:
+        return made(linkage, coordinate[places], offs[0], offs[1])
 
-    return Study(spread(1, by_position), spread(0, by_rotation), count, float(np.mean(np.isinf(worst[0]))))
+    return compared((nominal.position, nominal.rotation), positions, first_order, samples, count, work)
 
 
 def _first_order(
     linkage: GuidedLinkage, coordinate: Floats, sources: list[Source], tolerances: Tolerances
 ) -> tuple[Floats, Floats, Floats]:
-    """Derivatives of rotation (sources, n, 2, 1) and place (sources, n, 2, 2) by each source's coordinates; variances."""
+    """Derivatives of place (sources, n, 2, 2) and rotation (sources, n, 2, 1) by each source's coordinates; variances."""
     units: dict[tuple[int, str], list[Deviation]] = {}
     for source in sources:
         both = [1.0, 0.0] if source.what == "radius" else [1.0, 1j]
@@ -305,4 +270,4 @@ def _first_order(
         (tolerances.clearance / 2) ** 2 / 2 if one.size == "clearance" else getattr(tolerances, one.size) ** 2 / 3
         for one in sources
     ]
-    return rotation, np.stack([place.real, place.imag], axis=-1), np.array(variances)
+    return np.stack([place.real, place.imag], axis=-1), rotation, np.array(variances)

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from synthesis.arrays import Floats
+from synthesis.fourbar.rounding import Rounding
 from synthesis.free.poses import Poses
 from synthesis.guided.linkage import Circle, Guide, GuidedLinkage, Rail, Slot
 from synthesis.guided.solution import GuidedSolution, assess, nearest_travel
@@ -28,16 +29,6 @@ _STEP = 1e-6
 """Of the linkage's size: half of a difference."""
 _ENDED = 1e-5
 """A round that gains less than this part of the error is the last."""
-
-
-@dataclass(frozen=True)
-class Rounding:
-    """What came of looking for lengths that can be had; as of `fourbar.rounding.Rounding`."""
-
-    solution: GuidedSolution | None
-    tried: int
-    combinations: int | None
-    exhaustive: bool | None
 
 
 def lengths_of(linkage: GuidedLinkage) -> dict[str, float]:
@@ -60,7 +51,7 @@ def rounded(
     keeps: Callable[[GuidedSolution], bool],
     tries: int,
     work: Work,
-) -> Rounding:
+) -> Rounding[GuidedSolution]:
     """The best linkage with lengths that can be had and that keeps limits.
 
     ``choices``: the nearest lengths that can be had, nearest first. ``combinations``: how many there are of all lengths
@@ -111,8 +102,7 @@ class _Chart:
     def __init__(self, linkage: GuidedLinkage, lengths: dict[str, float], timed: bool) -> None:
         self.linkage, self.lengths, self.timed = linkage, lengths, timed
         first, second = linkage.guides
-        sizes = [one.radius for one in linkage.guides if isinstance(one, Circle)]
-        self.size = max(*sizes, abs(second.body_point - first.body_point), abs(second[0] - first[0]), 1e-300)
+        self.size = linkage.reach
         self.along = float(np.angle(second.body_point - first.body_point))
         self.count = 2 * 4 + timed
 

@@ -8,10 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from synthesis.arrays import Complexes, Floats
-from synthesis.fourbar.limits import (
-    Limits,
-)
-from synthesis.fourbar.passage import SHORTEST_CHORD, faults_of
+from synthesis.fourbar.limits import Limits
+from synthesis.fourbar.passage import LEAVES_SAMPLES, SHORTEST_CHORD, faults_of
 from synthesis.free.poses import Poses
 from synthesis.guided.linkage import Circle, Driver, Guide, GuidedLinkage, Rail, Slot
 from synthesis.ranking import Errors, motion_errors
@@ -58,12 +56,12 @@ class GuidedSolution:
     def identity(self) -> Floats:
         """Numbers, relative to the linkage's size, that tell linkages of one kind and drive apart; the start does not count."""
         numbers: list[float] = [self.linkage.branch]
-        size = max(abs(_from_body(one)) for one in self.linkage.guides) + sum(
+        size = max(abs(one.body_point) for one in self.linkage.guides) + sum(
             one.radius for one in self.linkage.guides if isinstance(one, Circle)
         )
         size = size if size > 0 else 1.0
         for one in self.linkage.guides:
-            body = _from_body(one) / size
+            body = one.body_point / size
             fixed = one[0] / size
             if isinstance(one, Circle):
                 numbers += [one.radius / size, fixed.real, fixed.imag, body.real, body.imag]
@@ -90,11 +88,6 @@ class GuidedSolution:
         if not self.linkage.driver.turns:
             return mirrored
         return replace(mirrored, travel=-self.travel, interval=Interval(-self.interval.last, -self.interval.first))
-
-
-def _from_body(guide: Guide) -> complex:
-    """The body point of a guide, in the body's frame."""
-    return guide.body_point
 
 
 # -- where the drive is -----------------------------------------------------------------------------------------------
@@ -245,6 +238,21 @@ def excursion(solution: GuidedSolution, samples: Samples, ordered: bool = True, 
     return max(1.0, largest) if math.isfinite(largest) else None
 
 
+def rotation_of(solution: GuidedSolution, poses: Poses) -> Floats:
+    """The body's rotation, followed without a jump, at the travel of `Poses.there_and_back`; what slides does not come back."""
+    travel = poses.there_and_back(solution.travel) if solution.linkage.driver.turns else solution.travel
+    parts = np.linspace(0.0, 1.0, _WAY_STEPS, endpoint=False)
+    places = np.append(travel[:-1, None] + np.diff(travel)[:, None] * parts, travel[-1])
+    return np.unwrap(solution.linkage.body(solution.linkage.start + places).rotation)[::_WAY_STEPS]
+
+
+def goes_astray(solution: GuidedSolution, poses: Poses) -> bool:
+    """Whether the body point goes elsewhere between samples, or the body turns otherwise than asked for."""
+    way = excursion(solution, poses, poses.ordered, poses.closed)
+    spins = not np.all(np.isnan(poses.spins(rotation_of(solution, poses))[2]))
+    return spins or (way is not None and way > LEAVES_SAMPLES)
+
+
 def lengths(solution: GuidedSolution, samples: Samples) -> dict[str, float]:
     """Every length that makes the linkage large, by name: radii, reaches in the body, distances from the motion's middle."""
     linkage, middle = solution.linkage, samples.middle
@@ -291,4 +299,9 @@ def practical_faults(
     radii += [abs(second - first)] if first is not None and second is not None else []
     turn = solution.transmission_angle_min_turn if linkage.driver is Driver.CRANK else None
     pivots = {name: one[0] for name, one in zip(("pivot_a", "pivot_b"), linkage.guides) if not isinstance(one, Rail)}
-    return faults_of((solution.transmission_angle_min, turn), radii, pivots, samples, limits, excursion)
+    faults = faults_of((solution.transmission_angle_min, turn), radii, pivots, samples, limits, excursion)
+    if linkage.driver is Driver.CYLINDER:
+        low, high = linkage.used(0, solution.interval)
+        if low * high <= 0:
+            faults.append("the length of its cylinder passes 0 on the way: none can be bought")
+    return faults

@@ -21,9 +21,8 @@ from typing import Any
 import numpy as np
 from numpy.polynomial.polynomial import polyder, polyroots, polyval
 
-from synthesis.knotter.conditions import Clearance, Condition, SegmentHitsTriangle
+from synthesis.knotter.conditions import Clearance, Condition, SegmentHitsTriangle, divisor
 from synthesis.knotter.mechanism import DRIVER, Chain, Law, Linear, Mechanism, Shift, Table, Turn
-from synthesis.knotter.segment_triangle import divisor
 from synthesis.one_variable import Flags, Floats, bisect
 
 Point = tuple[float, float, float]

@@ -21,7 +21,7 @@ import numpy as np
 
 from synthesis.errors import FieldError
 from synthesis.lift.motion import refusal
-from synthesis.lift.objective import (
+from synthesis.lift.optimum import (
     OPEN_END,
     Built,
     Evaluator,
@@ -54,6 +54,32 @@ PAST_NODES = 33
 """Poses past the start between which the dead point is isolated."""
 STRICT = 1e-3
 """Share of the top height by which l3 stays below l5, a strict inequality (36)."""
+MEASURED_NODES = 2001
+SPREAD = 4096
+"""Designs of the first look, on each side of the cylinder's pivot."""
+COARSE_NODES = 17
+NEAR = 1024
+"""Designs of the first look whose objective is computed: those that break the constraints least."""
+STARTS = 16
+APART = 0.08
+"""Distance between two starts, in units of the ranges."""
+ROUNDS, FINE_ROUNDS = 30, 20
+LAST = 3
+"""Descents that are finished on `FINE_NODES` poses."""
+STEP = 1e-6
+"""Of the differences that slopes are taken by, in units of the ranges."""
+MARGIN = 5e-5
+"""Share of a limit by which a design stays inside, so that poses between the nodes do too."""
+REACH, LEAST_REACH = 0.15, 1e-8
+"""First and last length of a step, in units of the ranges."""
+WEIGHT = 30.0
+"""Of the worst broken constraint beside the logarithm of the objective."""
+ACTIVE = 2e-3
+"""Slack, in units of the limit, below which a constraint holds a design."""
+REACHES = 1 + 1e-6
+"""Share by which l3 stays above half of the stroke, where A would only just come down to the start."""
+CLOSED = 1e-12
+"""Share of its end below which a range is one value."""
 
 Range = tuple[float | None, float | None]
 
@@ -260,9 +286,6 @@ def check_constraints(limits: Constraints) -> None:
             raise refusal("envelope", f"/constraints/envelope/{k}", abs(bound), message)
 
 
-MEASURED_NODES = 2001
-
-
 def measured(built: Built, task: Task) -> dict[str, float]:
     """What the constraints are about, of one design over `MEASURED_NODES` poses; ``transmission`` in radians."""
     one = Built(
@@ -333,33 +356,6 @@ def rows_of(limits: Constraints, values: dict[str, float], active: Sequence[str]
         for limit, (kind, suffix) in zip(pair, ends)
         if limit is not None
     ]
-
-
-SPREAD = 4096
-"""Designs of the first look, on each side of the cylinder's pivot."""
-COARSE_NODES = 17
-NEAR = 1024
-"""Designs of the first look whose objective is computed: those that break the constraints least."""
-STARTS = 16
-APART = 0.08
-"""Distance between two starts, in units of the ranges."""
-ROUNDS, FINE_ROUNDS = 30, 20
-LAST = 3
-"""Descents that are finished on `FINE_NODES` poses."""
-STEP = 1e-6
-"""Of the differences that slopes are taken by, in units of the ranges."""
-MARGIN = 5e-5
-"""Share of a limit by which a design stays inside, so that poses between the nodes do too."""
-REACH, LEAST_REACH = 0.15, 1e-8
-"""First and last length of a step, in units of the ranges."""
-WEIGHT = 30.0
-"""Of the worst broken constraint beside the logarithm of the objective."""
-ACTIVE = 2e-3
-"""Slack, in units of the limit, below which a constraint holds a design."""
-REACHES = 1 + 1e-6
-"""Share by which l3 stays above half of the stroke, where A would only just come down to the start."""
-CLOSED = 1e-12
-"""Share of its end below which a range is one value."""
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ direction of AC and theta3 = mu + pi.
 
 Source: Gan, Meng, Li, Zhou, "Kinematic simulation and optimization of a pneumatic linkage lifting mechanism",
 Machinery Design & Manufacture 2020-3. Numbers in parentheses are its equations. Its loops (7)-(12) are in
-`synthesis.lift.loops`, as an independent check.
+`synthesis.lift.motion`, as an independent check.
 
 Lengths are in the user's unit, angles in radians. Every array argument broadcasts; a design or a cylinder may hold
 arrays, with batch axes leading. What cannot be assembled is NaN.

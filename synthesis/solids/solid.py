@@ -18,7 +18,7 @@ from synthesis.assembly.layers import HEAD, Stack
 from synthesis.assembly.machine import Machine
 from synthesis.assembly.parts import Heights, Part, parts_of
 from synthesis.errors import FieldError
-from synthesis.fourbar.analysis import LinkMass
+from synthesis.fourbar.linkage import LinkMass
 from synthesis.guided.linkage import BODY
 from synthesis.solids.fits import Fit, tolerance
 from synthesis.solids.prism import Hole, Mass, Prism, filleted, rounded, together

@@ -11,14 +11,14 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager
 from types import SimpleNamespace
-from typing import Any, ClassVar
+from typing import Any
 
 import pytest
 import uvicorn
 from starlette.routing import Route
 
 from app import bodies, connections
-from app.computed import LargeBodies, Threads, _Coming
+from app.computed import LargeBodies, Threads
 from app.connections import protocol_of
 from app.main import create_app
 from app.problems import SlowBody
@@ -90,6 +90,18 @@ def test_what_does_not_come_or_is_no_request_is_told_and_closed(sent, status, po
         client.sendall(sent)
         found, problem = said(everything(client))
         assert found == problem["status"] == status
+
+
+def test_one_who_speaks_no_http_again_and_again_is_slowed_down(port) -> None:
+    """Two that began again at once took a third of the time of the process that talks to the clients."""
+    count, end = 0, time.monotonic() + 1.0
+    while time.monotonic() < end:
+        with closing(connected(port)) as client:
+            client.sendall(b"hello\r\n\r\n")
+            client.sendall(b"hello\r\n\r\n")
+            assert said(everything(client))[0] == 400
+        count += 1
+    assert count <= 11
 
 
 def test_one_who_says_nothing_is_closed_without_a_word(port) -> None:
@@ -213,6 +225,21 @@ def test_clients_that_do_not_read_make_room_and_are_cut_off(unread) -> None:
         assert eventually(lambda: bodies.Held.total == 0)
 
 
+def test_what_unread_replies_took_is_given_back(unread, monkeypatch) -> None:
+    """Once the front kept tens of megabytes of them."""
+    port, _ = unread
+    given: list[int] = []
+    monkeypatch.setattr(bodies, "give_back_memory", lambda: given.append(bodies.Held.total))
+    with closing(connected(port)) as client:
+        client.sendall(b"GET /large HTTP/1.1\r\nHost: a\r\n\r\n")
+        assert eventually(lambda: bodies.Held.total > 1 << 20)
+    assert eventually(lambda: given) and set(given) == {0}
+    with closing(connected(port)) as client:
+        client.sendall(NEEDLE.replace(b"Host: a", b"Host: a\r\nConnection: close"))
+        assert everything(client).startswith(b"HTTP/1.1 200")
+    assert len(given) == 1, "not for each short reply"
+
+
 def test_replies_that_are_not_read_hold_only_so_much(unread) -> None:
     port, _ = unread
     with ExitStack() as stack:
@@ -262,6 +289,29 @@ def test_requests_whose_clients_have_gone_leave_their_places(monkeypatch) -> Non
         assert eventually(lambda: turnstile.computing == 0)
 
 
+def test_nothing_is_computed_for_clients_that_ask_and_leave_at_once() -> None:
+    """Once each that came to a free process took it along."""
+    asked = []
+
+    class Computing(Threads):
+        async def answer(self, request, question, content):
+            asked.append(question.path)
+            return await super().answer(request, question, content)
+
+    settings = Settings(atlas="none")
+    resources = ServiceResources(settings)
+    app = create_app(settings, resources, lambda turnstile: Computing(resources, turnstile))
+    with serving(app) as (port, _):
+        for _ in range(20):
+            with closing(connected(port)) as client:
+                client.sendall(NEEDLE)
+        with closing(connected(port)) as client:
+            client.sendall(NEEDLE)
+            client.shutdown(socket.SHUT_WR)
+            assert b"HTTP/1.1 200" in everything(client)
+    assert len(asked) <= 5  # of a few the closing may come late
+
+
 def test_what_is_shared_is_not_counted_while_it_is_sent() -> None:
     before, held = bodies.Held.total, bodies.Held(0)
     held.take(1000)
@@ -269,54 +319,48 @@ def test_what_is_shared_is_not_counted_while_it_is_sent() -> None:
 
 
 class Sender:
-    """A request whose large body does not come, from an address."""
+    """A request with a large body from an address, of which so many bytes come every so many seconds."""
 
-    headers: ClassVar[dict[str, str]] = {"content-length": "900000"}
-
-    def __init__(self, host: str) -> None:
+    def __init__(self, host: str, part: int, pause: float) -> None:
+        self.headers = {"content-length": "100000"}
         self.client = SimpleNamespace(host=host)
+        self._parts, self._pause = [b" " * part] * (100_000 // part), pause
 
     async def stream(self) -> Any:
-        yield b" "
-        await asyncio.Event().wait()
+        for part in self._parts:
+            yield part
+            await asyncio.sleep(self._pause)
 
 
-async def received(senders: list[str], places: int, until: Any) -> tuple[LargeBodies, list[asyncio.Task[bytes]]]:
-    large = LargeBodies(places, 1000.0)
-    large.PATIENCE = 0.05
-    tasks = [asyncio.create_task(large.read(Sender(host))) for host in senders]
-    async with asyncio.timeout(PATIENCE):
-        while not until(large, tasks):
-            await asyncio.sleep(0.005)
-    return large, tasks
+def received(senders: list[Sender], places: int, seconds: float) -> list[float]:
+    """When each body was there, or was given up (negative)."""
+    large = LargeBodies(places, seconds)
+    large.PATIENCE = 0.2
+
+    async def one(sender: Sender, begin: float) -> float:
+        try:
+            assert len(await large.read(sender)) == 100_000
+            return time.perf_counter() - begin
+        except SlowBody:
+            return begin - time.perf_counter()
+
+    async def story() -> list[float]:
+        begin = time.perf_counter()
+        return await asyncio.gather(*(one(sender, begin) for sender in senders))
+
+    return asyncio.run(story())
 
 
-def test_a_place_is_taken_from_those_that_are_in_the_way() -> None:
-    async def story() -> None:
-        # the other's body is as slow, but the third of one address waits for a place of its own address
-        _, tasks = await received(
-            ["other", "a", "a", "a"], 4, lambda large, tasks: any(map(asyncio.Task.done, tasks))
-        )
-        assert (
-            not tasks[0].done() and sum(isinstance(task.exception(), SlowBody) for task in tasks if task.done()) >= 1
-        )
-        for task in tasks:
-            task.cancel()
-
-    asyncio.run(story())
+def test_a_large_body_that_falls_behind_loses_its_place() -> None:
+    silent, slow, steady = Sender("a", 10, 1000.0), Sender("b", 10_000, 0.5), Sender("c", 10_000, 0.02)
+    gave_up, too_slow, there = received([silent, slow, steady], 16, 1.0)
+    assert -PATIENCE < gave_up <= -0.2 and -PATIENCE < too_slow <= -0.3 and there > 0
 
 
-def test_a_body_that_has_been_given_up_is_not_given_up_again() -> None:
-    """Its time cannot be changed any more, and it leaves its place in a moment."""
-
-    async def story() -> None:
-        with pytest.raises(TimeoutError):
-            async with asyncio.timeout(0) as time:
-                coming = _Coming("a", 900_000, time)
-                await asyncio.Event().wait()
-        assert not coming.late(coming.begin + 10, 20.0)
-
-    asyncio.run(story())
+def test_one_address_has_half_of_the_places() -> None:
+    hogs = [Sender("a", 10, 1000.0) for _ in range(6)]
+    *_, own, other = received([*hogs, Sender("a", 50_000, 0.0), Sender("b", 50_000, 0.0)], 4, 1000.0)
+    assert 0 < other < own and own >= 3 * 0.2, "three times two of one address, then its last"
 
 
 def test_large_bodies_that_do_not_come_keep_no_place() -> None:

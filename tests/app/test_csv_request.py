@@ -43,6 +43,13 @@ def test_a_table_that_cannot_be_read_ends_the_command(tmp_path, capsys) -> None:
         assert words in capsys.readouterr().err
 
 
+def test_a_table_with_names_in_quotes_is_no_json(tmp_path, capsys) -> None:
+    path = tmp_path / "motion.csv"
+    path.write_text('\ufeff"x","y"\n"0","0"\n"10,5","2"\n"20","8"\n')
+    assert cli.main(["synthesize", str(path), "--set", "top=1", "--set", "budget_ms=50"]) == 0
+    assert "1 solution" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize("name", ["t", "T", "time", "Time [s]"])
 @pytest.mark.parametrize(
     ("read", "other", "left_out"),

@@ -17,6 +17,7 @@ import pytest
 from fastapi.testclient import TestClient
 
 import linkage_atlas as la
+from app.computed import Threads
 from app.main import create_app
 from app.registry import all_queries, worked_example
 from app.resources import ServiceResources
@@ -439,6 +440,26 @@ def test_what_can_be_got_can_be_asked_for_its_head_alone(path, client) -> None:
 def test_what_is_loaded_is_told_once(client) -> None:
     etag = client.get("/v1/atlas").headers["etag"]
     assert client.get("/v1/atlas", headers={"if-none-match": etag}).status_code == 304
+
+
+def test_what_takes_milliseconds_is_made_where_answers_are_computed(small_bytes, tmp_path) -> None:
+    """Made by the process that talks to the clients, a description held all of them up."""
+    asked: list[str] = []
+
+    class Computing(Threads):
+        async def answer(self, request, question, content):
+            asked.append(question.path)
+            return await super().answer(request, question, content)
+
+    (tmp_path / "small.h5").write_bytes(small_bytes)
+    settings = Settings(atlas=tmp_path / "small.h5")
+    resources = ServiceResources(settings)
+    app = create_app(settings, resources, lambda turnstile: Computing(resources, turnstile))
+    paths = ["/openapi.json", "/v1/atlas", "/scenes/lift/queries", "/v1/types/3"]
+    with TestClient(app) as client:
+        for _ in range(2):
+            assert [client.get(path).status_code for path in paths] == [200] * 4
+    assert asked == [*paths[:3], "/v1/types/{number}", "/v1/types/{number}"]
 
 
 REFUSALS = json.loads((Path(__file__).parent / "refusals.json").read_text())

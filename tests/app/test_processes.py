@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import http.client
 import json
 import os
@@ -33,7 +34,7 @@ import os, sys
 from app import cli
 from app.scenes import knotter, lift
 from app.registry import all_queries
-from synthesis.slider.dimension_types import SliderTypeRule
+from synthesis.slider.mechanism import SliderTypeRule
 
 SliderTypeRule.__init__.__defaults__ = (80, *SliderTypeRule.__init__.__defaults__[1:])
 
@@ -209,6 +210,13 @@ def test_a_client_that_leaves_takes_its_process_with_it(running) -> None:
     busy.close()
     until(lambda: len(running.computing) == 2 and running.computing != before)
     assert len(before & running.computing) == 1
+
+
+def test_long_addresses_are_cut_in_the_log(running) -> None:
+    assert running.get(f"/nowhere/{'x' * 5000}")["status"] == 404
+    until(lambda: "/nowhere/" in running.log.read_text())
+    (line,) = (line for line in running.log.read_text().splitlines() if "/nowhere/" in line)
+    assert len(line) < 600 and "xxx..." in line
 
 
 def test_a_process_that_is_killed_is_replaced(running) -> None:
@@ -406,6 +414,22 @@ def test_connections_do_not_wait_for_acknowledgements() -> None:
 
     asyncio.run(accept())
     assert seen == [1]
+
+
+def test_the_system_takes_little_of_what_a_client_does_not_read() -> None:
+    """Some megabytes of each connection otherwise: time to copy them and memory that nothing counts."""
+    (listener,) = listening("127.0.0.1", 0)
+    with listener, socket.socket() as client:
+        listener.listen()
+        client.connect(listener.getsockname())
+        server, _ = listener.accept()
+        with server:
+            server.setblocking(False)
+            taken = 0
+            with contextlib.suppress(BlockingIOError):
+                while True:
+                    taken += server.send(b"x" * 10_000)
+    assert taken < 1 << 20
 
 
 def test_all_addresses_of_a_host_have_the_same_port() -> None:

@@ -9,6 +9,7 @@ import logging
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -202,6 +203,9 @@ def test_long_work_asks_the_clock_throughout(path, body, prepared, monkeypatch) 
 
 
 class Patient:
+    def __init__(self, host: str = "") -> None:
+        self.client = SimpleNamespace(host=host)
+
     async def receive(self) -> dict[str, str]:
         await asyncio.Event().wait()
         return {}
@@ -209,12 +213,12 @@ class Patient:
 
 def turns(turnstile: Turnstile, story: Any) -> Any:
     async def told() -> Any:
-        def ask(seconds: float, long: bool) -> asyncio.Task[Any]:
+        def ask(seconds: float, long: bool, host: str = "") -> asyncio.Task[Any]:
             async def work(queued: float, cancelled: Any) -> float:
                 await asyncio.sleep(seconds)
                 return time.perf_counter()
 
-            return asyncio.create_task(turnstile.turn(Patient(), work, long))
+            return asyncio.create_task(turnstile.turn(Patient(host), work, long))
 
         return await story(ask)
 
@@ -241,6 +245,23 @@ def test_long_requests_do_not_wait_for_ever() -> None:
 
     for places in (1, 2, 3):
         assert turns(Turnstile(places, 64), story)
+
+
+@pytest.mark.parametrize("long", [False, True])
+def test_who_asks_for_much_waits_for_himself(long) -> None:
+    """One address that asked sixty times at once held the turns of all, and all the room to wait."""
+
+    async def story(ask):
+        much = [ask(0.01, long, "greedy") for _ in range(60)]
+        await asyncio.sleep(0.001)
+        few = [ask(0.01, long, f"modest {number}") for number in range(4)]
+        few = await asyncio.gather(*few)
+        return few, await asyncio.gather(*much, return_exceptions=True)
+
+    few, much = turns(Turnstile(2, 16), story)
+    served = [one for one in much if isinstance(one, float)]
+    assert sum(one < max(few) for one in served) <= 8
+    assert sum(isinstance(one, Overloaded) for one in much) == 60 - len(served) and 4 <= len(served) <= 18
 
 
 def test_long_requests_leave_room_to_wait() -> None:

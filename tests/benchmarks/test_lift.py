@@ -7,8 +7,7 @@ import pytest
 
 from benchmarks import report
 from benchmarks.lift_pictures import REFERENCE, task
-from synthesis.lift.objective import Evaluator, Objective, project
-from synthesis.lift.optimum import ARMS, FITTED, STROKE
+from synthesis.lift.optimum import ARMS, FITTED, STROKE, Evaluator, Objective, project
 from synthesis.lift.pose import Cylinder
 
 RESULTS = report.load("lift")

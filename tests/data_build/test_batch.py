@@ -24,9 +24,8 @@ import numpy as np
 import pytest
 
 from data_build import batch
-from data_build.batch import BuildLocked, build_atlas, compute_shard
+from data_build.batch import BuildLocked, build_atlas, compute_shard, dask_executor, local_executor
 from data_build.cli import EXIT_DAMAGED, EXIT_FAILED, EXIT_INTERRUPTED, EXIT_OK, EXIT_USAGE, main
-from data_build.executors import dask_executor, local_executor
 from synthesis.atlas.file import encode_atlas, load_atlas, write_image
 from synthesis.atlas.table import COLUMNS, CURVE, UNITS, AtlasRule
 from synthesis.fourbar.dimension_types import TypeRule, count_types, enumerate_types

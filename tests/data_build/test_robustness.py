@@ -13,9 +13,8 @@ from pathlib import Path
 import pytest
 
 from data_build import batch
-from data_build.batch import build_atlas
+from data_build.batch import build_atlas, local_executor
 from data_build.cli import EXIT_INTERRUPTED, EXIT_OK, EXIT_USAGE, main
-from data_build.executors import local_executor
 from synthesis.atlas.file import encode_atlas
 from synthesis.atlas.table import AtlasRule
 from synthesis.errors import FieldError

@@ -65,7 +65,7 @@ def test_every_question_is_answered_and_no_part_sticks_out(at, scene, width) -> 
 def test_every_example_goes_through_the_form_unchanged(at, scene) -> None:
     """What the form reads back from an example's fields is the example: nothing is lost, nothing is typed as JSON."""
     page = at(scene)
-    for query in json.loads(scene_details(scene).content)["queries"]:
+    for query in scene_details(scene)["queries"]:
         for name, example in query["examples"].items():
             page.run("document.body.innerHTML = '<section class=schema id=fields></section>'")
             read = page.later(

@@ -344,6 +344,21 @@ def test_a_further_stage_takes_the_place_of_the_one_before(standing) -> None:
     assert shown[6:] == [[], [], [2, 4, 5]], "where there is none, a last one is given more time"
 
 
+def test_the_order_of_the_service_stays(standing) -> None:
+    """A linkage that goes astray comes after near ones that do not, also where an earlier stage is joined to a later one."""
+    shown = standing.run(
+        "return import('/static/service.js').then((s) => {"
+        "const one = (size, objective, practical = true) => ({links: {coupler: size}, errors: {objective},"
+        "verdict: {order: true, branch: true, circuit: true, practical}});"
+        "const reply = [one(1, 0.024), one(2, 0.025), one(3, 0.022, false)];"
+        "const same = (a, b) => a.links.coupler === b.links.coupler, free = {timing: 'free'};"
+        "const join = (earlier, solutions) => s.together(free, earlier, {solutions}, 9, same).map(x => x.links.coupler);"
+        "const before = [one(4, 0.0245), one(5, 0.013, false), one(6, 0.5)], far = [one(8, 0.001, false)];"
+        "return [join([], reply), join(before, reply), join([one(7, 0.5)], far)]; })"
+    )
+    assert shown == [[1, 2, 3], [1, 4, 2, 5, 3, 6], [8, 7]]
+
+
 def test_status_and_errors_are_in_view(page) -> None:
     page.resize(1280, 800)
     page.run("document.getElementById('limits').open = true; scrollTo(0, 0)")

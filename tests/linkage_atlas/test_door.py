@@ -424,3 +424,36 @@ def test_what_a_motion_and_one_linkage_are_printed_as() -> None:
 def test_of_a_loop_that_does_not_close_no_joint_that_moves_is_told() -> None:
     joints = la.FourBar(1, 2, 3, 10).joints([0, 90])
     assert np.all(np.isnan(joints.crank_pin)) and np.all(np.isnan(joints.coupler_pin))
+
+
+def test_the_reason_names_the_family_that_lengths_exclude() -> None:
+    """The shortest link is the rocker: its crank does not turn fully, as is asked for by default."""
+    lengths = {"crank": 60, "coupler": 60, "rocker": 20, "ground": 30}
+    motion = la.Motion(None, [[0, 0], [10, 2], [30, 3], [40, 10]], timing="free")
+    found = la.synthesize(motion, la.Limits(links=lengths))
+    assert found.status == "infeasible"
+    (note,) = found.report.notes
+    assert (
+        note == "the given lengths are those of a rocker_crank, which family 'full_crank' excludes; 'any' takes them"
+    )
+    assert la.synthesize(motion, la.Limits(links=lengths, family="any")).status == "reached"
+
+
+def test_the_reason_is_a_family_too_where_it_is_the_default() -> None:
+    """A crank longer than the ground turns fully in a double-crank alone, whose ground is shortest: here the rocker is."""
+    motion = la.Motion(None, [[0, 0], [10, 2], [30, 3], [40, 10]], timing="free")
+    found = la.synthesize(motion, la.Limits(links={"crank": 60, "rocker": 20, "ground": 30}))
+    assert found.status == "infeasible"
+    assert (
+        "family 'full_crank' excludes every linkage that was looked for; among 'any' there are some"
+        in found.report.notes
+    )
+
+
+def test_what_a_limit_would_have_to_be_is_so() -> None:
+    """A shortest link above the preset's longest lifts that; one that gave way no longer does."""
+    motion = la.Motion(None, [[0, 0], [10, 2], [30, 3], [40, 10]], timing="free")
+    found = la.synthesize(motion, la.Limits(link_min=260))
+    (note,) = [note for note in found.report.notes if note.startswith("link_min excludes")]
+    value = float(note.split(" at ")[1].split()[0])
+    assert la.synthesize(motion, la.Limits(link_min=0.999 * value)).solutions

@@ -484,3 +484,88 @@ def test_links_so_long_that_their_curve_is_rounding_take_no_more_memory_than_oth
     tracemalloc.stop()
     assert max(found.best.links) > 1e5 and found.best.excursion < 1.2
     assert peak < 6e7
+
+
+# -- the body turns as it was asked to -----------------------------------------------------------------------------
+
+
+def turning(best: la.Solution, rotation: list[float | None]) -> np.ndarray:
+    """By how much the body turns from each sample with an angle to the next, followed in small steps of the crank."""
+    given = [k for k, angle in enumerate(rotation) if angle is not None]
+    crank = np.array(best.crank_angle)
+    parts = [np.linspace(a, b, 500) for a, b in zip(crank[given][:-1], crank[given][1:])]
+    return np.array([np.ptp(np.unwrap(best.linkage.joints(one).rotation, period=360)[[0, -1]]) for one in parts])
+
+
+@pytest.mark.parametrize("half", [180, -180])
+def test_a_body_is_turned_over_the_way_that_the_sign_says(half: float) -> None:
+    found = la.synthesize([0, half], [[0, 0], [120, 0]], timing="free")
+    best = found.best
+    gone = np.unwrap(best.linkage.joints(np.linspace(*best.crank_angle, 1000)).rotation, period=360)
+    assert gone[-1] - gone[0] == pytest.approx(half, abs=1e-6) and best.verdict.practical
+
+
+def test_angles_at_both_ends_are_met_without_further_turns() -> None:
+    """Nothing between says how the body turns: the nearest four-bars take it round by -270 degrees, and are told from others."""
+    rotation = [0, *[None] * 9, 90]
+    found = la.synthesize(rotation, [[10 * k, k * (10 - k)] for k in range(11)], timing="free")
+    good = [one for one in found if one.verdict.practical]
+    assert good and turning(good[0], rotation) == pytest.approx([90], abs=3)
+    assert all((turning(one, rotation)[0] < 100) == (not _told(one)) for one in found)
+
+
+def _told(one: la.Solution) -> list[str]:
+    return [reason for reason in one.verdict.reasons if reason.startswith("the body turns by")]
+
+
+def test_a_body_that_turns_the_other_way_round_is_told() -> None:
+    """These four poses have one exact full crank, and it goes round by -289.7 degrees where 70.3 were asked for."""
+    places = [[0, 0], [40, 11], [55, 70], [91, 84]]
+    seen = 0
+    for rotation in ([-23.0, 47.3, 40.4, 36.0], [0, 172], [0, 60, 150, 200]):
+        for one in la.synthesize(rotation, places[: len(rotation)], timing="free", limits={"preset": "none"}):
+            wrong = np.abs(turning(one, rotation) - np.abs(np.diff(rotation))) > 180
+            told = _told(one)
+            assert bool(told) == bool(wrong.any())
+            assert not (told and one.verdict.practical)
+            if told:
+                first = int(np.argmax(wrong)) + 1
+                assert f"from sample {first} to {first + 1}, not by {np.diff(rotation)[first - 1]:.4g}" in told[0]
+                seen += 1
+    assert seen
+
+
+def test_wrapped_angles_turn_on() -> None:
+    found = la.synthesize([340, 350, 0, 10, 20], [[0, 0], [10, 4], [22, 6], [35, 6], [47, 4]], timing="free")
+    assert turning(found.best, [340, 350, 0, 10, 20]) == pytest.approx([10] * 4, abs=1)
+    assert found.best.verdict.practical
+
+
+@pytest.mark.parametrize("last", [[], [[0, 0]]], ids=["left out", "repeated"])
+def test_a_closed_way_counts_the_turn_back_too(last: list[list[float]]) -> None:
+    """A coupler that goes round with its crank turns by 360 degrees over the whole way, from 315 on to 360, and not back to 0."""
+    linkage = la.FourBar(90, 75, 80, 30, start_angle=20, pivot_a=(0, 0), coupler_point=(60, 40))
+    joints = linkage.joints(np.linspace(0, 360, 9))
+    rotation, places = joints.rotation - joints.rotation[0], joints.body_point
+    count = 8 + len(last)
+    free = {"timing": "free", "closed": True, "limits": {"preset": "none"}}
+    spinning = la.synthesize(rotation[:count], places[:count], **free)
+    assert spinning.best.errors.objective < 1e-9
+    assert not _told(spinning.best)
+
+
+def test_what_turns_on_sliders_is_told_alike() -> None:
+    rotation = [0, *[None] * 5, 150]
+    for one in la.synthesize(
+        rotation,
+        [[12 * k, k * (6 - k)] for k in range(7)],
+        timing="free",
+        mechanisms="all",
+        limits={"preset": "none"},
+    ):
+        told = bool(_told(one))
+        travel = one.travel if one.crank_angle is None else one.crank_angle
+        gone = one.linkage.joints(np.linspace(travel[0], travel[-1], 4000)).rotation
+        gone = np.unwrap(gone, period=360)
+        assert told == (abs(gone[-1] - gone[0] - 150) > 180)
+        assert not (told and one.verdict.practical)

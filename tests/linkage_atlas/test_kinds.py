@@ -285,3 +285,24 @@ def test_one_kind_may_be_named_without_a_list() -> None:
     with pytest.raises(la.FieldError, match="railslot") as refused:
         la.synthesize(*poses, timing="free", mechanisms="railslot")
     assert refused.value.field.startswith("/mechanisms")
+
+
+@pytest.mark.parametrize("preset", ["practical", "none"])
+def test_a_cylinder_whose_length_passes_zero_is_no_practical_drive(preset: str) -> None:
+    passing = 0
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        count = 3 + seed % 3
+        rotation = np.cumsum(rng.uniform(5, 25, count))
+        motion = la.Motion(rotation, np.cumsum(rng.uniform(-30, 60, (count, 2)), axis=0), timing="free")
+        kinds = ["swinging_block", "rail_slot", "two_slots"]
+        found = la.synthesize(motion, la.Limits(preset=preset), mechanisms=kinds, driver="cylinder").solutions
+        assert found
+        for one in found:
+            length = one.start + np.asarray(one.travel)
+            passes = bool(length.min() * length.max() <= 0)
+            told = [reason for reason in one.verdict.reasons if "length of its cylinder passes 0" in reason]
+            assert bool(told) is passes
+            assert not (passes and one.verdict.practical)
+            passing += passes
+    assert (passing > 0) is (preset == "none")

@@ -215,7 +215,7 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"limits": {"family": "crank_rocker"}}, "/limits/family"),
     ({"limits": {"transmission_angle_min": 90}}, "/limits/transmission_angle_min"),
     ({"limits": {"transmission_angle_min_turn": 20}}, "/limits/transmission_angle_min_turn"),
-    ({"limits": {"link_min": 9, "link_max": 3}}, "/limits/link_max"),
+    ({"limits": {"link_min": 9, "link_max": 3}}, "/limits/link_min"),
     ({"limits": {"link_ratio_max": 0.5}}, "/limits/link_ratio_max"),
     ({"limits": {"links": {"ground": 3}}}, "/limits/links/ground"),
     ({"limits": {"links": {"crank": -3}}}, "/limits/links/crank"),

@@ -1,14 +1,16 @@
-"""Random linkages of every family and branch that swing either way, and random loads on them."""
+"""Random linkages of all kinds, families and branches that swing either way, random loads on them, and actuators."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from synthesis.drives.actuator import Actuator
-from synthesis.drives.links import LinkMotion, Loading
+from synthesis.drives.actuator import Actuator, Question, Wanted
+from synthesis.drives.links import GROUND, LinkMotion, Loading, Machine, machine_of
 from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.analysis import Mass
+from synthesis.guided.linkage import GuidedLinkage
 from synthesis.target import Interval
+from tests.oracles.guided_cases import DRIVES, good_linkage
 
 
 def random_linkage(rng: np.random.Generator) -> tuple[Linkage, Interval]:
@@ -23,14 +25,54 @@ def random_linkage(rng: np.random.Generator) -> tuple[Linkage, Interval]:
             return one, Interval(0.0, span)
 
 
-def loads(linkage: Linkage, rng: np.random.Generator) -> Loading:
-    parts = [
-        Mass(name, rng.uniform(0, 2), complex(*rng.normal(size=2)), rng.uniform(0, 0.3))
-        for name in ("crank", "coupler", "rocker", "body")
-    ]
+def any_linkage(seed: int) -> tuple[Linkage | GuidedLinkage, Interval]:
+    """Of all kinds, drives, families and branches, either way: every fourth a four-bar, the others bodies on guides."""
+    rng = np.random.default_rng([seed, 0])
+    if seed % 4 == 0:
+        return random_linkage(rng)
+    drive = DRIVES[(seed - seed // 4) % len(DRIVES)]
+    span = rng.uniform(0.2, 1.2) * rng.choice([-1, 1])
+    low, high = sorted([0.0, span])
+    return good_linkage(rng, drive, low, high, np.deg2rad(15)), Interval(0.0, span)
+
+
+def loads(machine: Machine, rng: np.random.Generator) -> Loading:
+    """Force, torque, and masses with inertia on every link and the body, at a speed."""
+    names = [*machine.links, "body"]
+    parts = [Mass(name, rng.uniform(0, 2), complex(*rng.normal(size=2)), rng.uniform(0, 0.3)) for name in names]
     return Loading(
         complex(*rng.normal(size=2)), rng.normal(), tuple(parts), complex(*rng.normal(size=2)), rng.uniform(0, 3)
     )
+
+
+class Case:
+    """A linkage, one of its links, perhaps another that carries the other end, a load, and an actuator that may fit."""
+
+    def __init__(self, seed: int) -> None:
+        self.linkage, self.interval = any_linkage(seed)
+        self.kind = "four_bar" if isinstance(self.linkage, Linkage) else self.linkage.kind.value
+        self.machine = machine_of(self.linkage, self.interval)
+        rng = np.random.default_rng([seed, 1])
+        self.load = loads(self.machine, rng)
+        names = list(self.machine.links)
+        self.name = names[seed // 4 % 3]
+        self.on = names[(seed // 4 + 1) % 3] if seed // 12 % 3 == 2 else GROUND
+        self.stroke = float(rng.uniform(0.15, 0.8))
+        self.actuator = Actuator(self.stroke * float(rng.uniform(1.1, 2.5)), self.stroke)
+
+    @property
+    def link(self) -> LinkMotion:
+        """As seen from where the other end is."""
+        link = self.machine.links[self.name]
+        return link if self.on == GROUND else link.seen_from(self.machine.links[self.on])
+
+    def question(self, grid: int = 60) -> Question:
+        """Box and reach are of the linkage's size."""
+        link = self.link
+        middle = complex(np.mean(link.origin))
+        box = (middle.real - 2.5, middle.imag - 2.5, middle.real + 2.5, middle.imag + 2.5)
+        wanted = Wanted(box, 1.5, 0.02 * self.stroke)
+        return Question(link, self.machine.at, self.machine.torque(self.load), wanted, grid)
 
 
 def straight(link: LinkMotion, actuator: Actuator) -> tuple[tuple[float, float, float], complex, complex]:

@@ -12,9 +12,8 @@ from itertools import pairwise
 import mpmath
 import numpy as np
 
-from synthesis.lift.loops import angular_velocities, link_angles, loop_residuals
-from synthesis.lift.motion import motion
-from synthesis.lift.objective import Task
+from synthesis.lift.motion import angular_velocities, link_angles, loop_residuals, motion
+from synthesis.lift.optimum import Task
 from synthesis.lift.pose import Cylinder, Design, pose_at_turn, turn_at_length
 
 DIGITS = 60

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from synthesis.lift.constraints import FINE_NODES, Constraints, Space, least, slacks
-from synthesis.lift.objective import Evaluator, Objective, Task
+from synthesis.lift.optimum import Evaluator, Objective, Task
 from synthesis.lift.pose import Cylinder
 
 POPULATION = 50

@@ -17,7 +17,7 @@ import mpmath
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
-from synthesis.lift.objective import Objective, Task
+from synthesis.lift.optimum import Objective, Task
 from synthesis.lift.pose import Cylinder, Design
 from tests.oracles.lift import (
     DIGITS,

@@ -6,12 +6,17 @@ import csv
 import json
 import math
 import re
+from itertools import count
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+import linkage_atlas as la
 from app import cli
+from app.resources import ServiceResources
 from app.scenes import knotter as models
+from app.settings import Settings
 from synthesis.knotter.conditions import MAX_PIECES
 from tests.conftest import finite
 
@@ -323,6 +328,15 @@ def test_fit_reproduces_the_published_patterns_from_a_seeded_start(client) -> No
     for entry in found["entries"]:
         verdict = pairs[entry["alpha1"], entry["alpha3"]][entry["condition"]]
         assert verdict["holds"] == entry["wanted"]
+
+
+def test_the_smallest_budget_of_a_fit_is_answered_on_a_busy_machine() -> None:
+    class Busy(ServiceResources):
+        def work(self, budget: float | None = None, cancelled: Any = None) -> la.Work:
+            return la.Work(budget, cancelled, map((0.1).__mul__, count()).__next__)
+
+    reply = models.answer_fit(models.PatternFitRequest(budget_ms=1e-3), Busy(Settings(with_atlas=False)))
+    assert reply.status == "not reproduced" and len(reply.entries) == 16 and reply.alone is None
 
 
 def test_fit_judges_the_defaults_and_says_how_far_they_may_move(client) -> None:

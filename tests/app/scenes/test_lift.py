@@ -10,7 +10,7 @@ import pytest
 
 from app import cli
 from app.scenes import lift as models
-from synthesis.lift import loops as lift_loops
+from app.scenes import lift as scene
 from tests.conftest import changed, finite
 
 DESIGN = {"l2": 300, "l3": 180, "l4": 240, "l5": 330, "b": 480}
@@ -74,7 +74,7 @@ def test_everything_can_be_asked_for_and_agrees(client) -> None:
 def test_only_what_is_asked_for_is_computed(client, monkeypatch) -> None:
     asked_for = []
     for name in ("angular_velocities", "angular_accelerations", "largest_residual", "velocity_by_instant_centre"):
-        monkeypatch.setattr(lift_loops, name, lambda *_, name=name: asked_for.append(name))
+        monkeypatch.setattr(scene, name, lambda *_, name=name: asked_for.append(name))
     assert client.post("/v1/lift/motion", json=MOTION).status_code == 200
     assert asked_for == []
     assert client.post("/v1/lift/motion", json={**MOTION, "include": ["residual"]}).status_code == 200

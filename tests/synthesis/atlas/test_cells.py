@@ -9,11 +9,9 @@ import numpy as np
 import pytest
 
 from synthesis.atlas import cells as scan_cells
-from synthesis.atlas.cells import ARCS, PARTS, Cells, make_cells
-from synthesis.atlas.descent import Arcs, Left, RotationMatrix
+from synthesis.atlas.cells import ARCS, PARTS, Cells, GroupKey, SeriesGroup, make_cells, prepare
 from synthesis.atlas.file import load_atlas
-from synthesis.atlas.scan import HARMONICS, SERIES_ERROR, STARTS, Scan
-from synthesis.atlas.series import GroupKey, SeriesGroup, prepare
+from synthesis.atlas.scan import HARMONICS, SERIES_ERROR, STARTS, Arcs, Left, RotationMatrix, Scan
 from synthesis.atlas.table import Atlas, AtlasRule
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule
 from synthesis.fourbar.kinematics import coupler_angle

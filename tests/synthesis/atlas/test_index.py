@@ -261,18 +261,6 @@ def test_no_header_is_parsed_as_python(ready, monkeypatch) -> None:
     assert atlas.scan and [path.name for path in atlas.index_files] == PARTS
 
 
-def test_files_of_the_earlier_format_are_removed(path) -> None:
-    earlier = [path.with_name(path.name + ending) for ending in (".index", ".index.spans", ".index.paths")]
-    for place in earlier:
-        place.write_bytes(b"linkage-atlas prepared 1\n" + bytes(9000))
-    path.with_name("atlas.h5.index.notes").write_text("not ours")
-    assert opened(path).scan and names(path.parent) == ["atlas.h5", "atlas.h5.index", "atlas.h5.index.notes"]
-    assert index_of(path).is_dir()
-
-
-# -- the atlas beside it ----------------------------------------------------------------------------------------------
-
-
 def test_a_damaged_atlas_is_refused_though_its_index_is_sound(ready) -> None:
     damage(ready, ready.stat().st_size // 2)
     with pytest.raises(la.AtlasError) as found:

@@ -11,11 +11,9 @@ import pytest
 
 from synthesis.atlas import cells as scan_cells
 from synthesis.atlas import scan as scan_module
-from synthesis.atlas.cells import Cells
-from synthesis.atlas.descent import Arcs, Descent, Matrices
+from synthesis.atlas.cells import Cells, Phasors
 from synthesis.atlas.preparation import Preparation
-from synthesis.atlas.scan import KIND, STARTS, Scan
-from synthesis.atlas.series import Phasors
+from synthesis.atlas.scan import KIND, STARTS, Arcs, Descent, Matrices, Scan
 from synthesis.atlas.table import AtlasRule, Table
 from synthesis.atlas.windows import TIE, Windows
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule

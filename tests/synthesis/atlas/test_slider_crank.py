@@ -8,16 +8,15 @@ import h5py
 import numpy as np
 import pytest
 
-from data_build.batch import build_atlas
-from data_build.executors import local_executor
-from synthesis.atlas import haar, window_search
+from data_build.batch import build_atlas, local_executor
+from synthesis.atlas import haar, window_index
 from synthesis.atlas.file import decode_atlas, encode_atlas, load_atlas
 from synthesis.atlas.scan import Scan
 from synthesis.atlas.table import Atlas, AtlasRule, atlas_of_rule
 from synthesis.atlas.windows import Windows, best_of, joined
 from synthesis.errors import AtlasError
 from synthesis.pose import objective
-from synthesis.slider.dimension_types import SliderTypeRule
+from synthesis.slider.mechanism import SliderTypeRule
 from synthesis.target import Target, make_target
 from synthesis.work import Work
 from tests.conftest import some_of
@@ -86,7 +85,7 @@ CASES = [(SPANS[(k + turn) % len(SPANS)], WHAT[k % 4]) for turn in range(len(SPA
 @pytest.mark.parametrize(("span", "what"), some_of(CASES, 5))
 def test_the_scan_is_the_sort_of_all_windows(atlas: Atlas, span: float, what: str, monkeypatch) -> None:
     for name in ("MOST_LEAVES", "LARGEST_LIMIT", "MOST_WINDOWS", "MOST_PLACED"):
-        monkeypatch.setattr(window_search, name, np.inf)
+        monkeypatch.setattr(window_index, name, np.inf)
     random, scan = np.random.default_rng(int(span)), Scan(atlas)
     crank = np.deg2rad(np.linspace(0, span, 11))
     lengths = atlas.lengths[random.integers(len(atlas))].astype(float)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from synthesis.atlas import descent as descent_module
+from synthesis.atlas import scan as descent_module
 from synthesis.atlas import scan as scan_module
 from synthesis.atlas import windows as windows_module
 from synthesis.atlas.scan import STARTS, Scan

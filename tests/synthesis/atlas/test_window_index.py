@@ -9,11 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from synthesis.atlas import preparation, window_index, window_search
+from synthesis.atlas import preparation, window_index
 from synthesis.atlas.scan import Scan
 from synthesis.atlas.table import AtlasRule
-from synthesis.atlas.window_index import INTERVALS, NO_ENTRY, PARTS, Expansion, WindowIndex
-from synthesis.atlas.window_search import WindowSearch, polynomials
+from synthesis.atlas.window_index import INTERVALS, NO_ENTRY, PARTS, Expansion, WindowIndex, WindowSearch, polynomials
 from synthesis.atlas.windows import TIE, BestWindows, Windows
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule
 from synthesis.fourbar.kinematics import coupler_angle
@@ -33,16 +32,15 @@ RULES = {
 def small_leaves() -> Iterator[None]:
     """Boxes of several levels, and no giving up, although the atlases are small."""
     with pytest.MonkeyPatch.context() as patch:
-        for module in (window_index, window_search):
-            patch.setattr(module, "LEAF", 4)
-            patch.setattr(module, "CHILDREN", 3)
+        patch.setattr(window_index, "LEAF", 4)
+        patch.setattr(window_index, "CHILDREN", 3)
         # so that enough windows are sharp
         patch.setattr(preparation, "INTERVALS", [one._replace(sharp=one.sharp / 100) for one in INTERVALS])
-        patch.setattr(window_search, "MOST_LEAVES", np.inf)
-        patch.setattr(window_search, "LARGEST_LIMIT", np.inf)
-        patch.setattr(window_search, "MOST_WINDOWS", np.inf)
-        patch.setattr(window_search, "MOST_PLACED", np.inf)
-        patch.setattr(window_search, "_MANY", 16)
+        patch.setattr(window_index, "MOST_LEAVES", np.inf)
+        patch.setattr(window_index, "LARGEST_LIMIT", np.inf)
+        patch.setattr(window_index, "MOST_WINDOWS", np.inf)
+        patch.setattr(window_index, "MOST_PLACED", np.inf)
+        patch.setattr(window_index, "_MANY", 16)
         yield
 
 
@@ -244,7 +242,7 @@ def test_the_index_is_what_answers(scans, monkeypatch) -> None:
 
 @pytest.mark.parametrize(("name", "value"), [("MOST_LEAVES", 0), ("LARGEST_LIMIT", 0.0), ("MOST_WINDOWS", 0.01)])
 def test_where_it_gives_up_the_cells_answer_with_its_limit(scans, plain, monkeypatch, name, value) -> None:
-    monkeypatch.setattr(window_search, name, value)
+    monkeypatch.setattr(window_index, name, value)
     scan, asked = scans["increasing"], []
     requested = Scan._requested
     monkeypatch.setattr(Scan, "_requested", lambda *more: asked.append(1) or requested(*more))

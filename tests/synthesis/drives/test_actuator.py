@@ -18,7 +18,7 @@ from synthesis.drives.actuator import (
 )
 from synthesis.drives.links import hinged, machine_of
 from tests.conftest import some_of
-from tests.oracles.driven_cases import loads, random_linkage, straight
+from tests.oracles.driven_cases import Case, loads, random_linkage, straight
 
 
 def random_question(seed: int, grid: int = 60) -> tuple[Question, Actuator]:
@@ -26,7 +26,7 @@ def random_question(seed: int, grid: int = 60) -> tuple[Question, Actuator]:
     rng = np.random.default_rng(seed)
     linkage, interval = random_linkage(rng)
     machine = machine_of(linkage, interval)
-    torque = machine.torque(loads(linkage, rng)._replace(speed=0.0))
+    torque = machine.torque(loads(machine, rng)._replace(speed=0.0))
     link = machine.links[("crank", "coupler", "rocker")[seed % 3]]
     middle = complex(np.mean(link.origin))
     box = (middle.real - 2.5, middle.imag - 2.5, middle.real + 2.5, middle.imag + 2.5)
@@ -57,6 +57,21 @@ def test_no_grid_four_times_as_fine_finds_a_smaller_force(seed: int) -> None:
         [actuator.retracted, actuator.retracted + actuator.stroke][:: 1 if found.extends else -1], abs=1e-9
     )
     assert found.worst >= asked.bound(actuator.stroke) * (1 - 1e-3)
+
+
+@pytest.mark.parametrize("seed", some_of(range(1, 33), 10))
+def test_nor_on_a_linkage_of_any_kind(seed: int) -> None:
+    case = Case(seed)
+    found, fine = case.question().best(case.actuator), case.question(150)
+    again = fine.best(case.actuator)
+    fine.link = _without_pivot(fine.link)
+    grid = fine.screened(case.actuator)
+    if isinstance(found, Refused):
+        assert isinstance(again, Refused)
+        assert grid.refused is not None or grid.short is not None
+        return
+    assert isinstance(again, Refused) or found.worst <= again.worst * (1 + 1e-6)
+    assert grid.refused is not None or found.worst <= (1 + 1e-6) * fine.scale_of_burden / grid.worth
 
 
 def _without_pivot(link):

@@ -18,10 +18,12 @@ from synthesis.drives.dyad import (
     on_any_link,
     proportions,
 )
-from synthesis.drives.links import Loading, hinged, machine_of
+from synthesis.drives.links import Loading, hinged, machine_at, machine_of
 from synthesis.drives.toggle import locked
 from synthesis.work import Work
-from tests.oracles.driven_cases import random_linkage
+from tests.conftest import some_of
+from tests.oracles.driven_cases import any_linkage, random_linkage
+from tests.oracles.turned_motor import turned
 
 
 @pytest.mark.parametrize("seed", range(30))
@@ -142,6 +144,33 @@ def test_no_descent_from_many_other_places_ends_much_better(seed: int) -> None:
         ends += [] if one is None else [one.least_angle]
     assert len(ends) > 5
     assert found.least_angle >= max(ends) - np.deg2rad(0.5)
+
+
+@pytest.mark.parametrize("seed", some_of(range(24), 10))
+def test_a_motor_that_is_turned_round_swings_a_linkage_of_any_kind(seed: int) -> None:
+    linkage, interval = any_linkage(seed)
+    machine = machine_of(linkage, interval)
+    link = list(machine.links.values())[seed // 4 % 3]
+    ratio, torque = (None, 1.2)[seed // 8 % 2], np.ones(61)
+    middle = complex(np.mean(link.origin))
+    box = (middle.real - 4, middle.imag - 4, middle.real + 4, middle.imag + 4)
+    if link.pivot is None:
+        found = on_any_link(link, machine.at, torque, ratio, 1.5, box)
+    else:
+        found = about_pivot(link, torque, ratio, 1.0, False, None)
+    assert not isinstance(found, str)
+
+    def pin(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        moving = machine_at(linkage, at).links[link.name]
+        return moving.place(found.pin), moving.speed(found.pin)
+
+    start = float(found.motor_angle[0, 0])
+    one = turned(pin, interval.first, found.motor, start, found.crank, found.rod, 1001)
+    assert one.swings
+    assert one.rod < 1e-12
+    assert one.ends == pytest.approx(sorted(interval), abs=1e-9)
+    assert one.time_ratio == pytest.approx(ratio or found.time_ratio, rel=1e-9)
+    assert found.least_angle == pytest.approx(one.transmission_angle, abs=np.deg2rad(1))
 
 
 def test_times_and_boxes_that_cannot_be_are_refused_in_words() -> None:

@@ -12,8 +12,10 @@ from synthesis.drives.pins import Pull, pin_forces
 from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.linkage import Circle, Driver, GuidedLinkage, Rail, Slot
 from synthesis.target import Interval
-from tests.oracles.driven_cases import loads, random_linkage
+from tests.conftest import some_of
+from tests.oracles.driven_cases import any_linkage, loads, random_linkage
 from tests.oracles.equilibrium import Moving, drive_force, equilibrium
+from tests.oracles.newton_euler import bodies
 
 
 def poses(linkage: Linkage, machine: Machine, some: list[int]) -> list[Moving]:
@@ -34,7 +36,8 @@ def poses(linkage: Linkage, machine: Machine, some: list[int]) -> list[Moving]:
 def test_torques_and_forces_hold_every_link_in_equilibrium(seed: int) -> None:
     rng = np.random.default_rng(seed)
     linkage, interval = random_linkage(rng)
-    machine, load = machine_of(linkage, interval), loads(linkage, rng)
+    machine = machine_of(linkage, interval)
+    load = loads(machine, rng)
     torque = machine.torque(load)
     some = [0, 13, 30, 47, 60]
     turn = np.exp(1j * (linkage.body_offset or 0.0))
@@ -75,6 +78,33 @@ def test_torques_and_forces_hold_every_link_in_equilibrium(seed: int) -> None:
             assert [part for one in found for part in (one[k].real, one[k].imag)] == pytest.approx(
                 wanted[:8].tolist(), abs=1e-9 * scale
             )
+
+
+@pytest.mark.parametrize("seed", some_of(range(32), 16))
+def test_all_kinds_hold_three_bodies_in_equilibrium(seed: int) -> None:
+    """Poses, rates and the force of a rod on any link, from the ground or from another link."""
+    rng = np.random.default_rng([seed, 1])
+    linkage, interval = any_linkage(seed)
+    machine = machine_of(linkage, interval, 7)
+    load, three = loads(machine, rng), bodies(linkage)
+    states = three.along(machine.at)
+    for k, name in enumerate(three.names):
+        link = machine.links[name]
+        for row, part in enumerate((link.origin, link.velocity, link.acceleration)):
+            wanted = [complex(*one[row][3 * k : 3 * k + 2]) for one in states]
+            assert part == pytest.approx(np.array(wanted), rel=1e-10, abs=1e-10 * (1 + np.abs(wanted).max()))
+        assert link.direction == pytest.approx(
+            np.array([np.exp(1j * one.at[3 * k + 2]) for one in states]), abs=1e-12
+        )
+        assert link.rate == pytest.approx(np.array([one.rate[3 * k + 2] for one in states]), rel=1e-10, abs=1e-10)
+    name, on = three.names[seed % 3], ("ground", three.names[(seed + 1) % 3])[seed // 3 % 2]
+    link = machine.links[name] if on == "ground" else machine.links[name].seen_from(machine.links[on])
+    there, pin = complex(*rng.normal(size=2)) * 3, complex(*rng.normal(size=2))
+    off = link.place(pin) - there
+    force = machine.torque(load) / (np.real(np.conj(off) * link.speed(pin)) / np.abs(off))
+    other = there if on == "ground" else machine.links[on].point_at(there)
+    wanted = [three.force(one, load, name, pin, on, other) for one in states]
+    assert force == pytest.approx(np.array(wanted), rel=1e-9, abs=1e-9 * np.abs(wanted).max())
 
 
 GUIDED = [

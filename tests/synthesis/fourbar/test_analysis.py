@@ -1,20 +1,46 @@
-"""Velocities, accelerations and forces: difference quotients, the equilibrium of each link, and virtual work."""
+"""Velocities, accelerations and forces of four-bars: difference quotients, the equilibrium of each link, virtual work."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from synthesis.fourbar.analysis import CURVE_STEP, Forces, LinkMass, Load, Own, curve_over, forces, rates
 from synthesis.fourbar.linkage import Joints, Linkage
-from synthesis.target import Interval
+from synthesis.guided import analysis
+from synthesis.guided.analysis import Forces, Load, Mass
+from synthesis.guided.linkage import of_four_bar, on_body
+from synthesis.target import CURVE_STEP, Interval
 from tests.oracles.recompute import close_by_circles
 
 LAW = settings(derandomize=True, deadline=None, max_examples=60)
 
 TRAVEL = np.linspace(-0.4, 0.4, 9)
+
+
+class Rates(NamedTuple):
+    """Velocities and accelerations at a speed of the crank, (n,) each."""
+
+    coupler_velocity: np.ndarray
+    rocker_velocity: np.ndarray
+    coupler_acceleration: np.ndarray
+    rocker_acceleration: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+
+
+def rates(linkage: Linkage, travel: np.ndarray, speed: float) -> Rates:
+    _, body, rocker = of_four_bar(linkage).links(travel)
+    once = body.direction_rate * speed, rocker.direction_rate * speed
+    twice = body.direction_second * speed**2, rocker.direction_second * speed**2
+    return Rates(*once, *twice, body.place_rate * speed, body.place_second * speed**2)
+
+
+def forces(linkage: Linkage, travel: np.ndarray, load: Load, speed: float = 0.0) -> Forces:
+    return analysis.forces(of_four_bar(linkage), travel, load, speed)
 
 
 def random_linkage(seed: int, least: float) -> Linkage:
@@ -35,7 +61,11 @@ def random_linkage(seed: int, least: float) -> Linkage:
 
 
 SEEDS = st.integers(0, 2**32 - 1)
-LOADS = st.builds(Load, st.complex_numbers(max_magnitude=50, min_magnitude=1), st.floats(-500, 500))
+LOADS = st.builds(
+    lambda force, torque: Load(force, torque),
+    st.complex_numbers(max_magnitude=50, min_magnitude=1),
+    st.floats(-500, 500),
+)
 
 
 def equilibrium(linkage: Linkage, joints: Joints, k: int, load: Load) -> tuple[np.ndarray, float]:
@@ -67,8 +97,8 @@ def equilibrium(linkage: Linkage, joints: Joints, k: int, load: Load) -> tuple[n
 
 
 def as_row(found: Forces, k: int) -> np.ndarray:
-    pins = [found.pivot_a[k], found.crank_pin[k], found.coupler_pin[k], found.pivot_b[k]]
-    return np.array([part for pin in pins for part in (pin.real, pin.imag)] + [found.crank_torque[k]])
+    pins = [found.driven_ground[k], found.driven[k], found.other[k], found.other_ground[k]]
+    return np.array([part for pin in pins for part in (pin.real, pin.imag)] + [found.drive[k]])
 
 
 @LAW
@@ -79,7 +109,7 @@ def test_virtual_work_and_the_equilibrium_of_each_link_agree(seed, load, speed, 
     found, moving = forces(linkage, TRAVEL, load), rates(linkage, TRAVEL, speed)
     power = np.real(np.conj(load.force) * moving.velocity) + load.torque * moving.coupler_velocity
     size = abs(load.force) * np.abs(moving.velocity) + np.abs(load.torque * moving.coupler_velocity)
-    assert np.all(np.abs(found.crank_torque * speed + power) <= 1e-9 * np.maximum(size, np.abs(power)))
+    assert np.all(np.abs(found.drive * speed + power) <= 1e-9 * np.maximum(size, np.abs(power)))
     for k in range(TRAVEL.size):
         wanted, condition = equilibrium(linkage, joints, k, load)
         gap = np.abs(as_row(found, k) - wanted).max()
@@ -125,7 +155,7 @@ def test_a_dead_position_has_no_values_and_a_closed_loop_next_to_it_has() -> Non
         found, held = rates(linkage, np.array([0.0, 1e-9, 4.0]), 1.0), forces(linkage, np.zeros(1), Load(1 + 1j))
     assert np.isnan([found.coupler_velocity[0], found.rocker_acceleration[0], found.velocity[0].real]).all()
     assert np.isfinite(found.acceleration[1:]).all() and np.isfinite(found.rocker_velocity[1:]).all()
-    assert np.isnan(held.crank_torque).all() and np.isnan(held.pivot_b).all()
+    assert np.isnan(held.drive).all() and np.isnan(held.other_ground).all()
     # 3, 4, 5: at a right angle of the crank coupler and rocker are stretched, to rounding
     nearly = rates(Linkage((3.0, 2.0, 3.0, 4.0), 1), np.array([np.pi / 2]), 1.0).coupler_velocity
     assert np.isnan(nearly[0]) or abs(nearly[0]) > 1e6
@@ -136,13 +166,12 @@ def test_a_dead_position_has_no_values_and_a_closed_loop_next_to_it_has() -> Non
 def test_without_a_body_point_a_torque_is_held_all_the_same() -> None:
     linkage = Linkage((19.0, 72.0, 144.0, 165.0))
     found, moving = forces(linkage, TRAVEL, Load(torque=3.0)), rates(linkage, TRAVEL, 2.0)
-    assert moving.velocity is None and moving.acceleration is None
-    np.testing.assert_allclose(found.crank_torque * 2.0, -3.0 * moving.coupler_velocity, rtol=1e-12)
+    np.testing.assert_allclose(found.drive * 2.0, -3.0 * moving.coupler_velocity, rtol=1e-12)
 
 
 @pytest.mark.parametrize("ends", [(0, 1), (0, -7), (-2, 3), (0, 1e-3), (0, 2 * np.pi), (0, np.deg2rad(70))])
 def test_a_curve_has_steps_of_at_most_a_degree(ends) -> None:
-    angles = curve_over(Interval(*map(float, ends)))
+    angles = Interval(*map(float, ends)).by_degrees()
     assert (angles[0], angles[-1]) == ends
     steps = np.abs(np.diff(angles))
     assert steps.max() <= CURVE_STEP * (1 + 1e-9) and len(angles) >= 25
@@ -150,30 +179,39 @@ def test_a_curve_has_steps_of_at_most_a_degree(ends) -> None:
 
 
 OWN = st.builds(
-    lambda values: {
-        name: LinkMass(abs(mass) + 0.1, complex(x, y), abs(inertia))
+    lambda values: [
+        Mass(name, abs(mass) + 0.1, complex(x, y), abs(inertia))
         for name, (mass, x, y, inertia) in zip(("crank", "coupler", "rocker"), values, strict=True)
-    },
+    ],
     st.lists(st.tuples(*[st.floats(-30, 30)] * 4), min_size=3, max_size=3),
 )
+"""Masses in frames along the links."""
 
 
-def energy(linkage: Linkage, own: Own, travel: np.ndarray, speed: float, step: float) -> np.ndarray:
+def weighing(linkage: Linkage, masses: list[Mass], load: Load) -> Load:
+    own = [one._replace(at=on_body(linkage, one.at)) if one.link == "coupler" else one for one in masses]
+    return load._replace(masses=own, gravity=load.gravity or 3 - 9j, metre=1e-3)
+
+
+def energy(
+    linkage: Linkage, masses: list[Mass], gravity: complex, travel: np.ndarray, speed: float, step: float
+) -> np.ndarray:
     """Of the links' own masses, from places of joints alone."""
     before, at, after = (linkage.joints(travel + part * step) for part in (-1, 0, 1))
     total = np.zeros(travel.size)
     origins = {"crank": lambda joints: joints.pivot_a, "coupler": lambda joints: joints.crank_pin}
-    for name, link in own.masses.items():
+    for link in masses:
+        name = link.link
 
-        def place(joints: Joints, name: str = name, link: LinkMass = link) -> np.ndarray:
+        def place(joints: Joints, name: str = name, link: Mass = link) -> np.ndarray:
             origin = origins.get(name, lambda joints: joints.pivot_b)(joints)
-            return origin + link.centre * np.exp(1j * getattr(joints, f"{name}_angle"))
+            return origin + link.at * np.exp(1j * getattr(joints, f"{name}_angle"))
 
         velocity = (place(after) - place(before)) / (2 * step) * speed
         turns = [getattr(joints, f"{name}_angle") for joints in (before, after)]
         turning = (turns[1] - turns[0]) / (2 * step) * speed
-        total += own.metre * (link.mass * abs(velocity) ** 2 + link.inertia * turning**2) / 2
-        total -= link.mass * np.real(np.conj(own.gravity) * place(at))
+        total += 1e-3 * (link.mass * abs(velocity) ** 2 + link.inertia * turning**2) / 2
+        total -= link.mass * np.real(np.conj(gravity) * place(at))
     return total
 
 
@@ -181,33 +219,33 @@ def energy(linkage: Linkage, own: Own, travel: np.ndarray, speed: float, step: f
 @given(SEEDS, OWN, st.complex_numbers(max_magnitude=20), st.floats(0.1, 5), st.sampled_from([-1, 1]))
 def test_the_drive_gives_the_links_what_energy_they_gain(seed, masses, gravity, speed, way) -> None:
     linkage, speed = random_linkage(seed, 0.3), speed * way
-    own = Own(masses, gravity, 1e-3)
-    found = forces(linkage, TRAVEL, Load(own=own), speed)
+    gravity = gravity or 3 - 9j
+    found = forces(linkage, TRAVEL, weighing(linkage, masses, Load(gravity=gravity)), speed)
     step = 1e-4
-    gained = [energy(linkage, own, TRAVEL + part * step, speed, 1e-4) for part in (-1, 1)]
+    gained = [energy(linkage, masses, gravity, TRAVEL + part * step, speed, 1e-4) for part in (-1, 1)]
     power = (gained[1] - gained[0]) / (2 * step) * speed
     size = np.abs(gained).max() * abs(speed)
-    assert np.all(np.abs(found.crank_torque * speed - power) <= 1e-4 * np.maximum(size, np.abs(power)))
+    assert np.all(np.abs(found.drive * speed - power) <= 1e-4 * np.maximum(size, np.abs(power)))
 
 
 @LAW
 @given(SEEDS, OWN, LOADS, st.floats(0.1, 5))
 def test_weight_and_inertia_of_each_link_are_held_by_its_pins(seed, masses, load, speed) -> None:
     linkage = random_linkage(seed, 0.3)
-    own = Own(masses, 3 - 9j, 1e-3)
-    found, joints = forces(linkage, TRAVEL, load._replace(own=own), speed), linkage.joints(TRAVEL)
+    found, joints = forces(linkage, TRAVEL, weighing(linkage, masses, load), speed), linkage.joints(TRAVEL)
     # what all links together lose to the ground is their weight, their change of momentum, and the load
-    whole = found.pivot_a + found.pivot_b + load.force
+    whole = found.driven_ground + found.other_ground + load.force
     step = 1e-4
     ends = [linkage.joints(TRAVEL + part * step) for part in (-1, 0, 1)]
-    for name, link in masses.items():
+    for link in masses:
+        name = link.link
         origin = {"crank": "pivot_a", "coupler": "crank_pin", "rocker": "pivot_b"}[name]
-        places = [getattr(one, origin) + link.centre * np.exp(1j * getattr(one, f"{name}_angle")) for one in ends]
+        places = [getattr(one, origin) + link.at * np.exp(1j * getattr(one, f"{name}_angle")) for one in ends]
         gain = (places[2] - 2 * places[1] + places[0]) / step**2 * speed**2
-        whole = whole + link.mass * (own.gravity - own.metre * gain)
-    size = np.abs(found.pivot_a) + np.abs(found.pivot_b) + abs(load.force)
+        whole = whole + link.mass * ((3 - 9j) - 1e-3 * gain)
+    size = np.abs(found.driven_ground) + np.abs(found.other_ground) + abs(load.force)
     assert np.all(np.abs(whole) <= 1e-4 * size)
     # a weight at a pin of the ground is held there, and loads nothing else
-    only = forces(linkage, TRAVEL, Load(own=Own({"rocker": LinkMass(2.0, 0j)}, -9.81j)), 0.0)
-    assert np.allclose(only.pivot_b, 2 * 9.81j) and np.allclose(only.crank_torque, 0, atol=1e-12)
+    only = forces(linkage, TRAVEL, Load(masses=[Mass("rocker", 2.0)], gravity=-9.81j), 0.0)
+    assert np.allclose(only.other_ground, 2 * 9.81j) and np.allclose(only.drive, 0, atol=1e-12)
     assert joints.closed

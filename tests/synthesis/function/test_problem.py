@@ -9,7 +9,7 @@ import pytest
 
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.solution import keeps
-from synthesis.function.problem import Problem
+from synthesis.function.search import Problem
 from synthesis.function.wanted import Wanted
 from synthesis.mechanism import Placed
 

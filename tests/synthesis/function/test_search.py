@@ -11,8 +11,7 @@ import linkage_atlas as la
 from linkage_atlas.door import seed_tables
 from synthesis.fourbar.limits import Limits
 from synthesis.function.answers import finished
-from synthesis.function.problem import Problem
-from synthesis.function.search import generate, refit
+from synthesis.function.search import Problem, generate, refit
 from synthesis.function.wanted import Wanted
 from synthesis.work import Work
 from tests.oracles.function_cases import CLASSES, function_case, recompute_rms, zeros_kept

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from synthesis.function.travel import ANGLE, LAWS, Law
+from synthesis.function.travel_search import ANGLE, LAWS, Law
 from synthesis.guided.linkage import Circle
 
 every_law = pytest.mark.parametrize("law", LAWS, ids=lambda law: f"{law.kind}-{law.driver}")

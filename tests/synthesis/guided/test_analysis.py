@@ -1,14 +1,12 @@
-"""Forces on bodies on two guides: balance of every link, and of power; the four-bar's as before."""
+"""Forces on bodies on two guides: balance of every link, and of power."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from synthesis.fourbar import analysis as fourbar
-from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.analysis import Load, Mass, forces
-from synthesis.guided.linkage import Circle, Driver, GuidedLinkage, Rail, Slot, of_four_bar
+from synthesis.guided.linkage import Circle, Driver, GuidedLinkage, Rail, Slot
 from tests.oracles.guided_cases import DRIVES, NAMES, random_linkage
 
 
@@ -75,13 +73,3 @@ def test_forces_on_the_body_balance_and_guides_push_across(drive) -> None:
                 spoke = body.place + turned * guide.body_point - guide.pivot
                 free = np.imag(np.conj(spoke) * force)
             assert np.allclose(free, 0, atol=1e-9 * (1 + np.abs(force).max()))
-
-
-def test_a_four_bar_carries_what_it_carried() -> None:
-    linkage = Linkage((1.0, 3.0, 2.5, 3.2), -1, 0.3, 1 + 2j, 0.7, (1.3, 0.4), 0.2)
-    travel = np.linspace(0, 2, 9)
-    known = fourbar.forces(linkage, travel, fourbar.Load(2 - 1j, 0.4))
-    found = forces(of_four_bar(linkage), travel, Load(2 - 1j, 0.4))
-    assert np.allclose(found.drive, known.crank_torque, rtol=1e-12)
-    assert np.allclose(found.driven, known.crank_pin, rtol=1e-12)
-    assert np.allclose(found.other, known.coupler_pin, rtol=1e-12)

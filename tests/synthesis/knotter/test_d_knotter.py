@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from synthesis.knotter import d_knotter
-from synthesis.knotter.conditions import crossing_curve, point_paths, step_before
+from synthesis.knotter.conditions import Crossing, classify, crossing_curve, point_paths, step_before
 from synthesis.knotter.d_knotter import Needle
 from synthesis.knotter.mechanism import Linear, dimensions, varied
-from synthesis.knotter.segment_triangle import Crossing, classify
 from synthesis.knotter.study import solve, study
 from tests.oracles.knotter import Exact
 

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from synthesis.errors import FieldError
 from synthesis.knotter import d_knotter, events
+from synthesis.knotter.conditions import crossing_point
 from synthesis.knotter.mechanism import Linear, Table
-from synthesis.knotter.segment_triangle import crossing_point
 from tests.oracles.knotter import Exact
 
 ALPHA1, ALPHA3 = float(np.radians(10.0)), float(np.radians(25.0))

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from synthesis.knotter.segment_triangle import (
+from synthesis.knotter.conditions import (
     Crossing,
     classify,
     crossing_point,

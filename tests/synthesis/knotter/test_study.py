@@ -13,10 +13,15 @@ from scipy.optimize import brentq
 
 from synthesis.errors import FieldError
 from synthesis.knotter import d_knotter
-from synthesis.knotter.conditions import Clearance, Found, SegmentHitsTriangle, inside_windows
+from synthesis.knotter.conditions import (
+    Clearance,
+    Found,
+    SegmentHitsTriangle,
+    inside_windows,
+    segment_triangle_distance,
+)
 from synthesis.knotter.events import Events
 from synthesis.knotter.mechanism import ANGLES, Chain, Linear, Mechanism, Shift, Table, Turn, dimensions, varied
-from synthesis.knotter.segment_triangle import segment_triangle_distance
 from synthesis.knotter.study import solve, spread, study
 from tests.oracles.knotter import Twin
 

@@ -20,8 +20,7 @@ from synthesis.lift.constraints import (
     slacks,
 )
 from synthesis.lift.motion import motion
-from synthesis.lift.objective import Built, Objective, Optimum, Task
-from synthesis.lift.optimum import optimize
+from synthesis.lift.optimum import Built, Objective, Optimum, Task, optimize
 from synthesis.lift.pose import Cylinder, Design
 from synthesis.work import Cancelled, Work
 from tests.oracles import lift as oracle

@@ -18,7 +18,7 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from synthesis.errors import FieldError
-from synthesis.lift import loops as lift_loops
+from synthesis.lift import motion as lift_loops
 from synthesis.lift.files import design_csv, design_dxf, design_svg
 from synthesis.lift.motion import (
     BAR,

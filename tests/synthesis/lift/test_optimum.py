@@ -17,17 +17,18 @@ from hypothesis import strategies as st
 from synthesis.errors import FieldError
 from synthesis.lift import optimum as product
 from synthesis.lift.motion import checked_stroke, motion, velocity
-from synthesis.lift.objective import (
+from synthesis.lift.optimum import (
     Evaluator,
     Objective,
     Optimum,
     Task,
     design_from_angle,
     equation_residuals,
+    optimize_batch,
     project,
+    published_for,
     rise,
 )
-from synthesis.lift.optimum import optimize_batch, published_for
 from synthesis.lift.pose import Cylinder, Design, pose_at_height, pose_at_turn
 from tests.conftest import some_of
 from tests.oracles import lift as oracle

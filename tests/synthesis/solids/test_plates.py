@@ -16,7 +16,6 @@ from hypothesis import strategies as st
 
 import linkage_atlas as la
 from synthesis.errors import FieldError
-from synthesis.fourbar.analysis import curve_over
 from synthesis.fourbar.files import to_pylinkage
 from synthesis.fourbar.linkage import Linkage
 from synthesis.solids.plates import to_plates
@@ -177,7 +176,7 @@ def test_pylinkage_opens_it_and_draws_the_same_path(seed, tmp_path) -> None:
     file = tmp_path / "linkage.pylinkage.json"
     file.write_text(to_pylinkage(linkage, target))
     theirs = mechanism.mechanism_from_json(file)
-    travel = curve_over(target.interval)
+    travel = target.interval.by_degrees()
     names = [joint.id for joint in theirs.joints]
     rows = list(theirs.step(travel.size - 1))
     ours = linkage.joints(travel[1:])

@@ -10,8 +10,7 @@ import pytest
 from synthesis.assembly.layers import Asked, arrange
 from synthesis.assembly.machine import Sizes, four_bar
 from synthesis.errors import FieldError
-from synthesis.fourbar.analysis import LinkMass
-from synthesis.fourbar.linkage import Linkage
+from synthesis.fourbar.linkage import Linkage, LinkMass
 from synthesis.solids.fits import FITS
 from synthesis.solids.solid import COLOURS, DENSITIES, Made, masses_of_links, parts_list, solids_of
 from synthesis.target import Interval

@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 import pytest
 
 import linkage_atlas as la
-from app import asking, cli
+from app import cli, command
 from app.arguments import Exit, exit_of
 from app.fourbar.models import SynthesizeRequest
 from app.registry import all_examples, all_queries, worked_example
@@ -253,7 +253,7 @@ def test_every_example_is_a_request_of_its_command(run) -> None:
 
 def test_a_question_answers_every_example_of_its_own_by_the_same_name(run, monkeypatch) -> None:
     asked = []
-    monkeypatch.setattr("app.asking.read_request", lambda query, text, *rest: asked.append(text) or 1 / 0)
+    monkeypatch.setattr("app.command.read_request", lambda query, text, *rest: asked.append(text) or 1 / 0)
     for name, example in all_examples().items():
         with pytest.raises(ZeroDivisionError):
             run(*example.command.split(), "--example", name)
@@ -329,11 +329,11 @@ class Terminal(io.StringIO):
 def test_what_takes_long_says_so_on_a_terminal_only(on_terminal, seconds, monkeypatch) -> None:
     import time
 
-    monkeypatch.setattr(asking, "DELAY", 0.02)
-    monkeypatch.setattr(asking, "STEP", 0.01)
+    monkeypatch.setattr(command, "DELAY", 0.02)
+    monkeypatch.setattr(command, "STEP", 0.01)
     stream = Terminal() if on_terminal else io.StringIO()
     monkeypatch.setattr(sys, "stderr", stream)
-    with asking.waiting("searching", 30):
+    with command.waiting("searching", 30):
         time.sleep(seconds)
     assert ("searching" in stream.getvalue()) == (on_terminal and seconds > 0)
     assert stream.getvalue().rstrip(" \r") == "" or "of at most 30" in stream.getvalue()

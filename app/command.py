@@ -48,7 +48,6 @@ _LACKING: dict[str, Any] = {
 
 
 def add_query(parser: argparse.ArgumentParser, query: Query) -> None:
-    """The arguments of a question's command."""
     prefix = query.command.replace(" ", "-") + "-"
     shown = ", ".join(name for name in examples_of(query) if not name.startswith(prefix))
     about = f"answer a bundled example instead: {shown}"
@@ -128,7 +127,6 @@ def add_request(parser: argparse.ArgumentParser, query: Query, about: str, file:
 
 
 def add_set(parser: Any, what: str) -> None:
-    """Add ``--set`` to a parser or a group of arguments."""
     parser.add_argument("--set", type=setting, metavar="FIELD=VALUE", action="append", default=[], help=what)
 
 
@@ -261,7 +259,8 @@ def read_request(query: Query, text: bytes, also: Sequence[tuple[list[str], Any]
 
     Fields in ``also`` go before those of the text; ``unwrap`` takes the angles of a table as continuous.
     """
-    is_json = text.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"{", b"[", b'"', b"")
+    # a table may begin with a name in quotes
+    is_json = text.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"{", b"[", b"" if query.from_csv else b'"', b"")
     request: RequestModel
     if not text.strip():
         if not also:
