@@ -29,7 +29,7 @@ SHARE_OF_BUDGET = 1.2
 _LEAST_SECONDS = 0.5
 _SHARE_OF_SEARCH = 0.8
 """Of the longest budget: so long a search goes on; the rest is for the step in which its time ends, and for finishing."""
-_NICE = 2
+_NICE, _NICE_OF_LONG = 2, 5
 _LOST_MEMORY = 1 << 25
 """Bytes that a request may leave behind; after more of them another process takes over."""
 
@@ -75,10 +75,12 @@ class Computer:
         By the path of their route.
     resources : ServiceResources
         With everything loaded.
+    quick : bool
+        Whether it is never given a long request, and goes before those that are.
     """
 
     def __init__(
-        self, connection: socket.socket, questions: Mapping[str, Question], resources: ServiceResources
+        self, connection: socket.socket, questions: Mapping[str, Question], resources: ServiceResources, quick: bool
     ) -> None:
         self._socket, self._questions, self._resources = connection, questions, resources
         self._seconds = processor_seconds(resources.max_budget_ms)
@@ -87,7 +89,7 @@ class Computer:
         for ignored in (signal.SIGINT, signal.SIGTERM):  # meant for the service; this ends with its socket
             signal.signal(ignored, signal.SIG_IGN)
         signal.signal(signal.SIGPROF, signal.SIG_DFL)
-        os.nice(_NICE)  # those who talk to the clients come first
+        os.nice(_NICE if quick else _NICE_OF_LONG)  # those who talk to the clients come first
         with contextlib.suppress(OSError):
             # where the system lacks memory, this goes and not the service
             Path("/proc/self/oom_score_adj").write_text("500")

@@ -47,8 +47,8 @@ log = logging.getLogger("uvicorn.error")
 class _Process:
     """A process that computes."""
 
-    def __init__(self, number: int, connection: socket.socket) -> None:
-        self.number, self._socket = number, connection
+    def __init__(self, number: int, connection: socket.socket, quick: bool) -> None:
+        self.number, self._socket, self.quick = number, connection, quick
         self._streams: tuple[asyncio.StreamReader, asyncio.StreamWriter] | None = None
         self.fresh = True
         """Whether it shares all that the supervisor has loaded."""
@@ -128,11 +128,12 @@ class Processes:
 
     @asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
-        self._free: asyncio.LifoQueue[_Process] = asyncio.LifoQueue()
+        self._free: list[_Process] = []
+        self._freed = asyncio.Event()
         self._lives = Lives()
         loop = asyncio.get_running_loop()
         loop.add_reader(self.supervisor, self._listen)
-        self._free.put_nowait(await self._free.get())  # there is one
+        await self._freed.wait()  # there is one
         try:
             yield
         finally:
@@ -167,7 +168,7 @@ class Processes:
     ) -> tuple[Head, list[bytes], Held]:
         async def compute(queued: float, _: Any) -> tuple[Head, list[bytes], Held]:
             begin()
-            process, kept = await self._next(), False
+            process, kept = await self._next(long), False
             try:
                 async with asyncio.timeout(_PATIENCE * self._seconds):
                     reply = await process.ask(task._replace(queued=queued))
@@ -182,16 +183,29 @@ class Processes:
                 raise OutOfTime if how == signal.SIGPROF.name else problems.Died from None
             finally:
                 if kept:
-                    self._free.put_nowait(process)
+                    self._give(process)
                 else:
                     self._end(process)
 
         return await self._turnstile.turn(request, compute, long)  # type: ignore[no-any-return]
 
-    async def _next(self) -> _Process:
-        while (process := await self._free.get()).end.done():
+    async def _next(self, long: bool) -> _Process:
+        """A process that is free: the quick one, if it is, for what is not long, and others for all."""
+        while True:
+            fit = [one for one in self._free if not (long and one.quick)]
+            if not fit:
+                self._freed.clear()
+                await self._freed.wait()
+                continue
+            process = max(reversed(fit), key=lambda one: one.quick)
+            self._free.remove(process)
+            if not process.end.done():
+                return process
             process.close()  # it ended while it had nothing to do
-        return process
+
+    def _give(self, process: _Process) -> None:
+        self._free.append(process)
+        self._freed.set()
 
     def _end(self, process: _Process) -> None:
         self._alive.pop(process.number, None)
@@ -226,9 +240,9 @@ class Processes:
         """Take what the supervisor says."""
         told, files, _, _ = socket.recv_fds(self.supervisor, _MESSAGE, 1)
         match pickle.loads(told) if told else ():
-            case ("computer", number):
-                process = self._alive[number] = _Process(number, socket.socket(fileno=files[0]))
-                self._free.put_nowait(process)
+            case ("computer", number, quick):
+                process = self._alive[number] = _Process(number, socket.socket(fileno=files[0]), quick)
+                self._give(process)
             case ("ended", number, status):
                 self.ends[_ending(status)] += 1
                 if process := self._alive.pop(number, None):
@@ -236,8 +250,8 @@ class Processes:
             case ("fresh",):
                 for process in self._alive.values():
                     process.fresh = False
-                while not self._free.empty():
-                    self._end(self._free.get_nowait())
+                while self._free:
+                    self._end(self._free.pop())
             case ("making", part):
                 self._making.setdefault(part, asyncio.get_running_loop().create_future())
             case ("made", part):

@@ -19,6 +19,7 @@ import sys
 import time
 import traceback
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 
 from app.computed import Question
 from app.computer import Computer
@@ -50,8 +51,9 @@ class Supervisor:
     ----------
     front : callable
         ``front(told)`` runs the front in its process until that is told to end, with a socket on which it is told, each time by a
-        pickled tuple: of a process that computes ("computer", number, with a socket to it) and its end ("ended", number, status),
-        that those so far lack what the next ones share ("fresh",), and of parts of the index ("making", part; "made", part).
+        pickled tuple: of a process that computes ("computer", number, whether it is the quick one, with a socket to it) and its
+        end ("ended", number, status), that those so far lack what the next ones share ("fresh",), and of parts of the index
+        ("making", part; "made", part).
     questions : mapping
         What the computing processes answer, by the path of its route.
     resources : ServiceResources
@@ -73,6 +75,7 @@ class Supervisor:
         self._run_front, self._questions, self._resources, self._listeners = front, questions, resources, listeners
         self._count = count
         self._computers: set[int] = set()
+        self._quick = 0
         self._makers: dict[int, str] = {}
         self._successor: subprocess.Popen[bytes] | None = None
         self._deadline: float | None = None
@@ -212,14 +215,16 @@ class Supervisor:
         while len(self._computers) < self._count:
             ours, theirs = socket.socketpair()
             with ours, theirs:
-                number = self._fork(lambda theirs=theirs, ours=ours: self._compute(theirs, ours))
+                quick = self._count > 1 and self._quick not in self._computers
+                number = self._fork(partial(self._compute, theirs, ours, quick))
                 self._computers.add(number)
-                self._say("computer", number, file=ours.fileno())
+                self._quick = number if quick else self._quick
+                self._say("computer", number, quick, file=ours.fileno())
 
-    def _compute(self, connection: socket.socket, other: socket.socket) -> None:
+    def _compute(self, connection: socket.socket, other: socket.socket, quick: bool) -> None:
         for foreign in (other, *self._listeners):
             foreign.close()
-        Computer(connection, self._questions, self._resources).run()
+        Computer(connection, self._questions, self._resources, quick).run()
 
     def _make_missing(self) -> None:
         for part in self._resources.missing():

@@ -223,11 +223,12 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
         best.append(cells)
     points = sum(len(one["J"]) for kind in runs.values() for settings in kind.values() for one in settings.values())
     slow = f"{EVOLUTION} and {PYLINKAGE} on the first {results['slow_cases']} of them"
+    heads = ["class", *(method for method in LOOK if method != "atlas rows as they are")]
     return {
         "cases": f"{results['cases']} seeded cases of each of {len(runs)} classes, {slow}; {points:,} measurements in "
         f"{results['minutes']:.0f} minutes. {' '.join(results['skipped'].values())}".strip(),
         "lead": lead(runs),
-        "classes": report.table(best, "\n".join(f"{head}: {{{head}}}" for head in ("class", *LOOK))),
+        "classes": report.table(best, "\n".join(f"{head}: {{{head}}}" for head in heads)),
         "headline": report.table([row for row in exact if (row["method"], row["setting"]) in HEADLINE], **columns),
     }
 

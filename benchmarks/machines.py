@@ -159,7 +159,7 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
 def measure() -> Iterator[dict[str, Any]]:
     """Both machines."""
     found = {"chain": measure_chain(), "knotter": measure_knotter()}
-    assert all(map(math.isfinite, (found["chain"]["chord"], found["chain"]["arcs_error"])))
+    assert math.isfinite(found["chain"]["arcs_error"])
     yield found
 
 

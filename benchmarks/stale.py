@@ -91,7 +91,7 @@ def told(runs: list[Run]) -> Iterator[str]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """List, then measure; 1 where a command fails or the tree has changes."""
+    """List, then measure; 1 where a command fails or the tree has changes, 130 where it is interrupted."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--list", action="store_true", help="measure nothing")
     only_list, runs, failed = parser.parse_args(arguments).list, stale(), []
@@ -104,7 +104,12 @@ def main(arguments: list[str] | None = None) -> int:
     for number, run in enumerate(runs, 1):
         print(f"{number} of {len(runs)}: {shlex.join(words(run)[1:])}", flush=True)
         one_thread = {"OMP_NUM_THREADS": "1"} if run.command.startswith("OMP_NUM_THREADS=1 ") else {}
-        if subprocess.run(words(run), cwd=report.ROOT, env={**os.environ, **one_thread}, check=False).returncode:
+        try:
+            done = subprocess.run(words(run), cwd=report.ROOT, env={**os.environ, **one_thread}, check=False)
+        except KeyboardInterrupt:
+            print("stopped: what has ended counts, and the same command goes on")
+            return 130
+        if done.returncode:
             failed.append(run.command)
     print(*(f"failed: {command}" for command in failed), sep="\n")
     return 1 if failed else 0

@@ -122,8 +122,16 @@ def stock(solved: list[tuple[dict[str, Any], la.Result]]) -> list[dict[str, Any]
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
-    """The tables of docs/analysis.md."""
-    return report.tables("studies", results["tables"])
+    """The figures of docs/analysis.md."""
+    forces, stock = (results["tables"][name] for name in ("forces", "stock"))
+    tried = [
+        f"{report.percent(row['same'])} of {row['cases']} motions after {row['tries']:,} ({row['ms']:.0f} ms)"
+        for row in stock
+    ]
+    return report.tables("studies", {"tolerances": results["tables"]["tolerances"]}) | {
+        "forces": report.power(max(row["worst"] for row in forces)),
+        "stock": ", ".join(tried),
+    }
 
 
 def measure(count: Annotated[int, "motions"] = 20) -> Iterator[dict[str, Any]]:

@@ -436,13 +436,14 @@ class Limits:
         pivot: double[:, ::1],
         turned: double[::1],
         body: double[:, ::1],
+        derivatives: bint = True,
     ):
-        """Values (n, C) and derivatives (n, C, 11) at linkages; NaN where one does not close.
+        """Values (n, C) and, where wanted, derivatives (n, C, 11) at linkages; NaN where one does not close.
 
         Lengths (n, 4), branch, first and last crank angle (n,), pivot (n, 2), ground angle (n,), z2 (n, 2).
         """
         count = lengths.shape[0]
-        values, slopes = np.empty((count, self.rows)), np.empty((count, self.rows, COLUMNS))
+        values, slopes = np.empty((count, self.rows)), np.empty((count if derivatives else 0, self.rows, COLUMNS))
         value: double[:, ::1] = values
         slope: double[:, :, ::1] = slopes
         for n in range(count):
@@ -457,8 +458,9 @@ class Limits:
             )
             for row in range(self.rows):
                 value[n, row] = self.values[row]
-                for c in range(COLUMNS):
-                    slope[n, row, c] = self.slopes[row, c]
+                if derivatives:
+                    for c in range(COLUMNS):
+                        slope[n, row, c] = self.slopes[row, c]
         return values, slopes
 
     @cfunc
@@ -1230,6 +1232,41 @@ class Descent:
             largest[n] = self.worst()
             squares[n] = self.spare[0]
         return squares, largest
+
+    def excursions(self, shortest: double, panel: double):
+        """How far the body point of each candidate goes between two neighbouring samples, over their distance, at most, (n,).
+
+        By chords between crank angles at most ``panel`` apart, two at least; a distance below ``shortest`` counts as that.
+        Infinite where the loop does not close in between.
+        """
+        most = np.empty(len(self.costs))
+        loop = self.shape.loop
+        for n in range(self.costs.shape[0]):
+            self.take(0, n)
+            self.shaped(0)
+            largest = 0.0
+            for i in range(self.samples if self.closed else self.samples - 1):
+                begin = self.phi[0, i]
+                if i + 1 < self.samples:
+                    step = self.phi[0, i + 1] - begin
+                else:
+                    step = copysign(TURN, begin - self.phi[0, 0]) + self.phi[0, 0] - begin
+                parts = 2 + cython.cast(cython.int, fabs(step) / panel)
+                gone, first, before = 0.0, 0j, 0j
+                for k in range(parts + 1):
+                    if not loop.turn(begin + step * k / parts, False):
+                        gone = INFINITE
+                        break
+                    place = self.pose[0, 1] * loop.e1 + self.pose[0, 2] * loop.e2
+                    if k == 0:
+                        first = place
+                    else:
+                        gone += sqrt(inner(place - before, place - before))
+                    before = place
+                chord = sqrt(inner(before - first, before - first))
+                largest = max(largest, gone / max(chord, shortest))
+            most[n] = largest
+        return most
 
     def restore(self, rounds: cython.int):
         """Move the candidates onto the limits that they break by the shortest way, at their crank angles: Newton's steps.

@@ -136,8 +136,8 @@ class Constraints(Protocol):
     def any(self) -> bool:
         """Whether there are any."""
 
-    def __call__(self, placed: Placed) -> Constrained:
-        """The constraints at linkages in that unit."""
+    def __call__(self, placed: Placed, derivatives: bool = True) -> Constrained:
+        """The constraints at linkages in that unit, with derivatives where they are wanted."""
 
     def compiled(self, posed: bool) -> Any:
         """Them as `kernel.Limits`: for linkages in a place, or for shapes alone."""

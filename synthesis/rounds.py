@@ -93,7 +93,8 @@ class Found:
         self.tolerance, self.note = tolerance, note
         self.pools: dict[Any, Pool] = {}
         """By the chart that the candidates are in."""
-        self.least = np.inf
+        self.least = self.standing = np.inf
+        """The least J, and the least where those that stray stand back."""
         self.led: list[float] = []
         """J that each round led to, on the samples that descents look at."""
 
@@ -103,6 +104,9 @@ class Found:
         if pool.cost.size:
             known = self.pools[chart].joined(pool) if chart in self.pools else pool
             self.pools[chart] = rounds.valleys(known, _POOL, _APART)
+            self.standing = min(
+                self.standing, np.sqrt(rounds.stood(self.pools[chart].take(slice(0, 1))).min(initial=np.inf))
+            )
         if pool.least < self.least:
             self.least = pool.least
             self.note(self.least)
@@ -213,11 +217,13 @@ class Rounds:
 
     def valleys(self, found: Pool, most: int, apart: float) -> Pool:
         """The best of each valley, best first; all that differ of those that reach the tolerance."""
-        order = np.argsort(found.cost, kind="stable")
-        found = found.take(order[np.isfinite(found.cost[order])])
+        found = found.take(np.isfinite(found.cost))
+        stood = self.stood(found)
+        order = np.argsort(stood, kind="stable")
+        found, stood = found.take(order), stood[order]
         place = np.column_stack([found.timed.shape, found.timed.angles[:, 0], found.timed.branch])
         rows, scale = self.signature(found.timed)
-        exact = int(np.searchsorted(found.cost, self.found.tolerance**2, side="right"))
+        exact = int(np.searchsorted(stood, self.found.tolerance**2, side="right"))
         kept = kernel.apart(place[:exact], np.full(exact, _ALIKE), (), 0, most)
         return found.take(kernel.apart(rows, apart * scale, kept, exact, most))
 
@@ -243,7 +249,7 @@ class Rounds:
         """
         number = last = 0
         while number - last < max(self.idle, 0.5 * last) and number < most:
-            before = self.found.least
+            before = self.found.least, self.found.standing
             begin = next(seeds, None) if number < 2 or number % 3 == 0 else None
             if begin is None:
                 if self.pool is None or not self.pool.cost.size:
@@ -251,7 +257,7 @@ class Rounds:
                 begin = self.hops(_ORIGINS, _COPIES, _WIDTHS[number // 2 % len(_WIDTHS)])
             self.found.led.append(self.round(begin, FEW_TO_THEIR_END))
             number += 1
-            if self.found.least < (1 - GAIN) * before:
+            if self.found.least < (1 - GAIN) * before[0] or self.found.standing < (1 - GAIN) * before[1]:
                 last = number
             yield begin
         if self.pool is not None and self.thin is not self.whole:
@@ -272,9 +278,7 @@ class Rounds:
         self._take(found)
         led = found.least
         assert self.pool is not None
-        best = [
-            k for k in np.argsort(self._stood, kind="stable")[: plan.ended] if self.pool.cost[k] not in self._ended
-        ]
+        best = [k for k in range(min(plan.ended, self.pool.cost.size)) if self.pool.cost[k] not in self._ended]
         if best and not (self.found.reached or self.work.expired()):
             before = set(self.pool.cost[best])
             found = self._descended(self.pool.take(best).timed, plan.end)
@@ -298,15 +302,12 @@ class Rounds:
         """Whether candidates go elsewhere between samples than anybody asked for, where that counts, (n,)."""
         return np.zeros(timed.branch.size, dtype=bool)
 
-    @property
-    def _stood(self) -> Floats:
-        """J squared of the pool's best, of those that stray as much as they stand back among answers."""
-        assert self.pool is not None
-        cost = self.pool.cost[:_STOOD]
-        new = np.array([k for k, value in enumerate(cost) if value not in self._strays], dtype=int)
-        if new.size:
-            self._strays.update(zip(cost[new], self.strays(self.pool.timed.take(new))))
-        return cost * np.where([self._strays[value] for value in cost], STANDS_BACK**2, 1.0)
+    def stood(self, pool: Pool) -> Floats:
+        """J squared, of those that stray by as much more as they stand back among answers."""
+        new = [k for k, value in enumerate(pool.cost.tolist()) if value not in self._strays]
+        if new:
+            self._strays.update(zip(pool.cost[new].tolist(), self.strays(pool.timed.take(new)).tolist()))
+        return pool.cost * np.where([self._strays[value] for value in pool.cost.tolist()], STANDS_BACK**2, 1.0)
 
     # -- answers ----------------------------------------------------------------------------------------------------
 
@@ -365,12 +366,13 @@ class Rounds:
         other minima of a long one.
         """
         assert self.pool is not None
-        cost = self.pool.cost[:_STOOD]
-        rank = np.log(np.maximum(self._stood, 1e-300)) + _TIRED * np.array([self._used[value] for value in cost])
+        best = self.pool.take(slice(0, _STOOD))
+        cost = best.cost
+        rank = np.log(np.maximum(self.stood(best), 1e-300)) + _TIRED * np.array([self._used[value] for value in cost])
         chosen = np.argsort(rank, kind="stable")[:origins]
         self._used.update(cost[chosen])
-        best = self.pool.timed.take(np.repeat(chosen, copies // 2))
-        return self._wide_steps(best, width).joined(self.problem.loose_steps(best, self.random, _LOOSE_HOP))
+        hop = best.timed.take(np.repeat(chosen, copies // 2))
+        return self._wide_steps(hop, width).joined(self.problem.loose_steps(hop, self.random, _LOOSE_HOP))
 
     def _wide_steps(self, timed: Timed, width: float) -> Timed:
         """Candidates moved in shape and timing, with heavy tails, some to the other branch, some to the other family."""

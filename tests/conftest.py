@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import fcntl
+import gc
 import math
 import multiprocessing
 import os
@@ -57,6 +58,12 @@ def pytest_configure(config: pytest.Config) -> None:
             half.start()
         for half in halves:
             half.join()
+
+
+def pytest_collection_finish() -> None:
+    """What is imported and collected by now stays to the end: the collector of garbage need not look at it again and again."""
+    gc.collect()
+    gc.freeze()
 
 
 def compile_tests(config: pytest.Config, first: int) -> None:

@@ -360,7 +360,7 @@ class Constraints:
         """Whether there are any."""
         return not self.limits.only_family
 
-    def __call__(self, placed: Placed) -> Constrained:
+    def __call__(self, placed: Placed, derivatives: bool = True) -> Constrained:
         """The constraints at linkages."""
         posed = placed.pivot is not None
         count, (limits, table) = len(placed.lengths), self._once(posed)
@@ -374,6 +374,7 @@ class Constraints:
             (nothing + 0j + pivot)[:, None].view(float),
             nothing + turned,
             (nothing + 0j + coupler)[:, None].view(float),
+            derivatives,
         )
         return Constrained(values, slopes, table.equal, table.names)
 

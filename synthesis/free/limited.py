@@ -26,7 +26,7 @@ from synthesis.search.seeds import Fits, Windows
 from synthesis.target import Target
 from synthesis.work import Work
 
-_SPANS = np.deg2rad([130.0, 40.0, 80.0, 190.0, 260.0, 330.0])
+_SPANS = np.deg2rad([130.0, 40.0, 260.0, 80.0, 190.0, 330.0])
 """Guesses of the crank angle from the first sample to the last."""
 _SEEDS = 24
 """Windows of each guess."""

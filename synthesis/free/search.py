@@ -349,20 +349,18 @@ class FreeRounds(Rounds):
         return timing, np.abs(timing).max(axis=1, initial=0.0)
 
     def strays(self, timed: Timed) -> Flags:
-        """Within the practical limits, as `excursions` tells it of answers, by chords; those with a tiny link too."""
+        """Within the practical limits, as `go_astray` tells it of answers, by chords; those with a tiny link too."""
         if not (self._stays and timed.branch.size):
             return super().strays(timed)
-        begin, step = timed.angles[:, :-1, None], np.diff(timed.angles, axis=1)[:, :, None]
-        angles = (begin + step * np.linspace(0.0, 1.0, _CHORDS + 1)).reshape(len(step), -1)
-        lengths, (a, z1, z2) = self.chart.shape(timed.shape).lengths, timed.pose.T[:, :, None]
-        turned = np.exp(1j * coupler_angle(lengths, timed.branch, angles))
-        places = (a + z1 * np.exp(1j * angles) + z2 * turned).reshape(*step.shape[:2], -1)
-        gone, chord = np.abs(np.diff(places)).sum(axis=2), np.abs(places[:, :, -1] - places[:, :, 0])
-        tiny = (
-            lengths.min(axis=1) * np.abs(z1[:, 0])
-            < SHORTEST * self.poses.extent / self.poses.length_scale * lengths[:, 0]
-        )
-        return np.asarray(tiny | (np.max(gone / np.maximum(chord, SHORTEST_CHORD), axis=1) > LEAVES_SAMPLES))
+        lengths, crank = self.chart.shape(timed.shape).lengths, np.abs(timed.pose[:, 1])
+        whole = timed.angles.shape[1] == self.poses.samples
+        poses, problem = (self.poses, self.plain) if whole else (self.thin, self.problem)
+        astray = problem.excursions(timed, SHORTEST_CHORD, _PANEL) > LEAVES_SAMPLES
+        if poses.rotation is not None:
+            turned = coupler_angle(lengths, timed.branch, poses.there_and_back(timed.angles))
+            astray |= ~np.all(np.isnan(poses.spins(turned)[2]), axis=1)
+        shortest = SHORTEST * self.poses.extent / self.poses.length_scale
+        return np.asarray(astray | (lengths.min(axis=1) * crank < shortest * lengths[:, 0]))
 
     def turned_apart(self, timed: Timed, width: float) -> Floats:
         """Another start, and another span."""
@@ -419,10 +417,12 @@ _FAR = 0.01
 """J from which on poses are no four-bar's with some noise."""
 _SAMPLES, _FEWER = 40, 20
 """Samples up to which descents look at all, and at how many of more."""
-_CHORDS = 6
-"""By so many chords the way between two samples is measured."""
+_PANEL = np.deg2rad(12.0)
+"""Crank angle that a chord spans at most, where it is told how far a candidate goes between samples."""
 _SEEDS, _BEFORE, _LOOKED_AT = 50, 20, 15
 """Seeds of a round; further ones that come from a search before; and seeds that may be answers at once."""
+_GUESSES_BESIDE = 2
+"""Guesses beside what dyads lead to: more of them were not worth their time in `benchmarks.engine`."""
 _FRESH = 3
 """Of searches that go on from one another so many times one takes fresh seeds too."""
 _IN_SIGHT = 1e-2, 1e-3
@@ -561,7 +561,7 @@ class _Search:
         """The search among one family's linkages."""
         work, found, chart = self.work, self.found, chart_of(family)
         near = self._rounds_near(family)
-        guesses = self._guesses(near, family) if self.poses.ordered else iter(())
+        guesses = self._guesses(near, family)
         begin: list[Timed] = []
         pool = None
         if self._sampled:  # a round of theirs takes long: something is known before
@@ -582,6 +582,7 @@ class _Search:
         if work.expired():
             return False
         if pool is not None and pool.cost.size:
+            guesses = islice(guesses, _GUESSES_BESIDE)
             begin.append(near.thinned(pool.best(_BEFORE).timed))
         exact: Iterator[FreeRounds] = iter(())
         if self.poses.ordered and family != "any" and (pool is None or pool.least <= _FAR):

