@@ -305,7 +305,7 @@ def made_text(stamps: Sequence[Mapping[str, Any]]) -> str:
     changed since (`parts`).
     """
 
-    words = {"processor": str, "cores": "{} cores".format}
+    words = {"processor": lambda name: re.sub(r"\(R\)| Processor", "", name), "cores": "{} cores".format}
     machines = dict.fromkeys(
         ", ".join(say(one["machine"][name]) for name, say in words.items() if name in one["machine"])
         for one in stamps
@@ -314,6 +314,7 @@ def made_text(stamps: Sequence[Mapping[str, Any]]) -> str:
     for one in stamps:
         found = re.sub("(?<=^[0-9a-f]{9})[0-9a-f]*", "", one["commit"])
         shown = re.sub("(?<=')(?: '[^']*')+ ('[^']*')", r" ... \1", one["command"])  # long lists by their ends
+        shown = shown.removeprefix("OMP_NUM_THREADS=1 ")
         runs[f"`{shown}` at commit {found}"] = one.get("since", [])
     old = age.told(list(runs.values()))
     if len(runs) > 2:

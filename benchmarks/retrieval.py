@@ -156,26 +156,22 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     flat, mass, wide = (results[name] for name in ("flat_index", "stumpy_mass", "wide"))
     ours = results["flat_requests"]["ours"]["median"]
     cores = results["made"]["machine"]["cores"]
-    others, same = [["scan", ms(ours), "any span, any crank angles"]], ""
+    others = [f"the scan takes {ms(ours)} ms"]
     if flat:
-        part = "" if flat["every_nth_start"] == 1 else f", from every {flat['every_nth_start']}th start"
-        held = f"this span only, a table of {flat['bytes'] / 1e9:.1f} GB{part}"
-        others.append(["flat index, single query", ms(flat["single_s"]["median"]), held])
-        others.append(["flat index, all in one batch", ms(flat["batch_s_each"]), held])
-        if flat["every_nth_start"] == 1:
-            same = (
-                f"\n\nIn single precision, the flat index finds the {TOP} windows of the scan for {flat['same_windows']} of"
-                f" {flat['requests']} single queries, for {flat['same_windows_in_batch']} in a batch."
-            )
+        part = "" if flat["every_nth_start"] == 1 else f" from every {flat['every_nth_start']}th start"
+        single, batch = ms(flat["single_s"]["median"]), ms(flat["batch_s_each"])
+        others.append(
+            f"a flat index of this span alone ({flat['bytes'] / 1e9:.1f} GB{part}) {single} ms a query, {batch} ms in a batch"
+        )
     if mass:
         others.append(
-            ["stumpy mass", ms(mass["seconds"]["median"]), f"another measure; from {mass['curves']:,} curves"]
+            f"stumpy's mass over {mass['curves']:,} curves, by another measure, {ms(mass['seconds']['median'])} ms"
         )
     return {
         "sizes": f"{results['types']:,} types, {results['windows']:,} windows, the best {TOP}; wall clock on {cores} cores.",
         **report.tables("retrieval", {"spans": [{"key": key, **part} for key, part in results["spans"].items()]}),
         "wide": f"{wide['types']:,} types in {between(wide['spans'])} ms, {between(wide['spans'], 'ratio')} times faster",
-        "others": report.lines([f"at {FLAT_SPAN} degrees", "ms a request", "what it answers"], others) + same,
+        "others": ", ".join(others),
         "hard": f"{between(results['hard'])} ms, {between(results['hard'], 'ratio')} times faster",
         "file": file_figures(results),
         "file_made": report.made_text([results["made"], results["parts"]["atlas"].get("made", results["made"])]),

@@ -108,6 +108,8 @@ _STEEL = 210_000.0
 """Newtons a square millimetre, of a rod that buckles."""
 _LEAST_ARM = 0.1
 """Of the largest arm that there can be: the least one where none is asked for."""
+_USUAL, _HARDLY_MORE = 1.4, 1.05
+"""Strokes that an actuator is long when retracted, where nothing is said; and how many times the least force that may cost."""
 _OVER_CENTRE = 5.0
 """Degrees by which a knee goes beyond its line, where nothing is said."""
 _DWELL = 0.01
@@ -390,7 +392,9 @@ class Drives(Record):
             rows.append(
                 f"  {spring.kind} spring {'-'.join(spring.between)}, stiffness {spring.stiffness:.4g}: {left}"
             )
-        rows += [f"  no {one.kind} on {one.link}: {one.reason}" for one in self.refused]
+        for no in self.refused:
+            named = "" if no.name is None else f" ({no.name})"
+            rows.append(f"  no {no.kind}{named} on {no.link}: {no.reason}")
         return "\n".join(rows)
 
 
@@ -583,6 +587,8 @@ class _Place(NamedTuple):
         for k in range(last):
             if (samples[k] - middle) * (samples[k + 1] - middle) <= 0:
                 round_again = k + 1 == last and abs(abs(samples[last] - samples[0]) - TURN) < 1e-9
+                if round_again and last == 1:
+                    return ""
                 return f"between poses {k + 1} and {1 if round_again else k + 2}, "
         return ""
 
@@ -1040,11 +1046,28 @@ class _Search:
             else:
                 sizes = Actuator(retracted or question.size, stroke or question.size)
                 found = question.best_of_sizes(Sizes(sizes, retracted is None, stroke is None, dead), self.work)
+                if retracted is None and isinstance(found, Placement):
+                    found = self._usual(question, found, dead, stroke is None)
             if isinstance(found, Refused):
                 self.refuse("actuator", name, self._sentence(found, question, sizes, stroke is None))
             else:
                 low, high = float(found.length[[0, -1]].min()), float(found.length[[0, -1]].max())
                 self._placed(wish, name, question, found, Actuator(low, high - low), None, 0)
+
+    def _usual(self, question: Question, best: Placement, dead: float, stroke_free: bool) -> Placement:
+        """An actuator of usual length in place of the best of any length, which may be longer than need be or not be had."""
+        low, high = np.sort(best.length[[0, -1]]).tolist()
+        whole = high - low
+        had = dead > 0 or low >= _USUAL * whole * (1 - 1e-9)
+        for share in (1.0, 0.85, 0.7, 0.55) if stroke_free and not had else (1.0,):
+            stroke = share * whole
+            for length in [stroke + dead] if dead else [_USUAL * stroke, 2 * stroke]:
+                if self.work.expired() or (had and length >= low):
+                    return best
+                one = question.best(Actuator(length, stroke), self.work)
+                if isinstance(one, Placement) and (not had or one.worst <= _HARDLY_MORE * best.worst):
+                    return one
+        return best
 
     def _longest_way(self, link: LinkMotion, reach: float) -> float:
         turned = float(abs(link.direction[-1] - link.direction[0]))

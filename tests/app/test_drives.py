@@ -263,3 +263,29 @@ def test_drives_in_python_are_told_in_a_line_each() -> None:
     assert lines[0].endswith("2 springs") and max(map(len, lines)) < 200
     assert any("actuator on the coupler" in line and "force at most" in line for line in lines)
     assert any("tension spring ground-crank" in line for line in lines)
+
+
+@pytest.mark.parametrize(("wish", "usual"), [({}, 1.4), ({"dead_length": 60}, None), ({"stroke": 100}, 1.4)])
+def test_an_actuator_of_free_length_is_no_longer_than_it_must_be(wish: dict, usual: float | None) -> None:
+    flap = {"pivot": [0, 0], "start": 0, "swing": 60, "length": 400}
+    found = la.drives(rocker=flap, drives=[{"kind": "actuator", **wish}], load={"force": [0, -100]}).drives[0]
+    assert found.stroke and found.retracted and found.over_bound
+    assert found.retracted == pytest.approx(found.stroke * usual if usual else found.stroke + 60, rel=1e-6)
+    assert found.over_bound < 1.16
+
+
+def test_no_actuator_of_free_sizes_is_shorter_than_can_be_had() -> None:
+    linkage = la.FourBar(
+        240, 100, 84, 155, start_angle=18, ground_angle=-25, pivot_a=(-100, 22), coupler_point=(160, 116)
+    )
+    for wish in ({}, {"stroke": 100}):
+        asked = [{"kind": "actuator", **wish}]
+        found = la.drives(linkage, asked, load={"force": [0, -100]}, crank_angle=[0, -34]).drives
+        assert len(found) == 3
+        assert all(one.retracted and one.stroke and one.retracted >= 1.399 * one.stroke for one in found)
+
+
+def test_a_refused_row_is_named_in_words() -> None:
+    flap = {"pivot": [0, 0], "start": 0, "swing": 60, "length": 400}
+    asked = [{"kind": "cylinder", "catalogue": "iso_6432"}]
+    assert "no actuator (ISO 6432" in repr(la.drives(rocker=flap, drives=asked, load={"force": [0, -1e6]}))
