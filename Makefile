@@ -34,7 +34,7 @@ help:
 	@echo "make limits     requests within limits, beside general optimisers: docs/limits.md (half an hour)"
 	@echo "make function   named functions and other programs: docs/function.md (half an hour)"
 	@echo "make stability  extreme cases against high precision: docs/stability.md (a minute)"
-	@echo "make assembly   layers of random machines against shapely: docs/assembly.md (a few minutes)"
+	@echo "make assembly   layers of random machines against shapely: docs/assembly.md (ten minutes)"
 	@echo "make drives     drives against finer grids, circles and equilibrium: docs/drives.md (some minutes)"
 	@echo "make studies    forces, tolerances of manufacture, stock lengths: docs/analysis.md (a few minutes)"
 	@echo "make solids     files of parts of the gallery: docs/export.md (a minute)"

@@ -11,28 +11,28 @@ from benchmarks import report
 from benchmarks.report import Times
 from synthesis.assembly.layers import Asked, Search
 from synthesis.work import Work
-from tests.oracles.assembly import disagreements, four_bars, nearest, six_bars, sliders
+from tests.oracles.assembly import disagreements, four_bars, motors_elsewhere, nearest, six_bars, sliders
 
 KINDS = {
     "four-bars": (four_bars, 1),
     "bodies on rails and slots": (sliders, 1),
-    "four-bars with motor and rod": (six_bars, 5),
+    "motors on cranks and rockers of four-bars": (six_bars, 2),
+    "motors on couplers, and on bodies on rails and slots": (motors_elsewhere, 2),
 }
 """Random machines of each kind, and the part of the cases that is taken of it."""
+ASKED = (Asked("below"), Asked("both"), Asked("bar"), Asked("below", heads=True), Asked("both", heads=True))
 
 
 def measure(cases: Annotated[int, "linkages of each kind"] = 1000) -> Iterator[dict[str, Any]]:
-    """Each kind, with a board below, on both sides, and heads in turn."""
+    """Each kind, with a board below, on both sides, a bar, and heads in turn."""
     rows: list[dict[str, Any]] = []
-    asked = [Asked("below"), Asked("both"), Asked("below", heads=True), Asked("both", heads=True)]
     for kind, (machines, part) in KINDS.items():
         times, proved = Times(), Times()
         counts = dict.fromkeys(("pairs", "places", "wrong", "free", "touching", "blocked", "stacks"), 0)
         least = np.inf
         for number, machine in enumerate(machines(cases // part)):
-            question = asked[number % len(asked)]
-            proved.run(Search, machine, question, Work())
-            search = Search(machine, question, Work())
+            question = ASKED[number % len(ASKED)]
+            search = proved.run(Search, machine, question, Work())
             found = times.run(lambda: Search(machine, question, Work()).answer())  # noqa: B023
             for name, value in zip(("pairs", "places", "wrong"), disagreements(machine, search)):
                 counts[name] += value

@@ -18,8 +18,12 @@ from synthesis.solids.prism import Mass
 from synthesis.solids.solid import Solid, Solids
 from synthesis.target import Interval
 
+INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 EFFORT, VELOCITY = 1000.0, 100.0
 """Limits that URDF wants of every joint, in newton metres and radians a second: larger than a model meets."""
+_ZEROS = " ".join(f'{name}="0"' for name in INERTIA)
+_NO_MASS = f'<inertial><origin xyz="0 0 0"/><mass value="0"/><inertia {_ZEROS}/></inertial>'
+"""Of frames: where nothing is said PyBullet takes a kilogram."""
 
 
 @dataclass(frozen=True)
@@ -93,15 +97,7 @@ class _Model:
         """The same element in both formats, apart from the place, which is given."""
         inertia = self.masses[body].inertia
         return "".join(
-            f'{name}="{_number(inertia[k, j])}" '
-            for name, k, j in (
-                ("ixx", 0, 0),
-                ("ixy", 0, 1),
-                ("ixz", 0, 2),
-                ("iyy", 1, 1),
-                ("iyz", 1, 2),
-                ("izz", 2, 2),
-            )
+            f'{name}="{_number(value)}" ' for name, value in zip(INERTIA, inertia[np.triu_indices(3)])
         ).strip()
 
     def centre(self, body: int) -> str:
@@ -138,7 +134,7 @@ def to_urdf(solids: Solids, name: str, used: Interval | None = None) -> str:
             for side, (body, at) in enumerate(((joint.parent, joint.at_parent), (joint.child, joint.at_child)), 1):
                 frame = f"closing_{joint.name}_{side}"
                 lines.append(
-                    f'<link name="{frame}"/>\n<joint name="{frame}_fixed" type="fixed">'
+                    f'<link name="{frame}">{_NO_MASS}</link>\n<joint name="{frame}_fixed" type="fixed">'
                     f'<parent link="{model.names[body]}"/><child link="{frame}"/>'
                     f'<origin xyz="{_Frame(at * model.metre, 0.0).text()}"/></joint>'
                 )

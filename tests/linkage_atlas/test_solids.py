@@ -372,6 +372,6 @@ def test_a_machine_of_the_gallery_is_reopened_as_it_was(machine, tmp_path) -> No
     from tests.synthesis.solids.test_step import check
 
     title, found = reopened(parts.file("step").decode(), tmp_path)
-    assert title == "four-bar linkage"
+    assert title == "linkage"
     for one, part, place in zip(found, parts.solids.parts, parts.solids.posed(), strict=True):
         check(one, part, place)

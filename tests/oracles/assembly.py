@@ -99,21 +99,29 @@ def four_bars(count: int) -> Iterator[Machine]:
         span = float(random.choice([TURN, random.uniform(0.2, 3.0)]))
         if not linkage.joints(np.linspace(0.0, span, 400)).closed:
             continue
-        body: tuple[complex, ...] = ()
-        if random.random() < 0.3:  # a star, mostly not convex
-            angle = np.sort(random.uniform(0, TURN, 9))
-            body = tuple(random.uniform(0.05, 0.3, 9) * np.exp(1j * angle)) if np.all(np.diff(angle) > 1e-3) else ()
-        hole = 0.3 * min(links) * random.uniform(0.3, 1.0)
-        sizes = Sizes(hole, hole * random.uniform(1.3, 3.5), random.uniform(0, 0.02))
+        body = _star(random)
         try:
-            yield four_bar(linkage, Interval(0.0, span), sizes, body)
+            yield four_bar(linkage, Interval(0.0, span), _sizes(random, 0.3 * min(links)), body)
         except ValueError:
             continue
         count -= 1
 
 
+def _star(random: np.random.Generator) -> tuple[complex, ...]:
+    """The outline of a body, mostly not convex; of seven in ten machines none."""
+    angle = np.sort(random.uniform(0, TURN, 9))
+    star = tuple(random.uniform(0.05, 0.3, 9) * np.exp(1j * angle))
+    return star if random.random() < 0.3 and np.all(np.diff(angle) > 1e-3) else ()
+
+
+def _sizes(random: np.random.Generator, most: float) -> Sizes:
+    """Pins up to a size, plates narrow and wide, and a clearance."""
+    hole = most * random.uniform(0.3, 1.0)
+    return Sizes(hole, hole * random.uniform(1.3, 3.5), random.uniform(0, 0.02))
+
+
 def sliders(count: int) -> Iterator[Machine]:
-    """Random bodies on two guides of all kinds, by all their drives, over a part of what each can do."""
+    """Random bodies on two guides of all kinds, by all their drives, over a part of what each can do or a turn."""
     random = np.random.default_rng(SEED)
 
     def place(size: float = 1.0) -> complex:
@@ -138,6 +146,9 @@ def sliders(count: int) -> Iterator[Machine]:
             closes = linkage.closes_over(Interval(linkage.start, linkage.start + span))
         try:
             machine = guided(linkage, Interval(0.0, span), Sizes()) if closes else None
+            if machine is not None:
+                most = min(1.3 * machine.hole, 0.3 * min(machine.lengths))
+                machine = guided(linkage, Interval(0.0, span), _sizes(random, most), _star(random))
         except ValueError:
             machine = None
         # a body that is flung far away tells nothing
@@ -175,11 +186,9 @@ def six_bars(count: int) -> Iterator[Machine]:
         motor = made.motor if swing > 0 else made.motor.conjugate()
         at = pivot + radius * motor * np.exp(1j * (ends.mean() + angle))
         pin = complex(radius * np.exp(1j * angle))
-        hole = 0.25 * min(*links, radius * made.crank)
+        motor = Motor(link, complex(at), radius * made.crank, radius * made.rod, pin)
         try:
-            yield motor_driven(
-                linkage, used, Motor(link, complex(at), radius * made.crank, radius * made.rod, pin), Sizes(hole)
-            )
+            yield motor_driven(linkage, used, motor, _sizes(random, 0.25 * min(*links, motor.crank)))
         except ValueError:
             continue
         count -= 1
@@ -228,6 +237,20 @@ def other_six_bars(count: int) -> Iterator[tuple[Any, Interval, Motor]]:
             continue
         yield linkage, used, Motor(link.name, found.motor, found.crank, found.rod, found.pin)
         count -= 1
+
+
+def motors_elsewhere(count: int) -> Iterator[Machine]:
+    """The same as machines with plates of all sizes."""
+    random, made = np.random.default_rng(SEED), 0
+    for case in other_six_bars(2 * count):
+        if made == count:
+            return
+        try:
+            plain = motor_driven(*case, Sizes())
+            yield motor_driven(*case, _sizes(random, plain.hole))
+        except ValueError:
+            continue
+        made += 1
 
 
 def outlines(machine: Machine, body: int, core: tuple[complex, ...], travel: Any) -> Any:

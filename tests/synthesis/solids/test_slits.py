@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+from contextlib import suppress
 
 import ezdxf
 import numpy as np
@@ -12,9 +13,8 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from synthesis.assembly.driving import motor_driven
 from synthesis.assembly.layers import Asked, arrange
-from synthesis.assembly.machine import Sizes
+from synthesis.errors import FieldError
 from synthesis.solids.fits import FITS
 from synthesis.solids.mesh import mesh_of
 from synthesis.solids.plates import parts_to_plates
@@ -22,7 +22,7 @@ from synthesis.solids.prism import Hole, Prism, rounded
 from synthesis.solids.solid import Made, parts_list, solids_of
 from synthesis.solids.step import to_step
 from synthesis.work import Work
-from tests.oracles.assembly import other_six_bars, six_bars, sliders
+from tests.oracles.assembly import motors_elsewhere, six_bars, sliders
 from tests.oracles.solids import deepest, overlap, step_shells
 from tests.oracles.surface import euler_characteristic, open_edges
 from tests.synthesis.solids.test_mesh import read_strictly, watertight
@@ -33,22 +33,21 @@ PLATE = Prism(rounded([0j, 70 + 0j, 30 + 40j], 14), 0.0, 4.0, (SLIT, Hole(0j, 3.
 
 
 def made(machine, fit: str = "H7"):
-    """The parts of a machine in free layers; None where there are none."""
+    """The parts of a machine in free layers; None where there are none, or a plate has no room for a hole."""
     for boards in ("below", "both"):
         found = arrange(machine, Asked(boards), Work())
         if found.status == "free":
             # models of a hand's size
             unit = 200.0 / machine.size
-            return solids_of(machine, found.stack, Made(FITS[fit], "aluminium", "steel"), unit)
+            with suppress(FieldError):
+                return solids_of(machine, found.stack, Made(FITS[fit], "aluminium", "steel"), unit)
     return None
 
 
 @pytest.fixture(scope="module")
 def slides():
     """Parts of one linkage of each pair of guides, and of six-bars."""
-    found = [made(machine) for machine in sliders(16)]
-    found += [made(machine) for machine in six_bars(2)]
-    found += [made(motor_driven(*case, Sizes())) for case in other_six_bars(4)]
+    found = [made(machine) for machines in (sliders(16), six_bars(3), motors_elsewhere(4)) for machine in machines]
     found = [solids for solids in found if solids is not None]
     slits = sum(bool(hole.reach) for solids in found for part in solids.parts for hole in part.prism.holes)
     assert len(found) >= 14 and slits >= 10

@@ -113,6 +113,8 @@ def check(found, part: Solid, place: Posed) -> None:
     assert found.heights == pytest.approx((place.up + prism.low, place.up + prism.high), abs=1e-6)
     holes = [_seen(hole, place) for hole in prism.holes if not hole.reach]
     ends = [_seen(hole._replace(centre=end), place) for hole in prism.holes if hole.reach for end in hole.ends]
+    bays = [arc for arc in prism.arcs if arc is not None and np.isclose(arc.angle, -np.pi, rtol=1e-9)]
+    ends += [_seen(Hole(arc.centre, arc.radius), place) for arc in bays]
     for wanted, told in ((holes, found.holes), (ends, found.halves)):
         assert np.array(sorted(told)).reshape(-1, 3) == pytest.approx(
             np.array(sorted(wanted)).reshape(-1, 3), abs=1e-9
