@@ -43,6 +43,8 @@ _RODS, _LENGTHS = (0.2, 50.0), 16
 """Rods that are tried for given times, the shortest and the longest over half the way of the pin, and how many."""
 _EACH_WAY, _APART, _SAME = 4, 0.3, 0.01
 """Short descents of each way; over the size, how far apart they begin, and how near is one place."""
+_LEAST_STROKE = 0.1
+"""Of the longest way that a pin of the link can have: twice the motor's crank at least."""
 _SHORT, _LONG, _STEPS = 8, 3, 40
 """Steps of a short descent; how many are gone on with, and for how many steps."""
 
@@ -362,6 +364,13 @@ def on_any_link(
     return best
 
 
+def _least_stroke(question: Question) -> float:
+    """Of the line between motor and pin: a pin that hardly moves asks for a rod that nothing bears."""
+    link = question.link
+    turned = abs(link.direction[-1] - link.direction[0])
+    return float(_LEAST_STROKE * (abs(link.origin[-1] - link.origin[0]) + question.wanted.reach * turned))
+
+
 def _beginnings(question: Question, angle: float | None) -> list[_Begin]:
     """Motors and pins of a coarse grid that drive the link, the best of each way that lie apart from one another."""
     link, reach = question.link, question.wanted.reach
@@ -372,9 +381,11 @@ def _beginnings(question: Question, angle: float | None) -> list[_Begin]:
     else:
         o, q = _in_time(question, pins, angle)
     arms = question.arms(o, q) * question.sense
+    first, last = (np.abs(link.origin[k] + link.direction[k] * q - o) for k in (0, -1))
+    far = np.abs(last - first) >= _least_stroke(question)
     found: list[_Begin] = []
     for way in (True, False):
-        good = np.flatnonzero((arms if way else -arms).min(axis=1) > 0)
+        good = np.flatnonzero(far & ((arms if way else -arms).min(axis=1) > 0))
         if not good.size:
             continue
         worth = _sines(link, o[good], q[good], way, question.sense).min(axis=(0, 2))
@@ -451,7 +462,7 @@ class _Descent:
     def __init__(self, question: Question, way: bool, angle: float | None) -> None:
         self.link, self.way, self.angle = question.link, way, angle
         self.size, self.reach = question.size, question.wanted.reach
-        self.sign = question.sense * (1.0 if way else -1.0)
+        self.sign, self.stroke = question.sense * (1.0 if way else -1.0), _least_stroke(question)
         box = [part / self.size for part in question.wanted.box]
         room = self.reach / self.size
         self.bounds = [(box[0], box[2]), (box[1], box[3]), (-room, room), (-room, room), (-1.0, 1.0)]
@@ -463,7 +474,7 @@ class _Descent:
         return complex(x, y), complex(along, beside)
 
     def rows(self, z: Floats) -> Floats:
-        """Sines less u, (2 n - 2,), room of the reach, and that the line grows or shrinks at all."""
+        """Sines less u, (2 n - 2,), room of the reach, and how far the line grows or shrinks."""
         found = self._at(z).rows[:-1].copy()
         found[:-2] -= z[4]
         return found
@@ -523,7 +534,7 @@ class _Descent:
         n = middle.size
         rows[:n], rows[n : 2 * n], rows[2 * n : -3] = here + there, here - there, part[[0, -1]].real
         rows[-3] = (1 - abs(pin) / self.reach) * (1 + abs(pin) / self.reach)
-        rows[-2] = (long - short) / self.size
+        rows[-2] = (long - short - self.stroke) / self.size
         turned = float(np.angle(v[-1] * np.conj(v[0])))
         rows[-1] = abs(turned) - (self.angle or 0.0)
         return _Looked(key, rows, None, pin, v, moved, part, cosine, sine, turned)

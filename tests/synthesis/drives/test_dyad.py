@@ -171,6 +171,11 @@ def test_a_motor_that_is_turned_round_swings_a_linkage_of_any_kind(seed: int) ->
     assert one.ends == pytest.approx(sorted(interval), abs=1e-9)
     assert one.time_ratio == pytest.approx(ratio or found.time_ratio, rel=1e-9)
     assert found.least_angle == pytest.approx(one.transmission_angle, abs=np.deg2rad(1))
+    if (
+        link.pivot is None
+    ):  # its pin moves: the longest way of any is that of the origin and the turn about it together
+        most = abs(link.origin[-1] - link.origin[0]) + 1.5 * abs(link.direction[-1] - link.direction[0])
+        assert found.crank >= 0.0499 * most
 
 
 def test_times_and_boxes_that_cannot_be_are_refused_in_words() -> None:
