@@ -113,6 +113,8 @@ class Computer:
                 pieces.reverse()
                 while pieces:
                     connection.send_bytes(pieces.pop())
+                if head.size > bodies.PIECE_BYTES:
+                    give_back_memory()
 
     def _replied(self, task: Task) -> tuple[Head, list[bytes]]:
         self._resources.makes = task.makes
