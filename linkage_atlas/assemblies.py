@@ -24,7 +24,7 @@ from synthesis.fourbar.files import check_sizes
 from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.linkage import GuidedLinkage
 from synthesis.mechanism import Box
-from synthesis.target import Interval
+from synthesis.target import MAX_LENGTH, Interval
 from synthesis.work import Work
 
 ASSEMBLY = (
@@ -319,6 +319,8 @@ def _outline(name: str, given: Any) -> tuple[complex, ...]:
         points = np.zeros(0)
     if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all():
         raise FieldError(f"/{name}", "wanted corners [x, y], all finite")
+    if np.abs(points).max(initial=0.0) > MAX_LENGTH:
+        raise FieldError(f"/{name}", f"wanted corners within {MAX_LENGTH:g} of the body point")
     corners = [complex(*point) for point in points]
     if len(corners) > 1 and corners[0] == corners[-1]:
         corners.pop()
