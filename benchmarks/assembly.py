@@ -60,8 +60,8 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     for row in results["kinds"]:
         times = " and ".join(report.significant(row[name]) for name in ("ms", "p99"))
         told.append(
-            f"{row['pairs']:,} pairs of parts of {row['cases']:,} {row['kind']} at {row['places']:,} places: {row['wrong']} disagree; "
-            f"{row['free']} have free layers, in {times} ms at the median and 99 %"
+            f"{row['pairs']:,} pairs of parts of {row['cases']:,} {row['kind']} at {row['places']:,} places: {row['wrong']} "
+            f"disagree; {row['free']} have free layers, in {times} ms at the median and 99 %"
         )
     return {"kinds": "; ".join(told)}
 
