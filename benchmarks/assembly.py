@@ -56,14 +56,14 @@ def measure(cases: Annotated[int, "linkages of each kind"] = 1000) -> Iterator[d
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
     """The comparison, and what it takes."""
-    said = []
+    told = []
     for row in results["kinds"]:
         times = " and ".join(report.significant(row[name]) for name in ("ms", "p99"))
-        said.append(
-            f"{row['cases']:,} {row['kind']}: of {row['pairs']:,} pairs of parts at {row['places']:,} places {row['wrong']} disagree; "
-            f"{row['free']} machines have free layers, in {times} ms at the median and 99 %"
+        told.append(
+            f"{row['pairs']:,} pairs of parts of {row['cases']:,} {row['kind']} at {row['places']:,} places: {row['wrong']} "
+            f"disagree; {row['free']} have free layers, in {times} ms at the median and 99 %"
         )
-    return {"kinds": "; ".join(said)}
+    return {"kinds": "; ".join(told)}
 
 
 if __name__ == "__main__":

@@ -45,6 +45,8 @@ _EACH_WAY, _APART, _SAME = 4, 0.3, 0.01
 """Short descents of each way; over the size, how far apart they begin, and how near is one place."""
 _LEAST_STROKE = 0.1
 """Of the longest way that a pin of the link can have: twice the motor's crank at least."""
+_LEAST_SPEED = 0.5
+"""Of the mean one that this stroke asks for, a pin's least: at rest no rod could move it."""
 _SHORT, _LONG, _STEPS = 8, 3, 40
 """Steps of a short descent; how many are gone on with, and for how many steps."""
 
@@ -463,6 +465,8 @@ class _Descent:
         self.link, self.way, self.angle = question.link, way, angle
         self.size, self.reach = question.size, question.wanted.reach
         self.sign, self.stroke = question.sense * (1.0 if way else -1.0), _least_stroke(question)
+        span = abs(float(question.at[-1] - question.at[0]))
+        self.speed = max(_LEAST_SPEED * self.stroke / span, 1e-300)
         box = [part / self.size for part in question.wanted.box]
         room = self.reach / self.size
         self.bounds = [(box[0], box[2]), (box[1], box[3]), (-room, room), (-room, room), (-1.0, 1.0)]
@@ -474,15 +478,15 @@ class _Descent:
         return complex(x, y), complex(along, beside)
 
     def rows(self, z: Floats) -> Floats:
-        """Sines less u, (2 n - 2,), room of the reach, and how far the line grows or shrinks."""
+        """Sines less u, (2 n - 2,), the pin's least speed, room of the reach, and how far the line grows or shrinks."""
         found = self._at(z).rows[:-1].copy()
-        found[:-2] -= z[4]
+        found[:-3] -= z[4]
         return found
 
     def slopes(self, z: Floats) -> Floats:
         """Of `rows`, by the unknowns."""
         found = self._slopes(z)[:-1]
-        return np.column_stack([found, np.append(np.full(found.shape[0] - 2, -1.0), [0.0, 0.0])])
+        return np.column_stack([found, np.append(np.full(found.shape[0] - 3, -1.0), np.zeros(3))])
 
     def off(self, z: Floats) -> Floats:
         """The angle QaOQb less the one that the times ask for."""
@@ -495,7 +499,7 @@ class _Descent:
     def start(self, begin: _Begin) -> Floats:
         """The unknowns at a place, with u the smallest sine there."""
         z = np.array([begin.motor.real, begin.motor.imag, begin.pin.real, begin.pin.imag, 0.0]) / self.size
-        z[4] = self._at(z).rows[:-3].min()
+        z[4] = self._at(z).rows[:-4].min()
         return z
 
     def worth(self, begin: _Begin) -> float:
@@ -529,10 +533,11 @@ class _Descent:
         sine = (
             np.sqrt(np.maximum((middle - short) * (middle + short) * (long - middle) * (long + middle), 0.0)) / twice
         )
-        rows = np.empty(2 * length.size + 1)
+        rows = np.empty(2 * length.size + 2)
         here, there = part[1:-1].real * cosine, part[1:-1].imag * sine
         n = middle.size
-        rows[:n], rows[n : 2 * n], rows[2 * n : -3] = here + there, here - there, part[[0, -1]].real
+        rows[:n], rows[n : 2 * n], rows[2 * n : -4] = here + there, here - there, part[[0, -1]].real
+        rows[-4] = float(np.abs(moved).min()) / self.speed - 1
         rows[-3] = (1 - abs(pin) / self.reach) * (1 + abs(pin) / self.reach)
         rows[-2] = (long - short - self.stroke) / self.size
         turned = float(np.angle(v[-1] * np.conj(v[0])))
@@ -559,7 +564,10 @@ class _Descent:
         n = seen.sine.size
         slopes[:n] = (other - one)[:, None] * (psi[1:-1] - beta)
         slopes[n : 2 * n] = -(other + one)[:, None] * (psi[1:-1] + beta)
-        slopes[2 * n : -3] = -part[[0, -1]].imag[:, None] * psi[[0, -1]]
+        slopes[2 * n : -4] = -part[[0, -1]].imag[:, None] * psi[[0, -1]]
+        k = int(np.argmin(np.abs(seen.moved)))
+        turned = 1j * link.rate[k] * link.direction[k] * _PINS
+        slopes[-4] = np.real(np.conj(seen.moved[k]) * turned) / abs(seen.moved[k]) / self.speed
         slopes[-3] = -2 * np.real(np.conj(seen.pin) * _PINS) / self.reach**2
         slopes[-2] = (d_long - d_short) / self.size
         slopes[-1] = np.sign(seen.turned) * (by_line[-1] - by_line[0]).imag

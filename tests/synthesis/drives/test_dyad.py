@@ -104,7 +104,8 @@ def test_derivatives_of_the_descent_are_exact(seed: int, way: bool) -> None:
     linkage, interval = random_linkage(rng)
     machine = machine_of(linkage, interval)
     asked = Question(machine.links["coupler"], machine.at, np.zeros(61), Wanted((-4.0, -4.0, 4.0, 4.0), 1.5, 0.0), 20)
-    some = [one for one in _beginnings(asked, 0.3) if one.way is way]
+    # the crank pin goes at one speed: there the least one has a corner
+    some = [one for one in _beginnings(asked, 0.3) if one.way is way and one.pin]
     for begin in some:
         one, step = _Descent(asked, way, 0.3), 1e-6
         z = one.start(begin)
