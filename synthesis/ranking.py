@@ -21,7 +21,7 @@ APART = 1e-2
 
 _AS_GOOD, _ALIKE = 0.02, 0.25
 """Parts by which objectives, and numbers of order one, of two answers in one valley differ at most."""
-_NEAR, STANDS_BACK = 0.02, 2.0
+NEAR, STANDS_BACK = 0.02, 2.0
 """An answer is near if its objective is at most the first, a fiftieth of the motion's extent, or so many times the best."""
 
 
@@ -169,7 +169,7 @@ def behind(objective: Floats, strays: NDArray[np.bool_], tolerance: float) -> ND
     """
     exact = objective < tolerance
     best = np.min(objective, initial=np.inf, where=~exact)
-    near = ~strays & (objective <= max(_NEAR, STANDS_BACK * best))
+    near = ~strays & (objective <= max(NEAR, STANDS_BACK * best))
     return np.where(exact, strays.astype(int), np.where(near, 2, 3))
 
 

@@ -20,7 +20,7 @@ import numpy as np
 from synthesis import kernel
 from synthesis.arrays import Flags, Floats
 from synthesis.descents import Pool, Problem, Stage, Timed
-from synthesis.ranking import STANDS_BACK
+from synthesis.ranking import NEAR, STANDS_BACK
 from synthesis.target import Samples
 from synthesis.work import Work
 
@@ -113,12 +113,12 @@ class Found:
 
     @property
     def reached(self) -> bool:
-        """Whether an answer is below the tolerance."""
-        return self.least <= self.tolerance
+        """Whether an answer that does not stray is below the tolerance."""
+        return self.standing <= self.tolerance
 
     def unseen(self, odds: tuple[float, float]) -> float | None:
         """The estimated chance that a better valley was missed; None where an answer is exact. ``odds``: see `Rounds`."""
-        return None if self.reached else unseen(elsewhere(self.led), odds)
+        return None if self.least <= self.tolerance else unseen(elsewhere(self.led), odds)
 
 
 def elsewhere(led: Sequence[float]) -> float:
@@ -303,11 +303,12 @@ class Rounds:
         return np.zeros(timed.branch.size, dtype=bool)
 
     def stood(self, pool: Pool) -> Floats:
-        """J squared, of those that stray by as much more as they stand back among answers."""
+        """J squared, of those that stray by as much more as they stand back among answers (see `ranking.behind`)."""
         new = [k for k, value in enumerate(pool.cost.tolist()) if value not in self._strays]
         if new:
             self._strays.update(zip(pool.cost[new].tolist(), self.strays(pool.timed.take(new)).tolist()))
-        return pool.cost * np.where([self._strays[value] for value in pool.cost.tolist()], STANDS_BACK**2, 1.0)
+        strays = [self._strays[value] for value in pool.cost.tolist()]
+        return np.where(strays, np.maximum(STANDS_BACK**2 * pool.cost, NEAR**2), pool.cost)
 
     # -- answers ----------------------------------------------------------------------------------------------------
 

@@ -232,6 +232,7 @@ def _apart(found: Sequence[Solution], poses: Poses, limits: Limits, top: int, to
     if limits.practical:
         strays |= have_tiny_links(found, poses)
     groups = behind(objective, strays, tolerance)
+    groups[np.flatnonzero(groups == 1)[max(1, top // 4) :]] = 4
     order = np.lexsort((np.where(exact, 0.0, objective), groups)).tolist()
     place = {id(found[k]): rank for rank, k in enumerate(order)}
     return distinct(found, top, APART, order=lambda one: place[id(one)], exact=tolerance)

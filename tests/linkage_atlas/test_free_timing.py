@@ -480,6 +480,14 @@ def test_a_loop_drawn_by_hand_is_followed_between_its_points_too():
     assert best.excursion < 2.5 and best.errors.objective < 0.045
 
 
+def test_an_exact_answer_that_strays_does_not_end_the_search():
+    """Five points: the first four-bar that meets them goes far away between two of them; another meets them and stays."""
+    position = [(106, 17), (166, -2), (249, 19), (261, -17), (286, -37)]
+    found = la.synthesize(position=position, timing="free")
+    assert found.best.errors.objective < 1e-9 and found.best.verdict.practical
+    assert sum(one.verdict.practical for one in found.solutions) >= 3
+
+
 def test_turning_a_motion_in_the_plane_does_not_lose_its_answers_in_any_order():
     """Once there was nothing for it when turned by 90 degrees: no pair of dyads was left to begin with."""
     rotation, position = [0, 20, 40, 60, 80, 95], [(0, 0), (25, 5), (48, 18), (66, 38), (76, 62), (78, 88)]
