@@ -161,7 +161,8 @@ def test_what_an_atlas_tells_is_the_same_from_its_index(path) -> None:
     assert np.array_equal(mapped.scan.lengths, atlas.scan.lengths) and mapped.scan.nbytes > 0
     path.write_bytes(encode_atlas(make_atlas(AtlasRule(TypeRule(60, 2), 32))))
     with pytest.raises(la.AtlasError):  # the details of another atlas are none of this one
-        mapped.details_of(1)
+        mapped.details_of(2)
+    assert mapped.details_of(1) == atlas.details_of(1)  # what has been read is kept
 
 
 def test_rockers_have_a_part_of_their_own(path) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from synthesis.atlas import window_search
+from synthesis.atlas import window_index
 from synthesis.atlas.scan import Scan
 from synthesis.atlas.table import make_table
 from synthesis.atlas.windows import Windows, best_of, joined
@@ -142,16 +142,16 @@ def every_window(mechanism: Mechanism, lengths: np.ndarray, target: Target) -> W
 def always_by_the_index(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Short spans are answered by the index, however many windows are left: for so few types the cells do better."""
     for name in ("MOST_LEAVES", "LARGEST_LIMIT", "MOST_WINDOWS", "MOST_PLACED"):
-        monkeypatch.setattr(window_search, name, np.inf)
+        monkeypatch.setattr(window_index, name, np.inf)
     answered: list[int] = []
-    ask = window_search.WindowSearch.candidates
+    ask = window_index.WindowSearch.candidates
 
     def counted(*arguments: Any) -> Any:
         near = ask(*arguments)
         answered.append(near is not None)
         return near
 
-    monkeypatch.setattr(window_search.WindowSearch, "candidates", counted)
+    monkeypatch.setattr(window_index.WindowSearch, "candidates", counted)
     return answered
 
 
