@@ -155,7 +155,7 @@ class Rounds:
     """J from which on steps are bent."""
     idle = 16
     """So many rounds that gain nothing end the search, or half as many as there were before, whichever is more."""
-    odds = (-1.4, 0.26)
+    odds = (-1.05, 0.81)
     """The logarithm of the odds that a better valley was missed: a constant, and what the logarithm of the part of the rounds
     that led elsewhere adds. Fitted to `benchmarks.unseen`."""
 
