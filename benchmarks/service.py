@@ -149,9 +149,12 @@ class Service:
     def settle(self) -> None:
         """Wait until it has prepared all that it prepares once it is ready."""
         spent = -1.0
-        while (now := sum(self.cpu_seconds().values())) - spent > 0.05:
+        while (now := sum(self.cpu_seconds().values())) - spent > 0.05 or self.ask("GET", "/readyz").json()[
+            "preparing"
+        ]:
             spent = now
             time.sleep(1.0)
+            self.connection.close()
         self.connection.close()  # perhaps the service has closed it meanwhile; it is opened again
 
     def computing_seconds(self) -> float:
