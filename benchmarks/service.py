@@ -148,10 +148,10 @@ class Service:
 
     def settle(self) -> None:
         """Wait until it has prepared all that it prepares once it is ready."""
-        spent = -1.0
-        while (now := sum(self.cpu_seconds().values())) - spent > 0.05 or self.ask("GET", "/readyz").json()[
-            "preparing"
-        ]:
+        spent, until = -1.0, time.perf_counter() + 120  # on a full disk something is missing for ever
+        while (now := sum(self.cpu_seconds().values())) - spent > 0.05 or (
+            time.perf_counter() < until and self.ask("GET", "/readyz").json()["preparing"]
+        ):
             spent = now
             time.sleep(1.0)
             self.connection.close()
