@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.arrays import Complexes, Floats
+from synthesis.arrays import Complexes, Flags, Floats
 from synthesis.errors import FieldError
 from synthesis.target import MIN_SPAN, TURN, Samples, Target, read_samples
 
@@ -43,18 +43,11 @@ class Poses(Samples):
 
     def whole(self, crank: Floats) -> Floats:
         """Crank angles (..., N) of all samples that were asked for: a last one that repeats the first comes a turn later."""
-        if self.asked is None:
-            return crank
-        way = np.where(crank[..., -1:] >= crank[..., :1], 1.0, -1.0)
-        return np.concatenate([crank, crank[..., :1] + way * TURN], axis=-1)
+        return crank if self.asked is None else _round(crank)
 
     def there_and_back(self, crank: Floats) -> Floats:
         """Crank angles (..., N) of all samples that were asked for, of a closed way with the first once more at its end."""
-        if not self.closed or crank.shape[-1] > self.samples:
-            return crank
-        return np.concatenate(
-            [crank, crank[..., :1] + np.where(crank[..., -1:] >= crank[..., :1], TURN, -TURN)], axis=-1
-        )
+        return _round(crank) if self.closed and crank.shape[-1] == self.samples else crank
 
     def spins(self, rotation: Floats) -> tuple[NDArray[np.intp], Floats, Floats]:
         """By how much a body turns from each sample with an angle to the next, where that is not what was asked for.
@@ -84,6 +77,10 @@ class Poses(Samples):
         extra = np.round((turned - asked) / TURN)
         wrapped = np.where(np.abs(asked) > HALF, -np.round(asked / TURN), 0.0)
         return places, asked, np.where((extra == 0) | (extra == wrapped), np.nan, turned)
+
+    def turned_otherwise(self, rotation: Floats) -> Flags:
+        """Whether a body turns otherwise than asked for between two samples, (...); ``rotation`` as of `spins`."""
+        return np.asarray(~np.all(np.isnan(self.spins(rotation)[2]), axis=-1))
 
     def at(self, kept: NDArray[np.intp]) -> Poses:
         """The poses at some samples; their length scale stays."""
@@ -137,6 +134,12 @@ class Poses(Samples):
             closed=self.closed,
             moved=moved,
         )
+
+
+def _round(crank: Floats) -> Floats:
+    """Crank angles (..., N), and that of the first sample once more, a turn later."""
+    way = np.where(crank[..., -1:] >= crank[..., :1], 1.0, -1.0)
+    return np.concatenate([crank, crank[..., :1] + way * TURN], axis=-1)
 
 
 def spin_faults(poses: Poses, rotation: Floats) -> list[str]:

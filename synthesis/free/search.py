@@ -118,8 +118,7 @@ class _Mounted(NamedTuple):
     def spin(self) -> Flags:
         """Whether the body of each turns otherwise than asked for between samples, (n,)."""
         crank = self.start[:, None] + self.poses.there_and_back(self.crank)
-        turned = self.poses.spins(coupler_angle(self.links, self.branch, crank))[2]
-        return np.asarray(~np.all(np.isnan(turned), axis=1))
+        return self.poses.turned_otherwise(coupler_angle(self.links, self.branch, crank))
 
     def order(self, tolerance: float) -> NDArray[np.intp]:
         """Places, best first: by J, and exact ones by what one would build.
@@ -197,13 +196,8 @@ def go_astray(found: Sequence[Solution], poses: Poses) -> Flags:
     crank = np.array([[one.start] for one in linkages]) + np.array([one.crank for one in found])
     side = np.broadcast_to(np.array([[one.branch] for one in linkages]), crank.shape)
     way = excursions(linkages, crank, side, poses.extent, ordered=poses.ordered, closed=poses.closed)
-    spins = np.array([turns_otherwise(one, poses) for one in found])
+    spins = np.array([poses.turned_otherwise(rotation_of(one, poses)) for one in found], dtype=bool)
     return spins | np.array([one is not None and one > LEAVES_SAMPLES for one in way], dtype=bool)
-
-
-def turns_otherwise(found: Solution, poses: Poses) -> bool:
-    """Whether the body of one turns otherwise than asked for between samples."""
-    return not np.all(np.isnan(poses.spins(rotation_of(found, poses))[2]))
 
 
 def rotation_of(found: Solution, poses: Poses) -> Floats:
@@ -222,7 +216,7 @@ def _apart(found: Sequence[Solution], poses: Poses, limits: Limits, top: int, to
     """The best of solutions that differ, by their own numbers (costs differ in the last digits); exact ones keep their order.
 
     Those whose body point goes elsewhere between samples come last of the exact ones; within the practical limits also of the
-    others, and so do those with a tiny link.
+    others, and so do those with a tiny link. Exact ones that stray take a quarter of the places at most where others are left.
     """
     objective = np.array([one.errors.objective for one in found])
     exact = objective < tolerance
@@ -232,7 +226,7 @@ def _apart(found: Sequence[Solution], poses: Poses, limits: Limits, top: int, to
     if limits.practical:
         strays |= have_tiny_links(found, poses)
     groups = behind(objective, strays, tolerance)
-    groups[np.flatnonzero(groups == 1)[max(1, top // 4) :]] = 4
+    groups[np.flatnonzero(groups == 1)[max(1, top // 4) :]] = groups.max(initial=0) + 1
     order = np.lexsort((np.where(exact, 0.0, objective), groups)).tolist()
     place = {id(found[k]): rank for rank, k in enumerate(order)}
     return distinct(found, top, APART, order=lambda one: place[id(one)], exact=tolerance)
@@ -358,8 +352,7 @@ class FreeRounds(Rounds):
         poses, problem = (self.poses, self.plain) if whole else (self.thin, self.problem)
         astray = problem.excursions(timed, SHORTEST_CHORD, _PANEL) > LEAVES_SAMPLES
         if poses.rotation is not None:
-            turned = coupler_angle(lengths, timed.branch, poses.there_and_back(timed.angles))
-            astray |= ~np.all(np.isnan(poses.spins(turned)[2]), axis=1)
+            astray |= poses.turned_otherwise(coupler_angle(lengths, timed.branch, poses.there_and_back(timed.angles)))
         shortest = SHORTEST * self.poses.extent / self.poses.length_scale
         return np.asarray(astray | (lengths.min(axis=1) * crank < shortest * lengths[:, 0]))
 

@@ -249,8 +249,7 @@ def rotation_of(solution: GuidedSolution, poses: Poses) -> Floats:
 def goes_astray(solution: GuidedSolution, poses: Poses) -> bool:
     """Whether the body point goes elsewhere between samples, or the body turns otherwise than asked for."""
     way = excursion(solution, poses, poses.ordered, poses.closed)
-    spins = not np.all(np.isnan(poses.spins(rotation_of(solution, poses))[2]))
-    return spins or (way is not None and way > LEAVES_SAMPLES)
+    return bool(poses.turned_otherwise(rotation_of(solution, poses))) or (way is not None and way > LEAVES_SAMPLES)
 
 
 def lengths(solution: GuidedSolution, samples: Samples) -> dict[str, float]:
