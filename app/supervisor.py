@@ -234,7 +234,8 @@ class Supervisor:
         if part not in self._makers.values():
             if part == INDEX:
                 log.error("A file of the index cannot be read: what is damaged is made anew")
-                self._resources.close_damaged()
+                self._resources.leave_index()
+                self._say("fresh")
             self._makers[self._fork(lambda: self._make_here(part))] = part
             self._say("making", part)
 
