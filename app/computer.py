@@ -119,7 +119,7 @@ class Computer:
     def _replied(self, task: Task) -> tuple[Head, list[bytes]]:
         self._resources.makes = task.makes
         self._resources.look()
-        attended, begin = Attended(self._resources, _never, task.queued, task.state), time.perf_counter()
+        attended, begin = Attended(self._resources, lambda: False, task.queued, task.state), time.perf_counter()
         try:
             question = self._questions[task.path]
             body = bodies.read_request(task.content, question.model)
@@ -140,10 +140,6 @@ class Computer:
             return False
         give_back_memory()
         return _writable_bytes() > self._own + _LOST_MEMORY
-
-
-def _never() -> bool:
-    return False  # a process whose answer is no longer wanted is ended
 
 
 def _writable_bytes() -> int:

@@ -92,9 +92,8 @@ async def _message(reader: asyncio.StreamReader) -> bytes:
     return await reader.readexactly(*_LENGTH.unpack(await reader.readexactly(_LENGTH.size)))
 
 
-def _ending(status: int) -> str:
+def _ending(code: int) -> str:
     """How a process ended: the name of a signal, or its exit code."""
-    code = os.waitstatus_to_exitcode(status)
     return signal.Signals(-code).name if code < 0 else f"exit code {code}"
 
 
@@ -148,7 +147,7 @@ class Processes:
             loop.remove_reader(self.supervisor)
 
     def stop(self) -> None:
-        self._turnstile.stop()
+        self._turnstile.stopping.set()
         for process in list(self._alive.values()):
             process.kill()
 
@@ -222,7 +221,7 @@ class Processes:
 
     async def _how(self, process: _Process, path: str) -> str:
         """How a process ended before its answer; raises `problems.Ending`."""
-        if self._turnstile.stopping:
+        if self._turnstile.stopping.is_set():
             raise problems.Ending
         try:
             how = await asyncio.wait_for(process.end, _TOLD_SECONDS)
@@ -260,10 +259,10 @@ class Processes:
             case ("computer", number, quick):
                 process = self._alive[number] = _Process(number, socket.socket(fileno=files[0]), quick)
                 self._give(process)
-            case ("ended", number, status):
-                self.ends[_ending(status)] += 1
+            case ("ended", number, code):
+                self.ends[_ending(code)] += 1
                 if process := self._alive.pop(number, None):
-                    process.end.set_result(_ending(status))
+                    process.end.set_result(_ending(code))
             case ("fresh",):
                 for process in self._alive.values():
                     process.fresh = False
