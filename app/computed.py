@@ -86,11 +86,11 @@ class Threads:
     def __init__(self, resources: ServiceResources, turnstile: Turnstile) -> None:
         self._resources, self._turnstile = resources, turnstile
         self.numbers, self.ends, self.preparing = [os.getpid()], Counter[str](), list[str]()
-        self.stop = turnstile.stop
+        self.stop = turnstile.stopping.set
 
     @asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
-        self._turnstile.start()
+        self._turnstile.stopping.clear()  # it may begin again
         self._resources.load()
         self._resources.prepare_rest()
         self._threads, self._lives = anyio.CapacityLimiter(self._turnstile.places), Lives()
@@ -107,7 +107,7 @@ class Threads:
         try:
             yield
         finally:
-            self._turnstile.stop()
+            self.stop()
             stopping.set()
             behind.join()
 

@@ -17,7 +17,7 @@ import struct
 from collections import Counter
 from collections.abc import AsyncIterator, Callable, Iterable
 from contextlib import asynccontextmanager
-from typing import Any
+from typing import Any, NamedTuple
 
 from starlette.requests import Request
 from starlette.responses import Response
@@ -81,13 +81,19 @@ class _Process:
             self._streams[1].close()
 
 
+class _Making(NamedTuple):
+    """A part of the index that is being made: set once somebody does, and once it is there."""
+
+    begun: asyncio.Event
+    made: asyncio.Event
+
+
 async def _message(reader: asyncio.StreamReader) -> bytes:
     return await reader.readexactly(*_LENGTH.unpack(await reader.readexactly(_LENGTH.size)))
 
 
-def _ending(status: int) -> str:
+def _ending(code: int) -> str:
     """How a process ended: the name of a signal, or its exit code."""
-    code = os.waitstatus_to_exitcode(status)
     return signal.Signals(-code).name if code < 0 else f"exit code {code}"
 
 
@@ -112,7 +118,7 @@ class Processes:
         self._turnstile = turnstile
         self._seconds = processor_seconds(settings.max_budget_ms)
         self._alive: dict[int, _Process] = {}
-        self._making: dict[str, asyncio.Future[None]] = {}
+        self._making: dict[str, _Making] = {}
         self._patient, self._room = 0, settings.max_waiting
         self.ends: Counter[str] = Counter()
 
@@ -141,7 +147,7 @@ class Processes:
             loop.remove_reader(self.supervisor)
 
     def stop(self) -> None:
-        self._turnstile.stop()
+        self._turnstile.stopping.set()
         for process in list(self._alive.values()):
             process.kill()
 
@@ -154,12 +160,12 @@ class Processes:
             task, waited = Task(question.path, content, 0.0, False, kept.state), set[str]()
             head, *reply = await self._asked(request, task, long, kept.begin)
             kept.state = head.state
-        while head.missing and not task.makes:
+        while not head.status and not task.makes:
             await self._made(head.missing)
             task = task._replace(makes=head.missing in waited)  # it could not be made
             waited.add(head.missing)
             head, *reply = await self._asked(request, task, long)
-        if head.missing:
+        if not head.status:
             raise problems.Died
         return Reply.relayed(head.status, head.headers, *reply)
 
@@ -172,6 +178,8 @@ class Processes:
             try:
                 async with asyncio.timeout(_PATIENCE * self._seconds):
                     reply = await process.ask(task._replace(queued=queued))
+                if process.fresh and reply[0].missing == INDEX:
+                    self._wish(INDEX)  # whoever was making it has ended
                 kept = process.fresh and not reply[0].last
                 return reply
             except TimeoutError:
@@ -213,7 +221,7 @@ class Processes:
 
     async def _how(self, process: _Process, path: str) -> str:
         """How a process ended before its answer; raises `problems.Ending`."""
-        if self._turnstile.stopping:
+        if self._turnstile.stopping.is_set():
             raise problems.Ending
         try:
             how = await asyncio.wait_for(process.end, _TOLD_SECONDS)
@@ -223,16 +231,24 @@ class Processes:
             log.error("A process that computed an answer of %s ended by %s; another takes its place", path, how)
         return how
 
+    def _wish(self, part: str) -> _Making:
+        """Have a part of the index made, unless it is being made."""
+        if part not in self._making:
+            self._making[part] = _Making(asyncio.Event(), asyncio.Event())
+            os.kill(os.getppid(), MAKE[part])
+        return self._making[part]
+
     async def _made(self, part: str) -> None:
-        """Have a part of the index made, which all processes then find; raises `problems.Overloaded`."""
+        """Have a part of the index made, which all processes then find; of a damaged index only wait until all do without it.
+
+        Raises `problems.Overloaded`.
+        """
         if self._patient >= self._room:  # each holds its body
             raise problems.Overloaded
-        if part not in self._making:
-            self._making[part] = asyncio.get_running_loop().create_future()
-            os.kill(os.getppid(), MAKE[part])
+        making = self._wish(part)
         self._patient += 1
         try:
-            await asyncio.shield(self._making[part])
+            await (making.begun if part == INDEX else making.made).wait()
         finally:
             self._patient -= 1
 
@@ -243,19 +259,19 @@ class Processes:
             case ("computer", number, quick):
                 process = self._alive[number] = _Process(number, socket.socket(fileno=files[0]), quick)
                 self._give(process)
-            case ("ended", number, status):
-                self.ends[_ending(status)] += 1
+            case ("ended", number, code):
+                self.ends[_ending(code)] += 1
                 if process := self._alive.pop(number, None):
-                    process.end.set_result(_ending(status))
+                    process.end.set_result(_ending(code))
             case ("fresh",):
                 for process in self._alive.values():
                     process.fresh = False
                 while self._free:
                     self._end(self._free.pop())
             case ("making", part):
-                self._making.setdefault(part, asyncio.get_running_loop().create_future())
+                self._making.setdefault(part, _Making(asyncio.Event(), asyncio.Event())).begun.set()
             case ("made", part):
-                self._making.pop(part).set_result(None)
+                self._making.pop(part).made.set()
             case _:
                 os.kill(os.getpid(), signal.SIGTERM)  # it has ended: nothing works without it
                 asyncio.get_running_loop().remove_reader(self.supervisor)

@@ -30,7 +30,8 @@ class Turnstile:
         self._queues: dict[bool, dict[str, deque[asyncio.Future[None]]]] = {False: {}, True: {}}
         self._running: dict[bool, set[asyncio.Future[None]]] = {False: set(), True: set()}
         self._last = True
-        self._stopping = threading.Event()
+        self.stopping = threading.Event()
+        """Set when the service ends: all work is cancelled."""
 
     @property
     def computing(self) -> int:
@@ -44,19 +45,6 @@ class Turnstile:
 
     def _of_class(self, long: bool) -> int:
         return sum(map(len, self._queues[long].values()))
-
-    @property
-    def stopping(self) -> bool:
-        """Whether the service ends."""
-        return self._stopping.is_set()
-
-    def start(self) -> None:
-        """Let requests in: the service begins, perhaps not for the first time."""
-        self._stopping.clear()
-
-    def stop(self) -> None:
-        """Cancel all work: the service ends."""
-        self._stopping.set()
 
     async def turn(
         self,
@@ -77,9 +65,9 @@ class Turnstile:
             watch = asyncio.create_task(_watch(request, gone, wait))
             try:
                 await turn
-                return await compute(time.perf_counter() - begin, lambda: gone.is_set() or self.stopping)
+                return await compute(time.perf_counter() - begin, lambda: gone.is_set() or self.stopping.is_set())
             except Cancelled:
-                if self.stopping and not gone.is_set():
+                if self.stopping.is_set() and not gone.is_set():
                     raise problems.Ending from None
                 raise
             finally:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple, get_args
+from typing import Any, NamedTuple, TypeVar, get_args
 
 import numpy as np
 
@@ -32,7 +32,7 @@ from synthesis.guided.limits import broken_limits
 from synthesis.guided.linkage import Driver, Kind
 from synthesis.guided.search import search_guided
 from synthesis.kept import Kept
-from synthesis.ranking import APART, behind, distinct
+from synthesis.ranking import APART, NEAR, STANDS_BACK, behind, distinct
 from synthesis.search.search import StoppedBy
 from synthesis.target import Samples, Target
 from synthesis.work import OutOfTime, Work
@@ -59,6 +59,9 @@ _NO_ANSWER, _TIMES_LESS = 0.1, 10.0
 """J from which on a linkage is no answer where another one's is so many times less."""
 _SAME = 1e-3
 """Part by which all measures of two linkages differ at most that are shown once."""
+PROPORTION, FAIR = 100.0, 30.0
+"""Extents of the motion, or shortest links: a part as many times as long is out of all proportion, or of fair size. Within the
+practical lengths, 10 extents, a body point may lie some 20 from its crank pin."""
 _STEP = np.deg2rad(5.0)
 """Exact linkages are ordered by their transmission angle in steps."""
 
@@ -202,6 +205,7 @@ def as_poses(samples: Samples) -> Poses:
 FourBars = Callable[[Limits, Work], tuple[list[fourbar.Solution], "Course"]]
 """The search among four-bars: linkages and how it went."""
 Found = fourbar.Solution | guided.GuidedSolution
+One = TypeVar("One", fourbar.Solution, Found)
 
 
 class Course(NamedTuple):
@@ -230,7 +234,7 @@ def search_kinds(
     """Linkages of all kinds asked for, within the limits, in no order; by so many rounds at most for those with sliders."""
     found: list[Found] = []
     trace: list[tuple[float, float]] = []
-    seeds, notes = 0, []
+    seeds, notes = 0, list[str]()
     stopped: set[str] = set()
     led = bool(asked.sliders) and is_way(motion)
     sliders = led or (bool(asked.sliders) and has_poses(motion.samples))
@@ -245,6 +249,7 @@ def search_kinds(
             sure.append((_least(course.trace), course.unseen))
         seeds += course.counts["seeds"] or 0
         stopped.add(course.stopped_by)
+        notes += course.notes
     between = work.elapsed
     if sliders and found and work.expired():
         notes.append(NO_TIME)
@@ -340,6 +345,35 @@ def measures_of(one: Found, samples: Samples, tolerance: float, layers: Rank = (
     else:
         size, driver = size_of(one.linkage, samples), Driver.CRANK.value
     return Measures(error, np.inf if size is None else size, -one.transmission_angle_min, driver, layers)
+
+
+def proportion_of(one: Found, samples: Samples) -> float:
+    """How many extents of the motion, or shortest links, the longest part of a linkage is: whichever are more."""
+    size = measures_of(one, samples, 0.0).size
+    links = (1.0,) if isinstance(one, guided.GuidedSolution) else one.linkage.links
+    ratio = max(links) / min(links)
+    return float(max(ratio, size if np.isfinite(size) else 0.0))
+
+
+def proportionate(found: Sequence[One], samples: Samples, tolerance: float) -> tuple[list[One], list[One]]:
+    """Answers in two: those to show first, and those behind them, each in the order they come in.
+
+    Where the best is not exact and out of all proportion, near ones of fair size go before all others.
+    """
+    if not found:
+        return [], []
+    best = min(found, key=lambda one: one.errors.objective)
+    least = best.errors.objective
+    if least < tolerance or proportion_of(best, samples) <= PROPORTION:
+        return list(found), []
+    fair = {id(one) for one in found if proportion_of(one, samples) <= FAIR and _near(one, least)}
+    if not fair:
+        return list(found), []
+    return [one for one in found if id(one) in fair], [one for one in found if id(one) not in fair]
+
+
+def _near(one: Found, least: float) -> bool:
+    return one.errors.objective <= max(NEAR, STANDS_BACK * least)
 
 
 def _staying(found: Sequence[Found], samples: Samples, tolerance: float) -> list[Found]:

@@ -286,7 +286,7 @@ def test_the_end_of_the_service_ends_its_work() -> None:
 
         task = asyncio.create_task(turnstile.turn(Patient(), work))
         await asyncio.sleep(0.05)
-        turnstile.stop()
+        turnstile.stopping.set()
         return await asyncio.gather(task, return_exceptions=True)
 
     assert isinstance(asyncio.run(story())[0], Ending)
