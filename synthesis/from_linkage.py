@@ -347,7 +347,7 @@ def _fitting(problem: JointProblem, own: Timed) -> list[Floats]:
     poses = problem.poses
     grid = np.linspace(0.0, TURN, _GRID, endpoint=False)
     each = own.take(np.zeros(_GRID, dtype=int))._replace(angles=grid[:, None])
-    closes = np.broadcast_to(problem.turned(each).body.possible, _GRID)
+    closes = problem.turned(each).body.closes
     if not closes.any():
         return []
     costs = np.where(closes[:, None], squared_errors(problem, each)[:, :, 0], np.inf).T

@@ -36,7 +36,7 @@ from synthesis.arrays import Complexes, Flags, Floats
 from synthesis.descents import Pool, Stage, Timed
 from synthesis.fourbar.charts import AnyChart, GrashofChart
 from synthesis.fourbar.limits import in_family
-from synthesis.free.joint import JointProblem
+from synthesis.free.joint import JointProblem, phasor
 from synthesis.free.poses import Poses
 from synthesis.least_squares import Evaluation, minimise
 from synthesis.target import TURN
@@ -496,7 +496,7 @@ def squared_errors(problem: JointProblem, at: Timed) -> Floats:
         total += (problem.rotation_root[:, None] * gap) ** 2
     if problem.has_position:
         a, z1, z2 = at.pose.T[:, :, None]
-        point = a + z1 * crank + z2 * body.phasor
+        point = a + z1 * crank + z2 * phasor(body.angle)
         gap = problem.position[:, None] - point[:, None, :]
         total += problem.position_root[:, None] ** 2 * (gap.real**2 + gap.imag**2)
     return total

@@ -18,7 +18,7 @@ from synthesis.descents import Pool, Stage, Timed
 from synthesis.fourbar.limits import Constraints, Limits
 from synthesis.fourbar.mechanism import ways
 from synthesis.free.dyads import chart_of
-from synthesis.free.joint import JointProblem
+from synthesis.free.joint import JointProblem, phasor
 from synthesis.free.poses import Poses
 from synthesis.mechanism import Boxes, Chart
 from synthesis.search.problems import GivenProblem
@@ -65,7 +65,7 @@ def placed_within(problem: JointProblem, timed: Timed, boxes: Boxes) -> tuple[Ti
     crank = turned.crank * np.exp(-1j * start)[:, None]
     lengths = problem.chart.shape(timed.shape).lengths
     rho = lengths[:, 0] / lengths[:, 3] * np.exp(1j * start)
-    fits = Fits.of_candidates(problem.poses.position_mean, problem.position, crank, turned.body.phasor)
+    fits = Fits.of_candidates(problem.poses.position_mean, problem.position, crank, phasor(turned.body.angle))
     _, pivot, ground, coupler = fits.within(rho, boxes, boxes.reach(lengths))
     apart = np.abs(ground) > _APART * lengths[:, 3] / lengths[:, 0]
     pose = np.stack([pivot, ground * lengths[:, 0] / lengths[:, 3], coupler], axis=1)

@@ -359,7 +359,7 @@ def test_what_a_bound_holds_is_not_derived_by() -> None:
         shape[:, unknown] = np.copysign(chart.LEAST, shape[:, unknown])
         timed = problem.measured(timed._replace(shape=shape), facing=True).timed
         body = chart.at(timed.shape, timed.angles, timed.branch)
-        lever = -problem.position_root * 1j * timed.pose[:, 2:] * body.phasor
+        lever = -problem.position_root * 1j * timed.pose[:, 2:] * np.exp(1j * body.angle)
         parts = [-problem.rotation_root * np.ones_like(body.angle), lever.real, lever.imag]
         slope = np.concatenate([body.slope[:, :4] * part[:, None] for part in parts], axis=2)
         for k, one in enumerate(problem.linearised(timed, 1e-3)):
