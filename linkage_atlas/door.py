@@ -15,7 +15,7 @@ from typing import Any, Literal, NamedTuple, TypedDict, Unpack, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkage_atlas.answers import FINISHING, Continued, Report, Result, cognate_notes, finished, status_of
+from linkage_atlas.answers import FINISHING, Continued, Report, Result, by_rounded, cognate_notes, finished, status_of
 from linkage_atlas.arguments import check_above_zero, check_top, column, number
 from linkage_atlas.assemblies import read_assembly
 from linkage_atlas.atlases import Atlas
@@ -92,6 +92,8 @@ each of the first ten solutions."""
 _LAYERED, _LAYERED_LEAST, _FOR_LAYERS = 3, 20, 0.3
 """Where layers are preferred: times as many linkages whose layers are compared, and at least so many; and the part of a budget
 that is left for them."""
+_ROUNDED_LEAST = 5
+"""Linkages at least that are rounded, of which the best are answered: the nearest is seldom that of whole lengths."""
 _VARIETY = 6
 """Times as many solutions among which diverse ones are chosen."""
 Prefer = Literal["error", "size", "transmission", "crank_span", "layers"]
@@ -317,7 +319,9 @@ def synthesize(
     goal = tolerance if prefers == "error" else goal_of(_allowed(wanted), tolerance)
 
     spare = FINISHING if live is None else LIVE_FINISHING + LIVE_FINISHING_EACH * min(top, 10)
+    rounds = studies.rounds and prefers == "error" and not diverse
     searching, many, wish = watch.extended(-spare), _VARIETY * top if diverse else top, 0.0
+    many = max(many, _ROUNDED_LEAST) if rounds else many
     if prefers == "layers":
         many, wish = max(many, _LAYERED * top, _LAYERED_LEAST), _FOR_LAYERS
     found, course = _search(source, wanted, kept, many, goal, watch.extended(-spare - wish), begun=begun)
@@ -351,8 +355,10 @@ def synthesize(
     solutions = finished(
         found, wanted, kept, tolerance, studies, type_of, watch.extended(FINISHING), prefers == "error"
     )
-
     cut_short, refines = course.stopped_by == "budget", isinstance(source, Start)
+    status = status_of(solutions, tolerance, wanted.tolerances is not None, cut_short or refines)
+    if rounds and solutions:
+        found, solutions = found[:top], by_rounded(solutions, top)
     if solutions and solutions[0].determination.ill_posed:
         notes.append(ILL_POSED)
     if not wanted.free and "preset" not in (limits or {}) and solutions and not solutions[0].verdict.practical:
@@ -382,7 +388,6 @@ def synthesize(
     )
     if live is not None and course.left is not None:
         live.state = course.left.packed()
-    status = status_of(solutions, tolerance, wanted.tolerances is not None, cut_short or refines)
     return Result(status, list(solutions), report)
 
 
@@ -439,9 +444,12 @@ def _of_kinds(
             course = course._replace(stopped_by=StoppedBy.BUDGET.value)
     searched = watch.elapsed
     solutions = finished_kinds(chosen, motion, limits, tolerance, studies, watch.extended(FINISHING))
+    cut_short = course.stopped_by == StoppedBy.BUDGET.value
+    status = status_of(solutions, tolerance, motion.tolerances is not None, cut_short)
+    if studies.rounds and prefers == "error":
+        solutions = by_rounded(solutions, top)
     notes += _swing_notes(solutions, motion, given, tolerance)
     notes += study_notes(studies.manufacture, solutions)
-    cut_short = course.stopped_by == StoppedBy.BUDGET.value
     if not solutions and cut_short:
         notes.append(CUT_SHORT)
     elif not solutions and not limits.only_family and not set(notes) & set(NOTHING_ROUND.values()):
@@ -456,7 +464,7 @@ def _of_kinds(
     if len(solutions) < len(chosen):
         notes.append(f"the time was up: of {len(chosen)} linkages found the best {len(solutions)} are reported")
     report = _report(course, motion, searched, watch.elapsed, notes)
-    return Result(status_of(solutions, tolerance, motion.tolerances is not None, cut_short), solutions, report)
+    return Result(status, solutions, report)
 
 
 def _envelope_notes(motion: Motion, limits: Limits) -> list[str]:
