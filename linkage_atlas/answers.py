@@ -597,7 +597,8 @@ def _worth(one: Solution, motion: Motion, tolerance: float) -> tuple[float, ...]
     if motion.free or one.errors.objective >= tolerance:
         return 1.0, 0.0, 0.0
     step = 5 if motion.degrees else np.deg2rad(5)
-    return 0.0, -(one.transmission_angle_min // step), one.size or 0.0
+    size = max(one.links) / min(one.links) if one.size is None else one.size
+    return 0.0, -(one.transmission_angle_min // step), size
 
 
 def _described(
