@@ -108,16 +108,6 @@ def test_errors_name_the_field(path, value, exact, client: TestClient) -> None:
     assert error.value.field.startswith("/refine_from")
 
 
-@pytest.mark.parametrize("begin", [{}, {"links": {}}, {"links": 3, "branch": 1}, 5, None])
-def test_what_is_no_linkage_is_named(begin) -> None:
-    if begin is None:
-        with pytest.raises(la.FieldError, match="refine_from"):
-            la.synthesize(**EXAMPLE, effort="atlas", refine_from=la.FourBar(1, 2, 2, 2))
-        return
-    with pytest.raises(la.FieldError, match="refine_from"):
-        la.synthesize(**EXAMPLE, refine_from=begin)
-
-
 def test_functions_are_refined_too(client: TestClient) -> None:
     wanted = {"input": [0, 15, 35, 60, 80], "output": [0, 12, 31, 62, 90]}
     first = client.post("/v1/function", json={**wanted, "top": 1}).json()["solutions"][0]
