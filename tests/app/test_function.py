@@ -91,21 +91,3 @@ def test_a_function_with_travel_and_its_files(client: TestClient, travelled: dic
         assert max(errors) == pytest.approx(one["errors"]["max"], rel=1e-6)
     best = client.post(f"/v1/function.{kind}", json=TRAVEL)
     assert best.status_code == (404 if kind == "json" else 200)
-
-
-def test_what_travel_refuses(client: TestClient) -> None:
-    for changes, pointer in (
-        ({"mechanisms": ["four_bar"]}, "#/mechanisms/0"),
-        ({"travel_span": 3}, "#/travel_span"),
-        ({"limits": {"family": "crank_rocker"}}, "#/limits/family"),
-        ({"round_to": 1}, "#/round_to"),
-    ):
-        wrong = client.post("/v1/function", json={**TRAVEL, **changes})
-        assert wrong.status_code == 422 and wrong.json()["errors"][0]["pointer"] == pointer
-    four_bar = client.post("/v1/function", json={"output": [0, 8, 19], "crank_span": 40, "top": 1}).json()[
-        "solutions"
-    ][0]
-    wrong = client.post("/v1/function/export", json={"request": TRAVEL, "solution": four_bar})
-    assert wrong.status_code == 200  # JSON is what was sent
-    wrong = client.post("/v1/function/export", json={"request": TRAVEL, "solution": four_bar, "format": "csv"})
-    assert wrong.status_code == 422 and wrong.json()["errors"][0]["pointer"] == "#/request/output_unit"

@@ -55,23 +55,6 @@ def test_a_refused_request_leaves_what_there_was(client) -> None:
     assert ask(client, live="refused once")[0] is True
 
 
-@pytest.mark.parametrize(
-    ("fields", "pointer", "detail"),
-    [
-        ({"live": "short"}, "#/live", "at least 8"),
-        ({"live": 65 * "x"}, "#/live", "at most 64"),
-        ({"live": 12345678}, "#/live", "string"),
-        ({"live": "an id of mine", "refine_from": {"links": {"crank": 2, "coupler": 5, "rocker": 5, "ground": 6},
-          "branch": 1, "start_angle": 0, "body_offset": None,
-          "mount": {"ground_angle": 0, "pivot_a": [0, 0], "coupler_point": {"radius": 1, "angle": 0}}}}, "#/live", "goes on"),
-    ],
-)  # fmt: skip
-def test_what_is_wrong_with_an_id_names_the_field(fields, pointer, detail, client) -> None:
-    reply = client.post("/v1/synthesize", json=QUESTION | fields)
-    (row,) = reply.json()["errors"]
-    assert reply.status_code == 422 and row["pointer"] == pointer and detail in row["detail"]
-
-
 def test_one_client_takes_half_a_core_and_only_its_newest_request_is_computed(client) -> None:
     begin = time.perf_counter()
     ask(client, live="a busy client")

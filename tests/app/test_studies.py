@@ -97,14 +97,6 @@ def test_without_positions_there_are_angular_rates_only(client) -> None:
     ).json()
     analysis = reply["solutions"][0]["analysis"]
     assert analysis["velocity"] is None and len(analysis["crank_torque"]) == 16
-    for name, wish in (
-        ("analysis/load/force", {"analysis": ANALYSIS}),
-        ("tolerance_study", {"tolerance_study": STUDY}),
-        ("lengths_from", {"lengths_from": [1, 2]}),
-        ("round_to", {"round_to": 1}),
-    ):
-        wrong = client.post("/v1/synthesize", json={**asked, **wish})
-        assert wrong.status_code == 422 and wrong.json()["errors"][0]["pointer"] == f"#/{name}"
 
 
 def test_a_study_keeps_to_the_budget(client) -> None:
