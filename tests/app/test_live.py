@@ -17,7 +17,6 @@ from app.live import Lives
 from app.main import create_app
 from app.problems import Superseded
 from app.settings import Settings
-from tests.app.test_processes import serving
 
 TURN = np.linspace(0, 2 * np.pi, 12, endpoint=False)
 PATH = (
@@ -67,18 +66,6 @@ def test_one_client_takes_half_a_core_and_only_its_newest_request_is_computed(cl
     assert set(codes) == {200, 503} and codes.count(503) >= 3
     assert all("newer request" in reply.json()["detail"] for reply in replies if reply.status_code == 503)
     assert time.perf_counter() - begin > 1.5 * took
-
-
-@pytest.mark.skipif("sys.platform != 'linux'", reason="elsewhere threads compute")
-def test_whichever_process_computes_goes_on(tmp_path) -> None:
-    with serving(tmp_path) as running:
-        told = []
-        for k in range(3):
-            path = [*PATH[:3], [PATH[3][0] + k, PATH[3][1]], *PATH[4:]]
-            status, reply = running.post("/v1/synthesize", QUESTION | {"position": path, "live": "dragged there"})
-            assert status == 200 and reply["solutions"]
-            told.append(reply["report"]["live"]["continued"])
-        assert told == [False, True, True]
 
 
 # -- what is kept -----------------------------------------------------------------------------------------------------

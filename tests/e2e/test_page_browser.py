@@ -444,7 +444,8 @@ def test_a_path_is_made_of_single_points_by_click_and_by_key(standing) -> None:
     assert standing.run("return document.activeElement.dataset.pose") == "3"
 
 
-def test_a_path_is_drawn_by_a_finger(page) -> None:
+def test_a_path_is_drawn_by_a_finger(standing) -> None:
+    page = standing
     page.resize(360)
     page.mode("path")
     x, y = page.middle_of(page.find("canvas"))

@@ -37,8 +37,9 @@ def test_a_practical_machine_moves_on_load(moving, page) -> None:
     assert lead["y"] + lead["height"] < 160 and page.shown("new-path")
 
 
-def test_nothing_is_cut_off_at_any_size(page) -> None:
+def test_nothing_is_cut_off_at_any_size(opened) -> None:
     """The canvas becomes lower as legend and help below it take more lines."""
+    page = opened
     cut = (
         "const frame = document.getElementById('canvas').getBoundingClientRect();"
         "return [...document.querySelectorAll('#canvas .dot')].map((one) => one.getBoundingClientRect()).filter((one) =>"
@@ -385,7 +386,8 @@ def test_a_drag_of_a_pose_adds_none(opened) -> None:
     assert len(opened.table()) == len(before) + 1
 
 
-def test_solve_is_few_tabs_away_and_keeps_the_focus(page) -> None:
+def test_solve_is_few_tabs_away_and_keeps_the_focus(opened) -> None:
+    page = opened
     page.rest()
     page.run("document.activeElement.blur(); scrollTo(0, 0)")
     tabs = 0
@@ -578,7 +580,8 @@ def test_a_body_s_outline_is_a_plate_of_its_own(page, tmp_path) -> None:
     page.wait("document.querySelector('#stack rect.body')")
 
 
-def test_of_a_path_no_direction_of_the_body_is_drawn(page) -> None:
+def test_of_a_path_no_direction_of_the_body_is_drawn(standing) -> None:
+    page = standing
     page.take(path_request(np.linspace(0, 120, 8)))
     page.solve_soon()
     assert not page.run("return document.querySelector('#canvas .carried').getAttribute('d')")

@@ -168,8 +168,7 @@ def test_what_drives_a_closed_way_drives_it_round(way) -> None:
         assert not any("and 4" in refused.reason for refused in one.refused), "there are three poses"
 
 
-@pytest.mark.parametrize("mechanisms", [None, "all"])
-@pytest.mark.parametrize("size", [1e-3, 1e4])
+@pytest.mark.parametrize(("mechanisms", "size"), [(None, 1e-3), ("all", 1e4)])
 def test_that_a_body_only_turns_is_said(mechanisms, size) -> None:
     turned = np.array([5, 20, 40, 60, 85])
     points = size * (7 + 3j + np.exp(1j * np.deg2rad(turned + 30)))
