@@ -44,7 +44,7 @@ def test_a_match_that_is_cut_short_says_so(atlas) -> None:
 def test_rows_are_left_out_where_finishing_them_takes_too_long(atlas) -> None:
     motion = {"rotation": np.linspace(0, 1, 8), "crank_span": 40}
     # the scan asks a few times, the report of each row once
-    found = la.match(**motion, atlas=atlas, top=top0, budget=30.0, work=lambda budget: Work(budget, clock=Clock(1.0)))
+    found = la.match(**motion, atlas=atlas, top=50, budget=30.0, work=lambda budget: Work(budget, clock=Clock(1.0)))
     assert 1 <= len(found.matches) < 50 and any("the time was up" in note for note in found.report.notes)
 
 
