@@ -336,11 +336,6 @@ def test_round_to_puts_the_links_on_the_grid(client) -> None:
     assert rounded["errors"]["objective"] > best["errors"]["objective"]
     assert ask(client, "/v1/synthesize", **EXAMPLE, top=1)["solutions"][0]["rounded"] is None
 
-
-def test_sensitivity_comes_where_it_is_asked_for(client) -> None:
-    for asked in (True, False):
-        best = ask(client, "/v1/synthesize", **EXAMPLE, top=1, sensitivity=asked)["solutions"][0]
-        assert (best["sensitivity"] is not None) is asked
     # that it is the derivative by each length: tests/synthesis/search/test_search.py
 
 

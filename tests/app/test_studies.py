@@ -151,20 +151,6 @@ def test_the_csv_has_the_analysis_in_further_columns(client) -> None:
     assert "rocker_angular_acceleration" in best and "crank_torque" not in best
 
 
-@pytest.mark.parametrize(
-    ("kind", "ending", "start"), [("plates", "plates.dxf", "  0\nSECTION"), ("pylinkage", "pylinkage.json", "{")]
-)
-def test_further_files(client, tmp_path, kind, ending, start) -> None:
-    body = {"request": EXAMPLE, "format": kind, "rank": 2}
-    reply = client.post("/v1/export", json=body)
-    assert reply.status_code == 200 and reply.text.startswith(start)
-    assert reply.headers["content-disposition"].endswith(f'linkage.{ending}"')
-    assert client.post(f"/v1/synthesize.{ending}", json=EXAMPLE).text.startswith(start)
-    file = tmp_path / f"one.{ending}"
-    assert cli.main(["synthesize", "--example", "worked_example", "--export", str(file)]) == 0
-    assert file.read_text().startswith(start)
-
-
 def test_sizes_of_plates_are_checked_where_they_are_given(client) -> None:
     body = {"request": EXAMPLE, "format": "plates", "plates": {"hole": 4, "width": 10}}
     assert client.post("/v1/export", json=body).status_code == 200

@@ -498,6 +498,7 @@ def test_samples_in_any_order_are_marked_where_they_are_passed(standing) -> None
     assert standing.ticked("any-order")
     standing.stub(request, angles, VERDICTS[:1])
     standing.solve()
+    standing.select("range", "used")
     assert standing.asked()["order"] == "any"
     slider = standing.find("slider")
     assert float(slider.get_attribute("min")) == -20 and float(slider.get_attribute("max")) == 60

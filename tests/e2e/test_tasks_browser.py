@@ -386,8 +386,7 @@ def test_a_drag_of_a_pose_adds_none(opened) -> None:
     assert len(opened.table()) == len(before) + 1
 
 
-def test_solve_is_few_tabs_away_and_keeps_the_focus(opened) -> None:
-    page = opened
+def test_solve_is_few_tabs_away_and_keeps_the_focus(page) -> None:
     page.rest()
     page.run("document.activeElement.blur(); scrollTo(0, 0)")
     tabs = 0
@@ -580,8 +579,7 @@ def test_a_body_s_outline_is_a_plate_of_its_own(page, tmp_path) -> None:
     page.wait("document.querySelector('#stack rect.body')")
 
 
-def test_of_a_path_no_direction_of_the_body_is_drawn(standing) -> None:
-    page = standing
+def test_of_a_path_no_direction_of_the_body_is_drawn(page) -> None:
     page.take(path_request(np.linspace(0, 120, 8)))
     page.solve_soon()
     assert not page.run("return document.querySelector('#canvas .carried').getAttribute('d')")

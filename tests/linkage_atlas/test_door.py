@@ -109,14 +109,17 @@ def without_times(reply: dict[str, Any]) -> dict[str, Any]:
     return reply | {"report": report | {"objectives": [objective for _, objective in reply["report"]["trace"]]}}
 
 
-@pytest.mark.parametrize("effort", ["refine", "atlas"])
-def test_the_reply_over_http_is_the_result_as_a_dict(effort, built) -> None:
+FREE = {"rotation": [None, 12, 27, 45, 66], "position": [[0, 0], [22, 5], [41, 17], None, [50, 58]], "timing": "free"}
+
+
+@pytest.mark.parametrize("asked", [EXAMPLE, EXAMPLE | {"effort": "atlas"}, FREE], ids=["search", "atlas", "free"])
+def test_the_reply_over_http_is_the_result_as_a_dict(asked, built) -> None:
     atlas, path = built
-    options = {"top": 3, "effort": effort, "round_to": 0.5, "sensitivity": True}
+    asked = asked | {"top": 3, "round_to": 0.5, "sensitivity": True}
     with TestClient(create_app(Settings(atlas=path))) as client:
-        reply = client.post("/v1/synthesize", json={**EXAMPLE, **options})
+        reply = client.post("/v1/synthesize", json=asked)
     assert reply.status_code == 200
-    mine = la.synthesize(**EXAMPLE, **options, budget=30, atlas=atlas).to_dict()
+    mine = la.synthesize(**asked, budget=30, atlas=atlas).to_dict()
     assert without_times(reply.json()) == without_times(json.loads(json.dumps(mine)))
 
 
