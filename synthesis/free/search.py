@@ -416,6 +416,8 @@ _PANEL = np.deg2rad(12.0)
 """Crank angle that a chord spans at most, where it is told how far a candidate goes between samples."""
 _SEEDS, _BEFORE, _LOOKED_AT = 50, 20, 15
 """Seeds of a round; further ones that come from a search before; and seeds that may be answers at once."""
+_BEYOND_FULL_CRANKS = 4
+"""Rounds among four-bars of any family that gain nothing on those whose crank turns fully: four of 2,300 later ones did."""
 _GUESSES_BESIDE = 2
 """Guesses beside what dyads lead to: more of them were not worth their time in `benchmarks.engine`."""
 _FRESH = 3
@@ -601,6 +603,8 @@ class _Search:
         if family not in self._near:
             samples = _SAMPLES if self.poses.samples <= _SAMPLES else _FEWER
             self._near[family] = self._rounds(chart_of(family), samples)
+            if family == "any":  # after those whose crank turns fully
+                self._near[family].idle_at_first = _BEYOND_FULL_CRANKS
         return self._near[family]
 
     # -- from what a search left, and what this one leaves ------------------------------------------------------------
