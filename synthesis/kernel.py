@@ -1220,6 +1220,36 @@ class Descent:
                 self.move(0, 0)
             self.give(0, n)
 
+    def errors_at(self, angles: double[:, ::1]):
+        """Squared errors (n, N, G) of each sample of the candidates with the crank at some angles (n, G) of their own.
+
+        Infinite where a candidate does not close.
+        """
+        count, places = angles.shape[0], angles.shape[1]
+        errors = np.full((count, self.samples, places), np.inf)
+        error: double[:, :, ::1] = errors
+        loop = self.shape.loop
+        for n in range(count):
+            self.take(0, n)
+            self.shaped(0)
+            a, z1, z2 = self.pose[0, 0], self.pose[0, 1], self.pose[0, 2]
+            back = vector(cos(self.offset[0]), -sin(self.offset[0]))
+            for g in range(places):
+                if not loop.turn(angles[n, g], False):
+                    continue
+                point = a + z1 * loop.e1 + z2 * loop.e2
+                for i in range(self.samples):
+                    total = 0.0
+                    if self.has_rotation:
+                        wanted = self.facing[i] * back
+                        off = self.rotation_root[i] * atan2(cross(loop.e2, wanted), inner(loop.e2, wanted))
+                        total += off * off
+                    if self.has_position:
+                        left = self.place[i] - times(self.position_root[i], point)
+                        total += inner(left, left)
+                    error[n, i, g] = total
+        return errors
+
     def loose(self, noise: double[:, ::1], factors: double[::1], size: double):
         """Move the candidates mostly where their cost is flat: along valleys, where the next minimum lies.
 
