@@ -132,7 +132,7 @@ class Computer:
                 logging.getLogger("uvicorn.error").exception("A fault in %s", task.path)
         pieces = reply.pieces if isinstance(reply, bodies.Reply) else [bytes(reply.body)]
         size, missing = sum(map(len, pieces)), self._resources.missing_index
-        return Head(reply.status_code, list(reply.raw_headers), size, False, missing, attended.state), pieces
+        return Head(reply.status_code, list(reply.raw_headers), size, False, missing, attended.left.state), pieces
 
     def _left_behind(self) -> bool:
         """Whether a request has left more memory behind than a process may keep."""
