@@ -196,6 +196,11 @@ class Problem:
         self._kernel.nearest(steps)
         return pool.timed
 
+    def errors_at(self, timed: Timed, angles: Floats) -> Floats:
+        """Squared errors (n, N, G) of each sample with the crank at some angles (n, G); infinite where a loop is open."""
+        self._begin(timed._replace(angles=np.zeros((len(timed.branch), self._angles))))
+        return np.asarray(self._kernel.errors_at(np.array(angles, dtype=float, order="C")))
+
     def loose_steps(self, timed: Timed, random: np.random.Generator, size: float) -> Timed:
         """Candidates moved mostly where their cost is flat: along valleys, where the next minimum lies.
 

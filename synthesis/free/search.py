@@ -328,8 +328,7 @@ class FreeRounds(Rounds):
         before: int = 0,
     ) -> None:
         self.poses = poses
-        few = np.round(np.linspace(0, poses.samples - 1, min(samples, poses.samples)))
-        self.few = few.astype(np.intp)
+        self.few = poses.spread(samples)
         thin = poses if self.few.size == poses.samples else poses.at(self.few)
         self._moved = poses.off(thin)
         self._stays = limits.practical and poses.ordered and poses.position is not None
