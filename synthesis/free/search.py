@@ -205,7 +205,9 @@ def rotations_of(found: Sequence[Solution], poses: Poses) -> Floats:
     linkages = [one.linkage for one in found]
     crank = np.array([one.start for one in linkages])[:, None] + np.array([one.crank for one in found])
     return coupler_angle(
-        np.array([one.links for one in linkages]), np.array([one.branch for one in linkages]), poses.there_and_back(crank)
+        np.array([one.links for one in linkages]),
+        np.array([one.branch for one in linkages]),
+        poses.there_and_back(crank),
     )
 
 
