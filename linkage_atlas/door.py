@@ -42,7 +42,7 @@ from linkage_atlas.kinds import (
     span_of,
 )
 from linkage_atlas.kinds import Asked as Kinds
-from linkage_atlas.limits import read_limits, what_excludes
+from linkage_atlas.limits import QUICK, QUICK_ROUNDS, read_limits, what_excludes
 from linkage_atlas.linkages import FourBar
 from linkage_atlas.motions import Motion
 from linkage_atlas.studies import STUDIES, Studies, check_rows, read_studies, study_notes
@@ -58,6 +58,7 @@ from synthesis.free.poses import Poses
 from synthesis.free.screen import PathScreen
 from synthesis.free.search import path_screens, search_free
 from synthesis.from_linkage import refine_motion, refine_poses
+from synthesis.guided.search import NOTHING_ROUND
 from synthesis.kept import Kept
 from synthesis.ranking import APART, Status, distinct, spread
 from synthesis.search.search import DEFAULT_TOLERANCE, StoppedBy, search
@@ -362,9 +363,11 @@ def synthesize(
     if not solutions and refines and not cut_short:
         notes.append(NOWHERE)
     elif not solutions and not kept.only_family and effort == "refine" and not cut_short:
-        notes += what_excludes(
-            kept, wanted, lambda eased, some: _search(source, wanted, eased, 3, tolerance, some), watch
-        )
+
+        def quick(eased: Limits, some: Work) -> tuple[list[Solution], Course]:
+            return _search(source, wanted, eased, 1, max(tolerance, QUICK), some, QUICK_ROUNDS)
+
+        notes += what_excludes(kept, wanted, quick, watch, limits)
     elif not solutions and cut_short:
         notes.append(CUT_SHORT)
     if len(solutions) < len(found):
@@ -441,8 +444,12 @@ def _of_kinds(
     cut_short = course.stopped_by == StoppedBy.BUDGET.value
     if not solutions and cut_short:
         notes.append(CUT_SHORT)
-    elif not solutions and not limits.only_family:
-        notes += what_excludes(limits, motion, search_all, watch)
+    elif not solutions and not limits.only_family and not set(notes) & set(NOTHING_ROUND.values()):
+
+        def quick(eased: Limits, some: Work) -> tuple[list[Found], Course]:
+            return searched_for(motion, eased, max(tolerance, QUICK), some, QUICK_ROUNDS)
+
+        notes += what_excludes(limits, motion, quick, watch, given)
     timed = not motion.free or motion.travel is not None
     if timed and "preset" not in given and solutions and not solutions[0].verdict.practical:
         notes.append(UNASKED if motion.travel is None else UNASKED.replace("crank angles are", "travel is", 1))

@@ -30,7 +30,7 @@ from synthesis.guided import solution as guided
 from synthesis.guided.by_crank import BY_CRANK, linkages_by_crank
 from synthesis.guided.limits import broken_limits
 from synthesis.guided.linkage import Driver, Kind
-from synthesis.guided.search import search_guided
+from synthesis.guided.search import NOTHING_ROUND, search_guided
 from synthesis.kept import Kept
 from synthesis.ranking import APART, NEAR, STANDS_BACK, behind, distinct
 from synthesis.search.search import StoppedBy
@@ -112,7 +112,11 @@ def _check(asked: Asked, motion: Motion) -> None:
         raise FieldError(
             "/driver", f"a {by} would have to turn back: a closed way is passed by drives that turn fully"
         )
-    if _comes_round(motion.samples) and not asked.four_bars and not _driven(asked, (Driver.CRANK, Driver.HINGE)):
+    if (
+        _comes_round(motion.samples)
+        and not asked.four_bars
+        and not any(kind in asked.kinds for kind in goes_round(by))
+    ):
         raise FieldError("/mechanisms", "none of them has a drive that turns fully, as a closed way asks for")
     if motion.travel is not None:
         if asked.four_bars_alone:
@@ -166,6 +170,12 @@ _DRIVEN: dict[Driver, tuple[Kind, ...]] = {
     Driver.CYLINDER: (Kind.SWINGING_BLOCK, Kind.RAIL_SLOT, Kind.TWO_SLOTS),
     Driver.HINGE: (Kind.SWINGING_BLOCK, Kind.RAIL_SLOT, Kind.TWO_SLOTS),
 }
+
+
+def goes_round(driver: Driver | None) -> set[Kind]:
+    """The kinds whose drive, or this one, may turn fully: the hinge of a rail and a slot never passes the rail's direction."""
+    drivers = (Driver.CRANK, Driver.HINGE) if driver is None else (driver,)
+    return {kind for one in drivers for kind in _DRIVEN[one] if one.turns} - {Kind.RAIL_SLOT}
 
 
 def _driven(asked: Asked, drivers: Sequence[Driver]) -> bool:
@@ -250,6 +260,8 @@ def search_kinds(
         seeds += course.counts["seeds"] or 0
         stopped.add(course.stopped_by)
         notes += course.notes
+        if led and _by_hinge_alone(asked, motion.samples):  # which turns the body round, as a double crank does
+            leads, _ = four_bars(replace(limits, family="double_crank"), part)
     between = work.elapsed
     if sliders and found and work.expired():
         notes.append(NO_TIME)
@@ -271,7 +283,8 @@ def search_kinds(
             stopped.add(report.stopped_by.value)
             if work.expired():
                 break
-        notes += [ROUND_AGAIN] if _comes_round(motion.samples) else []
+        if _comes_round(motion.samples) and not set(notes) & set(NOTHING_ROUND.values()):
+            notes.append(ROUND_AGAIN)
     by_crank = [kind for kind in asked.sliders if kind in BY_CRANK]
     if isinstance(motion.samples, Target) and motion.samples.position is not None and by_crank and not sliders:
         for kind in by_crank:
@@ -287,6 +300,12 @@ def search_kinds(
     counts = {"seeds": seeds, "windows": None, "exhaustive": None}
     unseen = min(sure, key=lambda one: one[0], default=(np.inf, None))[1]
     return found, Course(stages, trace, stopped_by, counts, unseen=unseen, notes=notes)
+
+
+def _by_hinge_alone(asked: Asked, samples: Samples) -> bool:
+    """Whether a way is closed and of the linkages with sliders a hinge alone goes round."""
+    by_crank = asked.driver in (None, Driver.CRANK) and set(asked.kinds) & set(_DRIVEN[Driver.CRANK])
+    return _comes_round(samples) and not asked.four_bars and not by_crank
 
 
 def _least(trace: Sequence[tuple[float, float]]) -> float:

@@ -142,6 +142,21 @@ def test_the_preset_is_off_where_crank_angles_are_given() -> None:
         la.synthesize(turns, crank_span=90, limits={"preset": "all"})
 
 
+@pytest.mark.parametrize("extents", [7, 12, 20])
+def test_the_preset_leaves_room_for_a_shortest_link(extents) -> None:
+    # once it left none from ten extents on, and took ten seconds and more to say that nothing was found
+    turn = np.linspace(0, 2 * np.pi, 18, endpoint=False)
+    oval = {"position": np.c_[80 * np.cos(turn), 40 * np.sin(turn)], "timing": "free", "closed": True}
+    found = la.synthesize(**oval, limits={"link_min": extents * 80}, top=3)
+    assert found.status == "closest"
+    for one in found:
+        links = one.linkage.links
+        assert (
+            extents * 80 <= min(links) and max(links) <= 2 * extents * 80 and one.transmission_angle_min >= 35 - 1e-9
+        )
+        assert not any("link" in reason or "pivot" in reason for reason in one.verdict.reasons)
+
+
 EVENLY = np.linspace(0, 1, 9)
 
 
