@@ -28,7 +28,7 @@ from app.live import Lives
 from app.query import RequestModel, Resources
 from app.resources import ServiceResources, give_back_memory
 from app.settings import Settings
-from app.turnstile import Attended, Turnstile
+from app.turnstile import Attended, Place, Turnstile
 
 SMALL = 1 << 14
 """Bytes of a body that is parsed in half a millisecond, whatever it holds; a larger one counts as long."""
@@ -58,8 +58,8 @@ class Question:
 class Computing(Protocol):
     """Where answers are computed."""
 
-    numbers: Iterable[int]
-    """Of its processes."""
+    alive: Iterable[int]
+    """Numbers of its processes."""
     ends: Counter[str]
     """How those ended that have."""
     preparing: Iterable[str]
@@ -85,15 +85,17 @@ class Threads:
 
     def __init__(self, resources: ServiceResources, turnstile: Turnstile) -> None:
         self._resources, self._turnstile = resources, turnstile
-        self.numbers, self.ends, self.preparing = [os.getpid()], Counter[str](), list[str]()
-        self.stop = turnstile.stop
+        self.alive, self.ends, self.preparing = [os.getpid()], Counter[str](), list[str]()
+        self._places = resources.settings.max_concurrent
+        turnstile.add(*(Place(quick=k == 0 and self._places > 1) for k in range(self._places)))
+        self.stop = turnstile.stopping.set
 
     @asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
-        self._turnstile.start()
+        self._turnstile.stopping.clear()  # it may begin again
         self._resources.load()
         self._resources.prepare_rest()
-        self._threads, self._lives = anyio.CapacityLimiter(self._turnstile.places), Lives()
+        self._threads, self._lives = anyio.CapacityLimiter(self._places), Lives()
         stopping = threading.Event()
 
         def prepare() -> None:
@@ -107,7 +109,7 @@ class Threads:
         try:
             yield
         finally:
-            self._turnstile.stop()
+            self.stop()
             stopping.set()
             behind.join()
 
@@ -117,11 +119,11 @@ class Threads:
 
         async with self._lives.turn(live_of(body)) as kept:
 
-            async def compute(queued: float, cancelled: Callable[[], bool]) -> Response:
+            async def compute(_: Place, queued: float, cancelled: Callable[[], bool]) -> Response:
                 kept.begin()
                 attended = Attended(self._resources, cancelled, queued, kept.state)
                 reply = await anyio.to_thread.run_sync(question.timed, body, attended, limiter=self._threads)
-                kept.state = attended.state
+                kept.state = attended.left.state
                 return reply
 
             return await self._turnstile.turn(request, compute, question.is_long(body))  # type: ignore[no-any-return]

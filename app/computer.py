@@ -55,7 +55,7 @@ class Head(NamedTuple):
     last: bool
     """Whether the process ends after this reply."""
     missing: str = ""
-    """The part of the index that must be made first: there is no reply yet."""
+    """The part of the index that must be made first, where there is no reply; `INDEX` beside one that did without."""
     state: bytes = b""
     """What this answer leaves for the next under its `live`."""
 
@@ -119,7 +119,7 @@ class Computer:
     def _replied(self, task: Task) -> tuple[Head, list[bytes]]:
         self._resources.makes = task.makes
         self._resources.look()
-        attended, begin = Attended(self._resources, _never, task.queued, task.state), time.perf_counter()
+        attended, begin = Attended(self._resources, lambda: False, task.queued, task.state), time.perf_counter()
         try:
             question = self._questions[task.path]
             body = bodies.read_request(task.content, question.model)
@@ -131,9 +131,8 @@ class Computer:
             if reply.status_code == 500:
                 logging.getLogger("uvicorn.error").exception("A fault in %s", task.path)
         pieces = reply.pieces if isinstance(reply, bodies.Reply) else [bytes(reply.body)]
-        return Head(
-            reply.status_code, list(reply.raw_headers), sum(map(len, pieces)), False, "", attended.state
-        ), pieces
+        size, missing = sum(map(len, pieces)), self._resources.missing_index
+        return Head(reply.status_code, list(reply.raw_headers), size, False, missing, attended.left.state), pieces
 
     def _left_behind(self) -> bool:
         """Whether a request has left more memory behind than a process may keep."""
@@ -141,10 +140,6 @@ class Computer:
             return False
         give_back_memory()
         return _writable_bytes() > self._own + _LOST_MEMORY
-
-
-def _never() -> bool:
-    return False  # a process whose answer is no longer wanted is ended
 
 
 def _writable_bytes() -> int:

@@ -91,15 +91,11 @@ class Connection(H11Protocol):
         """Whether its client waits for an answer that is being computed, or for its turn."""
         return self._answers and not self.cycle.response_started and self.scope["method"] == "POST"
 
-    @property
-    def _idle_since(self) -> tuple[bool, float]:
-        return self._phase == "body", self._since
-
     def _make_room(self) -> None:
         """Close the oldest connection that no answer is being computed for; this one where there is none."""
         others = [one for one in self.connections if isinstance(one, Connection) and one is not self]
         free = [one for one in others if one._phase or not one._computes]
-        (min(free, key=lambda one: one._idle_since) if free else self).transport.abort()
+        (min(free, key=lambda one: (one._phase == "body", one._since)) if free else self).transport.abort()
 
     def pause_writing(self) -> None:
         super().pause_writing()

@@ -40,7 +40,7 @@ def create_app(
     """
     settings = settings or (resources.settings if resources else Settings())
     resources = resources or ServiceResources(settings)
-    turnstile = Turnstile(settings.max_concurrent, settings.max_waiting)
+    turnstile = Turnstile(settings.max_waiting)
     computing = make_computing(turnstile) if make_computing else computed.Threads(resources, turnstile)
 
     @asynccontextmanager

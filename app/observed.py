@@ -141,7 +141,7 @@ class _Now(Collector):
         memory = GaugeMetricFamily(
             "linkage_atlas_process_memory_bytes", "Resident memory of a computing process.", labels=["process"]
         )
-        for number, size in _memory(self._computing.numbers):
+        for number, size in _memory(self._computing.alive):
             memory.add_metric([str(number)], size)
         yield memory
         ends = CounterMetricFamily(

@@ -15,9 +15,9 @@ import signal
 import socket
 import struct
 from collections import Counter
-from collections.abc import AsyncIterator, Callable, Iterable
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
-from typing import Any
+from typing import Any, NamedTuple
 
 from starlette.requests import Request
 from starlette.responses import Response
@@ -30,7 +30,7 @@ from app.live import Lives
 from app.resources import INDEX
 from app.settings import Settings
 from app.supervisor import MAKE
-from app.turnstile import Turnstile
+from app.turnstile import Place, Turnstile
 from linkage_atlas import OutOfTime
 
 _BUFFER = 1 << 20
@@ -44,14 +44,13 @@ _PATIENCE = 8.0
 log = logging.getLogger("uvicorn.error")
 
 
-class _Process:
-    """A process that computes."""
+class _Process(Place):
+    """A process that computes; fresh while it shares all that the supervisor has loaded."""
 
     def __init__(self, number: int, connection: socket.socket, quick: bool) -> None:
-        self.number, self._socket, self.quick = number, connection, quick
+        super().__init__(quick)
+        self.number, self._socket = number, connection
         self._streams: tuple[asyncio.StreamReader, asyncio.StreamWriter] | None = None
-        self.fresh = True
-        """Whether it shares all that the supervisor has loaded."""
         self.end: asyncio.Future[str] = asyncio.get_running_loop().create_future()
 
     async def ask(self, task: Task) -> tuple[Head, list[bytes], Held]:
@@ -81,13 +80,19 @@ class _Process:
             self._streams[1].close()
 
 
+class _Making(NamedTuple):
+    """A part of the index that is being made: set once somebody does, and once it is there."""
+
+    begun: asyncio.Event
+    made: asyncio.Event
+
+
 async def _message(reader: asyncio.StreamReader) -> bytes:
     return await reader.readexactly(*_LENGTH.unpack(await reader.readexactly(_LENGTH.size)))
 
 
-def _ending(status: int) -> str:
+def _ending(code: int) -> str:
     """How a process ended: the name of a signal, or its exit code."""
-    code = os.waitstatus_to_exitcode(status)
     return signal.Signals(-code).name if code < 0 else f"exit code {code}"
 
 
@@ -97,7 +102,7 @@ class Processes:
     Parameters
     ----------
     turnstile : Turnstile
-        Lets as many compute at a time as there are processes.
+        Whose places are the processes.
     settings : Settings
 
     Attributes
@@ -111,29 +116,17 @@ class Processes:
     def __init__(self, turnstile: Turnstile, settings: Settings) -> None:
         self._turnstile = turnstile
         self._seconds = processor_seconds(settings.max_budget_ms)
-        self._alive: dict[int, _Process] = {}
-        self._making: dict[str, asyncio.Future[None]] = {}
+        self.alive: dict[int, _Process] = {}
+        self.preparing: dict[str, _Making] = {}
         self._patient, self._room = 0, settings.max_waiting
         self.ends: Counter[str] = Counter()
 
-    @property
-    def numbers(self) -> Iterable[int]:
-        """Of those that compute."""
-        return tuple(self._alive)
-
-    @property
-    def preparing(self) -> Iterable[str]:
-        """Parts of the index that are being made."""
-        return tuple(self._making)
-
     @asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
-        self._free: list[_Process] = []
-        self._freed = asyncio.Event()
-        self._lives = Lives()
+        self._begun, self._lives = asyncio.Event(), Lives()
         loop = asyncio.get_running_loop()
         loop.add_reader(self.supervisor, self._listen)
-        await self._freed.wait()  # there is one
+        await self._begun.wait()
         try:
             yield
         finally:
@@ -141,8 +134,8 @@ class Processes:
             loop.remove_reader(self.supervisor)
 
     def stop(self) -> None:
-        self._turnstile.stop()
-        for process in list(self._alive.values()):
+        self._turnstile.stopping.set()
+        for process in list(self.alive.values()):
             process.kill()
 
     async def answer(self, request: Request, question: Question, content: bytes) -> Response:
@@ -154,24 +147,26 @@ class Processes:
             task, waited = Task(question.path, content, 0.0, False, kept.state), set[str]()
             head, *reply = await self._asked(request, task, long, kept.begin)
             kept.state = head.state
-        while head.missing and not task.makes:
+        while not head.status and not task.makes:
             await self._made(head.missing)
             task = task._replace(makes=head.missing in waited)  # it could not be made
             waited.add(head.missing)
             head, *reply = await self._asked(request, task, long)
-        if head.missing:
+        if not head.status:
             raise problems.Died
         return Reply.relayed(head.status, head.headers, *reply)
 
     async def _asked(
         self, request: Request, task: Task, long: bool, begin: Callable[[], None] = lambda: None
     ) -> tuple[Head, list[bytes], Held]:
-        async def compute(queued: float, _: Any) -> tuple[Head, list[bytes], Held]:
+        async def compute(process: _Process, queued: float, _: Any) -> tuple[Head, list[bytes], Held]:
             begin()
-            process, kept = await self._next(long), False
+            kept = False
             try:
                 async with asyncio.timeout(_PATIENCE * self._seconds):
                     reply = await process.ask(task._replace(queued=queued))
+                if process.fresh and reply[0].missing == INDEX:
+                    self._wish(INDEX)  # whoever was making it has ended
                 kept = process.fresh and not reply[0].last
                 return reply
             except TimeoutError:
@@ -182,38 +177,19 @@ class Processes:
                     return Head(0, [], 0, True, INDEX), [], Held(0)
                 raise OutOfTime if how == signal.SIGPROF.name else problems.Died from None
             finally:
-                if kept:
-                    self._give(process)
-                else:
+                if not kept:
                     self._end(process)
 
         return await self._turnstile.turn(request, compute, long)  # type: ignore[no-any-return]
 
-    async def _next(self, long: bool) -> _Process:
-        """A process that is free: the quick one, if it is, for what is not long, and others for all."""
-        while True:
-            fit = [one for one in self._free if not (long and one.quick)]
-            if not fit:
-                self._freed.clear()
-                await self._freed.wait()
-                continue
-            process = max(reversed(fit), key=lambda one: one.quick)
-            self._free.remove(process)
-            if not process.end.done():
-                return process
-            process.close()  # it ended while it had nothing to do
-
-    def _give(self, process: _Process) -> None:
-        self._free.append(process)
-        self._freed.set()
-
     def _end(self, process: _Process) -> None:
-        self._alive.pop(process.number, None)
+        self.alive.pop(process.number, None)
+        self._turnstile.remove(process)
         process.close()
 
     async def _how(self, process: _Process, path: str) -> str:
         """How a process ended before its answer; raises `problems.Ending`."""
-        if self._turnstile.stopping:
+        if self._turnstile.stopping.is_set():
             raise problems.Ending
         try:
             how = await asyncio.wait_for(process.end, _TOLD_SECONDS)
@@ -223,16 +199,24 @@ class Processes:
             log.error("A process that computed an answer of %s ended by %s; another takes its place", path, how)
         return how
 
+    def _wish(self, part: str) -> _Making:
+        """Have a part of the index made, unless it is being made."""
+        if part not in self.preparing:
+            self.preparing[part] = _Making(asyncio.Event(), asyncio.Event())
+            os.kill(os.getppid(), MAKE[part])
+        return self.preparing[part]
+
     async def _made(self, part: str) -> None:
-        """Have a part of the index made, which all processes then find; raises `problems.Overloaded`."""
+        """Have a part of the index made, which all processes then find; of a damaged index only wait until all do without it.
+
+        Raises `problems.Overloaded`.
+        """
         if self._patient >= self._room:  # each holds its body
             raise problems.Overloaded
-        if part not in self._making:
-            self._making[part] = asyncio.get_running_loop().create_future()
-            os.kill(os.getppid(), MAKE[part])
+        making = self._wish(part)
         self._patient += 1
         try:
-            await asyncio.shield(self._making[part])
+            await (making.begun if part == INDEX else making.made).wait()
         finally:
             self._patient -= 1
 
@@ -241,21 +225,23 @@ class Processes:
         told, files, _, _ = socket.recv_fds(self.supervisor, _MESSAGE, 1)
         match pickle.loads(told) if told else ():
             case ("computer", number, quick):
-                process = self._alive[number] = _Process(number, socket.socket(fileno=files[0]), quick)
-                self._give(process)
-            case ("ended", number, status):
-                self.ends[_ending(status)] += 1
-                if process := self._alive.pop(number, None):
-                    process.end.set_result(_ending(status))
+                process = self.alive[number] = _Process(number, socket.socket(fileno=files[0]), quick)
+                self._turnstile.add(process)
+                self._begun.set()
+            case ("ended", number, code):
+                self.ends[_ending(code)] += 1
+                if process := self.alive.pop(number, None):
+                    process.end.set_result(_ending(code))
+                    if self._turnstile.remove(process):
+                        process.close()
             case ("fresh",):
-                for process in self._alive.values():
-                    process.fresh = False
-                while self._free:
-                    self._end(self._free.pop())
+                for process in list(self.alive.values()):
+                    if self._turnstile.remove(process):
+                        self._end(process)
             case ("making", part):
-                self._making.setdefault(part, asyncio.get_running_loop().create_future())
+                self.preparing.setdefault(part, _Making(asyncio.Event(), asyncio.Event())).begun.set()
             case ("made", part):
-                self._making.pop(part).set_result(None)
+                self.preparing.pop(part).made.set()
             case _:
                 os.kill(os.getpid(), signal.SIGTERM)  # it has ended: nothing works without it
                 asyncio.get_running_loop().remove_reader(self.supervisor)

@@ -56,20 +56,27 @@ class ServiceResources:
         self.makes = True
         """Whether it may make a part of the index that an answer needs; otherwise that raises `Unprepared`."""
         self._damaged = False
+        """Whether a file of the index cannot be read, until it is made anew: those that compute do without it."""
         # Several requests at a time, each with small matrices: threads inside a product would only wait for each other.
         import numpy  # noqa: F401  # for only a library that is loaded is limited
 
         self._blas = threadpool_limits(1, "blas")
 
-    @cached_property
+    @property
     def atlas(self) -> la.Atlas:
         """The atlas, loaded and verified. Raises AtlasError: the one that `load` met, if it met one, without reading again."""
+        return self._plain if self._damaged and self.alone else self._loaded
+
+    @cached_property
+    def _plain(self) -> la.Atlas:
+        return self._loaded.plain()
+
+    @cached_property
+    def _loaded(self) -> la.Atlas:
         if self.failure is not None:
             raise self.failure
         if not self.settings.with_atlas:
             raise la.AtlasError(la.AtlasFault.NOT_WANTED, "--no-atlas; searching needs none")
-        if self._damaged and not self.makes:
-            raise Unprepared(INDEX)
         place = self._find_atlas(self.settings)
         begin = time.perf_counter()
         atlas = opened(place, self.settings)
@@ -80,7 +87,7 @@ class ServiceResources:
 
     def need(self, part: str) -> None:
         """Said before an answer uses a part of the index, one of `PARTS`."""
-        shared = self.settings.with_atlas and self.settings.index
+        shared = self.settings.with_atlas and self.settings.index and not self._damaged
         if shared and not self.makes and not self.atlas.has(part):
             raise Unprepared(part)
 
@@ -108,14 +115,18 @@ class ServiceResources:
         give_back_memory()
         gc.freeze()  # what is loaded stays: looking through it again and again would hold up everyone
 
-    def close_damaged(self) -> None:
-        """Leave the atlas alone, of whose index a file cannot be read, until it is opened by `renew`."""
-        vars(self).pop("atlas", None)
+    def leave_index(self) -> None:
+        """Leave the index alone, of which a file cannot be read, until `renew`: each process scans plainly, as it began."""
         self._damaged = True
+
+    @property
+    def missing_index(self) -> str:
+        """`INDEX` where this process has answered without it."""
+        return INDEX if "_plain" in vars(self) else ""
 
     def renew(self) -> None:
         """Open the atlas again: what is missing of its index is made anew."""
-        vars(self).pop("atlas", None)
+        vars(self).pop("_loaded", None)
         self._damaged, self.failure = False, None
         self.load()
 
@@ -131,8 +142,8 @@ class ServiceResources:
 
     def look(self) -> None:
         """Take up what another process has made of the index meanwhile."""
-        if "atlas" in vars(self):
-            self.atlas.has("short_spans")
+        if "_loaded" in vars(self):
+            self._loaded.has("short_spans")
 
     def missing(self) -> list[str]:
         """Parts of the index that are to be made once the service is ready."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import multiprocessing
 import os
 import pickle
 import select
@@ -17,9 +18,9 @@ import socket
 import subprocess
 import sys
 import time
-import traceback
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from multiprocessing.context import ForkProcess
 
 from app.computed import Question
 from app.computer import Computer
@@ -45,23 +46,11 @@ log = logging.getLogger("uvicorn.error")
 
 
 class Supervisor:
-    """The parent.
+    """The parent, which runs a front on ``listeners``, and ``count`` processes that answer ``questions``.
 
-    Parameters
-    ----------
-    front : callable
-        ``front(told)`` runs the front in its process until that is told to end, with a socket on which it is told, each time by a
-        pickled tuple: of a process that computes ("computer", number, whether it is the quick one, with a socket to it) and its
-        end ("ended", number, status), that those so far lack what the next ones share ("fresh",), and of parts of the index
-        ("making", part; "made", part).
-    questions : mapping
-        What the computing processes answer, by the path of its route.
-    resources : ServiceResources
-        With the atlas loaded.
-    listeners : sequence of socket.socket
-        Of the front; kept open for the next one.
-    count : int
-        Processes that compute.
+    ``front(told)`` runs the front until its end, with a socket on which it is told, each time by a pickled tuple: of a process
+    that computes ("computer", number, whether it is the quick one, with a socket to it) and its end ("ended", number, exit
+    code), that those so far lack what the next ones share ("fresh",), and of parts of the index ("making", part; "made", part).
     """
 
     def __init__(
@@ -74,9 +63,12 @@ class Supervisor:
     ) -> None:
         self._run_front, self._questions, self._resources, self._listeners = front, questions, resources, listeners
         self._count = count
-        self._computers: set[int] = set()
-        self._quick = 0
-        self._makers: dict[int, str] = {}
+        self._ended: dict[ForkProcess, Callable[[int], object]] = {}
+        """What is to be done, with its exit code, once a process has ended."""
+        self._computers: set[ForkProcess] = set()
+        self._quick: ForkProcess | None = None
+        self._making: set[str] = set()
+        self._code: int | None = None
         self._successor: subprocess.Popen[bytes] | None = None
         self._deadline: float | None = None
         nohup = signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
@@ -96,20 +88,22 @@ class Supervisor:
             self._fill()
             self._resources.prepare_rest()  # while the first processes answer
             self._say("fresh")
-            while (code := self._next()) is None:
+            while self._code is None:
+                self._next()
                 self._fill()
-            return code
+            return self._code
         finally:
-            self._kill([*self._computers, *self._makers])
+            for process in self._ended:
+                process.kill()
 
-    def _next(self) -> int | None:
-        """Wait for a signal and do what it says; the service's exit code where that was its end."""
+    def _next(self) -> None:
+        """Wait for a signal and do what it says."""
         left = None if self._deadline is None else max(0.0, self._deadline - time.monotonic())
         told = os.read(self._came, 1)[0] if select.select([self._came], [], [], left)[0] else None
         if told is None:
-            self._kill([self._front])  # and its end is told
+            self._front.kill()  # and its end is told
         elif told == signal.SIGCHLD:
-            return self._reap()
+            self._reap()
         elif told in _ENDS:
             self._end(told)
         elif told == RELOAD:
@@ -118,7 +112,6 @@ class Supervisor:
             self._drain()
         else:
             self._make(next(part for part, number in MAKE.items() if number == told))
-        return None
 
     def _say(self, *words: object, file: int | None = None) -> None:
         with contextlib.suppress(OSError):  # a front that has ended is replaced
@@ -126,46 +119,40 @@ class Supervisor:
 
     # -- ends -------------------------------------------------------------------------------------------------------------
 
-    def _reap(self) -> int | None:
-        """Take note of processes that have ended; the service's exit code where the front has, for good."""
-        while True:
-            try:
-                number, status = os.waitpid(-1, os.WNOHANG)
-            except ChildProcessError:
-                return 0
-            if not number:
-                return None
-            if number in self._computers:
-                self._computers.discard(number)
-                self._say("ended", number, status)
-                if os.waitstatus_to_exitcode(status) > 0:
-                    time.sleep(_REBIRTH_SECONDS)
-            elif part := self._makers.pop(number, ""):
-                self._made(part, status)
-            elif self._successor is not None and number == self._successor.pid:
-                log.error("The service that was to take over has ended; this one goes on")
-                self._successor = None
-            elif number == self._front and (code := self._front_ended(status)) is not None:
-                return code
+    def _reap(self) -> None:
+        for process, ended in list(self._ended.items()):
+            if process.exitcode is not None:
+                del self._ended[process]
+                ended(process.exitcode)
+        if self._successor is not None and self._successor.poll() is not None:
+            log.error("The service that was to take over has ended; this one goes on")
+            self._successor = None
 
-    def _front_ended(self, status: int) -> int | None:
-        code = os.waitstatus_to_exitcode(status)
+    def _computer_ended(self, process: ForkProcess, code: int) -> None:
+        self._computers.discard(process)
+        self._say("ended", process.pid, code)
+        if code > 0:
+            time.sleep(_REBIRTH_SECONDS)
+
+    def _front_ended(self, code: int) -> None:
         if self._deadline is not None:
-            return 0
-        if code >= 0 and time.monotonic() - self._began < _LEAST_LIFE:
-            return code
-        log.error("The process that talks to the clients ended by %s; another takes its place", code)
-        self._kill(self._computers)
-        self._computers.clear()
-        self._told.close()
-        self._start_front()
-        for part in self._makers.values():
-            self._say("making", part)
-        return None
+            self._code = 0
+        elif code >= 0 and time.monotonic() - self._began < _LEAST_LIFE:
+            self._code = code
+        else:
+            log.error("The process that talks to the clients ended by %s; another takes its place", code)
+            for process in self._computers:
+                process.kill()
+            self._computers.clear()
+            self._told.close()
+            self._start_front()
+            for part in self._making:
+                self._say("making", part)
 
-    def _made(self, part: str, status: int) -> None:
+    def _made(self, part: str, code: int) -> None:
         """Take note of a part of the index, or of all of it; those that compute without it are replaced then."""
-        if part == INDEX and status == 0:
+        self._making.discard(part)
+        if part == INDEX and code == 0:
             self._resources.renew()
             self._say("fresh")
             self._make_missing()
@@ -177,7 +164,7 @@ class Supervisor:
             self._deadline = time.monotonic() + self._resources.settings.ending_seconds + _LATE_SECONDS
         elif number == signal.SIGINT:  # pressed again: at once
             self._deadline = 0.0
-        os.kill(self._front, signal.SIGTERM)
+        self._front.terminate()
 
     def _succeed(self) -> None:
         """Start a successor, which listens on the same sockets."""
@@ -193,13 +180,7 @@ class Supervisor:
         """The successor answers: end once all that has been asked here is answered."""
         if self._successor is not None and self._deadline is None:
             self._deadline = time.monotonic() + DRAIN_SECONDS + _LATE_SECONDS
-            os.kill(self._front, signal.SIGUSR1)
-
-    @staticmethod
-    def _kill(numbers: Sequence[int] | set[int]) -> None:
-        for number in numbers:
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(number, signal.SIGKILL)
+            os.kill(self._front.pid, signal.SIGUSR1)
 
     # -- beginnings -------------------------------------------------------------------------------------------------------
 
@@ -208,7 +189,8 @@ class Supervisor:
         self._told.setblocking(False)
         self._began = time.monotonic()
         with theirs:
-            self._front = self._fork(lambda: self._run_front(theirs))
+            self._front = self._fork(partial(self._run_front, theirs))
+            self._ended[self._front] = self._front_ended
 
     def _fill(self) -> None:
         """Fork as many that compute as there are to be."""
@@ -216,10 +198,11 @@ class Supervisor:
             ours, theirs = socket.socketpair()
             with ours, theirs:
                 quick = self._count > 1 and self._quick not in self._computers
-                number = self._fork(partial(self._compute, theirs, ours, quick))
-                self._computers.add(number)
-                self._quick = number if quick else self._quick
-                self._say("computer", number, quick, file=ours.fileno())
+                process = self._fork(partial(self._compute, theirs, ours, quick))
+                self._ended[process] = partial(self._computer_ended, process)
+                self._computers.add(process)
+                self._quick = process if quick else self._quick
+                self._say("computer", process.pid, quick, file=ours.fileno())
 
     def _compute(self, connection: socket.socket, other: socket.socket, quick: bool) -> None:
         for foreign in (other, *self._listeners):
@@ -231,11 +214,13 @@ class Supervisor:
             self._make(part)
 
     def _make(self, part: str) -> None:
-        if part not in self._makers.values():
+        if part not in self._making:
             if part == INDEX:
                 log.error("A file of the index cannot be read: what is damaged is made anew")
-                self._resources.close_damaged()
-            self._makers[self._fork(lambda: self._make_here(part))] = part
+                self._resources.leave_index()
+                self._say("fresh")
+            self._making.add(part)
+            self._ended[self._fork(partial(self._make_here, part))] = partial(self._made, part)
             self._say("making", part)
 
     def _make_here(self, part: str) -> None:
@@ -244,31 +229,21 @@ class Supervisor:
             listener.close()
         self._resources.make(part)
 
-    def _fork(self, run: Callable[[], None]) -> int:
-        """The number of a new process that runs something and ends."""
-        sys.stdout.flush()
-        sys.stderr.flush()
+    def _fork(self, run: Callable[[], None]) -> ForkProcess:
+        """A new process that runs something and ends."""
+        process = multiprocessing.get_context("fork").Process(target=self._begin, args=(run,))
         signal.pthread_sigmask(signal.SIG_BLOCK, self._signals)  # none may come to the new process as if to this one
-        if number := os.fork():
-            signal.pthread_sigmask(signal.SIG_UNBLOCK, self._signals)
-            return number
-        code = 1
-        try:
-            signal.set_wakeup_fd(-1)
-            for told in self._signals:
-                signal.signal(told, signal.SIG_DFL)
-            signal.signal(signal.SIGHUP, signal.SIG_IGN)  # the supervisor tells the front, and ends the others
-            signal.pthread_sigmask(signal.SIG_UNBLOCK, self._signals)
-            for end in (self._came, self._coming):
-                os.close(end)
-            self._told.close()
-            run()
-            code = 0
-        except SystemExit as end:
-            code = end.code if isinstance(end.code, int) else 1
-        except BaseException:
-            traceback.print_exc()
-        finally:
-            sys.stdout.flush()
-            sys.stderr.flush()
-            os._exit(code)
+        process.start()
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, self._signals)
+        return process
+
+    def _begin(self, run: Callable[[], None]) -> None:
+        signal.set_wakeup_fd(-1)
+        for told in self._signals:
+            signal.signal(told, signal.SIG_DFL)
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)  # the supervisor tells the front, and ends the others
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, self._signals)
+        for end in (self._came, self._coming):
+            os.close(end)
+        self._told.close()
+        run()

@@ -16,26 +16,36 @@ from app import problems
 from linkage_atlas import Cancelled, Live, Work
 
 
-class Turnstile:
-    """Lets ``concurrent`` requests compute at a time and ``waiting`` more wait; one whose client has gone leaves.
+class Place:
+    """Where one request at a time is computed; a ``quick`` one is kept for those that are short."""
 
-    Requests are of two classes, short and long. One place is kept free of long ones (if there are two), and half of the room to
-    wait; a free place goes to the class that has fewer places, and in turn where both have as many. Within a class the addresses
-    of clients have turns; where there is no room, the one of which most wait loses its newest.
+    def __init__(self, quick: bool) -> None:
+        self.quick = quick
+        self.fresh = True
+        """Whether it takes another request after this one."""
+
+
+class Turnstile:
+    """Lets as many requests compute at a time as there are places, and ``waiting`` more wait; one whose client has gone leaves.
+
+    Requests are of two classes, short and long: half of the room to wait is kept free of long ones. A place goes to the class
+    that has fewer places, and in turn where both have as many. Within a class the addresses of clients have turns; where there
+    is no room, the one of which most wait loses its newest.
     """
 
-    def __init__(self, concurrent: int, waiting: int) -> None:
-        self.places, self._long_places = concurrent, max(1, concurrent - 1)
+    def __init__(self, waiting: int) -> None:
         self._room, self._long_room = waiting, -(-waiting // 2)
-        self._queues: dict[bool, dict[str, deque[asyncio.Future[None]]]] = {False: {}, True: {}}
-        self._running: dict[bool, set[asyncio.Future[None]]] = {False: set(), True: set()}
+        self._free: list[Place] = []
+        self._queues: dict[bool, dict[str, deque[asyncio.Future[Place]]]] = {False: {}, True: {}}
+        self._running = {False: 0, True: 0}
         self._last = True
-        self._stopping = threading.Event()
+        self.stopping = threading.Event()
+        """Set when the service ends: all work is cancelled."""
 
     @property
     def computing(self) -> int:
         """Requests that compute now."""
-        return sum(map(len, self._running.values()))
+        return sum(self._running.values())
 
     @property
     def waiting(self) -> int:
@@ -45,28 +55,27 @@ class Turnstile:
     def _of_class(self, long: bool) -> int:
         return sum(map(len, self._queues[long].values()))
 
-    @property
-    def stopping(self) -> bool:
-        """Whether the service ends."""
-        return self._stopping.is_set()
+    def add(self, *places: Place) -> None:
+        """Let a request compute at each place."""
+        self._free += places
+        self._call()
 
-    def start(self) -> None:
-        """Let requests in: the service begins, perhaps not for the first time."""
-        self._stopping.clear()
-
-    def stop(self) -> None:
-        """Cancel all work: the service ends."""
-        self._stopping.set()
+    def remove(self, place: Place) -> bool:
+        """Let no further request compute at a place; whether it was free."""
+        place.fresh, free = False, place in self._free
+        if free:
+            self._free.remove(place)
+        return free
 
     async def turn(
         self,
         request: Request,
-        compute: Callable[[float, Callable[[], bool]], Awaitable[Any]],
+        compute: Callable[[Any, float, Callable[[], bool]], Awaitable[Any]],
         long: bool = False,
     ) -> Any:
-        """``await compute(queued, cancelled)`` once there is a place; the body of ``request`` must have been read.
+        """``await compute(place, queued, cancelled)`` once there is a place; the body of ``request`` must have been read.
 
-        It is given the seconds that it waited and what says whether the answer is no longer wanted. Raises
+        ``queued``: seconds that it waited. ``cancelled``: says whether the answer is no longer wanted. Raises
         `problems.Overloaded` when too many wait already, and `linkage_atlas.Cancelled` once the client has gone: instead of
         computing, or out of it the next time that it looks at its work.
         """
@@ -76,10 +85,11 @@ class Turnstile:
         with anyio.CancelScope() as wait:  # once it computes, a thread is not abandoned and keeps its place
             watch = asyncio.create_task(_watch(request, gone, wait))
             try:
-                await turn
-                return await compute(time.perf_counter() - begin, lambda: gone.is_set() or self.stopping)
+                place = await turn
+                queued = time.perf_counter() - begin
+                return await compute(place, queued, lambda: gone.is_set() or self.stopping.is_set())
             except Cancelled:
-                if self.stopping and not gone.is_set():
+                if self.stopping.is_set() and not gone.is_set():
                     raise problems.Ending from None
                 raise
             finally:
@@ -88,9 +98,9 @@ class Turnstile:
                 self._leave(turn, long, host)
         raise Cancelled
 
-    def _join(self, long: bool, host: str) -> asyncio.Future[None]:
+    def _join(self, long: bool, host: str) -> asyncio.Future[Place]:
         """A turn: done once there is a place, or refused."""
-        turn: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        turn: asyncio.Future[Place] = asyncio.get_running_loop().create_future()
         queue = self._queues[long]
         queue.setdefault(host, deque()).append(turn)
         self._call()
@@ -103,34 +113,37 @@ class Turnstile:
                 refused.exception()  # it may go before it hears of it
         return turn
 
-    def _leave(self, turn: asyncio.Future[None], long: bool, host: str) -> None:
+    def _leave(self, turn: asyncio.Future[Place], long: bool, host: str) -> None:
         waiting = self._queues[long].get(host, ())
-        if turn in self._running[long]:
-            self._running[long].remove(turn)
-            self._call()
-        elif turn in waiting:
+        if turn in waiting:
             waiting.remove(turn)
             if not waiting:
                 del self._queues[long][host]
+        elif turn.done() and not turn.cancelled() and turn.exception() is None:
+            self._running[long] -= 1
+            if turn.result().fresh:
+                self._free.append(turn.result())
+            self._call()
 
     def _call(self) -> None:
-        """Give free places to those that wait."""
-        while self.computing < self.places:
-            may = [long for long in (False, True) if self._queues[long]]
-            if len(self._running[True]) >= self._long_places:
-                may = [long for long in may if not long]
+        """Give free places to those that wait: a quick one, if there is one, to what is short."""
+        while True:
+            fit = {long: [one for one in self._free if not (long and one.quick)] for long in (False, True)}
+            may = [long for long in fit if fit[long] and self._queues[long]]
             if not may:
                 return
-            self._last = min(may, key=lambda long: (len(self._running[long]), long == self._last))
+            self._last = min(may, key=lambda long: (self._running[long], long == self._last))
             queue = self._queues[self._last]
             host = next(iter(queue))
             waiting = queue.pop(host)
             turn = waiting.popleft()
             if waiting:
                 queue[host] = waiting  # behind the others
-            self._running[self._last].add(turn)
             if not turn.done():
-                turn.set_result(None)
+                place = max(fit[self._last], key=lambda one: one.quick)
+                self._free.remove(place)
+                self._running[self._last] += 1
+                turn.set_result(place)
 
 
 async def _watch(request: Request, gone: threading.Event, wait: anyio.CancelScope) -> None:
@@ -141,30 +154,18 @@ async def _watch(request: Request, gone: threading.Event, wait: anyio.CancelScop
 
 
 class Attended:
-    """Resources of one request, whose work is cancelled once the client has gone and has a budget in any case.
-
-    ``state``: of the last answer under the request's `live`, and then of this one.
-    """
+    """Resources of one request, whose work is cancelled once the client has gone and has a budget in any case."""
 
     def __init__(self, resources: Any, cancelled: Callable[[], bool], queued: float, state: bytes = b"") -> None:
-        self._live: Live | None = None
-        self._state = state
-        self._resources = resources
-        self._cancelled = cancelled
-        self.queued = queued
+        self._resources, self._cancelled, self.queued = resources, cancelled, queued
+        self.left = Live(state)
+        """By the last answer under the request's `live`, and then by this one."""
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._resources, name)
 
     def live(self) -> Live:
-        """What the last answer left, and what this one leaves."""
-        self._live = Live(self._state)
-        return self._live
-
-    @property
-    def state(self) -> bytes:
-        """That it leaves."""
-        return self._state if self._live is None else self._live.state
+        return self.left
 
     def work(self, budget: float | None = None) -> Work:
         """A watch that also asks whether the client is still there."""

@@ -68,8 +68,11 @@ class Case(NamedTuple):
     search: Callable[..., Any] = la.synthesize
 
     def ask(self, budget: float | None = None, **more: Any) -> Any:
-        """The reply, with a budget in seconds of the processor."""
-        return self.search(**{**self.request, **more}, budget=budget, work=processor_work)
+        """The reply, with a budget in seconds of the processor; where no preset is asked for, by the error alone."""
+        asked = {**self.request, **more}
+        if asked.get("timing") != "free":
+            asked["limits"] = {"preset": "none"} | asked.get("limits", {})
+        return self.search(**asked, budget=budget, work=processor_work)
 
     @property
     def mark(self) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from threading import Lock
@@ -14,7 +14,7 @@ from typing import Any
 from linkage_atlas.answers import AtlasType
 from synthesis.atlas import table
 from synthesis.atlas.header import MAX_TYPES, Stamp, file_hash
-from synthesis.atlas.index import Index, InMemory, remove_damaged, temporary_arrays
+from synthesis.atlas.index import Index, InMemory, Unread, remove_damaged, temporary_arrays
 from synthesis.atlas.preparation import CELLS, Preparation, Progress, types_of
 from synthesis.atlas.scan import KIND, Scan
 from synthesis.errors import AtlasError, AtlasFault, FieldError
@@ -37,15 +37,22 @@ class Atlas:
         Threads of a scan; default: one a core.
     source : AtlasSource or MadeSource, optional
         Where it comes from; default: ``stored``, all of it in memory.
+    cells : bool
+        False scans all windows of all types; the answers are the same.
     """
 
     def __init__(
-        self, stored: table.AtlasTypes, threads: int | None = None, source: AtlasSource | MadeSource | None = None
+        self,
+        stored: table.AtlasTypes,
+        threads: int | None = None,
+        source: AtlasSource | MadeSource | None = None,
+        cells: bool = True,
     ) -> None:
         self.stored = stored
         """Its types; with all of their rotations where they are in memory."""
         self._threads = threads or os.cpu_count() or 1
         self._source = source
+        self._kind = KIND._replace(cells=cells)
         self._lock, self._rocker_lock = Lock(), Lock()
         self._rocker_scan: Scan | None = None
 
@@ -63,7 +70,7 @@ class Atlas:
         with self._lock:
             index = self._source.index if self._source else None
             progress = self._source.progress if self._source else _quietly
-            prepared = Preparation(self.stored.mechanism, self._table, KIND, self._threads, index, progress)
+            prepared = Preparation(self.stored.mechanism, self._table, self._kind, self._threads, index, progress)
             if self.index_files:  # what is mapped needs no memory
                 mapped: Any = prepared.types
                 self.stored = mapped
@@ -117,6 +124,14 @@ class Atlas:
         if isinstance(self._source, AtlasSource):
             remove_damaged(self._source.index.folder)
 
+    def plain(self) -> Atlas:
+        """The same atlas without its index, a file of which cannot be read: its scan, on one thread, looks at every window."""
+        if not isinstance(self._source, AtlasSource):
+            return self
+        index = self._source.index
+        source = replace(self._source, index=Unread(index.folder, index.source))
+        return Atlas(source.load(), 1, source, cells=False)
+
     @property
     def rocker_scan(self) -> Scan:
         """The same types prepared for matching their rockers' curves, which the first that asks computes (some seconds).
@@ -125,7 +140,7 @@ class Atlas:
         """
         with self._rocker_lock:
             if self._rocker_scan is None:
-                prepared = Preparation(ROCKER, self._rockers, KIND, self._threads, self._rocker_parts)
+                prepared = Preparation(ROCKER, self._rockers, self._kind, self._threads, self._rocker_parts)
                 self._rocker_scan = Scan(prepared, threads=self._threads)
             return self._rocker_scan
 
@@ -255,7 +270,7 @@ def slider_cranks(beside: Index | InMemory | None = None, threads: int | None = 
     index: InMemory = InMemory()
     if isinstance(beside, Index):
         named = " ".join(f"{name} {value}" for name, value in rule.as_json().items())
-        index = Index(beside.folder, named, prefix="slider_crank_")
+        index = beside.beside("slider_crank_", named)
     return Atlas(table.types_of_rule(rule), threads, MadeSource(rule, index))
 
 

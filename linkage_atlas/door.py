@@ -23,6 +23,7 @@ from linkage_atlas.cache import default_atlas
 from linkage_atlas.driving import check_asked
 from linkage_atlas.guided import DriverName, KindName
 from linkage_atlas.kinds import (
+    PROPORTION,
     UNRANKED,
     Course,
     Found,
@@ -34,12 +35,14 @@ from linkage_atlas.kinds import (
     layers_of,
     measures_of,
     near_enough,
+    proportion_of,
+    proportionate,
     read_kinds,
     search_kinds,
     span_of,
 )
 from linkage_atlas.kinds import Asked as Kinds
-from linkage_atlas.limits import read_limits, what_excludes
+from linkage_atlas.limits import QUICK, QUICK_ROUNDS, read_limits, what_excludes
 from linkage_atlas.linkages import FourBar
 from linkage_atlas.motions import Motion
 from linkage_atlas.studies import STUDIES, Studies, check_rows, read_studies, study_notes
@@ -55,6 +58,7 @@ from synthesis.free.poses import Poses
 from synthesis.free.screen import PathScreen
 from synthesis.free.search import path_screens, search_free
 from synthesis.from_linkage import refine_motion, refine_poses
+from synthesis.guided.search import NOTHING_ROUND
 from synthesis.kept import Kept
 from synthesis.ranking import APART, Status, distinct, spread
 from synthesis.search.search import DEFAULT_TOLERANCE, StoppedBy, search
@@ -67,6 +71,11 @@ DIVERSE_LOSS = 2.0
 UNASKED = (
     "the crank angles are given, and then the practical limits are kept only where `limits.preset` asks for them; "
     "the verdict says which of them the best linkage breaks"
+)
+OUT_OF_PROPORTION = (
+    "the linkage of least error (objective {error:.2g}) is out of all proportion, its largest part {times:.2g} times the "
+    "motion's extent or the shortest link: linkages within 30 times, whose error is near, come before it; "
+    "with `limits.preset` 'none' the error alone counts"
 )
 SWINGS = (
     "cranks were looked for that can turn fully, but this motion needs no more than half a turn of them: "
@@ -312,6 +321,9 @@ def synthesize(
     if prefers == "layers":
         many, wish = max(many, _LAYERED * top, _LAYERED_LEAST), _FOR_LAYERS
     found, course = _search(source, wanted, kept, many, goal, watch.extended(-spare - wish), begun=begun)
+    if sizes := _sizes(limits, wanted, kept, source):
+        found, course = _with_fair(found, course, source, wanted, sizes, many, goal, watch.extended(-spare - wish))
+        notes += course.notes
     if not found:
         pass
     elif prefers == "layers":
@@ -351,9 +363,11 @@ def synthesize(
     if not solutions and refines and not cut_short:
         notes.append(NOWHERE)
     elif not solutions and not kept.only_family and effort == "refine" and not cut_short:
-        notes += what_excludes(
-            kept, wanted, lambda eased, some: _search(source, wanted, eased, 3, tolerance, some), watch
-        )
+
+        def quick(eased: Limits, some: Work) -> tuple[list[Solution], Course]:
+            return _search(source, wanted, eased, 1, max(tolerance, QUICK), some, QUICK_ROUNDS)
+
+        notes += what_excludes(kept, wanted, quick, watch, limits)
     elif not solutions and cut_short:
         notes.append(CUT_SHORT)
     if len(solutions) < len(found):
@@ -385,12 +399,16 @@ def _of_kinds(
     given: Mapping[str, Any],
 ) -> Result:
     """The answer to a request for other mechanisms than four-bars alone."""
+    sizes = _sizes(given, motion, limits, seed_tables())
 
     def searched_for(
         asked: Motion, within: Limits, goal: float, work: Work, rounds: int | None = None
     ) -> tuple[list[Found], Course]:
         def four_bars(within: Limits, work: Work) -> tuple[list[Solution], Course]:
-            return _search(seed_tables(), asked, within, top, goal, work, rounds)
+            found, course = _search(seed_tables(), asked, within, top, goal, work, rounds)
+            if sizes and within is limits:
+                return _with_fair(found, course, seed_tables(), asked, sizes, top, goal, work)
+            return found, course
 
         return search_kinds(kinds, asked, within, goal, four_bars, work, rounds)
 
@@ -401,6 +419,7 @@ def _of_kinds(
     found, course = search_all(limits, watch.extended(-FINISHING - _FOR_LAYERS) if layered else searching)
     notes += course.notes
     many = max(_LAYERED * top, _LAYERED_LEAST) if layered else top
+    found = proportionate(found, motion.samples, tolerance)[0] if sizes else found
     chosen = front(found, motion, limits, prefers, tolerance, many)
     if layered and chosen:
         least = max(tolerance, min(one.errors.objective for one in chosen))
@@ -425,8 +444,12 @@ def _of_kinds(
     cut_short = course.stopped_by == StoppedBy.BUDGET.value
     if not solutions and cut_short:
         notes.append(CUT_SHORT)
-    elif not solutions and not limits.only_family:
-        notes += what_excludes(limits, motion, search_all, watch)
+    elif not solutions and not limits.only_family and not set(notes) & set(NOTHING_ROUND.values()):
+
+        def quick(eased: Limits, some: Work) -> tuple[list[Found], Course]:
+            return searched_for(motion, eased, max(tolerance, QUICK), some, QUICK_ROUNDS)
+
+        notes += what_excludes(limits, motion, quick, watch, given)
     timed = not motion.free or motion.travel is not None
     if timed and "preset" not in given and solutions and not solutions[0].verdict.practical:
         notes.append(UNASKED if motion.travel is None else UNASKED.replace("crank angles are", "travel is", 1))
@@ -520,6 +543,48 @@ def _search(
     stages = {"screen": report.screen_seconds, "refine": work.elapsed - report.screen_seconds}
     counts["seeds"] = report.seeds
     return found, Course(stages, report.trace, report.stopped_by.value, counts, report.kept, report.unseen)
+
+
+def _sizes(given: Mapping[str, Any] | None, motion: Motion, limits: Limits, source: Any) -> Limits | None:
+    """The limits with the practical ones of lengths and places, where a search keeps none because nobody said which."""
+    if motion.free or "preset" in (given or {}) or not isinstance(source, SeedTables):
+        return None
+    try:
+        practical = read_limits({**(given or {}), "preset": "practical"}, motion)
+    except FieldError:  # a limit of its own excludes them
+        return None
+    angles = limits.transmission_angle_min, limits.transmission_angle_min_turn
+    return replace(practical, transmission_angle_min=angles[0], transmission_angle_min_turn=angles[1])
+
+
+def _with_fair(
+    found: list[Solution],
+    course: Course,
+    source: SeedTables | Scan | Start,
+    motion: Motion,
+    sizes: Limits,
+    top: int,
+    tolerance: float,
+    work: Work,
+) -> tuple[list[Solution], Course]:
+    """What a search found; where its best is out of all proportion, behind linkages of fair size that are near.
+
+    Law: an exact answer stays first.
+    """
+    if not found or found[0].errors.objective < tolerance:
+        return found, course
+    times = proportion_of(found[0], motion.samples)
+    if times <= PROPORTION:
+        return found, course
+    more, again = _search(source, motion, sizes, top, tolerance, work)
+    every = sorted(found + more, key=lambda one: one.errors.objective)
+    fair, behind = proportionate(every, motion.samples, tolerance)
+    chosen = distinct(fair, top, APART, exact=tolerance)
+    if not behind:
+        return chosen, course
+    said = OUT_OF_PROPORTION.format(error=found[0].errors.objective, times=times)
+    course = course._replace(notes=[*course.notes, said], unseen=again.unseen, stopped_by=again.stopped_by)
+    return [*chosen, *distinct(behind, top, APART)][:top], course
 
 
 # -- what is preferred ------------------------------------------------------------------------------------------------

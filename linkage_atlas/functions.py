@@ -25,7 +25,7 @@ from linkage_atlas.door import (
 from linkage_atlas.guided import AnyGuide, DriverName, GuidedLinkage, KindName, guides_of
 from linkage_atlas.limits import read_function_limits
 from linkage_atlas.linkages import FourBar, Links
-from linkage_atlas.motions import Motion
+from linkage_atlas.motions import Motion, unwound
 from linkage_atlas.records import KEPT, Record, Values, names_of
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
@@ -440,6 +440,13 @@ def function(
     elif given := [name for name, value in called.items() if value is not None]:
         name = "interval" if given[0] == "x" else given[0]
         raise FieldError(f"/{name}", "belongs to an `output` that is a callable")
+    wraps: list[str] = []
+    if function is None:
+        if dial.output == ANGLE:
+            output, wraps = unwound("output", output, degrees)
+        if dial.input == ANGLE:
+            input, said = unwound("input", input, degrees)
+            wraps = [*wraps, *said]
     samples_asked: dict[str, Any] = {
         "input": input,
         "function": function,
@@ -455,6 +462,7 @@ def function(
             raise FieldError("/travel_span", "the input is an angle: give `crank_span`")
         span = crank_span if dial.input == "angle" else travel_span
         motion = TravelMotion(output, span, one_way=one_way, dial=dial, **samples_asked)
+        motion.wraps = wraps
         return motion.answered(kinds, limits, objective, top, tolerance, watch, curves)
     wanted, dials = read_wanted(output, crank_span, **samples_asked)
     if np.ptp(wanted.output) <= _STILL:
@@ -481,7 +489,7 @@ def function(
             replace(one, rounded=rounded(asked, generator, round_to, watch))
             for one, generator in zip(solutions, found)
         ]
-    notes = [*_notes(wanted), *([] if begin is None else [LOCAL])]
+    notes = [*wraps, *_notes(wanted), *([] if begin is None else [LOCAL])]
     if not course.settled:
         notes.append(
             "the best linkage was still getting better, by little, when the steps of the search were used up"
@@ -561,6 +569,9 @@ def read_wanted(
 class TravelMotion:
     """A checked function with travel, in the unit of its search; arguments as of `function`."""
 
+    wraps: Sequence[str] = ()
+    """Notes on angles that are taken the short way."""
+
     def __init__(
         self,
         output: ArrayLike | None,
@@ -621,7 +632,7 @@ class TravelMotion:
         searched = watch.elapsed
         asked = Asked(wanted, self.dials, self.degrees, largest, tolerance, self.dial, scales)
         solutions = [described_travel(asked, one, rank, kept, curves) for rank, one in enumerate(found, 1)]
-        notes = _notes(wanted) if self.dial.output == ANGLE else []
+        notes = [*self.wraps, *(_notes(wanted) if self.dial.output == ANGLE else [])]
         if len(kinds) > 1:
             notes.append("linkages of several kinds are listed by error alone: transmission angle and size differ")
         return asked.result(found, solutions, limits, course, searched, watch, notes)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple, get_args
+from typing import Any, NamedTuple, TypeVar, get_args
 
 import numpy as np
 
@@ -30,9 +30,9 @@ from synthesis.guided import solution as guided
 from synthesis.guided.by_crank import BY_CRANK, linkages_by_crank
 from synthesis.guided.limits import broken_limits
 from synthesis.guided.linkage import Driver, Kind
-from synthesis.guided.search import search_guided
+from synthesis.guided.search import NOTHING_ROUND, search_guided
 from synthesis.kept import Kept
-from synthesis.ranking import APART, behind, distinct
+from synthesis.ranking import APART, NEAR, STANDS_BACK, behind, distinct
 from synthesis.search.search import StoppedBy
 from synthesis.target import Samples, Target
 from synthesis.work import OutOfTime, Work
@@ -59,6 +59,9 @@ _NO_ANSWER, _TIMES_LESS = 0.1, 10.0
 """J from which on a linkage is no answer where another one's is so many times less."""
 _SAME = 1e-3
 """Part by which all measures of two linkages differ at most that are shown once."""
+PROPORTION, FAIR = 100.0, 30.0
+"""Extents of the motion, or shortest links: a part as many times as long is out of all proportion, or of fair size. Within the
+practical lengths, 10 extents, a body point may lie some 20 from its crank pin."""
 _STEP = np.deg2rad(5.0)
 """Exact linkages are ordered by their transmission angle in steps."""
 
@@ -109,7 +112,11 @@ def _check(asked: Asked, motion: Motion) -> None:
         raise FieldError(
             "/driver", f"a {by} would have to turn back: a closed way is passed by drives that turn fully"
         )
-    if _comes_round(motion.samples) and not asked.four_bars and not _driven(asked, (Driver.CRANK, Driver.HINGE)):
+    if (
+        _comes_round(motion.samples)
+        and not asked.four_bars
+        and not any(kind in asked.kinds for kind in goes_round(by))
+    ):
         raise FieldError("/mechanisms", "none of them has a drive that turns fully, as a closed way asks for")
     if motion.travel is not None:
         if asked.four_bars_alone:
@@ -165,6 +172,12 @@ _DRIVEN: dict[Driver, tuple[Kind, ...]] = {
 }
 
 
+def goes_round(driver: Driver | None) -> set[Kind]:
+    """The kinds whose drive, or this one, may turn fully: the hinge of a rail and a slot never passes the rail's direction."""
+    drivers = (Driver.CRANK, Driver.HINGE) if driver is None else (driver,)
+    return {kind for one in drivers for kind in _DRIVEN[one] if one.turns} - {Kind.RAIL_SLOT}
+
+
 def _driven(asked: Asked, drivers: Sequence[Driver]) -> bool:
     return any(kind in _DRIVEN[driver] for driver in drivers for kind in asked.kinds)
 
@@ -202,6 +215,7 @@ def as_poses(samples: Samples) -> Poses:
 FourBars = Callable[[Limits, Work], tuple[list[fourbar.Solution], "Course"]]
 """The search among four-bars: linkages and how it went."""
 Found = fourbar.Solution | guided.GuidedSolution
+One = TypeVar("One", fourbar.Solution, Found)
 
 
 class Course(NamedTuple):
@@ -230,7 +244,7 @@ def search_kinds(
     """Linkages of all kinds asked for, within the limits, in no order; by so many rounds at most for those with sliders."""
     found: list[Found] = []
     trace: list[tuple[float, float]] = []
-    seeds, notes = 0, []
+    seeds, notes = 0, list[str]()
     stopped: set[str] = set()
     led = bool(asked.sliders) and is_way(motion)
     sliders = led or (bool(asked.sliders) and has_poses(motion.samples))
@@ -245,6 +259,9 @@ def search_kinds(
             sure.append((_least(course.trace), course.unseen))
         seeds += course.counts["seeds"] or 0
         stopped.add(course.stopped_by)
+        notes += course.notes
+        if led and _by_hinge_alone(asked, motion.samples):  # which turns the body round, as a double crank does
+            leads, _ = four_bars(replace(limits, family="double_crank"), part)
     between = work.elapsed
     if sliders and found and work.expired():
         notes.append(NO_TIME)
@@ -266,7 +283,8 @@ def search_kinds(
             stopped.add(report.stopped_by.value)
             if work.expired():
                 break
-        notes += [ROUND_AGAIN] if _comes_round(motion.samples) else []
+        if _comes_round(motion.samples) and not set(notes) & set(NOTHING_ROUND.values()):
+            notes.append(ROUND_AGAIN)
     by_crank = [kind for kind in asked.sliders if kind in BY_CRANK]
     if isinstance(motion.samples, Target) and motion.samples.position is not None and by_crank and not sliders:
         for kind in by_crank:
@@ -282,6 +300,12 @@ def search_kinds(
     counts = {"seeds": seeds, "windows": None, "exhaustive": None}
     unseen = min(sure, key=lambda one: one[0], default=(np.inf, None))[1]
     return found, Course(stages, trace, stopped_by, counts, unseen=unseen, notes=notes)
+
+
+def _by_hinge_alone(asked: Asked, samples: Samples) -> bool:
+    """Whether a way is closed and of the linkages with sliders a hinge alone goes round."""
+    by_crank = asked.driver in (None, Driver.CRANK) and set(asked.kinds) & set(_DRIVEN[Driver.CRANK])
+    return _comes_round(samples) and not asked.four_bars and not by_crank
 
 
 def _least(trace: Sequence[tuple[float, float]]) -> float:
@@ -340,6 +364,35 @@ def measures_of(one: Found, samples: Samples, tolerance: float, layers: Rank = (
     else:
         size, driver = size_of(one.linkage, samples), Driver.CRANK.value
     return Measures(error, np.inf if size is None else size, -one.transmission_angle_min, driver, layers)
+
+
+def proportion_of(one: Found, samples: Samples) -> float:
+    """How many extents of the motion, or shortest links, the longest part of a linkage is: whichever are more."""
+    size = measures_of(one, samples, 0.0).size
+    links = (1.0,) if isinstance(one, guided.GuidedSolution) else one.linkage.links
+    ratio = max(links) / min(links)
+    return float(max(ratio, size if np.isfinite(size) else 0.0))
+
+
+def proportionate(found: Sequence[One], samples: Samples, tolerance: float) -> tuple[list[One], list[One]]:
+    """Answers in two: those to show first, and those behind them, each in the order they come in.
+
+    Where the best is not exact and out of all proportion, near ones of fair size go before all others.
+    """
+    if not found:
+        return [], []
+    best = min(found, key=lambda one: one.errors.objective)
+    least = best.errors.objective
+    if least < tolerance or proportion_of(best, samples) <= PROPORTION:
+        return list(found), []
+    fair = {id(one) for one in found if proportion_of(one, samples) <= FAIR and _near(one, least)}
+    if not fair:
+        return list(found), []
+    return [one for one in found if id(one) in fair], [one for one in found if id(one) not in fair]
+
+
+def _near(one: Found, least: float) -> bool:
+    return one.errors.objective <= max(NEAR, STANDS_BACK * least)
 
 
 def _staying(found: Sequence[Found], samples: Samples, tolerance: float) -> list[Found]:

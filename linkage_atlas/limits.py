@@ -14,7 +14,7 @@ from linkage_atlas.motions import Motion
 from synthesis.errors import FieldError
 from synthesis.fourbar import limits as fourbar
 from synthesis.fourbar.kinematics import Family, family
-from synthesis.fourbar.limits import FORMS, LINKS, REACH, Form, in_family, practical_limits
+from synthesis.fourbar.limits import FORMS, LINKS, REACH, ROOM, Form, in_family, practical_limits
 from synthesis.free.poses import Poses
 from synthesis.target import Samples
 from synthesis.work import Work
@@ -27,8 +27,10 @@ FUNCTION_LIMITS = {name: form for name, form in LIMITS.items() if form.concerns 
 """Those of a request for function generators."""
 _STEPS = 6
 """Halvings of the way that a limit gives."""
-_SECONDS = 4.0
+_SECONDS = 1.5
 """Longest time that is spent on the reason."""
+QUICK, QUICK_ROUNDS = 0.1, 2
+"""J at which a search for some linkage ends, and its rounds."""
 
 Search = Callable[[fourbar.Limits, Work], tuple[Sequence[Any], Any]]
 
@@ -138,17 +140,20 @@ def _lengths(field: str, given: Any) -> tuple[float | None, ...]:
 # -- what excludes every linkage --------------------------------------------------------------------------------------
 
 
-def what_excludes(limits: fourbar.Limits, motion: Motion, search: Search, work: Work) -> list[str]:
+def what_excludes(
+    limits: fourbar.Limits, motion: Motion, search: Search, work: Work, own: Mapping[str, Any] | None = None
+) -> list[str]:
     """Sentences on the limits, one or two, without which there are linkages; none where that was not found out in time.
 
-    ``limits``: within which a search found nothing. ``search``: the search that found nothing, for other limits and
-    work of its own. ``work``: what is left of its time may be used.
+    ``limits``: within which a search found nothing. ``search``: a quick one for other limits and work of its own. ``work``:
+    what is left of its time may be used. ``own``: the limits that the request names, which are tried first.
     """
     watch = work.part(_SECONDS)
     extent = 1.0 if motion.samples.position is None else motion.samples.extent
     names = [name for name in limits.given if name != "family"]
     if limits.family != "any":  # also where it is the default, and nobody thought of it
         names.insert(0, "family")
+    names.sort(key=lambda name: name not in (own or {}))
     notes: list[str] = []
     if all(limits.links) and not in_family(limits.family, np.array([limits.links], dtype=float))[0]:
         made = Family(family(np.array(limits.links, dtype=float)).item()).value
@@ -176,10 +181,9 @@ def _without(limits: fourbar.Limits, name: str, extent: float) -> fourbar.Limits
 def _changed(limits: fourbar.Limits, name: str, value: Any, extent: float) -> fourbar.Limits:
     """The limits with another value of one, as a request with that value would have them."""
     changes: dict[str, Any] = {name: value}
-    if (
-        name == "link_min" and limits.practical and limits.link_max == limits.link_min
-    ):  # it has lifted the preset's longest
-        changes["link_max"] = max(extent * REACH, value or 0.0)
+    if name == "link_min" and limits.practical and limits.link_max == ROOM * (limits.link_min or 0.0):
+        # it has lifted the preset's longest
+        changes["link_max"] = max(extent * REACH, ROOM * (value or 0.0))
     return replace(limits, **changes)
 
 

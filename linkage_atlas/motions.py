@@ -44,6 +44,8 @@ __all__ = [
 _TURNS, _RADIANS = 2.0, 0.7
 """Turns in radians from which on a rotation is asked about; and what 40 degrees are, given as degrees."""
 
+_WRAPPED = 0.75
+"""Part of a turn from which on a jump between two samples is one of its way of writing."""
 MOST_STOCK = 1000
 """Lengths of a stock at most."""
 OR_FREE = ", or `timing` 'free' (its angles are unknown, and found with the linkage)"
@@ -98,7 +100,8 @@ class Motion:
     ----------
     rotation : array_like, shape (N,), optional
         Rotation of the body at the samples, continuous: no jumps by whole turns (where the crank angles are free, whole
-        turns do not count). None: missing there.
+        turns do not count). Written within 0 to 360 or -180 to 180, a jump that is less than a quarter turn the other way
+        round is taken so, as 350, 10 is. None: missing there.
     position : array_like, shape (N, 2), or complex, shape (N,), optional
         A point of the body at the samples, in any unit. At least one of the two is needed; 3 to 1,024 samples (2 with free
         crank angles). None: missing there.
@@ -147,6 +150,7 @@ class Motion:
     tolerances: Tolerances | None = None
     travel: Floats | None = None
     """(N,): of slider or cylinder from the first sample on, where it is given."""
+    _wraps: Sequence[str] = ()
 
     def __init__(
         self,
@@ -170,8 +174,14 @@ class Motion:
         weights = dict(weights or {})
         if unknown := weights.keys() - {"rotation", "position"}:
             raise FieldError(f"/weights/{min(unknown)}", "there are weights of rotation and position only")
+        untimed = (
+            timing is not None or travel is not None or travel_span is not None
+        )  # there whole turns do not count
         with np.errstate(over="ignore"):
-            turns, turn_weights = _present("rotation", rotation, weights)
+            wound, self._wraps = (rotation, []) if untimed else unwound("rotation", rotation, degrees)
+            crank_angle, said = unwound("crank angle", crank_angle, degrees)
+            self._wraps = [*self._wraps, *said]
+            turns, turn_weights = _present("rotation", wound, weights)
             points, point_weights = _present("position", position, weights)
             part: dict[str, Any] = {
                 "rotation": None if turns is None else turns * radian,
@@ -280,7 +290,7 @@ class Motion:
 
     def notes(self) -> list[str]:
         """What a user should know: a rotation that looks like another unit's, or wrapped; a motion that needs no linkage."""
-        return [*self._unit_notes(), *self._motion_notes()]
+        return [*self._wraps, *self._unit_notes(), *self._motion_notes()]
 
     def _unit_notes(self) -> list[str]:
         if self.asked.rotation is None or self.asked.position is None:
@@ -310,7 +320,7 @@ class Motion:
         place = int(np.argmax(jump))
         return [
             f"rotation jumps by more than half a turn from sample {place + 1} to {place + 2}; it is taken as continuous, "
-            "so if that is a wrap at 180 or 360 degrees, unwrap it"
+            "so if that is a wrap at 180 or 360 degrees, write it without: 350, 10, 30 as 350, 370, 390"
         ]
 
 
@@ -355,6 +365,40 @@ def _present(name: str, values: Any, weights: Mapping[str, ArrayLike]) -> tuple[
         given = np.where(missing, 0.0, 1.0 if given is None else given)
     place = np.arange(values.size)
     return np.interp(place, place[~missing], values[~missing]), given
+
+
+def unwound(name: str, angles: ArrayLike | None, degrees: bool) -> tuple[ArrayLike | None, list[str]]:
+    """Angles written within one turn, 340, 350, 0, 10, as the body goes: 340, 350, 360, 370; and what to say of it.
+
+    Only where all of it lies within 0 to 360 or -180 to 180 degrees, and jumps from sample to sample by so much that the other
+    way round is less than a quarter turn. All else is taken as it is. Law: wrapping small steps and unwinding them gives the
+    steps again.
+    """
+    turn = 360.0 if degrees else TURN
+    try:
+        entries: Any = angles
+        values = np.array([np.nan if one is None else one for one in entries], dtype=float)
+    except (TypeError, ValueError):  # told by who reads it
+        return angles, []
+    if values.ndim != 1:
+        return angles, []
+    given = np.flatnonzero(~np.isnan(values))
+    own = values[given]
+    low, high = own.min(initial=np.inf), own.max(initial=-np.inf)
+    within = any(-start <= low and high <= turn - start for start in (0.0, turn / 2))
+    jumps = np.diff(own)
+    if not within or not np.any(np.abs(jumps) > _WRAPPED * turn):
+        return angles, []
+    back = np.where(np.abs(jumps) > _WRAPPED * turn, np.sign(jumps), 0.0)
+    values[given[1:]] -= turn * np.cumsum(back)
+    k = int(np.argmax(back != 0))
+    unit, step = ("degrees" if degrees else "radians"), jumps[k] - turn * back[k]
+    said = (
+        f"the {name} from sample {given[k] + 1} ({own[k]:.6g}) to {given[k + 1] + 1} ({own[k + 1]:.6g}) is taken as a turn of "
+        f"{step:.4g} {unit}, the short way; for {jumps[k]:.4g} write it beyond {turn:.6g}"
+    )
+    found: Any = [None if np.isnan(one) else float(one) for one in values]
+    return found, [said]
 
 
 def _tolerances(tolerances: Mapping[str, ArrayLike] | None, samples: Samples, radian: float) -> Tolerances | None:

@@ -887,6 +887,64 @@ class Shape:
             self.by[k, 2] = sign * 0.5 * gap * fall
 
 
+def shapes(chart: cython.int, unknowns: double[:, ::1]):
+    """Lengths (n, d) at points (n, k) of a chart, X0 and Y0 (n,), and derivatives of the lengths by the unknowns (n, d, k)."""
+    shape = Shape(chart)
+    count, links, k = unknowns.shape[0], 4 if shape.loop.guide == CIRCLE else 3, shape.size
+    lengths, excess, slopes = np.empty((count, links)), np.empty((2, count)), np.empty((count, links, k))
+    length: double[:, ::1] = lengths
+    by: double[:, :, ::1] = slopes
+    x: double[::1] = excess[0]
+    y: double[::1] = excess[1]
+    for n in range(count):
+        q2 = unknowns[n, 2] if k > 2 else 0.0
+        q3 = unknowns[n, 3] if k > 3 else 0.0
+        shape.at(unknowns[n, 0], unknowns[n, 1], q2, q3, 1.0)
+        x[n], y[n] = shape.loop.x0, shape.loop.y0
+        for j in range(links):
+            length[n, j] = shape.loop.length[j]
+            for c in range(k):
+                by[n, j, c] = shape.by[j, c]
+    return lengths, excess[0], excess[1], slopes
+
+
+def body_angles(
+    guide: cython.int,
+    lengths: double[:, ::1],
+    x0: double[::1],
+    y0: double[::1],
+    branch: double[::1],
+    theta1: double[:, ::1],
+    derivatives: bint = False,
+):
+    """theta2 of linkages at crank angles of their own, continuous over the turn, its derivatives, and where they close.
+
+    Lengths (n, d), X0, Y0 and branches (n,), theta1 (n, N). Shapes (n, N); (n, d + 1, N), by the lengths and theta1; (n, N).
+    Both are 0 where a linkage does not close. Law: to full relative accuracy wherever X0 and Y0 are exact and not negative.
+    """
+    count, samples, links = theta1.shape[0], theta1.shape[1], lengths.shape[1]
+    angles, slopes = np.zeros((count, samples)), np.zeros((count if derivatives else 0, links + 1, samples))
+    closes = np.zeros((count, samples), dtype=np.uint8)
+    angle: double[:, ::1] = angles
+    by: double[:, :, ::1] = slopes
+    close: cython.uchar[:, ::1] = closes
+    loop = Loop(guide)
+    for n in range(count):
+        for k in range(links):
+            loop.length[k] = lengths[n, k]
+        loop.x0, loop.y0, loop.side = x0[n], y0[n], branch[n]
+        for i in range(samples):
+            if not loop.turn(theta1[n, i], derivatives):
+                continue
+            close[n, i] = 1
+            angle[n, i] = loop.angle(theta1[n, i])
+            if derivatives:
+                for k in range(links):
+                    by[n, k, i] = loop.by[k]
+                by[n, links, i] = loop.by[4]
+    return angles, slopes, closes.view(bool)
+
+
 # -- descents ------------------------------------------------------------------------------------------------------------
 
 # Poses in which a candidate is evaluated
@@ -1162,6 +1220,36 @@ class Descent:
                 self.move(0, 0)
             self.give(0, n)
 
+    def errors_at(self, angles: double[:, ::1]):
+        """Squared errors (n, N, G) of each sample of the candidates with the crank at some angles (n, G) of their own.
+
+        Infinite where a candidate does not close.
+        """
+        count, places = angles.shape[0], angles.shape[1]
+        errors = np.full((count, self.samples, places), np.inf)
+        error: double[:, :, ::1] = errors
+        loop = self.shape.loop
+        for n in range(count):
+            self.take(0, n)
+            self.shaped(0)
+            a, z1, z2 = self.pose[0, 0], self.pose[0, 1], self.pose[0, 2]
+            back = vector(cos(self.offset[0]), -sin(self.offset[0]))
+            for g in range(places):
+                if not loop.turn(angles[n, g], False):
+                    continue
+                point = a + z1 * loop.e1 + z2 * loop.e2
+                for i in range(self.samples):
+                    total = 0.0
+                    if self.has_rotation:
+                        wanted = self.facing[i] * back
+                        off = self.rotation_root[i] * atan2(cross(loop.e2, wanted), inner(loop.e2, wanted))
+                        total += off * off
+                    if self.has_position:
+                        left = self.place[i] - times(self.position_root[i], point)
+                        total += inner(left, left)
+                    error[n, i, g] = total
+        return errors
+
     def loose(self, noise: double[:, ::1], factors: double[::1], size: double):
         """Move the candidates mostly where their cost is flat: along valleys, where the next minimum lies.
 
@@ -1237,15 +1325,18 @@ class Descent:
         """How far the body point of each candidate goes between two neighbouring samples, over their distance, at most, (n,).
 
         By chords between crank angles at most ``panel`` apart, two at least; a distance below ``shortest`` counts as that.
-        Infinite where the loop does not close in between.
+        Infinite where the loop does not close in between. And the body's angle at the samples, of a closed way at the first
+        once more, (n, M); not set where the loop does not close.
         """
-        most = np.empty(len(self.costs))
+        gaps = self.samples if self.closed else self.samples - 1
+        most, told = np.empty(len(self.costs)), np.zeros((len(self.costs), gaps + 1))
+        angle: double[:, ::1] = told
         loop = self.shape.loop
         for n in range(self.costs.shape[0]):
             self.take(0, n)
             self.shaped(0)
             largest = 0.0
-            for i in range(self.samples if self.closed else self.samples - 1):
+            for i in range(gaps):
                 begin = self.phi[0, i]
                 if i + 1 < self.samples:
                     step = self.phi[0, i + 1] - begin
@@ -1260,13 +1351,15 @@ class Descent:
                     place = self.pose[0, 1] * loop.e1 + self.pose[0, 2] * loop.e2
                     if k == 0:
                         first = place
+                        angle[n, i] = loop.angle(begin)
                     else:
                         gone += sqrt(inner(place - before, place - before))
                     before = place
+                angle[n, i + 1] = loop.angle(begin + step)
                 chord = sqrt(inner(before - first, before - first))
                 largest = max(largest, gone / max(chord, shortest))
             most[n] = largest
-        return most
+        return most, told
 
     def restore(self, rounds: cython.int):
         """Move the candidates onto the limits that they break by the shortest way, at their crank angles: Newton's steps.

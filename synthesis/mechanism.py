@@ -14,11 +14,12 @@ sample, and a branch.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Literal, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from synthesis import kernel
 from synthesis.arrays import Complexes, Flags, Floats
 from synthesis.target import Interval, Target
 
@@ -27,67 +28,75 @@ Box = tuple[float, float, float, float]
 
 
 class BodyAngles(NamedTuple):
-    """How the body of candidates turns over the samples of a target."""
+    """How the body of candidates turns."""
 
     angle: Floats
-    """(n, N): theta2, up to a constant for each candidate; any numbers where the candidate is impossible."""
-    phasor: Complexes
-    """(n, N): e^{i theta2}, up to a constant factor of modulus one."""
-    slope: Floats | None
-    """(n, k + 1, N): derivatives of theta2 by the candidate's unknowns; None where none are wanted."""
-    possible: Flags | Literal[True]
-    """(n,): which candidates close at every sample and between; True: all."""
+    """(n, N): theta2, continuous; any numbers where the candidate does not close."""
+    slope: Floats
+    """(n, k + 1, N): derivatives of theta2 by the candidate's unknowns and theta1; of no candidate where none are wanted."""
+    closes: Flags
+    """(n,): which candidates are of the sheet and close at every crank angle."""
 
 
-class Shape(Protocol):
-    """Lengths at points of a chart, with their derivatives."""
+class Shape(NamedTuple):
+    """Lengths at points of a chart."""
 
-    @property
-    def lengths(self) -> Floats:
-        """Lengths in any scale, (n, d)."""
+    lengths: Floats
+    """(n, d)"""
+    x0: Floats
+    """(n,): the two numbers that the loop closes by, see `kernel.Loop`,"""
+    y0: Floats
+    """formed without cancellation."""
+    jacobian: Floats
+    """(n, d, k): derivatives of the lengths by the chart's unknowns."""
 
-    @property
-    def jacobian(self) -> Floats:
-        """Derivatives of the lengths by the chart's unknowns, (n, d, k)."""
 
+class Chart:
+    """Coordinates of shapes for a search: unknowns (n, k) that the compiled kernel makes lengths of."""
 
-class Chart(Protocol):
-    """Coordinates of shapes for a search."""
-
-    @property
-    def kind(self) -> int:
-        """Its code in the compiled kernel."""
-
-    @property
-    def sheet(self) -> int:
-        """-1: only linkages with L1 < L4; +1: only L1 > L4; 0: both."""
-
-    @property
-    def cell(self) -> Floats:
-        """Extent of unknowns and start within which two seeds are alike, (k + 1,)."""
-
-    @property
-    def hop(self) -> Floats:
-        """Scale of the perturbations of unknowns and start that reach other valleys, (k + 1,)."""
+    kind: int
+    """Its code in the kernel."""
+    guide: int = kernel.CIRCLE
+    """How the body is guided, as a code too."""
+    sheet: int = 0
+    """-1: only linkages with L1 < L4; +1: only L1 > L4; 0: both."""
+    cell: Floats
+    """Extent of unknowns and start within which two seeds are alike, (k + 1,)."""
+    hop: Floats
+    """Scale of the perturbations of unknowns and start that reach other valleys, (k + 1,)."""
 
     @property
     def edges(self) -> Floats:
-        """Unknowns of shapes at the chart's far ends, where coarse types have no neighbours, (e, k)."""
+        """Unknowns (e, k) of shapes at the chart's far ends, where coarse types have no neighbours."""
+        return np.empty((0, len(self.cell) - 1))
 
     def shape(self, unknowns: Floats) -> Shape:
-        """Shapes at unknowns (n, k)."""
+        """Shapes at unknowns."""
+        return Shape(*kernel.shapes(self.kind, np.array(unknowns, dtype=float, order="C")))
 
     def unknowns(self, lengths: ArrayLike) -> Floats:
         """Unknowns (n, k) of lengths (n, d). Law: ``unknowns(shape(x).lengths) == x`` for moderate x."""
+        raise NotImplementedError
 
     def hopped(self, unknowns: Floats, noise: Floats) -> Floats:
         """Unknowns perturbed by noise (n, k) in units of order one."""
+        return unknowns + np.clip(noise, -8.0, 8.0)
 
     def place(self, unknowns: Floats) -> Floats:
         """Where shapes lie, whatever their scale, (n, c): shapes in one unit cell are alike."""
+        raise NotImplementedError
 
     def at(self, unknowns: Floats, theta1: Floats, branch: Floats, derivatives: bool = True) -> BodyAngles:
-        """Angles of shapes (n, k) at crank angles (n, N), each candidate's own; the slope's last row is that by theta1."""
+        """Angles of shapes (n, k) at crank angles (n, N), each candidate's own."""
+        shape, theta1 = self.shape(unknowns), np.array(theta1, dtype=float, order="C")
+        side = np.array(branch, dtype=float, order="C")
+        angle, slopes, closes = kernel.body_angles(self.guide, *shape[:3], side, theta1, derivatives)
+        slope = slopes
+        if derivatives:
+            by_shape = np.matmul(shape.jacobian.transpose(0, 2, 1), slopes[:, :-1])
+            slope = np.concatenate([by_shape, slopes[:, -1:]], axis=1)
+        longer = shape.lengths[:, 0] - shape.lengths[:, -1]
+        return BodyAngles(angle, slope, closes.all(axis=1) & ((self.sheet == 0) | (longer * self.sheet > 0)))
 
 
 class Placed(NamedTuple):

@@ -77,13 +77,17 @@ class InMemory:
 
     def part(self, name: str, fill: Fill, go_on: Callable[[], None] = _go_on) -> Part:
         """A part, made unless that has been done before; ``go_on`` is asked while another process makes it, and may raise."""
-        arrays: dict[str, NDArray[Any]] = {}
+        return _filled(lambda name, dtype, shape: np.empty(shape, dtype), fill)
 
-        def new(name: str, dtype: DTypeLike, shape: tuple[int, ...]) -> NDArray[Any]:
-            arrays[name] = np.empty(shape, dtype)
-            return arrays[name]
 
-        return Part({**fill(new, None)}, arrays)
+def _filled(new: New, fill: Fill) -> Part:
+    arrays: dict[str, NDArray[Any]] = {}
+
+    def kept(name: str, dtype: DTypeLike, shape: tuple[int, ...]) -> NDArray[Any]:
+        arrays[name] = new(name, dtype, shape)
+        return arrays[name]
+
+    return Part({**fill(kept, None)}, arrays)
 
 
 class Index(InMemory):
@@ -109,9 +113,9 @@ class Index(InMemory):
         """Whether a part in use was made from an atlas file of this size and time of writing, which was compared then."""
         return any(part.about["stamp"] == list(self.stamp or ()) for part in self._open.values())
 
-    def beside(self, prefix: str) -> Index:
-        """Parts of another table that is made from the same atlas."""
-        return Index(self.folder, self.source, self.stamp, prefix)
+    def beside(self, prefix: str, source: str | None = None) -> Index:
+        """Parts of another table in the same folder, made from the same atlas unless another ``source`` is told."""
+        return type(self)(self.folder, source or self.source, self.stamp, prefix)
 
     def known(self, name: str) -> Part | None:
         """A part that is there, whole and of this key; why one is none is logged where another is made in its place."""
@@ -155,6 +159,20 @@ class Index(InMemory):
         if part is None:
             raise OSError(f"{path} is not what was written")
         return part
+
+
+class Unread(Index):
+    """In place of an index whose files cannot be read: parts made for this process alone, in files that vanish with it."""
+
+    def known(self, name: str) -> Part | None:
+        """None: what lies in the folder is left alone."""
+        return None
+
+    def part(self, name: str, fill: Fill, go_on: Callable[[], None] = _go_on) -> Part:
+        """As of `InMemory`, but in memory only where no file can be written."""
+        with contextlib.suppress(OSError):
+            return _filled(temporary_arrays(self.folder.parent), fill)
+        return InMemory.part(self, name, fill)
 
 
 def _opened(path: Path, key: Mapping[str, Any]) -> Part:

@@ -32,6 +32,8 @@ LINK_RATIO = 10.0
 """Most of the longest link over the shortest."""
 REACH = 10.0
 """No link, and no distance of a pivot from the motion's middle, is longer than this many extents of the motion."""
+ROOM = 2.0
+"""So many times a shortest length that is given links may be long, and pivots be away, at least."""
 # tuning of the constraints
 _TRACED = {True: (257, 3), False: (25, 1)}
 """Crank angles at which joints are looked at, and how often their extremes are then refined: exactly, and in a search."""
@@ -307,7 +309,8 @@ def practical_limits(samples: Samples, given: dict[str, Any]) -> dict[str, Any]:
     }
     if samples.position is not None:
         far, middle = REACH * samples.extent, complex(samples.position_mean(samples.position))
-        asked["link_max"] = max(far, given.get("link_min", 0.0), *(one or 0.0 for one in given.get("links", ())), 0.0)
+        far = max(far, ROOM * given.get("link_min", 0.0))
+        asked["link_max"] = max(far, *(one or 0.0 for one in given.get("links", ())), 0.0)
         places = [
             None if given.keys() & {name, f"{name}_box", "pivot_box", "envelope"} else far
             for name in ("pivot_a", "pivot_b")

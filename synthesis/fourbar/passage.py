@@ -36,6 +36,7 @@ from synthesis.fourbar.kinematics import Closure, close_loop, grashof_excesses
 from synthesis.fourbar.limits import (
     LINK_RATIO,
     REACH,
+    ROOM,
     TRANSMISSION_ANGLE,
     TRANSMISSION_ANGLE_TURN,
     Limits,
@@ -405,11 +406,12 @@ def faults_of(
         faults.append(f"longest link {ratio:.3g} times the shortest, above {most:g}")
     if samples is not None and samples.position is not None:
         extent, middle = samples.extent, complex(samples.position_mean(samples.position))
-        if limits.link_max is None and longest > REACH * extent:
-            faults.append(f"longest link {longest / extent:.3g} times the motion's extent, above {REACH:g}")
+        reach = max(REACH, ROOM * (limits.link_min or 0.0) / extent)
+        if limits.link_max is None and longest > reach * extent:
+            faults.append(f"longest link {longest / extent:.3g} times the motion's extent, above {reach:.4g}")
         far = [abs(place - middle) / extent for name, place in pivots.items() if not placed_by(limits, name)]
-        if far and max(far) > REACH * (1 + _ROUNDED):
-            faults.append(f"a fixed pivot {max(far):.3g} extents from the motion's middle, above {REACH:g}")
+        if far and max(far) > reach * (1 + _ROUNDED):
+            faults.append(f"a fixed pivot {max(far):.3g} extents from the motion's middle, above {reach:.4g}")
     if excursion is not None and excursion > LEAVES_SAMPLES:
         faults.append(
             f"the body point goes {excursion:.3g} times as far between two samples as they are apart, above {LEAVES_SAMPLES:g}"

@@ -206,17 +206,12 @@ class Problem(WantedFunction):
     def at(self, unknowns: Floats, branch: Floats, crank: Floats) -> Followed:
         """theta2 of the exchanged linkages."""
         found = self.chart.at(unknowns[:, :3], unknowns[:, 3:4] + crank, branch)
-        assert found.slope is not None
-        return Followed(found.angle, found.slope, self._possible(found.possible, len(unknowns))[:, None])
+        return Followed(found.angle, found.slope, found.closes[:, None])
 
     def angle(self, unknowns: Floats, branch: Floats, crank: Floats) -> Floats:
         """theta2 of the exchanged linkages at crank angles (n, M) from the first sample; infinite where it does not close."""
         found = self.chart.at(unknowns[:, :3], unknowns[:, 3:4] + crank, branch, derivatives=False)
-        return np.where(self._possible(found.possible, len(unknowns))[:, None], found.angle, np.inf)
-
-    @staticmethod
-    def _possible(possible: object, count: int) -> NDArray[np.bool_]:
-        return np.full(count, True) if possible is True else np.asarray(possible)
+        return np.where(found.closes[:, None], found.angle, np.inf)
 
     def gap(self, unknowns: Floats, branch: Floats, crank: Floats) -> Floats:
         """Errors (n, M) at crank angles (n, M) of the candidates' own; infinite where it does not close."""

@@ -117,6 +117,21 @@ _PATIENCE = 4
 """Rounds more for a drive that nothing was found of."""
 
 
+_HINGE = "comes back without a whole turn: it turns with a hinge that turns fully"
+_SLIDER = "turns round: it does not, where a crank drives a slider"
+_ROUND = "no linkage of these kinds goes this closed way, over which the body "
+_LED = (
+    "no linkage of these kinds was found for this closed way: with the rotations of the best four-bars, which alone were "
+    "tried, the body "
+)
+NOTHING_ROUND = {
+    (led, turns): words + why
+    for led, words in ((False, _ROUND), (True, _LED))
+    for turns, why in ((False, _HINGE), (True, _SLIDER))
+}
+"""Why there is none, by whether the body's rotations are those of a four-bar, and whether it turns round."""
+
+
 class SearchReport(NamedTuple):
     """How a search went."""
 
@@ -1006,10 +1021,12 @@ def search_guided(
     ways = drives(kinds, driver)
     if given is not None and driver is None:
         ways = [way for way in ways if not way.driver.turns]
+    round_once = _comes_round_turned(poses, turned) if poses.closed else None
     if poses.closed:  # round and round goes only what turns
-        ways = [way for way in ways if way.driver.turns]
+        ways = [way for way in ways if _goes_round(way, round_once)]
     if not ways:
-        return [], SearchReport(StoppedBy.CONVERGED, [], 0, [])
+        notes = [] if round_once is None else [NOTHING_ROUND[turned is not None, round_once]]
+        return [], SearchReport(StoppedBy.CONVERGED, [], 0, notes)
     search = Search(poses, limits, ways, tolerance, work, given, turned, rounds)
     ended = search.run()
     search.further()
@@ -1020,6 +1037,24 @@ def search_guided(
     told = stopped is StoppedBy.CONVERGED and search.led and solutions
     missed = unseen(search.elsewhere, ODDS) if told else None
     return solutions, SearchReport(stopped, search.trace, search.seeds, search.notes, missed)
+
+
+def _comes_round_turned(poses: Poses, turned: Floats | None) -> bool | None:
+    """Whether the body turns by whole turns over a closed way, as its angles say; None where some are missing."""
+    rotation = turned if poses.rotation is None or poses.rotation_weights is not None else poses.rotation
+    if rotation is None:
+        return None
+    steps = np.diff(np.append(rotation, rotation[0]))
+    return bool(round(float(np.sum(steps - TURN * np.round(steps / TURN))) / TURN))
+
+
+def _goes_round(way: Drive, turned: bool | None) -> bool:
+    """Whether a drive may turn fully, the body turning round with it or not."""
+    if way.kind is Kind.RAIL_SLOT or not way.driver.turns:  # its slot never passes the rail's direction
+        return False
+    if turned is None:
+        return True
+    return turned if way.driver is Driver.HINGE else not turned or way.kind is not Kind.SLIDER_CRANK
 
 
 _CELL = 0.02

@@ -13,6 +13,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from synthesis import kernel
 from synthesis.arrays import Flags, Floats
 from synthesis.errors import FieldError
 from synthesis.slider.charts import (
@@ -22,7 +23,6 @@ from synthesis.slider.charts import (
     SliderChart,
     SliderCrankChart,
     SwingingBlockChart,
-    body_angles,
     excesses,
 )
 
@@ -115,14 +115,14 @@ class SliderTurning:
         """theta2 at crank angles (n, N) or (N,), continuous; NaN where it does not close, (n, N)."""
         lengths = np.asarray(lengths, dtype=float)
         crank = np.broadcast_to(crank, (len(lengths), np.shape(crank)[-1]))
-        angle, _, possible = body_angles(self.guide, lengths, *excesses(self.guide, lengths), crank)
-        return angle if possible.all() else self._where_closed(lengths, crank)
-
-    def _where_closed(self, lengths: Floats, crank: Floats) -> Floats:
-        """The same of linkages that close at some of the crank angles alone."""
-        each, columns = np.repeat(lengths, crank.shape[1], axis=0), crank.reshape(-1, 1)
-        angle, _, possible = body_angles(self.guide, each, *excesses(self.guide, each), columns)
-        return np.where(possible[:, None], angle, np.nan).reshape(crank.shape)
+        angle, _, closes = kernel.body_angles(
+            self.guide,
+            np.array(lengths, order="C"),
+            *excesses(self.guide, lengths),
+            np.ones(len(lengths)),
+            np.array(crank, dtype=float, order="C"),
+        )
+        return np.where(closes, angle, np.nan)
 
     def in_family(self, family: str, lengths: Floats) -> Flags:
         """Which types of a table are of a family: all, whose cranks turn fully."""
@@ -139,7 +139,7 @@ class SliderTurning:
         others = AnySliderChart(self.guide).shape(
             np.array(list(product(np.linspace(-2, 2, 9), np.linspace(-2, 2, 9))))
         )
-        swinging = others.lengths[np.minimum(others.x, others.y) <= 0]
+        swinging = others.lengths[np.minimum(others.x0, others.y0) <= 0]
         return np.concatenate([self.coarse_types, swinging])
 
 

@@ -266,7 +266,7 @@ def test_requests_whose_clients_have_gone_leave_their_places(monkeypatch) -> Non
 
     class Computing(Threads):
         async def answer(self, request, question, content):
-            async def compute(queued, cancelled):
+            async def compute(place, queued, cancelled):
                 begun.set()
                 while not cancelled():
                     await asyncio.sleep(0.01)

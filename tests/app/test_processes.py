@@ -382,6 +382,41 @@ def test_whichever_process_computes_goes_on_for_a_live_client(indexed) -> None:
     assert told == [False, True, True]
 
 
+def test_while_files_of_the_index_are_made_anew_answers_come_from_the_plain_scan(small_bytes, tmp_path) -> None:
+    """Nobody waits for the one process that makes them, and answers are the same; a maker that is killed has a successor."""
+    (tmp_path / "small.h5").write_bytes(small_bytes)
+    (tmp_path / "go").touch()
+    slow = SERVICE.replace("raise SystemExit", SLOW_PARTS + "raise SystemExit")
+    with serving(tmp_path, "--atlas", str(tmp_path / "small.h5"), code=slow) as running:
+        until(lambda: running.get("/readyz")["preparing"] == [])
+        motion = {"rotation": [0, 5, 12, 20, 31], "crank_span": 80}
+        asked = [("/v1/match", motion | more) for more in ({}, {"curve": "rocker"}, {"mechanisms": ["slider_crank"]})]
+        positions = {"position": [[k, 0.1 * k * k] for k in range(5)], "effort": "atlas"}
+        asked.append(("/v1/synthesize", {**motion, **positions}))
+
+        def answered() -> list[Any]:
+            replies = [running.post(*one) for one in asked]
+            assert [found for found, _ in replies] == [200] * len(asked), replies
+            return [reply.get("matches") or reply["solutions"] for _, reply in replies]
+
+        before = answered()
+        until(lambda: running.get("/readyz")["preparing"] == [])
+        (tmp_path / "go").unlink()
+        for path in (tmp_path / "small.h5.index").glob("*/*.npy"):
+            os.truncate(path, 0)
+        for _ in range(2):
+            assert answered() == before
+            assert running.get("/readyz")["preparing"] == ["index"]
+            (maker,) = (one for one in running.children() if one != running.front and one not in running.computing)
+            os.kill(maker, signal.SIGKILL)
+            until(lambda maker=maker: maker not in running.children())
+        assert answered() == before
+        (tmp_path / "go").touch()
+        until(lambda: running.get("/readyz")["preparing"] == [])
+        until(lambda: settled(running))
+        assert answered() == before and running.log.read_text().count("A file of the index cannot be read") == 3
+
+
 def test_a_part_of_the_index_that_is_not_what_was_written_is_told_once(small_bytes, tmp_path) -> None:
     (tmp_path / "small.h5").write_bytes(small_bytes)
     assert cli.main(["index", "--atlas", str(tmp_path / "small.h5")]) == 0

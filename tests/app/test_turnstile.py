@@ -21,7 +21,7 @@ from app.problems import Ending, Overloaded
 from app.registry import all_queries, worked_example
 from app.resources import ServiceResources
 from app.settings import Settings
-from app.turnstile import Turnstile
+from app.turnstile import Place, Turnstile
 from tests.conftest import listening
 from tests.oracles.largest import requests
 
@@ -211,10 +211,17 @@ class Patient:
         return {}
 
 
+def turnstile_of(places: int, waiting: int) -> Turnstile:
+    """One of whose places, if there are two, none is given to a long request."""
+    turnstile = Turnstile(waiting)
+    turnstile.add(*(Place(quick=k == 0 and places > 1) for k in range(places)))
+    return turnstile
+
+
 def turns(turnstile: Turnstile, story: Any) -> Any:
     async def told() -> Any:
         def ask(seconds: float, long: bool, host: str = "") -> asyncio.Task[Any]:
-            async def work(queued: float, cancelled: Any) -> float:
+            async def work(place: Place, queued: float, cancelled: Any) -> float:
                 await asyncio.sleep(seconds)
                 return time.perf_counter()
 
@@ -234,7 +241,7 @@ def test_short_requests_do_not_wait_for_long_ones(places) -> None:
         last_short, first_long = max(await asyncio.gather(*short)), min(await asyncio.gather(*long))
         return first_long - last_short
 
-    assert turns(Turnstile(places, 64), story) > 0
+    assert turns(turnstile_of(places, 64), story) > 0
 
 
 def test_long_requests_do_not_wait_for_ever() -> None:
@@ -244,7 +251,7 @@ def test_long_requests_do_not_wait_for_ever() -> None:
         return max(await asyncio.gather(*long)) < max(await asyncio.gather(*short))
 
     for places in (1, 2, 3):
-        assert turns(Turnstile(places, 64), story)
+        assert turns(turnstile_of(places, 64), story)
 
 
 @pytest.mark.parametrize("long", [False, True])
@@ -258,7 +265,7 @@ def test_who_asks_for_much_waits_for_himself(long) -> None:
         few = await asyncio.gather(*few)
         return few, await asyncio.gather(*much, return_exceptions=True)
 
-    few, much = turns(Turnstile(2, 16), story)
+    few, much = turns(turnstile_of(2, 16), story)
     served = [one for one in much if isinstance(one, float)]
     assert sum(one < max(few) for one in served) <= 8
     assert sum(isinstance(one, Overloaded) for one in much) == 60 - len(served) and 4 <= len(served) <= 18
@@ -271,22 +278,22 @@ def test_long_requests_leave_room_to_wait() -> None:
         short = [ask(0.001, False) for _ in range(5)]
         return await asyncio.gather(*long, return_exceptions=True), await asyncio.gather(*short)
 
-    long, short = turns(Turnstile(2, 16), story)
+    long, short = turns(turnstile_of(2, 16), story)
     assert sum(isinstance(one, Overloaded) for one in long) == 100 - 1 - 8 and len(short) == 5
 
 
 def test_the_end_of_the_service_ends_its_work() -> None:
-    turnstile = Turnstile(2, 4)
+    turnstile = turnstile_of(2, 4)
 
     async def story() -> Any:
-        async def work(queued: float, cancelled: Any) -> None:
+        async def work(place: Place, queued: float, cancelled: Any) -> None:
             watch = la.Work(cancelled=cancelled)
             while not watch.expired():
                 await asyncio.sleep(0.005)
 
         task = asyncio.create_task(turnstile.turn(Patient(), work))
         await asyncio.sleep(0.05)
-        turnstile.stop()
+        turnstile.stopping.set()
         return await asyncio.gather(task, return_exceptions=True)
 
     assert isinstance(asyncio.run(story())[0], Ending)
@@ -302,7 +309,7 @@ def test_of_many_that_come_at_once_no_more_than_may_wait_are_let_in() -> None:
         first = await asyncio.gather(*(ask(0.05, False) for _ in range(50)), return_exceptions=True)
         return [*first, await ask(0.0, False)]
 
-    *first, later = turns(Turnstile(2, 4), story)
+    *first, later = turns(turnstile_of(2, 4), story)
     assert sum(isinstance(one, float) for one in first) == 6
     assert sum(isinstance(one, Overloaded) for one in first) == 44
     assert isinstance(later, float), "places are given back"

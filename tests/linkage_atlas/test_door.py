@@ -131,9 +131,31 @@ def test_a_budget_and_cancelled_work_end_the_search() -> None:
         la.synthesize(noise, crank_span=300, work=lambda budget: la.Work(budget, lambda: True))
 
 
-def test_a_wrapped_rotation_is_noted() -> None:
-    wrapped = [(value + 345) % 360 - 180 for value in np.linspace(0, 40, 16)]
-    assert any("unwrap" in note for note in la.synthesize(wrapped, crank_span=70, budget=0.1).report.notes)
+def test_a_wrapped_rotation_goes_the_short_way_and_that_is_said() -> None:
+    whole = np.linspace(0, 40, 16)
+    for low in (0.0, -180.0):
+        wrapped = [(value + 345) % 360 + low for value in whole]
+        for degrees, unit in ((True, 1.0), (False, np.pi / 180)):
+            asked = la.Motion(np.multiply(wrapped, unit), crank_span=70 * unit, degrees=degrees)
+            assert np.diff(asked.samples.rotation) == pytest.approx(np.deg2rad(np.diff(whole)), abs=1e-12)
+            assert "the short way" in asked.notes()[0]
+    found = la.synthesize([340, 350, 0, 10], crank_span=60, top=1)
+    assert found.best.errors.rotation_max < 0.1
+    assert "from sample 2 (350) to 3 (0) is taken as a turn of 10 degrees" in found.report.notes[0]
+    assert la.match([340, 350, 0, 10], 60, top=1, budget=5).report.notes == found.report.notes[:1]
+
+
+def test_a_rotation_that_is_not_written_within_one_turn_is_taken_as_it_is() -> None:
+    for turns in ([0, 200, 350], [0, 300, 620], [700, 710, 360, 370], [0, -100, -200, -300], [-10, 350, 0]):
+        motion = la.Motion(turns, crank_span=350)
+        assert np.rad2deg(motion.samples.rotation) == pytest.approx(turns)
+    crank = la.Motion([0, 10, 30, 40], crank_angle=[340, 350, 5, 20])
+    assert np.rad2deg(crank.samples.crank) == pytest.approx([0, 10, 25, 40])
+    assert "the crank angle from sample 2 (350) to 3 (5)" in crank.notes()[0]
+    gap = la.Motion([340, None, 10, 20], crank_span=90)
+    assert np.rad2deg(gap.samples.rotation[[0, 2, 3]]) == pytest.approx([340, 370, 380])
+    assert "from sample 1 (340) to 3 (10)" in gap.notes()[0]
+    assert not la.Motion([340, 350, 0, 10], np.eye(4)[:, :2], timing="free").notes()
 
 
 WRONG = [
@@ -413,7 +435,7 @@ def test_a_solution_is_studied_as_within_the_request() -> None:
 
 
 def test_a_jump_is_named_by_its_samples_counted_from_one() -> None:
-    found = la.synthesize([350, 10, 30, 20], crank_span=270, budget=0.05)
+    found = la.synthesize([350, 90, 30, 20], crank_span=270, budget=0.05)
     assert "rotation jumps by more than half a turn from sample 1 to 2;" in found.report.notes[0]
 
 

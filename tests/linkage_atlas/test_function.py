@@ -223,3 +223,11 @@ def test_of_exact_answers_the_first_is_the_one_to_build(top: int) -> None:
     found = la.function([0, 30, 55, 75, 90], input=[0, 20, 40, 60, 80], top=top)
     assert found.status == "reached" and len(found) <= top
     assert found.best.transmission_angle_min > 60
+
+
+def test_angles_written_within_one_turn_go_the_short_way() -> None:
+    found = la.function([340, 350, 0, 10, 19], input=[330, 345, 0, 15, 30], top=1)
+    asked = la.function([340, 350, 360, 370, 379], input=[330, 345, 360, 375, 390], top=1)
+    assert found.solutions[0].to_dict() == asked.solutions[0].to_dict()
+    assert [note.split(" from ")[0] for note in found.report.notes[:2]] == ["the output", "the input"]
+    assert len(found.report.notes) == len(asked.report.notes) + 2

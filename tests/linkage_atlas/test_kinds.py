@@ -226,6 +226,37 @@ def test_in_any_order_angles_of_what_turns_lie_within_a_turn():
         assert np.max(off) == pytest.approx(one.errors.position_max, abs=1e-6)
 
 
+def test_why_nothing_goes_round_is_said_at_once() -> None:
+    turn = np.linspace(0, 2 * np.pi, 18, endpoint=False)
+    oval: dict = {"position": np.c_[80 * np.cos(turn), 40 * np.sin(turn)], "timing": "free", "closed": True}
+    with pytest.raises(la.FieldError, match="turns fully"):  # its slot never passes the rail's direction
+        la.synthesize(**oval, mechanisms=["rail_slot"])
+    still = la.synthesize(**oval, rotation=10 * np.sin(turn), mechanisms=["two_slots"])
+    assert still.status == "infeasible" and "comes back without a whole turn" in still.report.notes[-1]
+    round_once = la.synthesize(**oval, rotation=np.rad2deg(turn), mechanisms=["slider_crank"])
+    assert round_once.status == "infeasible" and "turns round" in round_once.report.notes[-1]
+    led = la.synthesize(**oval, mechanisms=["two_slots"])
+    assert led.status == "infeasible" and "which alone were tried" in led.report.notes[-1]
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_what_two_slots_draw_round_a_turn_is_found(turned) -> None:
+    """The sides of an angle of 60 degrees of the body slide through two pins."""
+    turn = np.linspace(0, 2 * np.pi, 18, endpoint=False)
+    one, other = np.exp(1j * turn), np.exp(1j * (turn + np.pi / 3))
+    corner = 40 * other.imag / (np.conj(one) * other).imag * one
+    place = corner + (30 + 10j) * one
+    found = la.synthesize(
+        np.rad2deg(turn) if turned else None,
+        np.c_[place.real, place.imag],
+        timing="free",
+        closed=True,
+        mechanisms=["two_slots"],
+        limits={"preset": "none"},
+    )
+    assert found.status == "reached" and found.best.driver == "hinge"
+
+
 def test_the_way_back_of_a_closed_way_counts_as_one_between_samples() -> None:
     """Half an oval: from the last sample back to the first the body point goes round the other half."""
     angle = np.linspace(0, np.pi, 7)

@@ -127,6 +127,56 @@ def test_the_preset_is_off_where_crank_angles_are_given() -> None:
         la.synthesize(turns, crank_span=90, limits={"preset": "all"})
 
 
+@pytest.mark.parametrize("extents", [7, 12, 20])
+def test_the_preset_leaves_room_for_a_shortest_link(extents) -> None:
+    # once it left none from ten extents on, and took ten seconds and more to say that nothing was found
+    turn = np.linspace(0, 2 * np.pi, 18, endpoint=False)
+    oval = {"position": np.c_[80 * np.cos(turn), 40 * np.sin(turn)], "timing": "free", "closed": True}
+    found = la.synthesize(**oval, limits={"link_min": extents * 80}, top=3)
+    assert found.status == "closest"
+    for one in found:
+        links = one.linkage.links
+        assert (
+            extents * 80 <= min(links) and max(links) <= 2 * extents * 80 and one.transmission_angle_min >= 35 - 1e-9
+        )
+        assert not any("link" in reason or "pivot" in reason for reason in one.verdict.reasons)
+
+
+EVENLY = np.linspace(0, 1, 9)
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        {"rotation": 40 * EVENLY, "crank_span": 20},
+        {"rotation": 0 * EVENLY, "position": np.column_stack([100 * EVENLY, 0 * EVENLY]), "crank_span": 20},
+        {"position": np.column_stack([100 * EVENLY, 0 * EVENLY]), "crank_span": 20, "mechanisms": "all"},
+    ],
+    ids=["turn", "shift", "line, all kinds"],
+)
+def test_a_linkage_out_of_all_proportion_does_not_come_first(asked) -> None:
+    # once links of 7 million grounds, and of 3 million times the way, came first: nobody builds those
+    for top in (1, 5):
+        found = la.synthesize(**asked, top=top)
+        if found.best.kind == "four_bar":
+            assert max(found.best.linkage.links) <= 30 * min(found.best.linkage.links)
+        assert found.best.size is None or found.best.size <= 30
+        assert any("out of all proportion" in note for note in found.report.notes)
+        assert found.best.errors.objective < 0.02
+        assert found.best.rank == 1
+    least = la.synthesize(**asked, limits={"preset": "none"}, top=1)
+    assert least.best.errors.objective < found.best.errors.objective
+    assert not any("out of all proportion" in note for note in least.report.notes)
+
+
+def test_an_exact_linkage_stays_first_however_long_it_is() -> None:
+    long = la.FourBar(19, 7200, 14400, 21570, start_angle=30)
+    asked = {"rotation": long.joints(np.linspace(0, 300, 16)).rotation, "crank_span": 300}
+    found = la.synthesize(**asked, top=1)
+    assert found.status == "reached"
+    assert not any("out of all proportion" in note for note in found.report.notes)
+
+
 def test_a_linkage_is_judged_by_the_limits_that_were_asked_for() -> None:
     # once told in red: "transmission angle 30 degrees, below 35", where 30 was asked for, and met
     linkage = la.FourBar(35, 60, 60, 82, start_angle=120, pivot_a=(10, 5), ground_angle=20, coupler_point=(50, 30))

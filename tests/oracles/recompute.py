@@ -214,6 +214,7 @@ def practical(request: Mapping[str, Any]) -> dict[str, Any]:
     xs, ys = zip(*(place for place in request["position"] if place is not None))
     middle = complex(sum(xs) / len(xs), sum(ys) / len(ys))
     far = 10 * max(abs(complex(x, y) - middle) for x, y in zip(xs, ys))
+    far = max(far, 2 * request["limits"].get("link_min", 0.0))
     angles = {"transmission_angle_min": 35.0, "transmission_angle_min_turn": 15.0}
     return angles | {"link_ratio_max": 10.0, "link_max": far, "pivot_reach": (middle, far)}
 

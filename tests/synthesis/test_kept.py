@@ -47,7 +47,7 @@ def test_candidates_draw_what_the_linkages_do(kept) -> None:
         timed = some.candidates(target, chart, some.crank).take([k])
         body = chart.at(timed.shape, timed.angles, timed.branch, derivatives=False)
         (a, z1, z2), scale = timed.pose[0], target.length_scale
-        found = target.middle + scale * (a + z1 * np.exp(1j * timed.angles[0]) + z2 * body.phasor[0])
+        found = target.middle + scale * (a + z1 * np.exp(1j * timed.angles[0]) + z2 * np.exp(1j * body.angle[0]))
         np.testing.assert_allclose(found, wanted, atol=1e-12 * scale)
 
 

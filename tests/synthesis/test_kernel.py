@@ -38,6 +38,22 @@ CHARTS = [GrashofChart(), AnyChart(), FullCrankChart()]
 every_chart = pytest.mark.parametrize(
     "chart", [*CHARTS, *SLIDER_CHARTS], ids=["grashof", "any", "full", *SLIDER_NAMES]
 )
+
+
+@every_chart
+def test_shapes_and_angles(chart: Any) -> None:
+    random = np.random.default_rng(6)
+    points = random.uniform(-1.5, 1.5, (8, len(chart.cell) - 1))
+    theta1, side = random.uniform(-7, 7, (8, 5)), random.choice([-1.0, 1.0], 8)
+    told = []
+    for module in (kernel, uncompiled()):
+        lengths, x0, y0, jacobian = module.shapes(chart.kind, points)
+        found = module.body_angles(chart.guide, lengths, x0, y0, side, theta1, True)
+        told.append((lengths, x0, y0, jacobian, *found))
+    for one, other in zip(*told):
+        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-14)
+
+
 LENGTHS = np.array([[0.15, 0.3, 0.25, 0.3], [0.4, 0.25, 0.28, 0.07]])
 TIMINGS: dict[str, dict[str, Any]] = {
     "free": {},
@@ -231,7 +247,7 @@ TASKS: dict[str, Callable[[Descent], Any]] = {
         3 * one.random.normal(size=(2, one.columns)), one.random.normal(size=one.turns)
     ),
     "broken": lambda one: one.kernel.broken(),
-    "excursions": lambda one: one.kernel.excursions(0.05, 0.2),
+    "excursions": lambda one: np.column_stack(one.kernel.excursions(0.05, 0.2)),
     "restore": lambda one: one.kernel.restore(3),
 }
 

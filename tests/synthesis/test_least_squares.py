@@ -34,11 +34,6 @@ def cliff(unknowns: np.ndarray, labels: np.ndarray) -> Evaluation:
     return found._replace(cost=np.where(unknowns[:, 0] > 1.2, np.inf, found.cost))
 
 
-def residual_of(problem):
-    """The residuals of a problem alone."""
-    return lambda unknowns, labels: problem(unknowns, labels).stack[:, -1]
-
-
 @pytest.mark.parametrize(
     ("start", "steepness"), [((-1.2, 1.0), 10.0), ((3.0, -4.0), 10.0), ((0.0, 0.0), 1.0), ((-5.0, 20.0), 30.0)]
 )
@@ -79,16 +74,11 @@ def test_a_linear_fit_is_that_of_lstsq(seed, size, further) -> None:
 def test_a_step_is_that_of_the_damped_rows_and_foretells_the_fall_of_their_cost(seed, size, rows, damping) -> None:
     random = np.random.default_rng(seed)
     stack = random.normal(size=(3, size + 1, rows)) * 10 ** random.uniform(-3, 3, (3, size + 1, 1))
-    steps, upper, fall = _damped_steps(stack, np.full(3, damping))
-    for one, step, r, foretold in zip(stack, steps, upper, fall):
+    steps, fall = _damped_steps(stack, np.full(3, damping))
+    for one, step, foretold in zip(stack, steps, fall):
         jacobian, residual = one[:-1].T, one[-1]
         ridge = damping * np.sum(jacobian**2, axis=0)
         scale = np.sqrt(np.sum(jacobian**2, axis=0) + ridge)
-        np.testing.assert_allclose(
-            (r.T @ r) / np.outer(scale, scale),
-            (jacobian.T @ jacobian + np.diag(ridge)) / np.outer(scale, scale),
-            atol=1e-13,
-        )
         system = np.concatenate([jacobian, np.diag(np.sqrt(ridge))]) / scale
         wanted, *_ = np.linalg.lstsq(system, -np.append(residual, np.zeros(size)), rcond=1e-15)
         condition = np.linalg.cond(system)
@@ -110,14 +100,12 @@ def test_a_step_is_that_of_the_damped_rows_and_foretells_the_fall_of_their_cost(
     st.integers(0, 10_000),
     st.sampled_from([rosenbrock, cliff]),
     st.integers(0, 30),
-    st.sampled_from([None, 1.0, np.inf]),
 )
-def test_no_candidate_is_worse_than_its_start(seed, problem, iterations, bent_below) -> None:
+def test_no_candidate_is_worse_than_its_start(seed, problem, iterations) -> None:
     random = np.random.default_rng(seed)
     start, labels = random.uniform(-4, 4, (20, 2)), random.uniform(0.1, 30, 20)
     before = start.copy()
-    bent = {} if bent_below is None else {"residual": residual_of(problem), "bent_below": bent_below}
-    found = minimise(problem, start, labels, iterations, **bent)
+    found = minimise(problem, start, labels, iterations)
     assert np.array_equal(start, before), "the starts are the caller's"
     at_start = problem(start, labels).cost
     assert np.all(found.cost <= at_start)
@@ -131,27 +119,6 @@ def test_more_steps_are_never_worse_and_some_are_needed() -> None:
     costs = [minimise(rosenbrock, start, labels, steps).cost[0] for steps in range(40)]
     assert costs == sorted(costs, reverse=True) and costs[0] == rosenbrock(start, labels).cost[0]
     assert costs[3] > 1e-3 and costs[-1] < 1e-24
-
-
-def test_a_curved_valley_is_followed_in_fewer_steps() -> None:
-    """The steeper Rosenbrock's valley, the more steps a straight descent takes along it."""
-    start = np.array([[-1.2, 1.0]])
-
-    def steps(steepness: float, **more) -> int:
-        counts = []
-
-        def counted(unknowns: np.ndarray, labels: np.ndarray) -> Evaluation:
-            counts.append(len(unknowns))
-            return rosenbrock(unknowns, labels)
-
-        found = minimise(counted, start, np.array([steepness]), 2000, tolerance=1e-10, **more)
-        assert found.cost[0] < 1e-20
-        return len(counts)
-
-    bends = {"residual": residual_of(rosenbrock)}
-    straight, bent = ([steps(steepness, **more) for steepness in (10.0, 300.0)] for more in ({}, bends))
-    assert straight[1] > 3 * straight[0]
-    assert bent[0] < straight[0] and bent[1] < straight[1] / 3, (straight, bent)
 
 
 @pytest.mark.parametrize("budget", [1, 3, 7])

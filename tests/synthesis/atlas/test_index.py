@@ -173,6 +173,25 @@ def test_rockers_have_a_part_of_their_own(path) -> None:
     assert names(index_of(path)) == ["cells", "rocker_cells"]
 
 
+def test_a_plain_atlas_reads_nothing_of_its_index_and_leaves_nothing(path, in_memory) -> None:
+    """It stands in for an index that cannot be read, whichever part is asked for."""
+    atlas = opened(path)
+    atlas.prepare()
+    expected = atlas.rocker_scan.best(target(4), 9)
+    for file in index_of(path).glob("*/*.npy"):
+        os.truncate(file, 0)
+    before, plain = sorted(path.parent.rglob("*")), atlas.plain()
+    for wanted in (target(2), target(3, positions=True)):
+        best, _ = plain.scan.best(wanted, 12)
+        assert all(np.array_equal(one, two) for one, two in zip(best, in_memory.best(wanted, 12)[0]))
+    assert all(np.array_equal(one, two) for one, two in zip(plain.rocker_scan.best(target(4), 9)[0], expected[0]))
+    assert plain.describe() == atlas.describe() and plain.details_of(7) == atlas.details_of(7)
+    assert sorted(path.parent.rglob("*")) == before and not plain.index_files
+    assert not any(cells.levels for cells in plain.scan.prepared.cells)
+    in_no_file = la.load_atlas(path)
+    assert in_no_file.plain() is in_no_file
+
+
 def test_an_index_is_made_once(path, in_memory, monkeypatch) -> None:
     for _ in range(2):
         atlas = opened(path)

@@ -10,7 +10,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from synthesis.fourbar.charts import AnyChart, FullCrankChart, GrashofChart
-from synthesis.fourbar.kinematics import FULL_CRANK, family
+from synthesis.fourbar.kinematics import FULL_CRANK, close_loop, family
 
 CHARTS = [FullCrankChart(), AnyChart()]
 LAW = settings(derandomize=True, deadline=None, max_examples=200)
@@ -100,3 +100,27 @@ def test_grashof_chart_gives_the_lengths_back_and_holds_its_bounds() -> None:
     assert pushed[0, 1] == chart.LEAST and pushed[1, 3] == chart.LEAST and pushed[1, 0] < 0
     # a trial a little past a bound: once a short link with it came out negative
     assert chart.shape(np.array([[1e-3, 0.5, -0.01, -0.01]])).lengths.min() > 0
+
+
+@pytest.mark.parametrize(
+    "chart", [*CHARTS, FullCrankChart(1), GrashofChart()], ids=["full", "any", "double-cranks", "grashof"]
+)
+def test_angles_and_slopes_are_those_of_the_closed_loop(chart) -> None:
+    random = np.random.default_rng(4)
+    count, size = 300, len(chart.cell) - 1
+    points = random.uniform(0.1, 1.5, (count, size)) * np.where(random.random((count, size)) < 0.5, -1, 1)
+    if isinstance(chart, GrashofChart):
+        points = chart.within(points)
+    theta1, branch = random.uniform(-9, 9, (count, 5)), random.choice([-1.0, 1.0], count)
+    shape, found = chart.shape(points), chart.at(points, theta1, branch)
+    loop = close_loop(shape.lengths, theta1)
+    of_sheet = shape.lengths[:, 0] > shape.lengths[:, 3] if chart.sheet else np.ones(count, dtype=bool)
+    np.testing.assert_array_equal(found.closes, loop.closed.all(axis=1) & of_sheet)
+    some = found.closes & (loop.transmission_angle.min(axis=1) > 1e-3)
+    assert (some.sum() > 20) and (some.all() or isinstance(chart, AnyChart) or chart.sheet)
+    np.testing.assert_allclose(found.angle[some], loop.coupler_angle(branch)[some], rtol=0, atol=1e-12)
+    by_length = loop.coupler_angle_gradient(branch)
+    by_shape = np.einsum("njl,nlc->ncj", by_length[..., :4], shape.jacobian)
+    wanted = np.concatenate([by_shape, by_length[..., 4][:, None]], axis=1)
+    np.testing.assert_allclose(found.slope[some], wanted[some], rtol=1e-7, atol=1e-9)
+    np.testing.assert_array_equal(chart.at(points, theta1, branch, derivatives=False).angle, found.angle)

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from synthesis import kernel
 from synthesis.slider.charts import (
     RAIL,
     SLOT,
@@ -16,7 +17,6 @@ from synthesis.slider.charts import (
     SliderChart,
     SliderCrankChart,
     SwingingBlockChart,
-    body_angles,
     excesses,
 )
 
@@ -27,7 +27,8 @@ unknown = st.floats(-3, 3).filter(lambda q: abs(q) > 1e-3)
 
 def turned(guide: int, lengths: Any, crank: Any, derivatives: bool = False) -> Any:
     lengths = np.atleast_2d(np.asarray(lengths, dtype=float))
-    return body_angles(guide, lengths, *excesses(guide, lengths), np.atleast_2d(crank), derivatives)
+    crank = np.atleast_2d(np.asarray(crank, dtype=float))
+    return kernel.body_angles(guide, lengths, *excesses(guide, lengths), np.ones(1), crank, derivatives)
 
 
 @pytest.mark.parametrize(
@@ -40,7 +41,7 @@ def turned(guide: int, lengths: Any, crank: Any, derivatives: bool = False) -> A
 )
 def test_checkpoints_of_the_design_note(guide: int, lengths: Any, angle: float, slopes: Any) -> None:
     found, by, possible = turned(guide, lengths, np.deg2rad(50.0), True)
-    assert possible[0]
+    assert possible[0, 0]
     assert np.rad2deg(found[0, 0]) == pytest.approx(angle, abs=1e-9)
     np.testing.assert_allclose(by[0, :, 0], slopes, atol=1e-9)
 
@@ -50,7 +51,7 @@ def test_checkpoints_of_the_design_note(guide: int, lengths: Any, angle: float, 
 def test_the_body_is_where_its_guide_says(chart: SliderChart, p: float, w: float, theta1: float) -> None:
     found = chart.at(np.array([[p, w]]), np.array([[theta1]]), np.ones(1), derivatives=False)
     (crank, long, offset), size = chart.shape(np.array([[p, w]])).lengths[0], 1e-12
-    if found.possible is not True and not found.possible[0]:
+    if not found.closes[0]:
         assert type(chart) is AnySliderChart
         return
     pin, body = crank * np.exp(1j * theta1), np.exp(1j * found.angle[0, 0])
@@ -75,12 +76,12 @@ def test_slopes_are_the_derivatives(chart: SliderChart) -> None:
     random = np.random.default_rng(3)
     q, theta1, side, h = random.uniform(0.2, 1.5, (60, 2)), random.uniform(0, 6, (60, 1)), np.ones(60), 1e-6
     found = chart.at(q, theta1, side)
-    keep = np.broadcast_to(found.possible, 60)
+    keep = found.closes
     for k in range(3):
         moved = [
             chart.at(q + sign * h * np.eye(3)[k, :2], theta1 + sign * h * (k == 2), side, False) for sign in (1, -1)
         ]
-        keep = keep & np.broadcast_to(moved[0].possible, 60) & np.broadcast_to(moved[1].possible, 60)
+        keep = keep & moved[0].closes & moved[1].closes
         difference = (moved[0].angle - moved[1].angle)[:, 0] / (2 * h)
         np.testing.assert_allclose(found.slope[keep, k, 0], difference[keep], rtol=1e-5, atol=1e-6)
     assert keep.sum() > 20
@@ -117,7 +118,7 @@ def test_angles_are_exact_next_to_a_change_point(guide: int) -> None:
     found = chart.at(q, theta1, np.ones(1), False).angle[0]
     r = mpf(shape.lengths[0, 0])
     for value, t in zip(found, theta1[0]):
-        t, x, y = mpf(t), mpf(shape.x[0]), mpf(shape.y[0])
+        t, x, y = mpf(t), mpf(shape.x0[0]), mpf(shape.y0[0])
         if guide == RAIL:
             e, rod = (y - x) / 2, r + (x + y) / 2
             wanted = mp.asin((e - r * mp.sin(t)) / rod)
