@@ -39,7 +39,7 @@ from synthesis.fourbar.passage import Verdict as Passing
 from synthesis.fourbar.passage import excursions, practical_faults, size_of, verdicts
 from synthesis.fourbar.rounding import best_from_stock, round_to_grid
 from synthesis.free.poses import Poses, spin_faults
-from synthesis.free.search import in_turn, rotation_of
+from synthesis.free.search import in_turn, rotations_of
 from synthesis.from_linkage import refined_in_place
 from synthesis.guided import solution as guided
 from synthesis.guided.limits import broken_limits
@@ -622,12 +622,13 @@ def _described(
     passed = verdicts(linkages, crank, side, **way)
     if isinstance(samples, Poses):
         ways = excursions(linkages, crank, side, samples.extent, **way, carried=[one.circuit for one in passed])
+        turned = rotations_of(found, samples)
     solutions = []
     for k, one in enumerate(found):
         own, turn = motion.one_of(target, k), one.transmission_angle_min_turn
         faults = practical_faults(one, own.target, limits, ways[k])
         if isinstance(samples, Poses):
-            faults += spin_faults(samples, rotation_of(one, samples))
+            faults += spin_faults(samples, turned[k])
         kind = None if one.row is None or type_of is None else type_of(one.row)
         linkage = FourBar.of(one.linkage, own.radian, own.target)
         solutions.append(

@@ -196,6 +196,11 @@ class Problem:
         self._kernel.nearest(steps)
         return pool.timed
 
+    def errors_at(self, timed: Timed, angles: Floats) -> Floats:
+        """Squared errors (n, N, G) of each sample with the crank at some angles (n, G); infinite where a loop is open."""
+        self._begin(timed._replace(angles=np.zeros((len(timed.branch), self._angles))))
+        return np.asarray(self._kernel.errors_at(np.array(angles, dtype=float, order="C")))
+
     def loose_steps(self, timed: Timed, random: np.random.Generator, size: float) -> Timed:
         """Candidates moved mostly where their cost is flat: along valleys, where the next minimum lies.
 
@@ -224,13 +229,15 @@ class Problem:
         squares, largest = self._kernel.broken()
         return squares, largest
 
-    def excursions(self, timed: Timed, shortest: float, panel: float) -> Floats:
+    def excursions(self, timed: Timed, shortest: float, panel: float) -> tuple[Floats, Floats]:
         """How far the body point of candidates goes between two samples over their distance, at most, (n,), by chords.
 
+        And the body's angles (n, M) at the samples, of a closed way at the first once more: they count where the loop closes.
         ``shortest``: a distance that counts at least, over the length scale. ``panel``: that a chord spans at most, radians.
         """
         self._begin(timed)
-        return np.asarray(self._kernel.excursions(shortest, panel))
+        most, angle = self._kernel.excursions(shortest, panel)
+        return most, angle
 
     def moved_onto(self, timed: Timed, rounds: int = 12) -> tuple[Pool, Floats]:
         """Candidates moved onto the limits that they break, at their crank angles, and by how much they still break one.

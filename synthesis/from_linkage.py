@@ -35,7 +35,7 @@ from synthesis.fourbar.limits import Limits, in_family
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.fourbar.solution import Solution, assess, mounted, within
-from synthesis.free.dyads import chart_of, in_any_order, squared_errors
+from synthesis.free.dyads import chart_of, in_any_order
 from synthesis.free.joint import JointProblem
 from synthesis.free.limited import refined_within
 from synthesis.free.poses import Poses
@@ -346,11 +346,10 @@ def _fitting(problem: JointProblem, own: Timed) -> list[Floats]:
     """Crank angles (N,) at which one linkage comes nearest to the samples in their order, for each sense of the crank."""
     poses = problem.poses
     grid = np.linspace(0.0, TURN, _GRID, endpoint=False)
-    each = own.take(np.zeros(_GRID, dtype=int))._replace(angles=grid[:, None])
-    closes = problem.turned(each).body.closes
+    costs = problem.errors_at(own, grid[None])[0]
+    closes = np.isfinite(costs[0])
     if not closes.any():
         return []
-    costs = np.where(closes[:, None], squared_errors(problem, each)[:, :, 0], np.inf).T
     if not poses.ordered:
         return [_in_order(poses, grid[costs.argmin(axis=1)])]
     most = min(_GRID, int(poses.span_max / (TURN / _GRID)) + 1)

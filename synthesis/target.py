@@ -125,6 +125,21 @@ class Samples:
         """Mean position."""
         return 0j if self.position is None else complex(self.position_mean(self.position))
 
+    def spread(self, most: int) -> NDArray[np.intp]:
+        """Places of about ``most`` samples at most, both ends among them; evenly among those that count for each part."""
+        kept = [np.array([0, self.samples - 1])]
+        for values, weights in self._parts().values():
+            if values is not None:
+                given = np.arange(self.samples) if weights is None else np.flatnonzero(weights)
+                kept.append(given[np.round(np.linspace(0, given.size - 1, min(most, given.size))).astype(int)])
+        return np.unique(np.concatenate(kept))
+
+    def _parts(self) -> dict[str, tuple[NDArray[Any] | None, Floats | None]]:
+        return {
+            "rotation": (self.rotation, self.rotation_weights),
+            "position": (self.position, self.position_weights),
+        }
+
     def off(self, some: Samples) -> complex:
         """Mean position of some of the samples, from that of all, over the length scale: places count from their own mean."""
         return (some.middle - self.middle) / self.length_scale
@@ -231,26 +246,11 @@ class Target(Samples):
             position=None if self.position is None else np.conj(self.position),
         )
 
-    def _spread(self, most: int) -> NDArray[np.intp]:
-        """Places of about ``most`` samples at most, both ends among them; evenly among those that count for each part."""
-        kept = [np.array([0, self.samples - 1])]
-        for values, weights in self._parts().values():
-            if values is not None:
-                given = np.arange(self.samples) if weights is None else np.flatnonzero(weights)
-                kept.append(given[np.round(np.linspace(0, given.size - 1, min(most, given.size))).astype(int)])
-        return np.unique(np.concatenate(kept))
-
-    def _parts(self) -> dict[str, tuple[NDArray[Any] | None, Floats | None]]:
-        return {
-            "rotation": (self.rotation, self.rotation_weights),
-            "position": (self.position, self.position_weights),
-        }
-
     def thinned(self, most: int) -> Target:
         """The target at about ``most`` samples at most, each with its own weight."""
         if self.samples <= most:
             return self
-        keep = self._spread(most)
+        keep = self.spread(most)
         columns: dict[str, Any] = {name: getattr(self, name) for name in _COLUMNS}
         columns = {name: None if values is None else values[keep] for name, values in columns.items()}
         return replace(self, **columns)
@@ -259,7 +259,7 @@ class Target(Samples):
         """The target at about ``most`` samples at most, each with the weight of all that it is the nearest to."""
         if self.samples <= most:
             return self
-        keep = self._spread(most)
+        keep = self.spread(most)
         columns: dict[str, Any] = {"crank": self.crank[keep]}
         for name, (values, weights) in self._parts().items():
             if values is None:

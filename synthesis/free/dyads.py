@@ -19,9 +19,7 @@ what fits them; the two real quadrics leave at most four dyads in that span: exa
 Two poses leave the point of the body and one number of its centre free, three leave the point free, four leave one number:
 the points whose four places lie on a circle are a cubic curve (Burmester's).
 
-With the crank angles of some samples known, each other sample is put where the body comes nearest to it, all in the order of the
-request: dynamic programming over a grid of crank angles once round the turn (the best cost of a sample at an angle is its own
-plus the least of its predecessor's at or before that angle).
+With the crank angles of some samples known, the others begin between them, and go to where the body comes nearest.
 """
 
 from __future__ import annotations
@@ -36,7 +34,7 @@ from synthesis.arrays import Complexes, Flags, Floats
 from synthesis.descents import Pool, Stage, Timed
 from synthesis.fourbar.charts import AnyChart, GrashofChart
 from synthesis.fourbar.limits import in_family
-from synthesis.free.joint import JointProblem, phasor
+from synthesis.free.joint import JointProblem
 from synthesis.free.poses import Poses
 from synthesis.least_squares import Evaluation, minimise
 from synthesis.target import TURN
@@ -409,23 +407,16 @@ def put_in_order(angles: Floats, span_max: float = TURN) -> Floats:
 # -- samples that lack a part --------------------------------------------------------------------------------------
 
 
-_GRID = 120
-_ANCHOR = 1e4
-"""Weight of the squared distance from a known crank angle: more than any error of a sample."""
-_LEAST_GAP = 1e-4
-_AT_ONCE = 1 << 19
-"""Candidates times samples times angles of the grid that are looked at together: 4 MB."""
+_GRID, _NEAREST_STEPS = 120, 8
+_REST, _LEAST_STEP = 0.9, 1e-4
+"""Part of what is left of the turn that is guessed for samples before and after the known ones; a step between them at least."""
 
 
-class Aligned(NamedTuple):
-    """Candidates with a crank angle at every sample, and their approximate J squared, (n,)."""
-
-    timed: Timed
-    cost: Floats
-
-
-def aligned(problem: JointProblem, timed: Timed, known: NDArray[np.intp]) -> Aligned:
+def aligned(problem: JointProblem, timed: Timed, known: NDArray[np.intp]) -> Timed:
     """Candidates whose angles at the samples ``known`` (k,) are given, with angles at all samples of the problem.
+
+    In their order the others begin evenly between those that are known, else at the best of a grid; each then goes to the
+    nearest point of its path.
 
     Parameters
     ----------
@@ -434,80 +425,21 @@ def aligned(problem: JointProblem, timed: Timed, known: NDArray[np.intp]) -> Ali
     timed : Timed
         With angles (n, k): where the order is required they rise or fall.
     known : ndarray of int, shape (k,)
-        The samples that they belong to, rising.
+        The samples that they belong to, rising; at least two.
     """
-    count, few = len(timed.branch), max(1, _AT_ONCE // (problem.poses.samples * _GRID))
-    parts = [_aligned(problem, timed.take(slice(k, k + few)), known) for k in range(0, max(count, 1), few)]
-    return Aligned(
-        parts[0].timed.joined(*(part.timed for part in parts[1:])), np.concatenate([p.cost for p in parts])
-    )
-
-
-def _aligned(problem: JointProblem, timed: Timed, known: NDArray[np.intp]) -> Aligned:
-    way = np.where(timed.angles[:, -1] >= timed.angles[:, 0], 1.0, -1.0)[:, None]
-    along = way * (timed.angles - timed.angles[:, :1])
-    grid = np.arange(_GRID) * (TURN / _GRID)
-    at = timed._replace(angles=timed.angles[:, :1] + way * grid)
-    costs = squared_errors(problem, at)
-    samples = problem.poses.samples
-    if not problem.poses.ordered:
-        place = costs.argmin(axis=2)
-        angles = timed.angles[:, :1] + way * grid[place]
-        angles[:, known] = timed.angles
-        least = np.take_along_axis(costs, place[:, :, None], 2)[:, :, 0]
-        least[:, known] = 0.0
-        return Aligned(timed._replace(angles=angles), least.sum(axis=1))
-    # once round the ring of samples, from the first known one on; its samples before that come after a whole turn
-    ring = np.roll(np.arange(samples), -known[0])
-    reach = np.empty((len(way), samples), dtype=float)
-    reach.fill(np.nan)
-    reach[:, known] = along
-    steps, best = [], np.zeros((len(way), _GRID))
-    best[:, 1:] = np.inf
-    for sample in ring[1:]:
-        lowest, where = _running_minimum(best)
-        anchored = np.isfinite(reach[0, sample])
-        own = _ANCHOR * (grid - reach[:, sample, None]) ** 2 if anchored else costs[:, sample]
-        best = lowest + own
-        steps.append(where)
-    place = best.argmin(axis=1)
-    least = np.take_along_axis(best, place[:, None], 1)[:, 0]
-    turned = np.zeros((len(way), samples))
-    for sample, where in zip(ring[:0:-1], reversed(steps)):
-        turned[:, sample] = grid[place]
-        place = np.take_along_axis(where, place[:, None], 1)[:, 0]
-    turned[:, known] = along
-    # apart, and the samples before the first known one a turn back
-    order = np.maximum.accumulate(turned[:, ring] - _LEAST_GAP * np.arange(samples), axis=1)
-    turned[:, ring] = order + _LEAST_GAP * np.arange(samples)
-    turned[:, : known[0]] -= TURN
-    off = np.sum(_ANCHOR * (turned[:, known] - along) ** 2, axis=1)
-    return Aligned(timed._replace(angles=timed.angles[:, :1] + way * turned), least + off)
-
-
-def squared_errors(problem: JointProblem, at: Timed) -> Floats:
-    """Squared errors of every sample at every angle of the grid, (n, N, grid)."""
-    crank, body = problem.turned(at)
-    total = np.zeros((len(at.branch), problem.poses.samples, at.angles.shape[1]))
-    if problem.has_rotation:
-        assert problem.rotation is not None
-        gap = problem.rotation[:, None] - (at.offset[:, None] + body.angle)[:, None, :]
-        gap -= TURN * np.round(gap / TURN)
-        total += (problem.rotation_root[:, None] * gap) ** 2
-    if problem.has_position:
-        a, z1, z2 = at.pose.T[:, :, None]
-        point = a + z1 * crank + z2 * phasor(body.angle)
-        gap = problem.position[:, None] - point[:, None, :]
-        total += problem.position_root[:, None] ** 2 * (gap.real**2 + gap.imag**2)
-    return total
-
-
-def _running_minimum(values: Floats) -> tuple[Floats, NDArray[np.intp]]:
-    """The least value up to each place of the last axis, and where it stands."""
-    lowest = np.minimum.accumulate(values, axis=1)
-    new = np.concatenate([np.ones((len(values), 1), dtype=bool), lowest[:, 1:] < lowest[:, :-1]], axis=1)
-    where = np.maximum.accumulate(np.where(new, np.arange(values.shape[1]), 0), axis=1)
-    return lowest, where
+    poses, count = problem.poses, timed.branch.size
+    if poses.ordered:
+        place, last = np.arange(poses.samples), known[-1]
+        between = np.array([np.interp(place, known, one) for one in np.eye(known.size)])
+        beyond = np.minimum(place - known[0], 0) + np.maximum(place - last, 0)
+        span = timed.angles[:, -1:] - timed.angles[:, :1]
+        rest = _REST * (poses.span_max - np.abs(span)) / max(1, known[0] + poses.samples - 1 - last)
+        step = np.copysign(np.clip(np.abs(span) / (last - known[0]), 0.0, np.maximum(rest, _LEAST_STEP)), span)
+        angles = timed.angles @ between + step * beyond
+    else:
+        grid = np.broadcast_to(np.arange(_GRID) * (TURN / _GRID), (count, _GRID))
+        angles = np.take_along_axis(grid, problem.errors_at(timed, grid).argmin(axis=2), axis=1)
+    return problem.nearest(timed._replace(angles=angles), _NEAREST_STEPS)
 
 
 # -- the search ----------------------------------------------------------------------------------------------------
@@ -683,7 +615,7 @@ class _Motion:
         if not timed.branch.size:
             return timed._replace(angles=np.empty((0, self.poses.samples)))
         best = self._best_aligned(timed, most)
-        return aligned(self.problem, timed.take(best), self.poses.full).timed
+        return aligned(self.problem, timed.take(best), self.poses.full)
 
     def _best_aligned(self, timed: Timed, most: int) -> NDArray[np.intp]:
         """Places of those that fit some of the samples best, full ones and others, some hundred candidates at a time."""
@@ -701,7 +633,8 @@ class _Motion:
         thin = timed._replace(angles=timed.angles[:, held], pose=pose)
         known = np.searchsorted(few, poses.full[held])
         parts = [slice(k, k + _REFINED_AT_ONCE) for k in range(0, timed.branch.size, _REFINED_AT_ONCE)]
-        cost = np.concatenate([aligned(problem, thin.take(part), known).cost for part in parts])
+        guessed = (aligned(problem, thin.take(part), known) for part in parts)
+        cost = np.concatenate([problem.measured(one, posed=False).cost for one in guessed])
         return place[np.argsort(cost, kind="stable")[: min(most, max(_FEWEST, _ALIGNED // poses.samples))]]
 
     def measured(self, dyads: Dyads, repair: bool = False) -> Pool:

@@ -14,11 +14,12 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from synthesis.arrays import Complexes
 from synthesis.descents import Pool, Stage, Timed
 from synthesis.fourbar.limits import Constraints, Limits
 from synthesis.fourbar.mechanism import ways
 from synthesis.free.dyads import chart_of
-from synthesis.free.joint import JointProblem, phasor
+from synthesis.free.joint import JointProblem
 from synthesis.free.poses import Poses
 from synthesis.mechanism import Boxes, Chart
 from synthesis.search.problems import GivenProblem
@@ -60,12 +61,12 @@ def placed_within(problem: JointProblem, timed: Timed, boxes: Boxes) -> tuple[Ti
 
     Those come first that fit well and keep the limits; then the places of those that keep all limits, best first.
     """
-    turned = problem.turned(timed)
     start = timed.angles[:, 0]
-    crank = turned.crank * np.exp(-1j * start)[:, None]
+    crank: Complexes = np.exp(1j * (timed.angles - start[:, None]))
+    body: Complexes = np.exp(1j * problem.chart.at(timed.shape, timed.angles, timed.branch, derivatives=False).angle)
     lengths = problem.chart.shape(timed.shape).lengths
     rho = lengths[:, 0] / lengths[:, 3] * np.exp(1j * start)
-    fits = Fits.of_candidates(problem.poses.position_mean, problem.position, crank, phasor(turned.body.angle))
+    fits = Fits.of_candidates(problem.poses.position_mean, problem.poses.scaled, crank, body)
     _, pivot, ground, coupler = fits.within(rho, boxes, boxes.reach(lengths))
     apart = np.abs(ground) > _APART * lengths[:, 3] / lengths[:, 0]
     pose = np.stack([pivot, ground * lengths[:, 0] / lengths[:, 3], coupler], axis=1)

@@ -90,21 +90,6 @@ def test_size_is_the_default_with_tolerances_also_with_given_crank_angles() -> N
     assert exact.best.errors.objective < small.best.errors.objective
 
 
-@pytest.mark.parametrize(
-    ("more", "words"),
-    [
-        ({"prefer": "layer"}, "wanted one of error, size"),
-        ({"prefer": "crank_span", "timing": None, "crank_span": 60}, "alike far"),
-        ({"prefer": "size", "position": None, "timing": None, "crank_span": 60, "tolerances": None}, "position"),
-        ({"prefer": "size", "refine_from": MOUNTED}, "not searched for"),
-    ],
-)
-def test_what_cannot_be_preferred_is_refused(more: dict, words: str) -> None:
-    with pytest.raises(la.FieldError, match=words) as caught:
-        la.synthesize(**(CASEMENT | more))
-    assert caught.value.field == "/prefer"
-
-
 def test_a_search_for_what_is_allowed_ends_before_it_is_exact() -> None:
     assert goal_of(None, 1e-10) == 1e-10
     assert goal_of(1e-2, 1e-10) < 1e-2 and goal_of(1e-12, 1e-10) == 1e-10

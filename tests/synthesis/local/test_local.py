@@ -14,7 +14,7 @@ from synthesis import from_linkage as free
 from synthesis.fourbar.limits import FAMILIES, Limits, in_family, practical_limits
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.solution import assess, keeps, within
-from synthesis.free.dyads import chart_of, squared_errors
+from synthesis.free.dyads import chart_of
 from synthesis.free.joint import JointProblem
 from synthesis.free.poses import make_poses
 from synthesis.from_linkage import refine_function, refine_motion, refine_poses, turning_fully
@@ -207,7 +207,7 @@ def test_errors_at_a_grid_of_crank_angles_are_those_of_the_linkage() -> None:
     begun = free._begun(poses, Limits(), one, CRANK)
     problem = JointProblem(poses, chart_of("full_crank"))
     grid = np.linspace(0, TURN, 10)
-    own = squared_errors(problem, begun._replace(angles=grid[None]))[0]
+    own = problem.errors_at(begun, grid[None])[0]
     joints = one.joints(grid - one.start)
     gap = np.angle(np.exp(1j * (asked["rotation"][:, None] - joints.rotation)))
     away = np.abs(asked["position"][:, None] - joints.body_point) / poses.length_scale
