@@ -424,7 +424,8 @@ _GUESSES_BESIDE = 2
 _FRESH = 3
 """Of searches that go on from one another so many times one takes fresh seeds too."""
 _DRAGGED = 0.05
-"""J that the best of what an earlier search left loses on its way to its end, from which on fresh seeds follow one round of hops."""
+"""J that the best of what an earlier search left loses on its way to its end, from which on fresh seeds follow one round of
+hops."""
 _IN_SIGHT = 1e-2, 1e-3
 """J of the first look, without limits and within them, from which on an exact answer is not sought further."""
 
