@@ -22,6 +22,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 from benchmarks import hostile, many_requests, service
 
@@ -31,6 +32,8 @@ LIFE = 20
 """Kills of processes of a service before it is killed itself."""
 STUDIED = 300
 """Requests of a study."""
+CUT = 5
+"""Times that the files of an index are cut short while they are used."""
 BACK_SECONDS = 10.0
 """In which a service must answer again."""
 
@@ -187,8 +190,45 @@ def studies(count: int) -> dict[str, Any]:
         return _interrupted(command, out.read_bytes, out.unlink, count)
 
 
+@contextlib.contextmanager
+def _disk(size: int) -> Iterator[Path | None]:
+    """A disk of so many bytes in memory; None where we may not mount one."""
+    with tempfile.TemporaryDirectory() as name:
+        mount = ["mount", "-t", "tmpfs", "-o", f"size={size}", "none", name]
+        if subprocess.run(mount, stderr=subprocess.DEVNULL).returncode:
+            yield None
+            return
+        try:
+            yield Path(name)
+        finally:
+            subprocess.run(["umount", name], check=True)
+
+
+def _gone_on(what: str, command: Callable[[Path], list[str]]) -> Iterator[dict[str, Any]]:
+    """A command on a disk with room for half of what it makes, and again once there is room."""
+
+    def run(out: Path) -> int:
+        silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "env": service.environment()}
+        return subprocess.run([sys.executable, "-m", *command(out)], cwd=service.ROOT, **silent).returncode
+
+    with tempfile.TemporaryDirectory() as name:
+        wanted = Path(name) / "wanted"
+        run(wanted)
+        size = wanted.stat().st_size
+        with _disk(size // 2) as disk:
+            if disk is not None:
+                failed = run(disk / "made")
+                subprocess.run(["mount", "-o", f"remount,size={8 * size}", str(disk)], check=True)
+                fine = failed and run(disk / "made") == 0 and (disk / "made").read_bytes() == wanted.read_bytes()
+                yield {
+                    "what": f"a disk that is full during {what}, which goes on",
+                    "answered": 1,
+                    "wrong": int(not fine),
+                }
+
+
 def disks(atlas: Path) -> list[dict[str, Any]]:
-    """Two services that start at once without an index, a mapped file cut short while it is used, a disk that is full."""
+    """Two services that start at once without an index, mapped files cut short while they are used, disks that are full."""
     rows = []
     with tempfile.TemporaryDirectory() as name:
         copy = Path(name) / "atlas.h5"
@@ -197,63 +237,42 @@ def disks(atlas: Path) -> list[dict[str, Any]]:
             begun = [both.enter_context(service.running(service.serve_command, atlas=copy)) for _ in range(2)]
             answers = [[_answer(one.port, short) for short in hostile.SHORT] for one in begun]
             fine = answers[0] == answers[1] and all(status == 200 for status, _ in answers[0])
-            rows.append(
-                {
-                    "what": "two services that start at once without an index",
-                    "answered": 2 * len(answers[0]),
-                    "wrong": int(not fine),
-                }
-            )
+            what = "two services that start at once without an index"
+            rows.append({"what": what, "answered": 2 * len(answers[0]), "wrong": int(not fine)})
             for one in begun:
                 one.settle()
         with service.running(service.serve_command, atlas=copy) as running:
             clients = Clients(running.port)
             running.settle()
             with clients.asking():
-                time.sleep(1.0)
-                for one in Path(f"{copy}.index").rglob("*.npy"):
-                    os.truncate(one, one.stat().st_size // 2)
-                time.sleep(5.0)
-            rows.append(
-                {
-                    "what": "every file of the index cut to half while it is used",
-                    "answered": clients.status["200"],
-                    "refused": clients.status.total() - clients.status["200"],
-                    "wrong": clients.wrong,
-                }
-            )
+                for _ in range(CUT):
+                    time.sleep(1.0)
+                    for one in Path(f"{copy}.index").rglob("*.npy"):
+                        os.truncate(one, one.stat().st_size // 2)
+                    time.sleep(5.0)
+            answered = clients.status["200"]
+            row = {"answered": answered, "refused": clients.status.total() - answered, "wrong": clients.wrong}
+            rows.append({"what": f"every file of the index cut to half, {CUT} times, while it is used", **row})
             right = clients.right
         with service.running(service.serve_command, atlas=copy) as running:
-            answers = {short: _answer(running.port, short) for short in hostile.SHORT}
-            rows.append(
-                {
-                    "what": "started after that",
-                    "answered": len(answers),
-                    "wrong": sum(answers[k] != right[k] for k in right),
-                }
-            )
-    with tempfile.TemporaryDirectory() as name:
-        size = atlas.stat().st_size + 20_000_000
-        if subprocess.run(
-            ["mount", "-t", "tmpfs", "-o", f"size={size}", "none", name], stderr=subprocess.DEVNULL
-        ).returncode:
-            return rows  # only who may mount can have a disk that is full
-        try:
-            full = Path(name) / "atlas.h5"
+            rows.append({"what": "started after that", **_compared(running, right)})
+    with _disk(atlas.stat().st_size + 20_000_000) as disk:
+        if disk is not None:
+            full = disk / "atlas.h5"
             shutil.copy(atlas, full)
-            kept = os.environ.get("XDG_CACHE_HOME")
-            os.environ["XDG_CACHE_HOME"] = name
-            with service.running(service.serve_command, atlas=full) as running:
+            cache = mock.patch.dict(os.environ, XDG_CACHE_HOME=str(disk))
+            with cache, service.running(service.serve_command, atlas=full) as running:
                 running.settle()
-                answers = {short: _answer(running.port, short) for short in hostile.SHORT}
-            rows.append(
-                {
-                    "what": "a disk with room for the atlas alone",
-                    "answered": len(answers),
-                    "wrong": sum(answers[k] != right[k] for k in right),
-                }
-            )
-            os.environ.pop("XDG_CACHE_HOME") if kept is None else os.environ.update(XDG_CACHE_HOME=kept)
-        finally:
-            subprocess.run(["umount", name], check=True)
+                rows.append({"what": "a disk with room for the atlas alone", **_compared(running, right)})
+    build = ["data_build", "--perimeter", "200", "--samples", "32", "--jobs", "2", "--out"]
+    rows += _gone_on("a build", lambda out: [*build, str(out)])
+    with tempfile.TemporaryDirectory() as name:
+        asked = Path(name) / "requests.ndjson"
+        asked.write_bytes(b"\n".join(many_requests.bodies(STUDIED)) + b"\n")
+        rows += _gone_on("a study", lambda out: ["app.start", "study", str(asked), "--out", str(out), "--no-preset"])
     return rows
+
+
+def _compared(running: service.Service, right: dict[str, Any]) -> dict[str, int]:
+    answers = {short: _answer(running.port, short) for short in hostile.SHORT}
+    return {"answered": len(answers), "wrong": sum(answers[k] != right[k] for k in right)}

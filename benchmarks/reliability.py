@@ -26,7 +26,9 @@ from typing import Annotated, Any
 import numpy as np
 
 from benchmarks import deaths, hostile, report, service
+from linkage_atlas import load_atlas
 from synthesis.atlas.header import check_bytes
+from synthesis.atlas.index import check_index
 from synthesis.errors import AtlasError
 
 BUDGET_MS = 1000.0
@@ -34,6 +36,8 @@ SHARE_OF_BUDGET = 1.2
 CLIENTS = 64
 LEAVING, LEFT_EACH_SECOND = 2, 90
 """Clients that ask and close at once, and how often each does."""
+SLOWER = 10
+"""Times that a flip of an index takes one of an atlas file to look at."""
 RELOADING = 8
 """Clients that ask while the service is started anew."""
 MEGABYTE = 1e6
@@ -43,7 +47,7 @@ UNREAD_SECONDS = 20.0
 
 
 def flips(atlas: Path, count: int) -> dict[str, Any]:
-    """Bits of an atlas file flipped, one at a time."""
+    """Bits of an atlas file flipped, one at a time, and of the index of a small one."""
     data, rng, accepted = bytearray(atlas.read_bytes()), np.random.default_rng(2), 0
     for place, bit in zip(rng.integers(len(data), size=count), rng.integers(8, size=count)):
         data[place] ^= 1 << int(bit)
@@ -53,7 +57,28 @@ def flips(atlas: Path, count: int) -> dict[str, Any]:
         except AtlasError:
             pass
         data[place] ^= 1 << int(bit)
-    return {"flips": count, "accepted": accepted}
+    of_index = count // SLOWER
+    return {"flips": count, "accepted": accepted, "of_index": of_index, "missed": _index_flips(of_index, rng)}
+
+
+def _index_flips(count: int, rng: np.random.Generator) -> int:
+    """Flipped bits of an index that `linkage-atlas verify` does not notice."""
+    accepted = 0
+    with tempfile.TemporaryDirectory() as folder:
+        atlas, index = Path(folder) / "atlas.h5", Path(folder) / "atlas.h5.index"
+        service.build(atlas, perimeter=100, samples=32, jobs=1)
+        load_atlas(atlas, index=index).prepare()
+        files = sorted(file for file in index.rglob("*") if file.is_file() and file.stat().st_size)
+        for number in range(count):
+            file = files[number % len(files)]
+            whole = file.read_bytes()
+            place, bit = int(rng.integers(len(whole))), 1 << int(rng.integers(8))
+            file.write_bytes(whole[:place] + bytes([whole[place] ^ bit]) + whole[place + 1 :])
+            with contextlib.suppress(AtlasError):
+                check_index(index)
+                accepted += 1
+            file.write_bytes(whole)
+    return accepted
 
 
 def _sent(port: int, count: int, seed: int) -> tuple[dict[str, int], list[str]]:
@@ -373,6 +398,9 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     if flips := found.get("flips"):
         count, wrong = f"{flips['flips']:,} flips", f"{flips['accepted']} accepted"
         rows.append(("A flipped bit of an atlas file is noticed", "`flips`", count, wrong))
+        if "missed" in flips:
+            count, wrong = f"{flips['of_index']:,} flips", f"{flips['missed']} missed"
+            rows.append(("A flipped bit of an index is noticed by `linkage-atlas verify`", "`flips`", count, wrong))
     if bodies := found.get("bodies"):
         told = ", ".join(f"{count:,} x {status}" for status, count in bodies["statuses"].items())
         text = "Every changed body is answered or refused as problem+json, never with a fault"

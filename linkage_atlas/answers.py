@@ -39,7 +39,7 @@ from synthesis.fourbar.passage import Verdict as Passing
 from synthesis.fourbar.passage import excursions, practical_faults, size_of, verdicts
 from synthesis.fourbar.rounding import best_from_stock, round_to_grid
 from synthesis.free.poses import Poses, spin_faults
-from synthesis.free.search import in_turn, rotation_of
+from synthesis.free.search import in_turn, rotations_of
 from synthesis.from_linkage import refined_in_place
 from synthesis.guided import solution as guided
 from synthesis.guided.limits import broken_limits
@@ -581,12 +581,24 @@ def merit(one: AnySolution) -> tuple[bool, ...]:
     )
 
 
+def by_rounded(solutions: Sequence[S], top: int) -> list[S]:
+    """Solutions whose lengths were rounded, by the error of what can be had: those that do not close so come last."""
+
+    def rounded_error(one: S) -> float:
+        found = one.rounded
+        return np.inf if found is None or found.errors is None else found.errors.objective
+
+    ordered = sorted(solutions, key=lambda one: (*merit(one), rounded_error(one)))
+    return [replace(one, rank=rank) for rank, one in enumerate(ordered[:top], 1)]
+
+
 def _worth(one: Solution, motion: Motion, tolerance: float) -> tuple[float, ...]:
     """The place of an exact answer for given crank angles by what one would build, not by its rounding; others keep theirs."""
     if motion.free or one.errors.objective >= tolerance:
         return 1.0, 0.0, 0.0
     step = 5 if motion.degrees else np.deg2rad(5)
-    return 0.0, -(one.transmission_angle_min // step), one.size or 0.0
+    size = max(one.links) / min(one.links) if one.size is None else one.size
+    return 0.0, -(one.transmission_angle_min // step), size
 
 
 def _described(
@@ -610,12 +622,13 @@ def _described(
     passed = verdicts(linkages, crank, side, **way)
     if isinstance(samples, Poses):
         ways = excursions(linkages, crank, side, samples.extent, **way, carried=[one.circuit for one in passed])
+        turned = rotations_of(found, samples)
     solutions = []
     for k, one in enumerate(found):
         own, turn = motion.one_of(target, k), one.transmission_angle_min_turn
         faults = practical_faults(one, own.target, limits, ways[k])
         if isinstance(samples, Poses):
-            faults += spin_faults(samples, rotation_of(one, samples))
+            faults += spin_faults(samples, turned[k])
         kind = None if one.row is None or type_of is None else type_of(one.row)
         linkage = FourBar.of(one.linkage, own.radian, own.target)
         solutions.append(

@@ -229,13 +229,15 @@ class Problem:
         squares, largest = self._kernel.broken()
         return squares, largest
 
-    def excursions(self, timed: Timed, shortest: float, panel: float) -> Floats:
+    def excursions(self, timed: Timed, shortest: float, panel: float) -> tuple[Floats, Floats]:
         """How far the body point of candidates goes between two samples over their distance, at most, (n,), by chords.
 
+        And the body's angles (n, M) at the samples, of a closed way at the first once more: they count where the loop closes.
         ``shortest``: a distance that counts at least, over the length scale. ``panel``: that a chord spans at most, radians.
         """
         self._begin(timed)
-        return np.asarray(self._kernel.excursions(shortest, panel))
+        most, angle = self._kernel.excursions(shortest, panel)
+        return most, angle
 
     def moved_onto(self, timed: Timed, rounds: int = 12) -> tuple[Pool, Floats]:
         """Candidates moved onto the limits that they break, at their crank angles, and by how much they still break one.

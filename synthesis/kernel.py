@@ -1325,15 +1325,18 @@ class Descent:
         """How far the body point of each candidate goes between two neighbouring samples, over their distance, at most, (n,).
 
         By chords between crank angles at most ``panel`` apart, two at least; a distance below ``shortest`` counts as that.
-        Infinite where the loop does not close in between.
+        Infinite where the loop does not close in between. And the body's angle at the samples, of a closed way at the first
+        once more, (n, M); not set where the loop does not close.
         """
-        most = np.empty(len(self.costs))
+        gaps = self.samples if self.closed else self.samples - 1
+        most, told = np.empty(len(self.costs)), np.zeros((len(self.costs), gaps + 1))
+        angle: double[:, ::1] = told
         loop = self.shape.loop
         for n in range(self.costs.shape[0]):
             self.take(0, n)
             self.shaped(0)
             largest = 0.0
-            for i in range(self.samples if self.closed else self.samples - 1):
+            for i in range(gaps):
                 begin = self.phi[0, i]
                 if i + 1 < self.samples:
                     step = self.phi[0, i + 1] - begin
@@ -1348,13 +1351,15 @@ class Descent:
                     place = self.pose[0, 1] * loop.e1 + self.pose[0, 2] * loop.e2
                     if k == 0:
                         first = place
+                        angle[n, i] = loop.angle(begin)
                     else:
                         gone += sqrt(inner(place - before, place - before))
                     before = place
+                angle[n, i + 1] = loop.angle(begin + step)
                 chord = sqrt(inner(before - first, before - first))
                 largest = max(largest, gone / max(chord, shortest))
             most[n] = largest
-        return most
+        return most, told
 
     def restore(self, rounds: cython.int):
         """Move the candidates onto the limits that they break by the shortest way, at their crank angles: Newton's steps.

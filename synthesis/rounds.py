@@ -153,8 +153,9 @@ class Rounds:
 
     bent_below = np.inf
     """J from which on steps are bent."""
-    idle = 16
-    """So many rounds that gain nothing end the search, or half as many as there were before, whichever is more."""
+    idle, idle_at_first = 20, np.inf
+    """So many rounds that gain nothing end the search, or half as many as there were before, whichever is more; perhaps fewer
+    while none has gained anything on what was known before the first."""
     odds = (-1.05, 0.81)
     """The logarithm of the odds that a better valley was missed: a constant, and what the logarithm of the part of the rounds
     that led elsewhere adds. Fitted to `benchmarks.unseen`."""
@@ -248,7 +249,9 @@ class Rounds:
         The first two and every third later one begin from seeds, the others from hops.
         """
         number = last = 0
-        while number - last < max(self.idle, 0.5 * last) and number < most:
+        while number < most:
+            if number - last >= (max(self.idle, 0.5 * last) if last else min(self.idle, self.idle_at_first)):
+                break
             before = self.found.least, self.found.standing
             begin = next(seeds, None) if number < 2 or number % 3 == 0 else None
             if begin is None:

@@ -135,10 +135,9 @@ class PathScreen:
         guesses = self.timing_of(poses)
         error = self.errors(poses, guesses)
         if missing is not None:
-            span = guesses[:, -1, None, None]
-            lengths = self.lengths[:, None]
-            short: Floats = missing(lengths, self.start, self.start + span)
-            error += (_MISSED * short**2).astype(np.float32)[:, :, None]
+            spans, which = np.unique(guesses[:, -1], return_inverse=True)
+            short: Floats = missing(self.lengths[:, None], self.start, self.start + spans[:, None, None])
+            error += (_MISSED * short**2).astype(np.float32)[which][:, :, None]
         best = error.argmin(axis=3)
         least = np.take_along_axis(error, best[..., None], 3)[..., 0].reshape(len(guesses), -1)
         each = min(_EACH, least.shape[1] - 1)

@@ -196,15 +196,19 @@ def go_astray(found: Sequence[Solution], poses: Poses) -> Flags:
     crank = np.array([[one.start] for one in linkages]) + np.array([one.crank for one in found])
     side = np.broadcast_to(np.array([[one.branch] for one in linkages]), crank.shape)
     way = excursions(linkages, crank, side, poses.extent, ordered=poses.ordered, closed=poses.closed)
-    spins = np.array([poses.turned_otherwise(rotation_of(one, poses)) for one in found], dtype=bool)
+    spins = poses.turned_otherwise(rotations_of(found, poses))
     return spins | np.array([one is not None and one > LEAVES_SAMPLES for one in way], dtype=bool)
 
 
-def rotation_of(found: Solution, poses: Poses) -> Floats:
-    """The body's rotation at the crank angles of `Poses.there_and_back`, but for its offset."""
-    linkage = found.linkage
-    assert found.crank is not None
-    return coupler_angle(linkage.links, linkage.branch, linkage.start + poses.there_and_back(found.crank))
+def rotations_of(found: Sequence[Solution], poses: Poses) -> Floats:
+    """The body's rotations (n, M) at the crank angles of `Poses.there_and_back`, but for their offsets."""
+    linkages = [one.linkage for one in found]
+    crank = np.array([one.start for one in linkages])[:, None] + np.array([one.crank for one in found])
+    return coupler_angle(
+        np.array([one.links for one in linkages]),
+        np.array([one.branch for one in linkages]),
+        poses.there_and_back(crank),
+    )
 
 
 def have_tiny_links(found: Sequence[Solution], poses: Poses) -> Flags:
@@ -349,9 +353,8 @@ class FreeRounds(Rounds):
         lengths, crank = self.chart.shape(timed.shape).lengths, np.abs(timed.pose[:, 1])
         whole = timed.angles.shape[1] == self.poses.samples
         poses, problem = (self.poses, self.plain) if whole else (self.thin, self.problem)
-        astray = problem.excursions(timed, SHORTEST_CHORD, _PANEL) > LEAVES_SAMPLES
-        if poses.rotation is not None:
-            astray |= poses.turned_otherwise(coupler_angle(lengths, timed.branch, poses.there_and_back(timed.angles)))
+        gone, rotation = problem.excursions(timed, SHORTEST_CHORD, _PANEL)
+        astray = (gone > LEAVES_SAMPLES) | poses.turned_otherwise(rotation)
         shortest = SHORTEST * self.poses.extent / self.poses.length_scale
         return np.asarray(astray | (lengths.min(axis=1) * crank < shortest * lengths[:, 0]))
 
@@ -414,6 +417,8 @@ _PANEL = np.deg2rad(12.0)
 """Crank angle that a chord spans at most, where it is told how far a candidate goes between samples."""
 _SEEDS, _BEFORE, _LOOKED_AT = 50, 20, 15
 """Seeds of a round; further ones that come from a search before; and seeds that may be answers at once."""
+_BEYOND_FULL_CRANKS = 4
+"""Rounds among four-bars of any family that gain nothing on those whose crank turns fully: four of 2,300 later ones did."""
 _GUESSES_BESIDE = 2
 """Guesses beside what dyads lead to: more of them were not worth their time in `benchmarks.engine`."""
 _FRESH = 3
@@ -599,6 +604,8 @@ class _Search:
         if family not in self._near:
             samples = _SAMPLES if self.poses.samples <= _SAMPLES else _FEWER
             self._near[family] = self._rounds(chart_of(family), samples)
+            if family == "any":  # after those whose crank turns fully
+                self._near[family].idle_at_first = _BEYOND_FULL_CRANKS
         return self._near[family]
 
     # -- from what a search left, and what this one leaves ------------------------------------------------------------

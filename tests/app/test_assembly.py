@@ -32,20 +32,6 @@ def test_without_an_assembly_there_is_none(client) -> None:
         assert verdict["assembly"] is None
 
 
-def test_errors_of_the_linkage_point_to_it(client) -> None:
-    swinging = {**LINKAGE, "links": {"crank": 60, "coupler": 50, "rocker": 70, "ground": 90}}
-    request = {"rotation": [0, 1, 2], "crank_span": 300}
-    error = client.post("/v1/assembly", json={"linkage": swinging, "request": request}).json()["errors"][0]
-    assert error["pointer"] == "#/linkage/links"
-    free = {"timing": "free", "position": [[0, 0], [40, 8], [75, 30]]}
-    error = client.post("/v1/assembly", json={"linkage": swinging, "request": free}).json()["errors"][0]
-    assert error["pointer"] == "#/linkage/crank_angle"
-    error = client.post("/v1/assembly", json={"linkage": swinging, "request": {"rotation": [0, 1, 2]}}).json()[
-        "errors"
-    ]
-    assert error[0]["pointer"] == "#/request/crank_span"
-
-
 def test_the_command_shows_layers_from_the_top_down(capsys, tmp_path) -> None:
     assert cli.main(["assembly", "--example", "double_crank"]) == 0
     lines = capsys.readouterr().out.splitlines()

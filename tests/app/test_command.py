@@ -178,6 +178,7 @@ def test_a_pasted_table_on_standard_input(run, tmp_path) -> None:
         assert (code, err) == (Exit.OK, "")
         replies.append(json.loads(out)["solutions"])
     assert replies[0] == replies[1] == replies[2]
+    assert "crank angles of rank 1: 0, " in run("synthesize", file)[1]
     body = {"timing": "free", "position": [[0, 0], [22, 5], [41, 17.5]], "rotation": [0, 12, 27]}
     assert json.loads(run("synthesize", "--json", stdin=json.dumps(body))[1])["solutions"] == replies[0]
 

@@ -20,6 +20,7 @@ import pytest
 
 import linkage_atlas
 from app.registry import all_queries, queries_named, worked_example
+from tests.conftest import some_of
 
 ROOT = Path(__file__).parents[2]
 COMMAND = [str(Path(sysconfig.get_path("scripts")) / "linkage-atlas")]
@@ -44,21 +45,6 @@ def request_file(tmp_path: Path) -> Path:
 
 
 # -- requests ---------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("verb", ["match", "synthesize"])
-def test_file_and_standard_input_give_the_same_reply(verb, run, request_file, small_path) -> None:
-    from_file = run(verb, request_file, "--json", "--atlas", small_path)
-    from_input = run(verb, "--json", "--atlas", small_path, stdin=request_file.read_text())
-    dash = run(verb, "-", "--json", "--atlas", small_path, stdin=request_file.read_text())
-    replies = []
-    for code, out, err in (from_file, from_input, dash):
-        assert (code, err) == (OK, "")
-        reply = json.loads(out)
-        del reply["report"]
-        replies.append(reply)
-    assert replies[0] == replies[1] == replies[2]
-    assert len(replies[0]["matches" if verb == "match" else "solutions"]) == 3
 
 
 @pytest.mark.parametrize(
@@ -120,18 +106,7 @@ def test_a_bad_request_is_named_in_a_line_and_ends_with_2(text, words, run, smal
 @pytest.mark.parametrize("arguments", [["no_such_file.json"], ["."]], ids=["missing", "folder"])
 def test_an_unreadable_request_file_ends_with_2(arguments, run, small_path) -> None:
     code, out, err = run("match", *arguments, "--atlas", small_path)
-    assert (code, out) == (USAGE, "") and arguments[0] in err and len(err.splitlines()) == 1
-
-
-def test_a_missing_file_is_told_in_words(run) -> None:
-    code, _, err = run("synthesize", "no_such_file.csv")
-    assert (code, err) == (USAGE, "no_such_file.csv: No such file or directory\n")
-
-
-def test_a_model_is_written_under_either_ending(run, tmp_path) -> None:
-    names = [tmp_path / f"model.{ending}" for ending in ("xml", "mjcf")]
-    code, _, _ = run("synthesize", "--example", "poses", *(part for name in names for part in ("--export", name)))
-    assert code == OK and names[0].read_text() == names[1].read_text() and "<mujoco" in names[0].read_text()
+    assert (code, out) == (USAGE, "") and err.startswith(f"{arguments[0]}: ") and len(err.splitlines()) == 1
 
 
 def test_a_request_may_be_made_of_fields_alone(run) -> None:
@@ -263,7 +238,7 @@ def get(port: int, path: str, patience: float = 60.0) -> tuple[int, object]:
             time.sleep(0.05)
 
 
-@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+@pytest.mark.parametrize("name", some_of(["SIGINT", "SIGTERM"], 1))  # SIGTERM ends each service of `started`
 def test_serve_answers_and_ends_cleanly(name, small_path) -> None:
     port = free_port()
     with serving(small_path, port) as process:

@@ -189,18 +189,6 @@ def test_the_drive_that_decides_stands_before_the_best_of_each_kind(client: Test
         assert [drive["kind"] for drive in one["drives"]] == ["actuator", "rotary", "actuator"]
 
 
-def test_what_no_solution_can_be_asked_is_said_before_the_search(client: TestClient) -> None:
-    for more, pointer in (
-        ({"drives": [{"kind": "rotary", "stroke": 3}]}, "#/drives/0/stroke"),
-        ({"drive": {"kind": "cylinder", "catalogue": "best"}}, "#/drive/catalogue"),
-        ({"load": {"force": [1, 2]}}, "#/load"),
-        ({"springs": [{"kind": "gas", "between": ["ground", "wing"]}]}, "#/springs/0/between"),
-    ):
-        reply = client.post("/v1/synthesize", json={**POSES, **more})
-        assert reply.status_code == 422
-        assert reply.json()["errors"][0]["pointer"] == pointer
-
-
 def test_a_solution_in_python() -> None:
     solution = la.synthesize(POSES["rotation"], POSES["position"], timing="free", top=1).best
     found = la.drives(solution, [{"kind": "dyad"}, {"kind": "toggle"}], load={"force": [0, -10]})

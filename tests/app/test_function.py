@@ -2,34 +2,12 @@
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
 from typing import Any
 
 import pytest
 from fastapi.testclient import TestClient
 
-from app.cli import main
-
 PAIRS = {"input": [0, 15, 35, 60, 80], "output": [0, 12, 31, 62, 90], "top": 2}
-
-
-def test_five_pairs_are_met(client: TestClient) -> None:
-    reply = client.post("/v1/function", json=PAIRS)
-    assert reply.status_code == 200
-    body = reply.json()
-    assert body["status"] == "reached" and body["input"] == pytest.approx(PAIRS["input"]) and body["x"] is None
-    assert body["solutions"][0]["errors"]["max"] < 1e-7
-
-
-@pytest.mark.parametrize("kind", ["json", "csv", "svg", "dxf", "mjcf"])
-def test_any_solution_is_exported(client: TestClient, kind: str) -> None:
-    solution = client.post("/v1/function", json=PAIRS).json()["solutions"][1]
-    reply = client.post("/v1/function/export", json={"request": PAIRS, "solution": solution, "format": kind})
-    assert reply.status_code == 200 and len(reply.content) > 100
-    if kind != "json":
-        best = client.post(f"/v1/function.{kind}", json=PAIRS)
-        assert best.status_code == 200 and best.headers["content-type"] == reply.headers["content-type"]
 
 
 def test_export_of_what_does_not_close_or_was_not_asked(client: TestClient) -> None:
@@ -41,27 +19,6 @@ def test_export_of_what_does_not_close_or_was_not_asked(client: TestClient) -> N
     assert bad.json()["errors"][0]["pointer"] == "#/request/crank_span"
 
 
-def test_a_budget_ends_the_search(client: TestClient) -> None:
-    asked = {"function": {"name": "exp", "x": [0, 1], "output_span": 90}, "crank_span": 90, "objective": "max"}
-    reply = client.post("/v1/function", json={**asked, "budget_ms": 0.01}).json()
-    assert reply["report"]["stopped_by"] == "budget"
-
-
-@pytest.mark.parametrize("name", ["logarithm", "five_pairs"])
-def test_the_command(capsys: pytest.CaptureFixture[str], tmp_path: Path, name: str) -> None:
-    assert main(["function", "--example", name]) == 0
-    assert "rank" in capsys.readouterr().out
-    if name == "five_pairs":
-        assert main(["function", "--example", name, "--export", str(tmp_path / "one.csv")]) == 0
-        assert (tmp_path / "one.csv").read_text().startswith("input,output_wanted")
-
-
-def test_the_command_names_what_is_wrong(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    (tmp_path / "bad.json").write_text(json.dumps({**PAIRS, "input": [0, 1, 1, 2, 3]}))
-    assert main(["function", str(tmp_path / "bad.json")]) == 2
-    assert "input.2" in capsys.readouterr().err
-
-
 TRAVEL: dict[str, Any] = {
     "function": {"name": "power", "exponent": 2, "x": [0, 1], "output_span": 40, "samples": 21},
     "crank_span": 90,
@@ -70,42 +27,32 @@ TRAVEL: dict[str, Any] = {
 }
 
 
-@pytest.fixture(scope="module")
-def travelled(client: TestClient) -> dict[str, Any]:
-    """The reply that each of its files begins from."""
-    return client.post("/v1/function", json=TRAVEL).json()
+@pytest.fixture(scope="module", params=["pairs", "travel"])
+def asked(request: pytest.FixtureRequest, client: TestClient) -> tuple[dict[str, Any], dict[str, Any]]:
+    """A request, of four-bars or of slider-cranks, and the reply that each of its files begins from."""
+    body = {"pairs": PAIRS, "travel": TRAVEL}[request.param]
+    return body, client.post("/v1/function", json=body).json()
 
 
-@pytest.mark.parametrize("kind", ["json", "csv", "svg", "dxf", "mjcf"])
-def test_a_function_with_travel_and_its_files(client: TestClient, travelled: dict[str, Any], kind: str) -> None:
-    reply = travelled
+def test_a_function_with_travel_is_made_by_a_slider_crank(client: TestClient) -> None:
+    reply = client.post("/v1/function", json=TRAVEL).json()
     one = reply["solutions"][1]
     assert one["kind"] == "slider_crank" and one["driver"] == "crank" and one["errors"]["max"] < 1
     assert one["lengths"].keys() == {"crank", "rod", "offset"} and reply["output"][-1] == pytest.approx(40)
-    body = {"request": TRAVEL, "solution": one, "format": kind}
-    made = client.post("/v1/function/export", json=body)
-    assert made.status_code == 200, made.text
+
+
+@pytest.mark.parametrize("kind", ["json", "csv", "svg", "dxf", "mjcf"])
+def test_any_solution_is_exported(
+    client: TestClient, asked: tuple[dict[str, Any], dict[str, Any]], kind: str
+) -> None:
+    request, reply = asked
+    solution = reply["solutions"][1]
+    made = client.post("/v1/function/export", json={"request": request, "solution": solution, "format": kind})
+    assert made.status_code == 200 and len(made.content) > 100, made.text
     if kind == "csv":
         head, *rows = [line.split(",") for line in made.text.splitlines()]
         errors = [abs(float(row[head.index("error")])) for row in rows]
-        assert max(errors) == pytest.approx(one["errors"]["max"], rel=1e-6)
-    best = client.post(f"/v1/function.{kind}", json=TRAVEL)
+        assert max(errors) == pytest.approx(solution["errors"]["max"], rel=1e-6)
+    best = client.post(f"/v1/function.{kind}", json=request)
     assert best.status_code == (404 if kind == "json" else 200)
-
-
-def test_what_travel_refuses(client: TestClient) -> None:
-    for changes, pointer in (
-        ({"mechanisms": ["four_bar"]}, "#/mechanisms/0"),
-        ({"travel_span": 3}, "#/travel_span"),
-        ({"limits": {"family": "crank_rocker"}}, "#/limits/family"),
-        ({"round_to": 1}, "#/round_to"),
-    ):
-        wrong = client.post("/v1/function", json={**TRAVEL, **changes})
-        assert wrong.status_code == 422 and wrong.json()["errors"][0]["pointer"] == pointer
-    four_bar = client.post("/v1/function", json={"output": [0, 8, 19], "crank_span": 40, "top": 1}).json()[
-        "solutions"
-    ][0]
-    wrong = client.post("/v1/function/export", json={"request": TRAVEL, "solution": four_bar})
-    assert wrong.status_code == 200  # JSON is what was sent
-    wrong = client.post("/v1/function/export", json={"request": TRAVEL, "solution": four_bar, "format": "csv"})
-    assert wrong.status_code == 422 and wrong.json()["errors"][0]["pointer"] == "#/request/output_unit"
+    assert kind == "json" or best.headers["content-type"] == made.headers["content-type"]

@@ -336,11 +336,6 @@ def test_round_to_puts_the_links_on_the_grid(client) -> None:
     assert rounded["errors"]["objective"] > best["errors"]["objective"]
     assert ask(client, "/v1/synthesize", **EXAMPLE, top=1)["solutions"][0]["rounded"] is None
 
-
-def test_sensitivity_comes_where_it_is_asked_for(client) -> None:
-    for asked in (True, False):
-        best = ask(client, "/v1/synthesize", **EXAMPLE, top=1, sensitivity=asked)["solutions"][0]
-        assert (best["sensitivity"] is not None) is asked
     # that it is the derivative by each length: tests/synthesis/search/test_search.py
 
 
@@ -396,7 +391,8 @@ NO_OBJECTS = [
 @pytest.mark.parametrize("body", NO_OBJECTS, ids=lambda body: repr(body)[:24])
 def test_what_is_no_json_object_is_refused(body, client) -> None:
     for path in ("/v1/match", "/v1/synthesize"):
-        assert pointers(refusal(client, path, body)) == ["#"]
+        values = refusal(client, path, body)
+        assert pointers(values) == ["#"] and "Request" not in values["detail"], "no name of the code"
 
 
 @pytest.mark.parametrize("text", ["[" * 100_000, '{"rotation":' * 10_000, "[" * 90_000 + "]" * 90_000])
@@ -416,17 +412,6 @@ def test_a_body_that_is_packed_is_refused_by_what_is_wrong(client) -> None:
     headers = {"content-type": "application/json", "content-encoding": "gzip"}
     reply = client.post("/v1/knotter/needle", content=gzip.compress(b"{}"), headers=headers)
     assert reply.status_code == 415 and "Content-Encoding" in reply.json()["detail"]
-
-
-def test_a_bound_is_told_without_all_of_its_zeros(client) -> None:
-    body = {"position": [[0, 0], [1e60, 0], [1, 1]], "timing": "free"}
-    assert client.post("/v1/synthesize", json=body).json()["detail"] == "position.1.0: Input should be at most 1e+50"
-
-
-@pytest.mark.parametrize("body", ["null", "[]", "5", '{"limits": 5}'])
-def test_what_is_no_object_is_told_without_names_of_the_code(body, client) -> None:
-    reply = client.post("/v1/synthesize", content=body, headers={"content-type": "application/json"})
-    assert reply.status_code == 422 and "Input should be an object" in reply.text and "Request" not in reply.text
 
 
 @pytest.mark.parametrize("path", ["/livez", "/readyz", "/v1/atlas", "/v1/types/3", "/openapi.json", "/docs", "/"])
@@ -464,7 +449,7 @@ def test_what_takes_milliseconds_is_made_where_answers_are_computed(small_bytes,
 
 REFUSALS = json.loads((Path(__file__).parent / "refusals.json").read_text())
 """Of each question a body that is answered, and changes with which it is not: where the error points, what else it says."""
-REFUSED = [(path, table["body"], *row) for path, table in REFUSALS.items() for row in table["refused"]]
+REFUSED = [(name.split()[0], table["body"], *row) for name, table in REFUSALS.items() for row in table["refused"]]
 
 
 @pytest.mark.parametrize("row", REFUSED, ids=lambda row: f"{row[0]} {json.dumps(row[2])[:60]}")
@@ -478,7 +463,8 @@ def test_what_is_wrong_is_pointed_at_and_not_repeated(row, client) -> None:
         if name == "detail":
             assert wanted in error["detail"]
         else:
-            assert error[name] == (pytest.approx(wanted, rel=1e-6, abs=1e-4) if name == "amount" else wanted)
+            near = name == "amount" or isinstance(wanted, float)
+            assert error[name] == (pytest.approx(wanted, rel=1e-6, abs=1e-4) if near else wanted)
 
 
 def test_a_refusal_lists_few_errors_and_cuts_long_names(client) -> None:
@@ -665,27 +651,6 @@ def test_the_description_is_valid_openapi(document) -> None:
             for status, answer in described["responses"].items():
                 if int(status) >= 400:
                     assert list(answer["content"]) == ["application/problem+json"], (path, status)
-
-
-@pytest.mark.parametrize(
-    ("route", "body", "detail"),
-    [
-        (
-            "function",
-            {"function": {"name": "ln", "x": [1, 2]}, "crank_span": 60},
-            "function.output_span: Field required",
-        ),
-        ("assembly", {"request": EXAMPLE, "hole": -1}, "hole: Input should be at least 1e-50"),
-        (
-            "synthesize",
-            {"rotation": [0, 30, 60], "position": [[5, 5]] * 3, "timing": "free"},
-            "a body that only turns needs a hinge there",
-        ),
-    ],
-)
-def test_what_is_wrong_is_told_in_the_words_of_the_request(route, body, detail, client) -> None:
-    reply = client.post(f"/v1/{route}", json=body)
-    assert reply.status_code == 422 and detail in reply.json()["detail"]
 
 
 def test_a_file_that_there_is_not_is_refused_before_the_search(client, monkeypatch) -> None:

@@ -17,7 +17,6 @@ from app.live import Lives
 from app.main import create_app
 from app.problems import Superseded
 from app.settings import Settings
-from tests.app.test_processes import serving
 
 TURN = np.linspace(0, 2 * np.pi, 12, endpoint=False)
 PATH = (
@@ -55,23 +54,6 @@ def test_a_refused_request_leaves_what_there_was(client) -> None:
     assert ask(client, live="refused once")[0] is True
 
 
-@pytest.mark.parametrize(
-    ("fields", "pointer", "detail"),
-    [
-        ({"live": "short"}, "#/live", "at least 8"),
-        ({"live": 65 * "x"}, "#/live", "at most 64"),
-        ({"live": 12345678}, "#/live", "string"),
-        ({"live": "an id of mine", "refine_from": {"links": {"crank": 2, "coupler": 5, "rocker": 5, "ground": 6},
-          "branch": 1, "start_angle": 0, "body_offset": None,
-          "mount": {"ground_angle": 0, "pivot_a": [0, 0], "coupler_point": {"radius": 1, "angle": 0}}}}, "#/live", "goes on"),
-    ],
-)  # fmt: skip
-def test_what_is_wrong_with_an_id_names_the_field(fields, pointer, detail, client) -> None:
-    reply = client.post("/v1/synthesize", json=QUESTION | fields)
-    (row,) = reply.json()["errors"]
-    assert reply.status_code == 422 and row["pointer"] == pointer and detail in row["detail"]
-
-
 def test_one_client_takes_half_a_core_and_only_its_newest_request_is_computed(client) -> None:
     begin = time.perf_counter()
     ask(client, live="a busy client")
@@ -84,18 +66,6 @@ def test_one_client_takes_half_a_core_and_only_its_newest_request_is_computed(cl
     assert set(codes) == {200, 503} and codes.count(503) >= 3
     assert all("newer request" in reply.json()["detail"] for reply in replies if reply.status_code == 503)
     assert time.perf_counter() - begin > 1.5 * took
-
-
-@pytest.mark.skipif("sys.platform != 'linux'", reason="elsewhere threads compute")
-def test_whichever_process_computes_goes_on(tmp_path) -> None:
-    with serving(tmp_path) as running:
-        told = []
-        for k in range(3):
-            path = [*PATH[:3], [PATH[3][0] + k, PATH[3][1]], *PATH[4:]]
-            status, reply = running.post("/v1/synthesize", QUESTION | {"position": path, "live": "dragged there"})
-            assert status == 200 and reply["solutions"]
-            told.append(reply["report"]["live"]["continued"])
-        assert told == [False, True, True]
 
 
 # -- what is kept -----------------------------------------------------------------------------------------------------

@@ -22,6 +22,7 @@ from typing import Any
 
 import pytest
 
+from app import cli
 from app.computed import SMALL
 from app.server import default_workers, listening
 from tests.conftest import some_of, started
@@ -235,7 +236,7 @@ def test_long_addresses_are_cut_in_the_log(running) -> None:
     assert running.get(f"/nowhere/{'x' * 5000}")["status"] == 404
     until(lambda: "/nowhere/" in running.log.read_text())
     (line,) = (line for line in running.log.read_text().splitlines() if "/nowhere/" in line)
-    assert len(line) < 600 and "xxx..." in line
+    assert len(line) < 600 and line.endswith("404 Not Found")
 
 
 def test_a_process_that_is_killed_is_replaced(running) -> None:
@@ -321,48 +322,64 @@ def test_a_successor_takes_over_without_a_refused_request(tmp_path) -> None:
         until(lambda: not status(successor))
 
 
-def test_parts_of_the_index_are_made_beside_and_found_by_all(small_bytes, tmp_path) -> None:
-    """Nobody that computes is replaced for them; until they are there /readyz names them."""
-    (tmp_path / "small.h5").write_bytes(small_bytes)
-    with serving(tmp_path, "--atlas", str(tmp_path / "small.h5"), prepare_positions=False) as running:
+@pytest.fixture(scope="module")
+def indexed(small_bytes, tmp_path_factory) -> Iterator[tuple[Running, Path]]:
+    """A service that makes parts of the index of a small atlas, and where they lie."""
+    folder = tmp_path_factory.mktemp("indexed")
+    (folder / "small.h5").write_bytes(small_bytes)
+    with serving(folder, "--atlas", str(folder / "small.h5"), prepare_positions=False) as running:
         until(lambda: running.get("/readyz") == {"status": "ready", "preparing": []})
-        until(lambda: settled(running))
-        parts = {"cells", "short_spans"}
-        assert {path.name for path in (tmp_path / "small.h5.index").iterdir() if path.is_dir()} == parts
-        rotation, before = {"rotation": [0, 5, 12, 20, 31], "crank_span": 80}, running.computing
-        assert running.post("/v1/match", rotation)[0] == 200
-        found, rocker = running.post("/v1/match", {**rotation, "curve": "rocker"})
-        assert found == 200 and rocker["matches"]
-        found, both = running.post("/v1/match", {**rotation, "mechanisms": ["four_bar", "slider_crank"]})
-        assert found == 200 and {one["kind"] for one in both["matches"]} <= {"four_bar", "slider_crank"}
-        body = {**rotation, "position": [[k, 0.1 * k * k] for k in range(5)], "effort": "atlas"}
-        assert running.post("/v1/synthesize", body)[0] == 200
-        assert running.computing == before
-        assert {path.name for path in (tmp_path / "small.h5.index").iterdir() if path.is_dir()} == parts | {
-            "positions",
-            "rocker_cells",
-            "slider_crank_cells",
-        }
+        yield running, folder / "small.h5.index"
 
 
-def test_files_of_the_index_that_are_cut_short_while_they_are_used_are_made_anew(small_bytes, tmp_path) -> None:
+ROTATION = {"rotation": [0, 5, 12, 20, 31], "crank_span": 80}
+
+
+def test_files_of_the_index_that_are_cut_short_while_they_are_used_are_made_anew(indexed) -> None:
     """No request is refused for it, whichever part it is; one that is damaged again is made anew again."""
-    (tmp_path / "small.h5").write_bytes(small_bytes)
-    with serving(tmp_path, "--atlas", str(tmp_path / "small.h5"), prepare_positions=False) as running:
+    running, index = indexed
+    found, before = running.post("/v1/match", ROTATION)
+    assert found == 200
+    front, described = running.front, running.get("/v1/types/1")
+    for count, parts in enumerate(("*", "cells", "short_spans"), 1):
+        for path in index.glob(f"{parts}/*.npy"):
+            os.truncate(path, 0)
+        assert running.get("/v1/types/1") == described
+        found, again = running.post("/v1/match", ROTATION)
+        assert found == 200 and again["matches"] == before["matches"]
         until(lambda: running.get("/readyz")["preparing"] == [])
-        rotation = {"rotation": [0, 5, 12, 20, 31], "crank_span": 80}
-        found, before = running.post("/v1/match", rotation)
-        assert found == 200
-        front, described = running.front, running.get("/v1/types/1")
-        for count, parts in enumerate(("*", "cells", "short_spans"), 1):
-            for path in (tmp_path / "small.h5.index").glob(f"{parts}/*.npy"):
-                os.truncate(path, 0)
-            assert running.get("/v1/types/1") == described
-            found, again = running.post("/v1/match", rotation)
-            assert found == 200 and again["matches"] == before["matches"]
-            until(lambda: running.get("/readyz")["preparing"] == [])
-            assert running.log.read_text().count("A file of the index cannot be read") == count
-        assert running.front == front
+        assert running.log.read_text().count("A file of the index cannot be read") == count
+    assert running.front == front
+
+
+def test_parts_of_the_index_are_made_beside_and_found_by_all(indexed) -> None:
+    """Nobody that computes is replaced for them."""
+    running, index = indexed
+    until(lambda: settled(running))
+    parts = {"cells", "short_spans"}
+    assert {path.name for path in index.iterdir() if path.is_dir()} == parts
+    before = running.computing
+    assert running.post("/v1/match", ROTATION)[0] == 200
+    found, rocker = running.post("/v1/match", {**ROTATION, "curve": "rocker"})
+    assert found == 200 and rocker["matches"]
+    found, both = running.post("/v1/match", {**ROTATION, "mechanisms": ["four_bar", "slider_crank"]})
+    assert found == 200 and {one["kind"] for one in both["matches"]} <= {"four_bar", "slider_crank"}
+    body = {**ROTATION, "position": [[k, 0.1 * k * k] for k in range(5)], "effort": "atlas"}
+    assert running.post("/v1/synthesize", body)[0] == 200
+    assert running.computing == before
+    made = parts | {"positions", "rocker_cells", "slider_crank_cells"}
+    assert {path.name for path in index.iterdir() if path.is_dir()} == made
+
+
+def test_whichever_process_computes_goes_on_for_a_live_client(indexed) -> None:
+    told = []
+    for k in range(3):
+        position = [[0, 0], [30, 12], [55, 30 + k], [60, 55], [42, 70]]
+        body = {"position": position, "timing": "free", "top": 2, "live": "dragged there"}
+        found, reply = indexed[0].post("/v1/synthesize", body)
+        assert found == 200 and reply["solutions"]
+        told.append(reply["report"]["live"]["continued"])
+    assert told == [False, True, True]
 
 
 def test_while_files_of_the_index_are_made_anew_answers_come_from_the_plain_scan(small_bytes, tmp_path) -> None:
@@ -402,45 +419,35 @@ def test_while_files_of_the_index_are_made_anew_answers_come_from_the_plain_scan
 
 def test_a_part_of_the_index_that_is_not_what_was_written_is_told_once(small_bytes, tmp_path) -> None:
     (tmp_path / "small.h5").write_bytes(small_bytes)
-    with serving(tmp_path, "--atlas", str(tmp_path / "small.h5"), prepare_positions=False) as running:
-        until(lambda: running.get("/readyz")["preparing"] == [])
+    assert cli.main(["index", "--atlas", str(tmp_path / "small.h5")]) == 0
     place = min((tmp_path / "small.h5.index" / "short_spans").glob("*.npy"))
     place.write_bytes(b"x" + place.read_bytes()[1:])
     with serving(tmp_path, "--atlas", str(tmp_path / "small.h5"), prepare_positions=False) as running:
-        assert running.post("/v1/match", {"rotation": [0, 5, 12, 20, 31], "crank_span": 80})[0] == 200
+        assert running.post("/v1/match", ROTATION)[0] == 200
         until(lambda: running.get("/readyz")["preparing"] == [])
         assert running.log.read_text().count(f"{place.name} is not what was written") == 1
 
 
-def test_what_is_being_made_is_said(small_bytes, tmp_path) -> None:
-    (tmp_path / "small.h5").write_bytes(small_bytes)
-    slow = SERVICE.replace("raise SystemExit", SLOW_PARTS + "raise SystemExit")
-    with serving(tmp_path, "--atlas", str(tmp_path / "small.h5"), code=slow) as running:
-        until(lambda: set(running.get("/readyz")["preparing"]) == {"positions", "short_spans"})
-        os.kill(running.front, signal.SIGKILL)  # the next one is told, too
-        until(lambda: answers(running) and set(running.get("/readyz")["preparing"]) == {"positions", "short_spans"})
-        (tmp_path / "go").touch()
-        until(lambda: running.get("/readyz")["preparing"] == [])
-
-
-def test_no_more_wait_for_a_part_than_may_wait(small_bytes, tmp_path) -> None:
+def test_what_is_being_made_is_said_and_no_more_wait_for_it_than_may_wait(small_bytes, tmp_path) -> None:
     (tmp_path / "small.h5").write_bytes(small_bytes)
     slow = SERVICE.replace("raise SystemExit", SLOW_PARTS + "raise SystemExit")
     with serving(tmp_path, "--atlas", str(tmp_path / "small.h5"), code=slow, max_waiting=4) as running:
-        rotation = {"rotation": [0, 5, 12, 20, 31], "crank_span": 80, "curve": "rocker"}
+        until(lambda: set(running.get("/readyz")["preparing"]) == {"positions", "short_spans"})
+        os.kill(running.front, signal.SIGKILL)  # the next one is told, too
+        until(lambda: answers(running) and set(running.get("/readyz")["preparing"]) == {"positions", "short_spans"})
         with ThreadPoolExecutor(6) as clients:
-            asked = [clients.submit(running.post, "/v1/match", rotation) for _ in range(6)]
+            asked = [clients.submit(running.post, "/v1/match", {**ROTATION, "curve": "rocker"}) for _ in range(6)]
             until(lambda: sum(one.done() for one in asked) == 2)
             (tmp_path / "go").touch()
             assert sorted(one.result()[0] for one in asked) == [200] * 4 + [503] * 2
+        until(lambda: running.get("/readyz")["preparing"] == [])
 
 
 def test_without_an_index_what_is_missing_is_made_for_one_answer(small_bytes, tmp_path) -> None:
     (tmp_path / "small.h5").write_bytes(small_bytes)
     with serving(tmp_path, "--atlas", str(tmp_path / "small.h5"), "--no-index") as running:
-        rotation = {"rotation": [0, 5, 12, 20, 31], "crank_span": 80, "curve": "rocker"}
-        assert running.post("/v1/match", rotation)[0] == 200
-        found, sliders = running.post("/v1/match", {**rotation, "curve": "coupler", "mechanisms": ["slider_crank"]})
+        assert running.post("/v1/match", {**ROTATION, "curve": "rocker"})[0] == 200
+        found, sliders = running.post("/v1/match", {**ROTATION, "mechanisms": ["slider_crank"]})
         assert found == 200 and sliders["matches"][0]["kind"] == "slider_crank"
         assert not (tmp_path / "small.h5.index").exists()
 

@@ -74,50 +74,6 @@ def test_what_no_descent_leads_to_is_unknown_and_nothing_is_claimed(exact) -> No
     assert found.status == "unknown" and found.report.stopped_by == "budget"
 
 
-def wrong(path: list[str], value, exact) -> dict:
-    values = changed(exact)
-    at = values
-    for name in path[:-1]:
-        at = at[name]
-    at[path[-1]] = value
-    return values
-
-
-@pytest.mark.parametrize(
-    ("path", "value"),
-    [
-        (["links", "crank"], 0),
-        (["links", "rocker"], 1e60),
-        (["links", "ground"], 1e-9),
-        (["branch"], 2),
-        (["start_angle"], "thirty"),
-        (["mount", "pivot_a"], [1e30, 0]),
-        (["mount", "pivot_a"], [1]),
-        (["mount", "coupler_point"], None),
-        (["crank_angle"], [0, 1]),
-        (["mount"], None),
-    ],
-)
-def test_errors_name_the_field(path, value, exact, client: TestClient) -> None:
-    begin = wrong(path, value, exact)
-    reply = client.post("/v1/synthesize", json={**FREE, "refine_from": begin})
-    assert reply.status_code == 422
-    assert reply.json()["errors"][0]["pointer"].startswith("#/refine_from/" + path[0])
-    with pytest.raises(la.FieldError) as error:
-        la.synthesize(**FREE, refine_from=begin)
-    assert error.value.field.startswith("/refine_from")
-
-
-@pytest.mark.parametrize("begin", [{}, {"links": {}}, {"links": 3, "branch": 1}, 5, None])
-def test_what_is_no_linkage_is_named(begin) -> None:
-    if begin is None:
-        with pytest.raises(la.FieldError, match="refine_from"):
-            la.synthesize(**EXAMPLE, effort="atlas", refine_from=la.FourBar(1, 2, 2, 2))
-        return
-    with pytest.raises(la.FieldError, match="refine_from"):
-        la.synthesize(**EXAMPLE, refine_from=begin)
-
-
 def test_functions_are_refined_too(client: TestClient) -> None:
     wanted = {"input": [0, 15, 35, 60, 80], "output": [0, 12, 31, 62, 90]}
     first = client.post("/v1/function", json={**wanted, "top": 1}).json()["solutions"][0]

@@ -144,6 +144,20 @@ def test_kills_change_no_byte(requests, tmp_path) -> None:
     assert out.read_bytes() == wanted.read_bytes()
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="no limit of a file's size")
+def test_a_study_goes_on_once_a_full_disk_has_room_again(requests, tmp_path) -> None:
+    import resource
+
+    wanted, out = tmp_path / "wanted.ndjson", tmp_path / "results.ndjson"
+    assert study(requests, "--out", wanted, "--jobs", 1) == Exit.OK
+    size, command = wanted.stat().st_size, [sys.executable, "-m", "app.start", "study", requests, "--out", out]
+    for most, code, told in ((size // 2, Exit.FAILED, "cannot write"), (2 * size, Exit.OK, "answered")):
+        limits = lambda most=most: resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))  # noqa: E731
+        done = subprocess.run([*command, "--jobs", "1"], cwd=ROOT, capture_output=True, text=True, preexec_fn=limits)
+        assert (done.returncode, told in done.stderr) == (code, True), done.stderr
+    assert out.read_bytes() == wanted.read_bytes()
+
+
 @pytest.mark.fault
 def test_a_hundred_kills_change_no_byte(tmp_path) -> None:
     requests = tmp_path / "requests.ndjson"

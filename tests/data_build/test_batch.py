@@ -24,7 +24,7 @@ import numpy as np
 import pytest
 
 from data_build import batch
-from data_build.batch import BuildLocked, build_atlas, compute_shard, dask_executor, local_executor
+from data_build.batch import BuildLocked, build_atlas, compute_shard, local_executor
 from data_build.cli import EXIT_DAMAGED, EXIT_FAILED, EXIT_INTERRUPTED, EXIT_OK, EXIT_USAGE, main
 from synthesis.atlas.file import encode_atlas, load_atlas, write_image
 from synthesis.atlas.table import COLUMNS, CURVE, UNITS, AtlasRule
@@ -56,17 +56,6 @@ def test_number_of_jobs_changes_no_byte(jobs, out, wanted) -> None:
     atlas = load_atlas(out)
     assert built == (len(atlas), atlas.content_hash(), atlas.curve_error.max(), atlas.generator)
     assert seen == [(0, 3), (1, 3), (2, 3), (3, 3)]
-
-
-def test_dask_changes_no_byte(out, wanted) -> None:
-    distributed = pytest.importorskip("distributed")
-    options = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": ":0"}
-    with (
-        distributed.LocalCluster(**options, worker_dashboard_address=None, silence_logs=50) as cluster,
-        dask_executor(cluster.scheduler_address) as executor,
-    ):
-        build_atlas(RULE, out, executor)
-    assert out.read_bytes() == wanted and left_in(out.parent) == ["atlas.h5"]
 
 
 def test_a_shard_is_a_pure_function() -> None:

@@ -73,3 +73,5 @@ def test_a_study_that_loses_a_worker_gives_the_same_bytes(cluster, tmp_path) -> 
     process = command("study", requests, "--scheduler", cluster.scheduler_address, "--out", folder / "out.ndjson")
     lose_a_worker(cluster, process, folder, 5_000)
     assert (folder / "out.ndjson").read_bytes() == (tmp_path / "alone.ndjson").read_bytes()
+    found = [list(la.study(rows[:4], **where)) for where in ({"jobs": 1}, {"scheduler": cluster.scheduler_address})]
+    assert found[0] == found[1], "from Python too"

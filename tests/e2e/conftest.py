@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import shutil
+from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -27,10 +29,33 @@ OPTIONS = (
 )
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Within a file those that share a page come before those that load one each: between them it would be loaded again."""
+    places = [k for k, item in enumerate(items) if item.path.parent == Path(__file__).parent]
+    ranked = sorted((items[k] for k in places), key=lambda item: (item.path, "standing" not in item.fixturenames))
+    for k, item in zip(places, ranked):
+        items[k] = item
+
+
+def kept(app: Any) -> Any:
+    """The service, whose modules of the page the browser need not ask for again; test_page.py looks at their headers."""
+
+    async def answer(scope: Any, receive: Any, send: Any) -> None:
+        async def answered(message: Any) -> None:
+            if message["type"] == "http.response.start" and scope["path"].startswith("/static/"):
+                headers = [pair for pair in message["headers"] if pair[0] != b"cache-control"]
+                message = message | {"headers": [*headers, (b"cache-control", b"max-age=3600")]}
+            await send(message)
+
+        await app(scope, receive, answered)
+
+    return answer
+
+
 @pytest.fixture(scope="session")
 def address():
     """The service on a free port, without an atlas, whatever lies in the working folder: the page needs none."""
-    with listening(create_app(Settings(with_atlas=False))) as (port, _):
+    with listening(kept(create_app(Settings(with_atlas=False)))) as (port, _):
         yield f"http://127.0.0.1:{port}"
 
 
@@ -97,6 +122,7 @@ def standing(pages, request):
     To load the page takes longer than most of them.
     """
     if pages.run("return window.standing") == request.module.__name__:
+        pages.resize(1280)
         pages.run("window.stub = window.guided = null")
         pages.run("for (const one of document.querySelectorAll('details')) one.open = false")
     else:

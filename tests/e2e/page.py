@@ -282,7 +282,7 @@ class Page:
 
     def listen(self) -> None:
         """Keep the bodies of requests from now on."""
-        self.run(ASKED)
+        self.run(f"if (window.asked) window.asked = []; else {{ {ASKED} }}")
 
     def asked(self) -> dict[str, Any]:
         """The last request."""

@@ -90,7 +90,8 @@ def test_a_refinement_that_leads_nowhere_says_so_and_keeps_the_linkage(edited) -
     assert "prefer" not in asked, "nothing is chosen among"
 
 
-def test_a_linkage_given_with_a_request_is_no_part_of_the_motion(page) -> None:
+def test_a_linkage_given_with_a_request_is_no_part_of_the_motion(standing) -> None:
+    page = standing
     begin = {"links": {"crank": 1, "coupler": 2, "rocker": 2, "ground": 2}, "branch": 1, "start_angle": 0}
     page.take({"position": [[0, 0], [3, 4], [6, 5]], "timing": "free", "refine_from": begin})
     assert "refine_from" not in page.request()

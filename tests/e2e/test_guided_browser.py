@@ -93,7 +93,8 @@ def test_guides_are_changed_by_hand(standing, drive) -> None:
     assert page.count("#refine-here") == 0, "the service refines four-bars only"
 
 
-def test_the_page_asks_for_all_kinds_and_lists_several(page) -> None:
+def test_the_page_asks_for_all_kinds_and_lists_several(standing) -> None:
+    page = standing
     page.take(
         {
             "position": [[0, 0], [22, 5], [41, 17], [52, 36], [50, 58]],
@@ -126,7 +127,8 @@ def test_files_and_sheet_of_a_linkage_with_a_rail(standing, drive) -> None:
     assert one.driver in sheet and "First guide" in sheet
 
 
-def test_the_worst_pose_is_told_whole_on_a_narrow_canvas(page) -> None:
+def test_the_worst_pose_is_told_whole_on_a_narrow_canvas(standing) -> None:
+    page = standing
     page.resize(320, 700)
     solved(page, DRIVES[1])
     places = page.run(

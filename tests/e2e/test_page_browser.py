@@ -444,7 +444,8 @@ def test_a_path_is_made_of_single_points_by_click_and_by_key(standing) -> None:
     assert standing.run("return document.activeElement.dataset.pose") == "3"
 
 
-def test_a_path_is_drawn_by_a_finger(page) -> None:
+def test_a_path_is_drawn_by_a_finger(standing) -> None:
+    page = standing
     page.resize(360)
     page.mode("path")
     x, y = page.middle_of(page.find("canvas"))
@@ -497,6 +498,7 @@ def test_samples_in_any_order_are_marked_where_they_are_passed(standing) -> None
     assert standing.ticked("any-order")
     standing.stub(request, angles, VERDICTS[:1])
     standing.solve()
+    standing.select("range", "used")
     assert standing.asked()["order"] == "any"
     slider = standing.find("slider")
     assert float(slider.get_attribute("min")) == -20 and float(slider.get_attribute("max")) == 60

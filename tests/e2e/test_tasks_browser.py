@@ -37,8 +37,9 @@ def test_a_practical_machine_moves_on_load(moving, page) -> None:
     assert lead["y"] + lead["height"] < 160 and page.shown("new-path")
 
 
-def test_nothing_is_cut_off_at_any_size(page) -> None:
+def test_nothing_is_cut_off_at_any_size(opened) -> None:
     """The canvas becomes lower as legend and help below it take more lines."""
+    page = opened
     cut = (
         "const frame = document.getElementById('canvas').getBoundingClientRect();"
         "return [...document.querySelectorAll('#canvas .dot')].map((one) => one.getBoundingClientRect()).filter((one) =>"

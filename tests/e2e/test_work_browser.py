@@ -271,7 +271,8 @@ def replies(page, *sizes: float) -> None:
     )
 
 
-def test_the_view_fits_a_new_answer_unless_the_user_has_moved_it(page) -> None:
+def test_the_view_fits_a_new_answer_unless_the_user_has_moved_it(standing) -> None:
+    page = standing
     request = path_request([0, 60, 120])
     page.take(request)
     page.stub(request, [0, 60, 120], VERDICTS[:1])

@@ -205,18 +205,6 @@ def test_a_motor_and_its_rod_are_two_more_plates() -> None:
     assert linkage.assembly(asked, drive=drive.to_dict()).layers == found.layers
 
 
-@pytest.mark.parametrize(
-    ("body", "words"),
-    [
-        ([[0, 0], [1e300, 0], [0, 1e300]], "within 1e"),
-        ([[0, 0], [30, 20], [30, 0], [0, 20]], "crosses or touches itself"),
-        ([[0, 0], [1, float("nan")], [2, 0]], "all finite"),
-    ],
-)
-def test_outlines_that_no_body_has_are_refused_by_name(body, words) -> None:
-    with pytest.raises(la.FieldError, match=words) as refused:
-        la.FourBar(*CRANK_ROCKER).assembly(body=body)
-    assert refused.value.field == "/body"
-    # far beyond the linkage is odd, but it is proved
-    wide = la.FourBar(*CRANK_ROCKER, coupler_point=(20, 60)).assembly(body=[[-1e40, -1e40], [1e40, -1e40], [0, 1e40]])
-    assert wide.status in ("free", "blocked")
+def test_an_outline_far_beyond_the_linkage_is_judged() -> None:
+    linkage = la.FourBar(*CRANK_ROCKER, coupler_point=(20, 60))
+    assert linkage.assembly(body=[[-1e40, -1e40], [1e40, -1e40], [0, 1e40]]).status in ("free", "blocked")

@@ -217,19 +217,6 @@ def test_a_swing_to_and_fro_comes_first_with_links_that_can_be_made() -> None:
     assert any("preset" in note for note in found.report.notes) is not found.best.verdict.practical
 
 
-@pytest.mark.parametrize(
-    ("asked", "field"),
-    [
-        ({"output": [10, 10, 10, 10]}, "/output"),
-        ({"function": {"table": [[0, 1], [1, 1], [2, 1]], "output_span": 30}}, "/function"),
-    ],
-)
-def test_an_output_that_stands_still_is_refused(asked, field) -> None:
-    with pytest.raises(la.FieldError) as refused:
-        la.function(**asked, crank_span=60)
-    assert refused.value.field.startswith(field)
-
-
 @pytest.mark.parametrize("top", [1, 10])
 def test_of_exact_answers_the_first_is_the_one_to_build(top: int) -> None:
     """Five pairs: one exact linkage has a transmission angle of 19 degrees, another of 70."""

@@ -106,28 +106,6 @@ def test_the_object_prints_draws_and_keeps_itself() -> None:
     assert four.kind == "four_bar" and four.turns_fully
 
 
-@pytest.mark.parametrize(
-    ("guides", "driver", "field"),
-    [
-        ([CRANK], "crank", "/guides"),
-        ([CRANK, {"guide": "ring"}], "crank", "/guides/1/guide"),
-        ([CRANK, {**RAIL, "direction": None}], "crank", "/guides/1/direction"),
-        ([{**CRANK, "radius": 0}, RAIL], "crank", "/guides/0/radius"),
-        ([CRANK, {**RAIL, "body_point": [1]}], "crank", "/guides/1/body_point"),
-        ([CRANK, {**RAIL, "body_point": [0, 0]}], "crank", "/guides/1/body_point"),
-        ([CRANK, RAIL], "slider", "/driver"),
-        ([CRANK, RAIL], "engine", "/driver"),
-        ([RAIL, {**RAIL, "body_point": [5, 1]}], "slider", "/guides/1/direction"),
-        ([SLOT, {**SLOT, "pin": [5, 5]}], "cylinder", "/guides/1/body_direction"),
-        ([SLOT, {**CRANK, "pivot": [2, 0]}], "cylinder", "/guides/1"),
-    ],
-)
-def test_what_is_no_linkage_is_refused_by_name(guides, driver, field) -> None:
-    with pytest.raises(la.FieldError) as caught:
-        la.GuidedLinkage(guides, driver)
-    assert caught.value.field == field
-
-
 @pytest.mark.parametrize("drive", [DRIVES[1], DRIVES[5], DRIVES[8], DRIVES[9]], ids=lambda one: f"{one[1]}")
 def test_files_over_http_from_a_solution(client, drive) -> None:
     one, motion = reply_of(drive)

@@ -48,12 +48,3 @@ def test_a_file_is_gone_on_with(tmp_path) -> None:
     assert whole[:2] == first and [json.loads(line) for line in out.read_text().splitlines()] == whole
     with pytest.raises(la.FieldError, match="another request"):
         list(la.study(motions(4), out, jobs=1))
-
-
-def test_a_cluster_gives_the_same(tmp_path) -> None:
-    distributed = pytest.importorskip("distributed")
-    asked = motions(6)
-    options = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": ":0"}
-    with distributed.LocalCluster(**options, worker_dashboard_address=None, silence_logs=50) as cluster:
-        found = list(la.study(asked, scheduler=cluster.scheduler_address))
-    assert found == list(la.study(asked, jobs=1))

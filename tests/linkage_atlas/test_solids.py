@@ -212,31 +212,6 @@ def test_parts_that_would_collide_are_refused_with_the_reason(tmp_path) -> None:
     assert len(list(tmp_path.iterdir())) == 2
 
 
-@pytest.mark.parametrize(
-    ("asked", "field"),
-    [
-        ({"fit": "loose"}, "/fit"),
-        ({"material": "wood"}, "/material"),
-        ({"pins": "iron"}, "/pins"),
-        ({"fillet": -1}, "/fillet"),
-        ({"scale": 0}, "/scale"),
-        ({"scale": 1e9}, "/scale"),
-        ({"layout": "pile"}, "/layout"),
-        ({"nevertheless": 1}, "/nevertheless"),
-        ({"colour": "red"}, "/colour"),
-        ({"boards": "left"}, "/boards"),
-        ({"length_unit": "ft"}, "/length_unit"),
-        ({"scale": 1e-3}, "/length_unit"),
-        ({"scale": 1e3, "length_unit": "m"}, "/length_unit"),
-        ({"hole": 0.3, "fit": "print"}, "/assembly/hole"),
-    ],
-)
-def test_bad_arguments_are_named(linkage, asked, field) -> None:
-    with pytest.raises(la.FieldError) as refused:
-        linkage.solids(**asked)
-    assert refused.value.field == field
-
-
 def test_a_list_of_parts_has_a_row_a_part(linkage) -> None:
     parts = linkage.solids(heads=True, boards="both")
     rows = list(csv.DictReader(io.StringIO(parts.file("parts").decode())))

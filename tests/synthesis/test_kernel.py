@@ -247,7 +247,7 @@ TASKS: dict[str, Callable[[Descent], Any]] = {
         3 * one.random.normal(size=(2, one.columns)), one.random.normal(size=one.turns)
     ),
     "broken": lambda one: one.kernel.broken(),
-    "excursions": lambda one: one.kernel.excursions(0.05, 0.2),
+    "excursions": lambda one: np.column_stack(one.kernel.excursions(0.05, 0.2)),
     "restore": lambda one: one.kernel.restore(3),
 }
 

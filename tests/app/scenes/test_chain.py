@@ -65,33 +65,6 @@ def test_other_fits_give_coefficients(kind, client) -> None:
     assert reply["fit"]["max_chord"] < reply["fit"]["max_normal"] < 0.1
 
 
-@pytest.mark.parametrize(
-    ("change", "nearest", "key"),
-    [
-        ({"links": 14}, 15, "missing_length"),
-        ({"links": 18}, 17, "excess_length"),
-        ({"links": 15, "wheel_radius": 92.63, "lower_radius": 381.5, "eccentricity": 90.22}, 16, "missing_length"),
-        ({"links": 17, "wheel_radius": 92.63, "lower_radius": 381.5, "eccentricity": 90.22}, 16, "excess_length"),
-        ({"lower_radius": 381.0, "eccentricity": 90.22}, 17, "missing_length"),
-        ({"pitch": 1e-3, "upper_radius": 999, "links": 5}, None, "missing_length"),
-    ],
-)
-def test_layouts_that_cannot_close(change, nearest, key, client, capsys, tmp_path) -> None:
-    body = {**PUBLISHED, **change}
-    response = client.post("/v1/chain/slot", json=body)
-    assert response.status_code == 422
-    assert response.headers["content-type"] == "application/problem+json"
-    row = response.json()["errors"][0]
-    assert row["pointer"] == "#/links" and row["constraint"] == "closure"
-    assert row[key] == row["amount"] > 0
-    assert nearest is None or row["nearest_links"] == nearest
-    assert str(row["nearest_links"]) in row["detail"]
-    file = tmp_path / "request.json"
-    file.write_text(json.dumps(body))
-    assert main(["chain", "slot", str(file)]) == 2
-    assert str(row["nearest_links"]) in capsys.readouterr().err
-
-
 def test_a_roller(client) -> None:
     fits = client.post("/v1/chain/slot", json={**PUBLISHED, "roller_radius": 52.0}).json()
     assert fits["checks"]["roller_fits"] is True

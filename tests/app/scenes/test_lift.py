@@ -40,15 +40,6 @@ def test_motion_replies_what_the_contract_names(client) -> None:
         assert reply[name] is None
 
 
-def test_lowering_starts_at_the_top(client) -> None:
-    body = changed(MOTION, {"cylinder.speed": -100})
-    reply = client.post("/v1/lift/motion", json=body).json()
-    assert reply["height"][0] == reply["height_start"] == reply["height_top"] == 510.0
-    assert reply["height_end"] == pytest.approx(199.999314, abs=1e-5)
-    assert reply["condition"]["start"] == reply["condition"]["top"]
-    assert reply["velocity"][-1] == pytest.approx(-256.89163, abs=1e-3)
-
-
 def test_everything_can_be_asked_for_and_agrees(client) -> None:
     extras = ["angles", "angular_velocities", "angular_accelerations", "points", "conditions", "residual"]
     body = {**MOTION, "include": [*extras, "instant_centre", "assemblies"]}
@@ -99,11 +90,6 @@ def test_any_scale_is_answered_with_finite_numbers(client, scale, speed) -> None
     assert reply.status_code == 200, reply.text
     assert finite(reply.json())
     assert reply.json()["rise_time"] == pytest.approx(572.022727 * scale / abs(speed), rel=1e-8)
-
-
-def test_many_samples_in_one_request(client) -> None:
-    reply = client.post("/v1/lift/motion", json={**MOTION, "samples": models.MAX_SAMPLES})
-    assert reply.status_code == 200 and len(reply.json()["height"]) == models.MAX_SAMPLES
 
 
 def test_optimize_replies_what_the_contract_names(client) -> None:
@@ -167,14 +153,6 @@ def test_command_line_refuses_with_code_2_and_the_field(command, body, tmp_path,
     request.write_text(json.dumps(changed(body, {"cylinder.speed": 0})))
     assert cli.main(["lift", command, str(request)]) == 2
     assert "cylinder.speed" in capsys.readouterr().err
-
-
-def test_tables_show_the_figures(capsys) -> None:
-    assert cli.main(["lift", "motion", "--example", "published"]) == 0
-    out = capsys.readouterr().out
-    assert "199.969" in out and "working branch" in out and "loop residual" in out
-    assert cli.main(["lift", "batch", "--example", "cylinders"]) == 0
-    assert "334.8844" in capsys.readouterr().out
 
 
 # -- nothing is said that was not computed ----------------------------------------------------------------------
