@@ -581,12 +581,24 @@ def merit(one: AnySolution) -> tuple[bool, ...]:
     )
 
 
+def by_rounded(solutions: Sequence[S], top: int) -> list[S]:
+    """Solutions whose lengths were rounded, by the error of what can be had: those that do not close so come last."""
+
+    def rounded_error(one: S) -> float:
+        found = one.rounded
+        return np.inf if found is None or found.errors is None else found.errors.objective
+
+    ordered = sorted(solutions, key=lambda one: (*merit(one), rounded_error(one)))
+    return [replace(one, rank=rank) for rank, one in enumerate(ordered[:top], 1)]
+
+
 def _worth(one: Solution, motion: Motion, tolerance: float) -> tuple[float, ...]:
     """The place of an exact answer for given crank angles by what one would build, not by its rounding; others keep theirs."""
     if motion.free or one.errors.objective >= tolerance:
         return 1.0, 0.0, 0.0
     step = 5 if motion.degrees else np.deg2rad(5)
-    return 0.0, -(one.transmission_angle_min // step), one.size or 0.0
+    size = max(one.links) / min(one.links) if one.size is None else one.size
+    return 0.0, -(one.transmission_angle_min // step), size
 
 
 def _described(

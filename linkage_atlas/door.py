@@ -15,7 +15,7 @@ from typing import Any, Literal, NamedTuple, TypedDict, Unpack, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkage_atlas.answers import FINISHING, Continued, Report, Result, cognate_notes, finished, status_of
+from linkage_atlas.answers import FINISHING, Continued, Report, Result, by_rounded, cognate_notes, finished, status_of
 from linkage_atlas.arguments import check_above_zero, check_top, column, number
 from linkage_atlas.assemblies import read_assembly
 from linkage_atlas.atlases import Atlas
@@ -23,6 +23,7 @@ from linkage_atlas.cache import default_atlas
 from linkage_atlas.driving import check_asked
 from linkage_atlas.guided import DriverName, KindName
 from linkage_atlas.kinds import (
+    FAIR,
     PROPORTION,
     UNRANKED,
     Course,
@@ -40,6 +41,7 @@ from linkage_atlas.kinds import (
     read_kinds,
     search_kinds,
     span_of,
+    strays_between,
 )
 from linkage_atlas.kinds import Asked as Kinds
 from linkage_atlas.limits import QUICK, QUICK_ROUNDS, read_limits, what_excludes
@@ -74,8 +76,12 @@ UNASKED = (
 )
 OUT_OF_PROPORTION = (
     "the linkage of least error (objective {error:.2g}) is out of all proportion, its largest part {times:.2g} times the "
-    "motion's extent or the shortest link: linkages within 30 times, whose error is near, come before it; "
+    "motion's extent or the shortest link: linkages within 30 times come before it; "
     "with `limits.preset` 'none' the error alone counts"
+)
+EXACT_OUT_OF_PROPORTION = (
+    "the exact linkage is out of all proportion, its largest part {times:.2g} times the motion's extent or the shortest link: "
+    "within 30 times the error is {error:.2g} at least"
 )
 SWINGS = (
     "cranks were looked for that can turn fully, but this motion needs no more than half a turn of them: "
@@ -92,6 +98,8 @@ each of the first ten solutions."""
 _LAYERED, _LAYERED_LEAST, _FOR_LAYERS = 3, 20, 0.3
 """Where layers are preferred: times as many linkages whose layers are compared, and at least so many; and the part of a budget
 that is left for them."""
+_ROUNDED_LEAST = 5
+"""Linkages at least that are rounded, of which the best are answered: the nearest is seldom that of whole lengths."""
 _VARIETY = 6
 """Times as many solutions among which diverse ones are chosen."""
 Prefer = Literal["error", "size", "transmission", "crank_span", "layers"]
@@ -317,7 +325,9 @@ def synthesize(
     goal = tolerance if prefers == "error" else goal_of(_allowed(wanted), tolerance)
 
     spare = FINISHING if live is None else LIVE_FINISHING + LIVE_FINISHING_EACH * min(top, 10)
+    rounds = studies.rounds and prefers == "error" and not diverse
     searching, many, wish = watch.extended(-spare), _VARIETY * top if diverse else top, 0.0
+    many = max(many, _ROUNDED_LEAST) if rounds else many
     if prefers == "layers":
         many, wish = max(many, _LAYERED * top, _LAYERED_LEAST), _FOR_LAYERS
     found, course = _search(source, wanted, kept, many, goal, watch.extended(-spare - wish), begun=begun)
@@ -351,8 +361,10 @@ def synthesize(
     solutions = finished(
         found, wanted, kept, tolerance, studies, type_of, watch.extended(FINISHING), prefers == "error"
     )
-
     cut_short, refines = course.stopped_by == "budget", isinstance(source, Start)
+    status = status_of(solutions, tolerance, wanted.tolerances is not None, cut_short or refines)
+    if rounds and solutions:
+        found, solutions = found[:top], by_rounded(solutions, top)
     if solutions and solutions[0].determination.ill_posed:
         notes.append(ILL_POSED)
     if not wanted.free and "preset" not in (limits or {}) and solutions and not solutions[0].verdict.practical:
@@ -382,7 +394,6 @@ def synthesize(
     )
     if live is not None and course.left is not None:
         live.state = course.left.packed()
-    status = status_of(solutions, tolerance, wanted.tolerances is not None, cut_short or refines)
     return Result(status, list(solutions), report)
 
 
@@ -439,9 +450,12 @@ def _of_kinds(
             course = course._replace(stopped_by=StoppedBy.BUDGET.value)
     searched = watch.elapsed
     solutions = finished_kinds(chosen, motion, limits, tolerance, studies, watch.extended(FINISHING))
+    cut_short = course.stopped_by == StoppedBy.BUDGET.value
+    status = status_of(solutions, tolerance, motion.tolerances is not None, cut_short)
+    if studies.rounds and prefers == "error":
+        solutions = by_rounded(solutions, top)
     notes += _swing_notes(solutions, motion, given, tolerance)
     notes += study_notes(studies.manufacture, solutions)
-    cut_short = course.stopped_by == StoppedBy.BUDGET.value
     if not solutions and cut_short:
         notes.append(CUT_SHORT)
     elif not solutions and not limits.only_family and not set(notes) & set(NOTHING_ROUND.values()):
@@ -456,7 +470,7 @@ def _of_kinds(
     if len(solutions) < len(chosen):
         notes.append(f"the time was up: of {len(chosen)} linkages found the best {len(solutions)} are reported")
     report = _report(course, motion, searched, watch.elapsed, notes)
-    return Result(status_of(solutions, tolerance, motion.tolerances is not None, cut_short), solutions, report)
+    return Result(status, solutions, report)
 
 
 def _envelope_notes(motion: Motion, limits: Limits) -> list[str]:
@@ -567,24 +581,30 @@ def _with_fair(
     tolerance: float,
     work: Work,
 ) -> tuple[list[Solution], Course]:
-    """What a search found; where its best is out of all proportion, behind linkages of fair size that are near.
+    """What a search found; where its best is out of all proportion, linkages of fair size before it, or behind an exact one.
 
     Law: an exact answer stays first.
     """
-    if not found or found[0].errors.objective < tolerance:
+    if not found:
         return found, course
-    times = proportion_of(found[0], motion.samples)
-    if times <= PROPORTION:
+    times, best = proportion_of(found[0], motion.samples), found[0].errors.objective
+    is_exact = best < tolerance
+    if times <= PROPORTION or (is_exact and any(proportion_of(one, motion.samples) <= FAIR for one in found)):
         return found, course
     more, again = _search(source, motion, sizes, top, tolerance, work)
-    every = sorted(found + more, key=lambda one: one.errors.objective)
-    fair, behind = proportionate(every, motion.samples, tolerance)
-    chosen = distinct(fair, top, APART, exact=tolerance)
-    if not behind:
-        return chosen, course
-    said = OUT_OF_PROPORTION.format(error=found[0].errors.objective, times=times)
-    course = course._replace(notes=[*course.notes, said], unseen=again.unseen, stopped_by=again.stopped_by)
-    return [*chosen, *distinct(behind, top, APART)][:top], course
+    if is_exact:
+        found = [one for one in found if one.errors.objective < tolerance]
+        said = EXACT_OUT_OF_PROPORTION.format(times=times, error=more[0].errors.objective) if more else ""
+        first, behind = sorted(found + more, key=lambda one: one.errors.objective), found[:0]
+    else:
+        every = sorted(found + more, key=lambda one: one.errors.objective)
+        first, behind = proportionate(every, motion.samples, tolerance)
+        said = OUT_OF_PROPORTION.format(error=best, times=times) if behind else ""
+    if behind:
+        course = course._replace(unseen=again.unseen, stopped_by=again.stopped_by)
+    chosen = distinct(first, top, APART, exact=tolerance)
+    chosen += distinct(behind, top - len(chosen), APART)
+    return chosen, course._replace(notes=[*course.notes, said] if said else course.notes)
 
 
 # -- what is preferred ------------------------------------------------------------------------------------------------
@@ -647,6 +667,13 @@ def _improved(
     """
     near = near_enough(motion, least := max(least, goal))
     goal = goal if motion.tolerances is not None else least
+    steady = _steady(motion, limits)
+    if any(map(steady, filter(near, found))):  # what strays between samples is not preferred, however small
+        close = near
+
+        def near(one: Any) -> bool:
+            return close(one) and steady(one)
+
     measure = _measure(prefer, motion, limits)
     good = list(filter(near, found))
     best, out_of_reach = min(map(measure.of, good), default=np.inf), measure.least
@@ -666,6 +693,14 @@ def _improved(
         else:
             out_of_reach = float(middle)
     return good
+
+
+def _steady(motion: Motion, limits: Limits) -> Callable[[Any], bool]:
+    """Whether the body of a linkage stays between samples, where that counts: within the practical limits."""
+    samples = motion.samples
+    if not limits.practical or not isinstance(samples, Poses) or samples.position is None:
+        return lambda _: True
+    return lambda one: not strays_between([one], samples)[0]
 
 
 def _arranged(

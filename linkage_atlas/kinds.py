@@ -19,7 +19,7 @@ from linkage_atlas.assemblies import AskedAssembly, Assembly, assembled
 from linkage_atlas.guided import KindName
 from linkage_atlas.motions import Motion
 from linkage_atlas.studies import Studies
-from synthesis.arrays import Floats
+from synthesis.arrays import Flags, Floats
 from synthesis.errors import FieldError
 from synthesis.fourbar import solution as fourbar
 from synthesis.fourbar.limits import FORMS, Limits
@@ -32,7 +32,7 @@ from synthesis.guided.limits import broken_limits
 from synthesis.guided.linkage import Driver, Kind
 from synthesis.guided.search import NOTHING_ROUND, search_guided
 from synthesis.kept import Kept
-from synthesis.ranking import APART, NEAR, STANDS_BACK, behind, distinct
+from synthesis.ranking import APART, behind, distinct
 from synthesis.search.search import StoppedBy
 from synthesis.target import Samples, Target
 from synthesis.work import OutOfTime, Work
@@ -377,7 +377,7 @@ def proportion_of(one: Found, samples: Samples) -> float:
 def proportionate(found: Sequence[One], samples: Samples, tolerance: float) -> tuple[list[One], list[One]]:
     """Answers in two: those to show first, and those behind them, each in the order they come in.
 
-    Where the best is not exact and out of all proportion, near ones of fair size go before all others.
+    Where the best is not exact and out of all proportion, those of fair size that are answers at all go before all others.
     """
     if not found:
         return [], []
@@ -385,30 +385,33 @@ def proportionate(found: Sequence[One], samples: Samples, tolerance: float) -> t
     least = best.errors.objective
     if least < tolerance or proportion_of(best, samples) <= PROPORTION:
         return list(found), []
-    fair = {id(one) for one in found if proportion_of(one, samples) <= FAIR and _near(one, least)}
+    poor = max(_NO_ANSWER, _TIMES_LESS * least)
+    fair = {id(one) for one in found if proportion_of(one, samples) <= FAIR and one.errors.objective <= poor}
     if not fair:
         return list(found), []
     return [one for one in found if id(one) in fair], [one for one in found if id(one) not in fair]
-
-
-def _near(one: Found, least: float) -> bool:
-    return one.errors.objective <= max(NEAR, STANDS_BACK * least)
 
 
 def _staying(found: Sequence[Found], samples: Samples, tolerance: float) -> list[Found]:
     """Those whose body stays between samples, four-bars without a tiny link; all where no such one is near."""
     if not isinstance(samples, Poses) or samples.position is None:
         return list(found)
-    strays = np.zeros(len(found), dtype=bool)
-    four_bars = [k for k, one in enumerate(found) if isinstance(one, fourbar.Solution)]
-    some: list[Any] = [found[k] for k in four_bars]
-    strays[four_bars] = go_astray(some, samples) | have_tiny_links(some, samples)
-    for k, one in enumerate(found):
-        if isinstance(one, guided.GuidedSolution):
-            strays[k] = guided.goes_astray(one, samples)
+    strays = strays_between(found, samples)
     groups = behind(np.array([one.errors.objective for one in found]), strays, tolerance)
     left_out = strays & np.where(groups == 1, np.any(groups == 0), np.any((groups == 0) | (groups == 2)))
     return [one for one, out in zip(found, left_out) if not out]
+
+
+def strays_between(found: Sequence[Found], poses: Poses) -> Flags:
+    """Whether the body of each goes elsewhere between samples, or a four-bar has a tiny link, (n,)."""
+    strays = np.zeros(len(found), dtype=bool)
+    four_bars = [k for k, one in enumerate(found) if isinstance(one, fourbar.Solution)]
+    some: list[Any] = [found[k] for k in four_bars]
+    strays[four_bars] = go_astray(some, poses) | have_tiny_links(some, poses)
+    for k, one in enumerate(found):
+        if isinstance(one, guided.GuidedSolution):
+            strays[k] = guided.goes_astray(one, poses)
+    return strays
 
 
 def front(

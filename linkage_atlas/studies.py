@@ -579,6 +579,11 @@ class Studies(NamedTuple):
     """Assemblies that were made before, by id of the linkage."""
 
     @property
+    def rounds(self) -> bool:
+        """Whether lengths that can be had are asked for."""
+        return self.round_to is not None or self.lengths_from is not None
+
+    @property
     def long(self) -> bool:
         """Whether each solution takes long enough to look at the time after it."""
         long = (self.round_to, self.lengths_from, self.manufacture, self.drives, self.assembly)

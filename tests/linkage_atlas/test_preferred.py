@@ -169,12 +169,36 @@ def test_a_linkage_out_of_all_proportion_does_not_come_first(asked) -> None:
     assert not any("out of all proportion" in note for note in least.report.notes)
 
 
+def test_an_exact_linkage_that_nobody_builds_has_others_behind_it() -> None:
+    # a body that turns with the crank: exact ones are 9 million times as long as their shortest link
+    found = la.synthesize(15 * np.arange(7), crank_span=90, top=3)
+    assert found.status == "reached"
+    assert any("the exact linkage is out of all proportion" in note for note in found.report.notes)
+    fair = [one for one in found if max(one.linkage.links) <= 30 * min(one.linkage.links)]
+    assert fair and fair[0].errors.rotation_max < 0.1
+
+
+def test_of_linkages_inside_the_tolerances_those_that_stay_between_samples_are_preferred() -> None:
+    # once the smallest came first, though its body point went 4 times as far between two samples as they are apart
+    along = np.linspace(0, 1, 3)
+    position = np.column_stack([250 * along, 60 * np.sin(np.pi * along)])
+    found = la.synthesize(
+        180 * along,
+        position,
+        timing="free",
+        tolerances={"position": 5, "rotation": 2},
+        limits={"family": "any"},
+    )
+    assert found.status == "reached" and found.best.verdict.practical
+    assert found.best.excursion is not None and found.best.excursion <= 2.5
+
+
 def test_an_exact_linkage_stays_first_however_long_it_is() -> None:
     long = la.FourBar(19, 7200, 14400, 21570, start_angle=30)
     asked = {"rotation": long.joints(np.linspace(0, 300, 16)).rotation, "crank_span": 300}
     found = la.synthesize(**asked, top=1)
-    assert found.status == "reached"
-    assert not any("out of all proportion" in note for note in found.report.notes)
+    assert found.status == "reached" and found.best.errors.objective < 1e-10
+    assert max(found.best.linkage.links) > 100 * min(found.best.linkage.links)
 
 
 def test_a_linkage_is_judged_by_the_limits_that_were_asked_for() -> None:
