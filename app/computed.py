@@ -130,13 +130,9 @@ class Threads:
 
 
 class LargeBodies:
-    """Large bodies are received a few at a time, at most half of them from one address; the others stay with their senders.
+    """Large bodies are received in few ``places``, at most half of them of one address; the others stay with their senders.
 
-    Parameters
-    ----------
-    places : int
-    seconds : float
-        In which a body is there if it goes on as it came. One that falls `PATIENCE` seconds behind loses its place.
+    One that falls `PATIENCE` seconds behind where it would be after ``seconds`` loses its place.
     """
 
     PATIENCE = 2.0

@@ -66,18 +66,7 @@ def processor_seconds(max_budget_ms: float) -> float:
 
 
 class Computer:
-    """The process itself; made in it.
-
-    Parameters
-    ----------
-    connection : socket.socket
-    questions : mapping
-        By the path of their route.
-    resources : ServiceResources
-        With everything loaded.
-    quick : bool
-        Whether it is never given a long request, and goes before those that are.
-    """
+    """The process itself, made in it; a ``quick`` one is never given a long request, and goes before those that are."""
 
     def __init__(
         self, connection: socket.socket, questions: Mapping[str, Question], resources: ServiceResources, quick: bool

@@ -8,7 +8,6 @@ absolute form and an empty line before a request (RFC 9112), and says as problem
 from __future__ import annotations
 
 import asyncio
-import logging
 import resource
 from collections.abc import Iterator
 from itertools import chain, repeat
@@ -34,18 +33,6 @@ DOUBT_SECONDS = 0.02
 """After which one that has gone is known to have."""
 _PAUSE_SECONDS = 0.1
 """Before one that speaks no HTTP is told so: some begin again at once."""
-MOST_LOGGED = 500
-"""Characters of an address in the log."""
-
-
-def cut_addresses(record: logging.LogRecord) -> bool:
-    """A filter of uvicorn's log of requests: no line is longer than it needs to be."""
-    if isinstance(record.args, tuple):
-        record.args = tuple(
-            f"{part[:MOST_LOGGED]}..." if isinstance(part, str) and len(part) > MOST_LOGGED else part
-            for part in record.args
-        )
-    return True
 
 
 def protocol_of(settings: Settings) -> type[Connection]:

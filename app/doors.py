@@ -25,14 +25,7 @@ def host_of(value: str) -> str:
 
 
 class Doors:
-    """Refuses requests under a foreign name (DNS rebinding), from a foreign page, and of ambiguous length.
-
-    Parameters
-    ----------
-    app : ASGI application
-    hosts : sequence of str
-        Names under which the service is reached; ``*`` is any.
-    """
+    """Refuses requests not under one of the names ``hosts`` (DNS rebinding), from a foreign page, and of ambiguous length."""
 
     def __init__(self, app: ASGIApp, hosts: Sequence[str]) -> None:
         self.app = app

@@ -22,8 +22,7 @@ from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.bodies import Held
-from app.connections import MOST_LOGGED
-from app.settings import Settings
+from app.settings import MOST_LOGGED, Settings
 from app.turnstile import Turnstile
 
 _SECONDS = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 2.5, 5, 10, 30)

@@ -97,21 +97,10 @@ def _ending(code: int) -> str:
 
 
 class Processes:
-    """Answers computed by processes of their own; as `app.computed.Computing` describes.
-
-    Parameters
-    ----------
-    turnstile : Turnstile
-        Whose places are the processes.
-    settings : Settings
-
-    Attributes
-    ----------
-    supervisor : socket.socket
-        Set before `running`: where the supervisor tells of processes and of parts of the index.
-    """
+    """Answers computed by processes, the places of a turnstile; as `app.computed.Computing` describes."""
 
     supervisor: socket.socket
+    """Set before `running`: where the supervisor tells of processes and of parts of the index."""
 
     def __init__(self, turnstile: Turnstile, settings: Settings) -> None:
         self._turnstile = turnstile

@@ -9,18 +9,19 @@ import signal
 import socket
 import sys
 import threading
+from copy import deepcopy
 from types import FrameType
 
 import uvicorn
 from fastapi import FastAPI
 
 from app.arguments import Exit
-from app.connections import ACCEPTED_AT_ONCE, BACKLOG, Connection, cut_addresses, protocol_of
+from app.connections import ACCEPTED_AT_ONCE, BACKLOG, Connection, protocol_of
 from app.doors import LOOPBACK
 from app.main import create_app
 from app.processes import Processes
 from app.resources import ServiceResources
-from app.settings import Settings
+from app.settings import MOST_LOGGED, Settings
 from app.supervisor import DRAIN_SECONDS, SUCCEEDED, SUCCESSION, Supervisor
 
 SWITCH_SECONDS = 0.001
@@ -156,8 +157,13 @@ def _serve_with_processes(
 
 
 def _server(settings: Settings, app: FastAPI, protocol: type[Connection]) -> _Server:
+    logs = deepcopy(uvicorn.config.LOGGING_CONFIG)
+    logs["formatters"]["access"]["fmt"] = (
+        f'%(levelprefix)s %(client_addr)s - "%(request_line).{MOST_LOGGED}s" %(status_code)s'
+    )
     config = uvicorn.Config(
         app,
+        log_config=logs,
         log_level="info",
         access_log=not settings.log_json,
         http=protocol,
@@ -168,7 +174,6 @@ def _server(settings: Settings, app: FastAPI, protocol: type[Connection]) -> _Se
         forwarded_allow_ips=settings.trusted_proxies or None,
         timeout_graceful_shutdown=max(1, int(settings.ending_seconds - _LAST_SECOND)),
     )
-    logging.getLogger("uvicorn.access").addFilter(cut_addresses)
     server = _Server(config)
     server.seconds = settings.ending_seconds
     return server

@@ -11,6 +11,9 @@ from pydantic_settings import BaseSettings, SettingsConfigDict
 from app.query import invalid
 from linkage_atlas.cache import find_atlas
 
+MOST_LOGGED = 500
+"""Characters of an address in the log."""
+
 
 class Settings(BaseSettings):
     """Settings of the service; the environment variable is ``LINKAGE_ATLAS_`` + the name in capitals."""

@@ -206,6 +206,13 @@ class StoppedBy(StrEnum):
     BUDGET = "budget"
 
 
+def stopped_by(solutions: Sequence[Any], tolerance: float, work: Work) -> StoppedBy:
+    """Why a search ended that found these, best first."""
+    if Status.of(solutions, tolerance) is Status.REACHED:
+        return StoppedBy.TOLERANCE
+    return StoppedBy.BUDGET if work.expired() else StoppedBy.CONVERGED
+
+
 class SearchReport(NamedTuple):
     """How a search went."""
 
@@ -463,10 +470,7 @@ class _Search:
     def report(self, solutions: list[Any]) -> SearchReport:
         """How it went, by the objectives of the solutions that are returned."""
         best = solutions[0].errors.objective if solutions else np.inf
-        if Status.of(solutions, self.tolerance) is Status.REACHED:
-            stopped = StoppedBy.TOLERANCE
-        else:
-            stopped = StoppedBy.BUDGET if self.work.expired() else StoppedBy.CONVERGED
+        stopped = stopped_by(solutions, self.tolerance, self.work)
         # rounds see a thinned target or stop a rounding earlier: what counts is the objective of the reply's own numbers
         trace = [(seconds, max(objective, best)) for seconds, objective in self.trace] if solutions else []
         if solutions and (not trace or trace[-1][1] != best):
