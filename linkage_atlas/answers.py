@@ -58,6 +58,8 @@ StoppedBy = Annotated[str, Literal["tolerance", "converged", "budget"]]
 
 FINISHING = 0.1
 """Part of its budget that an answer may take beyond it, to finish what the search has found."""
+PROPORTION = 100.0
+"""Extents of the motion, or shortest links: a part as many times as long is out of all proportion."""
 _AT_ONCE, _SAMPLES_AT_ONCE = 8, 2048
 """Solutions, and samples of all of them, finished between two looks at the time; one solution where each is rounded."""
 ROUNDINGS, MOST_ROUNDINGS, FEWEST_ROUNDINGS = 40, 8, 2
@@ -581,24 +583,33 @@ def merit(one: AnySolution) -> tuple[bool, ...]:
     )
 
 
-def by_rounded(solutions: Sequence[S], top: int) -> list[S]:
-    """Solutions whose lengths were rounded, by the error of what can be had: those that do not close so come last."""
+def by_rounded(solutions: Sequence[S], top: int, fair: bool) -> list[S]:
+    """Solutions whose lengths were rounded, by the error of what can be had: those that do not close so come last.
 
-    def rounded_error(one: S) -> float:
+    ``fair``: those out of all proportion, which a grid hardly moves, come behind others.
+    """
+
+    def place(one: S) -> tuple[Any, ...]:
         found = one.rounded
-        return np.inf if found is None or found.errors is None else found.errors.objective
+        error = np.inf if found is None or found.errors is None else found.errors.objective
+        return *merit(one), fair and out_of_proportion(one), error
 
-    ordered = sorted(solutions, key=lambda one: (*merit(one), rounded_error(one)))
-    return [replace(one, rank=rank) for rank, one in enumerate(ordered[:top], 1)]
+    return [replace(one, rank=rank) for rank, one in enumerate(sorted(solutions, key=place)[:top], 1)]
+
+
+def out_of_proportion(one: AnySolution) -> bool:
+    """Whether a part is longer than anybody would build it."""
+    ratio = max(one.links) / min(one.links) if isinstance(one, Solution) else 1.0
+    return max(one.size or 0.0, ratio) > PROPORTION
 
 
 def _worth(one: Solution, motion: Motion, tolerance: float) -> tuple[float, ...]:
     """The place of an exact answer for given crank angles by what one would build, not by its rounding; others keep theirs."""
     if motion.free or one.errors.objective >= tolerance:
-        return 1.0, 0.0, 0.0
+        return 1.0, 0.0, 0.0, 0.0
     step = 5 if motion.degrees else np.deg2rad(5)
     size = max(one.links) / min(one.links) if one.size is None else one.size
-    return 0.0, -(one.transmission_angle_min // step), size
+    return 0.0, float(out_of_proportion(one)), -(one.transmission_angle_min // step), size
 
 
 def _described(

@@ -15,7 +15,17 @@ from typing import Any, Literal, NamedTuple, TypedDict, Unpack, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkage_atlas.answers import FINISHING, Continued, Report, Result, by_rounded, cognate_notes, finished, status_of
+from linkage_atlas.answers import (
+    FINISHING,
+    PROPORTION,
+    Continued,
+    Report,
+    Result,
+    by_rounded,
+    cognate_notes,
+    finished,
+    status_of,
+)
 from linkage_atlas.arguments import check_above_zero, check_top, column, number
 from linkage_atlas.assemblies import read_assembly
 from linkage_atlas.atlases import Atlas
@@ -24,7 +34,6 @@ from linkage_atlas.driving import check_asked
 from linkage_atlas.guided import DriverName, KindName
 from linkage_atlas.kinds import (
     FAIR,
-    PROPORTION,
     UNRANKED,
     Course,
     Found,
@@ -81,7 +90,7 @@ OUT_OF_PROPORTION = (
 )
 EXACT_OUT_OF_PROPORTION = (
     "the exact linkage is out of all proportion, its largest part {times:.2g} times the motion's extent or the shortest link: "
-    "within 30 times the error is {error:.2g} at least"
+    "the best that was found of fair size has the objective {error:.2g}"
 )
 SWINGS = (
     "cranks were looked for that can turn fully, but this motion needs no more than half a turn of them: "
@@ -364,7 +373,7 @@ def synthesize(
     cut_short, refines = course.stopped_by == "budget", isinstance(source, Start)
     status = status_of(solutions, tolerance, wanted.tolerances is not None, cut_short or refines)
     if rounds and solutions:
-        found, solutions = found[:top], by_rounded(solutions, top)
+        found, solutions = found[:top], by_rounded(solutions, top, sizes is not None)
     if solutions and solutions[0].determination.ill_posed:
         notes.append(ILL_POSED)
     if not wanted.free and "preset" not in (limits or {}) and solutions and not solutions[0].verdict.practical:
@@ -453,7 +462,7 @@ def _of_kinds(
     cut_short = course.stopped_by == StoppedBy.BUDGET.value
     status = status_of(solutions, tolerance, motion.tolerances is not None, cut_short)
     if studies.rounds and prefers == "error":
-        solutions = by_rounded(solutions, top)
+        solutions = by_rounded(solutions, top, sizes is not None)
     notes += _swing_notes(solutions, motion, given, tolerance)
     notes += study_notes(studies.manufacture, solutions)
     if not solutions and cut_short:
@@ -500,7 +509,7 @@ def _swing_notes(
     best = next((one for one in solutions if one.kind == "four_bar"), None)
     if best is None or motion.samples.closed or not motion.samples.ordered or best.crank_angle is None:
         return []
-    if solutions[0].verdict.within_tolerance or solutions[0].errors.objective < tolerance:
+    if solutions[0].verdict.within_tolerance or any(one.errors.objective < tolerance for one in solutions):
         return []
     return [SWINGS] if np.ptp(best.crank_angle) * motion.radian <= _HALF_TURN else []
 
@@ -594,7 +603,8 @@ def _with_fair(
     more, again = _search(source, motion, sizes, top, tolerance, work)
     if is_exact:
         found = [one for one in found if one.errors.objective < tolerance]
-        said = EXACT_OUT_OF_PROPORTION.format(times=times, error=more[0].errors.objective) if more else ""
+        least = min((one.errors.objective for one in more), default=0.0)
+        said = "" if least < tolerance else EXACT_OUT_OF_PROPORTION.format(times=times, error=least)
         first, behind = sorted(found + more, key=lambda one: one.errors.objective), found[:0]
     else:
         every = sorted(found + more, key=lambda one: one.errors.objective)

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, TypeVar, get_args
 
 import numpy as np
 
-from linkage_atlas.answers import AnySolution, finished, finished_guided, merit
+from linkage_atlas.answers import PROPORTION, AnySolution, finished, finished_guided, merit
 from linkage_atlas.arguments import kinds_among
 from linkage_atlas.assemblies import AskedAssembly, Assembly, assembled
 from linkage_atlas.guided import KindName
@@ -59,9 +59,9 @@ _NO_ANSWER, _TIMES_LESS = 0.1, 10.0
 """J from which on a linkage is no answer where another one's is so many times less."""
 _SAME = 1e-3
 """Part by which all measures of two linkages differ at most that are shown once."""
-PROPORTION, FAIR = 100.0, 30.0
-"""Extents of the motion, or shortest links: a part as many times as long is out of all proportion, or of fair size. Within the
-practical lengths, 10 extents, a body point may lie some 20 from its crank pin."""
+FAIR = 30.0
+"""A linkage whose parts are so many times as long at most is of fair size: within the practical lengths, 10 extents, a body point
+may lie some 20 from its crank pin."""
 _STEP = np.deg2rad(5.0)
 """Exact linkages are ordered by their transmission angle in steps."""
 

@@ -76,8 +76,10 @@ def answer_synthesize(request: SynthesizeRequest, resources: Resources) -> la.Re
     """Linkages with actual dimensions and pose, best first."""
     if request.effort == "atlas" and request.position is not None:
         resources.need("positions")
+    limits = request.limits.model_dump(exclude_none=True, exclude_unset=True)  # what nobody named is told of
     return la.synthesize(
-        **request.given(but=("angle_unit", "budget_ms", "live")),
+        **request.given(but=("angle_unit", "budget_ms", "live", "limits")),
+        limits=limits,
         degrees=request.degrees,
         budget=budget_of(request.budget_ms, resources),
         atlas=resources.atlas if request.effort == "atlas" else None,

@@ -329,6 +329,17 @@ def test_the_unit_of_length_does_not_matter(factor, client) -> None:
     )
 
 
+def test_a_family_that_nobody_named_is_told_of(client) -> None:
+    # once it was told in Python alone
+    turn = np.linspace(0, np.pi / 2, 10)
+    asked = {"position": (100 * np.column_stack([np.cos(turn), np.sin(turn)])).tolist(), "timing": "free", "top": 1}
+    asked["rotation"] = np.rad2deg(turn).tolist()
+    notes = ask(client, "/v1/synthesize", **asked)["report"]["notes"]
+    named = ask(client, "/v1/synthesize", **asked, limits={"family": "full_crank"})["report"]["notes"]
+    assert any("four-bars that only swing" in note for note in notes)
+    assert not any("four-bars that only swing" in note for note in named)
+
+
 def test_round_to_puts_the_links_on_the_grid(client) -> None:
     best = ask(client, "/v1/synthesize", **EXAMPLE, top=1, round_to=5)["solutions"][0]
     rounded = best["rounded"]

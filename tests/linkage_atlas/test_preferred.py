@@ -173,9 +173,10 @@ def test_an_exact_linkage_that_nobody_builds_has_others_behind_it() -> None:
     # a body that turns with the crank: exact ones are 9 million times as long as their shortest link
     found = la.synthesize(15 * np.arange(7), crank_span=90, top=3)
     assert found.status == "reached"
-    assert any("the exact linkage is out of all proportion" in note for note in found.report.notes)
+    told = any("the exact linkage is out of all proportion" in note for note in found.report.notes)
     fair = [one for one in found if max(one.linkage.links) <= 30 * min(one.linkage.links)]
     assert fair and fair[0].errors.rotation_max < 0.1
+    assert told == all(one.errors.objective >= 1e-10 for one in fair)
 
 
 def test_of_linkages_inside_the_tolerances_those_that_stay_between_samples_are_preferred() -> None:
