@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import linkage_atlas as la
+from linkage_atlas import door
 
 RANDOM = np.random.default_rng(3)
 TURN = np.linspace(0, 2 * np.pi, 12, endpoint=False)
@@ -73,3 +74,30 @@ def test_an_atlas_and_a_given_linkage_are_no_searches_to_go_on() -> None:
         la.synthesize(**QUESTIONS["crank angles"], live=la.Live(), effort="atlas")
     with pytest.raises(la.FieldError, match="live: a search"):
         la.synthesize(**QUESTIONS["crank angles"], live=la.Live(), refine_from=la.FourBar(19, 72, 144, 165))
+
+
+def test_after_a_large_drag_fresh_seeds_come_at_once(monkeypatch) -> None:
+    """Counted in looks at the clock, which stands still: before, they came at every third request only, and late in others."""
+    looks, at = [0], []
+
+    def clock() -> float:
+        looks[0] += 1
+        return 0.0
+
+    fresh = door.screens
+    monkeypatch.setattr(door, "screens", lambda family: (at.append(looks[0]), fresh(family))[1])
+    turn = np.linspace(0, 2 * np.pi, 12, endpoint=False)
+    place, live, first = 60 * np.cos(turn) + 35j * np.sin(turn), la.Live(), []
+    for drag in (0.0, 0.3, 0.3, 0.3, 0.3, 45.0):  # the fourth takes them in its turn
+        place[2] += drag * np.exp(0.25j * np.pi)
+        looks[0] = 0
+        at.clear()
+        la.synthesize(
+            position=np.column_stack([place.real, place.imag]),
+            timing="free",
+            closed=True,
+            live=live,
+            work=lambda budget: la.Work(budget, clock=clock),
+        )
+        first.append(at[0])
+    assert max(first[0], first[3], first[5]) < 100 < min(first[1], first[2], first[4])
