@@ -47,7 +47,7 @@ from synthesis.mechanism import Bounded
 from synthesis.pose import whole_turns
 from synthesis.ranking import Answer, Status
 from synthesis.search.problems import GivenProblem, given, problem_of
-from synthesis.search.search import SEARCH_SAMPLES, SearchReport, StoppedBy
+from synthesis.search.search import SEARCH_SAMPLES, SearchReport, stopped_by
 from synthesis.target import TURN, Target
 from synthesis.work import Work
 
@@ -94,9 +94,7 @@ def report_of(
     trace = [(seconds, min(one.errors.objective for one in begin))] if begin else []
     if found and (not trace or found[0].errors.objective < trace[-1][1]):
         trace.append((work.elapsed, found[0].errors.objective))
-    reached = Status.of(found, tolerance) is Status.REACHED
-    stopped = StoppedBy.TOLERANCE if reached else StoppedBy.BUDGET if work.expired() else StoppedBy.CONVERGED
-    return SearchReport(stopped, trace, 0.0, 1)
+    return SearchReport(stopped_by(found, tolerance, work), trace, 0.0, 1)
 
 
 # -- crank angles given --------------------------------------------------------------------------------------------

@@ -423,6 +423,9 @@ _GUESSES_BESIDE = 2
 """Guesses beside what dyads lead to: more of them were not worth their time in `benchmarks.engine`."""
 _FRESH = 3
 """Of searches that go on from one another so many times one takes fresh seeds too."""
+_DRAGGED = 0.05
+"""J that the best of what an earlier search left loses on its way to its end, from which on fresh seeds follow one round of
+hops."""
 _IN_SIGHT = 1e-2, 1e-3
 """J of the first look, without limits and within them, from which on an exact answer is not sought further."""
 
@@ -622,13 +625,19 @@ class _Search:
             kept, crank = kept.take(one_way), crank[one_way]
         kept = kept._replace(crank=crank)
         family = self.limits.family
+        as_it_was = np.inf
         for each in ("full_crank", "any") if family == "any" else (family,):
             run, some = self._rounds_near(each), kept.among(each)
             self.seeds += some.branch.size
-            run.go_on(some.candidates(poses, run.chart, some.crank))
+            timed = some.candidates(poses, run.chart, some.crank)
+            as_it_was = min(as_it_was, float(run.plain.measured(timed, posed=False).cost.min(initial=np.inf)))
+            run.go_on(timed)
         best = min(self._near.values(), key=lambda run: run.least)
+        # far from what it was: valleys elsewhere may be lower now
+        dragged = as_it_was - best.least**2 > _DRAGGED**2
         # the screens, where fresh seeds come from, take longer than a round of hops
-        for seeds in best.closest(iter(()), self.most) if self.kept.searches % _FRESH else ():
+        rounds = min(self.most, 1) if dragged else self.most
+        for seeds in best.closest(iter(()), rounds) if dragged or self.kept.searches % _FRESH else ():
             self.seeds += seeds.branch.size
             if self.found.reached or self.work.expired():
                 return

@@ -180,6 +180,32 @@ def alternations(found: Extremes) -> list[int]:
     return counts
 
 
+def errors_of(
+    wanted: Wanted, gap: Callable[[Floats], Floats], count: int, largest: bool, residual: Floats
+) -> list[FunctionErrors]:
+    """Errors of ``count`` candidates from their gaps: at inputs (n, M) by ``gap``, at the samples ``residual`` (n, N).
+
+    ``largest``: whether the largest error over the interval counts, or the root of the mean square at the samples.
+    """
+    rms = np.sqrt(wanted.mean(residual**2))
+    if not largest:
+        worst = np.abs(wanted.mean.given(residual)).max(axis=1)
+        return [FunctionErrors(float(one), float(most), None, float(one)) for one, most in zip(rms, worst)]
+
+    def error(crank: Floats) -> Floats:
+        crank = np.broadcast_to(crank, (count, crank.shape[-1]))
+        return np.where(wanted.weight(crank) > 0, gap(crank), 0.0)
+
+    def weighted(crank: Floats) -> Floats:
+        return wanted.weight(np.broadcast_to(crank, (count, crank.shape[-1]))) * error(crank)
+
+    found = plain = extremes(weighted, look(wanted), PEAKS)
+    if wanted.weights is not None:
+        plain = extremes(error, look(wanted), PEAKS)
+    columns = zip(rms.tolist(), plain.size.max(axis=1).tolist(), alternations(found), found.size.max(axis=1).tolist())
+    return [FunctionErrors(*column) for column in columns]
+
+
 def finished(
     wanted: Wanted, linkages: Sequence[Linkage], largest: bool, offsets: Floats | None = None
 ) -> list[Generator]:
@@ -202,36 +228,14 @@ def finished(
     offset = rotation_residual(target, angle)[0]
     if offsets is not None:
         offset = offsets + whole_turns(offset - offsets)
-    counts: list[int | None] = [None] * len(linkages)
-    if largest:
 
-        def error(crank: Floats) -> Floats:
-            crank = np.broadcast_to(crank, (len(linkages), crank.shape[-1]))
-            gap = wanted.curve(crank) - offset[:, None] - rocker_angles(linkages, crank)
-            return np.where(wanted.weight(crank) > 0, gap, 0.0)
+    def gap(crank: Floats) -> Floats:
+        return np.asarray(wanted.curve(crank) - offset[:, None] - rocker_angles(linkages, crank))
 
-        def weighted(crank: Floats) -> Floats:
-            return wanted.weight(np.broadcast_to(crank, (len(linkages), crank.shape[-1]))) * error(crank)
-
-        found = plain = extremes(weighted, look(wanted), PEAKS)
-        if wanted.weights is not None:
-            plain = extremes(error, look(wanted), PEAKS)
-        objective, worst, counts = found.size.max(axis=1), plain.size.max(axis=1), list(alternations(found))
-    residual = wanted.output - angle - offset[:, None]
-    rms = np.sqrt(wanted.mean(residual**2))
-    if not largest:
-        objective, worst = rms, np.abs(wanted.mean.given(residual)).max(axis=1)
+    errors = errors_of(wanted, gap, len(linkages), largest, wanted.output - angle - offset[:, None])
     links, start = np.array([one.links for one in linkages]), np.array([one.start for one in linkages])
     turning = how_they_turn(links, wanted.interval.after(start))
-    return [
-        Generator(
-            one,
-            float(offset[k]),
-            FunctionErrors(float(rms[k]), float(worst[k]), counts[k], float(objective[k])),
-            *turning[k],
-        )
-        for k, one in enumerate(linkages)
-    ]
+    return [Generator(one, float(offset[k]), errors[k], *turning[k]) for k, one in enumerate(linkages)]
 
 
 class Generators(FourBar):
@@ -255,22 +259,28 @@ class Generators(FourBar):
         return [one for one, keep in zip(solutions, kept) if keep and one.transmission_angle_min > 0]
 
 
+def turning_back(wanted: Wanted, output: Callable[[Floats], Floats], least: float) -> tuple[float, float] | None:
+    """By how much an output turns back in all, and at which part of the interval most; None where it goes one way.
+
+    ``least``: a turn back between two places that is no more is rounding. None too where the wanted output turns back itself.
+    """
+    way = np.sign(wanted.output[-1] - wanted.output[0])
+    if not np.all(np.diff(wanted.output) * way > 0):
+        return None
+    places = look(wanted)
+    made = np.diff(output(places)) * way
+    if np.all(made > -least):
+        return None
+    return float(-made[made < 0].sum()), float(abs(places[int(np.argmin(made))] / wanted.crank[-1]))
+
+
 def turns_back(wanted: Wanted, linkages: Sequence[Linkage]) -> list[str | None]:
     """A sentence for each linkage whose rocker turns back where the wanted output goes one way; None for the others."""
-    steps = np.diff(wanted.output) * np.sign(wanted.output[-1] - wanted.output[0])
-    if not np.all(steps > 0) or not linkages:
-        return [None] * len(linkages)
-    places = look(wanted)
-    made = np.diff(rocker_angles(linkages, places), axis=1) * np.sign(wanted.output[-1] - wanted.output[0])
     found: list[str | None] = []
-    for row in made:
-        if np.all(row > -_ROUNDING):
-            found.append(None)
-            continue
-        place = int(np.argmin(row))
-        part = abs(places[place] / wanted.crank[-1])
-        degrees = np.rad2deg(-row[row < 0].sum())
-        found.append(f"the rocker turns back by {degrees:.3g} degrees at {100 * part:.3g} % of the interval")
+    for one in linkages:
+        back = turning_back(wanted, lambda crank, one=one: rocker_angles([one], crank)[0], _ROUNDING)  # type: ignore[misc]
+        words = "the rocker turns back by {:.3g} degrees at {:.3g} % of the interval"
+        found.append(None if back is None else words.format(np.rad2deg(back[0]), 100 * back[1]))
     return found
 
 

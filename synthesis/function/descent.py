@@ -254,13 +254,3 @@ def _program(
     ahead = one.error + (one.slope @ step[:, :, None])[:, :, 0]
     kept = one.condition + (one.condition_slope @ step[:, :, None])[:, :, 0]
     return step, _size(ahead, largest) + PENALTY * _broken(kept)
-
-
-def apart(unknowns: Floats, branch: Floats, cost: Floats, most: int) -> Ints:
-    """Places of the best ``most`` candidates of those that end in different valleys."""
-    order = np.argsort(cost, kind="stable")
-    order = order[np.isfinite(cost[order])]
-    place = np.column_stack([unknowns[:, :3], np.cos(unknowns[:, 3]), np.sin(unknowns[:, 3]), branch])[order]
-    cells = np.round(place / 0.02).astype(np.int64)
-    first = np.sort(np.unique(cells, axis=0, return_index=True)[1])[:most]
-    return order[first]

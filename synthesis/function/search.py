@@ -4,7 +4,7 @@ Data flow::
 
     wanted --(clockwise: mirrored)--> the coupler of the linkage with coupler and rocker exchanged turns as wanted
       -> least squares, nothing limited but the family: `search.search`
-      -> else: a first look of that search, and a coarse grid of all ratios -> least squares, limits as penalties, all at once
+      -> else: a coarse grid of all ratios -> least squares, limits as penalties, all at once
       -> sequential quadratic steps over fixed places -> different ones, best first
       -> steps over the extremes of each candidate's own error curve, until they are level
       -> coupler and rocker exchanged back -> errors recomputed from the linkage's numbers, within the limits, different
@@ -32,7 +32,6 @@ from synthesis.function.descent import (
     Descended,
     Linear,
     Linearise,
-    apart,
     descend,
     freudenstein_step,
 )
@@ -41,7 +40,7 @@ from synthesis.least_squares import Evaluation, minimise
 from synthesis.mechanism import Placed
 from synthesis.pose import whole_turns
 from synthesis.ranking import APART, Status, distinct
-from synthesis.search.search import SEARCH_SAMPLES, SearchReport, StoppedBy, first_look, search
+from synthesis.search.search import SEARCH_SAMPLES, SearchReport, search, stopped_by
 from synthesis.search.seeds import SeedTables
 from synthesis.target import TURN
 from synthesis.work import Work
@@ -73,8 +72,8 @@ _TRANSMISSION_STEP = np.deg2rad(5.0)
 """Exact answers are ordered by their transmission angle in steps."""
 _FIRST_PLACES, _PLACES = 9, 33
 _SEEDS, _VALLEYS, _CANDIDATES = 160, 48, 24
-_LOOKED, _BEGUN = 24, 8
-"""Candidates of the first look at full cranks; and, at each stage, those that are looked at as answers."""
+_BEGUN = 8
+"""Candidates that are looked at as answers at each stage."""
 _SOFT = 0.5
 """Weight of a broken condition beside errors in radians, while the descent finds its valley."""
 _NEARLY = 1e-3
@@ -111,9 +110,15 @@ class WantedFunction:
     """Unknowns by which the output changes."""
     places: Floats
     """Inputs (q,) at which the output must go on, where it may not turn back."""
+    offset: float | None
+    """The unknown one, where it is given."""
+    turns: bool
+    """Whether the output is an angle, so that whole turns of the offset do not count,"""
+    wraps: bool
+    """and whether outputs are known up to whole turns only."""
 
-    def at(self, unknowns: Floats, branch: Floats, crank: Floats) -> Followed:
-        """Outputs at inputs (n, M) from the first sample."""
+    def at(self, unknowns: Floats, branch: Floats, crank: Floats, derivatives: bool = True) -> Followed:
+        """Outputs at inputs (n, M) from the first sample, with slopes where they are wanted."""
         raise NotImplementedError
 
     def conditions(self, unknowns: Floats) -> tuple[Floats, Floats]:
@@ -121,8 +126,28 @@ class WantedFunction:
         raise NotImplementedError
 
     def near(self, gap: Floats) -> Floats:
-        """Errors as they count."""
-        return gap
+        """Errors as they count: to the nearest whole turn, where outputs are known up to whole turns."""
+        return gap - whole_turns(gap) if self.wraps else gap
+
+    def gap(self, unknowns: Floats, branch: Floats, crank: Floats) -> Floats:
+        """Errors (n, M) at inputs (n, M) of the candidates' own; infinite where it does not close."""
+        found = self.at(unknowns, branch, crank, derivatives=False)
+        with np.errstate(invalid="ignore"):  # an output beyond all numbers
+            gap = self.near(self.wanted.curve(crank) - unknowns[:, 4:] - found.value)
+        return np.where(found.possible, gap, np.inf)
+
+    def with_offset(self, unknowns: Floats, branch: Floats, crank: Floats, root: Floats) -> Floats:
+        """Candidates with the given offset, or the best over inputs (M,), whose errors count ``root`` (M,)."""
+        some, share = np.broadcast_to(crank, (len(unknowns), crank.size)), root**2 / np.sum(root**2)
+        found = self.at(unknowns, branch, some, derivatives=False)
+        gap = np.where(found.possible, self.wanted.curve(some) - found.value, 0.0)
+        out = unknowns.copy()
+        middle = np.angle(np.exp(1j * gap) @ share) if self.wraps else np.zeros(len(out))
+        best = middle + self.near(gap - middle[:, None]) @ share
+        if self.offset is not None:
+            best = self.offset + (whole_turns(best - self.offset) if self.turns else np.zeros(len(out)))
+        out[:, 4] = best
+        return out
 
     def _rates(self, unknowns: Floats, branch: Floats) -> tuple[Floats, Floats]:
         """How fast the output goes the wanted way, less a little, at some places (n, q), and derivatives (n, q, 5)."""
@@ -176,8 +201,10 @@ class Problem(WantedFunction):
         Whether ratios are sought within `_RATIO`, or as far as numbers go where no limit says otherwise.
     """
 
+    turns, wraps = True, False
+
     def __init__(self, wanted: Wanted, limits: Limits, largest: bool) -> None:
-        self.wanted = wanted
+        self.wanted, self.offset = wanted, wanted.target.offset
         self.chart = AnyChart()
         least = max(limits.transmission_angle_min, _CLOSES)
         in_box = replace(limits, transmission_angle_min=least, link_min=None, link_max=None, links=(None,) * 4)
@@ -203,36 +230,22 @@ class Problem(WantedFunction):
         slopes[:, :, 3] = found.slopes[:, :, BEGIN] + found.slopes[:, :, END]
         return found.values - _MARGIN * np.array([name != "link_ratio_max" for name in found.names]), slopes
 
-    def at(self, unknowns: Floats, branch: Floats, crank: Floats) -> Followed:
+    def at(self, unknowns: Floats, branch: Floats, crank: Floats, derivatives: bool = True) -> Followed:
         """theta2 of the exchanged linkages."""
-        found = self.chart.at(unknowns[:, :3], unknowns[:, 3:4] + crank, branch)
+        found = self.chart.at(unknowns[:, :3], unknowns[:, 3:4] + crank, branch, derivatives)
         return Followed(found.angle, found.slope, found.closes[:, None])
-
-    def angle(self, unknowns: Floats, branch: Floats, crank: Floats) -> Floats:
-        """theta2 of the exchanged linkages at crank angles (n, M) from the first sample; infinite where it does not close."""
-        found = self.chart.at(unknowns[:, :3], unknowns[:, 3:4] + crank, branch, derivatives=False)
-        return np.where(found.closes[:, None], found.angle, np.inf)
-
-    def gap(self, unknowns: Floats, branch: Floats, crank: Floats) -> Floats:
-        """Errors (n, M) at crank angles (n, M) of the candidates' own; infinite where it does not close."""
-        with np.errstate(invalid="ignore"):  # an output beyond all numbers
-            return np.asarray(self.wanted.curve(crank) - unknowns[:, 4:] - self.angle(unknowns, branch, crank))
-
-    def with_offset(self, unknowns: Floats, branch: Floats, crank: Floats, root: Floats) -> Floats:
-        """Candidates with the given offset, or the best over crank angles (M,), whose errors count ``root`` (M,)."""
-        some = np.broadcast_to(crank, (len(unknowns), crank.size))
-        with np.errstate(invalid="ignore"):
-            gap = self.wanted.curve(some) - self.angle(unknowns, branch, some)
-        best = np.nan_to_num(gap, posinf=0.0, neginf=0.0) @ (root**2 / np.sum(root**2))
-        given = self.wanted.target.offset
-        out = unknowns.copy()
-        out[:, 4] = best if given is None else given + whole_turns(best - given)
-        return out
 
 
 # -- the search ---------------------------------------------------------------------------------------------------------
 
 Ints = NDArray[np.intp]
+
+
+def first_of_cells(cells: Floats, cost: Floats, most: int) -> Ints:
+    """Candidates, the best first: at most so many, one a cell, (n, m) whole numbers, and whose cost is finite."""
+    order = np.argsort(cost, kind="stable")
+    order = order[np.isfinite(cost[order])]
+    return order[np.sort(np.unique(cells[order], axis=0, return_index=True)[1])[:most]]
 
 
 class FunctionSearch:
@@ -243,7 +256,11 @@ class FunctionSearch:
         self.top, self.tolerance, self.work = top, tolerance, work
         self.ratios = self.limits.over(ground_of(limits))
         """The limits of the exchanged linkages, lengths over the ground's."""
-        self.problem: Any = Problem(wanted, self.ratios, largest)
+        self.begin_with(Problem(wanted, self.ratios, largest))
+
+    def begin_with(self, problem: Any) -> None:
+        """Know nothing yet of a problem."""
+        self.problem: Any = problem
         self.seeds, self.screened = 0, 0.0
         self.settled = False
         self.trace: list[tuple[float, float]] = []
@@ -254,9 +271,13 @@ class FunctionSearch:
         """Unknowns (n, 5) after steps (n, k) of those that move."""
         return freudenstein_step(unknowns, free, step)
 
+    def place(self, unknowns: Floats) -> Floats:
+        """Where candidates lie, in numbers of order one."""
+        return np.column_stack([unknowns[:, :3], np.cos(unknowns[:, 3]), np.sin(unknowns[:, 3])])
+
     def apart(self, unknowns: Floats, branch: Floats, cost: Floats, most: int) -> Ints:
         """Places of the best ``most`` candidates of those that end in different valleys."""
-        return apart(unknowns, branch, cost, most)
+        return first_of_cells(np.round(np.column_stack([self.place(unknowns), branch]) / 0.02), cost, most)
 
     # -- places -------------------------------------------------------------------------------------------------------
 
@@ -288,33 +309,29 @@ class FunctionSearch:
         unknowns = np.zeros((len(shapes) * starts.size, 5))
         unknowns[:, :3], unknowns[:, 3] = np.repeat(shapes, starts.size, axis=0), np.tile(starts, len(shapes))
         crank, root = self.places(_FIRST_PLACES)
+        return self.screened_from(unknowns, crank, root, (1.0, -1.0), _SEEDS // 2, [0.5, 0.5, 0.5, 0.4])
+
+    def screened_from(
+        self, unknowns: Floats, crank: Floats, root: Floats, branches: Sequence[float], most: int, cell: Any = None
+    ) -> tuple[Floats, Floats]:
+        """The most promising of beginnings (n, 5) and their branches: of each branch at most so many, and one a cell.
+
+        ``cell``: of the unknowns but the offset; default: of `place`.
+        """
+        problem, found, sides = self.problem, [], []
         parts = np.array_split(unknowns, 1 + len(unknowns) // _TOGETHER)
         broken = np.concatenate([np.minimum(problem.conditions(part)[0], 0.0) for part in parts])
         far = np.sum((_SOFT * broken) ** 2, axis=1)
-        found, sides = [], []
-        for branch in (1.0, -1.0):
-            side = np.full(len(unknowns), branch)
+        for branch in branches:
+            side = np.full(len(unknowns), float(branch))
             placed = problem.with_offset(unknowns, side, crank, root)
             gap = root * problem.gap(placed, side, np.broadcast_to(crank, (len(placed), crank.size)))
             cost = np.sum(gap * gap, axis=1) / np.sum(root * root) + far
-            order = np.argsort(cost, kind="stable")
-            order = order[np.isfinite(cost[order])]
-            cells = np.floor(placed[order][:, :4] / np.array([0.5, 0.5, 0.5, 0.4])).astype(np.int64)
-            first = np.sort(np.unique(cells, axis=0, return_index=True)[1])[: _SEEDS // 2]
-            found.append(placed[order[first]])
-            sides.append(side[: len(first)])
+            cells = self.place(placed) / 0.4 if cell is None else placed[:, :4] / cell
+            first = first_of_cells(np.floor(cells), cost, most)
+            found.append(placed[first])
+            sides.append(side[first])
         return np.concatenate(found), np.concatenate(sides)
-
-    def looked(self, tables: SeedTables) -> tuple[Floats, Floats]:
-        """The best full cranks of a first look that knows no limits; none where ratios are given."""
-        if not np.isnan(self.problem.given).all():
-            return np.empty((0, 5)), np.empty(0)
-        plain = Limits(family="full_crank" if self.limits.family == "any" else self.limits.family)
-        found = first_look(tables, self.wanted.target, plain, _LOOKED, self.work)
-        ratios = np.log(found.lengths[:, :3] / found.lengths[:, 3:])
-        unknowns = np.column_stack([ratios, found.start, np.zeros(len(found.start))])
-        crank, root = self.places(SEARCH_SAMPLES)
-        return self.problem.with_offset(unknowns, found.branch, crank, root), found.branch
 
     # -- descents -----------------------------------------------------------------------------------------------------
 
@@ -373,13 +390,10 @@ class FunctionSearch:
             moved=self.moved,
         )
 
-    def run(self, tables: SeedTables) -> list[Generator]:
+    def run(self) -> list[Generator]:
         """The best candidates, different ones, within the limits."""
-        looked, looked_side = self.looked(tables)
-        grid, side = self.grid()
-        self.screened = self.work.elapsed
-        unknowns, branch = np.concatenate([looked, grid]), np.concatenate([looked_side, side])
-        self.seeds = len(branch)
+        unknowns, branch = self.grid()
+        self.screened, self.seeds = self.work.elapsed, len(branch)
         return self.led(unknowns, branch)
 
     def led(self, unknowns: Floats, branch: Floats) -> list[Generator]:
@@ -564,15 +578,15 @@ def generate(
         # as for a parallelogram's function, others may do as well
         within = replace(limits, link_ratio_max=EVEN) if lopsided and not (given and not reached) else limits
         run = FunctionSearch(wanted, within, False, many, tolerance, work)
-        found = best_built(distinct(found + run.run(tables), 2 * many, APART), top, tolerance)
+        found = best_built(distinct(found + run.run(), 2 * many, APART), top, tolerance)
         trace = report.trace + [
             (at, min(value, report.trace[-1][1]) if report.trace else value) for at, value in run.trace
         ]
-        stopped = _stopped_by(found, tolerance, work)
+        stopped = stopped_by(found, tolerance, work)
         return found, SearchReport(stopped, trace, report.screen_seconds, report.seeds + run.seeds, run.settled)
     run = FunctionSearch(wanted, limits, largest, many, tolerance, work)
-    found = best_built(run.run(tables), top, tolerance)
-    stopped = _stopped_by(found, tolerance, work)
+    found = best_built(run.run(), top, tolerance)
+    stopped = stopped_by(found, tolerance, work)
     return found, SearchReport(stopped, run.trace, run.screened, run.seeds, run.settled or not found)
 
 
@@ -602,12 +616,6 @@ def best_built(found: list[Generator], top: int, tolerance: float) -> list[Gener
     near = even & (objective <= 2 * np.min(objective, initial=np.inf, where=~exact))
     groups = np.where(exact, 0, np.where(near, 1, 2))
     return [ranked[k] for k in np.argsort(groups, kind="stable").tolist()][:top]
-
-
-def _stopped_by(found: list[Generator], tolerance: float, work: Work) -> StoppedBy:
-    if Status.of(found, tolerance) is Status.REACHED:
-        return StoppedBy.TOLERANCE
-    return StoppedBy.BUDGET if work.expired() else StoppedBy.CONVERGED
 
 
 def refit(

@@ -39,13 +39,13 @@ from numpy.typing import NDArray
 
 from synthesis.arrays import Floats
 from synthesis.fourbar.limits import Limits
-from synthesis.function.answers import PEAKS, FunctionErrors, alternations, extremes, look
+from synthesis.function.answers import FunctionErrors, errors_of, turning_back
 from synthesis.function.search import Followed, FunctionSearch, WantedFunction
 from synthesis.function.wanted import Wanted
 from synthesis.guided.linkage import Circle, Driver, Guide, GuidedLinkage, Kind, Rail, Slot, through
 from synthesis.pose import whole_turns
-from synthesis.ranking import APART, Status, distinct
-from synthesis.search.search import SearchReport, StoppedBy
+from synthesis.ranking import APART, distinct
+from synthesis.search.search import SearchReport, stopped_by
 from synthesis.target import TURN, Interval
 from synthesis.work import Work
 
@@ -476,6 +476,7 @@ class TravelProblem(WantedFunction):
 
     def __init__(self, wanted: Wanted, law: Law, limits: TravelLimits, largest: bool) -> None:
         self.wanted, self.law, self.limits = wanted, law, limits.limits
+        self.offset, self.turns, self.wraps = wanted.offset, law.output == ANGLE, law.output == ANGLE
         self.moving = [*range(law.size), 3]
         self.least_sine = max(np.sin(self.limits.transmission_angle_min), _CLOSES)
         given = np.full(3, np.nan)
@@ -523,35 +524,9 @@ class TravelProblem(WantedFunction):
 
     # -- errors -------------------------------------------------------------------------------------------------------
 
-    def near(self, gap: Floats) -> Floats:
-        """Errors to the nearest whole turn, where the output is an angle."""
-        return gap - whole_turns(gap) if self.law.output == ANGLE else gap
-
-    def at(self, unknowns: Floats, branch: Floats, crank: Floats) -> Followed:
+    def at(self, unknowns: Floats, branch: Floats, crank: Floats, derivatives: bool = True) -> Followed:
         """By the law."""
         return self.law.at(unknowns, branch, crank)
-
-    def gap(self, unknowns: Floats, branch: Floats, crank: Floats) -> Floats:
-        """Errors (n, M) at inputs (n, M) of the candidates' own; infinite where it does not close."""
-        found = self.law.at(unknowns, branch, crank)
-        gap = self.near(self.wanted.curve(crank) - unknowns[:, 4:] - found.value)
-        return np.where(found.possible, gap, np.inf)
-
-    def with_offset(self, unknowns: Floats, branch: Floats, crank: Floats, root: Floats) -> Floats:
-        """Candidates with the given offset, or the best over inputs (M,), whose errors count ``root`` (M,)."""
-        some = np.broadcast_to(crank, (len(unknowns), crank.size))
-        share = root**2 / np.sum(root**2)
-        gap = self.wanted.curve(some) - self.law.at(unknowns, branch, some).value
-        out = unknowns.copy()
-        if self.law.output == ANGLE:
-            out[:, 4] = np.angle(np.exp(1j * gap) @ share)
-            gap = gap - out[:, 4:]
-            out[:, 4] += (gap - whole_turns(gap)) @ share
-            if self.wanted.offset is not None:
-                out[:, 4] = self.wanted.offset + whole_turns(out[:, 4] - self.wanted.offset)
-        else:
-            out[:, 4] = gap @ share if self.wanted.offset is None else self.wanted.offset
-        return out
 
     # -- beginnings ---------------------------------------------------------------------------------------------------
 
@@ -641,11 +616,7 @@ class TravelSearch(FunctionSearch):
     ) -> None:
         self.wanted, self.law, self.travel_limits, self.largest = wanted, law, limits, largest
         self.top, self.tolerance, self.work = top, tolerance, work
-        self.problem: Any = TravelProblem(wanted, law, limits, largest)
-        self.seeds, self.screened = 0, 0.0
-        self.settled = False
-        self.trace: list[tuple[float, float]] = []
-        self.known: list[Any] = []
+        self.begin_with(TravelProblem(wanted, law, limits, largest))
 
     @staticmethod
     def moved(unknowns: Floats, free: Ints, step: Floats) -> Floats:
@@ -653,14 +624,6 @@ class TravelSearch(FunctionSearch):
         out = unknowns.copy()
         out[:, free] += step
         return out
-
-    def apart(self, unknowns: Floats, branch: Floats, cost: Floats, most: int) -> Ints:
-        """Places of the best candidates of those that end in different valleys."""
-        order = np.argsort(cost, kind="stable")
-        order = order[np.isfinite(cost[order])]
-        cells = np.round(np.column_stack([self._place(unknowns), branch])[order] / 0.02).astype(np.int64)
-        first = np.sort(np.unique(cells, axis=0, return_index=True)[1])[:most]
-        return order[first]
 
     def least_squares(self, unknowns: Floats, branch: Floats, places: int, steps: int) -> tuple[Floats, Floats]:
         """As of four-bars; the best go on, as far as narrow valleys need: next to a dead position."""
@@ -675,42 +638,24 @@ class TravelSearch(FunctionSearch):
         error = super().weighted_gap(unknowns, branch)
         return lambda crank: np.minimum(error(crank), _OPEN)
 
-    def _place(self, unknowns: Floats) -> Floats:
+    def place(self, unknowns: Floats) -> Floats:
         """Where candidates lie, in numbers of order one."""
         zero = unknowns[:, 3]
         around = [np.cos(zero), np.sin(zero)] if self.law.input == ANGLE else [np.arcsinh(zero), 0 * zero]
         return np.column_stack([np.arcsinh(unknowns[:, :3]), *around])
 
-    def run(self, tables: Any = None) -> list[Any]:
+    def run(self) -> list[Any]:
         """The best candidates, different ones, within the limits."""
-        problem, found, sides, before = self.problem, [], [], self.work.elapsed
-        begin = problem.beginnings(_BEGINNINGS)
-        crank, root = self.some_places(_PLACES)
-        for branch in self.law.branches:
-            side = np.full(len(begin), float(branch))
-            placed = problem.with_offset(begin, side, crank, root)
-            gap = root * problem.gap(placed, side, np.broadcast_to(crank, (len(placed), crank.size)))
-            broken = np.minimum(problem.conditions(placed)[0], 0.0)
-            cost = np.sum(gap * gap, axis=1) / np.sum(root * root) + np.sum((0.5 * broken) ** 2, axis=1)
-            order = np.argsort(cost, kind="stable")
-            order = order[np.isfinite(cost[order])]
-            cells = np.floor(self._place(placed[order]) / 0.4).astype(np.int64)
-            first = np.sort(np.unique(cells, axis=0, return_index=True)[1])[: _SEEDS // len(self.law.branches)]
-            found.append(placed[order[first]])
-            sides.append(side[: len(first)])
+        before, branches = self.work.elapsed, self.law.branches
+        begin = self.problem.beginnings(_BEGINNINGS)
+        begin, every = self.screened_from(begin, *self.places(_PLACES), branches, _SEEDS // len(branches))
         self.screened = self.work.elapsed - before
-        every = np.concatenate(sides)
         self.seeds = len(every)
-        if not problem.free.size:  # everything is given: nothing is left to search
+        if not self.problem.free.size:  # everything is given: nothing is left to search
             self.settled = True
-            self.add(np.concatenate(found), every)
+            self.add(begin, every)
             return self.known
-        return self.led(np.concatenate(found), every)
-
-    def some_places(self, count: int) -> tuple[Floats, Floats]:
-        """Inputs at which errors count, and their weights, both ends among them."""
-        crank, root = self.places(count)
-        return crank, np.array(root)
+        return self.led(begin, every)
 
     def kept(self, unknowns: Floats, branch: Floats) -> list[Any]:
         """Candidates as generators with errors recomputed from their own numbers, those outside of the limits left out."""
@@ -751,7 +696,12 @@ class TravelSearch(FunctionSearch):
             return None
         if limits.link_ratio_max is not None and longest > shortest * limits.link_ratio_max * (1 + _ROUNDING):
             return None
-        errors, offset = self._errors(unknowns, branch)
+        side, offset = np.array([float(branch)]), float(unknowns[4])
+
+        def gap(crank: Floats) -> Floats:
+            return np.asarray(self.problem.gap(unknowns[None], side, crank))
+
+        (errors,) = errors_of(wanted, gap, 1, self.largest, gap(wanted.crank[None]))
         one = TravelGenerator(law, lengths, branch, zero, 0.0, errors, linkage, least)
         own = float(one.output(np.zeros(1))[0])
         raw = float(law.at(unknowns[None], np.array([float(branch)]), np.zeros((1, 1))).value[0, 0])
@@ -762,42 +712,11 @@ class TravelSearch(FunctionSearch):
             return None
         return one
 
-    def _errors(self, unknowns: Floats, branch: int) -> tuple[FunctionErrors, float]:
-        problem, wanted = self.problem, self.wanted
-        side = np.array([float(branch)])
-
-        def error(crank: Floats) -> Floats:
-            gap: Floats = problem.gap(unknowns[None], side, np.broadcast_to(crank, (1, crank.shape[-1])))
-            return np.where(wanted.weight(crank) > 0, gap, 0.0)
-
-        residual = error(wanted.crank[None])[0]
-        rms = float(np.sqrt(wanted.mean(residual**2)))
-        if not self.largest:
-            worst = float(np.abs(wanted.mean.given(residual)).max())
-            return FunctionErrors(rms, worst, None, rms), float(unknowns[4])
-
-        def weighted(crank: Floats) -> Floats:
-            return wanted.weight(crank) * error(crank)
-
-        found = plain = extremes(weighted, look(wanted), PEAKS)
-        if wanted.weights is not None:
-            plain = extremes(error, look(wanted), PEAKS)
-        (count,) = alternations(found)
-        return FunctionErrors(rms, float(plain.size.max()), count, float(found.size.max())), float(unknowns[4])
-
 
 def travel_turns_back(wanted: Wanted, one: TravelGenerator) -> str | None:
     """A sentence where the output turns back though the wanted one goes one way."""
-    steps = np.diff(wanted.output) * np.sign(wanted.output[-1] - wanted.output[0])
-    if not np.all(steps > 0):
-        return None
-    places = look(wanted)
-    made = np.diff(one.output(places)) * np.sign(wanted.output[-1] - wanted.output[0])
-    back = made < -_TIE * abs(wanted.output[-1] - wanted.output[0])
-    if not back.any():
-        return None
-    place = places[int(np.argmin(made))] / wanted.crank[-1]
-    return f"the output turns back at {100 * place:.3g} % of the interval"
+    back = turning_back(wanted, one.output, _TIE * abs(wanted.output[-1] - wanted.output[0]))
+    return None if back is None else f"the output turns back at {100 * back[1]:.3g} % of the interval"
 
 
 def laws_for(kinds: Sequence[str], input: str, output: str) -> list[Law]:
@@ -839,8 +758,5 @@ def generate_travel(
     best_of = [one[0] for one in of_each]
     others = distinct([other for one in of_each for other in one[1:]], max(0, top - len(best_of)), APART)
     found = sorted(best_of + others, key=lambda one: one.errors.objective)[:top]
-    if Status.of(found, tolerance) is Status.REACHED:
-        stopped = StoppedBy.TOLERANCE
-    else:
-        stopped = StoppedBy.BUDGET if work.expired() else StoppedBy.CONVERGED
+    stopped = stopped_by(found, tolerance, work)
     return found, SearchReport(stopped, trace, screened, seeds, settled)

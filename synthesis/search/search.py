@@ -206,6 +206,13 @@ class StoppedBy(StrEnum):
     BUDGET = "budget"
 
 
+def stopped_by(solutions: Sequence[Any], tolerance: float, work: Work) -> StoppedBy:
+    """Why a search ended that found these, best first."""
+    if Status.of(solutions, tolerance) is Status.REACHED:
+        return StoppedBy.TOLERANCE
+    return StoppedBy.BUDGET if work.expired() else StoppedBy.CONVERGED
+
+
 class SearchReport(NamedTuple):
     """How a search went."""
 
@@ -220,16 +227,6 @@ class SearchReport(NamedTuple):
     """The estimated chance that a better valley was missed, of a search in rounds that found nothing exact."""
     kept: Kept | None = None
     """What it leaves, where that was asked for."""
-
-
-class Starts(NamedTuple):
-    """Shapes and starts of candidates, best first."""
-
-    lengths: Floats
-    """(n, d), any scale."""
-    branch: Floats
-    start: Floats
-    """theta1 at the first sample, (n,)."""
 
 
 class _Search:
@@ -463,10 +460,7 @@ class _Search:
     def report(self, solutions: list[Any]) -> SearchReport:
         """How it went, by the objectives of the solutions that are returned."""
         best = solutions[0].errors.objective if solutions else np.inf
-        if Status.of(solutions, self.tolerance) is Status.REACHED:
-            stopped = StoppedBy.TOLERANCE
-        else:
-            stopped = StoppedBy.BUDGET if self.work.expired() else StoppedBy.CONVERGED
+        stopped = stopped_by(solutions, self.tolerance, self.work)
         # rounds see a thinned target or stop a rounding earlier: what counts is the objective of the reply's own numbers
         trace = [(seconds, max(objective, best)) for seconds, objective in self.trace] if solutions else []
         if solutions and (not trace or trace[-1][1] != best):
@@ -532,23 +526,3 @@ def search(
     solutions = distinct(solutions, top, APART, exact=tolerance)
     report = run.report(solutions)._replace(kept=kept)
     return [s.mirrored() for s in solutions] if clockwise else solutions, report
-
-
-def first_look(tables: SeedTables, target: Target, limits: Limits, count: int, work: Work) -> Starts:
-    """Where good motions lie among full cranks, whatever other limits there are: a few rounds, nothing polished.
-
-    Parameters
-    ----------
-    tables : SeedTables
-    target : Target
-        With a crank that turns counter-clockwise.
-    limits : Limits
-        Of which only the family counts.
-    count : int
-        At most so many.
-    work : Work
-    """
-    run = _Search(tables, target, limits, DEFAULT_TOLERANCE, work)
-    run.free_search(FIRST_LOOK)
-    best = thinned(run.pool, count).timed
-    return Starts(run.chart.shape(best.shape).lengths, best.branch, best.angles[:, 0])

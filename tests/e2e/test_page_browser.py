@@ -578,12 +578,18 @@ def test_a_request_in_radians_is_read_in_degrees(standing) -> None:
 
 
 def test_kinematics_in_the_browser_agree_with_pythons(standing) -> None:
-    vectors = json.loads((ROOT / "tests/vectors/kinematics.json").read_text())
+    """Of four-bars, and of linkages with rails and slots."""
+    vectors = [json.loads((ROOT / f"tests/vectors/{name}.json").read_text()) for name in ("kinematics", "guided")]
     worst = standing.later(
-        "const [vectors, done] = arguments; import('/static/kinematics.js').then(({closeLoop, family}) => {"
-        "let worst = 0; for (const e of vectors) { const loop = closeLoop(e.links, e.branch, e.crank_angle);"
+        "const [[bars, guided], done] = arguments; Promise.all([import('/static/kinematics.js'),"
+        "import('/static/guided.js')]).then(([{closeLoop, family}, {GuidedLinkage}]) => { let worst = 0;"
+        "for (const e of bars) { const loop = closeLoop(e.links, e.branch, e.crank_angle);"
         "if (Boolean(loop) !== e.closed || family(e.links) !== e.family) { done(JSON.stringify(e)); return; }"
         "if (loop) for (const n of ['coupler','rocker','transmission']) worst = Math.max(worst, Math.abs(loop[n]-e[n])); }"
+        "for (const e of guided) { const at = new GuidedLinkage(e.solution).at(e.travel);"
+        "if (Boolean(at) !== e.closed) { done(JSON.stringify(e)); return; } if (!at) continue;"
+        "const [x, y] = at.p, [u, v] = e.place, away = Math.hypot(x - u, y - v) / (1 + Math.hypot(u, v));"
+        "worst = Math.max(worst, away, ...['rotation', 'transmission'].map((n) => Math.abs(at[n] - e[n]))); }"
         "done(worst); })",
         vectors,
     )

@@ -94,7 +94,7 @@ BROKEN = (
 @pytest.mark.parametrize("wide", some_of([False, True], 1))
 @pytest.mark.parametrize("kind", ["motion", "function"])
 def test_a_store_with_something_else_in_it_breaks_no_page(page, kind, wide) -> None:
-    for content in BROKEN if wide else BROKEN[::4]:
+    for content in BROKEN if wide else BROKEN[::6]:
         page.run("localStorage.setItem(arguments[0], arguments[1])", f"linkage-atlas-{kind}", content)
         page.go("" if kind == "motion" else "/function")
         if kind == "motion":

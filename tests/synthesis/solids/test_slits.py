@@ -22,6 +22,7 @@ from synthesis.solids.prism import Hole, Prism, rounded
 from synthesis.solids.solid import Made, parts_list, solids_of
 from synthesis.solids.step import to_step
 from synthesis.work import Work
+from tests.conftest import some_of
 from tests.oracles.assembly import motors_elsewhere, six_bars, sliders
 from tests.oracles.solids import deepest, overlap, step_shells
 from tests.oracles.surface import euler_characteristic, open_edges
@@ -110,9 +111,10 @@ def test_its_surface_is_closed_and_within_the_solid() -> None:
         assert SLIT.distance(complex(*place)) >= SLIT.radius - 1e-12
 
 
-def test_parts_with_slits_are_apart_everywhere(slides) -> None:
+@pytest.mark.parametrize("places", some_of([20, 50], 1))
+def test_parts_with_slits_are_apart_everywhere(slides, places) -> None:
     for solids in slides:
-        deep, who = deepest(solids, 50)
+        deep, who = deepest(solids, places)
         assert deep <= 1e-9 * solids.unit * solids.machine.size + 1e-9, who
         for part in solids.parts:
             mesh = mesh_of(part.prism)
