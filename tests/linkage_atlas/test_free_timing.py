@@ -220,6 +220,9 @@ def test_a_table_tells_what_was_asked_for_as_it_was(kind, tmp_path) -> None:
     )
     errors = [float(row["rotation_error"]) for row in rows if row["rotation_error"]]
     assert max(map(abs, errors)) == pytest.approx(best.errors.rotation_max, abs=1e-9)
+    for row in (rows[k] for k in (0, 2, 3, 4)):  # wanted less made, up to whole turns
+        gap = float(row["rotation_wanted"]) - float(row["rotation"]) - float(row["rotation_error"])
+        assert abs(gap - 360 * round(gap / 360)) < 1e-9
     assert [float(row["rotation"]) for row in rows[2:]] == pytest.approx(
         [0, 10, 20], abs=best.errors.rotation_max + 1e-9
     )
