@@ -17,6 +17,7 @@ import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from app import problems
+from app.bodies import PIECE_BYTES
 from app.settings import Settings
 
 BACKLOG = 128
@@ -56,6 +57,7 @@ class Connection(H11Protocol):
         super().connection_made(transport)
         transport.set_write_buffer_limits(high=0)  # told of whatever the client has not yet taken
         self._unread: asyncio.TimerHandle | None = None
+        self._left = self.seconds["reply"]
         self._phase: str | None = None
         self._timer: asyncio.TimerHandle | None = None
         self._since = self.loop.time()
@@ -89,7 +91,8 @@ class Connection(H11Protocol):
         self._read()
         if self._phase is None:
             self._since = self.loop.time()
-        self._unread = self.loop.call_later(self.seconds["reply"], self.transport.abort)
+        self._left += self.seconds["reply"] * PIECE_BYTES / 1_000_000
+        self._unread = self.loop.call_later(self._left, self.transport.abort)
 
     def resume_writing(self) -> None:
         super().resume_writing()
@@ -98,6 +101,7 @@ class Connection(H11Protocol):
     def _read(self) -> None:
         """The client has taken all that was sent."""
         if self._unread is not None:
+            self._left = self._unread.when() - self.loop.time()
             self._unread.cancel()
             self._unread = None
 
@@ -114,6 +118,7 @@ class Connection(H11Protocol):
 
     def on_response_complete(self) -> None:
         super().on_response_complete()
+        self._left = self.seconds["reply"]
         if not self._answers:
             self._expect(None)  # uvicorn's own limit between two requests
         self._since = self.loop.time()

@@ -86,7 +86,9 @@ class Settings(BaseSettings):
     header_seconds: float = Field(10.0, gt=0, description="Time of a client for the header of a request.")
     body_seconds: float = Field(20.0, gt=0, description="Time of a client for the body of a request.")
     reply_seconds: float = Field(
-        20.0, gt=0, description="Time of a client for taking each 64 kB of a reply; one that takes longer is cut off."
+        20.0,
+        gt=0,
+        description="Time of a client for taking each MB of a reply, and as much once; one that takes longer is cut off.",
     )
     reply_memory_bytes: int = Field(
         64_000_000,

@@ -76,10 +76,11 @@ def answer_synthesize(request: SynthesizeRequest, resources: Resources) -> la.Re
     """Linkages with actual dimensions and pose, best first."""
     if request.effort == "atlas" and request.position is not None:
         resources.need("positions")
-    limits = request.limits.model_dump(exclude_none=True, exclude_unset=True)  # what nobody named is told of
+    asked = request.given(but=("angle_unit", "budget_ms", "live"))
+    if "family" not in request.limits.model_fields_set:  # what was not asked for may be told of
+        del asked["limits"]["family"]
     return la.synthesize(
-        **request.given(but=("angle_unit", "budget_ms", "live", "limits")),
-        limits=limits,
+        **asked,
         degrees=request.degrees,
         budget=budget_of(request.budget_ms, resources),
         atlas=resources.atlas if request.effort == "atlas" else None,

@@ -15,13 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.arrays import Complexes
-from synthesis.descents import Pool, Stage, Timed
+from synthesis.descents import Pool, Timed
 from synthesis.fourbar.limits import Constraints, Limits
 from synthesis.fourbar.mechanism import ways
 from synthesis.free.dyads import chart_of
 from synthesis.free.joint import JointProblem
 from synthesis.free.poses import Poses
 from synthesis.mechanism import Boxes, Chart
+from synthesis.rounds import FEW_TO_THEIR_END, LAST
 from synthesis.search.problems import GivenProblem
 from synthesis.search.seeds import Fits, Windows
 from synthesis.target import Target
@@ -31,12 +32,10 @@ _SPANS = np.deg2rad([130.0, 40.0, 260.0, 80.0, 190.0, 330.0])
 """Guesses of the crank angle from the first sample to the last."""
 _SEEDS = 24
 """Windows of each guess."""
-_PLAN = ((0.3, 12, 120), (3.0, 12, 60), (30.0, 15, 30), (300.0, 40, 14), (300.0, 120, 14))
-"""Weight of broken limits, steps, and how many candidates go on."""
 _APART = 1e-6
 """A crank shorter than this part of the length scale is none."""
-_STALL = 1e-6
-"""A step that lowers the cost by a smaller part ends a candidate's descent."""
+_GO_IN = (*FEW_TO_THEIR_END.first, *FEW_TO_THEIR_END.on, *LAST)
+"""How a candidate that may be far outside of the limits is led into them, and on to its end."""
 
 
 def limited_problem(poses: Poses, chart: Chart, limits: Limits) -> JointProblem:
@@ -48,12 +47,7 @@ def limited_problem(poses: Poses, chart: Chart, limits: Limits) -> JointProblem:
 def refined_within(poses: Poses, limits: Limits, timed: Timed, work: Work) -> Pool:
     """Candidates refined within limits and moved onto those that they still break; their costs are J squared."""
     problem = limited_problem(poses, chart_of(limits.family), limits)
-    for weight, steps, most in _PLAN:
-        if not timed.branch.size or work.expired():
-            break
-        found = problem.descended(timed, [Stage(steps, _STALL, weight)], 0.0, work, others=np.inf)
-        timed = found.best(most).timed
-    return problem.moved_onto(timed)[0]
+    return problem.moved_onto(problem.descended(timed, _GO_IN, 0.0, work, others=np.inf).timed)[0]
 
 
 def placed_within(problem: JointProblem, timed: Timed, boxes: Boxes) -> tuple[Timed, NDArray[np.intp]]:

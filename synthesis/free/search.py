@@ -43,7 +43,7 @@ from synthesis.kept import MOST, Kept
 from synthesis.mechanism import Chart, Placed
 from synthesis.ranking import APART, Status, behind, distinct
 from synthesis.rounds import GAIN, Found, Plan, Rounds
-from synthesis.search.search import DEFAULT_TOLERANCE, SearchReport, StoppedBy
+from synthesis.search.search import DEFAULT_TOLERANCE, Best, Hops, SearchReport, StoppedBy
 from synthesis.search.seeds import Windows
 from synthesis.target import TURN, Interval, Target
 from synthesis.work import Work
@@ -250,19 +250,6 @@ class Fresh(NamedTuple):
     screen: int
     start: int
     stop: int
-
-
-class Hops(NamedTuple):
-    """Perturbed copies of the best valleys of the pool that were perturbed least often."""
-
-    origins: int
-    copies: int
-
-
-class Best(NamedTuple):
-    """The best valleys of the pool."""
-
-    most: int
 
 
 class Round(NamedTuple):

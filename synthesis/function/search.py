@@ -4,7 +4,7 @@ Data flow::
 
     wanted --(clockwise: mirrored)--> the coupler of the linkage with coupler and rocker exchanged turns as wanted
       -> least squares, nothing limited but the family: `search.search`
-      -> else: a first look of that search, and a coarse grid of all ratios -> least squares, limits as penalties, all at once
+      -> else: a coarse grid of all ratios -> least squares, limits as penalties, all at once
       -> sequential quadratic steps over fixed places -> different ones, best first
       -> steps over the extremes of each candidate's own error curve, until they are level
       -> coupler and rocker exchanged back -> errors recomputed from the linkage's numbers, within the limits, different
@@ -40,7 +40,7 @@ from synthesis.least_squares import Evaluation, minimise
 from synthesis.mechanism import Placed
 from synthesis.pose import whole_turns
 from synthesis.ranking import APART, Status, distinct
-from synthesis.search.search import SEARCH_SAMPLES, SearchReport, first_look, search, stopped_by
+from synthesis.search.search import SEARCH_SAMPLES, SearchReport, search, stopped_by
 from synthesis.search.seeds import SeedTables
 from synthesis.target import TURN
 from synthesis.work import Work
@@ -72,8 +72,8 @@ _TRANSMISSION_STEP = np.deg2rad(5.0)
 """Exact answers are ordered by their transmission angle in steps."""
 _FIRST_PLACES, _PLACES = 9, 33
 _SEEDS, _VALLEYS, _CANDIDATES = 160, 48, 24
-_LOOKED, _BEGUN = 24, 8
-"""Candidates of the first look at full cranks; and, at each stage, those that are looked at as answers."""
+_BEGUN = 8
+"""Candidates that are looked at as answers at each stage."""
 _SOFT = 0.5
 """Weight of a broken condition beside errors in radians, while the descent finds its valley."""
 _NEARLY = 1e-3
@@ -333,17 +333,6 @@ class FunctionSearch:
             sides.append(side[first])
         return np.concatenate(found), np.concatenate(sides)
 
-    def looked(self, tables: SeedTables) -> tuple[Floats, Floats]:
-        """The best full cranks of a first look that knows no limits; none where ratios are given."""
-        if not np.isnan(self.problem.given).all():
-            return np.empty((0, 5)), np.empty(0)
-        plain = Limits(family="full_crank" if self.limits.family == "any" else self.limits.family)
-        found = first_look(tables, self.wanted.target, plain, _LOOKED, self.work)
-        ratios = np.log(found.lengths[:, :3] / found.lengths[:, 3:])
-        unknowns = np.column_stack([ratios, found.start, np.zeros(len(found.start))])
-        crank, root = self.places(SEARCH_SAMPLES)
-        return self.problem.with_offset(unknowns, found.branch, crank, root), found.branch
-
     # -- descents -----------------------------------------------------------------------------------------------------
 
     def least_squares(self, unknowns: Floats, branch: Floats, places: int, steps: int) -> tuple[Floats, Floats]:
@@ -401,13 +390,10 @@ class FunctionSearch:
             moved=self.moved,
         )
 
-    def run(self, tables: SeedTables) -> list[Generator]:
+    def run(self) -> list[Generator]:
         """The best candidates, different ones, within the limits."""
-        looked, looked_side = self.looked(tables)
-        grid, side = self.grid()
-        self.screened = self.work.elapsed
-        unknowns, branch = np.concatenate([looked, grid]), np.concatenate([looked_side, side])
-        self.seeds = len(branch)
+        unknowns, branch = self.grid()
+        self.screened, self.seeds = self.work.elapsed, len(branch)
         return self.led(unknowns, branch)
 
     def led(self, unknowns: Floats, branch: Floats) -> list[Generator]:
@@ -592,14 +578,14 @@ def generate(
         # as for a parallelogram's function, others may do as well
         within = replace(limits, link_ratio_max=EVEN) if lopsided and not (given and not reached) else limits
         run = FunctionSearch(wanted, within, False, many, tolerance, work)
-        found = best_built(distinct(found + run.run(tables), 2 * many, APART), top, tolerance)
+        found = best_built(distinct(found + run.run(), 2 * many, APART), top, tolerance)
         trace = report.trace + [
             (at, min(value, report.trace[-1][1]) if report.trace else value) for at, value in run.trace
         ]
         stopped = stopped_by(found, tolerance, work)
         return found, SearchReport(stopped, trace, report.screen_seconds, report.seeds + run.seeds, run.settled)
     run = FunctionSearch(wanted, limits, largest, many, tolerance, work)
-    found = best_built(run.run(tables), top, tolerance)
+    found = best_built(run.run(), top, tolerance)
     stopped = stopped_by(found, tolerance, work)
     return found, SearchReport(stopped, run.trace, run.screened, run.seeds, run.settled or not found)
 

@@ -644,7 +644,7 @@ class TravelSearch(FunctionSearch):
         around = [np.cos(zero), np.sin(zero)] if self.law.input == ANGLE else [np.arcsinh(zero), 0 * zero]
         return np.column_stack([np.arcsinh(unknowns[:, :3]), *around])
 
-    def run(self, tables: Any = None) -> list[Any]:
+    def run(self) -> list[Any]:
         """The best candidates, different ones, within the limits."""
         before, branches = self.work.elapsed, self.law.branches
         begin = self.problem.beginnings(_BEGINNINGS)

@@ -229,16 +229,6 @@ class SearchReport(NamedTuple):
     """What it leaves, where that was asked for."""
 
 
-class Starts(NamedTuple):
-    """Shapes and starts of candidates, best first."""
-
-    lengths: Floats
-    """(n, d), any scale."""
-    branch: Floats
-    start: Floats
-    """theta1 at the first sample, (n,)."""
-
-
 class _Search:
     """One request's search, in one chart at a time."""
 
@@ -536,23 +526,3 @@ def search(
     solutions = distinct(solutions, top, APART, exact=tolerance)
     report = run.report(solutions)._replace(kept=kept)
     return [s.mirrored() for s in solutions] if clockwise else solutions, report
-
-
-def first_look(tables: SeedTables, target: Target, limits: Limits, count: int, work: Work) -> Starts:
-    """Where good motions lie among full cranks, whatever other limits there are: a few rounds, nothing polished.
-
-    Parameters
-    ----------
-    tables : SeedTables
-    target : Target
-        With a crank that turns counter-clockwise.
-    limits : Limits
-        Of which only the family counts.
-    count : int
-        At most so many.
-    work : Work
-    """
-    run = _Search(tables, target, limits, DEFAULT_TOLERANCE, work)
-    run.free_search(FIRST_LOOK)
-    best = thinned(run.pool, count).timed
-    return Starts(run.chart.shape(best.shape).lengths, best.branch, best.angles[:, 0])

@@ -22,8 +22,7 @@ from synthesis.arrays import Complexes, Floats, Singles
 from synthesis.atlas.scan import Scan
 from synthesis.atlas.table import make_table
 from synthesis.descents import Pool, Timed
-from synthesis.mechanism import Boxes, Constraints, Mechanism, Placed
-from synthesis.pose import whole_turns
+from synthesis.mechanism import Boxes, Chart, Constraints, Mechanism, Placed
 from synthesis.search.problems import GivenProblem, given
 from synthesis.target import TURN, Mean, Target
 
@@ -274,37 +273,22 @@ class SeedTable(NamedTuple):
     """A coarse table of types, prepared for seeds."""
 
     scan: Scan
+    chart: Chart
+    """The mechanism's first,"""
     unknowns: Floats
-    """Of the types, in the mechanism's first chart."""
-    curves: Floats
-    """Periodic part of theta2 of branch +1 over the turn, the first sample again at its end, (T, samples + 1)."""
-    winding: Floats
-    """Turns of the body in one turn of the crank, (T,)."""
+    """and the types in it."""
 
     def errors(self, target: Target) -> tuple[Floats, Floats]:
-        """Squared errors (T, branches, starts) where offset or start are given, from interpolated curves; and the starts."""
-        assert target.rotation is not None
-        few = target.thinned(_GIVEN_SAMPLES)
-        assert few.rotation is not None
+        """Squared errors (T, branches, starts) where offset or start are given, at a few samples; and the starts."""
+        mechanism, chart = self.scan.mechanism, self.chart
         starts: Floats = np.linspace(0.0, TURN, self.scan.starts, endpoint=False)
         if target.start is not None:
             starts = np.array([target.start % TURN])
-        found: list[Any] = []
-        for branch in self.scan.mechanism.branches:
-            # branch -1 at -theta1 is branch +1 mirrored
-            crank = branch * (starts[:, None] + few.crank)
-            place = crank % TURN * ((self.curves.shape[1] - 1) / TURN)
-            left = np.minimum(place.astype(np.intp), self.curves.shape[1] - 2)
-            before = self.curves[:, left]
-            angle = before + (place - left) * (self.curves[:, left + 1] - before)
-            angle += self.winding[:, None, None] * crank
-            gap = few.rotation - branch * angle
-            mean = few.rotation_mean(gap)
-            rest = few.rotation_mean((gap - mean[..., None]) ** 2)
-            if few.offset is not None:
-                rest += (mean - few.offset - whole_turns(mean - few.offset)) ** 2
-            found.append(rest)
-        return np.stack(found, axis=1), starts
+        problem = GivenProblem(target.thinned(_GIVEN_SAMPLES), chart)
+        shapes, start = np.repeat(self.unknowns, starts.size, axis=0), np.tile(starts, len(self.unknowns))
+        each = (given(shapes, np.full(start.size, float(branch)), start) for branch in mechanism.branches)
+        cost = [problem.measured(timed).cost.reshape(-1, starts.size) for timed in each]
+        return np.stack(cost, axis=1), starts
 
 
 class SeedTables:
@@ -314,13 +298,11 @@ class SeedTables:
         self.mechanism = mechanism
         self._windows: dict[str, Windows] = {}
         lengths = mechanism.coarse_types
-        table = make_table(mechanism, lengths, _TABLE_SAMPLES)
-        curves = table.curves()
+        table, chart = make_table(mechanism, lengths, _TABLE_SAMPLES), mechanism.charts("full_crank")[0]
         self.table = SeedTable(
             Scan(table, _STARTS, _SERIES_ERROR, _HARMONICS, cells=False),
-            mechanism.charts("full_crank")[0].unknowns(lengths),
-            np.hstack([curves, curves[:, :1]]),
-            table.winding.astype(float),
+            chart,
+            chart.unknowns(lengths),
         )
 
     def windows(self, family: str) -> Windows:
@@ -332,7 +314,7 @@ class SeedTables:
     @property
     def nbytes(self) -> int:
         """Memory of the table."""
-        return self.table.scan.nbytes + self.table.unknowns.nbytes + self.table.curves.nbytes
+        return self.table.scan.nbytes + self.table.unknowns.nbytes
 
     def best_starts(self, target: Target, family: str) -> Pool:
         """Best start of each type and branch of the table for a target, thinned out over cells of the chart, best first."""

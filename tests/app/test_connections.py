@@ -225,6 +225,28 @@ def test_clients_that_do_not_read_make_room_and_are_cut_off(unread) -> None:
         assert eventually(lambda: bodies.Held.total == 0)
 
 
+def test_a_client_that_reads_a_little_now_and_then_is_cut_off(unread, monkeypatch) -> None:
+    """Once each 64 kB had all of the time, and a large reply was held for hours."""
+    port, _ = unread
+    plain = connections.Connection.connection_made
+
+    def made(self, transport) -> None:  # as `app.server.listening` has it: the system takes little
+        transport.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 1 << 16)
+        plain(self, transport)
+
+    monkeypatch.setattr(connections.Connection, "connection_made", made)
+    with closing(socket.socket()) as client:
+        client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 16)
+        client.connect(("127.0.0.1", port))
+        client.sendall(b"GET /large HTTP/1.1\r\nHost: a\r\n\r\n")
+        assert eventually(lambda: bodies.Held.total > 0)
+        end = time.monotonic() + 8.0
+        while bodies.Held.total and time.monotonic() < end:
+            client.recv(1 << 16)
+            time.sleep(0.1)
+        assert time.monotonic() < end
+
+
 def test_what_unread_replies_took_is_given_back(unread, monkeypatch) -> None:
     """Once the front kept tens of megabytes of them."""
     port, _ = unread

@@ -13,6 +13,7 @@ import linkage_atlas as la
 
 CRANK = [0.0, 10.0, 35.0, 50.0, 80.0, 110.0]
 
+FREE = {"timing": "free", "limits": {"preset": "none"}}
 HALF = np.linspace(0, np.pi, 10)
 LETTER_D = [
     *([-50 + 10 * k, 0] for k in range(10)),
@@ -29,7 +30,7 @@ def motion():
 
 
 def test_the_linkage_and_its_crank_angles_are_found(motion) -> None:
-    best = la.synthesize(*motion, timing="free", limits={"preset": "none"}).best
+    best = la.synthesize(*motion, **FREE).best
     assert best.linkage.links == pytest.approx([19, 72, 144, 165], rel=1e-9)
     assert best.crank_angle == pytest.approx(CRANK, abs=1e-8)
     assert best.linkage.start_angle == pytest.approx(30, abs=1e-7)
@@ -39,15 +40,13 @@ def test_the_linkage_and_its_crank_angles_are_found(motion) -> None:
 
 
 def test_radians_in_radians_out(motion) -> None:
-    best = la.synthesize(
-        np.deg2rad(motion[0]), motion[1], timing="free", limits={"preset": "none"}, degrees=False
-    ).best
+    best = la.synthesize(np.deg2rad(motion[0]), motion[1], **FREE, degrees=False).best
     assert best.crank_angle == pytest.approx(np.deg2rad(CRANK), abs=1e-9)
 
 
 def test_rotations_alone_fix_nothing(motion) -> None:
     with pytest.raises(la.FieldError, match="any rotation within the coupler's swing") as caught:
-        la.synthesize(motion[0], timing="free", limits={"preset": "none"})
+        la.synthesize(motion[0], **FREE)
     assert caught.value.field == "/position"
 
 
@@ -61,9 +60,9 @@ def test_none_is_missing_and_nan_is_an_error(motion) -> None:
         [19, 72, 144, 165], rel=1e-6
     )
     with pytest.raises(la.FieldError, match="finite"):
-        la.synthesize([np.nan, *turns[1:]], motion[1], timing="free", limits={"preset": "none"})
+        la.synthesize([np.nan, *turns[1:]], motion[1], **FREE)
     with pytest.raises(la.FieldError, match="at least one entry"):
-        la.synthesize([None] * 6, motion[1], timing="free", limits={"preset": "none"})
+        la.synthesize([None] * 6, motion[1], **FREE)
 
 
 def test_a_sample_of_weight_0_counts_for_nothing(motion) -> None:
@@ -71,7 +70,7 @@ def test_a_sample_of_weight_0_counts_for_nothing(motion) -> None:
     turns[2] += 40
     points[2] += 30
     weights = {"rotation": [1, 1, 0, 1, 1, 1], "position": [1, 1, 0, 1, 1, 1]}
-    found = la.synthesize(turns, points, timing="free", limits={"preset": "none"}, weights=weights)
+    found = la.synthesize(turns, points, **FREE, weights=weights)
     assert found.best.errors.objective < 1e-9
     near = min(np.abs(one.linkage.links - [19, 72, 144, 165]).max() for one in found.solutions)
     assert near < 1e-4, "five poses are left, and this linkage is one of those that pass them"
@@ -80,7 +79,7 @@ def test_a_sample_of_weight_0_counts_for_nothing(motion) -> None:
 def test_tolerances_decide_the_status_and_name_the_worst_sample(motion) -> None:
     random = np.random.default_rng(3)
     turns, points = motion[0] + 0.05 * random.standard_normal(6), motion[1] + 0.02 * random.standard_normal((6, 2))
-    asked = {"rotation": turns, "position": points, "timing": "free", "limits": {"preset": "none"}}
+    asked = {"rotation": turns, "position": points, **FREE}
     wide = la.synthesize(**asked, tolerances={"rotation": 1.0, "position": 0.5}, prefer="error")
     assert wide.status == "reached" and wide.best.verdict.within_tolerance
     errors = wide.best.errors
@@ -96,18 +95,18 @@ def test_tolerances_decide_the_status_and_name_the_worst_sample(motion) -> None:
 
 def test_solutions_that_keep_the_tolerances_come_first(motion) -> None:
     each = [0.5] * 6
-    found = la.synthesize(*motion, timing="free", limits={"preset": "none"}, tolerances={"position": each}, top=10)
+    found = la.synthesize(*motion, **FREE, tolerances={"position": each}, top=10)
     inside = [one.verdict.within_tolerance for one in found.solutions]
     assert inside == sorted(inside, reverse=True)
     assert [one.rank for one in found.solutions] == list(range(1, len(inside) + 1))
 
 
 def test_what_one_would_not_build_is_said(motion) -> None:
-    best = la.synthesize(*motion, timing="free", limits={"preset": "none"}).best
+    best = la.synthesize(*motion, **FREE).best
     assert not best.verdict.buildable and best.verdict.works
     assert any("extent" in reason for reason in best.verdict.reasons)
     whole = la.FourBar(30, 70, 60, 80, coupler_point=(40, 20)).joints(np.linspace(0, 300, 12))
-    good = la.synthesize(whole.rotation, whole.body_point, timing="free", limits={"preset": "none"}).best
+    good = la.synthesize(whole.rotation, whole.body_point, **FREE).best
     assert good.verdict.buildable and good.verdict.reasons == ()
 
 
@@ -115,14 +114,10 @@ def test_a_closed_way_may_end_where_it_began() -> None:
     linkage = la.FourBar(19, 72, 64, 80, start_angle=30, coupler_point=(50, 30))
     crank = [0, 40, 80, 130, 200, 260, 300, 330, 360]
     joints = linkage.joints(crank)
-    best = la.synthesize(
-        joints.rotation, joints.body_point, timing="free", limits={"preset": "none"}, closed=True
-    ).best
+    best = la.synthesize(joints.rotation, joints.body_point, **FREE, closed=True).best
     assert best.crank_angle == pytest.approx(crank, abs=1e-7) and best.errors.objective < 1e-9
     assert best.verdict.works and best.linkage.links == pytest.approx([19, 72, 64, 80], rel=1e-8)
-    less = la.synthesize(
-        joints.rotation[:-1], joints.body_point[:-1], timing="free", limits={"preset": "none"}, closed=True
-    ).best
+    less = la.synthesize(joints.rotation[:-1], joints.body_point[:-1], **FREE, closed=True).best
     assert less.linkage.links == pytest.approx([19, 72, 64, 80], rel=1e-8) and less.crank_angle.size == 8
 
 
@@ -225,6 +220,9 @@ def test_a_table_tells_what_was_asked_for_as_it_was(kind, tmp_path) -> None:
     )
     errors = [float(row["rotation_error"]) for row in rows if row["rotation_error"]]
     assert max(map(abs, errors)) == pytest.approx(best.errors.rotation_max, abs=1e-9)
+    for row in (rows[k] for k in (0, 2, 3, 4)):  # wanted less made, up to whole turns
+        gap = float(row["rotation_wanted"]) - float(row["rotation"]) - float(row["rotation_error"])
+        assert abs(gap - 360 * round(gap / 360)) < 1e-9
     assert [float(row["rotation"]) for row in rows[2:]] == pytest.approx(
         [0, 10, 20], abs=best.errors.rotation_max + 1e-9
     )
@@ -282,18 +280,13 @@ def test_limits_are_kept_and_cost_little(limits) -> None:
             assert one.family in (limits.get("family", "crank_rocker"), "double_crank")
 
 
-def test_paths_are_found_with_their_cognates() -> None:
+def test_a_closed_path_goes_once_round_and_has_an_order() -> None:
     linkage = la.FourBar(19, 72, 64, 80, start_angle=30, pivot_a=(10, 5), ground_angle=20, coupler_point=(50, 30))
     points = linkage.joints(np.linspace(0, 300, 12)).body_point
-    found = la.synthesize(position=points, timing="free", limits={"preset": "none"}, top=4)
-    exact = [one for one in found.solutions if one.errors.objective < 1e-9]
-    assert any(one.linkage.links == pytest.approx([19, 72, 64, 80], rel=1e-5) for one in exact)
-    closed = la.synthesize(
-        position=[*points.tolist(), points[0].tolist()], timing="free", limits={"preset": "none"}, closed=True, top=1
-    ).best
+    closed = la.synthesize(position=[*points.tolist(), points[0].tolist()], **FREE, closed=True, top=1).best
     assert closed.crank_angle[-1] == pytest.approx(360) and closed.errors.objective < 1e-9
     with pytest.raises(la.FieldError, match="a path has an order") as caught:
-        la.synthesize(position=points, timing="free", limits={"preset": "none"}, order="any")
+        la.synthesize(position=points, **FREE, order="any")
     assert caught.value.field == "/order"
 
 
@@ -311,7 +304,7 @@ def test_paths_are_found_with_their_cognates() -> None:
     ],
 )
 def test_translations_lines_and_corners_have_a_closest_linkage(rotation, position) -> None:
-    found = la.synthesize(rotation, position, timing="free", limits={"preset": "none"}, top=2)
+    found = la.synthesize(rotation, position, **FREE, top=2)
     assert found.solutions and found.status in ("reached", "closest")
     assert found.best.errors.objective < 0.05
 
@@ -367,7 +360,7 @@ def test_the_first_answer_to_a_drawn_corner_stays_on_it(more):
 
 
 def test_without_the_practical_limits_the_least_error_comes_first_wherever_the_curve_goes():
-    found = la.synthesize(position=CORNER, timing="free", limits={"preset": "none"})
+    found = la.synthesize(position=CORNER, **FREE)
     assert found.best.excursion > 100
     assert found.best.errors.objective == min(one.errors.objective for one in found)
 
@@ -498,7 +491,7 @@ def test_links_so_long_that_their_curve_is_rounding_take_no_more_memory_than_oth
     """Without limits a spiral's best links are 7e5 long on a ground of 0.1: halving arcs for accuracy never came to an end."""
     spiral = [(30.0, 0.0), (23.2, 40.0), (-15.2, 56.5), (-54.7, 41.6), (-77.5, 5.8), (-77.5, -36.8), (-56.6, -74.0)]
     tracemalloc.start()
-    found = la.synthesize(position=[*spiral, (-21.1, -97.8)], timing="free", limits={"preset": "none"})
+    found = la.synthesize(position=[*spiral, (-21.1, -97.8)], **FREE)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert max(found.best.links) > 1e5 and found.best.excursion < 1.2
@@ -542,7 +535,7 @@ def test_a_body_that_turns_the_other_way_round_is_told() -> None:
     places = [[0, 0], [40, 11], [55, 70], [91, 84]]
     seen = 0
     for rotation in ([-23.0, 47.3, 40.4, 36.0], [0, 172], [0, 60, 150, 200]):
-        for one in la.synthesize(rotation, places[: len(rotation)], timing="free", limits={"preset": "none"}):
+        for one in la.synthesize(rotation, places[: len(rotation)], **FREE):
             wrong = np.abs(turning(one, rotation) - np.abs(np.diff(rotation))) > 180
             told = _told(one)
             assert bool(told) == bool(wrong.any())
@@ -567,7 +560,7 @@ def test_a_closed_way_counts_the_turn_back_too(last: list[list[float]]) -> None:
     joints = linkage.joints(np.linspace(0, 360, 9))
     rotation, places = joints.rotation - joints.rotation[0], joints.body_point
     count = 8 + len(last)
-    free = {"timing": "free", "closed": True, "limits": {"preset": "none"}}
+    free = FREE | {"closed": True}
     spinning = la.synthesize(rotation[:count], places[:count], **free)
     assert spinning.best.errors.objective < 1e-9
     assert not _told(spinning.best)

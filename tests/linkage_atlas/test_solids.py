@@ -217,7 +217,8 @@ def test_a_list_of_parts_has_a_row_a_part(linkage) -> None:
     rows = list(csv.DictReader(io.StringIO(parts.file("parts").decode())))
     assert [row["name"] for row in rows] == [one.name for one in parts.parts]
     assert all(float(row["mass"]) == pytest.approx(1000 * one.mass) for row, one in zip(rows, parts.parts))
-    assert {row["material"] for row in rows} == {"aluminium", "steel"}
+    plates = {row["kind"] for row in rows if row["material"] == "aluminium"}
+    assert plates == {"plate", "board"} and {row["material"] for row in rows} == {"aluminium", "steel"}
 
 
 def test_plates_of_an_assembly_are_its_parts_flat(linkage) -> None:

@@ -42,6 +42,7 @@ def test_the_answers_to_a_path_name_their_cognates() -> None:
     found = la.synthesize(position=points, timing="free", limits={"preset": "none"}, top=4)
     exact = [one for one in found.solutions if one.errors.objective < 1e-9]
     assert len(exact) == 2
+    assert any(one.linkage.links == pytest.approx([19, 72, 64, 80], rel=1e-5) for one in exact)
     assert exact[0].linkage.is_cognate_of(exact[1].linkage) and exact[1].linkage.is_cognate_of(exact[0].linkage)
     assert not exact[0].linkage.is_cognate_of(exact[0].linkage)
     assert any("solutions 1 and 2 are Roberts cognates" in note for note in found.report.notes)
