@@ -94,7 +94,7 @@ def test_angles_are_unwrapped_where_that_is_asked_for() -> None:
 
 def test_the_command_unwraps_and_answers_tables_of_every_question(tmp_path, capsys) -> None:
     table = tmp_path / "turns.csv"
-    table.write_text("crank;rocker\n350;0\n5;12\n25;31\n50;62\n70;90\n")
+    table.write_text("crank;rocker\n250;0\n5;12\n25;31\n50;62\n70;90\n")
     assert cli.main(["function", str(table)]) == 2
     assert "input" in capsys.readouterr().err
     assert cli.main(["function", str(table), "--unwrap", "--set", "top=1", "--no-preset"]) == 0
