@@ -424,7 +424,7 @@ def _of_kinds(
     def searched_for(
         asked: Motion, within: Limits, goal: float, work: Work, rounds: int | None = None
     ) -> tuple[list[Found], Course]:
-        def four_bars(within: Limits, work: Work) -> tuple[list[Solution], Course]:
+        def four_bars(within: Limits, work: Work, rounds: int | None) -> tuple[list[Solution], Course]:
             found, course = _search(seed_tables(), asked, within, top, goal, work, rounds)
             if sizes and within is limits:
                 return _with_fair(found, course, seed_tables(), asked, sizes, top, goal, work)

@@ -49,8 +49,9 @@ ROUND_AGAIN = (
 NO_TIME = "the time was up before linkages with sliders were searched for"
 _FOUR_BARS = 0.4
 """Part of a budget that the search among four-bars takes at most, where other kinds are asked for too."""
-_LEADS = 2
-"""Four-bars whose rotations linkages with sliders begin with where none are asked for."""
+_LEADS, _FIRST_ROUNDS, _OTHERWISE = 3, 4, 1e-2
+"""Four-bars whose rotations linkages with sliders begin with where none are asked for: the best of so many rounds, whatever the
+time, and the best of an ended search, with rotations so many radians apart. So more time only adds to what is looked at."""
 _NEAR_ENOUGH = 1.1
 """Without tolerances: times the least error up to which something else may be preferred."""
 UNRANKED = (True, 0, 0)
@@ -212,8 +213,8 @@ def as_poses(samples: Samples) -> Poses:
 
 # -- the search ------------------------------------------------------------------------------------------------------
 
-FourBars = Callable[[Limits, Work], tuple[list[fourbar.Solution], "Course"]]
-"""The search among four-bars: linkages and how it went."""
+FourBars = Callable[[Limits, Work, int | None], tuple[list[fourbar.Solution], "Course"]]
+"""The search among four-bars, by so many rounds at most: linkages and how it went."""
 Found = fourbar.Solution | guided.GuidedSolution
 One = TypeVar("One", fourbar.Solution, Found)
 
@@ -252,7 +253,8 @@ def search_kinds(
     sure: list[tuple[float, float | None]] = []  # the least J of each search, and the chance that it missed less
     if (asked.four_bars or led) and motion.travel is None:
         part = work.part(_FOUR_BARS * work.budget) if sliders and np.isfinite(work.budget) else work
-        leads, course = four_bars(limits, part)
+        first = four_bars(limits, part, _FIRST_ROUNDS)[0][:1] if led else []
+        leads, course = four_bars(limits, part, rounds)
         if asked.four_bars:
             found += leads
             trace += course.trace
@@ -261,7 +263,9 @@ def search_kinds(
         stopped.add(course.stopped_by)
         notes += course.notes
         if led and _by_hinge_alone(asked, motion.samples):  # which turns the body round, as a double crank does
-            leads, _ = four_bars(replace(limits, family="double_crank"), part)
+            first, (leads, _) = [], four_bars(replace(limits, family="double_crank"), part, rounds)
+        if first:
+            leads = first + (leads if course.stopped_by != StoppedBy.BUDGET.value else [])
     between = work.elapsed
     if sliders and found and work.expired():
         notes.append(NO_TIME)
@@ -270,7 +274,7 @@ def search_kinds(
         poses, least = as_poses(motion.samples), _least(trace)
         if led and not leads:
             notes.append(NO_LEAD)
-        for turned in [_turned(one, poses) for one in leads[:_LEADS]] if led else [None]:
+        for turned in _rotations(leads, poses) if led else [None]:
             others, report = search_guided(
                 poses, limits, asked.sliders, driver, tolerance, work, given, turned, rounds
             )
@@ -316,6 +320,18 @@ def _turned(lead: fourbar.Solution, poses: Poses) -> Floats:
     """The rotations of a four-bar along the way of the poses, in radians (N,)."""
     assert lead.crank is not None
     return lead.linkage.joints(lead.crank[: poses.samples]).rotation
+
+
+def _rotations(leads: Sequence[fourbar.Solution], poses: Poses) -> list[Floats]:
+    """The rotations of the first four-bars that turn otherwise than one another."""
+    kept: list[Floats] = []
+    for one in leads:
+        turned = _turned(one, poses)
+        if all(np.ptp(turned - other) > _OTHERWISE for other in kept):
+            kept.append(turned)
+        if len(kept) == _LEADS:
+            break
+    return kept
 
 
 def _given(motion: Motion, driver: Driver | None) -> tuple[Floats | None, Driver | None]:

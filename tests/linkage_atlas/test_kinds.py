@@ -302,3 +302,16 @@ def test_a_cylinder_whose_length_passes_zero_is_no_practical_drive(preset: str) 
             assert not (passes and one.verdict.practical)
             passing += passes
     assert (passing > 0) is (preset == "none")
+
+
+@pytest.mark.parametrize("budget", [0.3, 0.6])
+def test_more_time_only_adds_to_what_sliders_begin_with(budget: float) -> None:
+    """Along a path they begin with rotations of four-bars: a nearer one of these led to sliders three times as far off."""
+    asked = la.Motion(
+        None, [[0, 0], [322, 1], [379, -6], [400, 73], [397, 128], [438, 306], [805, 303]], timing="free"
+    )
+    some, more = (
+        la.synthesize(asked, la.Limits(preset="practical"), mechanisms="all", budget=seconds)
+        for seconds in (budget, None)
+    )
+    assert more.solutions[0].errors.objective <= some.solutions[0].errors.objective * (1 + 1e-6)
