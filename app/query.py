@@ -183,8 +183,8 @@ def _fields_at(model: type[BaseModel], path: Iterable[str | int]) -> list[str]:
 def _ways(model: type[BaseModel], way: str = "") -> dict[str, str]:
     """Names of all fields of an object and those within it, and the way to each; of several the shortest."""
     ways = {name: way + name for name in model.model_fields}
-    for name, field in model.model_fields.items():
-        for one in _models(field.annotation):
+    for name, info in model.model_fields.items():
+        for one in _models(info.annotation):
             ways = _ways(one, f"{way}{name}.") | ways
     return ways
 
