@@ -25,7 +25,7 @@ from linkage_atlas.door import (
 from linkage_atlas.guided import AnyGuide, DriverName, GuidedLinkage, KindName, guides_of
 from linkage_atlas.limits import read_function_limits
 from linkage_atlas.linkages import FourBar, Links
-from linkage_atlas.motions import Motion, unwound
+from linkage_atlas.motions import Motion, unit_notes, unwound
 from linkage_atlas.records import KEPT, Record, Values, names_of
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
@@ -489,7 +489,10 @@ def function(
             replace(one, rounded=rounded(asked, generator, round_to, watch))
             for one, generator in zip(solutions, found)
         ]
-    notes = [*wraps, *_notes(wanted), *([] if begin is None else [LOCAL])]
+    units = unit_notes("crank", wanted.crank[[0, -1]] / radian, degrees)
+    if dials is None:
+        units += unit_notes("output", wanted.output / radian, degrees)
+    notes = [*wraps, *units, *_notes(wanted), *([] if begin is None else [LOCAL])]
     if not course.settled:
         notes.append(
             "the best linkage was still getting better, by little, when the steps of the search were used up"
