@@ -512,7 +512,10 @@ def test_angles_of_a_function_too() -> None:
 
 @pytest.mark.parametrize("name", ["rotation", "position"])
 def test_what_is_behind_a_mask_is_not_taken(name) -> None:
-    motion: dict[str, Any] = {"rotation": np.array([0.0, 10, 25]), "position": np.array([[0.0, 0], [50, 10], [99, 30]])}
+    motion: dict[str, Any] = {
+        "rotation": np.array([0.0, 10, 25]),
+        "position": np.array([[0.0, 0], [50, 10], [99, 30]]),
+    }
     motion[name] = np.ma.array(motion[name], mask=np.arange(motion[name].size).reshape(motion[name].shape) == 1)
     with pytest.raises(la.FieldError, match="without a mask") as error:
         la.Motion(**motion, timing="free")
