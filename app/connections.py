@@ -74,6 +74,8 @@ class Connection(H11Protocol):
         self._expect(None)
         self._read()
         super().connection_lost(exc)
+        if self._answers:
+            self.scope["state"].get("leave", bool)()
 
     @property
     def _answers(self) -> bool:

@@ -425,7 +425,7 @@ class Sender:
 
     def __init__(self, host: str, part: int, pause: float) -> None:
         self.headers = {"content-length": "100000"}
-        self.client = SimpleNamespace(host=host)
+        self.client, self.state = SimpleNamespace(host=host), SimpleNamespace()
         self._parts, self._pause = [b" " * part] * (100_000 // part), pause
 
     async def stream(self) -> Any:
@@ -474,3 +474,19 @@ def test_large_bodies_that_do_not_come_keep_no_place() -> None:
         with closing(connected(port)) as client:
             client.sendall(head + b"{}".ljust(900000))
             assert client.recv(12) == b"HTTP/1.1 200"
+
+
+def test_nothing_is_kept_of_large_bodies_whose_clients_have_gone_before_their_turn() -> None:
+    """Some hundred a second took 200 MB, since each waited with its first 64 kB."""
+    head = NEEDLE[:-2].replace(b"Length: 2", b"Length: 900000")
+    with serving(body_seconds=1000.0) as (port, server), ExitStack() as stack:
+        tasks = server.server_state.tasks
+        for _ in range(8):
+            client = stack.enter_context(closing(connected(port)))
+            client.sendall(head + b" " * 800_000)
+        assert eventually(lambda: len(tasks) == 8)
+        for _ in range(20):
+            with closing(connected(port)) as client:
+                client.sendall(head + b" " * 1000)
+                assert eventually(lambda: len(tasks) == 9)
+            assert eventually(lambda: len(tasks) == 8)
