@@ -196,6 +196,15 @@ class Problem:
         self._kernel.nearest(steps)
         return pool.timed
 
+    def aligned(self, timed: Timed, places: int) -> Timed:
+        """Candidates with the crank angles of the least error in their pose, among so many places in a turn; order is kept.
+
+        Law: no candidate has angles on the same places that fit it better. Those at one place share the room about it.
+        """
+        pool = self._begin(timed)
+        self._kernel.align(places)
+        return pool.timed
+
     def errors_at(self, timed: Timed, angles: Floats) -> Floats:
         """Squared errors (n, N, G) of each sample with the crank at some angles (n, G); infinite where a loop is open."""
         self._begin(timed._replace(angles=np.zeros((len(timed.branch), self._angles))))

@@ -1239,16 +1239,139 @@ class Descent:
                     continue
                 point = a + z1 * loop.e1 + z2 * loop.e2
                 for i in range(self.samples):
-                    total = 0.0
-                    if self.has_rotation:
-                        wanted = self.facing[i] * back
-                        off = self.rotation_root[i] * atan2(cross(loop.e2, wanted), inner(loop.e2, wanted))
-                        total += off * off
-                    if self.has_position:
-                        left = self.place[i] - times(self.position_root[i], point)
-                        total += inner(left, left)
-                    error[n, i, g] = total
+                    error[n, i, g] = self.error_there(i, point, back)
         return errors
+
+    def align(self, places: cython.int):
+        """Move the crank angles of the candidates to those of the least error among so many places in a turn.
+
+        Where the order counts, to the best that pass the samples in it within the span, either way: from each place where the
+        first sample may be, by dynamic programming. Samples at one place share the room about it. What closes nowhere stays.
+        """
+        error: double[:, ::1] = np.empty((self.samples, places))
+        before: Py_ssize_t[:, ::1] = np.empty((self.samples, places), dtype=np.intp)
+        best: Py_ssize_t[::1] = np.empty(self.samples, dtype=np.intp)
+        total: double[::1] = np.empty(max(1, min(places, int(self.span_max / TURN * places))))
+        begin: Py_ssize_t
+        way: Py_ssize_t
+        first: Py_ssize_t
+        sense: Py_ssize_t
+        i: Py_ssize_t
+        for n in range(self.costs.shape[0]):
+            self.take(0, n)
+            self.over_turn(error)
+            rest, least, first, sense = 0.0, INFINITE, 0, 1
+            for i in range(self.samples):
+                best[i] = self.lowest(error[i])
+                rest += error[i, best[i]]
+            if self.ordered and isfinite(rest):
+                rest -= error[0, best[0]]
+                for way in range(-1, 2, 2):
+                    for begin in range(places):
+                        if error[0, begin] + rest < least:
+                            cost = self.in_order(error, begin, way, total, before)
+                            if cost < least:
+                                least, first, sense = cost, begin, way
+                                self.lead_back(total, before, best)
+            if isfinite(least if self.ordered else rest):
+                self.spread_out(n, first, sense, best, TURN / places)
+
+    @cfunc
+    def lead_back(self, total: double[::1], before: Py_ssize_t[:, ::1], best: Py_ssize_t[::1]):
+        """How many places after the first sample each lies, of the least sum."""
+        place: Py_ssize_t = self.lowest(total)
+        for i in range(self.samples - 1, -1, -1):
+            best[i] = place
+            place = before[i, place]
+
+    @cfunc
+    def spread_out(self, n: Py_ssize_t, first: Py_ssize_t, sense: Py_ssize_t, best: Py_ssize_t[::1], step: double):
+        """Angles of a candidate at places; in their order, those at one place lie apart within it."""
+        count: Py_ssize_t = 0
+        number: Py_ssize_t = 0
+        for i in range(self.samples):
+            part = 0.0
+            if self.ordered:
+                if number == count:
+                    number = count = 0
+                    while i + count < self.samples and best[i + count] == best[i]:
+                        count += 1
+                part = 0.8 * ((number + 0.5) / count - 0.5)
+                number += 1
+            self.angles[n, i] = step * (first + sense * (best[i] + part))
+
+    @cfunc
+    def lowest(self, values: double[::1]) -> Py_ssize_t:
+        """Where values are least."""
+        at: Py_ssize_t = 0
+        for g in range(values.shape[0]):
+            if values[g] < values[at]:
+                at = g
+        return at
+
+    @cfunc
+    def over_turn(self, error: double[:, ::1]):
+        """Squared errors (N, G) of each sample with the crank at even places of a turn; infinite where the loop is open."""
+        loop, places = self.shape.loop, error.shape[1]
+        self.shaped(0)
+        a, z1, z2 = self.pose[0, 0], self.pose[0, 1], self.pose[0, 2]
+        back = vector(cos(self.offset[0]), -sin(self.offset[0]))
+        for g in range(places):
+            closes = loop.turn(TURN * g / places, False)
+            point = a + z1 * loop.e1 + z2 * loop.e2
+            for i in range(self.samples):
+                error[i, g] = self.error_there(i, point, back) if closes else INFINITE
+
+    @cfunc
+    @inline
+    @cython.exceptval(check=False)
+    def error_there(self, i: Py_ssize_t, point: doublecomplex, back: doublecomplex) -> double:
+        """Squared error of a sample with the body point there and the loop turned; ``back``: e^{-i offset}."""
+        total = 0.0
+        if self.has_rotation:
+            wanted = self.facing[i] * back
+            e2 = self.shape.loop.e2
+            off = self.rotation_root[i] * atan2(cross(e2, wanted), inner(e2, wanted))
+            total += off * off
+        if self.has_position:
+            left = self.place[i] - times(self.position_root[i], point)
+            total += inner(left, left)
+        return total
+
+    @cfunc
+    def in_order(
+        self,
+        error: double[:, ::1],
+        begin: Py_ssize_t,
+        way: Py_ssize_t,
+        total: double[::1],
+        before: Py_ssize_t[:, ::1],
+    ) -> double:
+        """The least sum of errors with the first sample at a place; of each number of places to the last one: ``total``.
+
+        ``before``: how many places after the first the sample before lies then.
+        """
+        places, lowest = error.shape[1], INFINITE
+        place: Py_ssize_t
+        at: Py_ssize_t
+        here: Py_ssize_t
+        for place in range(total.shape[0]):
+            total[place] = INFINITE if place else error[0, begin]
+            before[0, place] = 0
+        for i in range(1, self.samples):
+            least, lowest, at, here = INFINITE, INFINITE, 0, begin
+            for place in range(total.shape[0]):
+                if total[place] < least:
+                    least, at = total[place], place
+                before[i, place] = at
+                total[place] = least + error[i, here]
+                lowest = min(lowest, total[place])
+                here += way
+                if here == places:
+                    here = 0
+                elif here < 0:
+                    here = places - 1
+        return lowest
 
     def loose(self, noise: double[:, ::1], factors: double[::1], size: double):
         """Move the candidates mostly where their cost is flat: along valleys, where the next minimum lies.

@@ -64,9 +64,9 @@ class Plan(NamedTuple):
 
 
 FEW_TO_THEIR_END = Plan(
-    (Stage(15, 1e-2, 0.3), Stage(12, 1e-2, 1.0)),
+    (Stage(15, 1e-2, 0.3),),
     12,
-    (Stage(12, 1e-3, 3.0), Stage(15, 1e-3, 10.0), Stage(15, 1e-3, 30.0)),
+    (Stage(12, 1e-2, 1.0), Stage(12, 1e-3, 3.0), Stage(15, 1e-3, 10.0), Stage(15, 1e-3, 30.0)),
     4,
     (Stage(60, 1e-6, 100.0), Stage(60, 1e-6, 300.0), Stage(60, 1e-7, 300.0)),
 )
@@ -203,6 +203,10 @@ class Rounds:
     def turned_apart(self, timed: Timed, width: float) -> Floats:
         """Crank angles (n, N) of candidates that hop."""
         raise NotImplementedError
+
+    def realigned(self, timed: Timed) -> Timed:
+        """Candidates in their best pose with the crank angles that fit it best, wherever they lie; none where these are given."""
+        return timed.take(slice(0, 0))
 
     # -- the pool ---------------------------------------------------------------------------------------------------
 
@@ -366,8 +370,8 @@ class Rounds:
     def hops(self, origins: int, copies: int, width: float = 1.0) -> Timed:
         """Perturbed copies of the best valleys that were perturbed least often.
 
-        Half of them are moved in all unknowns alike, which reaches other valleys, half where the cost is flat, which reaches
-        other minima of a long one.
+        Some are moved in all unknowns alike, which reaches other valleys, and where crank angles are free they begin from the
+        best ones of their shapes too; as many are moved where the cost is flat, which reaches other minima of a long valley.
         """
         assert self.pool is not None
         best = self.pool.take(slice(0, _STOOD))
@@ -376,7 +380,8 @@ class Rounds:
         chosen = np.argsort(rank, kind="stable")[:origins]
         self._used.update(cost[chosen])
         hop = best.timed.take(np.repeat(chosen, copies // 2))
-        return self._wide_steps(hop, width).joined(self.problem.loose_steps(hop, self.random, _LOOSE_HOP))
+        wide = self._wide_steps(hop, width)
+        return wide.joined(self.realigned(wide), self.problem.loose_steps(hop, self.random, _LOOSE_HOP))
 
     def _wide_steps(self, timed: Timed, width: float) -> Timed:
         """Candidates moved in shape and timing, with heavy tails, some to the other branch, some to the other family."""

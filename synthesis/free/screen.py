@@ -22,6 +22,9 @@ from synthesis.target import TURN
 
 _STARTS, _SAMPLES, _HARMONICS = 18, 64, 6
 _EACH = 60
+_AT_RANDOM, _EACH_AT_RANDOM, _UNEVEN, _NARROWEST = 8, 10, 0.5, 0.35
+"""Guesses at random that are made at once, windows of each, the shape of the gamma distribution of their steps (the less, the
+more uneven), and their least span."""
 _AT_ONCE = 8
 """Guesses that are compared at once: the products of all would take hundreds of megabytes, and longer."""
 _MISSED = 3.0
@@ -118,7 +121,13 @@ class PathScreen:
             error += 2 * np.maximum(1 - np.sqrt(aligned), 0.0)
         return error.reshape(count, len(self.lengths), 2, -1)
 
-    def seeds(self, poses: Poses, chart: Chart, missing: Missing | None = None) -> Timed:
+    def seeds(
+        self,
+        poses: Poses,
+        chart: Chart,
+        missing: Missing | None = None,
+        random: np.random.Generator | None = None,
+    ) -> Timed:
         """Starting points for a path, best first, at most one a cell of shape, start, span and branch.
 
         Of each type, branch and guess only the best start counts, and of each guess the best ``_EACH`` types and branches: the
@@ -131,8 +140,10 @@ class PathScreen:
             Of the candidates' shapes.
         missing : callable, optional
             By how much windows miss the limits on shape and crank angles, in radians.
+        random : Generator, optional
+            For crank angles at random, in place of those that the way between the samples suggests.
         """
-        guesses = self.timing_of(poses)
+        guesses = self.timing_of(poses) if random is None else self.random_timing(poses, random)
         error = self.errors(poses, guesses)
         if missing is not None:
             spans, which = np.unique(guesses[:, -1], return_inverse=True)
@@ -140,7 +151,7 @@ class PathScreen:
             error += (_MISSED * short**2).astype(np.float32)[which][:, :, None]
         best = error.argmin(axis=3)
         least = np.take_along_axis(error, best[..., None], 3)[..., 0].reshape(len(guesses), -1)
-        each = min(_EACH, least.shape[1] - 1)
+        each = min(_EACH if random is None else _EACH_AT_RANDOM, least.shape[1] - 1)
         guess = np.repeat(np.arange(len(guesses)), each)
         window = np.argpartition(least, each, axis=1)[:, :each].ravel()
         rank = np.argsort(least[guess, window], kind="stable")
@@ -166,6 +177,15 @@ class PathScreen:
         spans = sorted({min(span, _WITHIN_SPAN * poses.span_max) for span in self.timing.spans})
         return np.array([sign * span * way for way in ways for span in spans for sign in (1.0, -1.0)])
 
+    def random_timing(self, poses: Poses, random: np.random.Generator) -> Floats:
+        """Guesses at random: most of the crank's turn may fall between any two samples, and many samples on little of it."""
+        power = random.uniform(0.0, 1.0, (_AT_RANDOM, 1))
+        steps = _steps(poses) ** power * random.gamma(_UNEVEN, size=(_AT_RANDOM, poses.samples - 1))
+        way = np.concatenate([np.zeros((_AT_RANDOM, 1)), np.cumsum(steps, axis=1)], axis=1)
+        widest = _WITHIN_SPAN * poses.span_max
+        span = random.uniform(min(_NARROWEST, widest), widest, (_AT_RANDOM, 1)) * random.choice([-1.0, 1.0], (_AT_RANDOM, 1))
+        return np.asarray(span * way / way[:, -1:])
+
 
 def way_along(poses: Poses, power: float) -> Floats:
     """Way of the samples from the first one, as part of the whole, (N,); strictly rising.
@@ -176,7 +196,11 @@ def way_along(poses: Poses, power: float) -> Floats:
     power : float
         Of the distance between neighbouring samples.
     """
-    steps = np.abs(np.diff(poses.scaled))
-    steps = np.maximum(steps, 1e-3 * max(float(steps.max()), 1e-300)) ** power
-    way = np.concatenate([[0.0], np.cumsum(steps)])
+    way = np.concatenate([[0.0], np.cumsum(_steps(poses) ** power)])
     return way / way[-1]
+
+
+def _steps(poses: Poses) -> Floats:
+    """Distances between neighbouring samples, none of them zero, (N - 1,)."""
+    steps = np.abs(np.diff(poses.scaled))
+    return np.maximum(steps, 1e-3 * max(float(steps.max()), 1e-300))

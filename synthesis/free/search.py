@@ -284,6 +284,8 @@ EXACT_SAMPLES = 12
 
 _LONGEST = 0.97
 """Part of the longest span that crank angles are cut to."""
+_PLACES = 48
+"""Crank angles in a turn that samples are aligned with."""
 _NEAREST_STEPS, _LAST_STEPS, _SPAN_HOP = 6, 40, 0.25
 """Steps of the crank angles alone, and of all, on all samples; width of hops of the span's logarithm."""
 
@@ -354,6 +356,10 @@ class FreeRounds(Rounds):
         start = timed.angles[:, :1] + width * self.chart.hop[-1] * random.standard_t(3, size=(count, 1))
         return np.asarray(start + along * np.minimum(factor, longest))
 
+    def realigned(self, timed: Timed) -> Timed:
+        """Where samples press on one another for their order, other crank angles may fit as well: minima lie there too."""
+        return self.problem.aligned(self.problem.measured(timed).timed, _PLACES)
+
     def on_all(self, pool: Pool) -> Pool:
         """Candidates refined on all samples."""
         # two guesses of what lies between: angles that run into one another in one of them need not in the other
@@ -406,6 +412,8 @@ _SEEDS, _BEFORE, _LOOKED_AT = 50, 20, 15
 """Seeds of a round; further ones that come from a search before; and seeds that may be answers at once."""
 _BEYOND_FULL_CRANKS = 4
 """Rounds among four-bars of any family that gain nothing on those whose crank turns fully: four of 2,300 later ones did."""
+_FROM_THE_WAY = 2
+"""Rounds that begin from crank angles which the way between the samples suggests; others from such at random."""
 _GUESSES_BESIDE = 2
 """Guesses beside what dyads lead to: more of them were not worth their time in `benchmarks.engine`."""
 _FRESH = 3
@@ -570,7 +578,8 @@ class _Search:
         if work.expired():
             return False
         if pool is not None and pool.cost.size:
-            guesses = islice(guesses, _GUESSES_BESIDE)
+            if family == "any":
+                guesses = islice(guesses, _GUESSES_BESIDE)
             begin.append(near.thinned(pool.best(_BEFORE).timed))
         exact: Iterator[FreeRounds] = iter(())
         if self.poses.ordered and family != "any" and (pool is None or pool.least <= _FAR):
@@ -701,16 +710,19 @@ class _Search:
                 held = transmission_angle_over(lengths, Interval(first, last))
                 return np.maximum(limits.transmission_angle_min - np.nan_to_num(held), 0.0)
 
-        seeds = self.screens(family)[0].seeds(run.thin, run.chart, missing)
-        problem = run.problem
-        seeds = problem.facing(seeds)
-        if problem.limited:
-            boxes = ways(run.thin, limits, posed=True)[0].boxes
-            assert boxes is not None
+        screen, problem = self.screens(family)[0], run.problem
+        boxes = ways(run.thin, limits, posed=True)[0].boxes if problem.limited else None
+
+        def placed(seeds: Timed) -> tuple[Timed, NDArray[np.intp]]:
+            seeds, first = problem.facing(seeds), np.arange(_LOOKED_AT)
+            if boxes is None:
+                return problem.measured(seeds).timed, first
             seeds, inside = placed_within(problem, seeds, boxes)
-            look = np.concatenate([inside[:_LOOKED_AT], np.arange(_LOOKED_AT)])
-        else:
-            seeds, look = problem.measured(seeds).timed, np.arange(_LOOKED_AT)
+            return seeds, np.concatenate([inside[:_LOOKED_AT], first])
+
+        seeds, look = placed(screen.seeds(run.thin, run.chart, missing))
         few = run.spread(seeds.take(look[look < seeds.branch.size]))
         run.keep(run.plain.measured(few, posed=not run.holds), rounds=4)
-        yield from run.in_turn(seeds, _SEEDS, run.before // _FRESH)
+        yield from islice(run.in_turn(seeds, _SEEDS, run.before // _FRESH), _FROM_THE_WAY)
+        while True:
+            yield placed(screen.seeds(run.thin, run.chart, missing, run.random))[0]
