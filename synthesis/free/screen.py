@@ -25,6 +25,8 @@ _EACH = 60
 _AT_RANDOM, _EACH_AT_RANDOM, _UNEVEN, _NARROWEST = 8, 10, 0.5, 0.35
 """Guesses at random that are made at once, windows of each, the shape of the gamma distribution of their steps (the less, the
 more uneven), and their least span."""
+_CLOSED_POWERS = (1.0, 0.8, 0.6, 0.4, 0.2)
+"""Powers of the way between samples of a closed way, which the crank passes once in a turn."""
 _AT_ONCE = 8
 """Guesses that are compared at once: the products of all would take hundreds of megabytes, and longer."""
 _MISSED = 3.0
@@ -172,23 +174,36 @@ class PathScreen:
         )
 
     def timing_of(self, poses: Poses) -> Floats:
-        """Guesses of the crank angles from the first sample on, (guesses, N)."""
-        ways = (way_along(poses, power) for power in self.timing.powers)
-        spans = sorted({min(span, _WITHIN_SPAN * poses.span_max) for span in self.timing.spans})
-        return np.array([sign * span * way for way in ways for span in spans for sign in (1.0, -1.0)])
+        """Guesses of the crank angles from the first sample on, (guesses, N); of a closed way all pass it once in a turn."""
+        widest = _WITHIN_SPAN * poses.span_max
+        spans = {TURN} if poses.closed else {min(span, widest) for span in self.timing.spans}
+        powers = _CLOSED_POWERS if poses.closed else self.timing.powers
+        ways = (way_along(poses, power) for power in powers)
+        return _within(
+            np.array([sign * span * way for way in ways for span in sorted(spans) for sign in (1.0, -1.0)]), widest
+        )
 
     def random_timing(self, poses: Poses, random: np.random.Generator) -> Floats:
         """Guesses at random: most of the crank's turn may fall between any two samples, and many samples on little of it."""
-        power = random.uniform(0.0, 1.0, (_AT_RANDOM, 1))
-        steps = _steps(poses) ** power * random.gamma(_UNEVEN, size=(_AT_RANDOM, poses.samples - 1))
-        way = np.concatenate([np.zeros((_AT_RANDOM, 1)), np.cumsum(steps, axis=1)], axis=1)
+        steps = _steps(poses)
+        steps = steps ** random.uniform(0.0, 1.0, (_AT_RANDOM, 1)) * random.gamma(
+            _UNEVEN, size=(_AT_RANDOM, steps.size)
+        )
+        way = np.cumsum(steps, axis=1)
+        way = np.concatenate([np.zeros((_AT_RANDOM, 1)), way[:, : poses.samples - 1]], axis=1) / way[:, -1:]
         widest = _WITHIN_SPAN * poses.span_max
-        span = random.uniform(min(_NARROWEST, widest), widest, (_AT_RANDOM, 1)) * random.choice([-1.0, 1.0], (_AT_RANDOM, 1))
-        return np.asarray(span * way / way[:, -1:])
+        span = random.uniform(min(_NARROWEST, widest), widest, (_AT_RANDOM, 1))
+        way *= random.choice([-1.0, 1.0], (_AT_RANDOM, 1)) * (TURN if poses.closed else span)
+        return _within(way, widest)
+
+
+def _within(crank: Floats, widest: float) -> Floats:
+    """Crank angles (n, N) from zero on, drawn together where they take up more than is allowed."""
+    return np.asarray(crank * np.minimum(1.0, widest / np.abs(crank[:, -1:])))
 
 
 def way_along(poses: Poses, power: float) -> Floats:
-    """Way of the samples from the first one, as part of the whole, (N,); strictly rising.
+    """Way of the samples from the first one, as part of the whole, (N,); strictly rising. A closed way ends at the first again.
 
     Parameters
     ----------
@@ -196,11 +211,11 @@ def way_along(poses: Poses, power: float) -> Floats:
     power : float
         Of the distance between neighbouring samples.
     """
-    way = np.concatenate([[0.0], np.cumsum(_steps(poses) ** power)])
-    return way / way[-1]
+    way = np.cumsum(_steps(poses) ** power)
+    return np.concatenate([[0.0], way[: poses.samples - 1]]) / way[-1]
 
 
 def _steps(poses: Poses) -> Floats:
-    """Distances between neighbouring samples, none of them zero, (N - 1,)."""
-    steps = np.abs(np.diff(poses.scaled))
+    """Distances between neighbouring samples, none of them zero, (N - 1,); of a closed way the last to the first too, (N,)."""
+    steps = np.abs(np.diff(poses.scaled, append=poses.scaled[:1] if poses.closed else []))
     return np.maximum(steps, 1e-3 * max(float(steps.max()), 1e-300))

@@ -404,7 +404,7 @@ _FEWEST_FULL = 3
 """Samples with rotation and position from which on dyads lead to four-bars that fit the others too."""
 _FAR = 0.01
 """J from which on poses are no four-bar's with some noise."""
-_SAMPLES, _FEWER = 40, 20
+_SAMPLES, _FEWER = 64, 32
 """Samples up to which descents look at all, and at how many of more."""
 _PANEL = np.deg2rad(12.0)
 """Crank angle that a chord spans at most, where it is told how far a candidate goes between samples."""

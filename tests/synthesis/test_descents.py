@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from itertools import pairwise
+from itertools import combinations_with_replacement, pairwise
 from typing import Any
 
 import numpy as np
@@ -755,3 +755,43 @@ def test_samples_that_lack_a_part_get_the_crank_angles_that_fit(order) -> None:
         if order == "given":
             assert len(set(np.sign(np.diff(found.angles[0])))) == 1
     assert fitted >= 4
+
+
+@pytest.mark.parametrize(("span_max", "ordered"), [(2 * np.pi, True), (2.5, True), (2 * np.pi, False)])
+@pytest.mark.parametrize("rotation", [True, False])
+def test_aligned_angles_are_the_best_of_all_on_a_grid(rotation: bool, span_max: float, ordered: bool) -> None:
+    """Against all ways to pass the samples in their order, from each place of the first, either way."""
+    places, samples = 9, 4
+    problem = JointProblem(replace(poses(rotation, samples=samples), span_max=span_max, ordered=ordered), AnyChart())
+    random = np.random.default_rng(3)
+    count = 12
+    timed = Timed(
+        problem.chart.unknowns(random.dirichlet(3 * np.ones(4), count)),
+        random.standard_normal((count, 3, 2)) @ [1, 1j],
+        random.uniform(0, 6, count),
+        np.tile(np.arange(samples) / 10, (count, 1)),
+        random.choice([-1.0, 1.0], count),
+    )
+    step = 2 * np.pi / places
+    error = problem.errors_at(timed, np.tile(step * np.arange(places), (count, 1)))
+    found = problem.aligned(timed, places).angles
+    moved = np.any(found != timed.angles, axis=1)
+    assert 6 <= moved.sum() < count  # some close nowhere
+    at = np.round(found / step).astype(int) % places
+    total = np.take_along_axis(error, at[:, :, None], 2)[:, :, 0].sum(axis=1)
+    if ordered:
+        most = range(int(span_max / step))
+        ways = [
+            (begin + sense * np.array([0, *ahead])) % places
+            for ahead in combinations_with_replacement(most, samples - 1)
+            for begin in range(places)
+            for sense in (1, -1)
+        ]
+        least = np.min([sum(error[:, i, way[i]] for i in range(samples)) for way in ways], axis=0)
+        steps = np.diff(found, axis=1)
+        assert np.all((steps[moved] > 0).all(axis=1) | (steps[moved] < 0).all(axis=1))
+        assert np.all(np.abs(steps.sum(axis=1)) <= span_max)
+    else:
+        least = error.min(axis=2).sum(axis=1)
+    np.testing.assert_array_equal(np.isfinite(least), moved)
+    np.testing.assert_allclose(total[moved], least[moved], rtol=1e-12)

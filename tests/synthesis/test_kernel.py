@@ -252,6 +252,18 @@ TASKS: dict[str, Callable[[Descent], Any]] = {
 }
 
 
+@pytest.mark.parametrize("ordered", [True, False])
+@pytest.mark.parametrize("samples", [1, 2, 6])
+def test_alignment(samples: int, ordered: bool) -> None:
+    def work(module: ModuleType) -> list[Any]:
+        descent = Descent(module, CHARTS[1], ordered=ordered, samples=samples)
+        descent.kernel.look(True, True)
+        descent.kernel.align(11)
+        return descent.state
+
+    same(work, 1e-12)
+
+
 @pytest.mark.parametrize("samples", [1, 2, 3])
 @pytest.mark.parametrize("limited", [False, True])
 @pytest.mark.parametrize("timing", ["free", "given"])

@@ -120,6 +120,22 @@ def test_a_screen_s_errors_are_those_of_the_best_pose(with_rotation: bool) -> No
     np.testing.assert_allclose(screen.errors(poses, guesses), naive_errors(screen, poses, guesses), atol=2e-5)
 
 
+@pytest.mark.parametrize("span_max", [0.1, 3.0, 2 * np.pi])
+def test_crank_angles_at_random_pass_the_samples_one_way_within_the_span(span_max: float) -> None:
+    poses = replace(request(ROCKER, 10, 200), span_max=span_max)
+    screen, random = path_screens("full_crank")[0], np.random.default_rng(5)
+    crank = np.concatenate([screen.random_timing(poses, random) for _ in range(20)])
+    steps = np.diff(crank, axis=1)
+    assert np.all((steps > 0).all(axis=1) | (steps < 0).all(axis=1))
+    assert np.all(crank[:, 0] == 0) and np.abs(crank).max() < span_max
+    assert len(set(np.sign(crank[:, -1]))) == 2
+    # nearly all of the turn between two neighbours, in some: that no way along the path suggests
+    assert np.max(np.abs(steps).max(axis=1) / np.abs(crank[:, -1])) > 0.7
+    seeds = screen.seeds(poses, CHART, random=random)
+    assert seeds.branch.size > 20
+    assert np.abs(seeds.angles[:, -1] - seeds.angles[:, 0]).max() < span_max
+
+
 def naive_errors(screen: PathScreen, poses: Poses, guesses: np.ndarray) -> np.ndarray:
     """The same by a least-squares fit of each window alone, over the series that the screen keeps of theta2."""
     series = screen.windows[:, : screen.harmonics.size] + 1j * screen.windows[:, screen.harmonics.size :]
