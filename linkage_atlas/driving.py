@@ -53,8 +53,6 @@ from synthesis.drives.dyad import LARGEST_RATIO, Driven, about_pivot, driven, on
 from synthesis.drives.links import (
     GROUND,
     SAMPLES,
-    LinkMotion,
-    Loading,
     Machine,
     ends_of,
     hinged_at,
@@ -62,14 +60,14 @@ from synthesis.drives.links import (
     machine_at,
     machine_of,
 )
-from synthesis.drives.pins import Pull, pin_forces
 from synthesis.drives.six_bar import MOTOR_CRANK, ROD, Joint, Motor, joints_of, rod_joints
 from synthesis.drives.six_bar import SixBar as Swung
 from synthesis.drives.springs import Fitted, Room, best_pair, best_spring, fitted
 from synthesis.drives.toggle import Knee, locked
 from synthesis.errors import FieldError
 from synthesis.fourbar.linkage import Linkage
-from synthesis.guided.linkage import Circle, Driver, Rail, Slot
+from synthesis.guided.analysis import Load, Pull, forces, on_links
+from synthesis.guided.linkage import Circle, Driver, LinkMotion, Rail, Slot, of_four_bar
 from synthesis.guided.linkage import GuidedLinkage as Guided
 from synthesis.target import MAX_LENGTH, TURN, Interval, Target
 from synthesis.work import Work
@@ -404,7 +402,7 @@ class Drives(Record):
 class Asked(NamedTuple):
     """A checked request, in the units of the linkage and in radians."""
 
-    load: Loading
+    load: Load
     drives: tuple[Mapping[str, Any], ...]
     springs: tuple[Mapping[str, Any], ...]
     hand: complex | None
@@ -735,16 +733,14 @@ def _list(name: str, given: Sequence[Mapping[str, Any]] | None) -> Sequence[Mapp
     return found
 
 
-def _load(machine: Machine, given: Mapping[str, Any], radian: float, millimetres: float) -> Loading:
+def _load(machine: Machine, given: Mapping[str, Any], radian: float, millimetres: float) -> Load:
     links, mounted = (*machine.links, "body"), machine.body is not None
-    force, torque, masses, gravity, parts = read_load(
-        "load", given, links, mounted, MOST_MASSES, "speed", link="body", middles=machine.middles
-    )
+    load, parts = read_load("load", given, links, mounted, MOST_MASSES, "speed", link="body", middles=machine.middles)
     if parts:
         raise FieldError("/load/parts", "for one linkage only: /v1/drives, or `linkage_atlas.drives`")
     speed = 0.0 if given.get("speed") is None else bounded("load/speed", given["speed"])
     unit = 1.0 if machine.drive in ("slider", "cylinder") else radian
-    return Loading(force, torque, masses, gravity, speed * unit, millimetres / 1000)
+    return load._replace(speed=speed * unit, metre=millimetres / 1000)
 
 
 def _drive(at: str, given: Mapping[str, Any], machine: Machine, radian: float, millimetres: float) -> dict[str, Any]:
@@ -914,14 +910,14 @@ class _Search:
         """How far a pin may be from its link's origin: what is asked, or the link's own size."""
         return float(wish.get("reach_max", self.machine.reaches.get(name, self.machine.extent)))
 
-    def _pins(
-        self, machine: Machine, pulls: Sequence[Sequence[Pull]], on_rocker: Floats | float = 0.0
-    ) -> PinPeaks | None:
-        """The largest pin forces of a four-bar; ``pulls``: of each way of a motor, or one list."""
+    def _pins(self, machine: Machine, *ways: Sequence[Pull]) -> PinPeaks | None:
+        """The largest pin forces of a four-bar with what drives it, of a motor on each of its ways."""
         if self.place.linkage is None or not self.loaded:
             return None
-        every = [pin_forces(machine, self.asked.load, some, on_rocker) for some in pulls]
-        return PinPeaks(*(max(float(np.abs(one[k]).max()) for one in every) for k in range(4)))
+        linkage, load = of_four_bar(self.place.linkage), on_links(self.asked.load, self.place.linkage)
+        held = [forces(linkage, machine.at, load, pulls) for pulls in ways]
+        pins = [(one.driven_ground, one.driven, one.other, one.other_ground) for one in held]
+        return PinPeaks(*(float(np.abs(pin).max()) for pin in zip(*pins)))
 
     def refuse(self, kind: str, link: str, reason: str, name: str | None = None) -> None:
         self.refused.append(Refusal(kind, link, name, reason))
@@ -990,7 +986,9 @@ class _Search:
                 holding=self._told(_both_ends(torque)),
                 transmission_angle_min=None if angle is None else angle / self.place.radian,
                 curve=DriveCurve(self.curve_at, torque=self._told(torque)),
-                pin_forces=self._pins(self.machine, [[]], torque if name == "rocker" else 0.0),
+                pin_forces=self._pins(
+                    self.machine, [Pull(name, link.origin, 0 * link.origin, torque)] * (name == "rocker")
+                ),
             )
 
     def _pressure(self, name: str) -> float | None:
@@ -1115,7 +1113,7 @@ class _Search:
             over_bound=None if bound is None else most.peak / bound,
             buckling=None if rod is None or not self.loaded else self._buckling(wish["on"], name, found, rod),
             envelope=_envelope(ground, pin),
-            pin_forces=self._pins(self.fine, [self._pulls(wish["on"], name, found)]),
+            pin_forces=self._pins(self.fine, self._pulls(wish["on"], name, found)),
             curve=DriveCurve(
                 self.curve_at,
                 found.length,
@@ -1281,10 +1279,10 @@ class _Search:
             envelope=_envelope(pin, *whole.crank_pin, motor),
             pin_forces=self._pins(
                 self.fine,
-                [
+                *(
                     [Pull(name, pin, force * (pin - knee) / whole.rod)]
                     for force, knee in zip(whole.rod_force, whole.crank_pin)
-                ],
+                ),
             ),
             curve=DriveCurve(
                 self.curve_at,
@@ -1518,7 +1516,7 @@ class _Search:
                 Pull(spring.between[0], one, pull * (other - one)),
                 Pull(spring.between[1], other, pull * (one - other)),
             ]
-        pins = self._pins(self.machine, [pulls])
+        pins = self._pins(self.machine, pulls)
         for spring, row, length in zip(found.springs, found.kinds, found.lengths):
             ends = np.stack(
                 [plane(self._end(name, point)) for name, point in zip(spring.between, spring.points)], axis=1

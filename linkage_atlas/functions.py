@@ -276,7 +276,7 @@ def own_output(linkage: GuidedLinkage, dial: Dial, travel: Floats) -> Floats:
         return plain.along(1, travel)
     links = plain.links(travel)
     name = plain.link_names[2]
-    direction = next(one.direction for one in links if one.name == name) if name != "block" else links[1].direction
+    direction = next(one.angle for one in links if one.name == name) if name != "block" else links[1].angle
     direction = np.unwrap(direction)
     turns = 2 * np.pi * np.round(direction[0] / (2 * np.pi))
     return (direction - turns) / radians_in(linkage.degrees)

@@ -21,7 +21,7 @@ from linkage_atlas.records import Record, Values, Vectors, plain, plane, xy
 from linkage_atlas.solids import read_solids
 from linkage_atlas.studies import MOST_LINK_MASSES, Drive, Manufacture, ToleranceStudy, read_load
 from synthesis.arrays import Floats
-from synthesis.drives.links import Loading, ends_of
+from synthesis.drives.links import ends_of
 from synthesis.drives.six_bar import MOTOR_CRANK, ROD, SixBar, joints_of
 from synthesis.errors import FieldError
 from synthesis.guided.analysis import Mass
@@ -281,14 +281,15 @@ class SixBarLinkage(AnyLinkage):
         metre = millimetres_in(length_unit) / 1000
         if load is not None:
             links = (*machine.links, "body")
-            force, torque, masses, gravity, parts = read_load(
+            read, parts = read_load(
                 "load", load, links, machine.body is not None, MOST_LINK_MASSES, middles=machine.middles
             )
+            masses = read.masses
             if parts:
                 weights = self.solids(length_unit=length_unit, nevertheless=True).masses
                 masses += tuple(Mass(one.link, one.mass, complex(*one.at), one.inertia) for one in weights)
-            loading = Loading(force, torque, masses, gravity, speed, metre)
-            held = six.held(machine, joints_of(self._base.plain, six.motor, machine), loading)
+            read = read._replace(masses=masses, speed=speed, metre=metre)
+            held = six.held(machine, joints_of(self._base.plain, six.motor, machine), read)
         turning = {name: one for name, one in machine.links.items() if not name.endswith("slider")}
         body = machine.body
         return SixBarAnalysis(

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkage_atlas.arguments import (
-    MILLIMETRES,
     bounded,
     check_above_zero,
     column,
@@ -29,8 +28,8 @@ from synthesis.errors import FieldError
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.tolerance_study import SOURCES, Spread, Study, Tolerances, simulate
 from synthesis.guided import manufacture as of_guides
-from synthesis.guided.analysis import Load, Mass, forces
-from synthesis.guided.linkage import BODY, GuidedLinkage, of_four_bar, on_body
+from synthesis.guided.analysis import Load, Mass, forces, on_links
+from synthesis.guided.linkage import GuidedLinkage, of_four_bar
 from synthesis.target import MAX_LENGTH, MIN_LENGTH, TURN, Interval, Target
 from synthesis.work import Work
 
@@ -166,36 +165,23 @@ class GuidedAnalysis(GuidedRates):
 
 
 class Drive(NamedTuple):
-    """What an analysis is asked for: the crank's speed in the user's unit of angle, a load, and masses of the links."""
+    """What an analysis is asked for: the crank's speed in the user's unit of angle, and a load."""
 
     crank_speed: float
     load: Load | None
-    masses: tuple[Mass, ...] = ()
-    gravity: complex = 0j
     length_unit: str = "mm"
     parts: bool = False
     """Whether the links also weigh what their parts do."""
 
     def weighed(self, linkage: Linkage | GuidedLinkage, used: Interval) -> Drive:
         """With the masses of the linkage's parts, if those are meant."""
-        if not self.parts:
+        if self.load is None or not self.parts:
             return self
         from linkage_atlas.solids import masses_of_parts
 
         found = masses_of_parts(linkage, used, self.length_unit)
         own = tuple(Mass(one["link"], one["mass"], complex(*one["at"]), one["inertia"]) for one in found)
-        return self._replace(masses=self.masses + own, parts=False)
-
-    def load_on(self, linkage: Linkage | GuidedLinkage) -> Load | None:
-        """The load on a linkage, with masses in the frames of `GuidedLinkage.links`."""
-        if self.load is None:
-            return None
-        found = []
-        for one in self.masses:
-            if one.link == BODY and isinstance(linkage, Linkage):
-                one = one._replace(at=on_body(linkage, one.at))
-            found.append(one._replace(link=BODY) if one.link == "body" else one)
-        return self.load._replace(masses=found, gravity=self.gravity, metre=MILLIMETRES[self.length_unit] / 1000)
+        return self._replace(load=self.load._replace(masses=self.load.masses + own), parts=False)
 
 
 LINKS_WITH_MASS = ("crank", "coupler", "rocker", "body", "slider", "block", "second_slider", "second_block")
@@ -211,17 +197,15 @@ def read_drive(analysis: Mapping[str, Any], mounted: bool) -> Drive:
         raise FieldError("/analysis/crank_speed", "needed: how fast the crank turns")
     speed = bounded("analysis/crank_speed", analysis["crank_speed"])
     unit = analysis.get("length_unit", "mm")
-    millimetres_in(unit, "analysis/")
-    load = analysis.get("load")
-    if load is None:
+    metre = millimetres_in(unit, "analysis/") / 1000
+    given = analysis.get("load")
+    if given is None:
         return Drive(speed, None)
-    force, torque, masses, gravity, parts = read_load(
-        "analysis/load", load, LINKS_WITH_MASS, mounted, MOST_LINK_MASSES
-    )
-    if any(one.mass == 0 for one in masses):
-        place = [one.mass for one in masses].index(0)
-        raise FieldError(f"/analysis/load/masses/{place}/mass", "wanted a mass above 0, found 0")
-    return Drive(speed, Load(force, torque), masses, gravity, unit, parts)
+    load, parts = read_load("analysis/load", given, LINKS_WITH_MASS, mounted, MOST_LINK_MASSES)
+    for place, one in enumerate(load.masses):
+        if one.mass == 0:
+            raise FieldError(f"/analysis/load/masses/{place}/mass", "wanted a mass above 0, found 0")
+    return Drive(speed, load._replace(metre=metre), unit, parts)
 
 
 def read_load(
@@ -233,8 +217,8 @@ def read_load(
     *also: str,
     link: str | None = None,
     middles: Mapping[str, complex] | None = None,
-) -> tuple[complex, float, tuple[Mass, ...], complex, bool]:
-    """A checked load: force and torque on the body, at most so many masses of ``links``, gravity, and whether parts weigh too.
+) -> tuple[Load, bool]:
+    """A checked load with at most so many masses of ``links``, and whether parts weigh too.
 
     ``mounted``: whether there is a body point. ``also``: names of further fields, which are read elsewhere. ``link``: of a mass
     that names none. ``middles``: where those masses are, by link, that have no place; default: where the link's frame begins.
@@ -253,7 +237,7 @@ def read_load(
     read = tuple(
         _mass(f"{field}/masses/{k}", mass, links, mounted, link, middles or {}) for k, mass in enumerate(masses)
     )
-    return force, torque, read, gravity, flag(f"{field}/parts", given.get("parts"))
+    return Load(force, torque, read, gravity), flag(f"{field}/parts", given.get("parts"))
 
 
 def _mass(
@@ -296,15 +280,17 @@ def curve_over(linkage: Linkage | GuidedLinkage, over: Interval) -> Floats:
 
 def _rates(linkage: Linkage | GuidedLinkage, drive: Drive, travel: Floats, radian: float) -> dict[str, Any]:
     guided = of_four_bar(linkage) if isinstance(linkage, Linkage) else linkage
-    turns, load = guided.driver.turns, drive.load_on(linkage)
+    turns = guided.driver.turns
     speed = drive.crank_speed * (radian if turns else 1.0)
     first, body, other = guided.links(travel)
-    held = None if load is None else forces(guided, travel, load, speed)
+    held = None
+    if drive.load is not None:
+        held = forces(guided, travel, on_links(drive.load._replace(speed=speed), linkage))
     found = guided.body(guided.start + travel)
     values: dict[str, Any] = {
         "crank_angle": travel / radian if turns else None,
-        "velocity": plane(body.place_rate * speed),
-        "acceleration": plane(body.place_second * speed**2),
+        "velocity": plane(body.velocity * speed),
+        "acceleration": plane(body.acceleration * speed**2),
         "transmission_angle": found.transmission_angle / radian,
     }
     if isinstance(linkage, Linkage):
@@ -314,8 +300,8 @@ def _rates(linkage: Linkage | GuidedLinkage, drive: Drive, travel: Floats, radia
             values
             | bare
             | {
-                "angular_velocity": OfLinks(*(one.direction_rate * speed / radian for one in (body, other))),
-                "angular_acceleration": OfLinks(*(one.direction_second * speed**2 / radian for one in (body, other))),
+                "angular_velocity": OfLinks(*(one.rate * speed / radian for one in (body, other))),
+                "angular_acceleration": OfLinks(*(one.rate_change * speed**2 / radian for one in (body, other))),
                 "crank_torque": None if held is None else held.drive,
                 "pin_forces": None if pins is None else PinForces(*map(plane, pins)),
             }
@@ -329,8 +315,8 @@ def _rates(linkage: Linkage | GuidedLinkage, drive: Drive, travel: Floats, radia
     on_body = None if held is None else {first.name: plane(held.driven), other.name: plane(held.other)}
     return values | {
         "travel": None if turns else travel,
-        "angular_velocity": {link.name: link.direction_rate * speed / radian for link in turning},
-        "angular_acceleration": {link.name: link.direction_second * speed**2 / radian for link in turning},
+        "angular_velocity": {link.name: link.rate * speed / radian for link in turning},
+        "angular_acceleration": {link.name: link.rate_change * speed**2 / radian for link in turning},
         "sliding_velocity": sliding,
         "arm": found.arm,
         "drive_load": None if held is None else held.drive,

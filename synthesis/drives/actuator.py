@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.arrays import Complexes, Flags, Floats, Ints
-from synthesis.drives.links import LinkMotion
+from synthesis.guided.linkage import LinkMotion
 from synthesis.one_variable import closer_looks
 from synthesis.work import Work
 

@@ -18,8 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from synthesis.arrays import Complexes, Floats
-from synthesis.drives.links import GROUND, Loading, Machine
+from synthesis.drives.links import GROUND, Machine
 from synthesis.fourbar.linkage import Linkage
+from synthesis.guided.analysis import Load
 from synthesis.guided.linkage import Circle, GuidedLinkage, Rail
 
 _NONE = 1e-12
@@ -63,7 +64,7 @@ class Potential:
         return self.w2 * three / two
 
 
-def potential_of(linkage: Linkage, load: Loading) -> Potential:
+def potential_of(linkage: Linkage, load: Load) -> Potential:
     """The potential of a load's masses and of its force; a torque has none that springs balance in every position."""
     one, two, three, _ = linkage.links
     w1 = w2 = 0j

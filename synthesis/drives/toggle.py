@@ -14,7 +14,7 @@ import numpy as np
 
 from synthesis.arrays import Complexes, Floats
 from synthesis.drives.actuator import Actuator, Placement, Question, Refused, Sizes, Wanted
-from synthesis.drives.links import LinkMotion
+from synthesis.guided.linkage import LinkMotion
 from synthesis.work import Work
 
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from synthesis.drives.balance import springs_on_guides
-from synthesis.drives.links import Loading, machine_at
-from synthesis.guided.analysis import Mass
+from synthesis.drives.links import machine_at
+from synthesis.guided.analysis import Load, Mass
 from synthesis.guided.linkage import Circle, Driver, Rail, Slot
 from tests.oracles.guided_cases import DRIVES, NAMES, good_linkage
 
@@ -15,7 +15,7 @@ GRAVITY = 2.3 - 9.5j
 def load_of(linkage, random):
     names = ("body", *(name for name in linkage.link_names))
     masses = [Mass(name, float(random.uniform(0.1, 2)), complex(*random.normal(size=2))) for name in names]
-    return Loading(force=complex(*random.normal(size=2)), masses=tuple(masses), gravity=GRAVITY)
+    return Load(force=complex(*random.normal(size=2)), masses=tuple(masses), gravity=GRAVITY)
 
 
 def energy(machine, load, springs):
@@ -57,8 +57,8 @@ def test_what_weighs_along_a_rail_beside_a_slot_cannot_be_balanced_but_across_it
     machine = machine_at(linkage, np.linspace(0, 0.3, 61))
     masses = (Mass("body", 1.5, 0.4 + 0.2j), Mass("slider", 0.5, 0j))
     along = np.exp(1j * linkage.guides[0].direction)
-    assert springs_on_guides(linkage, machine, machine.torque(Loading(masses=masses, gravity=9.81 * along))) is None
-    across = Loading(masses=masses, gravity=9.81j * along)
+    assert springs_on_guides(linkage, machine, machine.torque(Load(masses=masses, gravity=9.81 * along))) is None
+    across = Load(masses=masses, gravity=9.81j * along)
     found = springs_on_guides(linkage, machine, machine.torque(across))
     assert found is not None and [one.between for one in found] == [("ground", "block")]
     assert np.ptp(energy(machine, across, found)) < 1e-9 * np.ptp(energy(machine, across, []))
@@ -67,4 +67,4 @@ def test_what_weighs_along_a_rail_beside_a_slot_cannot_be_balanced_but_across_it
 def test_nothing_to_carry_needs_no_spring():
     linkage = good_linkage(np.random.default_rng(1), (Circle, Driver.CRANK, Rail), -0.1, 0.4, 0.2)
     machine = machine_at(linkage, np.linspace(0, 0.3, 61))
-    assert springs_on_guides(linkage, machine, machine.torque(Loading())) == []
+    assert springs_on_guides(linkage, machine, machine.torque(Load())) == []

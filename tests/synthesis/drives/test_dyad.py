@@ -18,8 +18,9 @@ from synthesis.drives.dyad import (
     on_any_link,
     proportions,
 )
-from synthesis.drives.links import Loading, hinged, machine_at, machine_of
+from synthesis.drives.links import hinged, machine_at, machine_of
 from synthesis.drives.toggle import locked
+from synthesis.guided.analysis import Load
 from synthesis.work import Work
 from tests.conftest import some_of
 from tests.oracles.driven_cases import any_linkage, random_linkage
@@ -68,7 +69,7 @@ def test_a_motor_on_any_link_closes_and_keeps_its_rod(seed: int) -> None:
     rng = np.random.default_rng(seed)
     linkage, interval = random_linkage(rng)
     machine = machine_of(linkage, interval, 61)
-    torque = machine.torque(Loading(complex(*rng.normal(size=2))))
+    torque = machine.torque(Load(complex(*rng.normal(size=2))))
     link = machine.links[("coupler", "crank", "rocker")[seed % 3]]
     ratio = (None, 1.2)[seed % 2]
     if link.pivot is None:
