@@ -106,8 +106,8 @@ class Connection(H11Protocol):
             self._unread = None
 
     def data_received(self, data: bytes) -> None:
-        if self._phase == "header" and not self.conn.trailing_data[0]:
-            data = data.lstrip(b"\r\n")
+        if self.conn.their_state is h11.MUST_CLOSE:
+            return  # it has said that nothing more comes
         super().data_received(data)
         if self.drains and self.cycle is not None:
             self.cycle.keep_alive = False
@@ -115,6 +115,13 @@ class Connection(H11Protocol):
             self._expect("body" if self.cycle.more_body else None)
         elif self.timeout_keep_alive_task is None:
             self._expect("header")
+
+    def handle_events(self) -> None:
+        """Leave out empty lines before a request."""
+        if self.conn.their_state is h11.IDLE:
+            said, _ = self.conn.trailing_data
+            self.conn._receive_buffer.maybe_extract_at_most(len(said) - len(said.lstrip(b"\r\n")))
+        super().handle_events()
 
     def on_response_complete(self) -> None:
         super().on_response_complete()

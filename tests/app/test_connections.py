@@ -182,11 +182,43 @@ def test_who_has_begun_to_ask_is_answered_where_another_service_takes_over(sent)
         assert everything(client).startswith(b"HTTP/1.1 200")
 
 
-def test_an_empty_line_before_a_request_and_an_address_in_absolute_form_are_taken(port) -> None:
-    for sent in (b"\r\n" + LIVEZ, LIVEZ.replace(b"/livez", b"http://a/livez")):
-        with closing(connected(port)) as client:
-            client.sendall(sent)
-            assert everything(client).startswith(b"HTTP/1.1 200")
+def test_an_address_in_absolute_form_is_taken(port) -> None:
+    with closing(connected(port)) as client:
+        client.sendall(LIVEZ.replace(b"/livez", b"http://a/livez"))
+        assert everything(client).startswith(b"HTTP/1.1 200")
+
+
+@pytest.mark.parametrize(
+    ("parts", "answers"),
+    [
+        ([b"\r\n" + LIVEZ], 1),
+        ([b"\r\n", LIVEZ], 1),
+        ([b"\r", b"\n", LIVEZ], 1),
+        ([NEEDLE + b"\r\n" + LIVEZ], 2),
+        ([NEEDLE, b"\r\n", LIVEZ], 2),
+        ([NEEDLE.replace(b"Host: a", b"Host: a\r\nConnection: close"), b"\r\n"], 1),
+    ],
+)
+def test_empty_lines_around_a_request_are_left_out(parts, answers, port) -> None:
+    """RFC 9112, 2.2. A packet with nothing but an empty line once held up the service for ever."""
+    with closing(connected(port)) as client:
+        for part in parts:
+            client.sendall(part)
+            time.sleep(0.02)
+        received = everything(client)
+    assert received.count(b"HTTP/1.1 ") == received.count(b"HTTP/1.1 200") == answers
+
+
+def test_empty_lines_of_a_body_that_nobody_reads_count_as_its_bytes(port) -> None:
+    """What follows would be taken for the rest of it: behind a proxy another client's request."""
+    with closing(connected(port)) as client:
+        client.sendall(NEEDLE[:-2].replace(b"/v1/knotter/needle", b"/nowhere").replace(b"Length: 2", b"Length: 8"))
+        received = client.recv(1 << 16)
+        client.sendall(b"{}")
+        time.sleep(0.05)
+        client.sendall(b"\r\n\r\n{}" + LIVEZ)
+        received += everything(client)
+    assert [received.count(status) for status in (b"HTTP/1.1 404", b"HTTP/1.1 200", b"HTTP/1.1 ")] == [1, 1, 2]
 
 
 def test_what_is_no_request_is_told_with_the_headers_of_every_reply(port) -> None:
