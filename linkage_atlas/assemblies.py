@@ -13,11 +13,9 @@ from linkage_atlas.records import KEPT, Record
 from synthesis.assembly import layers
 from synthesis.assembly.driving import motor_driven
 from synthesis.assembly.guided import guided
-from synthesis.assembly.layers import BOARDS, BOTH, Arrangement, Asked, arrange
+from synthesis.assembly.layers import BOARDS, BOTH, ENVELOPE, Arrangement, Asked, Heights, arrange, outside, parts_of
 from synthesis.assembly.machine import Machine, Sizes, four_bar
-from synthesis.assembly.parts import Heights, parts_of
 from synthesis.assembly.shapes import crosses_itself, signed_area
-from synthesis.assembly.walls import ENVELOPE, outside
 from synthesis.drives.six_bar import Motor
 from synthesis.errors import FieldError
 from synthesis.fourbar.files import check_sizes

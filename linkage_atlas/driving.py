@@ -38,6 +38,7 @@ from synthesis.drives.actuator import (
     ROW_GRID,
     Actuator,
     Box,
+    Knee,
     Placement,
     Question,
     Refused,
@@ -46,6 +47,7 @@ from synthesis.drives.actuator import (
     Unfit,
     Wanted,
     best_of_rows,
+    locked,
 )
 from synthesis.drives.balance import Spring as Placed
 from synthesis.drives.balance import one_spring, potential_of, springs_on_guides, two_springs
@@ -63,7 +65,6 @@ from synthesis.drives.links import (
 from synthesis.drives.six_bar import MOTOR_CRANK, ROD, Joint, Motor, joints_of, rod_joints
 from synthesis.drives.six_bar import SixBar as Swung
 from synthesis.drives.springs import Fitted, Room, best_pair, best_spring, fitted
-from synthesis.drives.toggle import Knee, locked
 from synthesis.errors import FieldError
 from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.analysis import Load, Pull, forces, on_links

@@ -15,8 +15,7 @@ from synthesis.errors import FieldError
 from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.linkage import GuidedLinkage
 from synthesis.sheet import csv_text
-from synthesis.solids.fits import FITS, Fit
-from synthesis.solids.solid import DENSITIES, Made, Solids, masses_of_links, parts_list, solids_of
+from synthesis.solids.solid import DENSITIES, FITS, Fit, Made, Solids, masses_of_links, parts_list, solids_of
 from synthesis.target import Interval
 from synthesis.work import Work
 

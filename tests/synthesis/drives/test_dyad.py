@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from synthesis.drives.actuator import Question, Refused, Wanted
+from synthesis.drives.actuator import Question, Refused, Wanted, locked
 from synthesis.drives.dyad import (
     _angle_of,
     _Begin,
@@ -19,7 +19,6 @@ from synthesis.drives.dyad import (
     proportions,
 )
 from synthesis.drives.links import hinged, machine_at, machine_of
-from synthesis.drives.toggle import locked
 from synthesis.guided.analysis import Load
 from synthesis.work import Work
 from tests.conftest import some_of
