@@ -776,8 +776,8 @@ def _studied(solution: S, studies: Studies, solutions: int, work: Work) -> S:
         done["rounded"] = (
             _guided_rounded(solution, *asked) if isinstance(solution, GuidedSolution) else _rounded(solution, *asked)
         )
-    if studies.drive is not None:
-        done["analysis"] = linkage.analysed(studies.drive, target.crank, target.interval)
+    if studies.analysis is not None:
+        done["analysis"] = linkage.analysed(studies.analysis, target.crank, target.interval)
     if studies.drives is not None:
         done |= driven_solution(linkage.plain, target.way, studies.drives, own.radian, work)
     if studies.manufacture is not None:

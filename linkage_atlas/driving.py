@@ -33,7 +33,7 @@ from linkage_atlas.motions import Motion
 from linkage_atlas.records import KEPT, Record, Values, Vectors, plane, xy
 from linkage_atlas.six_bars import SixBarLinkage, on_hinge
 from linkage_atlas.studies import read_load
-from synthesis.arrays import Complexes, Floats, dot
+from synthesis.arrays import Complexes, Floats, cross, dot
 from synthesis.drives.actuator import (
     ROW_GRID,
     Actuator,
@@ -598,41 +598,23 @@ def _place_of(linkage: Any, motion: Motion | None, crank_angle: ArrayLike | None
     one, own = given_linkage(linkage, degrees if motion is None else motion.degrees)
     if given is None and own is not None:
         given = np.asarray(column(f"linkage/{'travel' if isinstance(one, GuidedLinkage) else 'crank_angle'}", own))
-    if isinstance(one, GuidedLinkage):
-        return _guided_place(one, motion, given)
-    if not isinstance(one, FourBar):
+    if not isinstance(one, (FourBar, GuidedLinkage)):
         raise FieldError("/linkage", "wanted a four-bar or a body on guides: this one has a motor already")
-    radian, plain = radians_in(one.degrees), one.plain
-    if motion is not None and (not motion.free or given is not None):
-        target = motion.of_solution(plain, None if given is None else given * radian).target
-        return _Place.of(plain, target.way, radian, target)
-    if given is not None:
-        if given.size < 2 or not np.all(np.isfinite(given)):
-            raise FieldError("/crank_angle", "wanted two finite crank angles or more")
-        return _Place.of(plain, given * radian, radian)
+    radian, target, four_bar = radians_in(one.degrees), None, isinstance(one, FourBar)
     if motion is not None:
-        raise FieldError("/linkage/crank_angle", "needed: the motion's crank angles are free")
-    crank = one.way
-    if crank is None:
-        raise FieldError("/crank_angle", "needed: this linkage answers no motion that would say its way")
-    return _Place.of(plain, crank, radian, one._motion)
-
-
-def _guided_place(one: GuidedLinkage, motion: Motion | None, given: Floats | None) -> _Place:
-    """A body on two guides; its drive's way as that of a four-bar."""
-    radian, plain = radians_in(one.degrees), one.plain
-    unit = radian if plain.driver.turns else 1.0
-    target = None
-    if motion is not None:
+        if four_bar and motion.free and given is None:
+            raise FieldError("/linkage/crank_angle", "needed: the motion's crank angles are free")
         target = one.target_of(motion, given)
-        crank = target.way
+        way = target.way
     elif given is not None:
-        crank = given * unit
+        if four_bar and (given.size < 2 or not np.all(np.isfinite(given))):
+            raise FieldError("/crank_angle", "wanted two finite crank angles or more")
+        way = given * one._unit
     elif one.way is not None:
-        crank, target = one.way, one._motion
+        way, target = one.way, one._motion
     else:
         raise FieldError("/crank_angle", "needed: this linkage answers no motion that would say its way")
-    return _Place.of(plain, crank, radian, target)
+    return _Place.of(one.plain, way, radian, target)
 
 
 def read_asked(
@@ -997,10 +979,8 @@ class _Search:
         links = self.fine.links
         if self.place.linkage is None or set(links) != {"crank", "coupler", "rocker"}:
             return None
-        other = links["rocker" if name == "crank" else "crank"]
-        cross = np.imag(np.conj(links["coupler"].direction) * other.direction)
-        along = np.real(np.conj(links["coupler"].direction) * other.direction)
-        return float(np.min(np.arctan2(np.abs(cross), np.abs(along))))
+        coupler, other = links["coupler"].direction, links["rocker" if name == "crank" else "crank"].direction
+        return float(np.min(np.arctan2(np.abs(cross(coupler, other)), np.abs(dot(coupler, other)))))
 
     # -- actuators -----------------------------------------------------------------------------------------------------
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from linkage_atlas.arguments import millimetres_in, number, pair
 from linkage_atlas.formats import FORMATS, OF_PARTS
 from linkage_atlas.solids import SLIDES
-from linkage_atlas.studies import analysed, read_drive
+from linkage_atlas.studies import analysed, read_analysis
 from synthesis.drives.attached import COLOUR, LAYER, Attached
 from synthesis.drives.links import GROUND, Machine, ends_of, machine_at
 from synthesis.drives.six_bar import Motor, SixBar
@@ -104,7 +104,7 @@ def _analysis_columns(
 ) -> dict[str, Any]:
     if analysis is None:
         return {}
-    asked = read_drive(analysis, isinstance(linkage, GuidedLinkage) or linkage.mounted)
+    asked = read_analysis(analysis, isinstance(linkage, GuidedLinkage) or linkage.mounted)
     columns: dict[str, Any] = analysed(linkage, asked, target.crank, radian).columns()
     return columns
 

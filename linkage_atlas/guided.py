@@ -12,7 +12,7 @@ from linkage_atlas.any_linkage import AnyLinkage
 from linkage_atlas.arguments import column, number, radians_in
 from linkage_atlas.motions import Motion
 from linkage_atlas.records import plain, plane, xy
-from linkage_atlas.studies import GuidedAnalysis, read_drive
+from linkage_atlas.studies import GuidedAnalysis, read_analysis
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.guided import linkage as guided
@@ -255,8 +255,8 @@ class GuidedLinkage(AnyLinkage):
             Of the drive from its start on. Default: the samples of the motion that it answers (or a whole turn), with the
             `curve` over their interval.
         """
-        drive = read_drive({"crank_speed": speed, "load": load}, True)
-        found: GuidedAnalysis = self._analysed_at(drive, "travel", travel)
+        asked = read_analysis({"crank_speed": speed, "load": load}, True)
+        found: GuidedAnalysis = self._analysed_at(asked, "travel", travel)
         return found
 
     # -- what it becomes ----------------------------------------------------------------------------------------------

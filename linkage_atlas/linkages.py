@@ -14,7 +14,7 @@ from linkage_atlas.assemblies import Assembly
 from linkage_atlas.guided import GuidedLinkage
 from linkage_atlas.motions import Motion
 from linkage_atlas.records import plain, plane
-from linkage_atlas.studies import Analysis, read_drive
+from linkage_atlas.studies import Analysis, read_analysis
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.fourbar.linkage import Linkage, are_cognates
@@ -302,9 +302,9 @@ class FourBar(AnyLinkage):
         length_unit : {"mm", "cm", "m", "in"}
             The unit of its lengths, which tells the forces of inertia.
         """
-        asked = {"crank_speed": crank_speed, "load": load, "length_unit": length_unit}
-        drive = read_drive(asked, self._linkage.mounted)
-        found: Analysis = self._analysed_at(drive, "crank", crank)
+        given = {"crank_speed": crank_speed, "load": load, "length_unit": length_unit}
+        asked = read_analysis(given, self._linkage.mounted)
+        found: Analysis = self._analysed_at(asked, "crank", crank)
         return found
 
     # -- what it becomes ----------------------------------------------------------------------------------------------

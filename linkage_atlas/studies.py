@@ -68,6 +68,21 @@ class PinForces(NamedTuple):
     """By the ground on the rocker."""
 
 
+def columns_of(record: Any, *names: str) -> dict[str, Iterable[Any]]:
+    """Columns of a table from fields of a record: x and y of vectors, one for each link or joint; none where a field is null."""
+    columns: dict[str, Iterable[Any]] = {}
+    for name in names:
+        value: Any = getattr(record, name)
+        parts = value._asdict() if hasattr(value, "_asdict") else value if isinstance(value, Mapping) else {"": value}
+        for part, values in parts.items() if value is not None else ():
+            called = name if not part else f"force_{part}" if name.endswith("forces") else f"{part}_{name}"
+            if values.ndim == 1:
+                columns[called] = plain(values)
+            else:
+                columns |= {f"{called}_{axis}": plain(values[:, k]) for k, axis in enumerate("xy")}
+    return columns
+
+
 @dataclass(frozen=True)
 class Rates(Record):
     """A value a crank angle; null (in Python NaN) at a dead position, and where the loop does not close."""
@@ -88,20 +103,9 @@ class Rates(Record):
 
     def columns(self) -> dict[str, Iterable[Any]]:
         """The columns of a table, a row a crank angle; None where there is no finite value."""
-        blank = [None] * self.crank_angle.size
-        plane = {"velocity": self.velocity, "acceleration": self.acceleration}
-        columns: dict[str, Iterable[Any]] = {}
-        if self.pin_forces is not None:
-            plane |= {f"force_{name}": force for name, force in self.pin_forces._asdict().items()}
-        for name, values in plane.items():
-            for k, axis in enumerate("xy"):
-                columns[f"{name}_{axis}"] = blank if values is None else plain(values[:, k])
-        for name in ("angular_velocity", "angular_acceleration"):
-            for link, values in getattr(self, name)._asdict().items():
-                columns[f"{link}_{name}"] = plain(values)
-        if self.crank_torque is not None:
-            columns["crank_torque"] = plain(self.crank_torque)
-        return columns
+        told = ("velocity", "acceleration", "pin_forces", "angular_velocity", "angular_acceleration", "crank_torque")
+        blank = {f"{name}_{axis}": [None] * self.crank_angle.size for name in told[:2] for axis in "xy"}
+        return blank | columns_of(self, *told)
 
 
 @dataclass(frozen=True)
@@ -140,18 +144,8 @@ class GuidedRates(Record):
 
     def columns(self) -> dict[str, Iterable[Any]]:
         """The columns of a table, a row a place of the drive; None where there is no finite value."""
-        columns: dict[str, Iterable[Any]] = {}
-        plane = {"velocity": self.velocity, "acceleration": self.acceleration}
-        plane |= {f"force_{name}": force for name, force in (self.guide_forces or {}).items()}
-        for name, values in plane.items():
-            for k, axis in enumerate("xy"):
-                columns[f"{name}_{axis}"] = plain(values[:, k])
-        for kind in ("angular_velocity", "angular_acceleration", "sliding_velocity"):
-            for link, one in getattr(self, kind).items():
-                columns[f"{link}_{kind}"] = plain(one)
-        if self.drive_load is not None:
-            columns["drive_load"] = plain(self.drive_load)
-        return columns
+        turning = ("angular_velocity", "angular_acceleration", "sliding_velocity")
+        return columns_of(self, "velocity", "acceleration", "guide_forces", *turning, "drive_load")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -164,7 +158,7 @@ class GuidedAnalysis(GuidedRates):
     """The same over the used interval."""
 
 
-class Drive(NamedTuple):
+class AskedAnalysis(NamedTuple):
     """What an analysis is asked for: the crank's speed in the user's unit of angle, and a load."""
 
     crank_speed: float
@@ -173,7 +167,7 @@ class Drive(NamedTuple):
     parts: bool = False
     """Whether the links also weigh what their parts do."""
 
-    def weighed(self, linkage: Linkage | GuidedLinkage, used: Interval) -> Drive:
+    def weighed(self, linkage: Linkage | GuidedLinkage, used: Interval) -> AskedAnalysis:
         """With the masses of the linkage's parts, if those are meant."""
         if self.load is None or not self.parts:
             return self
@@ -190,7 +184,7 @@ GRAVITY = -9.81j
 """Of masses unless a load says otherwise, m/s^2."""
 
 
-def read_drive(analysis: Mapping[str, Any], mounted: bool) -> Drive:
+def read_analysis(analysis: Mapping[str, Any], mounted: bool) -> AskedAnalysis:
     """A checked request for an analysis: ``crank_speed``, and perhaps ``load`` and ``length_unit``."""
     known_fields("analysis", analysis, ("crank_speed", "load", "length_unit"))
     if analysis.get("crank_speed") is None:
@@ -200,12 +194,12 @@ def read_drive(analysis: Mapping[str, Any], mounted: bool) -> Drive:
     metre = millimetres_in(unit, "analysis/") / 1000
     given = analysis.get("load")
     if given is None:
-        return Drive(speed, None)
+        return AskedAnalysis(speed, None)
     load, parts = read_load("analysis/load", given, LINKS_WITH_MASS, mounted, MOST_LINK_MASSES)
     for place, one in enumerate(load.masses):
         if one.mass == 0:
             raise FieldError(f"/analysis/load/masses/{place}/mass", "wanted a mass above 0, found 0")
-    return Drive(speed, load._replace(metre=metre), unit, parts)
+    return AskedAnalysis(speed, load._replace(metre=metre), unit, parts)
 
 
 def read_load(
@@ -263,13 +257,17 @@ def _mass(
 
 
 def analysed(
-    linkage: Linkage | GuidedLinkage, drive: Drive, travel: Floats, radian: float, over: Interval | None = None
+    linkage: Linkage | GuidedLinkage,
+    asked: AskedAnalysis,
+    travel: Floats,
+    radian: float,
+    over: Interval | None = None,
 ) -> Any:
     """An `Analysis` or `GuidedAnalysis` at travel (n,) of the drive from the first sample, and over an interval."""
-    drive = drive.weighed(linkage, over or Interval(float(travel.min()), float(travel.max())))
+    asked = asked.weighed(linkage, over or Interval(float(travel.min()), float(travel.max())))
     record: tuple[Any, Any] = (Analysis, Rates) if isinstance(linkage, Linkage) else (GuidedAnalysis, GuidedRates)
-    curve = None if over is None else record[1](**_rates(linkage, drive, curve_over(linkage, over), radian))
-    return record[0](**_rates(linkage, drive, travel, radian), crank_speed=drive.crank_speed, curve=curve)
+    curve = None if over is None else record[1](**_rates(linkage, asked, curve_over(linkage, over), radian))
+    return record[0](**_rates(linkage, asked, travel, radian), crank_speed=asked.crank_speed, curve=curve)
 
 
 def curve_over(linkage: Linkage | GuidedLinkage, over: Interval) -> Floats:
@@ -278,14 +276,14 @@ def curve_over(linkage: Linkage | GuidedLinkage, over: Interval) -> Floats:
     return over.by_degrees() if turns else np.linspace(*over, STEPS + 1)
 
 
-def _rates(linkage: Linkage | GuidedLinkage, drive: Drive, travel: Floats, radian: float) -> dict[str, Any]:
+def _rates(linkage: Linkage | GuidedLinkage, asked: AskedAnalysis, travel: Floats, radian: float) -> dict[str, Any]:
     guided = of_four_bar(linkage) if isinstance(linkage, Linkage) else linkage
     turns = guided.driver.turns
-    speed = drive.crank_speed * (radian if turns else 1.0)
+    speed = asked.crank_speed * (radian if turns else 1.0)
     first, body, other = guided.links(travel)
     held = None
-    if drive.load is not None:
-        held = forces(guided, travel, on_links(drive.load._replace(speed=speed), linkage))
+    if asked.load is not None:
+        held = forces(guided, travel, on_links(asked.load._replace(speed=speed), linkage))
     found = guided.body(guided.start + travel)
     values: dict[str, Any] = {
         "crank_angle": travel / radian if turns else None,
@@ -554,8 +552,7 @@ class Studies(NamedTuple):
     lengths_from: tuple[float, ...] | None = None
     """Stock lengths for the links."""
     sensitivity: bool = False
-    drive: Drive | None = None
-    """Of an analysis."""
+    analysis: AskedAnalysis | None = None
     manufacture: Manufacture | None = None
     """Of a tolerance study."""
     drives: Mapping[str, Any] | None = None
@@ -585,7 +582,7 @@ def read_studies(given: Mapping[str, Any], motion: Motion) -> Studies:
         values["round_to"],
         _lengths(values["lengths_from"]),
         bool(values["sensitivity"]),
-        None if values["analysis"] is None else read_drive(values["analysis"], positions),
+        None if values["analysis"] is None else read_analysis(values["analysis"], positions),
         None if values["tolerance_study"] is None else read_manufacture(values["tolerance_study"]),
         _drives(values),
         None if values["assembly"] is None else read_assembly(values["assembly"]),

@@ -25,6 +25,7 @@ from synthesis.fourbar.files import (
     places,
     requested_poses,
     requested_positions,
+    xy0,
 )
 from synthesis.fourbar.linkage import LinkMass
 from synthesis.guided.linkage import BODY, Circle, Driver, GuidedLinkage, LinkMotion, Rail, Slot
@@ -257,14 +258,6 @@ def to_dxf(linkage: GuidedLinkage, target: Target, unit_mm: float = 1.0, more: M
     return dxf_with_motion(document, xy, size, unit_mm, corners, way, poses, more)
 
 
-def _number(value: float) -> str:
-    return repr(float(value))
-
-
-def _place(z: complex) -> str:
-    return f"{float(z.real)!r} {float(z.imag)!r} 0"
-
-
 def to_mjcf(
     linkage: GuidedLinkage, target: Target, unit_mm: float = 1.0, masses: Mapping[str, LinkMass] | None = None
 ) -> str:
@@ -300,7 +293,7 @@ def to_mjcf(
         if abs(end - begin) < 1e-6 * size:
             return ""
         return (
-            f'<geom name="{name}" type="capsule" fromto="{_place(begin)} {_place(end)}" size="{thick / 2!r}" '
+            f'<geom name="{name}" type="capsule" fromto="{xy0(begin)} {xy0(end)}" size="{thick / 2!r}" '
             f'rgba="{colour}"/>'
         )
 
@@ -319,7 +312,7 @@ def to_mjcf(
             mass, inertia, centre = one.mass, one.inertia * metre**2, one.centre * metre
             if name == BODY:  # whose frame here begins at the pin
                 centre = local((complex(body.origin[0]) + np.exp(1j * gamma) * one.centre) * metre)
-        return f'<inertial pos="{_place(centre)}" mass="{mass!r}" diaginertia="{inertia!r} {inertia!r} {inertia!r}"/>'
+        return f'<inertial pos="{xy0(centre)}" mass="{mass!r}" diaginertia="{inertia!r} {inertia!r} {inertia!r}"/>'
 
     def guide_body(place: int, inner: str) -> tuple[str, list[float]]:
         """The link of a guide, with what it carries, and the speeds of its joints at a unit speed of the drive."""
@@ -330,33 +323,29 @@ def to_mjcf(
             long = guide.radius * metre
             colour = "0.76 0.25 0.05 1" if place == 0 else "0.11 0.15 0.2 1"
             text = (
-                f'<body name="{name}" pos="{_place(pivot)}" euler="0 0 {direction!r}">\n      <joint name="{name}"/>\n      '
+                f'<body name="{name}" pos="{xy0(pivot)}" euler="0 0 {direction!r}">\n      <joint name="{name}"/>\n      '
                 f"{inertial(name, complex(long / 2), long)}{rod(f'{name}_rod', 0j, complex(long), colour)}\n      {inner}\n"
                 "    </body>"
             )
             return text, [float(link.rate[0])]
         if isinstance(guide, Rail):
-            axis = _place(complex(np.exp(1j * guide.direction)))
+            axis = xy0(complex(np.exp(1j * guide.direction)))
             text = (
-                f'<body name="{name}" pos="{_place(at[place])}">\n      <joint name="{name}" type="slide" axis="{axis}"/>\n      '
+                f'<body name="{name}" pos="{xy0(at[place])}">\n      <joint name="{name}" type="slide" axis="{axis}"/>\n      '
                 f"{inertial(name, 0j, _SLIDER * size)}{box(name, guide.direction)}\n      {inner}\n    </body>"
             )
             along = np.real(np.exp(-1j * guide.direction) * link.velocity[0]) * (metre if linkage.driver.turns else 1)
             return text, [float(along)]
         direction = float(link.angle[0])
         text = (
-            f'<body name="{name}" pos="{_place(at[place])}" euler="0 0 {direction!r}">\n      <joint name="{name}"/>\n      '
+            f'<body name="{name}" pos="{xy0(at[place])}" euler="0 0 {direction!r}">\n      <joint name="{name}"/>\n      '
             f"{inertial(name, 0j, _SLIDER * size)}{box(name, 0.0)}\n      {inner}\n    </body>"
         )
         return text, [float(link.rate[0])]
 
-    def per_unit(value: float) -> float:
-        """A rate by the drive's coordinate in metres or radians, of a length in metres."""
-        return value * metre if linkage.driver.turns else value
-
     def slot_rate(place: int) -> float:
-        step = float(linkage.along_rate(place, np.zeros(1))[0])
-        return per_unit(step)
+        """Metres by the drive's coordinate in radians or metres."""
+        return float(linkage.along_rate(place, np.zeros(1))[0]) * (metre if linkage.driver.turns else 1.0)
 
     # the coupler, carried by the driven link
     driven, other = linkage.guides
@@ -367,15 +356,15 @@ def to_mjcf(
         if ends is not None and isinstance(linkage.guides[place], Slot):
             low, high = (local(complex(end) * metre) for end in ends)
             parts.append(rod(f"slot_{place + 1}", low, high, "0.15 0.39 0.92 1"))
-    parts.append(f'<site name="body_point" pos="{_place(local(point))}" size="{thick!r}" rgba="0.06 0.46 0.43 1"/>')
-    parts.append(f'<site name="loop_coupler" pos="{_place(local(at[1]))}" size="{thick / 2!r}"/>')
+    parts.append(f'<site name="body_point" pos="{xy0(local(point))}" size="{thick!r}" rgba="0.06 0.46 0.43 1"/>')
+    parts.append(f'<site name="loop_coupler" pos="{xy0(local(at[1]))}" size="{thick / 2!r}"/>')
     parts.append(inertial(BODY, (local(at[1]) + local(point)) / 2, size / 2))
     inner_pieces = "\n        ".join(part for part in parts if part)
     carrier = links[0]
     turned = float(carrier.angle[0]) if not isinstance(driven, Rail) else 0.0
     if isinstance(driven, Slot):
         # it slides in its block, against the slot's direction
-        axis = _place(complex(-np.exp(1j * driven.body_direction)))
+        axis = xy0(complex(-np.exp(1j * driven.body_direction)))
         joint, speed = f'<joint name="coupler" type="slide" axis="{axis}"/>', slot_rate(0)
         where = 0j
     else:
@@ -383,7 +372,7 @@ def to_mjcf(
         speed = float(body.rate[0]) - (float(carrier.rate[0]) if isinstance(driven, Circle) else 0)
         where = complex(driven.radius * metre) if isinstance(driven, Circle) else 0j
     coupler = (
-        f'<body name="{BODY}" pos="{_place(where)}" euler="0 0 {gamma - turned!r}">\n        '
+        f'<body name="{BODY}" pos="{xy0(where)}" euler="0 0 {gamma - turned!r}">\n        '
         f"{joint}\n        {inner_pieces}\n      </body>"
     )
     first, speeds = guide_body(0, coupler)
@@ -392,14 +381,14 @@ def to_mjcf(
     if isinstance(other, Slot):
         slide = (
             '<body name="slide">\n        <joint name="slide" type="slide" axis="-1 0 0"/>\n        '
-            f"{inertial('slide', 0j, _SLIDER * size)}\n        {end.format(_place(0j))}\n      </body>"
+            f"{inertial('slide', 0j, _SLIDER * size)}\n        {end.format(xy0(0j))}\n      </body>"
         )
         second, more = guide_body(1, slide)
         more.append(slot_rate(1))
         loop = f'<weld name="loop" body1="slide" body2="{BODY}" {SOLVER}/>'
     else:
         inside = complex(other.radius * metre) if isinstance(other, Circle) else 0j
-        second, more = guide_body(1, end.format(_place(inside)))
+        second, more = guide_body(1, end.format(xy0(inside)))
         loop = f'<connect name="loop" site1="loop_coupler" site2="loop_other" {SOLVER}/>'
     speeds += more
     forward = target.crank[-1] >= 0
@@ -410,7 +399,7 @@ def to_mjcf(
     way = pace if forward else -pace
     moving = ""
     if np.all(np.isfinite(speeds)):
-        moving = f' qvel="{" ".join(_number(way * value) for value in speeds)}"'
+        moving = f' qvel="{" ".join(repr(float(way * value)) for value in speeds)}"'
     unit = "radians" if linkage.driver.turns else "metres"
     return model_text(
         f"{linkage.kind.replace('_', ' ')}, {linkage.driver}",
@@ -428,8 +417,8 @@ def to_mjcf(
 
 def _rails(found: _Shown, linkage: GuidedLinkage, metre: float, thick: float) -> str:
     rails = [
-        f'<geom name="rail_{place + 1}" type="capsule" fromto="{_place(complex(ends[0]) * metre)} '
-        f'{_place(complex(ends[1]) * metre)}" size="{thick / 4!r}" rgba="0.5 0.5 0.5 1"/>'
+        f'<geom name="rail_{place + 1}" type="capsule" fromto="{xy0(complex(ends[0]) * metre)} '
+        f'{xy0(complex(ends[1]) * metre)}" size="{thick / 4!r}" rgba="0.5 0.5 0.5 1"/>'
         for place, ends in enumerate(found.rails)
         if ends is not None and isinstance(linkage.guides[place], Rail)
     ]
