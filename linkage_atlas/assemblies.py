@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, NamedTuple, TypedDict
 
 import numpy as np
 
-from linkage_atlas.arguments import box, flag, number, whole_number
+from linkage_atlas.arguments import box, check_names, flag, number, whole_number
 from linkage_atlas.records import KEPT, Record
 from synthesis.assembly import layers
 from synthesis.assembly.driving import motor_driven
@@ -234,9 +234,7 @@ def read_assembly(given: Mapping[str, Any] | bool, where: str = "assembly/") -> 
         return None
     if not isinstance(given, Mapping):
         raise FieldError(f"/{where.rstrip('/')}", f"wanted true, or a mapping of {', '.join(ASSEMBLY)}")
-    for name in given:
-        if name not in ASSEMBLY:
-            raise FieldError.no_such(f"/{where.rstrip('/')}".rstrip("/"), name, ASSEMBLY)
+    check_names(f"/{where}".rstrip("/"), given, ASSEMBLY)
     values = dict.fromkeys(ASSEMBLY) | {name: value for name, value in given.items() if value is not None}
     lengths = {name: _length(f"{where}{name}", values[name], name) for name in ASSEMBLY[:5]}
     boards = values["boards"] or "below"

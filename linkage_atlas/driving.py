@@ -18,6 +18,7 @@ from linkage_atlas.arguments import (
     bounded,
     box,
     check_above_zero,
+    check_names,
     check_top,
     column,
     known_fields,
@@ -559,9 +560,7 @@ class _Place(NamedTuple):
 
     @classmethod
     def of_rocker(cls, given: Mapping[str, Any], radian: float) -> _Place:
-        for name in given:
-            if name not in ("pivot", "start", "swing", "length"):
-                raise FieldError.no_such("/rocker", name, ("pivot", "start", "swing", "length"))
+        check_names("/rocker", given, ("pivot", "start", "swing", "length"))
         swing = number("rocker/swing", given.get("swing")) * radian
         if not 1e-3 <= abs(swing) < np.pi:
             raise FieldError("/rocker/swing", "wanted an angle of less than half a turn, and not of nothing")

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from linkage_atlas.arguments import millimetres_in, number, pair
+from linkage_atlas.arguments import check_names, millimetres_in, number, pair
 from linkage_atlas.formats import FORMATS, OF_PARTS
 from linkage_atlas.solids import SLIDES
 from linkage_atlas.studies import analysed, read_analysis
@@ -172,7 +172,5 @@ def _attached(given: Mapping[str, Any], machine: Machine) -> Attached:
 
 
 def _sizes(plates: Mapping[str, Any]) -> dict[str, float]:
-    for name in plates:
-        if name not in ("hole", "width"):
-            raise FieldError.no_such("/plates", name, ("hole", "width"), "size")
+    check_names("/plates", plates, ("hole", "width"), "size")
     return {name: number(f"plates/{name}", value) for name, value in plates.items() if value is not None}

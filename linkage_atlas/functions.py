@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkage_atlas.answers import FINISHING, Ranked, StatusName, StoppedBy, Verdict, verdict_of
-from linkage_atlas.arguments import check_above_zero, check_top, column, kinds_among, number, radians_in
+from linkage_atlas.arguments import check_above_zero, check_names, check_top, column, kinds_among, number, radians_in
 from linkage_atlas.door import (
     CUT_SHORT,
     LOCAL,
@@ -1047,9 +1047,7 @@ def read_dials(function: Mapping[str, Any], crank_span: float | None, degrees: b
     In place of a name ``of`` may be a callable.
     """
     given = {name: value for name, value in function.items() if value is not None}
-    for name in given:
-        if name not in (*FIELDS, "of"):
-            raise FieldError.no_such("/function", name, FIELDS)
+    check_names("/function", (name for name in given if name != "of"), FIELDS)
     if crank_span is None:
         raise FieldError("/crank_span", "needed for a `function`")
     if "output_span" not in given:

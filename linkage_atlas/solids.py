@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
-from linkage_atlas.arguments import flag, millimetres_in, number
+from linkage_atlas.arguments import check_names, flag, millimetres_in, number
 from linkage_atlas.assemblies import ASSEMBLY, Assembly, assembled, read_assembly
 from linkage_atlas.formats import OF_PARTS, kind_of
 from linkage_atlas.records import KEPT, Record
@@ -48,9 +48,7 @@ def read_solids(given: Mapping[str, Any] | None, where: str = "solids/") -> Aske
     given = {} if given is None else given
     if not isinstance(given, Mapping):
         raise FieldError(f"/{where.rstrip('/')}", f"wanted a mapping of {', '.join(SOLIDS)}")
-    for name in given:
-        if name not in SOLIDS:
-            raise FieldError.no_such(f"/{where}".rstrip("/"), name, SOLIDS)
+    check_names(f"/{where}".rstrip("/"), given, SOLIDS)
     values = dict.fromkeys(SOLIDS) | {name: value for name, value in given.items() if value is not None}
 
     def one_of(name: str, allowed: tuple[str, ...], usual: str | None) -> Any:
@@ -179,9 +177,7 @@ def masses_of_parts(linkage: Linkage | GuidedLinkage, used: Interval, length_uni
 
 def split(asked: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
     """Arguments of an assembly, and those of solids."""
-    for name in asked:
-        if name not in ASSEMBLY + SOLIDS:
-            raise FieldError.no_such("", name, ASSEMBLY + SOLIDS)
+    check_names("", asked, ASSEMBLY + SOLIDS)
     return (
         {name: value for name, value in asked.items() if name in ASSEMBLY},
         {name: value for name, value in asked.items() if name in SOLIDS},
