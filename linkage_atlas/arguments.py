@@ -24,9 +24,14 @@ def radians_in(degrees: bool) -> float:
 
 def millimetres_in(unit: Any, where: str = "") -> float:
     """Millimetres in one unit of length; ``where``: what stands before its field in the name that an error has."""
-    if unit not in MILLIMETRES:
-        raise FieldError(f"/{where}length_unit", f"wanted one of {', '.join(MILLIMETRES)}, found {unit!r}")
-    return MILLIMETRES[unit]
+    return MILLIMETRES[one_of(f"{where}length_unit", unit, MILLIMETRES)]
+
+
+def one_of(field: str, value: Any, known: Iterable[str]) -> Any:
+    """A value that is one of those known, or a FieldError that names the argument."""
+    if value not in (known := tuple(known)):
+        raise FieldError(f"/{field}", f"wanted one of {', '.join(known)}, found {value!r}")
+    return value
 
 
 def number(field: str, value: Any, least: float = -np.inf) -> float:

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, NamedTuple, TypedDict
 
 import numpy as np
 
-from linkage_atlas.arguments import box, check_names, flag, number, whole_number
+from linkage_atlas.arguments import box, check_names, flag, number, one_of, whole_number
 from linkage_atlas.records import KEPT, Record
 from synthesis.assembly import layers
 from synthesis.assembly.driving import motor_driven
@@ -237,9 +237,7 @@ def read_assembly(given: Mapping[str, Any] | bool, where: str = "assembly/") -> 
     check_names(f"/{where}".rstrip("/"), given, ASSEMBLY)
     values = dict.fromkeys(ASSEMBLY) | {name: value for name, value in given.items() if value is not None}
     lengths = {name: _length(f"{where}{name}", values[name], name) for name in ASSEMBLY[:5]}
-    boards = values["boards"] or "below"
-    if boards not in BOARDS:
-        raise FieldError(f"/{where}boards", f"wanted one of {', '.join(BOARDS)}, found {boards!r}")
+    boards = one_of(f"{where}boards", values["boards"] or "below", BOARDS)
     most = LAYERS_MOST if values["layers_most"] is None else values["layers_most"]
     most = whole_number(f"{where}layers_most", most, 1, MOST_LAYERS)
     heads = flag(f"{where}heads", values["heads"])

@@ -24,6 +24,7 @@ from linkage_atlas.arguments import (
     known_fields,
     millimetres_in,
     number,
+    one_of,
     pair,
     radians_in,
 )
@@ -727,9 +728,7 @@ def _load(machine: Machine, given: Mapping[str, Any], radian: float, millimetres
 
 def _drive(at: str, given: Mapping[str, Any], machine: Machine, radian: float, millimetres: float) -> dict[str, Any]:
     """One entry of `drives`, with what it does not say filled in."""
-    kind = given.get("kind") if isinstance(given, Mapping) else None
-    if kind not in KINDS:
-        raise FieldError(f"/{at}/kind", f"wanted one of {', '.join(KINDS)}, found {kind!r}")
+    kind = one_of(f"{at}/kind", given.get("kind") if isinstance(given, Mapping) else None, KINDS)
     kind = "actuator" if kind == "cylinder" else kind
     known_fields(at, given, ("kind", *_DRIVE_FIELDS[kind]))
     wish = {name: value for name, value in given.items() if value is not None} | {"kind": kind}
@@ -784,9 +783,7 @@ def _drive(at: str, given: Mapping[str, Any], machine: Machine, radian: float, m
 
 def _spring(at: str, given: Mapping[str, Any], machine: Machine, millimetres: float) -> dict[str, Any]:
     """One entry of `springs`, checked."""
-    kind = given.get("kind") if isinstance(given, Mapping) else None
-    if kind not in SPRING_KINDS:
-        raise FieldError(f"/{at}/kind", f"wanted one of {', '.join(SPRING_KINDS)}, found {kind!r}")
+    kind = one_of(f"{at}/kind", given.get("kind") if isinstance(given, Mapping) else None, SPRING_KINDS)
     known_fields(at, given, _SPRING_FIELDS)
     wish = {name: value for name, value in given.items() if value is not None}
     names = (GROUND, *machine.links)
@@ -813,10 +810,7 @@ def _links(at: str, given: Any, machine: Machine, names: list[str]) -> list[str]
         return names
     if isinstance(given, str) or not given:
         raise FieldError(f"/{at}", f"wanted a list of some of {', '.join(names)}")
-    for k, name in enumerate(given):
-        if name not in names:
-            raise FieldError(f"/{at}/{k}", f"wanted one of {', '.join(names)}, found {name!r}")
-    return list(dict.fromkeys(given))
+    return list(dict.fromkeys(one_of(f"{at}/{k}", name, names) for k, name in enumerate(given)))
 
 
 # -- what is found ----------------------------------------------------------------------------------------------------

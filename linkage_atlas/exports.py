@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from linkage_atlas.arguments import check_names, millimetres_in, number, pair
+from linkage_atlas.arguments import check_names, millimetres_in, number, one_of, pair
 from linkage_atlas.formats import FORMATS, OF_PARTS
 from linkage_atlas.solids import SLIDES
 from linkage_atlas.studies import analysed, read_analysis
@@ -55,8 +55,7 @@ def content_of(
     ``parts``: makes the `SolidParts` of a four-bar, with an error where they collide, or (True) nevertheless.
     ``arranged``: plates are those of an assembly, not the links alone. ``more``: further columns of a CSV file.
     """
-    if kind not in FORMATS:
-        raise FieldError("/kind", f"wanted one of {', '.join(FORMATS)}, found {kind!r}")
+    one_of("kind", kind, FORMATS)
     if isinstance(linkage, GuidedLinkage) and kind == "pylinkage":
         raise FieldError("/format", _FOUR_BARS_ONLY[kind])
     attached = drive_on(linkage, target, drive, kind)

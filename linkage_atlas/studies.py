@@ -17,6 +17,7 @@ from linkage_atlas.arguments import (
     known_fields,
     millimetres_in,
     number,
+    one_of,
     pair,
     whole_number,
 )
@@ -238,9 +239,7 @@ def _mass(
     field: str, given: Any, links: Sequence[str], mounted: bool, default: str | None, middles: Mapping[str, complex]
 ) -> Mass:
     known_fields(field, given, ("link", "mass", "at", "inertia"))
-    link: Any = default if given.get("link") is None else given["link"]
-    if link not in links:
-        raise FieldError(f"/{field}/link", f"wanted one of {', '.join(links)}, found {link!r}")
+    link: Any = one_of(f"{field}/link", default if given.get("link") is None else given["link"], links)
     if link == "body" and not mounted:
         raise FieldError(
             f"/{field}/link", "without `position` there is no body point that the body's frame begins in"
