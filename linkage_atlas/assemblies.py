@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, NamedTuple, TypedDict
 
 import numpy as np
 
-from linkage_atlas.arguments import box, check_names, flag, number, one_of, whole_number
+from linkage_atlas.arguments import box, check_names, flag, number, one_of, pair, whole_number
 from linkage_atlas.records import KEPT, Record
 from synthesis.assembly import layers
 from synthesis.assembly.driving import motor_driven
@@ -266,18 +266,13 @@ def _motor(name: str, given: Any) -> Motor:
     link = of(given, "link")
     if not isinstance(link, str):
         raise FieldError(f"/{name}/link", f"wanted the name of a link, found {link!r}")
-    places = []
-    for part in ("motor", "pin_on_link"):
-        value = of(given, part)
-        if np.shape(value) != (2,):
-            raise FieldError(f"/{name}/{part}", "wanted [x, y]")
-        places.append(complex(*(number(f"{name}/{part}", one) for one in value)))
+    place, pin = (pair(f"{name}/{part}", of(given, part), np.inf) for part in ("motor", "pin_on_link"))
     crank, rod = (
         _length(f"{name}/six_bar/{part}", of(of(given, "six_bar"), part), part) for part in ("crank", "coupler")
     )
     if crank is None or rod is None:
         raise FieldError(f"/{name}/six_bar", "wanted crank and coupler")
-    return Motor(link, places[0], crank, rod, places[1])
+    return Motor(link, place, crank, rod, pin)
 
 
 def _length(name: str, value: Any, kind: str) -> float | None:

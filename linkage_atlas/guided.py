@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkage_atlas.any_linkage import AnyLinkage
-from linkage_atlas.arguments import column, number, one_of, radians_in
+from linkage_atlas.arguments import column, number, one_of, pair, radians_in
 from linkage_atlas.motions import Motion
 from linkage_atlas.records import plain, plane, xy
 from linkage_atlas.studies import GuidedAnalysis, read_analysis
@@ -309,10 +309,7 @@ def read_guide(field: str, given: Mapping[str, Any] | AnyGuide, radian: float) -
     sort = one_of(f"{field}/guide", values.get("guide"), ("circle", "rail", "slot"))
 
     def place(name: str) -> complex:
-        found = column(f"{field}/{name}", values.get(name, ()))
-        if found.shape != (2,) or not np.all(np.abs(found) <= LARGEST):
-            raise FieldError(f"/{field}/{name}", "wanted two finite numbers [x, y]")
-        return complex(*found)
+        return pair(f"{field}/{name}", values.get(name, ()), LARGEST)
 
     def amount(name: str) -> float:
         if values.get(name) is None:
