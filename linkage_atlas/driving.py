@@ -52,7 +52,7 @@ from synthesis.drives.actuator import (
     locked,
 )
 from synthesis.drives.balance import Spring as Placed
-from synthesis.drives.balance import one_spring, potential_of, springs_on_guides, two_springs
+from synthesis.drives.balance import one_spring, potential_of, springs_on_pendulums, two_springs
 from synthesis.drives.dyad import LARGEST_RATIO, Driven, about_pivot, driven, on_any_link
 from synthesis.drives.links import (
     GROUND,
@@ -1417,10 +1417,8 @@ class _Search:
         linkage, load = self.place.linkage, self.asked.load
         if load.torque or load.speed:
             return "a torque, or inertia, has no potential that springs of zero free length carry: give a catalogue"
-        if isinstance(self.place.view, GuidedLinkage):
-            return self._ideal_on_guides(self.place.view.plain, between, stiffness)
         if linkage is None:
-            return self._ideal_on_hinge(stiffness)
+            return self._ideal_pendulums(between, stiffness)
         potential = potential_of(linkage, load)
         if between is None:
             return fitted(self.machine, self.torque, two_springs(potential, stiffness))
@@ -1438,13 +1436,13 @@ class _Search:
             return f"one spring between {between[0]} and {between[1]} does not balance this load; two springs do: leave `between`"
         return f"one spring would need the stiffness {found:.6g}, below 0; two springs balance it: leave `between`"
 
-    def _ideal_on_guides(
-        self, linkage: Guided, between: tuple[str, str] | None, stiffness: float | None
-    ) -> Fitted | str:
-        """Springs of zero free length on a body on guides."""
-        springs = springs_on_guides(linkage, self.machine, self.torque, stiffness)
+    def _ideal_pendulums(self, between: tuple[str, str] | None, stiffness: float | None) -> Fitted | str:
+        """Springs of zero free length on a body on guides, or on a link on a hinge."""
+        guided = None if self.place.view is None else self.place.view.plain
+        assert not isinstance(guided, Linkage)
+        springs = springs_on_pendulums(guided, self.machine, self.torque, stiffness)
         if springs is None:
-            kind = linkage.kind.value
+            kind = "link on a hinge" if guided is None else guided.kind.value
             return f"no springs of zero free length on a {kind} balance this load in every position: give a catalogue"
         if not springs:
             return "the drive carries nothing that springs could balance"
@@ -1452,22 +1450,6 @@ class _Search:
             where = " and ".join("-".join(one.between) for one in springs)
             return f"one spring between {between[0]} and {between[1]} does not balance this load; {where} do: leave `between`"
         return fitted(self.machine, self.torque, springs)
-
-    def _ideal_on_hinge(self, stiffness: float | None) -> Fitted:
-        """One spring of zero free length on a link on a hinge."""
-        names = [name for name, one in self.machine.links.items() if one.pivot is not None]
-        link = self.machine.links[names[0]]
-        load, body = self.asked.load, self.machine.body
-        assert link.pivot is not None and body is not None
-        arm = link.point_at(complex(body.origin[0]))
-        part = -np.conj(load.force) * arm - sum(
-            mass.mass * np.conj(load.gravity) * (mass.at + (arm if mass.link == "body" else 0))
-            for mass in load.masses
-        )
-        point = complex(self.machine.extent / 2)
-        rate = abs(part) / abs(point) ** 2 if stiffness is None else stiffness
-        anchor = complex(link.pivot + np.conj(part / (rate * point)))
-        return fitted(self.machine, self.torque, [Placed((GROUND, names[0]), (anchor, point), float(rate))])
 
     def _sprung(self, kind: Any, number_: int, found: Fitted, exact: bool) -> None:
         sizes = BeforeAfter(_size(self.torque), _size(found.torque))

@@ -150,11 +150,6 @@ def _guided(linkage: GuidedLinkage, at: Floats) -> Machine:
     return Machine(at, links, body, linkage.driver.value, extent, reaches, middles)
 
 
-def hinged(pivot: complex, start: float, swing: float, length: float, samples: int = SAMPLES) -> Machine:
-    """A link that swings about a fixed pivot, at even steps; see `hinged_at`."""
-    return hinged_at(pivot, start, length, np.linspace(0.0, swing, samples))
-
-
 def hinged_at(pivot: complex, start: float, length: float, at: Floats) -> Machine:
     """A link on a hinge that is the body itself, its body point at its end: a flap, a wiper, a boom; at angles (n,)."""
     ones, still, end = np.ones(at.size), np.zeros(at.size, dtype=complex), complex(length)

@@ -18,7 +18,7 @@ from synthesis.drives.dyad import (
     on_any_link,
     proportions,
 )
-from synthesis.drives.links import hinged, machine_at, machine_of
+from synthesis.drives.links import SAMPLES, hinged_at, machine_at, machine_of
 from synthesis.guided.analysis import Load
 from synthesis.work import Work
 from tests.conftest import some_of
@@ -180,10 +180,10 @@ def test_a_motor_that_is_turned_round_swings_a_linkage_of_any_kind(seed: int) ->
 
 
 def test_times_and_boxes_that_cannot_be_are_refused_in_words() -> None:
-    machine = hinged(0j, 0.0, np.deg2rad(185), 1.0)
+    machine = hinged_at(0j, 0.0, 1.0, np.linspace(0.0, np.deg2rad(185), SAMPLES))
     link = machine.links["rocker"]
     assert "no crank-rocker swings" in str(about_pivot(link, np.ones(61), 4.9, 1.0, False, None))
-    small = hinged(0j, 0.0, 1.0, 1.0).links["rocker"]
+    small = hinged_at(0j, 0.0, 1.0, np.linspace(0.0, 1.0, SAMPLES)).links["rocker"]
     assert "motor_box" in str(about_pivot(small, np.ones(61), 1.0, 1.0, True, (50.0, 50.0, 51.0, 51.0)))
     placed = about_pivot(small, np.ones(61), 1.1, 1.0, False, (0.4, -0.6, 0.8, -0.2))
     assert not isinstance(placed, str)
@@ -193,7 +193,7 @@ def test_times_and_boxes_that_cannot_be_are_refused_in_words() -> None:
 
 @pytest.mark.parametrize("last", [True, False])
 def test_a_knee_goes_over_its_centre_and_holds_what_pushes_it(last: bool) -> None:
-    machine = hinged(0j, 0.0, np.deg2rad(70), 1.0)
+    machine = hinged_at(0j, 0.0, 1.0, np.linspace(0.0, np.deg2rad(70), SAMPLES))
     link, delta, share = machine.links["rocker"], np.deg2rad(6), 0.4
     wanted = Wanted((-2.0, -2.0, 2.0, 2.0), 1.0, 0.05)
     push = np.full(61, 10.0 if last else -10.0)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from synthesis.drives.links import Machine, hinged, machine_of
+from synthesis.drives.links import SAMPLES, Machine, hinged_at, machine_of
 from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.analysis import Load, Pull, forces, on_links
 from synthesis.guided.linkage import Circle, Driver, GuidedLinkage, Rail, Slot, of_four_bar
@@ -158,7 +158,7 @@ def _are_derivatives(machine: Machine) -> None:
 
 
 def test_a_hinged_link_is_its_own_body() -> None:
-    machine = hinged(1 + 2j, 0.3, -0.8, 5.0)
+    machine = hinged_at(1 + 2j, 0.3, 5.0, np.linspace(0.0, -0.8, SAMPLES))
     assert machine.sense == -1
     assert machine.body is not None
     assert machine.body.origin[0] == pytest.approx(1 + 2j + 5 * np.exp(0.3j))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from synthesis.drives.dyad import about_pivot
-from synthesis.drives.links import hinged, hinged_at
+from synthesis.drives.links import SAMPLES, hinged_at
 from synthesis.drives.six_bar import MOTOR_CRANK, ROD, Motor, SixBar, joints_of
 from synthesis.errors import FieldError
 from synthesis.fourbar.linkage import Linkage
@@ -114,7 +114,9 @@ def test_poses_and_forces_are_those_of_circles_and_of_every_link() -> None:
 
 
 def test_a_link_on_a_hinge_is_driven_too() -> None:
-    found = about_pivot(hinged(0j, 0.5, 1.1, 400.0).links["rocker"], np.ones(61), 1.1, 320.0, True, None)
+    found = about_pivot(
+        hinged_at(0j, 0.5, 400.0, np.linspace(0.0, 1.1, SAMPLES)).links["rocker"], np.ones(61), 1.1, 320.0, True, None
+    )
     assert not isinstance(found, str)
     motor = Motor("rocker", found.motor, found.crank, found.rod, found.pin)
     six = SixBar(lambda at: hinged_at(0j, 0.5, 400.0, at), Interval(0.0, 1.1), motor)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from synthesis.drives.balance import Spring, one_spring, potential_of, two_springs
-from synthesis.drives.links import hinged, machine_of
+from synthesis.drives.links import SAMPLES, hinged_at, machine_of
 from synthesis.drives.springs import Kind, Room, best_pair, best_spring, fitted, spring_torque
 from synthesis.guided.analysis import Load, Mass
 from synthesis.target import Interval
@@ -125,6 +125,6 @@ def test_two_fitted_springs_do_at_least_as_well_as_the_better_one() -> None:
 
 
 def test_nothing_fits_where_all_springs_are_too_short() -> None:
-    machine = hinged(0j, 0.0, 1.0, 1.0)
+    machine = hinged_at(0j, 0.0, 1.0, np.linspace(0.0, 1.0, SAMPLES))
     found = best_spring(machine, np.ones(61), ("ground", "rocker"), KINDS[2:], Room((2.0, 2.0, 3.0, 3.0), 1.0, 0.1))
     assert "no spring of 1 fits between ground and rocker" in str(found)
