@@ -2,19 +2,20 @@
 
 import { card, sign, sorted } from "./cards.js";
 import { chart, redrawOn } from "./charts.js";
-import { element, signed, text } from "./drawing.js";
+import { element, namedRows, signed, text } from "./drawing.js";
 import { Driving } from "./driving.js";
 import { driveName, drivePlaces, driveTurns } from "./drive.js";
-import { alike, errorText, fitOf, guideRows, limitName, settled, worstRows } from "./fit.js";
+import { alike, errorText, fitOf, guideRows, settled, worstRows, worstWords } from "./fit.js";
 import { assessed, fromJoints } from "./hand.js";
 import { JointFields } from "./joints.js";
 import { Layers } from "./layers.js";
+import { itemOf } from "./motion.js";
 import { Player, trajectory } from "./player.js";
 import { ask, download } from "./service.js";
-import { $ } from "./shell.js";
+import { $, copy } from "./shell.js";
 import { studyRows } from "./studies.js";
 import { passing } from "./timing.js";
-import { judged, mark, plainNote, reasons } from "./verdict.js";
+import { judged, limitName, mark, plainNote, reasons } from "./verdict.js";
 
 const CARDS = ["results", "trace-card", "curves-card", "numbers-card", "player"];
 const LINKS = ["crank", "coupler", "rocker", "ground"];
@@ -37,7 +38,7 @@ function numberRows(solution, { motion, size }, digits) {
     rows.push(["Pivot A", `${mount.pivot_a.map(place).join(", ")} ${unit}`], ["Pivot B", `${mount.pivot_b.map(place).join(", ")} ${unit}`], ["Ground angle", `${number(mount.ground_angle)}°`]);
     rows.push(["Coupler point", `${length(mount.coupler_point.radius)} at ${number(mount.coupler_point.angle)}°`]);
   }
-  const at = (k, error) => (error === "rounding" ? error : `${error} at pose ${k + 1}`);
+  const at = (k, error) => (error === "rounding" ? error : `${error} at ${itemOf(motion)} ${k + 1}`);
   if (worst.turn !== null) rows.push(["Angle error, largest", at(worst.turn, errorText(Math.abs(turns[worst.turn]), 57, "°"))]);
   if (worst.place !== null) rows.push(["Position error, largest", at(worst.place, errorText(places[worst.place], size, ` ${unit}`))]);
   if (solution.errors.rotation_rms !== null) rows.push(["Angle error, rms", errorText(solution.errors.rotation_rms, 57, "°")]);
@@ -82,12 +83,7 @@ function verdictBlock(solution, motion) {
 /** The crank angles that a solution brings along, in the order in which the samples are passed. */
 function crankBlock(solution, motion) {
   const block = document.createElement("details"), { order } = passing(solution, motion, false);
-  const table = document.createElement("table");
-  for (const k of order) {
-    const row = table.insertRow();
-    row.append(Object.assign(element("th", "", `Sample ${k + 1}`), { scope: "row" }));
-    row.insertCell().textContent = `${text(drivePlaces(solution)[k], 8)}${driveTurns(solution) ? "°" : ` ${motion.unit}`}`;
-  }
+  const table = namedRows(order.map((k) => [`Sample ${k + 1}`, `${text(drivePlaces(solution)[k], 8)}${driveTurns(solution) ? "°" : ` ${motion.unit}`}`]));
   block.append(element("summary", "", driveTurns(solution) ? "Crank angles at the samples" : `Travel of the ${solution.driver} at the samples`), table);
   return block;
 }
@@ -109,16 +105,8 @@ function handBlock({ links }) {
   return block;
 }
 
-function note(sentence) {
+export function note(sentence) {
   $("export-note").textContent = sentence;
-}
-
-/** Puts `content` on the clipboard and notes `done`; where the browser forbids it, notes the content itself. */
-export async function copy(content, done) {
-  try {
-    await navigator.clipboard.writeText(content);
-    note(done);
-  } catch { note(content); }
 }
 
 const isHand = (solution) => solution.source === "hand";
@@ -130,7 +118,7 @@ export class Results {
     this.layers = new Layers(board, (degrees) => { this.player.stop(); this.player.goto(degrees); }, (solution) => this.#judgedAnew(solution));
     this.driving = new Driving(board, this.player);
     this.fields = new JointFields(board, (name, place) => this.drag(name, place, null), () => this.player.stop());
-    $("copy").addEventListener("click", () => copy(this.#rows().map((row) => row.join("\t")).join("\n"), "The numbers are copied."));
+    $("copy").addEventListener("click", () => copy(this.#rows().map((row) => row.join("\t")).join("\n"), "The numbers are copied.", note));
     for (const button of document.querySelectorAll("[data-format]")) button.addEventListener("click", () => this.#save(button.dataset.format));
     $("sort").addEventListener("change", () => this.#list());
     $("overlay").addEventListener("change", () => this.#showOthers());
@@ -160,7 +148,7 @@ export class Results {
     }
     const { report } = answer.reply;
     answer.size = report.length_scale ?? 1;
-    $("results-note").textContent = `largest errors, at pose (no.) · ${answer.stored ? "searched beforehand" : `${Math.round(report.elapsed_ms.total)} ms`}`;
+    $("results-note").textContent = `largest errors, at ${itemOf(answer.motion)} (no.) · ${answer.stored ? "searched beforehand" : `${Math.round(report.elapsed_ms.total)} ms`}`;
     $("trace-note").textContent = [`${answer.refined ? "Descent" : "Search"} ended: ${ENDS[report.stopped_by]}.`, ...report.notes.map(plainNote)].join(" ");
     this.solution = (before && solutions.find((one) => alike(one, before))) ?? solutions[0];
     this.#list();
@@ -296,14 +284,8 @@ export class Results {
   /** `again`: the same solution, so that what the last export said stays. */
   #showNumbers(again = false) {
     const rows = worstRows(fitOf(this.solution, this.answer.motion), this.answer.motion, this.answer.size);
-    $("joints-note").textContent = rows.length ? `Off by at most ${rows.map(([, error, pose]) => (pose === null ? error : `${error} (pose ${pose})`)).join(" and ")}.` : "";
-    const table = document.createElement("table");
-    for (const [name, value] of numberRows(this.solution, this.answer, 8)) {
-      const row = table.insertRow();
-      row.append(Object.assign(element("th", "", name), { scope: "row" }));
-      row.insertCell().textContent = value;
-    }
-    const { verdict, source } = this.solution, { motion } = this.answer, parts = [table];
+    $("joints-note").textContent = rows.length ? `Off by at most ${worstWords(rows, this.answer.motion)}.` : "";
+    const { verdict, source } = this.solution, { motion } = this.answer, parts = [namedRows(numberRows(this.solution, this.answer, 8))];
     if (verdict) parts.unshift(verdictBlock(this.solution, motion));
     else if (source === "hand") parts.unshift(handBlock(this.solution));
     if (drivePlaces(this.solution)) parts.push(crankBlock(this.solution, motion));
