@@ -11,6 +11,7 @@ import linkage_atlas as la
 from linkage_atlas.assemblies import assembled
 from linkage_atlas.kinds import Measures
 from synthesis.work import OutOfTime
+from tests.conftest import some_of
 from tests.oracles.guided import random_motion
 from tests.oracles.largest import TWO_RAILS
 
@@ -79,7 +80,7 @@ def _by_layers(one):
     return not assembly.free, sum(not shaft.both_sides for shaft in assembly.shaft.values()), assembly.count
 
 
-@pytest.mark.parametrize("motion", [_FOUR | {"timing": "free"}, _TURNED, _FOUR | {"travel_span": 200}])
+@pytest.mark.parametrize("motion", some_of([_FOUR | {"timing": "free"}, _FOUR | {"travel_span": 200}, _TURNED], 2))
 def test_layers_are_preferred_among_all_kinds(motion):
     """Of those that are near: first the free ones over whose fixed pivots nothing passes; none is beaten in that and all else."""
     plain = la.synthesize(**motion, mechanisms="all", assembly=True)

@@ -223,7 +223,7 @@ def some_request(scan: Scan, rng: np.random.Generator, kind: str) -> Target:
     return make_target(angle, position, span)
 
 
-SHOWN = {"between": (1, 5), "both": (2, 3), "change point": (2, 5, 6), "anything": (0, 4)}
+SHOWN = {"between": (5,), "both": (2,), "change point": (2, 5), "anything": (4,)}
 """Of the requests of each kind those that show the smallest faults of the radii: by a fifth, two fifths and more too small."""
 
 
