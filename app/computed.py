@@ -147,12 +147,15 @@ class LargeBodies:
         own = self._of_address.setdefault(host, asyncio.Semaphore(self._half))
         size, body = int(length) if length.isdecimal() else LARGE, bytearray()
         try:
-            async with own, self._places, asyncio.timeout(self.PATIENCE) as time:
-                latest = asyncio.get_running_loop().time() + self.PATIENCE
-                async for part in request.stream():
-                    body += part
-                    time.reschedule(latest + self._seconds * len(body) / size)
-            return bytes(body)
+            with anyio.CancelScope() as wait:
+                request.state.leave = wait.cancel  # the server's, where the client goes before its turn
+                async with own, self._places, asyncio.timeout(self.PATIENCE) as time:
+                    latest = asyncio.get_running_loop().time() + self.PATIENCE
+                    async for part in request.stream():
+                        body += part
+                        time.reschedule(latest + self._seconds * len(body) / size)
+                return bytes(body)
+            raise ClientDisconnect
         except TimeoutError:
             raise problems.SlowBody from None
         finally:

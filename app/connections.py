@@ -25,6 +25,10 @@ BACKLOG = 128
 ACCEPTED_AT_ONCE = 8
 """Of them, between two looks at what else there is to do."""
 _OTHER_FILES = 96
+_RECEIVED_AT_ONCE = 1 << 13
+"""Bytes: in chunks of one byte each the others wait for some milliseconds while they are read."""
+_AHEAD = 1 << 16
+"""Bytes of further requests that are read before the first is answered."""
 _PROBES = (0.01, 0.005, 0.02, 0.1)
 """Seconds before the first signs of life to a client that has closed its side: one that has gone altogether answers the first
 with a reset, which the second finds."""
@@ -56,6 +60,7 @@ class Connection(H11Protocol):
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         super().connection_made(transport)
         transport.set_write_buffer_limits(high=0)  # told of whatever the client has not yet taken
+        transport.max_size = _RECEIVED_AT_ONCE  # type: ignore[attr-defined]
         self._unread: asyncio.TimerHandle | None = None
         self._left = self.seconds["reply"]
         self._phase: str | None = None
@@ -69,6 +74,8 @@ class Connection(H11Protocol):
         self._expect(None)
         self._read()
         super().connection_lost(exc)
+        if self._answers:
+            self.scope["state"].get("leave", bool)()
 
     @property
     def _answers(self) -> bool:
@@ -106,15 +113,31 @@ class Connection(H11Protocol):
             self._unread = None
 
     def data_received(self, data: bytes) -> None:
-        if self._phase == "header" and not self.conn.trailing_data[0]:
-            data = data.lstrip(b"\r\n")
+        if self.conn.their_state is h11.MUST_CLOSE:
+            return  # it has said that nothing more comes
         super().data_received(data)
         if self.drains and self.cycle is not None:
             self.cycle.keep_alive = False
-        if self._answers:
-            self._expect("body" if self.cycle.more_body else None)
+        if self._answers and self.cycle.more_body:
+            self._expect("body")
+        elif self._answers:
+            self._expect(None)
+            if len(self.conn.trailing_data[0]) <= _AHEAD:
+                self.flow.resume_reading()  # uvicorn stops where something follows, and would not see the client leave
+            else:
+                self._doubt()
         elif self.timeout_keep_alive_task is None:
             self._expect("header")
+
+    def _get_upgrade(self) -> None:
+        """Other protocols are not spoken; uvicorn would say so in the log each time."""
+
+    def handle_events(self) -> None:
+        """Leave out empty lines before a request."""
+        if self.conn.their_state is h11.IDLE:
+            said, _ = self.conn.trailing_data
+            self.conn._receive_buffer.maybe_extract_at_most(len(said) - len(said.lstrip(b"\r\n")))
+        super().handle_events()
 
     def on_response_complete(self) -> None:
         super().on_response_complete()
@@ -162,13 +185,17 @@ class Connection(H11Protocol):
 
     def eof_received(self) -> Any:
         """Keep the connection of a client that has sent its request and waits for the answer."""
-        if not self._answers or self.cycle.more_body:
-            return None
+        if not self._answers or self.cycle.more_body or self.scope["http_version"] == "1.0":
+            return None  # HTTP/1.0 knows no sign of life
         self.cycle.keep_alive = False
         self.scope["state"]["half_closed"] = True
+        self._doubt()
+        return True
+
+    def _doubt(self) -> None:
+        """From now on ask by signs of life whether the client is there."""
         seconds = chain(_PROBES, repeat(_PROBE_SECONDS))
         self.loop.call_later(next(seconds), self._probe, seconds)
-        return True
 
     def _probe(self, seconds: Iterator[float]) -> None:
         """A sign of life, which a client ignores that is there; without it no one learns that it has gone."""

@@ -132,7 +132,8 @@ def invalid(error: ValidationError, model: type[BaseModel]) -> Invalid:
     for row in rows:
         if row["type"] == "extra_forbidden":
             *path, name = row["loc"]
-            row["msg"] = FieldError.no_such("", str(name), _fields_at(model, path)).message
+            others = _ways(model)
+            row["msg"] = FieldError.no_such("", str(name), _fields_at(model, path), others=others).message
         elif row["type"] == "model_type":
             row["msg"] = "Input should be an object"
         elif row["type"] == "greater_than_equal" and 0 < row["ctx"]["ge"] < 1e-6:  # pydantic writes all of its zeros
@@ -177,6 +178,15 @@ def _fields_at(model: type[BaseModel], path: Iterable[str | int]) -> list[str]:
                 m for one in models if part in one.model_fields for m in _models(one.model_fields[part].annotation)
             ]
     return [name for one in models for name in one.model_fields]
+
+
+def _ways(model: type[BaseModel], way: str = "") -> dict[str, str]:
+    """Names of all fields of an object and those within it, and the way to each; of several the shortest."""
+    ways = {name: way + name for name in model.model_fields}
+    for name, info in model.model_fields.items():
+        for one in _models(info.annotation):
+            ways = _ways(one, f"{way}{name}.") | ways
+    return ways
 
 
 def _models(annotation: Any) -> list[type[BaseModel]]:

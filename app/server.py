@@ -81,17 +81,16 @@ def serve(resources: ServiceResources, host: str, port: int, workers: int | None
     settings = resources.settings
     if host in LOOPBACK and "allowed_hosts" not in settings.model_fields_set:
         settings = settings.model_copy(update={"allowed_hosts": LOOPBACK})
-    taken = os.environ.pop(SUCCESSION, "")
+    first, *taken = map(int, os.environ.pop(SUCCESSION, "-1").split(","))
     try:
-        listeners = [socket.socket(fileno=int(number)) for number in taken.split(",") if number]
-        listeners = listeners or listening(host, port)
+        listeners = [socket.socket(fileno=number) for number in taken] or listening(host, port)
     except OSError as error:
         print(f"no service at {host}, port {port}: {(error.strerror or str(error)).lower()}", file=sys.stderr)
         return Exit.FAILED
     signal.signal(signal.SIGTERM, lambda *_: os._exit(0))  # until the service takes over: nothing has begun
     if sys.platform != "linux":
         return _serve_with_threads(settings, resources, listeners)
-    predecessor = os.pidfd_open(os.getppid()) if taken else None
+    predecessor = os.pidfd_open(first) if first == os.getppid() else None  # it may have ended
     count = workers or settings.workers or default_workers()
     return _serve_with_processes(settings, resources, listeners, count, predecessor)
 

@@ -9,18 +9,17 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import multiprocessing
 import os
 import pickle
 import select
 import signal
 import socket
-import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+import traceback
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
-from multiprocessing.context import ForkProcess
+from typing import NoReturn
 
 from app.computed import Question
 from app.computer import Computer
@@ -28,12 +27,14 @@ from app.resources import INDEX, PARTS, ServiceResources
 
 _LATE_SECONDS = 1.0
 """After the time in which the front ends by itself."""
+_AGAIN_SECONDS = 0.5
+"""Before what must be done is tried again."""
 _REBIRTH_SECONDS = 0.2
 """Before another process takes the place of one that could not begin."""
 DRAIN_SECONDS = 60.0
 """For the requests of a service whose successor answers already."""
 SUCCESSION = "LINKAGE_ATLAS_SUCCESSION"
-"""Environment variable of a successor: the listeners that it takes over."""
+"""Environment variable of a successor: the process whose place it takes, and the listeners that it takes over."""
 _LEAST_LIFE = 2.0
 """A front that has ended sooner, by itself, would do so again."""
 _MAKER_NICE = 5
@@ -63,13 +64,14 @@ class Supervisor:
     ) -> None:
         self._run_front, self._questions, self._resources, self._listeners = front, questions, resources, listeners
         self._count = count
-        self._ended: dict[ForkProcess, Callable[[int], object]] = {}
+        self._ended: dict[int, Callable[[int], object]] = {}
         """What is to be done, with its exit code, once a process has ended."""
-        self._computers: set[ForkProcess] = set()
-        self._quick: ForkProcess | None = None
+        self._computers: set[int] = set()
+        self._front: int | None = None
+        self._quick: int | None = None
+        self._successor: int | None = None
         self._making: set[str] = set()
         self._code: int | None = None
-        self._successor: subprocess.Popen[bytes] | None = None
         self._deadline: float | None = None
         nohup = signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
         ends = [told for told in _ENDS if told != signal.SIGHUP or not nohup]
@@ -82,27 +84,29 @@ class Supervisor:
         signal.set_wakeup_fd(self._coming, warn_on_full_buffer=False)
         for told in self._signals:
             signal.signal(told, lambda *_: None)
-        self._start_front()
         try:
-            self._make_missing()
             self._fill()
+            self._make_missing()
             self._resources.prepare_rest()  # while the first processes answer
             self._say("fresh")
             while self._code is None:
-                self._next()
                 self._fill()
+                self._next()
             return self._code
         finally:
-            for process in self._ended:
-                process.kill()
+            for number in self._ended:
+                os.kill(number, signal.SIGKILL)
 
     def _next(self) -> None:
-        """Wait for a signal and do what it says."""
-        left = None if self._deadline is None else max(0.0, self._deadline - time.monotonic())
-        told = os.read(self._came, 1)[0] if select.select([self._came], [], [], left)[0] else None
+        """Wait for a signal, or for what must be tried again, and do what it says."""
+        settled = self._deadline is None and self._front is not None and len(self._computers) == self._count
+        came, _, _ = select.select([self._came], [], [], None if settled else _AGAIN_SECONDS)
+        told = os.read(self._came, 1)[0] if came else None
+        if self._deadline is not None and time.monotonic() > self._deadline:
+            self._tell_front(signal.SIGKILL)  # and its end is told
         if told is None:
-            self._front.kill()  # and its end is told
-        elif told == signal.SIGCHLD:
+            return
+        if told == signal.SIGCHLD:
             self._reap()
         elif told in _ENDS:
             self._end(told)
@@ -120,34 +124,31 @@ class Supervisor:
     # -- ends -------------------------------------------------------------------------------------------------------------
 
     def _reap(self) -> None:
-        for process, ended in list(self._ended.items()):
-            if process.exitcode is not None:
-                del self._ended[process]
-                ended(process.exitcode)
-        if self._successor is not None and self._successor.poll() is not None:
-            log.error("The service that was to take over has ended; this one goes on")
-            self._successor = None
+        with contextlib.suppress(ChildProcessError):  # there is none
+            while (ended := os.waitpid(-1, os.WNOHANG))[0]:
+                self._ended.pop(ended[0], lambda code: None)(os.waitstatus_to_exitcode(ended[1]))
 
-    def _computer_ended(self, process: ForkProcess, code: int) -> None:
-        self._computers.discard(process)
-        self._say("ended", process.pid, code)
+    def _computer_ended(self, number: int, code: int) -> None:
+        self._computers.discard(number)
+        self._say("ended", number, code)
         if code > 0:
             time.sleep(_REBIRTH_SECONDS)
 
     def _front_ended(self, code: int) -> None:
+        self._front = None
         if self._deadline is not None:
             self._code = 0
         elif code >= 0 and time.monotonic() - self._began < _LEAST_LIFE:
             self._code = code
         else:
             log.error("The process that talks to the clients ended by %s; another takes its place", code)
-            for process in self._computers:
-                process.kill()
+            for number in self._computers:
+                os.kill(number, signal.SIGKILL)
             self._computers.clear()
-            self._told.close()
-            self._start_front()
-            for part in self._making:
-                self._say("making", part)
+
+    def _successor_ended(self, code: int) -> None:
+        log.error("The service that was to take over has ended by %s; this one goes on", code)
+        self._successor = None
 
     def _made(self, part: str, code: int) -> None:
         """Take note of a part of the index, or of all of it; those that compute without it are replaced then."""
@@ -163,26 +164,55 @@ class Supervisor:
         if self._deadline is None:
             self._deadline = time.monotonic() + self._resources.settings.ending_seconds + _LATE_SECONDS
         elif number == signal.SIGINT:  # pressed again: at once
-            self._deadline = 0.0
-        self._front.terminate()
+            self._tell_front(signal.SIGKILL)
+        self._tell_front(signal.SIGTERM)
+
+    def _tell_front(self, number: int) -> None:
+        if self._front is None:  # none could begin
+            self._code = 0
+        else:
+            os.kill(self._front, number)
 
     def _succeed(self) -> None:
         """Start a successor, which listens on the same sockets."""
         if self._successor is None and self._deadline is None:
-            passed = [listener.fileno() for listener in self._listeners]
-            self._successor = subprocess.Popen(
-                [sys.executable, *sys.orig_argv[1:]],
-                pass_fds=passed,
-                env=os.environ | {SUCCESSION: ",".join(map(str, passed))},
-            )
+            with self._room():
+                self._successor = self._fork(self._become_successor)
+                self._ended[self._successor] = self._successor_ended
+
+    def _become_successor(self) -> None:
+        if signal.SIGHUP in self._signals:
+            signal.signal(signal.SIGHUP, signal.SIG_DFL)
+        passed = [listener.fileno() for listener in self._listeners]
+        for number in passed:
+            os.set_inheritable(number, True)
+        known = os.environ | {SUCCESSION: ",".join(map(str, [os.getppid(), *passed]))}
+        os.execve(sys.executable, [sys.executable, *sys.orig_argv[1:]], known)
 
     def _drain(self) -> None:
         """The successor answers: end once all that has been asked here is answered."""
         if self._successor is not None and self._deadline is None:
             self._deadline = time.monotonic() + DRAIN_SECONDS + _LATE_SECONDS
-            os.kill(self._front.pid, signal.SIGUSR1)
+            del self._ended[self._successor]  # it stays
+            self._tell_front(signal.SIGUSR1)
 
     # -- beginnings -------------------------------------------------------------------------------------------------------
+
+    def _fill(self) -> None:
+        """Fork what there is not of the front, and of those that compute."""
+        with self._room():
+            if self._front is None:
+                self._start_front()
+            while len(self._computers) < self._count:
+                self._start_computer()
+
+    @contextlib.contextmanager
+    def _room(self) -> Iterator[None]:
+        """Where the system has no room for another process or file, what is there goes on."""
+        try:
+            yield
+        except OSError as error:
+            log.error("No further process can begin: %s", error)
 
     def _start_front(self) -> None:
         self._told, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -191,18 +221,18 @@ class Supervisor:
         with theirs:
             self._front = self._fork(partial(self._run_front, theirs))
             self._ended[self._front] = self._front_ended
+        for part in self._making:
+            self._say("making", part)
 
-    def _fill(self) -> None:
-        """Fork as many that compute as there are to be."""
-        while len(self._computers) < self._count:
-            ours, theirs = socket.socketpair()
-            with ours, theirs:
-                quick = self._count > 1 and self._quick not in self._computers
-                process = self._fork(partial(self._compute, theirs, ours, quick))
-                self._ended[process] = partial(self._computer_ended, process)
-                self._computers.add(process)
-                self._quick = process if quick else self._quick
-                self._say("computer", process.pid, quick, file=ours.fileno())
+    def _start_computer(self) -> None:
+        ours, theirs = socket.socketpair()
+        with ours, theirs:
+            quick = self._count > 1 and self._quick not in self._computers
+            number = self._fork(partial(self._compute, theirs, ours, quick))
+            self._ended[number] = partial(self._computer_ended, number)
+            self._computers.add(number)
+            self._quick = number if quick else self._quick
+            self._say("computer", number, quick, file=ours.fileno())
 
     def _compute(self, connection: socket.socket, other: socket.socket, quick: bool) -> None:
         for foreign in (other, *self._listeners):
@@ -220,8 +250,11 @@ class Supervisor:
                 self._resources.leave_index()
                 self._say("fresh")
             self._making.add(part)
-            self._ended[self._fork(partial(self._make_here, part))] = partial(self._made, part)
             self._say("making", part)
+            with self._room():
+                self._ended[self._fork(partial(self._make_here, part))] = partial(self._made, part)
+                return
+            self._made(part, 1)
 
     def _make_here(self, part: str) -> None:
         os.nice(_MAKER_NICE)
@@ -229,21 +262,35 @@ class Supervisor:
             listener.close()
         self._resources.make(part)
 
-    def _fork(self, run: Callable[[], None]) -> ForkProcess:
-        """A new process that runs something and ends."""
-        process = multiprocessing.get_context("fork").Process(target=self._begin, args=(run,))
+    def _fork(self, run: Callable[[], None]) -> int:
+        """The number of a new process that runs something and ends; raises OSError."""
+        sys.stdout.flush()
         signal.pthread_sigmask(signal.SIG_BLOCK, self._signals)  # none may come to the new process as if to this one
-        process.start()
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, self._signals)
-        return process
+        try:
+            if not (number := os.fork()):
+                self._begin(run)
+        finally:
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, self._signals)
+        return number
 
-    def _begin(self, run: Callable[[], None]) -> None:
-        signal.set_wakeup_fd(-1)
-        for told in self._signals:
-            signal.signal(told, signal.SIG_DFL)
-        signal.signal(signal.SIGHUP, signal.SIG_IGN)  # the supervisor tells the front, and ends the others
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, self._signals)
-        for end in (self._came, self._coming):
-            os.close(end)
-        self._told.close()
-        run()
+    def _begin(self, run: Callable[[], None]) -> NoReturn:
+        """In the new process: until its end."""
+        code: object = 1
+        try:
+            signal.set_wakeup_fd(-1)
+            for told in self._signals:
+                signal.signal(told, signal.SIG_DFL)
+            signal.signal(signal.SIGHUP, signal.SIG_IGN)  # the supervisor tells the front, and ends the others
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, self._signals)
+            for end in (self._came, self._coming):
+                os.close(end)
+            self._told.close()
+            run()
+            code = 0
+        except SystemExit as end:
+            code = end.code
+        except BaseException:
+            traceback.print_exc()
+        finally:
+            sys.stdout.flush()
+            os._exit(code if isinstance(code, int) else 1)

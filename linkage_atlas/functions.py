@@ -25,7 +25,7 @@ from linkage_atlas.door import (
 from linkage_atlas.guided import AnyGuide, DriverName, GuidedLinkage, KindName, guides_of
 from linkage_atlas.limits import read_function_limits
 from linkage_atlas.linkages import FourBar, Links
-from linkage_atlas.motions import Motion, unwound
+from linkage_atlas.motions import Motion, unit_notes, unwound
 from linkage_atlas.records import KEPT, Record, Values, names_of
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
@@ -35,7 +35,7 @@ from synthesis.fourbar.passage import faults_of, practical_faults, verdicts
 from synthesis.from_linkage import refine_function
 from synthesis.function.answers import FunctionErrors as Errors
 from synthesis.function.answers import Generator, exchanged, rocker_angles, to_csv, turns_back
-from synthesis.function.search import generate, refit
+from synthesis.function.search import LOPSIDED, generate, link_ratio, refit
 from synthesis.function.travel_search import (
     ANGLE,
     LAWS,
@@ -163,6 +163,20 @@ class Scales(NamedTuple):
             raise FieldError("/output", f"one travel is more than {_RATIO:g} times the other")
         sizes = (radian if what == ANGLE else 1 / length for what in dial)
         return cls(length, *sizes)
+
+
+def _proportion_notes(found: Sequence[Generator], tolerance: float) -> list[str]:
+    """What a user should know of a least error that lengths have which nobody makes."""
+    if not found:
+        return []
+    best = min(found, key=lambda one: one.errors.objective)
+    ratio, error = link_ratio(best), best.errors.objective
+    fair = next((one for one in found if link_ratio(one) <= LOPSIDED), None)
+    if ratio <= LOPSIDED or fair is None or fair.errors.objective < tolerance:
+        return []
+    if error < tolerance:
+        return [EXACT_OUT_OF_PROPORTION.format(ratio=ratio, error=fair.errors.objective)]
+    return [OUT_OF_PROPORTION.format(ratio=ratio, error=error)] if found[0] is fair else []
 
 
 # -- what comes back --------------------------------------------------------------------------------------------------
@@ -296,6 +310,14 @@ _STEEP = 8.0
 UNASKED = (
     "of functions the practical limits are kept only where `limits.preset` asks for them; the verdict says which of them "
     "the best linkage breaks"
+)
+OUT_OF_PROPORTION = (
+    "the linkage of least error (objective {error:.2g}) is out of all proportion, its longest link {ratio:.2g} times the "
+    "shortest: linkages within 100 times come before it"
+)
+EXACT_OUT_OF_PROPORTION = (
+    "the exact linkage is out of all proportion, its longest link {ratio:.2g} times the shortest: the best that was found "
+    "within 100 times has the objective {error:.2g}"
 )
 _STILL = 1e-12
 """Radians by which an output must move to be one."""
@@ -489,7 +511,10 @@ def function(
             replace(one, rounded=rounded(asked, generator, round_to, watch))
             for one, generator in zip(solutions, found)
         ]
-    notes = [*wraps, *_notes(wanted), *([] if begin is None else [LOCAL])]
+    units = unit_notes("crank", wanted.crank[[0, -1]] / radian, degrees)
+    if dials is None:
+        units += unit_notes("output", wanted.output / radian, degrees)
+    notes = [*wraps, *units, *_notes(wanted), *([] if begin is None else [LOCAL])]
     if not course.settled:
         notes.append(
             "the best linkage was still getting better, by little, when the steps of the search were used up"
@@ -499,6 +524,7 @@ def function(
             f"between the samples the wanted curve is a spline, in doubt by up to {wanted.doubt / radian:.2g}: "
             "with more samples the largest error would mean more"
         )
+    notes += _proportion_notes(found, tolerance)
     if solutions and solutions[0].determination.ill_posed:
         notes.append("the problem is ill-posed: quite different linkages make this function to within the resolution")
     return asked.result(found, solutions, limits, course, searched, watch, notes, begin is not None)

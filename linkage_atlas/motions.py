@@ -42,7 +42,7 @@ __all__ = [
 ]
 
 _TURNS, _RADIANS = 2.0, 0.7
-"""Turns in radians from which on a rotation is asked about; and what 40 degrees are, given as degrees."""
+"""Turns in radians from which on an angle is asked about; and what 40 degrees are, given as degrees."""
 
 _WRAPPED = 0.75
 """Part of a turn from which on a jump between two samples is one of its way of writing."""
@@ -293,18 +293,14 @@ class Motion:
         return [*self._wraps, *self._unit_notes(), *self._motion_notes()]
 
     def _unit_notes(self) -> list[str]:
+        notes: list[str] = []
+        if isinstance(self.samples, Target):
+            notes = unit_notes("crank", self.samples.crank[[0, -1]] / self.radian, self.degrees)
         if self.asked.rotation is None or self.asked.position is None:
-            return []
+            return notes
         weights = self.asked.rotation_weights
         given = self.asked.rotation if weights is None else self.asked.rotation[weights > 0]
-        values = given / self.radian
-        most, span = float(np.abs(values).max(initial=0.0)), float(np.ptp(values)) if values.size else 0.0
-        if not self.degrees and span > _TURNS * TURN:
-            return [f"the rotation goes through {span / TURN:.3g} turns: is it in degrees? `angle_unit` says radians"]
-        fine = bool(np.any(np.abs(10 * values - np.round(10 * values)) > 1e-6))
-        if self.degrees and fine and most <= TURN and span >= _RADIANS:
-            return [f"the rotation goes through {span:.3g} degrees only: is it in radians? `angle_unit` says degrees"]
-        return []
+        return notes + unit_notes("rotation", given / self.radian, self.degrees)
 
     def _motion_notes(self) -> list[str]:
         if self.free or self.samples.rotation is None:
@@ -322,6 +318,17 @@ class Motion:
             f"rotation jumps by more than half a turn from sample {place + 1} to {place + 2}; it is taken as continuous, "
             "so if that is a wrap at 180 or 360 degrees, write it without: 350, 10, 30 as 350, 370, 390"
         ]
+
+
+def unit_notes(what: str, values: Floats, degrees: bool) -> list[str]:
+    """The question whether angles are in the other unit, where they look so."""
+    most, span = float(np.abs(values).max(initial=0.0)), float(np.ptp(values)) if values.size else 0.0
+    if not degrees and span > _TURNS * TURN:
+        return [f"the {what} goes through {span / TURN:.3g} turns: is it in degrees? `angle_unit` says radians"]
+    fine = bool(np.any(np.abs(10 * values - np.round(10 * values)) > 1e-6))
+    if degrees and fine and most <= TURN and span >= _RADIANS:
+        return [f"the {what} goes through {span:.3g} degrees only: is it in radians? `angle_unit` says degrees"]
+    return []
 
 
 def _one_pole(samples: Samples) -> complex | None:

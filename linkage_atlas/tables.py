@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -17,6 +17,8 @@ TIME = ("t", "time")
 TURN = ("angle", "rotation", "gamma", "phi", "theta", "\u03b3", "\u03c6", "\u03b8")
 NUMBER = dict.fromkeys(("no", "nr", "n", "id", "pose", "point", "sample", "index"), None)
 """Names of columns that number the rows, and are not read."""
+SHARES = ("weight", "weight_rotation", "weight_position", "tolerance_rotation", "tolerance_position")
+"""Names of columns of what each sample counts, of either part or both, and of the errors that are allowed there."""
 
 
 @dataclass(frozen=True)
@@ -30,15 +32,22 @@ class Kind:
     by_number: Mapping[int, tuple[str, ...]]
     """What the columns of a table without names hold, by how many there are."""
     angles: tuple[str, ...]
+    """What is in the unit of angle."""
     gaps: bool = False
     """Whether a cell may be empty."""
 
 
 POSES = Kind(
-    {**dict.fromkeys(CRANK, "crank_angle"), "x": "x", "y": "y", **dict.fromkeys(TURN, "rotation"), **NUMBER},
-    "x, y; rotation, angle, phi, theta, gamma; crank_angle, crank, theta1",
+    {
+        **dict.fromkeys(CRANK, "crank_angle"),
+        **{"x": "x", "y": "y"},
+        **dict.fromkeys(TURN, "rotation"),
+        **{name: name for name in SHARES},
+        **NUMBER,
+    },
+    f"x, y; rotation, angle, phi, theta, gamma; crank_angle, crank, theta1; {', '.join(SHARES)}",
     {1: ("rotation",), 2: ("x", "y"), 3: ("x", "y", "rotation"), 4: ("crank_angle", "x", "y", "rotation")},
-    ("crank_angle", "rotation"),
+    ("crank_angle", "rotation", "tolerance_rotation"),
     gaps=True,
 )
 TURNS = Kind(
@@ -66,6 +75,8 @@ _ONE_GROUP = re.compile(r"[+\-\u2212]?[1-9]\d{0,2}[.,]\d{3}(?!\d|[.,])")
 
 _HEAD = re.compile(r"(\w+?)\.?(?:_(mm|cm|m|in|inch|deg|rad))?(|[\s(\[/].*)")
 """The head of a column in small letters: a name, and perhaps a unit, also as in x_mm."""
+_MISSING = re.compile(r"[#(<]?(nan|n/?a|null|none|nil|missing|-+|\.|\?)[)>!]?")
+"""What programs write in place of a number that is missing, in small letters."""
 _SEPARATOR = re.compile(r"sep=.")
 """The first line by which a spreadsheet is told what separates cells."""
 
@@ -91,8 +102,9 @@ def request_from_csv(text: str, also: Mapping[str, Any] | None = None, unwrap: b
 
     The first line names the columns: x and y, rotation (or angle, phi, theta, gamma), crank_angle (or crank, theta1), each
     perhaps with a unit behind it. Without names two columns are x and y, three x, y, rotation, four crank_angle, x, y, rotation,
-    one rotation. An empty cell of rotation, or of x and y, is a sample without it. Fields in ``also`` join those of the table.
-    Without crank angles in either they are free.
+    one rotation. An empty cell of rotation, or of x and y, is a sample without it. Further columns are weight, or
+    weight_rotation and weight_position (an empty cell counts 1), tolerance_rotation and tolerance_position. Fields in ``also``
+    join those of the table. Without crank angles in either they are free.
 
     Cells are separated by tabs, semicolons, commas or spaces. A comma in a number is its decimal point where cells are not
     separated by commas, or where it is quoted; a table that writes some numbers so and others with a point is refused. Before
@@ -102,7 +114,7 @@ def request_from_csv(text: str, also: Mapping[str, Any] | None = None, unwrap: b
     Raises `FieldError`: naming the line, and the column where one cell is wrong.
     """
     columns, rows, unit = _read(text, POSES, unwrap)
-    request: dict[str, Any] = {name: values for name, values in columns.items() if name in POSES.angles}
+    request: dict[str, Any] = {name: columns[name] for name in ("crank_angle", "rotation") if name in columns}
     if ("x" in columns) != ("y" in columns):
         raise FieldError("", "line 1: wanted both x and y, or neither")
     if "x" in columns:
@@ -112,8 +124,26 @@ def request_from_csv(text: str, also: Mapping[str, Any] | None = None, unwrap: b
         request["position"] = [None if None in pair else list(pair) for pair in pairs]
     if not request.keys() & {"rotation", "position"}:
         raise FieldError("", "line 1: wanted x and y, or rotation, or both")
-    request |= unit | dict(also or {})
+    request |= _shares(columns, request.keys() & {"rotation", "position"}, rows) | unit | dict(also or {})
     return request if request.keys() & {"crank_angle", "crank_span"} else {"timing": "free"} | request
+
+
+def _shares(columns: Mapping[str, list[float | None]], parts: Set[str], rows: list[_Row]) -> dict[str, Any]:
+    """Weights and tolerances of the parts that a table has."""
+    shares: dict[str, Any] = {}
+    for name in SHARES:
+        if name not in columns:
+            continue
+        what, _, part = name.partition("_")
+        if part and part not in parts:
+            raise FieldError(
+                "", f"line 1: {name} needs {'a column of rotation' if part == 'rotation' else 'x and y'}"
+            )
+        if what == "tolerance" and None in columns[name]:
+            raise FieldError("", f"line {rows[columns[name].index(None)].line}: wanted a number for {name}")
+        values = [1.0 if value is None else value for value in columns[name]]
+        shares.setdefault(f"{what}s", {}).update(dict.fromkeys([part] if part else sorted(parts), values))
+    return shares
 
 
 def match_from_csv(text: str, also: Mapping[str, Any] | None = None, unwrap: bool = False) -> dict[str, Any]:
@@ -150,7 +180,8 @@ def _read(text: str, kind: Kind, unwrap: bool) -> tuple[dict[str, list[float | N
     columns = _numbers(names, heads, rows, kind.gaps)
     if unwrap:
         turn = 2 * math.pi if unit == "rad" else 360.0
-        columns |= {name: _unwrapped(columns[name], turn) for name in kind.angles if name in columns}
+        turning = [name for name in kind.angles if name in columns and name not in SHARES]
+        columns |= {name: _unwrapped(columns[name], turn) for name in turning}
     return columns, rows, {"angle_unit": unit} if unit == "rad" else {}
 
 
@@ -167,8 +198,15 @@ def _unwrapped(angles: list[float | None], turn: float) -> list[float | None]:
 
 
 def _rows(text: str, kind: Kind) -> list[_Row]:
-    """The lines that are neither empty nor a comment, in cells; a comment that names the columns is the line of names."""
-    filled = [(number, line) for number, line in enumerate(text.lstrip("\ufeff").splitlines(), 1) if line.strip()]
+    """The lines that are neither empty nor a comment, in cells; a comment that names the columns is the line of names.
+
+    Lines of separators alone are samples without anything; behind the last sample they are what spreadsheets make of empty lines.
+    """
+    every = list(enumerate(text.lstrip("\ufeff").splitlines(), 1))
+    tabs = any("\t" in line.strip() for _, line in every)
+    filled = [(number, line) for number, line in every if line.strip() or (tabs and "\t" in line)]
+    while filled and not filled[-1][1].strip(" \t;,"):
+        filled.pop()
     if filled and _SEPARATOR.fullmatch(filled[0][1].strip()):
         filled = filled[1:]
     lines = [(number, line) for number, line in filled if not line.startswith("#")]
@@ -273,7 +311,10 @@ def _numbers(
     for line, cells in rows:
         cells = _trimmed(cells, len(names))
         if len(cells) != len(names):
-            raise FieldError("", f"line {line}: wanted {len(names)} cells, found {len(cells)}")
+            commas = (
+                "; a number with a decimal comma is quoted, or semicolons separate" if len(cells) > len(names) else ""
+            )
+            raise FieldError("", f"line {line}: wanted {len(names)} cells, found {len(cells)}{commas}")
         for k, (name, cell) in enumerate(zip(names, cells)):
             if name is None:
                 continue
@@ -282,7 +323,7 @@ def _numbers(
             if _decimal_mark(cell) not in ("", mark) or len(set(plain) & set(".,")) > 1:
                 wanted = "wanted one decimal mark in the whole table, found comma and point"
                 raise FieldError("", f"{place}'{cell[:20]}': {wanted}")
-            value = _number(plain, place)
+            value = _number(plain, place, gaps)
             if value is None and not gaps:
                 raise FieldError("", f"{place}wanted a number, found an empty cell")
             columns[name].append(value)
@@ -298,11 +339,13 @@ def _decimal_mark(cell: str) -> str:
     return ".,".replace(marks[0], "") if several else marks[-1]
 
 
-def _number(cell: str, place: str) -> float | None:
+def _number(cell: str, place: str, gaps: bool) -> float | None:
     cell = cell.replace("\u2212", "-").removesuffix("\u00b0").strip()
     if not cell:
         return None
     plain = re.sub("(?<=\\d)[\u00a0\u202f\u2009'\u2019](?=\\d{3})", "", cell).replace(",", ".")
     if not re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", plain, re.ASCII):
-        raise FieldError("", f"{place}'{cell[:20]}' is not a number")
+        unit = "; a unit stands in the head of its column, as x [mm]" if re.match(r"[+-]?\d.*[^\W\d_]", plain) else ""
+        left = "; what is missing is left empty" if gaps and _MISSING.fullmatch(plain.lower()) else ""
+        raise FieldError("", f"{place}'{cell[:20]}' is not a number{unit}{left}")
     return float(plain)

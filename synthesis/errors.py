@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from typing import Any
 
@@ -29,12 +29,18 @@ class FieldError(ValueError):
         self.details = details
 
     @classmethod
-    def no_such(cls, where: str, name: str, known: Sequence[str], what: str = "field") -> FieldError:
-        """Of a name that is none of those ``known`` at a place: which of them are near it, or else all."""
+    def no_such(
+        cls, where: str, name: str, known: Sequence[str], what: str = "field", others: Mapping[str, str] | None = None
+    ) -> FieldError:
+        """Of a name that is none of those ``known`` at a place: which of them are near it, or else all.
+
+        ``others``: names of all places, with their ways; where the nearest is none of those ``known`` it is told alone.
+        """
         from difflib import get_close_matches  # where nothing is wrong it is not needed
 
-        short = str(name)[:_LONGEST_NAME]
-        near = get_close_matches(short, known)
+        short, others = str(name)[:_LONGEST_NAME], others or {}
+        nearest = next(iter(get_close_matches(short, [*known, *others], 1)), None)
+        near = [others[nearest]] if nearest and nearest not in known else get_close_matches(short, known)
         rest = f"near: {', '.join(near)}" if near else f"there are {', '.join(known)}"
         return cls(f"{where}/{name}", f"there is no {what} {short!r}; {rest}")
 

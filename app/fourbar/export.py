@@ -120,6 +120,11 @@ def as_json(request: RequestModel, solution: Any) -> bytes:
 _PREFIXES = {"crank_angle": "/solution", "travel": "/solution", "analysis": "/request"}
 
 
+def _in_export(field: str) -> str:
+    """Where this route's body has an argument of `file`."""
+    return "/format" if field == "/kind" else _PREFIXES.get(field.lstrip("/").partition("/")[0], "") + field
+
+
 def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
     request, given = body.request, body.solution
     if given is None:
@@ -135,7 +140,7 @@ def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
         return as_json(request, found.to_dict() if found else given.model_dump(mode="json", exclude_none=True))
     one = found or given
     place = one.crank_angle if one.crank_angle is not None else getattr(one, "travel", None)
-    with pointing(lambda field: _PREFIXES.get(field.lstrip("/").partition("/")[0], "") + field):
+    with pointing(_in_export):
         asked = request.given("analysis") | body.given("plates", "assembly", "solids", "drive", "length_unit")
         if body.assembly is None and body.format != "plates":
             asked |= request.given("assembly")

@@ -66,6 +66,8 @@ _TOGETHER = 1 << 13
 """Candidates of the grid whose conditions are computed at once: some megabytes."""
 LOPSIDED, EVEN = 100.0, 20.0
 """Longest link over shortest: above the first nobody makes them, and within the second others are looked for."""
+_TIMES_LESS, _NO_ANSWER = 10.0, 0.01
+"""What can be made comes before what nobody makes unless its error is so many times as large, and above so many radians."""
 _RANKED = 10
 """Answers that are known at least, of which exact ones are then ordered by what one would build."""
 _TRANSMISSION_STEP = np.deg2rad(5.0)
@@ -606,14 +608,15 @@ def _build(generator: Generator, tolerance: float) -> tuple[float, ...]:
 def best_built(found: list[Generator], top: int, tolerance: float) -> list[Generator]:
     """The first of answers, best first: exact ones by what one would build, others by error.
 
-    One of lengths that nobody makes comes after those of at most twice its error that can be made.
+    An inexact one of lengths that nobody makes comes after those that can be made and are answers at all.
     """
     ranked = sorted(found, key=lambda one: _build(one, tolerance))
     objective = np.array([one.errors.objective for one in ranked])
     lopsided = np.array([link_ratio(one) > LOPSIDED for one in ranked], dtype=bool)
     exact = objective < tolerance
     even = ~lopsided & ~exact
-    near = even & (objective <= 2 * np.min(objective, initial=np.inf, where=~exact))
+    poor = max(_NO_ANSWER, _TIMES_LESS * np.min(objective, initial=np.inf, where=~exact))
+    near = even & (objective <= poor)
     groups = np.where(exact, 0, np.where(near, 1, 2))
     return [ranked[k] for k in np.argsort(groups, kind="stable").tolist()][:top]
 

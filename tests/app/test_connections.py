@@ -128,6 +128,40 @@ def test_a_client_that_has_closed_its_own_side_is_answered(request_bytes, port) 
         assert b"HTTP/1.1 200" in everything(client)
 
 
+def test_a_client_of_http_1_0_is_told_nothing_but_the_answer(port) -> None:
+    """RFC 9110, 15.2: it knows no replies that come before it."""
+    scan = NEEDLE.replace(b"needle", b"scan").replace(b"HTTP/1.1", b"HTTP/1.0")
+    for half_closed in (False, True):
+        with closing(connected(port)) as client:
+            client.sendall(scan)
+            if half_closed:
+                client.shutdown(socket.SHUT_WR)
+            assert everything(client)[:12] == (b"" if half_closed else b"HTTP/1.1 200")
+
+
+@pytest.mark.parametrize("form", ["chunks", "header"])
+def test_little_is_received_at_once(form, port, monkeypatch) -> None:
+    """400 kB in chunks of one byte held up everyone for seconds."""
+    sizes, plain = [], connections.Connection.data_received
+
+    def received(self, data: bytes) -> None:
+        sizes.append(len(data))
+        plain(self, data)
+
+    monkeypatch.setattr(connections.Connection, "data_received", received)
+    with closing(connected(port)) as client:
+        if form == "chunks":
+            body = b"".join(b"1\r\n%c\r\n" % one for one in b"{}".ljust(20_000))
+            client.sendall(
+                NEEDLE[:-2].replace(b"Content-Length: 2", b"Transfer-Encoding: chunked") + body + b"0\r\n\r\n"
+            )
+            assert client.recv(12) == b"HTTP/1.1 200"
+        else:
+            client.sendall(LIVEZ[:-2] + b"a:\r\n" * 20_000)
+            assert said(everything(client))[0] == 400
+    assert max(sizes) <= 8192
+
+
 def test_a_half_closed_client_of_a_long_request_is_answered(monkeypatch, port) -> None:
     monkeypatch.setattr(connections, "_PROBE_SECONDS", 0.05)
     from app.scenes import knotter
@@ -182,11 +216,50 @@ def test_who_has_begun_to_ask_is_answered_where_another_service_takes_over(sent)
         assert everything(client).startswith(b"HTTP/1.1 200")
 
 
-def test_an_empty_line_before_a_request_and_an_address_in_absolute_form_are_taken(port) -> None:
-    for sent in (b"\r\n" + LIVEZ, LIVEZ.replace(b"/livez", b"http://a/livez")):
-        with closing(connected(port)) as client:
-            client.sendall(sent)
-            assert everything(client).startswith(b"HTTP/1.1 200")
+def test_who_asks_for_another_protocol_is_answered_in_this_one(port, caplog) -> None:
+    with closing(connected(port)) as client:
+        client.sendall(LIVEZ.replace(b"Connection: close", b"Connection: close, Upgrade\r\nUpgrade: h2c"))
+        assert everything(client).startswith(b"HTTP/1.1 200")
+    assert not [one for one in caplog.records if one.levelname == "WARNING"]
+
+
+def test_an_address_in_absolute_form_is_taken(port) -> None:
+    with closing(connected(port)) as client:
+        client.sendall(LIVEZ.replace(b"/livez", b"http://a/livez"))
+        assert everything(client).startswith(b"HTTP/1.1 200")
+
+
+@pytest.mark.parametrize(
+    ("parts", "answers"),
+    [
+        ([b"\r\n" + LIVEZ], 1),
+        ([b"\r\n", LIVEZ], 1),
+        ([b"\r", b"\n", LIVEZ], 1),
+        ([NEEDLE + b"\r\n" + LIVEZ], 2),
+        ([NEEDLE, b"\r\n", LIVEZ], 2),
+        ([NEEDLE.replace(b"Host: a", b"Host: a\r\nConnection: close"), b"\r\n"], 1),
+    ],
+)
+def test_empty_lines_around_a_request_are_left_out(parts, answers, port) -> None:
+    """RFC 9112, 2.2. A packet with nothing but an empty line once held up the service for ever."""
+    with closing(connected(port)) as client:
+        for part in parts:
+            client.sendall(part)
+            time.sleep(0.02)
+        received = everything(client)
+    assert received.count(b"HTTP/1.1 ") == received.count(b"HTTP/1.1 200") == answers
+
+
+def test_empty_lines_of_a_body_that_nobody_reads_count_as_its_bytes(port) -> None:
+    """What follows would be taken for the rest of it: behind a proxy another client's request."""
+    with closing(connected(port)) as client:
+        client.sendall(NEEDLE[:-2].replace(b"/v1/knotter/needle", b"/nowhere").replace(b"Length: 2", b"Length: 8"))
+        received = client.recv(1 << 16)
+        client.sendall(b"{}")
+        time.sleep(0.05)
+        client.sendall(b"\r\n\r\n{}" + LIVEZ)
+        received += everything(client)
+    assert [received.count(status) for status in (b"HTTP/1.1 404", b"HTTP/1.1 200", b"HTTP/1.1 ")] == [1, 1, 2]
 
 
 def test_what_is_no_request_is_told_with_the_headers_of_every_reply(port) -> None:
@@ -282,8 +355,12 @@ def test_a_client_that_reads_gets_a_large_reply_whole(unread) -> None:
     assert len(received.partition(b"\r\n\r\n")[2]) == 24 << 20
 
 
-def test_requests_whose_clients_have_gone_leave_their_places(monkeypatch) -> None:
-    monkeypatch.setattr(connections, "_PROBE_SECONDS", 1000.0)
+@pytest.mark.parametrize(
+    ("more", "seconds"), [(b"", 1000.0), (b"\r\n", 1000.0), (b"G", 1000.0), (b"G" * 100_000, 0.1)]
+)
+def test_requests_whose_clients_have_gone_leave_their_places(more, seconds, monkeypatch) -> None:
+    """Those, too, who have sent more behind their request: once a byte of it hid that they went."""
+    monkeypatch.setattr(connections, "_PROBE_SECONDS", seconds)
     begun = threading.Event()
 
     class Computing(Threads):
@@ -303,10 +380,13 @@ def test_requests_whose_clients_have_gone_leave_their_places(monkeypatch) -> Non
         with closing(connected(port)) as first:
             first.sendall(NEEDLE)
             assert begun.wait(PATIENCE)
+            first.sendall(more)
             for _ in range(5):
                 with closing(connected(port)) as client:
                     client.sendall(NEEDLE)
                     assert eventually(lambda: turnstile.waiting == 1)
+                    client.sendall(more)
+                    time.sleep(0.05)
                 assert eventually(lambda: turnstile.waiting == 0)
         assert eventually(lambda: turnstile.computing == 0)
 
@@ -345,7 +425,7 @@ class Sender:
 
     def __init__(self, host: str, part: int, pause: float) -> None:
         self.headers = {"content-length": "100000"}
-        self.client = SimpleNamespace(host=host)
+        self.client, self.state = SimpleNamespace(host=host), SimpleNamespace()
         self._parts, self._pause = [b" " * part] * (100_000 // part), pause
 
     async def stream(self) -> Any:
@@ -394,3 +474,19 @@ def test_large_bodies_that_do_not_come_keep_no_place() -> None:
         with closing(connected(port)) as client:
             client.sendall(head + b"{}".ljust(900000))
             assert client.recv(12) == b"HTTP/1.1 200"
+
+
+def test_nothing_is_kept_of_large_bodies_whose_clients_have_gone_before_their_turn() -> None:
+    """Some hundred a second took 200 MB, since each waited with its first 64 kB."""
+    head = NEEDLE[:-2].replace(b"Length: 2", b"Length: 900000")
+    with serving(body_seconds=1000.0) as (port, server), ExitStack() as stack:
+        tasks = server.server_state.tasks
+        for _ in range(8):
+            client = stack.enter_context(closing(connected(port)))
+            client.sendall(head + b" " * 800_000)
+        assert eventually(lambda: len(tasks) == 8)
+        for _ in range(20):
+            with closing(connected(port)) as client:
+                client.sendall(head + b" " * 1000)
+                assert eventually(lambda: len(tasks) == 9)
+            assert eventually(lambda: len(tasks) == 8)

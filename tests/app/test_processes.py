@@ -78,6 +78,18 @@ def slowly(self, part):
 
 ServiceResources.make = slowly
 """
+NO_ROOM = """
+import os
+from pathlib import Path
+fork = os.fork
+
+def limited():
+    if Path("FULL").exists():
+        raise BlockingIOError(11, "Resource temporarily unavailable")
+    return fork()
+
+os.fork = limited
+"""
 BODIES = {
     query.path: next(iter(query.examples.values())) for query in __import__("app.registry").registry.all_queries()
 }
@@ -320,6 +332,37 @@ def test_a_successor_takes_over_without_a_refused_request(tmp_path) -> None:
         successor = int(re.search(r"PPid:\s*(\d+)", status(int(front)))[1])
         os.kill(successor, signal.SIGTERM)
         until(lambda: not status(successor))
+
+
+def test_a_service_that_ends_takes_a_successor_along_that_has_not_yet_begun(tmp_path) -> None:
+    with serving(tmp_path) as running:
+        before = set(running.children())
+        os.kill(running.process.pid, signal.SIGUSR1)
+        until(lambda: set(running.children()) - before)
+        (successor,) = set(running.children()) - before
+        os.kill(running.process.pid, signal.SIGTERM)
+        assert running.process.wait(PATIENCE) == 0
+        until(lambda: not status(successor))
+
+
+def test_where_the_system_has_no_room_for_a_process_the_service_goes_on(tmp_path) -> None:
+    """Once it ended with the first that could not begin."""
+    limited = NO_ROOM.replace("FULL", str(tmp_path / "full")) + SERVICE
+    with serving(tmp_path, code=limited) as running:
+        supervisor = running.process.pid
+        files = os.listdir(f"/proc/{supervisor}/fd")
+        (tmp_path / "full").touch()
+        os.kill(supervisor, signal.SIGUSR1)
+        for number in running.computing:
+            os.kill(number, signal.SIGKILL)
+        until(lambda: running.log.read_text().count("No further process can begin") >= 4)
+        assert running.get("/livez") == {"status": "ok"}
+        os.kill(running.front, signal.SIGKILL)
+        until(lambda: not running.children())
+        (tmp_path / "full").unlink()
+        until(lambda: len(running.computing) == 2)
+        until(lambda: answers(running))
+        assert len(os.listdir(f"/proc/{supervisor}/fd")) <= len(files)
 
 
 @pytest.fixture(scope="module")

@@ -231,3 +231,20 @@ def test_angles_written_within_one_turn_go_the_short_way() -> None:
     assert found.solutions[0].to_dict() == asked.solutions[0].to_dict()
     assert [note.split(" from ")[0] for note in found.report.notes[:2]] == ["the output", "the input"]
     assert len(found.report.notes) == len(asked.report.notes) + 2
+
+
+def test_a_generator_that_nobody_builds_does_not_come_first() -> None:
+    # once links of 9 million times the shortest came first, for an error that nothing is measured by
+    for output, span in (([60, 50, 40, 30, 20, 10, 0], 60), ([0, 20, 40, 60, 80, 100, 120], 60)):
+        found = la.function(output, span, top=20)
+        first, least = found.solutions[0], min(found.solutions, key=lambda one: one.errors.objective)
+        assert max(first.links) <= 100 * min(first.links)
+        assert first.errors.max < 0.1
+        assert least is not first and any("out of all proportion" in note for note in found.report.notes)
+
+
+def test_an_exact_generator_that_nobody_builds_is_told_of() -> None:
+    found = la.function([0, 10, 20, 30, 40, 50, 60], 120, top=5)
+    assert found.status == "reached"
+    assert any("the exact linkage is out of all proportion" in note for note in found.report.notes)
+    assert any(max(one.links) <= 100 * min(one.links) and one.errors.max < 0.1 for one in found.solutions)
