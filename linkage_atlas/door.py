@@ -49,6 +49,7 @@ from linkage_atlas.kinds import (
     proportionate,
     read_kinds,
     search_kinds,
+    smaller_first,
     span_of,
     strays_between,
 )
@@ -563,6 +564,7 @@ def _search(
         found, report = search_free(samples, limits, top, tolerance, work, screens, source.windows, rounds, begun)
     else:
         found, report = search(source, samples, limits, top, tolerance, work, kept=begun)
+        found = smaller_first(found, samples)
     stages = {"screen": report.screen_seconds, "refine": work.elapsed - report.screen_seconds}
     counts["seeds"] = report.seeds
     return found, Course(stages, report.trace, report.stopped_by.value, counts, report.kept, report.unseen)
@@ -578,6 +580,11 @@ def _sizes(given: Mapping[str, Any] | None, motion: Motion, limits: Limits, sour
         return None
     angles = limits.transmission_angle_min, limits.transmission_angle_min_turn
     return replace(practical, transmission_angle_min=angles[0], transmission_angle_min_turn=angles[1])
+
+
+def _as_it_is(_: object) -> int:
+    """An order that changes none."""
+    return 0
 
 
 def _with_fair(
@@ -605,15 +612,14 @@ def _with_fair(
         found = [one for one in found if one.errors.objective < tolerance]
         least = min((one.errors.objective for one in more), default=0.0)
         said = "" if least < tolerance else EXACT_OUT_OF_PROPORTION.format(times=times, error=least)
-        first, behind = sorted(found + more, key=lambda one: one.errors.objective), found[:0]
+        first, behind = smaller_first(found + more, motion.samples), found[:0]
     else:
-        every = sorted(found + more, key=lambda one: one.errors.objective)
-        first, behind = proportionate(every, motion.samples, tolerance)
+        first, behind = proportionate(smaller_first(found + more, motion.samples), motion.samples, tolerance)
         said = OUT_OF_PROPORTION.format(error=best, times=times) if behind else ""
     if behind:
         course = course._replace(unseen=again.unseen, stopped_by=again.stopped_by)
-    chosen = distinct(first, top, APART, exact=tolerance)
-    chosen += distinct(behind, top - len(chosen), APART)
+    chosen = distinct(first, top, APART, _as_it_is, tolerance)
+    chosen += distinct(behind, top - len(chosen), APART, _as_it_is)
     return chosen, course._replace(notes=[*course.notes, said] if said else course.notes)
 
 

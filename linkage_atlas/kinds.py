@@ -58,6 +58,8 @@ UNRANKED = (True, 0, 0)
 """Where there are no layers, or the time did not reach them: behind free ones."""
 _NO_ANSWER, _TIMES_LESS = 0.1, 10.0
 """J from which on a linkage is no answer where another one's is so many times less."""
+_ROUNDING = 1e-6
+"""Part by which errors of two linkages differ at most that make the same motion."""
 _SAME = 1e-3
 """Part by which all measures of two linkages differ at most that are shown once."""
 FAIR = 30.0
@@ -390,6 +392,17 @@ def proportion_of(one: Found, samples: Samples) -> float:
     return float(max(ratio, size if np.isfinite(size) else 0.0))
 
 
+def smaller_first(found: Sequence[One], samples: Samples) -> list[One]:
+    """Answers by their errors; of those that have the same but for rounding, as cognates do, the best proportioned first."""
+    ranked, ends = sorted(found, key=lambda one: one.errors.objective), 0
+    for k, one in enumerate(ranked):
+        if k == ends:  # the first of those that are alike
+            most = (1 + _ROUNDING) * one.errors.objective
+            ends = next((j for j in range(k, len(ranked)) if ranked[j].errors.objective > most), len(ranked))
+            ranked[k:ends] = sorted(ranked[k:ends], key=lambda other: proportion_of(other, samples))
+    return ranked
+
+
 def proportionate(found: Sequence[One], samples: Samples, tolerance: float) -> tuple[list[One], list[One]]:
     """Answers in two: those to show first, and those behind them, each in the order they come in.
 
@@ -397,7 +410,7 @@ def proportionate(found: Sequence[One], samples: Samples, tolerance: float) -> t
     """
     if not found:
         return [], []
-    best = min(found, key=lambda one: one.errors.objective)
+    best = smaller_first(found, samples)[0]
     least = best.errors.objective
     if least < tolerance or proportion_of(best, samples) <= PROPORTION:
         return list(found), []

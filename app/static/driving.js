@@ -107,6 +107,11 @@ export class Driving {
   async #find() {
     if (!this.solution) return;
     this.control?.abort();
+    const bad = FIELDS.map((id) => $(`drive-${id}`)).find((one) => one.checkVisibility() && !one.checkValidity());
+    if (bad) {
+      this.#say(`${bad.parentNode.textContent.trim()}: ${bad.validationMessage}`, true);
+      return;
+    }
     const control = new AbortController(), { solution } = this;
     this.control = control;
     this.#say("Looking…");
@@ -141,7 +146,7 @@ export class Driving {
     $("drive-found").replaceChildren(...buttons);
     $("drive-found").hidden = !buttons.length;
     const refused = reply?.refused ?? [];
-    $("drive-refused").replaceChildren(...refused.map(({ kind, link, name, reason }) => element("li", "", `${KINDS[kind] ?? `${kind} spring`} on the ${link}${name ? ` (${name})` : ""}: ${reason}.`)));
+    $("drive-refused").replaceChildren(...refused.map(({ kind, link, name, reason }) => element("li", "", `${KINDS[kind] ?? `${kind} spring`} on the ${link}${name ? ` (${name})` : ""}: ${reason.replace("reach_max", "“pin within”")}.`)));
   }
 
   /** Rows [name, value] of what is shown: for the card and for the sheet. */

@@ -2,7 +2,7 @@
 
 import { text } from "./drawing.js";
 import { toRequest } from "./formats.js";
-import { PRESET, clone, preferable, setTiming, scaleTravels, slidable, wantsAngles } from "./motion.js";
+import { PRESET, clone, itemOf, preferable, setTiming, scaleTravels, slidable, wantsAngles } from "./motion.js";
 import { preferred } from "./service.js";
 import { $ } from "./shell.js";
 
@@ -196,14 +196,14 @@ export class Fields {
     for (const [name, id] of [["use", "transmission"], ["turn", "transmission-turn"], ["ratio", "ratio"]]) $(id).placeholder = kept[name] ? PRESET[name] : "none";
     for (const element of document.querySelectorAll("[data-timing]")) element.hidden = free !== (element.dataset.timing === "free");
     for (const element of document.querySelectorAll("[data-unit]")) element.textContent = motion.unit;
-    $("timing-note").textContent = NOTES[motion.timing](wantsAngles(motion) ? "pose" : "point") + (!free && !some ? " The practical limits are off, unless chosen below." : "");
+    $("timing-note").textContent = NOTES[motion.timing](itemOf(motion)) + (!free && !some ? " The practical limits are off, unless chosen below." : "");
     $("motion-title").textContent = wantsAngles(motion) ? "Motion" : "Path";
     for (const option of $("prefer").options) option.hidden = option.disabled = !preferable(motion, option.value);
     for (const option of $("mechanisms").options) option.hidden = option.disabled = option.value === "some" && !Array.isArray(motion.mechanisms);
     $("mechanisms").disabled = !slidable(motion);
     $("weights").hidden = !this.#has("wr", "wp", "er", "ep");
     $("box-clear").hidden = !limits.box;
-    $("add-row").textContent = wantsAngles(motion) ? "Add a pose" : "Add a point";
+    $("add-row").textContent = `Add a ${itemOf(motion)}`;
     $("studies-summary").textContent = [motion.analysis.speed === null ? "" : "analysis", Object.values(motion.study).some(Number.isFinite) ? "tolerances" : ""].filter(Boolean).join(", ");
     $("limits-summary").textContent = this.#summary(motion).join(", ");
   }

@@ -5,6 +5,7 @@ import { driveTurns } from "./drive.js";
 import { fitOf } from "./fit.js";
 import { ask } from "./service.js";
 import { $ } from "./shell.js";
+import { layersOf } from "./verdict.js";
 
 const FIRST = 10; // solutions of an answer whose layers are asked for without being selected
 const MOST_CORNERS = 200;
@@ -143,7 +144,7 @@ export class Layers {
       return;
     }
     const { status, count, least_gap: gap } = assembly, { unit } = this.answer.motion;
-    const state = { free: `Nothing collides in ${count} layers`, touching: `In ${count} layers parts may just touch`, blocked: "No layers are free" }[status];
+    const state = { free: `Nothing collides in ${layersOf(count)}`, touching: `In ${layersOf(count)} parts may just touch`, blocked: "No layers are free" }[status];
     words.textContent = `${state}${gap ? `; least gap ${text(gap.value, 4)} ${unit} beyond the clearance, ${inWords(gap.pair)} at ${placeText(gap.crank_angle, this.#sign)}` : ""}.`;
     host.removeAttribute("hidden");
     drawStack(host, assembly);

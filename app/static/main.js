@@ -2,7 +2,7 @@
 
 import { Draft } from "./draft.js";
 import { Editor } from "./editor.js";
-import { alike, fitOf, limitName, worstRows } from "./fit.js";
+import { alike, fitOf, worstRows, worstWords } from "./fit.js";
 import { fromRequest, requestText, toPage, toRequest } from "./formats.js";
 import { Gallery } from "./gallery.js";
 import { fromHere, nearby } from "./hand.js";
@@ -15,7 +15,7 @@ import { $, markEarlier, say, startScenes, startTheme } from "./shell.js";
 import { Sources } from "./sources.js";
 import { startStage } from "./extras.js";
 import { explainTerms, startTour } from "./tour.js";
-import { defects, plainNote } from "./verdict.js";
+import { defects, limitName, plainNote } from "./verdict.js";
 
 const EASED = /^(\w+) excludes .* at (.+) there is one$/;
 const FIRST = { size: "the smallest found", transmission: "the best transmission angle found", crank_span: "the shortest swing found", layers: "the simplest layers found" };
@@ -66,7 +66,7 @@ function putBack({ answer: shown, state }) {
 function howNear({ reply, motion }) {
   const best = reply.solutions[0], rows = worstRows(fitOf(best, motion), motion, reply.report.length_scale ?? 1), off = rows.filter(([, , pose]) => pose !== null);
   if (!off.length) return "met to within rounding";
-  return `off by ${off.map(([, error, pose]) => `${error} (pose ${pose})`).join(" and ")}`;
+  return `off by ${worstWords(off, motion)}`;
 }
 
 function sentenceOf({ reply: { status, solutions, report }, request, motion, stored, live, seconds }) {

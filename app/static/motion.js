@@ -32,6 +32,9 @@ export const emptyMotion = (wanted = "both") => ({
 export const wantsPlaces = (motion) => motion.wanted !== "rotation";
 export const wantsAngles = (motion) => motion.wanted !== "position";
 
+/** What a row of the motion is called. */
+export const itemOf = (motion) => (wantsAngles(motion) ? "pose" : "point");
+
 /** Whether rails and slots can be looked for: they need places, and angles unless the crank angles are free. */
 export const slidable = (motion) => wantsPlaces(motion) && (wantsAngles(motion) || motion.timing === "free");
 
@@ -77,7 +80,7 @@ export function scaleTravels(motion, span) {
 /** The reason why a motion cannot be solved, as [sentence, field id]; null if there is none. */
 export function fault(motion) {
   const { poses } = motion, free = motion.timing === "free";
-  const least = free ? 2 : 3, kind = wantsAngles(motion) ? "motion" : "path", item = wantsAngles(motion) ? "pose" : "point";
+  const least = free ? 2 : 3, kind = wantsAngles(motion) ? "motion" : "path", item = itemOf(motion);
   if (poses.length < least) {
     const needs = free ? `A ${kind} needs at least two ${item}s` : `With given crank angles a ${kind} needs at least three ${item}s`;
     return [`${needs}; there ${poses.length === 1 ? "is 1" : `are ${poses.length}`}.`, "add-row"];
@@ -93,7 +96,8 @@ export function fault(motion) {
     const bad = poses.findIndex((pose, k) => k > 0 && !(pose.t > poses[k - 1].t));
     if (bad > 0) return [`Crank angles must increase: that of ${item} ${bad + 1} is not larger than that of ${item} ${bad}.`, "poses"];
   }
-  const box = motion.limits.box;
+  const { box, min, max } = motion.limits;
+  if (min && max && min > max) return [`Links at least, ${min}, may not be more than links at most, ${max}.`, "link-min"];
   if (box && !(box[0] <= box[2] && box[1] <= box[3])) return ["The pivot box needs left less than right and bottom less than top.", "box-0"];
   return null;
 }

@@ -5,16 +5,17 @@ import { chart, redrawOn } from "./charts.js";
 import { element, signed, text } from "./drawing.js";
 import { Driving } from "./driving.js";
 import { driveName, drivePlaces, driveTurns } from "./drive.js";
-import { alike, errorText, fitOf, guideRows, limitName, settled, worstRows } from "./fit.js";
+import { alike, errorText, fitOf, guideRows, settled, worstRows, worstWords } from "./fit.js";
 import { assessed, fromJoints } from "./hand.js";
 import { JointFields } from "./joints.js";
 import { Layers } from "./layers.js";
+import { itemOf } from "./motion.js";
 import { Player, trajectory } from "./player.js";
 import { ask, download } from "./service.js";
 import { $ } from "./shell.js";
 import { studyRows } from "./studies.js";
 import { passing } from "./timing.js";
-import { judged, mark, plainNote, reasons } from "./verdict.js";
+import { judged, limitName, mark, plainNote, reasons } from "./verdict.js";
 
 const CARDS = ["results", "trace-card", "curves-card", "numbers-card", "player"];
 const LINKS = ["crank", "coupler", "rocker", "ground"];
@@ -37,7 +38,7 @@ function numberRows(solution, { motion, size }, digits) {
     rows.push(["Pivot A", `${mount.pivot_a.map(place).join(", ")} ${unit}`], ["Pivot B", `${mount.pivot_b.map(place).join(", ")} ${unit}`], ["Ground angle", `${number(mount.ground_angle)}°`]);
     rows.push(["Coupler point", `${length(mount.coupler_point.radius)} at ${number(mount.coupler_point.angle)}°`]);
   }
-  const at = (k, error) => (error === "rounding" ? error : `${error} at pose ${k + 1}`);
+  const at = (k, error) => (error === "rounding" ? error : `${error} at ${itemOf(motion)} ${k + 1}`);
   if (worst.turn !== null) rows.push(["Angle error, largest", at(worst.turn, errorText(Math.abs(turns[worst.turn]), 57, "°"))]);
   if (worst.place !== null) rows.push(["Position error, largest", at(worst.place, errorText(places[worst.place], size, ` ${unit}`))]);
   if (solution.errors.rotation_rms !== null) rows.push(["Angle error, rms", errorText(solution.errors.rotation_rms, 57, "°")]);
@@ -160,7 +161,7 @@ export class Results {
     }
     const { report } = answer.reply;
     answer.size = report.length_scale ?? 1;
-    $("results-note").textContent = `largest errors, at pose (no.) · ${answer.stored ? "searched beforehand" : `${Math.round(report.elapsed_ms.total)} ms`}`;
+    $("results-note").textContent = `largest errors, at ${itemOf(answer.motion)} (no.) · ${answer.stored ? "searched beforehand" : `${Math.round(report.elapsed_ms.total)} ms`}`;
     $("trace-note").textContent = [`${answer.refined ? "Descent" : "Search"} ended: ${ENDS[report.stopped_by]}.`, ...report.notes.map(plainNote)].join(" ");
     this.solution = (before && solutions.find((one) => alike(one, before))) ?? solutions[0];
     this.#list();
@@ -296,7 +297,7 @@ export class Results {
   /** `again`: the same solution, so that what the last export said stays. */
   #showNumbers(again = false) {
     const rows = worstRows(fitOf(this.solution, this.answer.motion), this.answer.motion, this.answer.size);
-    $("joints-note").textContent = rows.length ? `Off by at most ${rows.map(([, error, pose]) => (pose === null ? error : `${error} (pose ${pose})`)).join(" and ")}.` : "";
+    $("joints-note").textContent = rows.length ? `Off by at most ${worstWords(rows, this.answer.motion)}.` : "";
     const table = document.createElement("table");
     for (const [name, value] of numberRows(this.solution, this.answer, 8)) {
       const row = table.insertRow();

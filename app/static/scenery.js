@@ -1,7 +1,7 @@
 // What lies around the poses on the canvas: grid, pivot box, way, path and errors, ghosts, body outline, overlay.
 
 import { LinkageShape, make, pathData, roundStep, text } from "./drawing.js";
-import { placeOf, wantsAngles, wantsPlaces } from "./motion.js";
+import { itemOf, placeOf, wantsAngles, wantsPlaces } from "./motion.js";
 
 const RAD = Math.PI / 180;
 const MOST_GHOSTS = 40;
@@ -21,7 +21,7 @@ export function drawGrid(layer, view) {
   const [left, high] = view.world(0, 0), [right, low] = view.world(view.width, view.height);
   let minor = "", axis = "";
   const digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
-  const name = (value) => (Math.abs(value) >= 1e6 || (value !== 0 && digits > 5) ? text(value, 4) : value.toFixed(Math.min(digits, 20)));
+  const name = (value) => (Math.abs(value) >= 1e6 || digits > 5 ? text(value, 4) : value.toFixed(Math.min(digits, 20)));
   for (let k = Math.ceil(left / step); k <= right / step && layer.childElementCount < 400; k++) {
     const x = Math.round(view.x(k * step)) + 0.5;
     if (k === 0) axis += `M${x} 0V${view.height}`;
@@ -113,7 +113,7 @@ export function drawCurves(curves, targets, { linkage, stale, view, unit }) {
   const k = linkage.worst.place, [x, y] = view.at(linkage.errors[k][0]);
   make("circle", { class: "worst", cx: x, cy: y, r: 9, "data-worst": k + 1 }, targets);
   const note = make("text", { class: "miss-note", y: 18, "text-anchor": "end" }, targets), narrow = view.width < 420;
-  const told = [`worst: pose ${k + 1}, ${text(longest, 3)} ${unit};`, ` ${narrow ? "" : "errors "}drawn ${factor === 1 ? "to scale" : `${times(factor)} times larger`}`];
+  const told = [`worst: ${itemOf(linkage.motion)} ${k + 1}, ${text(longest, 3)} ${unit};`, ` ${narrow ? "" : "errors "}drawn ${factor === 1 ? "to scale" : `${times(factor)} times larger`}`];
   const lines = narrow ? told : [told.join("")];
   lines.forEach((line, row) => { make("tspan", { x: view.width - 10, dy: row ? 16 : 0 }, note).textContent = line; });
 }

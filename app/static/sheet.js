@@ -3,11 +3,11 @@
 import { LinkageShape, View, element, make, pathData, text } from "./drawing.js";
 import { driveName } from "./drive.js";
 import { drawStack } from "./layers.js";
-import { fitOf, guideRows, limitName, settled } from "./fit.js";
+import { fitOf, guideRows, settled } from "./fit.js";
 import { nameOf } from "./cards.js";
-import { placeOf, wantsAngles, wantsPlaces } from "./motion.js";
+import { itemOf, placeOf, wantsAngles, wantsPlaces } from "./motion.js";
 import { $ } from "./shell.js";
-import { mark, reasons } from "./verdict.js";
+import { limitName, mark, reasons } from "./verdict.js";
 
 const RAD = Math.PI / 180;
 const SIZE = [720, 400];
@@ -93,7 +93,7 @@ export function fillSheet(answer, solution, drive, parts = null) {
   const rows = links ? Object.entries(links).map(([name, length]) => [name, `${number(length)} ${unit}`]) : guideRows(solution, number, place, (value) => `${place(value)} ${unit}`);
   if (mount) rows.push(["pivot A", mount.pivot_a.map(place).join(", ")], ["pivot B", mount.pivot_b.map(place).join(", ")]);
   if (mount?.coupler_point) rows.push(["P from D", `${number(mount.coupler_point.radius)} ${unit} at ${number(mount.coupler_point.angle, 5)}° from DC`]);
-  rows.push(["branch", solution.branch > 0 ? "+1" : "−1"], links ? ["crank at pose 1", `${number(solution.start_angle)}° from AB`] : ["drive at pose 1", `${number(solution.start)}${fit.pass.turns ? "°" : ` ${unit}`}`], ["transmission angle", `${number(solution.transmission_angle_min, 4)}° or more`]);
+  rows.push(["branch", solution.branch > 0 ? "+1" : "−1"], links ? [`crank at ${itemOf(motion)} 1`, `${number(solution.start_angle)}° from AB`] : [`drive at ${itemOf(motion)} 1`, `${number(solution.start)}${fit.pass.turns ? "°" : ` ${unit}`}`], ["transmission angle", `${number(solution.transmission_angle_min, 4)}° or more`]);
   const held = solution.determination?.at_limits ?? [];
   if (held.length) rows.push(["held by", held.map(limitName).join(", ")]);
   for (const reason of solution.verdict ? reasons(solution.verdict) : []) rows.push(["", reason]);
@@ -103,7 +103,7 @@ export function fillSheet(answer, solution, drive, parts = null) {
     [k === fit.worst.place ? "worst place" : "", k === fit.worst.turn ? "worst angle" : ""].filter(Boolean).join(", "),
   ]);
   const columns = element("div", motion.poses.length > 30 ? "sheet-columns long" : "sheet-columns");
-  columns.append(table(["Dimension", ""], rows), table(["pose", fit.pass.turns ? "crank°" : `${solution.driver}, ${unit}`, "x", "y", "angle°", `off, ${unit}`, "off, °", ""], poses));
+  columns.append(table(["Dimension", ""], rows), table([itemOf(motion), fit.pass.turns ? "crank°" : `${solution.driver}, ${unit}`, "x", "y", "angle°", `off, ${unit}`, "off, °", ""], poses));
   const driven = drive?.rows() ?? [];
   if (driven.length) columns.append(table(["Drive", ""], driven));
   sheet.append(head, drawing(fit, motion, drive), columns, element("h3", "", `Transmission angle over the ${driveName(solution)} from pose 1`), transmission(fit));

@@ -1,6 +1,19 @@
 // The verdict of a solution in words: a mark for the list, and what was judged, with all reasons, for the details.
 
 const DEFECTS = ["order", "branch", "circuit"];
+const LIMITS = {
+  transmission_angle_min: "the transmission angle in use", transmission_angle_min_turn: "the transmission angle over the turn",
+  link_min: "links at least", link_max: "links at most", link_ratio_max: "the ratio of the links", links: "given lengths",
+  pivot_a: "given pivot A", pivot_b: "given pivot B", pivot_box: "the pivot box", pivot_a_box: "the box of pivot A", pivot_b_box: "the box of pivot B",
+  keep_out: "places kept free of pivots", coupler_radius_max: "the reach of the body point", envelope: "the envelope", family: "the family",
+  pivot_reach: "the distance of the pivots", crank_span_max: "the crank's turn",
+};
+
+/** The name of a limit of the service in sentences. */
+export const limitName = (name) => LIMITS[name] ?? name.replaceAll("_", " ");
+
+/** A number of layers in words. */
+export const layersOf = (count) => `${count} layer${count === 1 ? "" : "s"}`;
 
 /** A reason as a sentence of its own. */
 const sentence = (reason) => {
@@ -23,7 +36,7 @@ export function mark(verdict) {
   const { reasons = [] } = verdict, wrong = defects(verdict);
   if (wrong.length) return { kind: "bad", sign: "✕", text: `${wrong.join(" and ")} defect${wrong.length > 1 ? "s" : ""}` };
   if (!reasons.length && practical(verdict) && verdict.within_tolerance !== false) {
-    const kept = verdict.assembly ? `buildable in ${verdict.assembly.count} layers` : "within practical limits";
+    const kept = verdict.assembly ? `buildable in ${layersOf(verdict.assembly.count)}` : "within practical limits";
     return { kind: "good", sign: "✓", text: !verdict.within_tolerance ? kept : verdict.assembly ? `${kept}, within tolerance` : `${kept} and tolerance` };
   }
   const more = reasons.length > 1 ? ` (and ${reasons.length - 1} more)` : "";
@@ -54,5 +67,5 @@ export function plainNote(note) {
   if (note.startsWith("the problem is ill-posed")) return "Clearly different linkages do about equally well.";
   if (note.startsWith("the crank angles are given")) return "With given crank angles the practical limits hold only where they are switched on under Limits.";
   if (note.startsWith("cranks were looked for")) return "Four-bars that only swing may come nearer: any family, under Limits.";
-  return sentence(note.replaceAll("`", ""));
+  return sentence(note.replaceAll("`", "").replace(/^\w+(?= excludes )/, limitName));
 }

@@ -68,6 +68,8 @@ _STAYS = 0.1
 """Part of it for a guide that hardly moves."""
 _BENT = 0.2
 """Curvature of a circle that begins as a rail."""
+_SPREAD_AT_ONCE = 1 << 13
+"""Pairs of exact guides that are looked at before the time is."""
 _TIMED_AT_ONCE = 1 << 12
 """Candidates times samples at a given drive between two looks at the time: some 20 ms."""
 _LOOKED_AT = 40
@@ -467,27 +469,37 @@ class Search:
         return self.measured(pairs, begin.drive, self.all, 4)
 
     def _spread(self, pairs: Pairs, drive: Ints) -> tuple[Pairs, Ints]:
-        """Of very many pairs those that break the limits least, as many of each drive."""
-        found = self.measured(pairs, drive, self.all)
-        chosen = self._best(found, 4 * _SEEDS, self._problem(_with_between(self.samples)), errors=0.0)
+        """Of very many pairs, or of as many as the time allows, those that break the limits least, as many of each drive."""
+        problem, merit = self._problem(_with_between(self.samples)), np.full(pairs.number, np.inf)
+        parts = -(-pairs.number // _SPREAD_AT_ONCE)
+        for first in range(parts):
+            part = slice(first, None, parts)
+            merit[part] = self._merit(self.measured(pairs.take(part), drive[part], self.all), problem, errors=0.0)
+            if self.work.expired():
+                break
+        chosen = _in_turn(self._apart(pairs, drive, merit, 4 * _SEEDS))
         return pairs.take(chosen), drive[chosen]
 
     def _best(self, found: Candidates, most: int, problem: Problem, errors: float = 1.0) -> Ints:
-        """Places of the best of each drive by broken limits and J squared times ``errors``."""
+        """Places of the best of each drive by `_merit`."""
+        return _in_turn(self._apart(found.pairs, found.drive, self._merit(found, problem, errors), most))
+
+    def _merit(self, found: Candidates, problem: Problem, errors: float) -> Floats:
+        """Broken limits and J squared times ``errors``: less is better."""
         at = self.look(found, problem, 2)
         merit = 0.3 * at.merit + np.where(np.isfinite(at.cost), errors * at.cost, np.inf)
         if self.given is not None:
             merit = merit + self._timing(at, self._signs(found, at), problem.samples.drive)[1]
-        return _in_turn(self._apart(found, merit, most))
+        return merit
 
-    def _apart(self, found: Candidates, order: Floats, most: int) -> list[Ints]:
+    def _apart(self, pairs: Pairs, drive: Ints, order: Floats, most: int) -> list[Ints]:
         """Of each drive the places of the first that differ, in the order of some numbers and where those are finite."""
-        marks, rank = _marks(found.pairs), np.argsort(order, kind="stable")
+        marks, rank = _marks(pairs), np.argsort(order, kind="stable")
         rank = rank[np.isfinite(order[rank])]
         reach = np.full(rank.size, _CELL)
         places = []
         for number in range(len(self.ways)):
-            own = rank[found.drive[rank] == number]
+            own = rank[drive[rank] == number]
             places.append(own[kernel.apart(marks[own], reach[: own.size], (), 0, most)])
         return places
 
@@ -787,7 +799,7 @@ class Search:
         lacking = np.zeros(new.cost.size)
         new, worst = self.broken(new)
         most = _LOOKED_AT_WHOLE * (4 if self.body.position.size <= FEW else 1)  # few samples leave much between them
-        fine = self._apart(new, np.where(worst <= 0, new.cost, np.inf), most)
+        fine = self._apart(new.pairs, new.drive, np.where(worst <= 0, new.cost, np.inf), most)
         kept: list[int] = []
         later: list[int] = []
         least = self.levels**2
@@ -835,7 +847,7 @@ class Search:
 
     def _pooled(self, found: Candidates, most: int = _POOL) -> Candidates:
         """The best of each drive that differ."""
-        return found.take(_in_turn(self._apart(found, found.cost, most)))
+        return found.take(_in_turn(self._apart(found.pairs, found.drive, found.cost, most)))
 
     # -- answers ----------------------------------------------------------------------------------------------------
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import linkage_atlas as la
+from synthesis.guided.search import Search
 from synthesis.work import OutOfTime, Work
 
 RANDOM = np.random.default_rng(1)
@@ -89,3 +90,22 @@ def test_a_scene_that_takes_too_long_is_refused(tmp_path) -> None:
             reply = client.post(path, json=body)
             assert reply.status_code == 503 and "this service allows" in reply.json()["detail"]
             assert reply.headers["retry-after"]
+
+
+def test_of_very_many_exact_pairs_as_many_are_looked_at_as_the_time_allows(monkeypatch) -> None:
+    # two poses, all kinds: 50,000 pairs were looked at in whatever time
+    looked: list[int] = []
+    measured = Search.measured
+    monkeypatch.setattr(
+        Search, "measured", lambda self, pairs, *more: looked.append(pairs.number) or measured(self, pairs, *more)
+    )
+    motion = {
+        "rotation": [0, 60],
+        "position": [[0, 0], [120, 80]],
+        "timing": "free",
+        "mechanisms": ["slider_crank", "rail_slot"],
+    }
+    whole = la.synthesize(**motion)
+    most, looked[:] = sum(looked), []
+    short = la.synthesize(**motion, budget=0.5, work=lambda budget: Work(budget, clock=Clock(1.0)))
+    assert sum(looked) < most / 2 and short.status == whole.status == "reached"

@@ -508,3 +508,15 @@ def test_angles_that_look_as_if_in_the_other_unit_are_asked_about(angles, told) 
 def test_angles_of_a_function_too() -> None:
     found = la.function([0, 0.13, 0.27, 0.58, 0.94], 1.57, top=1, budget=0.05)
     assert [note.split()[1] for note in found.report.notes if "says degrees" in note] == ["crank", "output"]
+
+
+@pytest.mark.parametrize("name", ["rotation", "position"])
+def test_what_is_behind_a_mask_is_not_taken(name) -> None:
+    motion: dict[str, Any] = {
+        "rotation": np.array([0.0, 10, 25]),
+        "position": np.array([[0.0, 0], [50, 10], [99, 30]]),
+    }
+    motion[name] = np.ma.array(motion[name], mask=np.arange(motion[name].size).reshape(motion[name].shape) == 1)
+    with pytest.raises(la.FieldError, match="without a mask") as error:
+        la.Motion(**motion, timing="free")
+    assert error.value.field == f"/{name}"

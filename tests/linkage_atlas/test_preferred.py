@@ -143,6 +143,30 @@ def test_the_preset_leaves_room_for_a_shortest_link(extents) -> None:
 
 
 EVENLY = np.linspace(0, 1, 9)
+EGG = [
+    [85.93, -0.05],
+    [78.69, 14.83],
+    [66.26, 30.78],
+    [47.39, 39.51],
+    [22.03, 47.13],
+    [-0.59, 48.0],
+    [-19.5, 47.0],
+    [-37.3, 40.49],
+    [-47.88, 30.38],
+    [-52.6, 14.15],
+    [-54.76, -0.57],
+    [-52.06, -13.58],
+    [-47.33, -30.23],
+    [-35.66, -41.32],
+    [-19.53, -47.93],
+    [-0.11, -51.29],
+    [22.23, -47.65],
+    [46.88, -40.5],
+    [66.53, -28.82],
+    [80.18, -17.16],
+    [84.34, 0.09],
+]
+"""An egg by hand."""
 
 
 @pytest.mark.parametrize(
@@ -167,6 +191,19 @@ def test_a_linkage_out_of_all_proportion_does_not_come_first(asked, tops) -> Non
     least = la.synthesize(**asked, crank_span=20, limits={"preset": "none"}, top=1)
     assert least.best.errors.objective < found.best.errors.objective
     assert not any("out of all proportion" in note for note in least.report.notes)
+
+
+@pytest.mark.parametrize("preset", [None, "none"])
+def test_of_cognates_the_smaller_comes_first_wherever_the_path_lies(preset) -> None:
+    # once rounding chose: of two of the same error one is 61 extents large and one 104, which is out of all proportion,
+    # so that a path that was moved had an answer of 1.6 times the error
+    path = np.array(EGG) @ [1, 1j]
+    for moved in (path, path + 1234.5 - 987.25j, 1000 * path, np.exp(0.6j) * path):
+        found = la.synthesize(
+            position=moved, crank_span=-360, top=2, limits={} if preset is None else {"preset": preset}
+        )
+        assert found.solutions[0].size < 70
+        assert found.solutions[0].errors.objective < 0.0154
 
 
 def test_an_exact_linkage_that_nobody_builds_has_others_behind_it() -> None:
