@@ -221,11 +221,7 @@ def test_of_linkages_inside_the_tolerances_those_that_stay_between_samples_are_p
     along = np.linspace(0, 1, 3)
     position = np.column_stack([250 * along, 60 * np.sin(np.pi * along)])
     found = la.synthesize(
-        180 * along,
-        position,
-        timing="free",
-        tolerances={"position": 5, "rotation": 2},
-        limits={"family": "any"},
+        180 * along, position, timing="free", tolerances={"position": 5, "rotation": 2}, limits={"family": "any"}
     )
     assert found.status == "reached" and found.best.verdict.practical
     assert found.best.excursion is not None and found.best.excursion <= 2.5

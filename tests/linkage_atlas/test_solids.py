@@ -275,10 +275,7 @@ def test_one_command_gives_a_window_to_print(tmp_path, monkeypatch, capsys) -> N
 
 def test_a_saved_solution_is_exported_without_a_search(tmp_path, capsys, request_body) -> None:
     saved = tmp_path / "best.json"
-    content = {
-        "request": request_body,
-        "solution": WORKED.to_dict(),
-    }
+    content = {"request": request_body, "solution": WORKED.to_dict()}
     saved.write_text(json.dumps(content))
     motion = la.Motion(**request_body)
     for ending in ("step", "stl.zip", "urdf", "parts.csv", "plates.dxf"):
