@@ -56,6 +56,8 @@ def check_above_zero(**values: float | None) -> None:
 
 def column(name: str, values: ArrayLike) -> Any:
     """Values as an array of numbers, or a FieldError that names the argument."""
+    if np.ma.is_masked(values):  # numpy would take what is behind the mask
+        raise FieldError(f"/{name}", "wanted numbers without a mask: None where one is missing")
     try:
         return np.asarray(values, dtype=float)
     except (TypeError, ValueError):

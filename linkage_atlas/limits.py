@@ -121,7 +121,8 @@ def _value(field: str, kind: str, value: Any, radian: float) -> Any:
 def _numbers(field: str, values: Any, size: int, form: str) -> list[float]:
     found = column(field, values)
     if found.shape != (size,):
-        raise FieldError(f"/{field}", f"wanted {form}, found {found.size} numbers")
+        rows = f" in {len(found)} rows" if found.ndim > 1 else ""
+        raise FieldError(f"/{field}", f"wanted {form}, found {found.size} numbers{rows}")
     if not np.all(np.isfinite(found)):
         raise FieldError(f"/{field}/{int(np.argmin(np.isfinite(found)))}", "wanted a finite number")
     return found.tolist()
