@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
+import ezdxf
 import pytest
 
 import linkage_atlas as la
@@ -136,13 +137,19 @@ def test_a_plot_is_opened_or_its_place_is_said(screen, run, monkeypatch) -> None
 
 
 @pytest.mark.parametrize("command", ["synthesize", "function"])
-def test_every_format_of_a_solution_is_written_from_the_reply(command, run, tmp_path) -> None:
+def test_every_format_of_a_solution_is_written_from_the_reply(command, run, tmp_path, client) -> None:
     query = QUERIES[command]
     files = [tmp_path / f"one.{name}" for name in (*query.exports, "json")]
     name = {"synthesize": "worked_example", "function": "five_pairs"}[command]
     exports = [word for file in files for word in ("--export", file)]
     assert run(command, "--example", name, *exports)[0] == Exit.OK
-    assert all(file.stat().st_size > 100 for file in files)
+    for kind, file in zip(query.exports, files):
+        over_http = client.post(f"{query.path}.{kind}", json=query.examples[name]).content
+        if kind.endswith("dxf"):  # which is stamped
+            assert not ezdxf.readfile(file).audit().errors
+        else:
+            assert file.read_bytes() == over_http
+    assert json.loads(files[-1].read_text()).keys() >= {"request", "solution"}
 
 
 def test_the_unit_of_length_holds_for_table_and_drawing(run, tmp_path) -> None:
