@@ -365,3 +365,20 @@ def test_the_service_without_an_atlas_starts_and_says_what_needs_one(tmp_path) -
             assert reply.status_code == 503 and "started without an atlas" in reply.json()["detail"]
             assert "retry-after" not in reply.headers, "waiting does not help"
     assert "LINKAGE_ATLAS_WITH_ATLAS" not in os.environ
+
+
+def test_what_is_set_is_json_or_words() -> None:
+    for text, wanted in {
+        "top=3": 3,
+        "prefer=size": "size",
+        "limits.pivot_box=[0, 0, 9, 9]": [0, 0, 9, 9],
+        "mechanisms=[slider_crank, rail_slot]": ["slider_crank", "rail_slot"],
+        "mechanisms=[four_bar]": ["four_bar"],
+        "lengths_from=[1,2": "[1,2",
+    }.items():
+        assert command.setting(text) == (text.partition("=")[0].split("."), wanted)
+
+
+def test_a_box_without_brackets_is_told_how_lists_are_written(run) -> None:
+    code, _, err = run("synthesize", "--set", "limits.pivot_box=0,0,9,9", stdin=json.dumps(RIGHT_ANGLE))
+    assert code == Exit.USAGE and "limits.pivot_box: Input should be a list, as [1, 2]" in err
