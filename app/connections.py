@@ -89,9 +89,10 @@ class Connection(H11Protocol):
 
     def _make_room(self) -> None:
         """Close the oldest connection that no answer is being computed for; this one where there is none."""
-        others = [one for one in self.connections if isinstance(one, Connection) and one is not self]
-        free = [one for one in others if one._phase or not one._computes]
-        (min(free, key=lambda one: (one._phase == "body", one._since)) if free else self).transport.abort()
+        there: list[Any] = [one for one in self.connections if not one.transport.is_closing()]
+        if len(there) > self.most:
+            free = [one for one in there if one is not self and (one._phase or not one._computes)]
+            (min(free, key=lambda one: (one._phase == "body", one._since)) if free else self).transport.abort()
 
     def pause_writing(self) -> None:
         super().pause_writing()

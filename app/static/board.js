@@ -32,7 +32,7 @@ export class Board {
     this.shape = new LinkageShape(this.linkageLayer);
     this.shape.show(null);
     this.poses = new Poses(this.posesLayer, (k) => { if (this.chosen !== k) actions.choose(k); });
-    for (const [name, dot] of Object.entries(this.shape.joints)) dot.addEventListener("keydown", (event) => this.#nudge(name, event));
+    for (const [name, dot] of Object.entries(this.shape.joints)) dot.addEventListener("keydown", (event) => this.#move(name, event));
     this.setMode("move");
     new ResizeObserver(() => this.#resize()).observe(svg);
     svg.addEventListener("pointerdown", (event) => this.#press(event));
@@ -195,7 +195,7 @@ export class Board {
   #click(event, px, py, clicked) {
     const { cx, cy, scale } = this.view, drags = event.pointerType !== "touch";
     let moved = false;
-    this.#follow(event, (qx, qy) => {
+    this.follow(event, (qx, qy) => {
       moved ||= Math.hypot(qx - px, qy - py) > CLICK;
       if (!moved || !drags) return;
       Object.assign(this.view, { cx: cx - (qx - px) / scale, cy: cy + (qy - py) / scale });
@@ -209,7 +209,7 @@ export class Board {
     this.actions.choose(k);
     held.focus({ preventScroll: true });
     const pose = this.motion.poses[k], from = this.view.world(px, py), origin = [pose.x, pose.y];
-    this.#follow(event, (qx, qy) => this.actions.edit((motion) => {
+    this.follow(event, (qx, qy) => this.actions.edit((motion) => {
       const moved = motion.poses[k];
       if (!moved) return;
       if (turning) {
@@ -227,13 +227,13 @@ export class Board {
 
   #dragJoint(event, joint, px, py) {
     const start = this.view.at(this.joints[joint]);
-    this.#follow(event, (qx, qy) => this.actions.hand(joint, this.place(start[0] + qx - px, start[1] + qy - py)));
+    this.follow(event, (qx, qy) => this.actions.hand(joint, this.place(start[0] + qx - px, start[1] + qy - py)));
   }
 
   /** A drag draws a path, which begins a new motion; a tap adds a point to the path that there is. */
   #trace(event, px, py) {
     const pen = new Pen(this.penLayer, px, py);
-    this.#follow(event, (qx, qy) => pen.move(qx, qy), (cancelled) => {
+    this.follow(event, (qx, qy) => pen.move(qx, qy), (cancelled) => {
       const { points, closed } = pen.end();
       if (cancelled) return;
       this.fitted = false;
@@ -244,14 +244,14 @@ export class Board {
   }
 
   #dragBox(event, [x, y]) {
-    this.#follow(event, (qx, qy) => this.actions.edit((motion) => {
+    this.follow(event, (qx, qy) => this.actions.edit((motion) => {
       const [u, v] = this.place(qx, qy);
       motion.limits.box = [Math.min(x, u), Math.min(y, v), Math.max(x, u), Math.max(y, v)];
     }, "box"));
   }
 
   /** Calls `move(px, py)` while the pointer is held, then `end(cancelled)`. */
-  #follow(event, move, end = () => this.actions.settle()) {
+  follow(event, move, end = () => this.actions.settle()) {
     event.preventDefault();
     const { pointerId } = event;
     this.svg.setPointerCapture(pointerId);
@@ -292,8 +292,14 @@ export class Board {
 
   // -- keys --
 
-  #nudge(name, event) {
-    const go = (event.shiftKey ? 1 : 0.1) * this.step, by = { ArrowLeft: [-go, 0], ArrowRight: [go, 0], ArrowDown: [0, -go], ArrowUp: [0, go] }[event.key];
+  /** How far an arrow key moves what has it, a tenth of the grid or with Shift all of it; undefined for other keys. */
+  nudge({ key, shiftKey }) {
+    const go = (shiftKey ? 1 : 0.1) * this.step;
+    return { ArrowLeft: [-go, 0], ArrowRight: [go, 0], ArrowDown: [0, -go], ArrowUp: [0, go] }[key];
+  }
+
+  #move(name, event) {
+    const by = this.nudge(event);
     if (!by || !this.joints) return;
     event.preventDefault();
     this.actions.hand(name, this.joints[name].map((value, i) => value + by[i]));
@@ -304,20 +310,14 @@ export class Board {
     const held = event.target.closest?.(".pose");
     if (!held || event.ctrlKey || event.metaKey || event.altKey) return;
     const k = Number(held.dataset.pose);
-    const go = (event.shiftKey ? 1 : 0.1) * this.step;
-    const turn = event.shiftKey ? 10 : 1;
-    const moves = {
-      ArrowLeft: [-go, 0, 0], ArrowRight: [go, 0, 0], ArrowDown: [0, -go, 0], ArrowUp: [0, go, 0],
-      "[": [0, 0, turn], "]": [0, 0, -turn], "{": [0, 0, turn], "}": [0, 0, -turn],
-    };
-    const move = moves[event.key];
-    if (move) {
-      const tidy = (value) => Number((Math.abs(value) < SMALL * go ? 0 : value).toPrecision(12));
+    const by = this.nudge(event), turn = (event.shiftKey ? 10 : 1) * ({ "[": 1, "{": 1, "]": -1, "}": -1 }[event.key] ?? 0);
+    if (by || turn) {
+      const [dx, dy] = by ?? [0, 0], tidy = (value) => Number((Math.abs(value) < SMALL * this.step ? 0 : value).toPrecision(12));
       this.actions.edit((motion) => {
         const pose = motion.poses[k];
-        pose.x = tidy(pose.x + move[0]);
-        pose.y = tidy(pose.y + move[1]);
-        if (move[2]) pose.angle = Number(((pose.angle ?? 0) + move[2]).toPrecision(12));
+        pose.x = tidy(pose.x + dx);
+        pose.y = tidy(pose.y + dy);
+        if (turn) pose.angle = Number(((pose.angle ?? 0) + turn).toPrecision(12));
       }, `key ${k} ${event.key}`);
     } else if (event.key === "Delete" || event.key === "Backspace") {
       this.actions.remove(k);

@@ -18,6 +18,17 @@ export function element(name, className, content = "") {
   return Object.assign(document.createElement(name), { className, textContent: content });
 }
 
+/** A table of rows [name, value]. */
+export function namedRows(rows) {
+  const table = document.createElement("table");
+  for (const [name, value] of rows) {
+    const row = table.insertRow();
+    row.append(Object.assign(element("th", "", name), { scope: "row" }));
+    row.insertCell().textContent = value;
+  }
+  return table;
+}
+
 /** A sign, which screen readers skip, and what it stands for. */
 export function signed(name, className, sign, words) {
   const made = element(name, className), symbol = element("span", "sign", sign);

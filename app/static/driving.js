@@ -1,7 +1,7 @@
 // What drives the selected linkage: asks for cylinders, motors, locks and springs, moves one, and lets its pins be dragged.
 
 import { redrawOn, titledChart } from "./charts.js";
-import { element, make, put, text } from "./drawing.js";
+import { element, make, namedRows, put, text } from "./drawing.js";
 import { driveTurns } from "./drive.js";
 import { fitOf } from "./fit.js";
 import { ask } from "./service.js";
@@ -188,13 +188,7 @@ export class Driving {
   }
 
   #describe() {
-    const table = document.createElement("table");
-    for (const [name, words] of this.rows()) {
-      const row = table.insertRow();
-      row.append(Object.assign(element("th", "", name), { scope: "row" }));
-      row.insertCell().textContent = words;
-    }
-    $("drive-numbers").replaceChildren(...(this.drive ? [table] : []));
+    $("drive-numbers").replaceChildren(...(this.drive ? [namedRows(this.rows())] : []));
     this.#curves();
     this.#draw();
   }
@@ -280,22 +274,16 @@ export class Driving {
     put(dot, { r: HANDLE, tabindex: 0, role: "button", "data-end": end, "aria-label": end === "ground" ? "Ground point of the cylinder: drag, or arrow keys" : "Pin of the cylinder: drag, or arrow keys" });
     if (this.focused === end) dot.focus({ preventScroll: true });
     dot.addEventListener("keydown", (event) => {
-      const go = (event.shiftKey ? 1 : 0.1) * this.board.step, by = { ArrowLeft: [-go, 0], ArrowRight: [go, 0], ArrowDown: [0, -go], ArrowUp: [0, go] }[event.key];
+      const by = this.board.nudge(event);
       if (!by) return;
       event.preventDefault();
       event.stopPropagation();
       this.#put(end, place.map((part, i) => part + by[i]));
     });
     dot.addEventListener("pointerdown", (event) => {
-      event.preventDefault();
       event.stopPropagation();
       this.player.stop();
-      const { svg } = this.board, box = svg.getBoundingClientRect();
-      svg.setPointerCapture(event.pointerId);
-      const follow = (move) => { if (move.pointerId === event.pointerId) this.#put(end, this.board.view.world(move.clientX - box.left, move.clientY - box.top)); };
-      const done = () => { svg.removeEventListener("pointermove", follow); for (const name of ["pointerup", "pointercancel"]) svg.removeEventListener(name, done); };
-      svg.addEventListener("pointermove", follow);
-      for (const name of ["pointerup", "pointercancel"]) svg.addEventListener(name, done);
+      this.board.follow(event, (px, py) => this.#put(end, this.board.view.world(px, py)), () => {});
     });
   }
 

@@ -2,13 +2,13 @@
 
 import { redrawOn, titledChart } from "./charts.js";
 import { Draft } from "./draft.js";
-import { LinkageShape, View, make, put, text, thumbnail } from "./drawing.js";
+import { LinkageShape, View, element, make, namedRows, put, text, thumbnail } from "./drawing.js";
 import { linkageOf } from "./guided.js";
 import { Linkage } from "./kinematics.js";
 import { fromFragment, toFragment } from "./link.js";
 import { functionTable } from "./rows.js";
 import { ask, download } from "./service.js";
-import { $, markEarlier, say, startScenes, startTheme } from "./shell.js";
+import { $, copy, markEarlier, say, startScenes, startTheme } from "./shell.js";
 import { DRIVES, sign, travelRows } from "./travel.js";
 import { mark, plainNote, reasons } from "./verdict.js";
 
@@ -174,10 +174,7 @@ async function copyLink() {
   linked = JSON.stringify(content);
   link.hash = await toFragment(content);
   history.replaceState(null, "", link);
-  try {
-    await navigator.clipboard.writeText(link.href);
-    $("export-note").textContent = "The link is copied; it holds the question.";
-  } catch { $("export-note").textContent = link.href; }
+  await copy(link.href, "The link is copied; it holds the question.", (words) => { $("export-note").textContent = words; });
 }
 
 function showRequest() {
@@ -233,14 +230,7 @@ function rows(solution) {
 }
 
 function showNumbers() {
-  const table = document.createElement("table");
-  for (const [name, value] of rows(shown)) {
-    const row = table.insertRow();
-    row.append(Object.assign(document.createElement("th"), { scope: "row", textContent: name }));
-    row.insertCell().textContent = value;
-  }
-  const told = reasons(shown.verdict).map((sentence) => Object.assign(document.createElement("p"), { className: "note", textContent: sentence }));
-  $("numbers").replaceChildren(table, ...told);
+  $("numbers").replaceChildren(namedRows(rows(shown)), ...reasons(shown.verdict).map((sentence) => element("p", "note", sentence)));
 }
 
 function showLinkage() {

@@ -8,10 +8,10 @@ import { Gallery } from "./gallery.js";
 import { fromHere, nearby } from "./hand.js";
 import { Live } from "./live.js";
 import { fault, wantsAngles } from "./motion.js";
-import { Results, copy } from "./results.js";
+import { Results, note } from "./results.js";
 import { STAGES, preferred, refine, solve, together } from "./service.js";
 import { fillSheet } from "./sheet.js";
-import { $, markEarlier, say, startScenes, startTheme } from "./shell.js";
+import { $, copy, markEarlier, say, startScenes, startTheme } from "./shell.js";
 import { Sources } from "./sources.js";
 import { startStage } from "./extras.js";
 import { explainTerms, startTour } from "./tour.js";
@@ -71,7 +71,7 @@ function howNear({ reply, motion }) {
 
 function sentenceOf({ reply: { status, solutions, report }, request, motion, stored, live, seconds }) {
   if (!solutions.length) {
-    const why = report.notes.filter((note) => !note.startsWith("nothing within")).map(plainNote).join(" ");
+    const why = report.notes.filter((one) => !one.startsWith("nothing within")).map(plainNote).join(" ");
     const proved = status === "infeasible" ? "No linkage was found within these limits, and the search ran to its end." : `None found in ${seconds.toFixed(1)} s, when the time was up; that proves nothing.`;
     return [proved, why || "Loosen a limit, allow any family, or let the pivots lie elsewhere.", ""].join(" ").trim();
   }
@@ -88,8 +88,8 @@ function sentenceOf({ reply: { status, solutions, report }, request, motion, sto
 
 /** Offers what the reply says a limit would have to be, as a button. */
 function suggest({ reply: { report, solutions }, request }) {
-  const found = solutions.length ? [] : report.notes.flatMap((note) => {
-    const [, name, value] = EASED.exec(note) ?? [], [, dropped] = EXCLUDES.exec(note) ?? [];
+  const found = solutions.length ? [] : report.notes.flatMap((one) => {
+    const [, name, value] = EASED.exec(one) ?? [], [, dropped] = EXCLUDES.exec(one) ?? [];
     if (name && request.limits?.[name] !== undefined) {
       const numbers = value.startsWith("[") ? JSON.parse(value) : Number.parseFloat(value);
       return [[`Set ${limitName(name)} to ${value.replace(" degrees", "°")}`, { ...request.limits, [name]: numbers }]];
@@ -322,17 +322,11 @@ function bindButtons() {
   document.addEventListener("searchnear", () => { const { solution } = results; startSearch(solution); });
   $("stop").addEventListener("click", () => { stopSearch(); $("solve").focus(); say(answer?.reply.solutions.length ? "Stopped; these are the best found so far." : "Stopped."); });
   $("request").addEventListener("toggle", showRequest);
-  $("request-copy").addEventListener("click", async () => {
-    const content = requestText(toRequest(editor.motion));
-    try {
-      await navigator.clipboard.writeText(content);
-      say("The request is copied.");
-    } catch { say("The browser does not allow copying; select the text instead.", true); }
-  });
+  $("request-copy").addEventListener("click", () => copy(requestText(toRequest(editor.motion)), "The request is copied.", say, "The browser does not allow copying; select the text instead."));
   $("link").addEventListener("click", async () => {
     const current = answer && !editor.board.stale, { links, branch, start_angle, body_offset, mount, crank_angle, family, kind, driver, guides, start: begin, travel } = results.solution;
     const place = links ? { links, start_angle, body_offset, mount, family } : { kind, driver, guides, start: begin, travel }, chosen = current ? { ...place, branch, crank_angle } : null;
-    await copy(await sources.linkTo(current ? answer.request : toRequest(editor.motion), editor.motion, chosen), "The link is copied; it holds the whole request and the chosen linkage.");
+    await copy(await sources.linkTo(current ? answer.request : toRequest(editor.motion), editor.motion, chosen), "The link is copied; it holds the whole request and the chosen linkage.", note);
   });
   let parts = null; // of the linkage that is being printed
   addEventListener("beforeprint", () => fillSheet(answer, results.solution, results.driving, parts));

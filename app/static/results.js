@@ -2,7 +2,7 @@
 
 import { card, sign, sorted } from "./cards.js";
 import { chart, redrawOn } from "./charts.js";
-import { element, signed, text } from "./drawing.js";
+import { element, namedRows, signed, text } from "./drawing.js";
 import { Driving } from "./driving.js";
 import { driveName, drivePlaces, driveTurns } from "./drive.js";
 import { alike, errorText, fitOf, guideRows, settled, worstRows, worstWords } from "./fit.js";
@@ -12,7 +12,7 @@ import { Layers } from "./layers.js";
 import { itemOf } from "./motion.js";
 import { Player, trajectory } from "./player.js";
 import { ask, download } from "./service.js";
-import { $ } from "./shell.js";
+import { $, copy } from "./shell.js";
 import { studyRows } from "./studies.js";
 import { passing } from "./timing.js";
 import { judged, limitName, mark, plainNote, reasons } from "./verdict.js";
@@ -83,12 +83,7 @@ function verdictBlock(solution, motion) {
 /** The crank angles that a solution brings along, in the order in which the samples are passed. */
 function crankBlock(solution, motion) {
   const block = document.createElement("details"), { order } = passing(solution, motion, false);
-  const table = document.createElement("table");
-  for (const k of order) {
-    const row = table.insertRow();
-    row.append(Object.assign(element("th", "", `Sample ${k + 1}`), { scope: "row" }));
-    row.insertCell().textContent = `${text(drivePlaces(solution)[k], 8)}${driveTurns(solution) ? "°" : ` ${motion.unit}`}`;
-  }
+  const table = namedRows(order.map((k) => [`Sample ${k + 1}`, `${text(drivePlaces(solution)[k], 8)}${driveTurns(solution) ? "°" : ` ${motion.unit}`}`]));
   block.append(element("summary", "", driveTurns(solution) ? "Crank angles at the samples" : `Travel of the ${solution.driver} at the samples`), table);
   return block;
 }
@@ -110,16 +105,8 @@ function handBlock({ links }) {
   return block;
 }
 
-function note(sentence) {
+export function note(sentence) {
   $("export-note").textContent = sentence;
-}
-
-/** Puts `content` on the clipboard and notes `done`; where the browser forbids it, notes the content itself. */
-export async function copy(content, done) {
-  try {
-    await navigator.clipboard.writeText(content);
-    note(done);
-  } catch { note(content); }
 }
 
 const isHand = (solution) => solution.source === "hand";
@@ -131,7 +118,7 @@ export class Results {
     this.layers = new Layers(board, (degrees) => { this.player.stop(); this.player.goto(degrees); }, (solution) => this.#judgedAnew(solution));
     this.driving = new Driving(board, this.player);
     this.fields = new JointFields(board, (name, place) => this.drag(name, place, null), () => this.player.stop());
-    $("copy").addEventListener("click", () => copy(this.#rows().map((row) => row.join("\t")).join("\n"), "The numbers are copied."));
+    $("copy").addEventListener("click", () => copy(this.#rows().map((row) => row.join("\t")).join("\n"), "The numbers are copied.", note));
     for (const button of document.querySelectorAll("[data-format]")) button.addEventListener("click", () => this.#save(button.dataset.format));
     $("sort").addEventListener("change", () => this.#list());
     $("overlay").addEventListener("change", () => this.#showOthers());
@@ -298,13 +285,7 @@ export class Results {
   #showNumbers(again = false) {
     const rows = worstRows(fitOf(this.solution, this.answer.motion), this.answer.motion, this.answer.size);
     $("joints-note").textContent = rows.length ? `Off by at most ${worstWords(rows, this.answer.motion)}.` : "";
-    const table = document.createElement("table");
-    for (const [name, value] of numberRows(this.solution, this.answer, 8)) {
-      const row = table.insertRow();
-      row.append(Object.assign(element("th", "", name), { scope: "row" }));
-      row.insertCell().textContent = value;
-    }
-    const { verdict, source } = this.solution, { motion } = this.answer, parts = [table];
+    const { verdict, source } = this.solution, { motion } = this.answer, parts = [namedRows(numberRows(this.solution, this.answer, 8))];
     if (verdict) parts.unshift(verdictBlock(this.solution, motion));
     else if (source === "hand") parts.unshift(handBlock(this.solution));
     if (drivePlaces(this.solution)) parts.push(crankBlock(this.solution, motion));

@@ -7,7 +7,7 @@ import { fromFragment, toFragment } from "./link.js";
 import { knotter } from "./knotter.js";
 import { lift } from "./lift.js";
 import { ask, download } from "./service.js";
-import { $, say, startScenes, startTheme } from "./shell.js";
+import { $, copy, say, startScenes, startTheme } from "./shell.js";
 
 /**
  * What a machine's module exports: `show(answer, hosts)`, which draws an answer {query, request, reply, ask} into the
@@ -100,8 +100,7 @@ function showExports() {
 async function copyLink() {
   const link = new URL(location.href);
   link.hash = await toFragment({ query: answered.query.path, request: answered.request, at: run?.value });
-  await navigator.clipboard.writeText(link.href);
-  say("The link is copied. It restores the question, its values and the place of the slider.");
+  await copy(link.href, "The link is copied. It restores the question, its values and the place of the slider.");
 }
 
 /** The question in the page's address; false if it holds none. */

@@ -11,6 +11,14 @@ export function say(sentence, bad = false) {
   $("status").classList.toggle("bad", bad);
 }
 
+/** Puts `content` on the clipboard and tells that it is `done`; where the browser forbids it, tells `otherwise`. */
+export async function copy(content, done, tell = say, otherwise = content) {
+  try {
+    await navigator.clipboard.writeText(content);
+    tell(done);
+  } catch { tell(otherwise); }
+}
+
 /** Marks what is shown of an answer as that of an earlier request, or takes the marks away. */
 export function markEarlier(earlier) {
   document.body.classList.toggle("earlier", earlier);

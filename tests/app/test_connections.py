@@ -190,6 +190,18 @@ def test_idle_connections_make_room(port) -> None:
             assert everything(client).startswith(b"HTTP/1.1 200")
 
 
+def test_of_connections_that_come_at_once_as_many_are_closed_as_are_too_many() -> None:
+    """Each closed the same one, and there were soon more than files: for a second nobody was let in."""
+    with serving(max_connections=20, header_seconds=1000.0) as (port, server), ExitStack() as stack:
+        there = server.server_state.connections
+        for _ in range(60):
+            stack.enter_context(closing(connected(port)))
+        with closing(connected(port)) as client:
+            client.sendall(LIVEZ)
+            assert everything(client).startswith(b"HTTP/1.1 200"), "after all of them"
+        assert eventually(lambda: 0 < len(there) <= 20)
+
+
 def test_no_more_connections_than_files() -> None:
     files, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     assert protocol_of(Settings(max_connections=10**9)).most < files

@@ -108,6 +108,9 @@ def test_a_link_restores_question_values_and_place(at) -> None:
     page.click("link")
     page.wait("window.kept")
     fragment = page.run("return new URL(window.kept).hash")
+    page.run("navigator.clipboard.writeText = () => Promise.reject(new Error('denied'))")
+    page.click("link")
+    page.wait("document.getElementById('status').textContent === window.kept")
     page = at("lift", fragment=fragment)
     assert page.one("#fields input").get_attribute("value") == "310"
     assert float(page.one(".player input").get_attribute("value")) == 2.5

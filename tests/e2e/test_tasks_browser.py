@@ -213,6 +213,14 @@ def test_nothing_that_is_typed_is_changed_silently(opened) -> None:
     assert "“abc” is not a number" in opened.text("table-error")
 
 
+def test_lengths_of_links_that_exclude_each_other_are_said_before_they_are_asked_for(standing) -> None:
+    standing.take({**path_request([0, 60, 120]), "limits": {"link_min": 9, "link_max": 5}})
+    standing.listen()
+    standing.click("solve")
+    assert standing.text("status") == "Links at least, 9, may not be more than links at most, 5."
+    assert standing.focus == "link-min" and standing.run("return window.asked.length") == 0
+
+
 def test_the_pivot_box_can_be_typed(standing) -> None:
     standing.click("new-motion")
     for k, entry in enumerate(["-10", "-20,5", "30", "40"]):
@@ -414,6 +422,11 @@ def test_texts_are_free_of_jargon(standing) -> None:
     )
     assert said == ["goes 2.94 times the way between two samples", f"{reason[0].upper()}{reason[1:]}."]
     assert "determination" not in standing.run("return document.body.innerText")
+    marked = standing.later(
+        "import('/static/verdict.js').then(v => arguments[0]([1, 2].map((count) => v.mark({order: true, branch: true,"
+        "circuit: true, practical: true, within_tolerance: null, assembly: {count}}).text)))"
+    )
+    assert marked == ["buildable in 1 layer", "buildable in 2 layers"]
 
 
 def test_a_linkage_that_breaks_a_limit_is_red_with_its_reason(standing) -> None:
@@ -422,8 +435,14 @@ def test_a_linkage_that_breaks_a_limit_is_red_with_its_reason(standing) -> None:
     cards = standing.cards()  # of a stub, whose layers never come
     assert "broken" in cards[1].get_attribute("class") and "transmission angle 21.9° over" in cards[1].text
     assert "broken" not in cards[0].get_attribute("class")
-    assert "Position error, largest" in standing.text("numbers") and "mm at pose" in standing.text("numbers")
+    assert "Position error, largest" in standing.text("numbers") and "mm at point" in standing.text("numbers")
     assert standing.count("#canvas .worst") == 1
+
+
+def test_the_points_of_a_path_are_called_points(standing) -> None:
+    standing.answered(path_request([0, 60, 120]), [0, 55, 120])
+    said = [*map(standing.text, ("status", "results-note", "numbers")), standing.content("canvas")]
+    assert all("point" in one and "pose" not in one for one in said), said
 
 
 @pytest.mark.parametrize(
@@ -446,6 +465,7 @@ def test_no_linkage_is_said_without_a_claim_that_was_not_proved(standing, status
     standing.wait(IDLE)
     assert said in standing.text("status")
     if notes:
+        assert "Links at least excludes every linkage" in standing.text("status"), "by the name of its field"
         button = standing.pick("#suggestions button")
         assert button.text == "Set links at least to 42.5"
         button.click()

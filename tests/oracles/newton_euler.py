@@ -13,8 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from synthesis.drives.links import GROUND, Loading
+from synthesis.drives.links import GROUND
 from synthesis.fourbar.linkage import Linkage
+from synthesis.guided.analysis import Load
 from synthesis.guided.linkage import Circle, Driver, GuidedLinkage, Rail, Slot
 
 
@@ -89,11 +90,7 @@ def on_line(i: int, j: int | None, point: complex, angle: float, turn: complex =
             slopes = slopes.copy()
             slopes[3 * j + 2] -= 1j * w
         back = back * np.conj(turn)
-        return (
-            np.array([np.real(back * w) - along]),
-            np.real(back * slopes)[None],
-            np.array([np.real(back * bent)]),
-        )
+        return (np.array([np.real(back * w) - along]), np.real(back * slopes)[None], np.array([np.real(back * bent)]))
 
     return of
 
@@ -130,7 +127,7 @@ class Bodies:
             found.append(State(at, rate, np.linalg.solve(slopes, -bent)))
         return found
 
-    def force(self, state: State, load: Loading, link: str, pin: complex, on: str, other: complex) -> float:
+    def force(self, state: State, load: Load, link: str, pin: complex, on: str, other: complex) -> float:
         """Of a rod from a place, or from a point of another link, to a point of a link: pushing is positive."""
         slopes = np.concatenate([one(state.at, state.rate)[1] for one in self.joints])
         right = np.zeros(9)
