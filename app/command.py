@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import re
 import sys
 import threading
 from collections.abc import Iterator, Mapping, Sequence
@@ -131,14 +132,19 @@ def add_set(parser: Any, what: str) -> None:
 
 
 def setting(text: str) -> tuple[list[str], Any]:
-    """A field's path and its value: JSON, or else a word."""
+    """A field's path and its value: JSON, or else a word, or words in brackets."""
     path, equals, value = text.partition("=")
     if not equals or not all(path.split(".")):
         raise argparse.ArgumentTypeError(f"wanted FIELD=VALUE, found {text!r}")
-    try:
-        return path.split("."), json.loads(value)
-    except ValueError:
-        return path.split("."), value
+
+    def read(value: str) -> Any:
+        try:
+            return json.loads(value)
+        except ValueError:
+            words = re.fullmatch(r"\[([\w\s,.-]+)\]", value)
+            return [read(word.strip()) for word in words[1].split(",")] if words else value
+
+    return path.split("."), read(value)
 
 
 def _run(options: argparse.Namespace, query: Query) -> int:

@@ -136,6 +136,8 @@ def invalid(error: ValidationError, model: type[BaseModel]) -> Invalid:
             row["msg"] = FieldError.no_such("", str(name), _fields_at(model, path), others=others).message
         elif row["type"] == "model_type":
             row["msg"] = "Input should be an object"
+        elif row["type"] == "list_type":
+            row["msg"] = "Input should be a list, as [1, 2]"
         elif row["type"] == "greater_than_equal" and 0 < row["ctx"]["ge"] < 1e-6:  # pydantic writes all of its zeros
             row["msg"] = f"Input should be at least {row['ctx']['ge']:g}"
         elif row["type"] == "less_than_equal" and row["ctx"]["le"] > 1e15:

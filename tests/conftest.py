@@ -27,6 +27,7 @@ import uvicorn
 from _pytest.assertion import rewrite
 from fastapi.testclient import TestClient
 from hypothesis import HealthCheck, settings
+from hypothesis.internal.conjecture import providers
 
 from app.main import create_app
 from app.settings import Settings
@@ -41,7 +42,9 @@ if (
 ):  # a job in the background: what the tests start would ignore it too
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
-# Every run tries the same examples, and a slow machine is no failure.
+# Every run tries the same examples, and a slow machine is no failure. Hypothesis would also draw numbers that it finds in the
+# modules loaded by then, which are others in each process of the tests; and parse all of them for it.
+providers.is_local_module_file = lambda path: False
 settings.register_profile(
     "suite", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow], print_blob=False
 )

@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
+import ezdxf
 import pytest
 
 import linkage_atlas as la
@@ -136,13 +137,19 @@ def test_a_plot_is_opened_or_its_place_is_said(screen, run, monkeypatch) -> None
 
 
 @pytest.mark.parametrize("command", ["synthesize", "function"])
-def test_every_format_of_a_solution_is_written_from_the_reply(command, run, tmp_path) -> None:
+def test_every_format_of_a_solution_is_written_from_the_reply(command, run, tmp_path, client) -> None:
     query = QUERIES[command]
     files = [tmp_path / f"one.{name}" for name in (*query.exports, "json")]
     name = {"synthesize": "worked_example", "function": "five_pairs"}[command]
     exports = [word for file in files for word in ("--export", file)]
     assert run(command, "--example", name, *exports)[0] == Exit.OK
-    assert all(file.stat().st_size > 100 for file in files)
+    for kind, file in zip(query.exports, files):
+        over_http = client.post(f"{query.path}.{kind}", json=query.examples[name]).content
+        if kind.endswith("dxf"):  # which is stamped
+            assert not ezdxf.readfile(file).audit().errors
+        else:
+            assert file.read_bytes() == over_http
+    assert json.loads(files[-1].read_text()).keys() >= {"request", "solution"}
 
 
 def test_the_unit_of_length_holds_for_table_and_drawing(run, tmp_path) -> None:
@@ -358,3 +365,20 @@ def test_the_service_without_an_atlas_starts_and_says_what_needs_one(tmp_path) -
             assert reply.status_code == 503 and "started without an atlas" in reply.json()["detail"]
             assert "retry-after" not in reply.headers, "waiting does not help"
     assert "LINKAGE_ATLAS_WITH_ATLAS" not in os.environ
+
+
+def test_what_is_set_is_json_or_words() -> None:
+    for text, wanted in {
+        "top=3": 3,
+        "prefer=size": "size",
+        "limits.pivot_box=[0, 0, 9, 9]": [0, 0, 9, 9],
+        "mechanisms=[slider_crank, rail_slot]": ["slider_crank", "rail_slot"],
+        "mechanisms=[four_bar]": ["four_bar"],
+        "lengths_from=[1,2": "[1,2",
+    }.items():
+        assert command.setting(text) == (text.partition("=")[0].split("."), wanted)
+
+
+def test_a_box_without_brackets_is_told_how_lists_are_written(run) -> None:
+    code, _, err = run("synthesize", "--set", "limits.pivot_box=0,0,9,9", stdin=json.dumps(RIGHT_ANGLE))
+    assert code == Exit.USAGE and "limits.pivot_box: Input should be a list, as [1, 2]" in err

@@ -76,12 +76,7 @@ def test_the_largest_request_of_a_kind_ends_in_time(one, resources) -> None:
 
 @pytest.mark.timed
 @pytest.mark.parametrize(
-    "name",
-    [
-        "path, any family within all limits",
-        "free: poses",
-        "sliders: travel within all limits",
-    ],
+    "name", ["path, any family within all limits", "free: poses", "sliders: travel within all limits"]
 )
 def test_a_budget_of_a_request_is_kept_too(name, resources) -> None:
     """At 1,024 samples: once nothing looked at the clock while dyads were paired (0.3 s), or a candidate got its drive."""

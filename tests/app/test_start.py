@@ -57,10 +57,7 @@ HEAVY = ["fastapi", "starlette", "uvicorn", "pydantic", "scipy", "h5py", "numpy"
     [
         ("--help", HEAVY),
         ("--version", HEAVY),
-        (
-            "lift --help",
-            ["pydantic_settings", "starlette", "scipy", "h5py", "pywt", "ezdxf", "shtab", "tqdm"],
-        ),
+        ("lift --help", ["pydantic_settings", "starlette", "scipy", "h5py", "pywt", "ezdxf", "shtab", "tqdm"]),
         (
             "synthesize --example worked_example",
             ["fastapi", "starlette", "uvicorn", "scipy", "h5py", "ezdxf", "shtab", "tqdm", "app.scenes.lift"],

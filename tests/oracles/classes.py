@@ -261,8 +261,4 @@ def _smooth_request(random: Generator, samples: int) -> dict[str, Any]:
 
     rotation = 40 * curve()
     position = np.column_stack([curve(), curve()]) + random.uniform(-1, 1, 2)
-    return {
-        "crank_span": random.uniform(30, 360),
-        "rotation": rotation.tolist(),
-        "position": position.tolist(),
-    }
+    return {"crank_span": random.uniform(30, 360), "rotation": rotation.tolist(), "position": position.tolist()}

@@ -64,14 +64,7 @@ def drive_force(at: Moving, *loads: Any) -> float:
 
 
 def equilibrium(
-    at: Moving,
-    body: Any,
-    force: Any,
-    torque: float,
-    masses: Any,
-    gravity: Any,
-    speed: float,
-    drive: Any,
+    at: Moving, body: Any, force: Any, torque: float, masses: Any, gravity: Any, speed: float, drive: Any
 ) -> Any:
     """All nine unknowns at one position: x and y at pivot A, crank pin, coupler pin and pivot B, and the drive's.
 

@@ -67,15 +67,7 @@ def fit(columns, values, weights=None):
 
 
 def window_error(
-    lengths,
-    branch,
-    start_deg,
-    crank,
-    rotation,
-    position,
-    length_scale,
-    rotation_weights=None,
-    position_weights=None,
+    lengths, branch, start_deg, crank, rotation, position, length_scale, rotation_weights=None, position_weights=None
 ):
     """Objective of one window from the textbook formulas; infinite for a linkage shrunk to a point.
 

@@ -89,11 +89,7 @@ def on_line(i: int, j: int | None, point: complex, angle: float, turn: complex =
             slopes = slopes.copy()
             slopes[3 * j + 2] -= 1j * w
         back = back * np.conj(turn)
-        return (
-            np.array([np.real(back * w) - along]),
-            np.real(back * slopes)[None],
-            np.array([np.real(back * bent)]),
-        )
+        return (np.array([np.real(back * w) - along]), np.real(back * slopes)[None], np.array([np.real(back * bent)]))
 
     return of
 

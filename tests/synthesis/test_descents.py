@@ -54,10 +54,7 @@ LIMITS = Limits(
 """Of nearly every kind; no linkage keeps them all."""
 KEPT_LIMITS = Limits(transmission_angle_min=0.3, pivot_a=1 + 1j, link_max=6.0, coupler_radius_max=4.0)
 ON_SHAPE = Limits(
-    transmission_angle_min=1.2,
-    transmission_angle_min_turn=0.9,
-    link_min=0.9,
-    links=(0.95, None, None, None),
+    transmission_angle_min=1.2, transmission_angle_min_turn=0.9, link_min=0.9, links=(0.95, None, None, None)
 )
 """Limits that concern no pose."""
 

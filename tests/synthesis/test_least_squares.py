@@ -96,11 +96,7 @@ def test_a_step_is_that_of_the_damped_rows_and_foretells_the_fall_of_their_cost(
 
 
 @LAW
-@given(
-    st.integers(0, 10_000),
-    st.sampled_from([rosenbrock, cliff]),
-    st.integers(0, 30),
-)
+@given(st.integers(0, 10_000), st.sampled_from([rosenbrock, cliff]), st.integers(0, 30))
 def test_no_candidate_is_worse_than_its_start(seed, problem, iterations) -> None:
     random = np.random.default_rng(seed)
     start, labels = random.uniform(-4, 4, (20, 2)), random.uniform(0.1, 30, 20)

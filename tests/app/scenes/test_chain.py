@@ -127,12 +127,7 @@ def crescent_segments(geometry):
 
 def test_the_crescent_as_any_track_gives_the_same_slot(client) -> None:
     crescent = client.post("/v1/chain/slot", json={**PUBLISHED, "samples": 31}).json()
-    body = {
-        "pitch": 131,
-        "segments": crescent_segments(crescent["geometry"]),
-        "free_segment": 3,
-        "samples": 31,
-    }
+    body = {"pitch": 131, "segments": crescent_segments(crescent["geometry"]), "free_segment": 3, "samples": 31}
     reply = client.post("/v1/chain/track", json=body).json()
     assert reply["links"] == 16 and reply["free_segment"] == 3 and reply["replaced_segments"] == [3]
     assert reply["slot"]["depth_max"] == pytest.approx(crescent["slot"]["depth_max"], abs=1e-9)

@@ -17,7 +17,7 @@ from synthesis.fourbar.dimension_types import OrderRule, TypeRule
 from synthesis.fourbar.kinematics import coupler_angle
 from synthesis.target import TURN, Target, make_target
 from synthesis.work import Cancelled, Work
-from tests.conftest import make_atlas
+from tests.conftest import make_atlas, some_of
 
 
 @pytest.fixture(scope="module")
@@ -106,7 +106,7 @@ def test_the_order_is_that_of_a_plain_recursion(number, harmonics, seed) -> None
     assert max(map(len, cells)) <= 6 and sorted(order) == list(range(number))
 
 
-@pytest.mark.parametrize("seed", range(30))
+@pytest.mark.parametrize("seed", some_of(range(30), 15))
 def test_no_type_is_further_from_its_representative_than_the_radius(cells, seed) -> None:
     rng = np.random.default_rng(seed)
     crank = some_crank(rng)
@@ -223,7 +223,7 @@ def some_request(scan: Scan, rng: np.random.Generator, kind: str) -> Target:
     return make_target(angle, position, span)
 
 
-SHOWN = {"between": (1, 5), "both": (2, 3), "change point": (2, 5, 6), "anything": (0, 4)}
+SHOWN = {"between": (5,), "both": (2,), "change point": (2, 5), "anything": (4,)}
 """Of the requests of each kind those that show the smallest faults of the radii: by a fifth, two fifths and more too small."""
 
 

@@ -15,11 +15,7 @@ import numpy as np
 import pytest
 
 from synthesis.atlas import haar
-from synthesis.atlas.file import (
-    decode_atlas,
-    encode_atlas,
-    load_atlas,
-)
+from synthesis.atlas.file import decode_atlas, encode_atlas, load_atlas
 from synthesis.atlas.header import HEADER_BYTES, MAGIC, check_bytes
 from synthesis.atlas.index import temporary_arrays
 from synthesis.atlas.table import COLUMNS, Atlas, AtlasRule

@@ -290,9 +290,7 @@ def test_no_pass_forgets_the_ceiling(scans, monkeypatch) -> None:
     rare = everything.take(np.flatnonzero(everything.row % 5 == 2))
     wanted = rare.take(np.argsort(np.round(rare.error / TIE), kind="stable")[:12])
     found, report = scan.best(
-        target,
-        12,
-        lambda windows: np.where(windows.row % 5 == 2, scan.errors(target, windows), np.inf),
+        target, 12, lambda windows: np.where(windows.row % 5 == 2, scan.errors(target, windows), np.inf)
     )
     assert report.exhaustive and all(np.array_equal(*pair) for pair in zip(found[:3], wanted[:3]))
     assert len(limits) > 1 and np.all(np.diff(limits) <= 0)

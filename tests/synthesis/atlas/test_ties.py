@@ -92,8 +92,7 @@ def test_positions_whole_turns_apart_are_refused() -> None:
         assert error.value.field == f"/{field}"
 
 
-@pytest.mark.parametrize("kind", ["rotation", "position", "both"])
-@pytest.mark.parametrize("held", [64, 1000])
+@pytest.mark.parametrize(("kind", "held"), [("rotation", 64), ("position", 1000), ("both", 64)])
 def test_more_windows_than_may_be_held_are_evaluated_one_by_one(kind, held, scan, monkeypatch) -> None:
     monkeypatch.setattr(scan_module, "_MOST_HELD", held)
     monkeypatch.setattr(scan_module, "_COUNT_BELOW", 64)

@@ -70,7 +70,7 @@ class Polyline:
 @pytest.mark.parametrize("kind", KINDS)
 def test_as_a_fine_polyline(kind, closed: bool) -> None:
     rng = np.random.default_rng(5)
-    for _ in range(4):
+    for _ in range(2):
         lengths = 4 * lengths_of(rng, *kind)
         circuit = tracker.track(lengths, *start_of(rng, lengths))
         samples = samples_on(rng, circuit)

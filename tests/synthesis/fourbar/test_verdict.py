@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from synthesis.fourbar.kinematics import grashof_excesses
 from synthesis.fourbar.linkage import Linkage
-from synthesis.fourbar.passage import from_the_rocker, passage, verdicts
+from synthesis.fourbar.passage import Circuits, from_the_rocker, passage, verdicts
 from synthesis.target import TURN
 from tests.oracles import tracker
 
@@ -128,7 +128,9 @@ def test_the_same_for_reversed_samples_another_size_and_the_mirror_image(case, a
 @laws
 @given(CASE, st.integers(-3, 3), st.booleans(), st.booleans())
 def test_whole_turns_do_not_count_without_timing(case, turns, ordered, closed) -> None:
+    """But of a linkage that is uncertain: at a change point a turn's rounding is as much as tells one side from the other."""
     lengths, samples = case
+    assume(not Circuits.of(np.array([lengths])).uncertain[0])
     asked = {"ordered": ordered, "closed": closed}
     moved = [(angle + TURN * turns * (k % 2), side) for k, (angle, side) in enumerate(samples)]
     assert flags(lengths, moved, asked) == flags(lengths, samples, asked)

@@ -64,7 +64,7 @@ def cases() -> dict[tuple[str, str], list[int]]:
     """The seeds of each condition by what happens."""
     found = {}
     for name in WINDOWS:
-        for seed in range(60):
+        for seed in (*range(30), 59):
             found.setdefault((name, case(seed, name)), []).append(seed)
     return found
 

@@ -10,15 +10,7 @@ import numpy as np
 import pytest
 
 from synthesis.errors import FieldError
-from synthesis.lift.constraints import (
-    Constraints,
-    Space,
-    jerky_run,
-    measured,
-    optimize_within,
-    rows_of,
-    slacks,
-)
+from synthesis.lift.constraints import Constraints, Space, jerky_run, measured, optimize_within, rows_of, slacks
 from synthesis.lift.motion import motion
 from synthesis.lift.optimum import Built, Objective, Optimum, Task, optimize
 from synthesis.lift.pose import Cylinder, Design

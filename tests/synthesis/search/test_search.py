@@ -199,7 +199,7 @@ def test_a_moved_request_gives_the_moved_linkage(mirror, seed, resources) -> Non
         assert abs(complex(*ours[name]) - moved(complex(*theirs[name]))) < 1e-6 * scale
 
 
-@pytest.mark.parametrize("kind", ["plain", "rotation only", "clockwise", UNREACHABLE])
+@pytest.mark.parametrize("kind", some_of(["rotation only", UNREACHABLE, "plain", "clockwise"], 2))
 def test_the_same_request_gives_the_same_reply(kind, resources) -> None:
     request = make_case(kind, 5600, FEW).request | {"sensitivity": True}
     if "position" in request:
