@@ -8,10 +8,11 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, Literal, NamedTuple, Self, TypeAlias, TypeVar, cast, overload
+from typing import Annotated, Any, Generic, Literal, NamedTuple, Self, TypeAlias, TypeVar, cast, overload
 
 import numpy as np
 
+from linkage_atlas.arguments import check_names
 from linkage_atlas.assemblies import AskedAssembly, Assembly, assembled
 from linkage_atlas.driving import Drive, Refusal, Spring, driven_solution
 from linkage_atlas.guided import AnyGuide, CircleGuide, DriverName, GuidedLinkage, OtherKindName, guides_of
@@ -53,6 +54,7 @@ from synthesis.work import OutOfTime, Work
 
 One = TypeVar("One")
 S = TypeVar("S", bound="AnySolution")
+Found = TypeVar("Found")
 StatusName = Annotated[str, Literal["reached", "closest", "infeasible", "unknown"]]
 StoppedBy = Annotated[str, Literal["tolerance", "converged", "budget"]]
 
@@ -147,12 +149,12 @@ class Verdict(Record):
         return self.order and self.branch and self.circuit
 
 
-class Origin(NamedTuple):
+class Origin(NamedTuple, Generic[Found]):
     """What a solution is described from."""
 
-    found: search.Solution
+    found: Found
     motion: Motion
-    """With the solution's own crank angles."""
+    """With the solution's own crank angles, or the travel of its own drive in their place."""
     limits: Limits
     asked: Poses | Target
     """The samples of the request."""
@@ -209,9 +211,7 @@ class Driven(_Parts):
         >>> la.synthesize(motion, top=1).best.studied(round_to=1).rounded.closes
         True
         """
-        for name in studies:
-            if name not in STUDIES:
-                raise FieldError.no_such("", name, STUDIES, "study")
+        check_names("", studies, STUDIES, "study")
         found: Self = _studied(cast("Any", self), read_studies(studies, self.origin.motion), 1, work or Work())
         return found
 
@@ -268,7 +268,7 @@ class Solution(Driven):
     tolerance_study: ToleranceStudy | None = field(default=None, repr=False)
     linkage: FourBar = field(metadata=KEPT)
     """It moves, draws and saves itself."""
-    origin: Origin = field(metadata=KEPT, repr=False)
+    origin: Origin[search.Solution] = field(metadata=KEPT, repr=False)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -293,17 +293,6 @@ class GuidedRounded(Record):
     exhaustive: bool | None
     """Whether all combinations were tried; null for a grid."""
     linkage: GuidedLinkage | None = field(default=None, metadata=KEPT)
-
-
-class GuidedOrigin(NamedTuple):
-    """What a solution with rails or slots is described from."""
-
-    found: guided.GuidedSolution
-    motion: Motion
-    """With the travel of the solution's own drive in the place of crank angles."""
-    limits: Limits
-    asked: Poses | Target
-    """The samples of the request."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -347,7 +336,7 @@ class GuidedSolution(Driven):
     tolerance_study: ToleranceStudy | None = field(default=None, repr=False)
     linkage: GuidedLinkage = field(metadata=KEPT)
     """It moves, draws and saves itself."""
-    origin: GuidedOrigin = field(metadata=KEPT, repr=False)
+    origin: Origin[guided.GuidedSolution] = field(metadata=KEPT, repr=False)
 
 
 AnySolution: TypeAlias = Solution | GuidedSolution
@@ -720,7 +709,7 @@ def _guided_described(one: guided.GuidedSolution, motion: Motion, limits: Limits
         transmission_angle_min_turn=None if turn is None else turn / radian,
         arm_min=one.linkage.arm_over(target.interval.after(one.linkage.start)),
         linkage=linkage,
-        origin=GuidedOrigin(one, own, limits, samples),
+        origin=Origin(one, own, limits, samples),
     )
 
 
@@ -776,8 +765,8 @@ def _studied(solution: S, studies: Studies, solutions: int, work: Work) -> S:
         done["rounded"] = (
             _guided_rounded(solution, *asked) if isinstance(solution, GuidedSolution) else _rounded(solution, *asked)
         )
-    if studies.drive is not None:
-        done["analysis"] = linkage.analysed(studies.drive, target.crank, target.interval)
+    if studies.analysis is not None:
+        done["analysis"] = linkage.analysed(studies.analysis, target.crank, target.interval)
     if studies.drives is not None:
         done |= driven_solution(linkage.plain, target.way, studies.drives, own.radian, work)
     if studies.manufacture is not None:

@@ -16,7 +16,7 @@ from linkage_atlas.exports import content_of, with_motor
 from linkage_atlas.formats import kind_of
 from linkage_atlas.motions import Motion
 from linkage_atlas.solids import AskedSolids, SolidParts, read_solids, solids_in, split
-from linkage_atlas.studies import Drive, Manufacture, ToleranceStudy, analysed, read_manufacture, studied
+from linkage_atlas.studies import AskedAnalysis, Manufacture, ToleranceStudy, analysed, read_manufacture, studied
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.target import TURN, Interval, Target
@@ -91,16 +91,16 @@ class AnyLinkage(ABC):
         """A tolerance study that has been read, over a motion."""
         return studied(self._linkage, manufacture, target.crank, target.interval, self._radian, work)
 
-    def analysed(self, drive: Drive, travel: Floats, over: Interval | None = None) -> Any:
+    def analysed(self, asked: AskedAnalysis, travel: Floats, over: Interval | None = None) -> Any:
         """An analysis that has been read, at travel (n,) of the drive in radians or lengths, and over an interval."""
-        return analysed(self._linkage, drive, travel, self._radian, over)
+        return analysed(self._linkage, asked, travel, self._radian, over)
 
-    def _analysed_at(self, drive: Drive, name: str, travel: ArrayLike | None) -> Any:
+    def _analysed_at(self, asked: AskedAnalysis, name: str, travel: ArrayLike | None) -> Any:
         """The same at travel in the user's unit, or over the motion that it answers."""
         if travel is not None:
-            return self.analysed(drive, np.atleast_1d(column(name, travel)) * self._unit)
+            return self.analysed(asked, np.atleast_1d(column(name, travel)) * self._unit)
         target = self._default_motion()
-        return self.analysed(drive, target.crank, target.interval)
+        return self.analysed(asked, target.crank, target.interval)
 
     def assembly(
         self,

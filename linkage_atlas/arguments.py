@@ -24,9 +24,14 @@ def radians_in(degrees: bool) -> float:
 
 def millimetres_in(unit: Any, where: str = "") -> float:
     """Millimetres in one unit of length; ``where``: what stands before its field in the name that an error has."""
-    if unit not in MILLIMETRES:
-        raise FieldError(f"/{where}length_unit", f"wanted one of {', '.join(MILLIMETRES)}, found {unit!r}")
-    return MILLIMETRES[unit]
+    return MILLIMETRES[one_of(f"{where}length_unit", unit, MILLIMETRES)]
+
+
+def one_of(field: str, value: Any, known: Iterable[str]) -> Any:
+    """A value that is one of those known, or a FieldError that names the argument."""
+    if value not in (known := tuple(known)):
+        raise FieldError(f"/{field}", f"wanted one of {', '.join(known)}, found {value!r}")
+    return value
 
 
 def number(field: str, value: Any, least: float = -np.inf) -> float:
@@ -64,13 +69,18 @@ def column(name: str, values: ArrayLike) -> Any:
         raise FieldError(f"/{name}", "wanted numbers") from None
 
 
+def check_names(where: str, given: Iterable[str], known: Sequence[str], what: str = "field") -> None:
+    """FieldError for a name that is none of those known at a place."""
+    for name in given:
+        if name not in known:
+            raise FieldError.no_such(where, name, known, what)
+
+
 def known_fields(field: str, given: Any, names: tuple[str, ...]) -> None:
     """FieldError unless an argument is a mapping that has none but some fields."""
     if not isinstance(given, Mapping):
         raise FieldError(f"/{field}", f"wanted a mapping of {', '.join(names)}")
-    for name in given:
-        if name not in names and given[name] is not None:
-            raise FieldError.no_such(f"/{field}", name, names)
+    check_names(f"/{field}", (name for name in given if given[name] is not None), names)
 
 
 def kinds_among(given: Any, known: Sequence[str], there_are: str = "") -> list[str]:

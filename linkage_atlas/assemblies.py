@@ -8,16 +8,14 @@ from typing import Annotated, Any, Literal, NamedTuple, TypedDict
 
 import numpy as np
 
-from linkage_atlas.arguments import box, flag, number, whole_number
+from linkage_atlas.arguments import box, check_names, flag, number, one_of, pair, whole_number
 from linkage_atlas.records import KEPT, Record
 from synthesis.assembly import layers
 from synthesis.assembly.driving import motor_driven
 from synthesis.assembly.guided import guided
-from synthesis.assembly.layers import BOARDS, BOTH, Arrangement, Asked, arrange
+from synthesis.assembly.layers import BOARDS, BOTH, ENVELOPE, Arrangement, Asked, Heights, arrange, outside, parts_of
 from synthesis.assembly.machine import Machine, Sizes, four_bar
-from synthesis.assembly.parts import Heights, parts_of
 from synthesis.assembly.shapes import crosses_itself, signed_area
-from synthesis.assembly.walls import ENVELOPE, outside
 from synthesis.drives.six_bar import Motor
 from synthesis.errors import FieldError
 from synthesis.fourbar.files import check_sizes
@@ -236,14 +234,10 @@ def read_assembly(given: Mapping[str, Any] | bool, where: str = "assembly/") -> 
         return None
     if not isinstance(given, Mapping):
         raise FieldError(f"/{where.rstrip('/')}", f"wanted true, or a mapping of {', '.join(ASSEMBLY)}")
-    for name in given:
-        if name not in ASSEMBLY:
-            raise FieldError.no_such(f"/{where.rstrip('/')}".rstrip("/"), name, ASSEMBLY)
+    check_names(f"/{where}".rstrip("/"), given, ASSEMBLY)
     values = dict.fromkeys(ASSEMBLY) | {name: value for name, value in given.items() if value is not None}
     lengths = {name: _length(f"{where}{name}", values[name], name) for name in ASSEMBLY[:5]}
-    boards = values["boards"] or "below"
-    if boards not in BOARDS:
-        raise FieldError(f"/{where}boards", f"wanted one of {', '.join(BOARDS)}, found {boards!r}")
+    boards = one_of(f"{where}boards", values["boards"] or "below", BOARDS)
     most = LAYERS_MOST if values["layers_most"] is None else values["layers_most"]
     most = whole_number(f"{where}layers_most", most, 1, MOST_LAYERS)
     heads = flag(f"{where}heads", values["heads"])
@@ -272,18 +266,13 @@ def _motor(name: str, given: Any) -> Motor:
     link = of(given, "link")
     if not isinstance(link, str):
         raise FieldError(f"/{name}/link", f"wanted the name of a link, found {link!r}")
-    places = []
-    for part in ("motor", "pin_on_link"):
-        value = of(given, part)
-        if np.shape(value) != (2,):
-            raise FieldError(f"/{name}/{part}", "wanted [x, y]")
-        places.append(complex(*(number(f"{name}/{part}", one) for one in value)))
+    place, pin = (pair(f"{name}/{part}", of(given, part), np.inf) for part in ("motor", "pin_on_link"))
     crank, rod = (
         _length(f"{name}/six_bar/{part}", of(of(given, "six_bar"), part), part) for part in ("crank", "coupler")
     )
     if crank is None or rod is None:
         raise FieldError(f"/{name}/six_bar", "wanted crank and coupler")
-    return Motor(link, places[0], crank, rod, places[1])
+    return Motor(link, place, crank, rod, pin)
 
 
 def _length(name: str, value: Any, kind: str) -> float | None:

@@ -10,7 +10,7 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
-from linkage_atlas.arguments import number
+from linkage_atlas.arguments import check_names, number
 from synthesis.drives.actuator import Actuator, Row
 from synthesis.drives.springs import Kind
 from synthesis.errors import FieldError
@@ -84,9 +84,7 @@ def _rows(field: str, given: Any, kind: str, names: Sequence[str], most: int) ->
     if not 1 <= len(rows) <= most:
         raise FieldError(f"/{field}", f"wanted 1 to {most} rows, found {len(rows)}")
     for place, row in enumerate(rows):
-        for name in row:
-            if name not in _COLUMNS[kind]:
-                raise FieldError.no_such(f"/{field}/{place}", name, _COLUMNS[kind], "column")
+        check_names(f"/{field}/{place}", row, _COLUMNS[kind], "column")
         for name in _NEEDED[kind]:
             if row.get(name) is None:
                 raise FieldError(f"/{field}/{place}/{name}", "needed")

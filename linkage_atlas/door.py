@@ -326,7 +326,7 @@ def synthesize(
         notes.append(LOCAL)
     if studies.drives is not None:
         check_asked(studies.drives, wanted.radian)
-    if studies.drive is not None:
+    if studies.analysis is not None:
         check_rows(top, None if wanted.free else wanted.target.interval)
     prefers = _preference(prefer, wanted, isinstance(source, SeedTables))
     if not kinds.four_bars_alone:

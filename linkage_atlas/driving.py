@@ -18,11 +18,13 @@ from linkage_atlas.arguments import (
     bounded,
     box,
     check_above_zero,
+    check_names,
     check_top,
     column,
     known_fields,
     millimetres_in,
     number,
+    one_of,
     pair,
     radians_in,
 )
@@ -33,11 +35,12 @@ from linkage_atlas.motions import Motion
 from linkage_atlas.records import KEPT, Record, Values, Vectors, plane, xy
 from linkage_atlas.six_bars import SixBarLinkage, on_hinge
 from linkage_atlas.studies import read_load
-from synthesis.arrays import Complexes, Floats, dot
+from synthesis.arrays import Complexes, Floats, cross, dot
 from synthesis.drives.actuator import (
     ROW_GRID,
     Actuator,
     Box,
+    Knee,
     Placement,
     Question,
     Refused,
@@ -46,15 +49,14 @@ from synthesis.drives.actuator import (
     Unfit,
     Wanted,
     best_of_rows,
+    locked,
 )
 from synthesis.drives.balance import Spring as Placed
-from synthesis.drives.balance import one_spring, potential_of, springs_on_guides, two_springs
+from synthesis.drives.balance import one_spring, potential_of, springs_on_pendulums, two_springs
 from synthesis.drives.dyad import LARGEST_RATIO, Driven, about_pivot, driven, on_any_link
 from synthesis.drives.links import (
     GROUND,
     SAMPLES,
-    LinkMotion,
-    Loading,
     Machine,
     ends_of,
     hinged_at,
@@ -62,14 +64,13 @@ from synthesis.drives.links import (
     machine_at,
     machine_of,
 )
-from synthesis.drives.pins import Pull, pin_forces
 from synthesis.drives.six_bar import MOTOR_CRANK, ROD, Joint, Motor, joints_of, rod_joints
 from synthesis.drives.six_bar import SixBar as Swung
 from synthesis.drives.springs import Fitted, Room, best_pair, best_spring, fitted
-from synthesis.drives.toggle import Knee, locked
 from synthesis.errors import FieldError
 from synthesis.fourbar.linkage import Linkage
-from synthesis.guided.linkage import Circle, Driver, Rail, Slot
+from synthesis.guided.analysis import Load, Pull, forces, on_links
+from synthesis.guided.linkage import Circle, Driver, LinkMotion, Rail, Slot, of_four_bar
 from synthesis.guided.linkage import GuidedLinkage as Guided
 from synthesis.target import MAX_LENGTH, TURN, Interval, Target
 from synthesis.work import Work
@@ -404,7 +405,7 @@ class Drives(Record):
 class Asked(NamedTuple):
     """A checked request, in the units of the linkage and in radians."""
 
-    load: Loading
+    load: Load
     drives: tuple[Mapping[str, Any], ...]
     springs: tuple[Mapping[str, Any], ...]
     hand: complex | None
@@ -560,9 +561,7 @@ class _Place(NamedTuple):
 
     @classmethod
     def of_rocker(cls, given: Mapping[str, Any], radian: float) -> _Place:
-        for name in given:
-            if name not in ("pivot", "start", "swing", "length"):
-                raise FieldError.no_such("/rocker", name, ("pivot", "start", "swing", "length"))
+        check_names("/rocker", given, ("pivot", "start", "swing", "length"))
         swing = number("rocker/swing", given.get("swing")) * radian
         if not 1e-3 <= abs(swing) < np.pi:
             raise FieldError("/rocker/swing", "wanted an angle of less than half a turn, and not of nothing")
@@ -599,41 +598,23 @@ def _place_of(linkage: Any, motion: Motion | None, crank_angle: ArrayLike | None
     one, own = given_linkage(linkage, degrees if motion is None else motion.degrees)
     if given is None and own is not None:
         given = np.asarray(column(f"linkage/{'travel' if isinstance(one, GuidedLinkage) else 'crank_angle'}", own))
-    if isinstance(one, GuidedLinkage):
-        return _guided_place(one, motion, given)
-    if not isinstance(one, FourBar):
+    if not isinstance(one, (FourBar, GuidedLinkage)):
         raise FieldError("/linkage", "wanted a four-bar or a body on guides: this one has a motor already")
-    radian, plain = radians_in(one.degrees), one.plain
-    if motion is not None and (not motion.free or given is not None):
-        target = motion.of_solution(plain, None if given is None else given * radian).target
-        return _Place.of(plain, target.way, radian, target)
-    if given is not None:
-        if given.size < 2 or not np.all(np.isfinite(given)):
-            raise FieldError("/crank_angle", "wanted two finite crank angles or more")
-        return _Place.of(plain, given * radian, radian)
+    radian, target, four_bar = radians_in(one.degrees), None, isinstance(one, FourBar)
     if motion is not None:
-        raise FieldError("/linkage/crank_angle", "needed: the motion's crank angles are free")
-    crank = one.way
-    if crank is None:
-        raise FieldError("/crank_angle", "needed: this linkage answers no motion that would say its way")
-    return _Place.of(plain, crank, radian, one._motion)
-
-
-def _guided_place(one: GuidedLinkage, motion: Motion | None, given: Floats | None) -> _Place:
-    """A body on two guides; its drive's way as that of a four-bar."""
-    radian, plain = radians_in(one.degrees), one.plain
-    unit = radian if plain.driver.turns else 1.0
-    target = None
-    if motion is not None:
+        if four_bar and motion.free and given is None:
+            raise FieldError("/linkage/crank_angle", "needed: the motion's crank angles are free")
         target = one.target_of(motion, given)
-        crank = target.way
+        way = target.way
     elif given is not None:
-        crank = given * unit
+        if four_bar and (given.size < 2 or not np.all(np.isfinite(given))):
+            raise FieldError("/crank_angle", "wanted two finite crank angles or more")
+        way = given * one._unit
     elif one.way is not None:
-        crank, target = one.way, one._motion
+        way, target = one.way, one._motion
     else:
         raise FieldError("/crank_angle", "needed: this linkage answers no motion that would say its way")
-    return _Place.of(plain, crank, radian, target)
+    return _Place.of(one.plain, way, radian, target)
 
 
 def read_asked(
@@ -735,23 +716,19 @@ def _list(name: str, given: Sequence[Mapping[str, Any]] | None) -> Sequence[Mapp
     return found
 
 
-def _load(machine: Machine, given: Mapping[str, Any], radian: float, millimetres: float) -> Loading:
+def _load(machine: Machine, given: Mapping[str, Any], radian: float, millimetres: float) -> Load:
     links, mounted = (*machine.links, "body"), machine.body is not None
-    force, torque, masses, gravity, parts = read_load(
-        "load", given, links, mounted, MOST_MASSES, "speed", link="body", middles=machine.middles
-    )
+    load, parts = read_load("load", given, links, mounted, MOST_MASSES, "speed", link="body", middles=machine.middles)
     if parts:
         raise FieldError("/load/parts", "for one linkage only: /v1/drives, or `linkage_atlas.drives`")
     speed = 0.0 if given.get("speed") is None else bounded("load/speed", given["speed"])
     unit = 1.0 if machine.drive in ("slider", "cylinder") else radian
-    return Loading(force, torque, masses, gravity, speed * unit, millimetres / 1000)
+    return load._replace(speed=speed * unit, metre=millimetres / 1000)
 
 
 def _drive(at: str, given: Mapping[str, Any], machine: Machine, radian: float, millimetres: float) -> dict[str, Any]:
     """One entry of `drives`, with what it does not say filled in."""
-    kind = given.get("kind") if isinstance(given, Mapping) else None
-    if kind not in KINDS:
-        raise FieldError(f"/{at}/kind", f"wanted one of {', '.join(KINDS)}, found {kind!r}")
+    kind = one_of(f"{at}/kind", given.get("kind") if isinstance(given, Mapping) else None, KINDS)
     kind = "actuator" if kind == "cylinder" else kind
     known_fields(at, given, ("kind", *_DRIVE_FIELDS[kind]))
     wish = {name: value for name, value in given.items() if value is not None} | {"kind": kind}
@@ -806,9 +783,7 @@ def _drive(at: str, given: Mapping[str, Any], machine: Machine, radian: float, m
 
 def _spring(at: str, given: Mapping[str, Any], machine: Machine, millimetres: float) -> dict[str, Any]:
     """One entry of `springs`, checked."""
-    kind = given.get("kind") if isinstance(given, Mapping) else None
-    if kind not in SPRING_KINDS:
-        raise FieldError(f"/{at}/kind", f"wanted one of {', '.join(SPRING_KINDS)}, found {kind!r}")
+    kind = one_of(f"{at}/kind", given.get("kind") if isinstance(given, Mapping) else None, SPRING_KINDS)
     known_fields(at, given, _SPRING_FIELDS)
     wish = {name: value for name, value in given.items() if value is not None}
     names = (GROUND, *machine.links)
@@ -835,10 +810,7 @@ def _links(at: str, given: Any, machine: Machine, names: list[str]) -> list[str]
         return names
     if isinstance(given, str) or not given:
         raise FieldError(f"/{at}", f"wanted a list of some of {', '.join(names)}")
-    for k, name in enumerate(given):
-        if name not in names:
-            raise FieldError(f"/{at}/{k}", f"wanted one of {', '.join(names)}, found {name!r}")
-    return list(dict.fromkeys(given))
+    return list(dict.fromkeys(one_of(f"{at}/{k}", name, names) for k, name in enumerate(given)))
 
 
 # -- what is found ----------------------------------------------------------------------------------------------------
@@ -914,14 +886,14 @@ class _Search:
         """How far a pin may be from its link's origin: what is asked, or the link's own size."""
         return float(wish.get("reach_max", self.machine.reaches.get(name, self.machine.extent)))
 
-    def _pins(
-        self, machine: Machine, pulls: Sequence[Sequence[Pull]], on_rocker: Floats | float = 0.0
-    ) -> PinPeaks | None:
-        """The largest pin forces of a four-bar; ``pulls``: of each way of a motor, or one list."""
+    def _pins(self, machine: Machine, *ways: Sequence[Pull]) -> PinPeaks | None:
+        """The largest pin forces of a four-bar with what drives it, of a motor on each of its ways."""
         if self.place.linkage is None or not self.loaded:
             return None
-        every = [pin_forces(machine, self.asked.load, some, on_rocker) for some in pulls]
-        return PinPeaks(*(max(float(np.abs(one[k]).max()) for one in every) for k in range(4)))
+        linkage, load = of_four_bar(self.place.linkage), on_links(self.asked.load, self.place.linkage)
+        held = [forces(linkage, machine.at, load, pulls) for pulls in ways]
+        pins = [(one.driven_ground, one.driven, one.other, one.other_ground) for one in held]
+        return PinPeaks(*(float(np.abs(pin).max()) for pin in zip(*pins)))
 
     def refuse(self, kind: str, link: str, reason: str, name: str | None = None) -> None:
         self.refused.append(Refusal(kind, link, name, reason))
@@ -990,7 +962,9 @@ class _Search:
                 holding=self._told(_both_ends(torque)),
                 transmission_angle_min=None if angle is None else angle / self.place.radian,
                 curve=DriveCurve(self.curve_at, torque=self._told(torque)),
-                pin_forces=self._pins(self.machine, [[]], torque if name == "rocker" else 0.0),
+                pin_forces=self._pins(
+                    self.machine, [Pull(name, link.origin, 0 * link.origin, torque)] * (name == "rocker")
+                ),
             )
 
     def _pressure(self, name: str) -> float | None:
@@ -998,10 +972,8 @@ class _Search:
         links = self.fine.links
         if self.place.linkage is None or set(links) != {"crank", "coupler", "rocker"}:
             return None
-        other = links["rocker" if name == "crank" else "crank"]
-        cross = np.imag(np.conj(links["coupler"].direction) * other.direction)
-        along = np.real(np.conj(links["coupler"].direction) * other.direction)
-        return float(np.min(np.arctan2(np.abs(cross), np.abs(along))))
+        coupler, other = links["coupler"].direction, links["rocker" if name == "crank" else "crank"].direction
+        return float(np.min(np.arctan2(np.abs(cross(coupler, other)), np.abs(dot(coupler, other)))))
 
     # -- actuators -----------------------------------------------------------------------------------------------------
 
@@ -1115,7 +1087,7 @@ class _Search:
             over_bound=None if bound is None else most.peak / bound,
             buckling=None if rod is None or not self.loaded else self._buckling(wish["on"], name, found, rod),
             envelope=_envelope(ground, pin),
-            pin_forces=self._pins(self.fine, [self._pulls(wish["on"], name, found)]),
+            pin_forces=self._pins(self.fine, self._pulls(wish["on"], name, found)),
             curve=DriveCurve(
                 self.curve_at,
                 found.length,
@@ -1281,10 +1253,10 @@ class _Search:
             envelope=_envelope(pin, *whole.crank_pin, motor),
             pin_forces=self._pins(
                 self.fine,
-                [
+                *(
                     [Pull(name, pin, force * (pin - knee) / whole.rod)]
                     for force, knee in zip(whole.rod_force, whole.crank_pin)
-                ],
+                ),
             ),
             curve=DriveCurve(
                 self.curve_at,
@@ -1445,10 +1417,8 @@ class _Search:
         linkage, load = self.place.linkage, self.asked.load
         if load.torque or load.speed:
             return "a torque, or inertia, has no potential that springs of zero free length carry: give a catalogue"
-        if isinstance(self.place.view, GuidedLinkage):
-            return self._ideal_on_guides(self.place.view.plain, between, stiffness)
         if linkage is None:
-            return self._ideal_on_hinge(stiffness)
+            return self._ideal_pendulums(between, stiffness)
         potential = potential_of(linkage, load)
         if between is None:
             return fitted(self.machine, self.torque, two_springs(potential, stiffness))
@@ -1466,13 +1436,13 @@ class _Search:
             return f"one spring between {between[0]} and {between[1]} does not balance this load; two springs do: leave `between`"
         return f"one spring would need the stiffness {found:.6g}, below 0; two springs balance it: leave `between`"
 
-    def _ideal_on_guides(
-        self, linkage: Guided, between: tuple[str, str] | None, stiffness: float | None
-    ) -> Fitted | str:
-        """Springs of zero free length on a body on guides."""
-        springs = springs_on_guides(linkage, self.machine, self.torque, stiffness)
+    def _ideal_pendulums(self, between: tuple[str, str] | None, stiffness: float | None) -> Fitted | str:
+        """Springs of zero free length on a body on guides, or on a link on a hinge."""
+        guided = None if self.place.view is None else self.place.view.plain
+        assert not isinstance(guided, Linkage)
+        springs = springs_on_pendulums(guided, self.machine, self.torque, stiffness)
         if springs is None:
-            kind = linkage.kind.value
+            kind = "link on a hinge" if guided is None else guided.kind.value
             return f"no springs of zero free length on a {kind} balance this load in every position: give a catalogue"
         if not springs:
             return "the drive carries nothing that springs could balance"
@@ -1480,22 +1450,6 @@ class _Search:
             where = " and ".join("-".join(one.between) for one in springs)
             return f"one spring between {between[0]} and {between[1]} does not balance this load; {where} do: leave `between`"
         return fitted(self.machine, self.torque, springs)
-
-    def _ideal_on_hinge(self, stiffness: float | None) -> Fitted:
-        """One spring of zero free length on a link on a hinge."""
-        names = [name for name, one in self.machine.links.items() if one.pivot is not None]
-        link = self.machine.links[names[0]]
-        load, body = self.asked.load, self.machine.body
-        assert link.pivot is not None and body is not None
-        arm = link.point_at(complex(body.origin[0]))
-        part = -np.conj(load.force) * arm - sum(
-            mass.mass * np.conj(load.gravity) * (mass.at + (arm if mass.link == "body" else 0))
-            for mass in load.masses
-        )
-        point = complex(self.machine.extent / 2)
-        rate = abs(part) / abs(point) ** 2 if stiffness is None else stiffness
-        anchor = complex(link.pivot + np.conj(part / (rate * point)))
-        return fitted(self.machine, self.torque, [Placed((GROUND, names[0]), (anchor, point), float(rate))])
 
     def _sprung(self, kind: Any, number_: int, found: Fitted, exact: bool) -> None:
         sizes = BeforeAfter(_size(self.torque), _size(found.torque))
@@ -1518,7 +1472,7 @@ class _Search:
                 Pull(spring.between[0], one, pull * (other - one)),
                 Pull(spring.between[1], other, pull * (one - other)),
             ]
-        pins = self._pins(self.machine, [pulls])
+        pins = self._pins(self.machine, pulls)
         for spring, row, length in zip(found.springs, found.kinds, found.lengths):
             ends = np.stack(
                 [plane(self._end(name, point)) for name, point in zip(spring.between, spring.points)], axis=1

@@ -7,10 +7,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from linkage_atlas.arguments import millimetres_in, number, pair
+from linkage_atlas.arguments import check_names, millimetres_in, number, one_of, pair
 from linkage_atlas.formats import FORMATS, OF_PARTS
 from linkage_atlas.solids import SLIDES
-from linkage_atlas.studies import analysed, read_drive
+from linkage_atlas.studies import analysed, read_analysis
 from synthesis.drives.attached import COLOUR, LAYER, Attached
 from synthesis.drives.links import GROUND, Machine, ends_of, machine_at
 from synthesis.drives.six_bar import Motor, SixBar
@@ -55,8 +55,7 @@ def content_of(
     ``parts``: makes the `SolidParts` of a four-bar, with an error where they collide, or (True) nevertheless.
     ``arranged``: plates are those of an assembly, not the links alone. ``more``: further columns of a CSV file.
     """
-    if kind not in FORMATS:
-        raise FieldError("/kind", f"wanted one of {', '.join(FORMATS)}, found {kind!r}")
+    one_of("kind", kind, FORMATS)
     if isinstance(linkage, GuidedLinkage) and kind == "pylinkage":
         raise FieldError("/format", _FOUR_BARS_ONLY[kind])
     attached = drive_on(linkage, target, drive, kind)
@@ -104,7 +103,7 @@ def _analysis_columns(
 ) -> dict[str, Any]:
     if analysis is None:
         return {}
-    asked = read_drive(analysis, isinstance(linkage, GuidedLinkage) or linkage.mounted)
+    asked = read_analysis(analysis, isinstance(linkage, GuidedLinkage) or linkage.mounted)
     columns: dict[str, Any] = analysed(linkage, asked, target.crank, radian).columns()
     return columns
 
@@ -172,7 +171,5 @@ def _attached(given: Mapping[str, Any], machine: Machine) -> Attached:
 
 
 def _sizes(plates: Mapping[str, Any]) -> dict[str, float]:
-    for name in plates:
-        if name not in ("hole", "width"):
-            raise FieldError.no_such("/plates", name, ("hole", "width"), "size")
+    check_names("/plates", plates, ("hole", "width"), "size")
     return {name: number(f"plates/{name}", value) for name, value in plates.items() if value is not None}

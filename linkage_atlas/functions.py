@@ -11,7 +11,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkage_atlas.answers import FINISHING, Ranked, StatusName, StoppedBy, Verdict, verdict_of
-from linkage_atlas.arguments import check_above_zero, check_top, column, kinds_among, number, radians_in
+from linkage_atlas.arguments import (
+    check_above_zero,
+    check_names,
+    check_top,
+    column,
+    kinds_among,
+    number,
+    one_of,
+    radians_in,
+)
 from linkage_atlas.door import (
     CUT_SHORT,
     LOCAL,
@@ -89,9 +98,7 @@ def read_dial(input_unit: str | None, output_unit: str | None, degrees: bool) ->
     def read(name: str, unit: str | None) -> str:
         if unit is None or unit == mine:
             return ANGLE
-        if unit not in UNITS:
-            raise FieldError(f"/{name}", f"wanted one of {', '.join(UNITS)}, found {unit!r}")
-        if unit != LENGTH:
+        if one_of(name, unit, UNITS) != LENGTH:
             raise FieldError(f"/{name}", f"angles of this request are in {mine}: give {mine!r}, or {LENGTH!r}")
         return LENGTH
 
@@ -290,7 +297,7 @@ def own_output(linkage: GuidedLinkage, dial: Dial, travel: Floats) -> Floats:
         return plain.along(1, travel)
     links = plain.links(travel)
     name = plain.link_names[2]
-    direction = next(one.direction for one in links if one.name == name) if name != "block" else links[1].direction
+    direction = next(one.angle for one in links if one.name == name) if name != "block" else links[1].angle
     direction = np.unwrap(direction)
     turns = 2 * np.pi * np.round(direction[0] / (2 * np.pi))
     return (direction - turns) / radians_in(linkage.degrees)
@@ -1073,9 +1080,7 @@ def read_dials(function: Mapping[str, Any], crank_span: float | None, degrees: b
     In place of a name ``of`` may be a callable.
     """
     given = {name: value for name, value in function.items() if value is not None}
-    for name in given:
-        if name not in (*FIELDS, "of"):
-            raise FieldError.no_such("/function", name, FIELDS)
+    check_names("/function", (name for name in given if name != "of"), FIELDS)
     if crank_span is None:
         raise FieldError("/crank_span", "needed for a `function`")
     if "output_span" not in given:
@@ -1136,8 +1141,7 @@ def _table(table: Any) -> tuple[Floats, Floats]:
 
 
 def _sampled(given: Mapping[str, Any], degrees: bool) -> tuple[Floats, Floats, Callable[[Floats], Floats]]:
-    if given.get("name", NAMES[0]) not in NAMES:
-        raise FieldError("/function/name", f"wanted one of {', '.join(NAMES)}, found {given['name']!r}")
+    one_of("function/name", given.get("name", NAMES[0]), NAMES)
     if "x" not in given:
         raise FieldError("/function/x", "needed: [first, last]")
     ends = column("function/x", given["x"])

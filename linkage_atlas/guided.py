@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkage_atlas.any_linkage import AnyLinkage
-from linkage_atlas.arguments import column, number, radians_in
+from linkage_atlas.arguments import column, number, one_of, pair, radians_in
 from linkage_atlas.motions import Motion
 from linkage_atlas.records import plain, plane, xy
-from linkage_atlas.studies import GuidedAnalysis, read_drive
+from linkage_atlas.studies import GuidedAnalysis, read_analysis
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.guided import linkage as guided
@@ -25,7 +25,6 @@ OtherKindName = Literal["slider_crank", "swinging_block", "rail_slot", "two_rail
 KindName = Literal["four_bar", OtherKindName]
 LARGEST = 1e100
 """Of a place or a length that is given."""
-_SORTS = {"circle": Circle, "rail": Rail, "slot": Slot}
 
 
 class CircleGuide(NamedTuple):
@@ -149,9 +148,7 @@ class GuidedLinkage(AnyLinkage):
         if isinstance(guides, (str, Mapping)) or len(guides) != 2:
             raise FieldError("/guides", f"wanted two guides, found {len(guides)}")
         read = [read_guide(f"guides/{place}", one, radian) for place, one in enumerate(guides)]
-        if driver not in get_args(DriverName):
-            raise FieldError("/driver", f"wanted one of {', '.join(get_args(DriverName))}, found {driver!r}")
-        if Driver(driver) not in (known := DRIVERS[type(read[0])]):
+        if Driver(one_of("driver", driver, get_args(DriverName))) not in (known := DRIVERS[type(read[0])]):
             what = type(read[0]).__name__.lower()
             raise FieldError(
                 "/driver", f"the first guide is a {what}, driven by {' or '.join(known)}, found {driver!r}"
@@ -255,8 +252,8 @@ class GuidedLinkage(AnyLinkage):
             Of the drive from its start on. Default: the samples of the motion that it answers (or a whole turn), with the
             `curve` over their interval.
         """
-        drive = read_drive({"crank_speed": speed, "load": load}, True)
-        found: GuidedAnalysis = self._analysed_at(drive, "travel", travel)
+        asked = read_analysis({"crank_speed": speed, "load": load}, True)
+        found: GuidedAnalysis = self._analysed_at(asked, "travel", travel)
         return found
 
     # -- what it becomes ----------------------------------------------------------------------------------------------
@@ -309,15 +306,10 @@ class GuidedLinkage(AnyLinkage):
 def read_guide(field: str, given: Mapping[str, Any] | AnyGuide, radian: float) -> Guide:
     """A checked guide as the numerics have it; ``used`` is not needed."""
     values: Mapping[str, Any] = given if isinstance(given, Mapping) else given._asdict()
-    sort = values.get("guide")
-    if sort not in _SORTS:
-        raise FieldError(f"/{field}/guide", f"wanted one of {', '.join(_SORTS)}, found {sort!r}")
+    sort = one_of(f"{field}/guide", values.get("guide"), ("circle", "rail", "slot"))
 
     def place(name: str) -> complex:
-        found = column(f"{field}/{name}", values.get(name, ()))
-        if found.shape != (2,) or not np.all(np.abs(found) <= LARGEST):
-            raise FieldError(f"/{field}/{name}", "wanted two finite numbers [x, y]")
-        return complex(*found)
+        return pair(f"{field}/{name}", values.get(name, ()), LARGEST)
 
     def amount(name: str) -> float:
         if values.get(name) is None:

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, TypeVar, get_args
 import numpy as np
 
 from linkage_atlas.answers import PROPORTION, AnySolution, finished, finished_guided, merit
-from linkage_atlas.arguments import kinds_among
+from linkage_atlas.arguments import kinds_among, one_of
 from linkage_atlas.assemblies import AskedAssembly, Assembly, assembled
 from linkage_atlas.guided import KindName
 from linkage_atlas.motions import Motion
@@ -96,9 +96,7 @@ def read_kinds(mechanisms: Any, driver: Any, motion: Motion) -> Asked:
     given = ("four_bar",) if mechanisms is None else mechanisms
     given = (given,) if isinstance(given, str) and given != "all" else given
     kinds = tuple(map(Kind, kinds_among(given, MECHANISMS)))
-    if driver is not None and driver not in DRIVERS:
-        raise FieldError("/driver", f"wanted one of {', '.join(DRIVERS)}, found {driver!r}")
-    asked = Asked(kinds, None if driver is None else Driver(driver))
+    asked = Asked(kinds, None if driver is None else Driver(one_of("driver", driver, DRIVERS)))
     _check(asked, motion)
     return asked
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from linkage_atlas.arguments import column, number, radians_in
+from linkage_atlas.arguments import check_names, column, number, radians_in
 from linkage_atlas.motions import Motion
 from synthesis.errors import FieldError
 from synthesis.fourbar import limits as fourbar
@@ -50,7 +50,7 @@ class Limits(dict[str, Any]):
     """
 
     def __init__(self, **limits: Any) -> None:
-        _check_names(limits, LIMITS)
+        check_names("/limits", limits, (*LIMITS, "preset"), "limit")
         super().__init__(limits)
 
 
@@ -87,18 +87,12 @@ def _read(
     default: dict[str, Any],
 ) -> fourbar.Limits:
     given = default | {name: value for name, value in (limits or {}).items() if value is not None}
-    _check_names(given, forms)
+    check_names("/limits", given, (*forms, "preset"), "limit")
     preset = given.pop("preset", preset)
     if preset not in PRESETS:
         raise FieldError("/limits/preset", f"wanted 'practical' or 'none', found {preset!r}")
     given = {name: _value(f"limits/{name}", FORMS[name].kind, value, radian) for name, value in given.items()}
     return fourbar.Limits(**(practical_limits(samples, given) if preset == "practical" else given))
-
-
-def _check_names(given: Mapping[str, Any], forms: Mapping[str, Form]) -> None:
-    for name in given:
-        if name not in (*forms, "preset"):
-            raise FieldError.no_such("/limits", name, (*forms, "preset"), "limit")
 
 
 def _value(field: str, kind: str, value: Any, radian: float) -> Any:
@@ -131,9 +125,7 @@ def _numbers(field: str, values: Any, size: int, form: str) -> list[float]:
 def _lengths(field: str, given: Any) -> tuple[float | None, ...]:
     if not isinstance(given, Mapping):
         raise FieldError(f"/{field}", f"wanted some of {', '.join(LINKS)} with their lengths")
-    for name in given:
-        if name not in LINKS:
-            raise FieldError.no_such(f"/{field}", name, LINKS, "link")
+    check_names(f"/{field}", given, LINKS, "link")
     values = [given.get(name) for name in LINKS]
     return tuple(None if value is None else number(f"{field}/{name}", value) for name, value in zip(LINKS, values))
 

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkage_atlas.any_linkage import AnyLinkage
-from linkage_atlas.arguments import column, number, radians_in
+from linkage_atlas.arguments import column, number, pair, radians_in
 from linkage_atlas.assemblies import Assembly
 from linkage_atlas.guided import GuidedLinkage
 from linkage_atlas.motions import Motion
 from linkage_atlas.records import plain, plane
-from linkage_atlas.studies import Analysis, read_drive
+from linkage_atlas.studies import Analysis, read_analysis
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.fourbar.linkage import Linkage, are_cognates
@@ -150,15 +150,12 @@ class FourBar(AnyLinkage):
                 raise FieldError(f"/{name}", f"wanted a length above 0, found {length}")
         if branch not in (-1, 1):
             raise FieldError("/branch", f"wanted 1 or -1, found {branch}")
-        place = np.asarray(pivot_a, dtype=float)
-        if place.shape != (2,) or not np.all(np.isfinite(place)):
-            raise FieldError("/pivot_a", "wanted two finite numbers [x, y]")
         point = None if coupler_point is None else (float(coupler_point[0]), float(coupler_point[1]) * radian)
         self._linkage = Linkage(
             (float(crank), float(coupler), float(rocker), float(ground)),
             int(branch),
             float(start_angle) * radian,
-            complex(*place),
+            pair("pivot_a", pivot_a, np.inf),
             float(ground_angle) * radian,
             point,
             None if body_offset is None else float(body_offset) * radian,
@@ -302,9 +299,9 @@ class FourBar(AnyLinkage):
         length_unit : {"mm", "cm", "m", "in"}
             The unit of its lengths, which tells the forces of inertia.
         """
-        asked = {"crank_speed": crank_speed, "load": load, "length_unit": length_unit}
-        drive = read_drive(asked, self._linkage.mounted)
-        found: Analysis = self._analysed_at(drive, "crank", crank)
+        given = {"crank_speed": crank_speed, "load": load, "length_unit": length_unit}
+        asked = read_analysis(given, self._linkage.mounted)
+        found: Analysis = self._analysed_at(asked, "crank", crank)
         return found
 
     # -- what it becomes ----------------------------------------------------------------------------------------------

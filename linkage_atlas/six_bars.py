@@ -19,9 +19,9 @@ from linkage_atlas.linkages import FourBar, Joints, given_linkage
 from linkage_atlas.motions import Motion
 from linkage_atlas.records import Record, Values, Vectors, plain, plane, xy
 from linkage_atlas.solids import read_solids
-from linkage_atlas.studies import MOST_LINK_MASSES, Drive, Manufacture, ToleranceStudy, read_load
+from linkage_atlas.studies import MOST_LINK_MASSES, AskedAnalysis, Manufacture, ToleranceStudy, columns_of, read_load
 from synthesis.arrays import Floats
-from synthesis.drives.links import Loading, ends_of
+from synthesis.drives.links import ends_of
 from synthesis.drives.six_bar import MOTOR_CRANK, ROD, SixBar, joints_of
 from synthesis.errors import FieldError
 from synthesis.guided.analysis import Mass
@@ -73,19 +73,8 @@ class SixBarAnalysis(Record):
 
     def columns(self) -> dict[str, Iterable[Any]]:
         """The columns of a table, a row an angle of the motor."""
-        vectors = {"velocity": self.velocity, "acceleration": self.acceleration}
-        vectors |= {f"force_{name}": force for name, force in (self.pin_forces or {}).items()}
-        columns: dict[str, Iterable[Any]] = {
-            f"{name}_{axis}": plain(values[:, k])
-            for name, values in vectors.items()
-            if values is not None
-            for k, axis in enumerate("xy")
-        }
-        for kind in ("angular_velocity", "angular_acceleration"):
-            columns |= {f"{link}_{kind}": plain(values) for link, values in getattr(self, kind).items()}
-        if self.motor_torque is not None:
-            columns["motor_torque"] = plain(self.motor_torque)
-        return columns
+        turning = ("angular_velocity", "angular_acceleration")
+        return columns_of(self, "velocity", "acceleration", "pin_forces", *turning, "motor_torque")
 
 
 class SixBarLinkage(AnyLinkage):
@@ -281,14 +270,15 @@ class SixBarLinkage(AnyLinkage):
         metre = millimetres_in(length_unit) / 1000
         if load is not None:
             links = (*machine.links, "body")
-            force, torque, masses, gravity, parts = read_load(
+            read, parts = read_load(
                 "load", load, links, machine.body is not None, MOST_LINK_MASSES, middles=machine.middles
             )
+            masses = read.masses
             if parts:
                 weights = self.solids(length_unit=length_unit, nevertheless=True).masses
                 masses += tuple(Mass(one.link, one.mass, complex(*one.at), one.inertia) for one in weights)
-            loading = Loading(force, torque, masses, gravity, speed, metre)
-            held = six.held(machine, joints_of(self._base.plain, six.motor, machine), loading)
+            read = read._replace(masses=masses, speed=speed, metre=metre)
+            held = six.held(machine, joints_of(self._base.plain, six.motor, machine), read)
         turning = {name: one for name, one in machine.links.items() if not name.endswith("slider")}
         body = machine.body
         return SixBarAnalysis(
@@ -413,7 +403,7 @@ class SixBarLinkage(AnyLinkage):
         """Refused: tolerances are simulated of the linkage itself."""
         raise FieldError("/linkage", "tolerances are simulated of the linkage itself: `linkage.tolerance_study`")
 
-    def analysed(self, drive: Drive, travel: Floats, over: Interval | None = None) -> Any:
+    def analysed(self, asked: AskedAnalysis, travel: Floats, over: Interval | None = None) -> Any:
         """Refused: see `analysis`, whose speed is the motor's."""
         raise FieldError("/linkage", "of a six-bar see `analysis`, whose speed is the motor's")
 

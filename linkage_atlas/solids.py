@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
-from linkage_atlas.arguments import flag, millimetres_in, number
+from linkage_atlas.arguments import check_names, flag, millimetres_in, number, one_of
 from linkage_atlas.assemblies import ASSEMBLY, Assembly, assembled, read_assembly
 from linkage_atlas.formats import OF_PARTS, kind_of
 from linkage_atlas.records import KEPT, Record
@@ -15,14 +15,12 @@ from synthesis.errors import FieldError
 from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.linkage import GuidedLinkage
 from synthesis.sheet import csv_text
-from synthesis.solids.fits import FITS, Fit
-from synthesis.solids.solid import DENSITIES, Made, Solids, masses_of_links, parts_list, solids_of
+from synthesis.solids.solid import DENSITIES, FITS, Fit, Made, Solids, masses_of_links, parts_list, solids_of
 from synthesis.target import Interval
 from synthesis.work import Work
 
 SOLIDS = ("fit", "material", "pins", "fillet", "scale", "layout", "nevertheless")
 """What may be asked of solids, by the names of the HTTP contract."""
-FIT_NAMES, LAYOUTS = tuple(FITS), ("assembled", "bed")
 MATERIALS = {"H7": ("aluminium", "steel"), "print": ("PLA", "PLA")}
 """Of plates and of pins unless a request says otherwise, by fit."""
 LEAST_MM, LARGEST_MM = 0.01, 1e6
@@ -49,18 +47,13 @@ def read_solids(given: Mapping[str, Any] | None, where: str = "solids/") -> Aske
     given = {} if given is None else given
     if not isinstance(given, Mapping):
         raise FieldError(f"/{where.rstrip('/')}", f"wanted a mapping of {', '.join(SOLIDS)}")
-    for name in given:
-        if name not in SOLIDS:
-            raise FieldError.no_such(f"/{where}".rstrip("/"), name, SOLIDS)
+    check_names(f"/{where}".rstrip("/"), given, SOLIDS)
     values = dict.fromkeys(SOLIDS) | {name: value for name, value in given.items() if value is not None}
 
-    def one_of(name: str, allowed: tuple[str, ...], usual: str | None) -> Any:
-        value = usual if values[name] is None else values[name]
-        if value is not None and value not in allowed:
-            raise FieldError(f"/{where}{name}", f"wanted one of {', '.join(allowed)}, found {value!r}")
-        return value
+    def named(name: str, known: Iterable[str], usual: str | None) -> Any:
+        return usual if values[name] is None else one_of(f"{where}{name}", values[name], known)
 
-    fit = one_of("fit", FIT_NAMES, "H7")
+    fit = named("fit", FITS, "H7")
     fillet = 0.0 if values["fillet"] is None else number(f"{where}fillet", values["fillet"])
     if fillet < 0:
         raise FieldError(f"/{where}fillet", f"wanted a radius of at least 0, found {fillet:g}")
@@ -71,11 +64,11 @@ def read_solids(given: Mapping[str, Any] | None, where: str = "solids/") -> Aske
     plates, pins = MATERIALS[fit]
     return AskedSolids(
         FITS[fit],
-        one_of("material", tuple(DENSITIES), plates),
-        one_of("pins", tuple(DENSITIES), pins),
+        named("material", DENSITIES, plates),
+        named("pins", DENSITIES, pins),
         fillet,
         scale,
-        one_of("layout", LAYOUTS, None),
+        named("layout", ("assembled", "bed"), None),
         nevertheless,
     )
 
@@ -135,8 +128,7 @@ class SolidParts(Record):
 
         3MF lies on the printer's bed unless the layout says "assembled"; STEP stands assembled unless it says "bed".
         """
-        if kind not in (*OF_PARTS, "plates"):
-            raise FieldError("/kind", f"wanted one of {', '.join(OF_PARTS)}, plates, found {kind!r}")
+        one_of("kind", kind, (*OF_PARTS, "plates"))
         solids, parts = self.solids, self.solids.parts
         if kind == "plates":
             from synthesis.solids.plates import parts_to_plates
@@ -180,9 +172,7 @@ def masses_of_parts(linkage: Linkage | GuidedLinkage, used: Interval, length_uni
 
 def split(asked: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
     """Arguments of an assembly, and those of solids."""
-    for name in asked:
-        if name not in ASSEMBLY + SOLIDS:
-            raise FieldError.no_such("", name, ASSEMBLY + SOLIDS)
+    check_names("", asked, ASSEMBLY + SOLIDS)
     return (
         {name: value for name, value in asked.items() if name in ASSEMBLY},
         {name: value for name, value in asked.items() if name in SOLIDS},

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkage_atlas.arguments import (
-    MILLIMETRES,
     bounded,
     check_above_zero,
     column,
@@ -18,6 +17,7 @@ from linkage_atlas.arguments import (
     known_fields,
     millimetres_in,
     number,
+    one_of,
     pair,
     whole_number,
 )
@@ -29,8 +29,8 @@ from synthesis.errors import FieldError
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.tolerance_study import SOURCES, Spread, Study, Tolerances, simulate
 from synthesis.guided import manufacture as of_guides
-from synthesis.guided.analysis import Load, Mass, forces
-from synthesis.guided.linkage import BODY, GuidedLinkage, of_four_bar, on_body
+from synthesis.guided.analysis import Load, Mass, forces, on_links
+from synthesis.guided.linkage import GuidedLinkage, of_four_bar
 from synthesis.target import MAX_LENGTH, MIN_LENGTH, TURN, Interval, Target
 from synthesis.work import Work
 
@@ -69,6 +69,21 @@ class PinForces(NamedTuple):
     """By the ground on the rocker."""
 
 
+def columns_of(record: Any, *names: str) -> dict[str, Iterable[Any]]:
+    """Columns of a table from fields of a record: x and y of vectors, one for each link or joint; none where a field is null."""
+    columns: dict[str, Iterable[Any]] = {}
+    for name in names:
+        value: Any = getattr(record, name)
+        parts = value._asdict() if hasattr(value, "_asdict") else value if isinstance(value, Mapping) else {"": value}
+        for part, values in parts.items() if value is not None else ():
+            called = name if not part else f"force_{part}" if name.endswith("forces") else f"{part}_{name}"
+            if values.ndim == 1:
+                columns[called] = plain(values)
+            else:
+                columns |= {f"{called}_{axis}": plain(values[:, k]) for k, axis in enumerate("xy")}
+    return columns
+
+
 @dataclass(frozen=True)
 class Rates(Record):
     """A value a crank angle; null (in Python NaN) at a dead position, and where the loop does not close."""
@@ -89,20 +104,9 @@ class Rates(Record):
 
     def columns(self) -> dict[str, Iterable[Any]]:
         """The columns of a table, a row a crank angle; None where there is no finite value."""
-        blank = [None] * self.crank_angle.size
-        plane = {"velocity": self.velocity, "acceleration": self.acceleration}
-        columns: dict[str, Iterable[Any]] = {}
-        if self.pin_forces is not None:
-            plane |= {f"force_{name}": force for name, force in self.pin_forces._asdict().items()}
-        for name, values in plane.items():
-            for k, axis in enumerate("xy"):
-                columns[f"{name}_{axis}"] = blank if values is None else plain(values[:, k])
-        for name in ("angular_velocity", "angular_acceleration"):
-            for link, values in getattr(self, name)._asdict().items():
-                columns[f"{link}_{name}"] = plain(values)
-        if self.crank_torque is not None:
-            columns["crank_torque"] = plain(self.crank_torque)
-        return columns
+        told = ("velocity", "acceleration", "pin_forces", "angular_velocity", "angular_acceleration", "crank_torque")
+        blank = {f"{name}_{axis}": [None] * self.crank_angle.size for name in told[:2] for axis in "xy"}
+        return blank | columns_of(self, *told)
 
 
 @dataclass(frozen=True)
@@ -141,18 +145,8 @@ class GuidedRates(Record):
 
     def columns(self) -> dict[str, Iterable[Any]]:
         """The columns of a table, a row a place of the drive; None where there is no finite value."""
-        columns: dict[str, Iterable[Any]] = {}
-        plane = {"velocity": self.velocity, "acceleration": self.acceleration}
-        plane |= {f"force_{name}": force for name, force in (self.guide_forces or {}).items()}
-        for name, values in plane.items():
-            for k, axis in enumerate("xy"):
-                columns[f"{name}_{axis}"] = plain(values[:, k])
-        for kind in ("angular_velocity", "angular_acceleration", "sliding_velocity"):
-            for link, one in getattr(self, kind).items():
-                columns[f"{link}_{kind}"] = plain(one)
-        if self.drive_load is not None:
-            columns["drive_load"] = plain(self.drive_load)
-        return columns
+        turning = ("angular_velocity", "angular_acceleration", "sliding_velocity")
+        return columns_of(self, "velocity", "acceleration", "guide_forces", *turning, "drive_load")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -165,37 +159,24 @@ class GuidedAnalysis(GuidedRates):
     """The same over the used interval."""
 
 
-class Drive(NamedTuple):
-    """What an analysis is asked for: the crank's speed in the user's unit of angle, a load, and masses of the links."""
+class AskedAnalysis(NamedTuple):
+    """What an analysis is asked for: the crank's speed in the user's unit of angle, and a load."""
 
     crank_speed: float
     load: Load | None
-    masses: tuple[Mass, ...] = ()
-    gravity: complex = 0j
     length_unit: str = "mm"
     parts: bool = False
     """Whether the links also weigh what their parts do."""
 
-    def weighed(self, linkage: Linkage | GuidedLinkage, used: Interval) -> Drive:
+    def weighed(self, linkage: Linkage | GuidedLinkage, used: Interval) -> AskedAnalysis:
         """With the masses of the linkage's parts, if those are meant."""
-        if not self.parts:
+        if self.load is None or not self.parts:
             return self
         from linkage_atlas.solids import masses_of_parts
 
         found = masses_of_parts(linkage, used, self.length_unit)
         own = tuple(Mass(one["link"], one["mass"], complex(*one["at"]), one["inertia"]) for one in found)
-        return self._replace(masses=self.masses + own, parts=False)
-
-    def load_on(self, linkage: Linkage | GuidedLinkage) -> Load | None:
-        """The load on a linkage, with masses in the frames of `GuidedLinkage.links`."""
-        if self.load is None:
-            return None
-        found = []
-        for one in self.masses:
-            if one.link == BODY and isinstance(linkage, Linkage):
-                one = one._replace(at=on_body(linkage, one.at))
-            found.append(one._replace(link=BODY) if one.link == "body" else one)
-        return self.load._replace(masses=found, gravity=self.gravity, metre=MILLIMETRES[self.length_unit] / 1000)
+        return self._replace(load=self.load._replace(masses=self.load.masses + own), parts=False)
 
 
 LINKS_WITH_MASS = ("crank", "coupler", "rocker", "body", "slider", "block", "second_slider", "second_block")
@@ -204,24 +185,22 @@ GRAVITY = -9.81j
 """Of masses unless a load says otherwise, m/s^2."""
 
 
-def read_drive(analysis: Mapping[str, Any], mounted: bool) -> Drive:
+def read_analysis(analysis: Mapping[str, Any], mounted: bool) -> AskedAnalysis:
     """A checked request for an analysis: ``crank_speed``, and perhaps ``load`` and ``length_unit``."""
     known_fields("analysis", analysis, ("crank_speed", "load", "length_unit"))
     if analysis.get("crank_speed") is None:
         raise FieldError("/analysis/crank_speed", "needed: how fast the crank turns")
     speed = bounded("analysis/crank_speed", analysis["crank_speed"])
     unit = analysis.get("length_unit", "mm")
-    millimetres_in(unit, "analysis/")
-    load = analysis.get("load")
-    if load is None:
-        return Drive(speed, None)
-    force, torque, masses, gravity, parts = read_load(
-        "analysis/load", load, LINKS_WITH_MASS, mounted, MOST_LINK_MASSES
-    )
-    if any(one.mass == 0 for one in masses):
-        place = [one.mass for one in masses].index(0)
-        raise FieldError(f"/analysis/load/masses/{place}/mass", "wanted a mass above 0, found 0")
-    return Drive(speed, Load(force, torque), masses, gravity, unit, parts)
+    metre = millimetres_in(unit, "analysis/") / 1000
+    given = analysis.get("load")
+    if given is None:
+        return AskedAnalysis(speed, None)
+    load, parts = read_load("analysis/load", given, LINKS_WITH_MASS, mounted, MOST_LINK_MASSES)
+    for place, one in enumerate(load.masses):
+        if one.mass == 0:
+            raise FieldError(f"/analysis/load/masses/{place}/mass", "wanted a mass above 0, found 0")
+    return AskedAnalysis(speed, load._replace(metre=metre), unit, parts)
 
 
 def read_load(
@@ -233,8 +212,8 @@ def read_load(
     *also: str,
     link: str | None = None,
     middles: Mapping[str, complex] | None = None,
-) -> tuple[complex, float, tuple[Mass, ...], complex, bool]:
-    """A checked load: force and torque on the body, at most so many masses of ``links``, gravity, and whether parts weigh too.
+) -> tuple[Load, bool]:
+    """A checked load with at most so many masses of ``links``, and whether parts weigh too.
 
     ``mounted``: whether there is a body point. ``also``: names of further fields, which are read elsewhere. ``link``: of a mass
     that names none. ``middles``: where those masses are, by link, that have no place; default: where the link's frame begins.
@@ -253,16 +232,14 @@ def read_load(
     read = tuple(
         _mass(f"{field}/masses/{k}", mass, links, mounted, link, middles or {}) for k, mass in enumerate(masses)
     )
-    return force, torque, read, gravity, flag(f"{field}/parts", given.get("parts"))
+    return Load(force, torque, read, gravity), flag(f"{field}/parts", given.get("parts"))
 
 
 def _mass(
     field: str, given: Any, links: Sequence[str], mounted: bool, default: str | None, middles: Mapping[str, complex]
 ) -> Mass:
     known_fields(field, given, ("link", "mass", "at", "inertia"))
-    link: Any = default if given.get("link") is None else given["link"]
-    if link not in links:
-        raise FieldError(f"/{field}/link", f"wanted one of {', '.join(links)}, found {link!r}")
+    link: Any = one_of(f"{field}/link", default if given.get("link") is None else given["link"], links)
     if link == "body" and not mounted:
         raise FieldError(
             f"/{field}/link", "without `position` there is no body point that the body's frame begins in"
@@ -279,13 +256,17 @@ def _mass(
 
 
 def analysed(
-    linkage: Linkage | GuidedLinkage, drive: Drive, travel: Floats, radian: float, over: Interval | None = None
+    linkage: Linkage | GuidedLinkage,
+    asked: AskedAnalysis,
+    travel: Floats,
+    radian: float,
+    over: Interval | None = None,
 ) -> Any:
     """An `Analysis` or `GuidedAnalysis` at travel (n,) of the drive from the first sample, and over an interval."""
-    drive = drive.weighed(linkage, over or Interval(float(travel.min()), float(travel.max())))
+    asked = asked.weighed(linkage, over or Interval(float(travel.min()), float(travel.max())))
     record: tuple[Any, Any] = (Analysis, Rates) if isinstance(linkage, Linkage) else (GuidedAnalysis, GuidedRates)
-    curve = None if over is None else record[1](**_rates(linkage, drive, curve_over(linkage, over), radian))
-    return record[0](**_rates(linkage, drive, travel, radian), crank_speed=drive.crank_speed, curve=curve)
+    curve = None if over is None else record[1](**_rates(linkage, asked, curve_over(linkage, over), radian))
+    return record[0](**_rates(linkage, asked, travel, radian), crank_speed=asked.crank_speed, curve=curve)
 
 
 def curve_over(linkage: Linkage | GuidedLinkage, over: Interval) -> Floats:
@@ -294,17 +275,19 @@ def curve_over(linkage: Linkage | GuidedLinkage, over: Interval) -> Floats:
     return over.by_degrees() if turns else np.linspace(*over, STEPS + 1)
 
 
-def _rates(linkage: Linkage | GuidedLinkage, drive: Drive, travel: Floats, radian: float) -> dict[str, Any]:
+def _rates(linkage: Linkage | GuidedLinkage, asked: AskedAnalysis, travel: Floats, radian: float) -> dict[str, Any]:
     guided = of_four_bar(linkage) if isinstance(linkage, Linkage) else linkage
-    turns, load = guided.driver.turns, drive.load_on(linkage)
-    speed = drive.crank_speed * (radian if turns else 1.0)
+    turns = guided.driver.turns
+    speed = asked.crank_speed * (radian if turns else 1.0)
     first, body, other = guided.links(travel)
-    held = None if load is None else forces(guided, travel, load, speed)
+    held = None
+    if asked.load is not None:
+        held = forces(guided, travel, on_links(asked.load._replace(speed=speed), linkage))
     found = guided.body(guided.start + travel)
     values: dict[str, Any] = {
         "crank_angle": travel / radian if turns else None,
-        "velocity": plane(body.place_rate * speed),
-        "acceleration": plane(body.place_second * speed**2),
+        "velocity": plane(body.velocity * speed),
+        "acceleration": plane(body.acceleration * speed**2),
         "transmission_angle": found.transmission_angle / radian,
     }
     if isinstance(linkage, Linkage):
@@ -314,8 +297,8 @@ def _rates(linkage: Linkage | GuidedLinkage, drive: Drive, travel: Floats, radia
             values
             | bare
             | {
-                "angular_velocity": OfLinks(*(one.direction_rate * speed / radian for one in (body, other))),
-                "angular_acceleration": OfLinks(*(one.direction_second * speed**2 / radian for one in (body, other))),
+                "angular_velocity": OfLinks(*(one.rate * speed / radian for one in (body, other))),
+                "angular_acceleration": OfLinks(*(one.rate_change * speed**2 / radian for one in (body, other))),
                 "crank_torque": None if held is None else held.drive,
                 "pin_forces": None if pins is None else PinForces(*map(plane, pins)),
             }
@@ -329,8 +312,8 @@ def _rates(linkage: Linkage | GuidedLinkage, drive: Drive, travel: Floats, radia
     on_body = None if held is None else {first.name: plane(held.driven), other.name: plane(held.other)}
     return values | {
         "travel": None if turns else travel,
-        "angular_velocity": {link.name: link.direction_rate * speed / radian for link in turning},
-        "angular_acceleration": {link.name: link.direction_second * speed**2 / radian for link in turning},
+        "angular_velocity": {link.name: link.rate * speed / radian for link in turning},
+        "angular_acceleration": {link.name: link.rate_change * speed**2 / radian for link in turning},
         "sliding_velocity": sliding,
         "arm": found.arm,
         "drive_load": None if held is None else held.drive,
@@ -568,8 +551,7 @@ class Studies(NamedTuple):
     lengths_from: tuple[float, ...] | None = None
     """Stock lengths for the links."""
     sensitivity: bool = False
-    drive: Drive | None = None
-    """Of an analysis."""
+    analysis: AskedAnalysis | None = None
     manufacture: Manufacture | None = None
     """Of a tolerance study."""
     drives: Mapping[str, Any] | None = None
@@ -599,7 +581,7 @@ def read_studies(given: Mapping[str, Any], motion: Motion) -> Studies:
         values["round_to"],
         _lengths(values["lengths_from"]),
         bool(values["sensitivity"]),
-        None if values["analysis"] is None else read_drive(values["analysis"], positions),
+        None if values["analysis"] is None else read_analysis(values["analysis"], positions),
         None if values["tolerance_study"] is None else read_manufacture(values["tolerance_study"]),
         _drives(values),
         None if values["assembly"] is None else read_assembly(values["assembly"]),

@@ -1,4 +1,4 @@
-"""In which layers plates lie so that nothing collides: a small search over layers and over how the fixed pins are held.
+"""In which layers plates lie so that nothing collides, by a small search over layers and over how fixed pins are held; and parts.
 
 Layers are numbered from 1; board 0 lies below them, board N + 1 above. What is asked of an arrangement:
 
@@ -8,6 +8,10 @@ Layers are numbered from 1; board 0 lies below them, board N + 1 above. What is 
    keep clear of it;
 4. so do two pins in a layer where neither has a plate of its own, or where one slides in a slit of the plate of both;
 5. a head fills one layer more at each free end of a pin, and lies in no board: only with heads may a layer be empty.
+
+The parts of an arrangement (plates, pins, posts, heads, boards) are flat outlines between two heights, each on one body. The z
+axis rises with the layers; layer 1 begins at z = 0. An outline is a `Shape` in the frame of the body that carries it. Where that
+frame is at a crank angle, `Movement.bodies` says: ``origin + direction * z``, from `Machine.origin` in the user's plane.
 """
 
 from __future__ import annotations
@@ -16,21 +20,28 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from itertools import combinations, product
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from synthesis.assembly.gaps import Carried, Gaps, Least, Proof, Run
-from synthesis.assembly.machine import WHOLE, Machine
-from synthesis.assembly.shapes import disc
+from synthesis.assembly.machine import WHOLE, Hole, Machine, Pin, Slit
+from synthesis.assembly.movement import GROUND
+from synthesis.assembly.shapes import Shape, disc, hull
 from synthesis.errors import FieldError
+from synthesis.mechanism import Box
 from synthesis.target import TURN, Interval
 from synthesis.work import Work
 
+ENVELOPE = "envelope"
 BOARDS = ("below", "above", "both", "bar")
 HEAD = 1.8
 """Diameter of a head, in diameters of its pin."""
 BELOW, ABOVE, BOTH = "below", "above", "below+above"
 MOST_LOOKED, MOST_BLOCKED = 40_000, 4_000
 """Arrangements that are looked at for free ones, and for the best of those that are not: a few seconds."""
+THICKNESS = 0.5
+"""The default thickness of a plate, in diameters of its holes."""
+WASHER = 0.2
+"""The default thickness of the washers between two layers, in thicknesses of a plate."""
 _LEVEL = 1e-9
 """Of the size: least gaps nearer than this are alike."""
 
@@ -577,3 +588,129 @@ class _Longest(_Bound):
     def lets_pass(self, mask: int) -> bool:
         """More collisions leave shorter parts."""
         return self.masks.longest(mask)[0] > self.most
+
+
+# -- an envelope, and boxes that are kept free -------------------------------------------------------------------------
+
+
+def outside(machine: Machine, envelope: Box | None, keep_out: Sequence[Box], work: Work) -> list[Collision]:
+    """Where plates leave the envelope, or enter a box; boxes in the user's plane, named envelope, keep_out 1, keep_out 2, ...
+
+    To 1e-5 of the machine's size. Law: with plates of no width these are the places where the lines of the links do so.
+    """
+    if envelope is None and not keep_out:
+        return []
+    walls: list[tuple[str, Shape]] = [
+        (f"keep_out {number}", _wall(box, machine)) for number, box in enumerate(keep_out, 1)
+    ]
+    if envelope is not None:
+        left, low, right, high = envelope
+        # farther than any plate is from the ground's origin, or the envelope
+        far = 4 * (machine.size + max(abs(end) for end in envelope) + abs(machine.origin) + machine.width)
+        far += 4 * sum(plate.shape.reach for plate in machine.plates)
+        sides = (
+            (left - far, low - far, left, high + far),
+            (right, low - far, right + far, high + far),
+            (left - far, low - far, right + far, low),
+            (left - far, high, right + far, high + far),
+        )
+        walls += [(ENVELOPE, _wall(side, machine)) for side in sides]
+    shapes = [Carried(plate.body, plate.shape) for plate in machine.plates]
+    plates = len(shapes)
+    shapes += [Carried(GROUND, shape) for _, shape in walls]
+    pairs = [(k, plates + n) for k in range(plates) for n in range(len(walls))]
+    gaps = Gaps(machine.movement, shapes, pairs, machine.clearance, machine.size, rough=True)
+    proofs = gaps.prove(machine.used, work)
+    found = [
+        Collision((walls[n - plates][0], machine.plates[k].name), *run)
+        for (k, n), proof in zip(pairs, proofs)
+        for run in proof.hits
+    ]
+    return sorted(found, key=lambda one: (one.first, one.last, one.pair))
+
+
+def _wall(box: Box, machine: Machine) -> Shape:
+    """A box in the ground's frame; walls need no clearance, which is therefore taken off."""
+    left, low, right, high = box
+    corners = complex(left, low), complex(right, low), complex(right, high), complex(left, high)
+    return Shape(tuple(z - machine.origin for z in corners), -machine.clearance)
+
+
+# -- parts -------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of one thickness.
+
+    ``name``: of a plate its own (crank, coupler, rocker, body, bar); pin_D, post_P, head_D_below, board_below. ``body``: number
+    of the body that carries it, in `Movement.names`; a pin goes with the first body that it belongs to. ``holes``: of plates and
+    boards, with the pin that each is for; their diameter is that of the machine's holes, and so is the width of ``slits``.
+    ``layers``: the lowest and the highest that it fills, 0 the board below. ``z``: its lower and upper face.
+    """
+
+    name: str
+    kind: Literal["plate", "pin", "post", "head", "board"]
+    body: int
+    shape: Shape
+    holes: tuple[Hole, ...]
+    layers: tuple[int, int]
+    z: tuple[float, float]
+    slits: tuple[Slit, ...] = ()
+
+
+class Heights(NamedTuple):
+    """Thickness of the plates, and of the washers that keep two layers apart; both in the unit of the lengths."""
+
+    thickness: float
+    washer: float
+
+    @classmethod
+    def of(cls, machine: Machine, thickness: float | None = None, washer: float | None = None) -> Heights:
+        """With the defaults for what is not given."""
+        thick = THICKNESS * machine.hole if thickness is None else thickness
+        return cls(thick, WASHER * thick if washer is None else washer)
+
+    def z(self, low: int, high: int) -> tuple[float, float]:
+        """The faces of what fills layers ``low`` to ``high``."""
+        step = self.thickness + self.washer
+        return (low - 1) * step, (high - 1) * step + self.thickness
+
+
+def parts_of(machine: Machine, stack: Stack, heights: Heights) -> list[Part]:
+    """The parts of a stack: plates, then pins and posts, heads and boards.
+
+    Law: no two parts that fill a common layer and do not touch by design (a plate and its own pin) come nearer than the
+    clearance, where the stack is free.
+    """
+    found = [
+        Part(one.name, "plate", one.body, one.shape, one.holes, (layer, layer), heights.z(layer, layer), one.slits)
+        for one in machine.plates
+        for layer in (stack.layers[one.name],)
+    ]
+    pins = {pin.name: pin for pin in machine.pins}
+    for name, (low, high) in stack.pins.items():
+        pin, kind = pins[name], "post" if pins[name].post else "pin"
+        found.append(_round(f"{kind}_{name}", kind, pin, pin.radius, low, high, heights))  # type: ignore[arg-type]
+    for name, end, layer in stack.heads:
+        found.append(
+            _round(f"head_{name}_{end}", "head", pins[name], HEAD * pins[name].radius, layer, layer, heights)
+        )
+    grounded = [pin for pin in machine.pins if pin.grounded]
+    outline = Shape(hull([pin.places[0].at for pin in grounded]), machine.width / 2)
+    for name, layer in (("below", 0), ("above", stack.count + 1)):
+        holes = tuple(
+            Hole(pin.places[0].at, pin.name) for pin in grounded if name in stack.mounts.get(pin.name, "").split("+")
+        )
+        if holes:
+            found.append(
+                Part(f"board_{name}", "board", GROUND, outline, holes, (layer, layer), heights.z(layer, layer))
+            )
+    return found
+
+
+def _round(
+    name: str, kind: Literal["pin", "post", "head"], pin: Pin, radius: float, low: int, high: int, heights: Heights
+) -> Part:
+    body, at = pin.places[0]
+    return Part(name, kind, body, disc(at, radius), (), (low, high), heights.z(low, high))

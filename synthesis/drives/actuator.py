@@ -10,6 +10,11 @@ alpha at the first position, and one unknown is left. On any other link q follow
 end of the motion, in the link's frame. So the search is over G, a plane, in four families: extending or retracting, and two
 intersections. A grid that is a product of matrices finds where to begin; a descent on the largest u with ``arm >= u |torque|``
 at every position ends at the optimum.
+
+A knee locks a linkage at one end of its way. Its strut of two links u + v between G and q is placed like an actuator; it is
+straight just before that end and there, on a stop, bent the other way by the over-centre angle delta, with the length
+``(u + v) sqrt(1 - 4 k (1 - k) sin^2(delta / 2))``, k = u / (u + v). A load that pushes the strut together then presses it onto
+the stop. The linkage goes beyond its end by a little while the knee passes the line.
 """
 
 from __future__ import annotations
@@ -22,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.arrays import Complexes, Flags, Floats, Ints
-from synthesis.drives.links import LinkMotion
+from synthesis.guided.linkage import LinkMotion
 from synthesis.one_variable import closer_looks
 from synthesis.work import Work
 
@@ -836,3 +841,66 @@ def _within(pivot: complex, radius: float, box: Box, angles: Floats) -> float:
         if run > longest:
             longest, middle = run, 2 * (begin + k) - run + 1
     return float(step * middle / 2)
+
+
+# -- a knee -----------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Knee:
+    """A strut of two links in its place, at the n positions of the way."""
+
+    placement: Placement
+    handle: float
+    """Length of the link at O."""
+    strut: float
+    """Length of the link at the pin."""
+    knee: Complexes
+    """Where both meet, (n,); at the locked end beyond the line."""
+    overshoot: float
+    """By how much the drive's parameter goes beyond its end while the knee passes the line, to first order."""
+    handle_torque: Floats
+    """What a handle on the link at O must give, (n,), counter-clockwise; at the locked end what the stop bears."""
+    holds: bool
+    """Whether the load presses it onto its stop."""
+
+
+def locked(
+    link: LinkMotion,
+    at: Floats,
+    torque: Floats,
+    wanted: Wanted,
+    last: bool,
+    over_centre: float,
+    share: float,
+    work: Work,
+) -> Knee | Refused:
+    """The knee with the least force along it that locks the last position, or the first."""
+    question = Question(link, at, torque, wanted._replace(extends=last))
+    size = question.size
+    found = question.best_of_sizes(Sizes(Actuator(size, size), True, True), work)
+    if isinstance(found, Refused):
+        return found
+    end = -1 if last else 0
+    length = found.length
+    whole = float(length[end] / np.sqrt(1 - 4 * share * (1 - share) * np.sin(over_centre / 2) ** 2))
+    handle, strut = share * whole, (1 - share) * whole
+    v = link.place(found.pin) - found.ground
+    near = np.maximum((strut - (handle - length)) * (strut + (handle - length)), 0.0)
+    far = np.maximum((handle + length - strut) * (handle + length + strut), 0.0)
+    angle = 2 * np.arctan2(np.sqrt(near), np.sqrt(far))
+    angle[end] = -angle[end]
+    knee = found.ground + handle * v / length * np.exp(1j * angle)
+    rod = (link.place(found.pin) - knee) / strut
+    with np.errstate(divide="ignore", invalid="ignore"):
+        force = torque / np.real(np.conj(rod) * link.speed(found.pin))
+        turned = force * np.real(np.conj(rod) * 1j * (knee - found.ground))
+    return Knee(
+        found,
+        handle,
+        strut,
+        knee,
+        float((whole - length[end]) / abs(found.arm[end])),
+        turned,
+        bool(found.force[end] > 0),
+    )

@@ -13,6 +13,7 @@ from synthesis.arrays import Complexes
 from synthesis.drives.links import GROUND, Machine
 from synthesis.drives.six_bar import SixBar
 from synthesis.errors import FieldError
+from synthesis.fourbar.files import xy0
 from synthesis.sheet import Extra, Sheet
 from synthesis.target import TURN
 
@@ -146,7 +147,7 @@ class Attached:
             return self._with_knee(model, metre, complex(ground[0]))
         model = self._with_site(model, self.link, "drive_pin", self.pin, metre)
         if self.on == GROUND:
-            site = f'    <site name="drive_ground" pos="{_place(self.ground * metre)}"/>\n  </worldbody>'
+            site = f'    <site name="drive_ground" pos="{xy0(self.ground * metre)}"/>\n  </worldbody>'
             model = model.replace("  </worldbody>", site)
         else:
             point = self.machine.links[self.on].point_at(self.ground)
@@ -186,7 +187,7 @@ class Attached:
             )
 
         bodies = (
-            f'    <body name="motor" pos="{_place(ground * metre)}" euler="0 0 {turned!r}">\n'
+            f'    <body name="motor" pos="{xy0(ground * metre)}" euler="0 0 {turned!r}">\n'
             f'      <joint name="motor"/>\n      {part(first)}\n'
             f'      <body name="rod" pos="{first!r} 0 0" euler="0 0 {rod!r}">\n        <joint name="rod"/>\n'
             f'        {part(second)}\n        <site name="drive_rod" pos="{second!r} 0 0"/>\n      </body>\n    </body>\n'
@@ -204,9 +205,5 @@ class Attached:
 
     def _with_site(self, model: str, body: str, name: str, point: complex, metre: float) -> str:
         self._need(model, body)
-        site = f'\n      <site name="{name}" pos="{_place(point * metre)}"/>'
+        site = f'\n      <site name="{name}" pos="{xy0(point * metre)}"/>'
         return re.sub(rf'<body name="{body}"[^>]*>', lambda found: found.group() + site, model, count=1)
-
-
-def _place(z: complex) -> str:
-    return f"{z.real!r} {z.imag!r} 0"

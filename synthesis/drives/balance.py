@@ -18,8 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from synthesis.arrays import Complexes, Floats
-from synthesis.drives.links import GROUND, Loading, Machine
+from synthesis.drives.links import GROUND, Machine
 from synthesis.fourbar.linkage import Linkage
+from synthesis.guided.analysis import Load
 from synthesis.guided.linkage import Circle, GuidedLinkage, Rail
 
 _NONE = 1e-12
@@ -63,7 +64,7 @@ class Potential:
         return self.w2 * three / two
 
 
-def potential_of(linkage: Linkage, load: Loading) -> Potential:
+def potential_of(linkage: Linkage, load: Load) -> Potential:
     """The potential of a load's masses and of its force; a torque has none that springs balance in every position."""
     one, two, three, _ = linkage.links
     w1 = w2 = 0j
@@ -149,7 +150,7 @@ def one_spring(potential: Potential, between: tuple[str, str]) -> Spring | float
     return np.inf
 
 
-# -- a body on guides -------------------------------------------------------------------------------------------------
+# -- pendulums -------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -180,8 +181,13 @@ class _Pendulum:
         return Spring(self.between, (complex(end), self.joint + self.arm), float(rate))
 
 
-def _pendulums(linkage: GuidedLinkage, machine: Machine) -> list[_Pendulum]:
-    """A link on each circle, and one of those that turn with the body: a block, or else the body on a slider."""
+def _pendulums(linkage: GuidedLinkage | None, machine: Machine) -> list[_Pendulum]:
+    """A link on each circle, and one of those that turn with the body: a block, or else the body on a slider. Or on a hinge."""
+    if linkage is None:
+        arm, links = machine.extent / 2, machine.links.values()
+        return [
+            _Pendulum((GROUND, one.name), one.origin[0], 1 + 0j, 0j, arm, one.direction, one.rate) for one in links
+        ]
     first, body, second = linkage.link_names
     found, turning = [], []
     for guide, name in zip(linkage.guides, (first, second)):
@@ -201,10 +207,12 @@ def _pendulums(linkage: GuidedLinkage, machine: Machine) -> list[_Pendulum]:
     return found + turning[:1]
 
 
-def springs_on_guides(
-    linkage: GuidedLinkage, machine: Machine, torque: Floats, stiffness: float | None = None
+def springs_on_pendulums(
+    linkage: GuidedLinkage | None, machine: Machine, torque: Floats, stiffness: float | None = None
 ) -> list[Spring] | None:
-    """Springs that balance what a load asks of the drive of a linkage on guides, (n,); None where no such springs do.
+    """Springs that balance what a load asks, (n,), of the drive of a linkage on guides; None where no such springs do.
+
+    ``linkage``: None for a link on a hinge.
 
     The parts of the potential are read off the torque: where the pendulums carry all of it nothing is left.
     """

@@ -21,8 +21,8 @@ import numpy as np
 
 from synthesis.arrays import Complexes, Flags, Floats
 from synthesis.drives.actuator import Box, Question, Wanted
-from synthesis.drives.links import LinkMotion
 from synthesis.fourbar.kinematics import grashof_excesses, transmission_angle_over
+from synthesis.guided.linkage import LinkMotion
 from synthesis.target import TURN, Interval
 from synthesis.work import Work
 

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
 
 import numpy as np
 
-from synthesis.arrays import Complexes, Floats, Ints, dot
+from synthesis.arrays import Floats, dot
 from synthesis.fourbar.linkage import Linkage
-from synthesis.guided.analysis import Mass
-from synthesis.guided.linkage import Circle, GuidedLinkage, MovingLink, Slot, of_four_bar
+from synthesis.guided.analysis import Load
+from synthesis.guided.linkage import Circle, GuidedLinkage, LinkMotion, of_four_bar
 from synthesis.one_variable import closer_looks
 from synthesis.target import Interval
 
@@ -24,85 +23,6 @@ SAMPLES = 61
 _TOPS, _LOOKS = 3, (9, 9, 9, 9)
 """Peaks that are looked at between places, and how often, at how many nodes."""
 GROUND = "ground"
-
-
-@dataclass(frozen=True)
-class LinkMotion:
-    """How one link moves: its frame's origin X and direction R (of modulus 1), (n,) each, and their derivatives.
-
-    A point q of the link, in its frame, lies at X + R q. Law: `velocity` and `rate` are the derivatives of X and of R's angle.
-    """
-
-    name: str
-    origin: Complexes
-    direction: Complexes
-    velocity: Complexes
-    rate: Floats
-    acceleration: Complexes
-    rate_change: Floats
-    pivot: complex | None = None
-    """Where it is pinned to what it is seen from, if it is: then the origin of its frame too."""
-
-    def place(self, point: complex) -> Complexes:
-        """Where a point of the link goes, (n,)."""
-        return self.origin + self.direction * point
-
-    def speed(self, point: complex) -> Complexes:
-        """Its derivative by the drive, (n,)."""
-        return self.velocity + 1j * self.rate * self.direction * point
-
-    def change(self, point: complex) -> Complexes:
-        """Its second derivative by the drive, (n,)."""
-        return self.acceleration + (1j * self.rate_change - self.rate**2) * self.direction * point
-
-    def point_at(self, place: complex, sample: int = 0) -> complex:
-        """The point of the link that lies at a place of the plane at one sample."""
-        return complex(np.conj(self.direction[sample]) * (place - self.origin[sample]))
-
-    def at(self, samples: Ints) -> LinkMotion:
-        """The motion at some of the values only."""
-        names = ("origin", "direction", "velocity", "rate", "acceleration", "rate_change")
-        return replace(self, **{name: getattr(self, name)[samples] for name in names})
-
-    def swing(self) -> float:
-        """By how much it turns from the first value to the last, in radians."""
-        turned = np.unwrap(np.angle(self.direction))
-        return float(turned[-1] - turned[0])
-
-    def seen_from(self, other: LinkMotion) -> LinkMotion:
-        """The motion as an observer on another link has it, whose frame lies as the world does at the first sample."""
-        level = other.direction * np.conj(other.direction[0])
-        back, rate, change = np.conj(level), other.rate, other.rate_change
-        reach, speed = self.origin - other.origin, self.velocity - other.velocity
-        velocity = back * (speed - 1j * rate * reach)
-        acceleration = back * (
-            self.acceleration - other.acceleration - 2j * rate * speed - (1j * change + rate**2) * reach
-        )
-        return replace(
-            self,
-            origin=other.origin[0] + back * reach,
-            direction=back * self.direction,
-            velocity=velocity,
-            rate=self.rate - rate,
-            acceleration=acceleration,
-            rate_change=self.rate_change - change,
-            pivot=None,
-        )
-
-
-class Loading(NamedTuple):
-    """What acts on the body and on the links; directions are those of the plane and do not turn.
-
-    The force acts at the body point. With ``speed``, the drive's constant rate, masses resist their acceleration too.
-    """
-
-    force: complex = 0j
-    torque: float = 0.0
-    masses: tuple[Mass, ...] = ()
-    gravity: complex = 0j
-    speed: float = 0.0
-    metre: float = 1.0
-    """Force of a unit of mass that gains a unit of length a second every second: 0.001 for kg, mm and N."""
 
 
 @dataclass(frozen=True)
@@ -140,7 +60,7 @@ class Machine:
             return self.body
         return self.links[name]
 
-    def torque(self, load: Loading) -> Floats:
+    def torque(self, load: Load) -> Floats:
         """What the drive must give, (n,): force times length per radian of the parameter.
 
         Law: minus the power of the load per unit of the parameter's rate, inertia counted as a load.
@@ -194,49 +114,29 @@ def machine_at(linkage: Linkage | GuidedLinkage, at: Floats) -> Machine:
     return _four_bar(linkage, at) if isinstance(linkage, Linkage) else _guided(linkage, at)
 
 
-def _moving(one: MovingLink, pivot: complex | None) -> LinkMotion:
-    """A link as a drive meets it."""
-    turned = np.exp(1j * one.direction)
-    return LinkMotion(
-        one.name,
-        one.place,
-        turned,
-        one.place_rate,
-        one.direction_rate,
-        one.place_second,
-        one.direction_second,
-        pivot,
-    )
-
-
 def _four_bar(linkage: Linkage, at: Floats) -> Machine:
     guided = of_four_bar(linkage)
-    first, carried, other = guided.links(at)
+    crank, body, rocker = guided.links(at)
     one, two, three, _ = linkage.links
-    body = _moving(carried._replace(name="body"), None)
     pin = guided.guides[0].body_point
     coupler = replace(
         body,
-        name="coupler",
         origin=body.place(pin),
-        direction=body.direction * np.exp(-1j * (linkage.body_offset or 0.0)),
+        angle=body.angle - (linkage.body_offset or 0.0),
         velocity=body.speed(pin),
         acceleration=body.change(pin),
     )
-    links = {"crank": _moving(first, complex(linkage.pivot_a)), "coupler": coupler}
-    links["rocker"] = _moving(other, linkage.pivot_b)
+    links = {"crank": crank, "coupler": coupler, "rocker": rocker}
     arm = abs(linkage.arm) if linkage.mounted else 0.0
     reaches = {"crank": one, "coupler": max(two, arm), "rocker": three}
     middles = {"crank": one / 2 + 0j, "coupler": two / 2 + 0j, "rocker": three / 2 + 0j}
     extent = float(max(*linkage.links, arm))
-    return Machine(at, links, body if linkage.mounted else None, "crank", extent, reaches, middles)
+    carried = replace(body, name="body") if linkage.mounted else None
+    return Machine(at, links, carried, "crank", extent, reaches, middles)
 
 
 def _guided(linkage: GuidedLinkage, at: Floats) -> Machine:
-    links = {}
-    for guide, one in zip((linkage.guides[0], None, linkage.guides[1]), linkage.links(at)):
-        pivot = guide.pivot if isinstance(guide, Circle) else guide.pin if isinstance(guide, Slot) else None
-        links[one.name] = _moving(one, pivot)
+    links = {one.name: one for one in linkage.links(at)}
     way = float(max(np.ptp(one.origin.real) + np.ptp(one.origin.imag) for one in links.values()))
     sizes = [guide.radius for guide in linkage.guides if isinstance(guide, Circle)]
     arms = [abs(guide.body_point) for guide in linkage.guides]
@@ -250,23 +150,9 @@ def _guided(linkage: GuidedLinkage, at: Floats) -> Machine:
     return Machine(at, links, body, linkage.driver.value, extent, reaches, middles)
 
 
-def hinged(pivot: complex, start: float, swing: float, length: float, samples: int = SAMPLES) -> Machine:
-    """A link that swings about a fixed pivot, at even steps; see `hinged_at`."""
-    return hinged_at(pivot, start, length, np.linspace(0.0, swing, samples))
-
-
 def hinged_at(pivot: complex, start: float, length: float, at: Floats) -> Machine:
     """A link on a hinge that is the body itself, its body point at its end: a flap, a wiper, a boom; at angles (n,)."""
-    direction = np.exp(1j * (start + at))
-    ones, still = np.ones(at.size), np.zeros(at.size, dtype=complex)
-    rocker = LinkMotion("rocker", pivot + still, direction, still, ones, still, 0 * ones, pivot)
-    end = LinkMotion(
-        "body",
-        rocker.place(length + 0j),
-        direction,
-        rocker.speed(length + 0j),
-        ones,
-        rocker.change(length + 0j),
-        0 * ones,
-    )
-    return Machine(at, {"rocker": rocker}, end, "rocker", length, {"rocker": length}, {"rocker": length / 2 + 0j})
+    ones, still, end = np.ones(at.size), np.zeros(at.size, dtype=complex), complex(length)
+    rocker = LinkMotion("rocker", pivot + still, start + at, still, ones, still, 0 * ones, pivot)
+    body = LinkMotion("body", rocker.place(end), start + at, rocker.speed(end), ones, rocker.change(end), 0 * ones)
+    return Machine(at, {"rocker": rocker}, body, "rocker", length, {"rocker": length}, {"rocker": end / 2})

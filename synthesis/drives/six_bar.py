@@ -21,10 +21,11 @@ import numpy as np
 
 from synthesis.arrays import Complexes, Floats, cross, dot
 from synthesis.drives.dyad import Driven, driven
-from synthesis.drives.links import GROUND, LinkMotion, Loading, Machine, machine_at
+from synthesis.drives.links import GROUND, Machine, machine_at
 from synthesis.errors import FieldError
 from synthesis.fourbar.linkage import Linkage
-from synthesis.guided.linkage import Circle, GuidedLinkage, Rail
+from synthesis.guided.analysis import Load
+from synthesis.guided.linkage import Circle, GuidedLinkage, LinkMotion, Rail
 from synthesis.target import TURN, Interval
 
 MOTOR_CRANK, ROD = "motor_crank", "rod"
@@ -241,11 +242,11 @@ class SixBar:
         ones, still = np.ones(turned.size), np.zeros(turned.size, dtype=complex)
         links = {name: _by(one, rate, change) for name, one in plain.links.items()}
         links[MOTOR_CRANK] = LinkMotion(
-            MOTOR_CRANK, motor.at + still, arm / motor.crank, still, ones, still, 0 * ones, motor.at
+            MOTOR_CRANK, motor.at + still, self.start + turned, still, ones, still, 0 * ones, motor.at
         )
-        length = np.abs(off)
+        square = np.abs(off) ** 2
         links[ROD] = LinkMotion(
-            ROD, knee, off / length, 1j * arm, cross(off, slip) / length**2, -arm, cross(off, gain) / length**2
+            ROD, knee, np.angle(off), 1j * arm, cross(off, slip) / square, -arm, cross(off, gain) / square
         )
         return replace(
             plain,
@@ -266,7 +267,7 @@ class SixBar:
 
     # -- what holds it ------------------------------------------------------------------------------------------------
 
-    def held(self, machine: Machine, joints: list[Joint], load: Loading) -> Held:
+    def held(self, machine: Machine, joints: list[Joint], load: Load) -> Held:
         """The motor's torque and the forces in all joints, from the equilibrium of every link, masses and inertia included.
 
         ``machine``: of this motor. ``load.speed``: of the motor, constant. Law: the torque is `Machine.torque`, by virtual work.

@@ -15,7 +15,8 @@ import numpy as np
 from synthesis.arrays import Complexes, Floats
 from synthesis.drives.actuator import Box, forms_of
 from synthesis.drives.balance import Spring
-from synthesis.drives.links import GROUND, LinkMotion, Machine
+from synthesis.drives.links import GROUND, Machine
+from synthesis.guided.linkage import LinkMotion
 from synthesis.work import Work
 
 _GRID, _DIRECTIONS, _RADII = 12, 12, np.array([0.3, 0.6, 0.95])

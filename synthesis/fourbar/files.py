@@ -265,21 +265,18 @@ def to_mjcf(
         else:
             # about the axis of a hinge; in the plane no other counts
             one = masses[name]
-            mass, centre, inertia = one.mass, place(one.centre * metre), one.inertia * metre**2
+            mass, centre, inertia = one.mass, xy0(one.centre * metre), one.inertia * metre**2
         return (
             f'<inertial pos="{centre}" mass="{mass!r}" diaginertia="{inertia!r} {inertia!r} {inertia!r}"/>'
             f'<geom name="{name}_rod" type="capsule" fromto="0 0 0 {length!r} 0 0" size="{thick / 2!r}" rgba="{colour}"/>'
         )
 
-    def place(z: complex) -> str:
-        return f"{z.real!r} {z.imag!r} 0"
-
     point = ""
     if linkage.coupler_point is not None:
         radius, angle = linkage.coupler_point
         local = complex(radius * metre * np.exp(1j * angle))
-        point = f'\n        <site name="body_point" pos="{place(local)}" size="{thick!r}" rgba="0.06 0.46 0.43 1"/>'
-        point += f'\n        <geom name="body" type="capsule" fromto="0 0 0 {place(local)}" size="{thick / 3!r}"/>'
+        point = f'\n        <site name="body_point" pos="{xy0(local)}" size="{thick!r}" rgba="0.06 0.46 0.43 1"/>'
+        point += f'\n        <geom name="body" type="capsule" fromto="0 0 0 {xy0(local)}" size="{thick / 3!r}"/>'
     way = SPEED if not target.clockwise else -SPEED
     # The drive gains its speed within tenths of a second: a harder start would pull the loop's constraint apart.
     gain = longest**2 / 0.2 * (1.0 if masses is None else sum(one.mass for one in masses.values()))
@@ -297,8 +294,8 @@ def to_mjcf(
        masses are {"those of slender rods" if masses is None else "kilograms of its parts"}""",
         'rgba="0.15 0.39 0.92 1"',
         longest,
-        f"""<geom name="ground" type="capsule" fromto="{place(at_a)} {place(at_b)}" size="{thick / 4!r}" rgba="0.5 0.5 0.5 1"/>
-    <body name="crank" pos="{place(at_a)}" euler="0 0 {angle1!r}">
+        f"""<geom name="ground" type="capsule" fromto="{xy0(at_a)} {xy0(at_b)}" size="{thick / 4!r}" rgba="0.5 0.5 0.5 1"/>
+    <body name="crank" pos="{xy0(at_a)}" euler="0 0 {angle1!r}">
       <joint name="crank"/>
       {rod("crank", crank, "0.76 0.25 0.05 1")}
       <body name="coupler" pos="{crank!r} 0 0" euler="0 0 {angle2 - angle1!r}">
@@ -307,7 +304,7 @@ def to_mjcf(
         <site name="loop_coupler" pos="{coupler!r} 0 0" {site}/>{point}
       </body>
     </body>
-    <body name="rocker" pos="{place(at_b)}" euler="0 0 {angle3!r}">
+    <body name="rocker" pos="{xy0(at_b)}" euler="0 0 {angle3!r}">
       <joint name="rocker"/>
       {rod("rocker", rocker, "0.11 0.15 0.2 1")}
       <site name="loop_rocker" pos="{rocker!r} 0 0" {site}/>
@@ -317,6 +314,11 @@ def to_mjcf(
         gain,
         f'ctrl="{way!r}"{moving}',
     )
+
+
+def xy0(z: complex) -> str:
+    """A place of the plane in a MuJoCo model."""
+    return f"{float(z.real)!r} {float(z.imag)!r} 0"
 
 
 def model_text(

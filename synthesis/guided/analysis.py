@@ -14,7 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from synthesis.arrays import Complexes, Floats, cross, dot
-from synthesis.guided.linkage import BODY, Circle, Driver, GuidedLinkage, MovingLink, Rail, Slot
+from synthesis.fourbar.linkage import Linkage
+from synthesis.guided.linkage import BODY, Circle, Driver, GuidedLinkage, LinkMotion, Rail, Slot, on_body
 
 
 class Mass(NamedTuple):
@@ -32,11 +33,22 @@ class Load(NamedTuple):
     force: complex = 0j
     """At the body's place."""
     torque: float = 0.0
-    masses: Sequence[Mass] = ()
+    masses: tuple[Mass, ...] = ()
     gravity: complex = 0j
     """Force of a unit of mass."""
+    speed: float = 0.0
+    """Of the drive, constant: masses resist their acceleration too."""
     metre: float = 1.0
     """Force of a unit of mass that gains a unit of length a second every second: 0.001 for kg, mm and N."""
+
+
+class Pull(NamedTuple):
+    """What acts on a link besides: a force (n,) at places (n,) of the plane, and a couple."""
+
+    link: str
+    place: Complexes
+    force: Complexes
+    couple: Floats | float = 0.0
 
 
 class Forces(NamedTuple):
@@ -54,10 +66,21 @@ class Forces(NamedTuple):
     """By the ground on the other guide's link."""
 
 
-def forces(linkage: GuidedLinkage, travel: Floats, load: Load, speed: float = 0.0) -> Forces:
-    """What holds a load on the body, position by position, while the drive moves.
+def on_links(load: Load, linkage: Linkage | GuidedLinkage) -> Load:
+    """A load of masses on ``body`` and links, those of a four-bar's coupler from the crank pin along it, as `forces` takes it."""
 
-    ``travel`` (n,): of the drive from the first sample. ``speed``: of the drive, constant; without masses it does not count.
+    def on_link(mass: Mass) -> Mass:
+        if mass.link == BODY and isinstance(linkage, Linkage):
+            return mass._replace(at=on_body(linkage, mass.at))
+        return mass._replace(link=BODY) if mass.link == "body" else mass
+
+    return load._replace(masses=tuple(map(on_link, load.masses)))
+
+
+def forces(linkage: GuidedLinkage, travel: Floats, load: Load, pulls: Sequence[Pull] = ()) -> Forces:
+    """What holds a load on the body, and pulls on any link, position by position, while the drive moves.
+
+    ``travel`` (n,): of the drive from the first sample. Masses are on links of `GuidedLinkage.link_names`, in their frames.
 
     NaN at a dead position, where no finite force holds the load, and where the loop does not close.
     """
@@ -65,14 +88,14 @@ def forces(linkage: GuidedLinkage, travel: Floats, load: Load, speed: float = 0.
     found = linkage.body(linkage.start + travel)
     body = links[1]
     driven, other = linkage.guides
-    turned = np.exp(1j * body.direction)
+    turned = body.direction
     with np.errstate(all="ignore"):
-        acting = {link.name: _acting(link, load, speed) for link in links}
+        acting = {link.name: _acting(link, load, pulls) for link in links}
         on_body, about_place = acting[BODY]
         on_body = on_body + load.force
         about_place = about_place + load.torque
         # where the other guide pushes, which way, and what its link's own mass adds
-        at = other.pin + 0j * turned if isinstance(other, Slot) else body.place + turned * other.body_point
+        at = other.pin + 0j * turned if isinstance(other, Slot) else body.place(other.body_point)
         extra, couple = 0j * turned, np.zeros(turned.shape)
         own, turning = acting[links[2].name]
         if isinstance(other, Circle):
@@ -97,10 +120,10 @@ def forces(linkage: GuidedLinkage, travel: Floats, load: Load, speed: float = 0.
             by_other = size * push + extra
             by_driven = -by_other - on_body
             pin = driven.pin + 0j * turned
-            held = cross(at - pin, by_other) + couple + cross(body.place - pin, on_body) + about_place + turning
+            held = cross(at - pin, by_other) + couple + cross(body.origin - pin, on_body) + about_place + turning
             return held_by(-held, by_driven, by_other)
-        pin = driven.pin + 0j * turned if isinstance(driven, Slot) else body.place + turned * driven.body_point
-        moment = cross(at - pin, extra) + couple + cross(body.place - pin, on_body) + about_place
+        pin = driven.pin + 0j * turned if isinstance(driven, Slot) else body.place(driven.body_point)
+        moment = cross(at - pin, extra) + couple + cross(body.origin - pin, on_body) + about_place
         if isinstance(driven, Slot):
             moment = moment + turning
         size = -moment / _clear(np.copysign(found.arm, found.sine))
@@ -116,18 +139,19 @@ def forces(linkage: GuidedLinkage, travel: Floats, load: Load, speed: float = 0.
         return held_by(drive, by_driven, by_other)
 
 
-def _acting(link: MovingLink, load: Load, speed: float) -> tuple[Complexes, Floats]:
-    """Weight and inertia of a link, against its acceleration (d'Alembert): the force, and its moment about the link's place."""
-    force, moment = 0j * link.place, np.zeros(link.direction.shape)
-    for one in load.masses:
-        if one.link != link.name:
-            continue
-        arm = one.at * np.exp(1j * link.direction)
-        spin = link.direction_second * speed**2
-        gain = link.place_second * speed**2 + (1j * spin - (link.direction_rate * speed) ** 2) * arm
-        own = one.mass * (load.gravity - load.metre * gain)
-        force = force + own
-        moment = moment + cross(arm, own) - load.metre * one.inertia * spin
+def _acting(link: LinkMotion, load: Load, pulls: Sequence[Pull]) -> tuple[Complexes, Floats]:
+    """Weight, inertia against its acceleration (d'Alembert) and pulls of a link: the force, and its moment about its origin."""
+    force, moment = 0j * link.origin, np.zeros(link.angle.shape)
+    for mass in load.masses:
+        if mass.link == link.name:
+            inertial = mass.mass * (load.gravity - load.metre * load.speed**2 * link.change(mass.at))
+            force = force + inertial
+            moment = moment + cross(link.direction * mass.at, inertial)
+            moment = moment - load.metre * load.speed**2 * mass.inertia * link.rate_change
+    for pull in pulls:
+        if pull.link == link.name:
+            force = force + pull.force
+            moment = moment + cross(pull.place - link.origin, pull.force) + pull.couple
     return force, moment
 
 

@@ -25,9 +25,10 @@ from synthesis.fourbar.files import (
     places,
     requested_poses,
     requested_positions,
+    xy0,
 )
 from synthesis.fourbar.linkage import LinkMass
-from synthesis.guided.linkage import BODY, Circle, Driver, GuidedLinkage, MovingLink, Rail, Slot
+from synthesis.guided.linkage import BODY, Circle, Driver, GuidedLinkage, LinkMotion, Rail, Slot
 from synthesis.sheet import Extra, More, Sheet, csv_text, dxf_document
 from synthesis.target import Interval, Target
 
@@ -48,9 +49,9 @@ _OWN_STYLE = (
 class _Shown(NamedTuple):
     """A linkage as it is drawn, over the used interval."""
 
-    links: tuple[MovingLink, ...]
+    links: tuple[LinkMotion, ...]
     """Over the interval."""
-    body: MovingLink
+    body: LinkMotion
     """At the first sample."""
     pins: list[complex]
     """Of each guide: its body point, or its fixed pin in a slot, at the first sample."""
@@ -61,11 +62,11 @@ class _Shown(NamedTuple):
     size: float
 
 
-def _pin_of(linkage: GuidedLinkage, place: int, body: MovingLink) -> Complexes:
+def _pin_of(linkage: GuidedLinkage, place: int, body: LinkMotion) -> Complexes:
     guide = linkage.guides[place]
     if isinstance(guide, Slot):
-        return np.full(body.place.shape, guide.pin)
-    return body.place + np.exp(1j * body.direction) * guide.body_point
+        return np.full(body.origin.shape, guide.pin)
+    return body.place(guide.body_point)
 
 
 def shown(linkage: GuidedLinkage, interval: Interval) -> _Shown:
@@ -79,7 +80,7 @@ def shown(linkage: GuidedLinkage, interval: Interval) -> _Shown:
             raise FieldError(
                 f"/solution/guides/{place}", f"lies more than {FARTHEST:.0e} of its lengths from the origin: move it"
             )
-    closed = np.isfinite(body.direction)
+    closed = np.isfinite(body.angle)
     if not closed.all() or not linkage.closes_over(interval.after(linkage.start)):
         at = travel[int(np.argmin(closed))]
         where = f"{np.rad2deg(at):.6g} degrees" if linkage.driver.turns else f"{at:.6g}"
@@ -87,7 +88,7 @@ def shown(linkage: GuidedLinkage, interval: Interval) -> _Shown:
     now = linkage.links(np.zeros(1))[1]
     points = [_pin_of(linkage, place, body) for place in (0, 1)]
     rails: list[Complexes | None] = []
-    spread = np.concatenate([*points, body.place])
+    spread = np.concatenate([*points, body.origin])
     size = max(float(np.ptp(spread.real)), float(np.ptp(spread.imag)))
     for place, guide in enumerate(linkage.guides):
         if isinstance(guide, Circle):
@@ -98,8 +99,8 @@ def shown(linkage: GuidedLinkage, interval: Interval) -> _Shown:
         if isinstance(guide, Rail):
             rails.append(guide.point + ends * np.exp(1j * guide.direction))
         else:
-            along = np.exp(1j * (now.direction[0] + guide.body_direction))
-            rails.append(now.place[0] + np.exp(1j * now.direction[0]) * guide.body_point + ends * along)
+            along = np.exp(1j * (now.angle[0] + guide.body_direction))
+            rails.append(now.place(guide.body_point)[0] + ends * along)
     pins = [complex(_pin_of(linkage, place, now)[0]) for place in (0, 1)]
     return _Shown(links, now, pins, points, rails, size)
 
@@ -113,13 +114,13 @@ def _outline(linkage: GuidedLinkage, found: _Shown) -> Complexes:
             corners.append(complex(ends.mean()))
         else:
             corners.append(found.pins[place])
-    return np.array([*corners, complex(found.body.place[0])])
+    return np.array([*corners, complex(found.body.origin[0])])
 
 
 def to_svg(linkage: GuidedLinkage, target: Target, extra: Extra | None = None) -> str:
     """A drawing at the first sample, y up, with rails, slots, and the names of the joints."""
     found = shown(linkage, target.interval)
-    body, path, marks = found.body, found.links[1].place, requested_positions(target)
+    body, path, marks = found.body, found.links[1].origin, requested_positions(target)
     seen = [*found.points, path, marks, *(one for one in found.rails if one is not None)]
     seen += [np.array([one.pivot]) for one in linkage.guides if isinstance(one, Circle)]
     seen += [] if extra is None else [extra.points]
@@ -147,13 +148,13 @@ def to_svg(linkage: GuidedLinkage, target: Target, extra: Extra | None = None) -
             dots.append(sheet.dot(at, 8, 'class="pin"'))
             labels.append(sheet.label(at, pin))
         else:
-            links += [block(at, float(body.direction[0]) + guide.body_direction), sheet.line(ends, "slot")]
+            links += [block(at, float(body.angle[0]) + guide.body_direction), sheet.line(ends, "slot")]
             dots.append(sheet.dot(at, 11, 'class="pivot"'))
             labels.append(sheet.label(at, name))
     curves = sheet.line(path, "path") + "".join(sheet.dot(mark, 5, 'class="pose"') for mark in marks)
-    labels.append(sheet.label(body.place[0], "P"))
+    labels.append(sheet.label(body.origin[0], "P"))
     words = linkage.kind.replace("_", " ")
-    dots.append(sheet.dot(body.place[0], 7, 'class="point"'))
+    dots.append(sheet.dot(body.origin[0], 7, 'class="point"'))
     return sheet.text(
         f"{words}, driven by a {linkage.driver}",
         [
@@ -184,7 +185,7 @@ def to_csv(
     own = unit if linkage.driver.turns else 1.0
     columns: dict[str, Any] = {
         "crank_angle" if linkage.driver.turns else "travel": target.crank / own,
-        **motion_columns(target, unit, body.direction, body.place),
+        **motion_columns(target, unit, body.angle, body.origin),
         "transmission_angle": found.transmission_angle / unit,
         "arm": found.arm,
     }
@@ -192,7 +193,7 @@ def to_csv(
         link = links[0] if place == 0 else links[2]
         at = _pin_of(linkage, place, body)
         if not isinstance(guide, Rail):
-            columns[f"{link.name}_direction"] = link.direction / unit
+            columns[f"{link.name}_direction"] = link.angle / unit
         if not isinstance(guide, Circle):
             columns[f"{link.name}_travel"] = linkage.along(place, target.crank)
         if not isinstance(guide, Slot):
@@ -208,7 +209,7 @@ def _block(found: _Shown, at: complex, direction: float) -> Complexes:
 
 
 def _check_size(found: _Shown, unit_mm: float) -> None:
-    largest = max(float(np.max(np.abs(one))) for one in (*found.points, found.links[1].place))
+    largest = max(float(np.max(np.abs(one))) for one in (*found.points, found.links[1].origin))
     check_size(found.size, largest, unit_mm)
 
 
@@ -250,19 +251,11 @@ def to_dxf(linkage: GuidedLinkage, target: Target, unit_mm: float = 1.0, more: M
             space.add_circle(xy(at), 0.012 * size, dxfattribs={"layer": "LINKS"})
         else:
             space.add_circle(xy(at), 0.02 * size, dxfattribs={"layer": "GROUND"})
-            block(at, float(body.direction[0]) + guide.body_direction)
+            block(at, float(body.angle[0]) + guide.body_direction)
             space.add_line(xy(ends[0]), xy(ends[1]), dxfattribs={"layer": "BODY"})
-    corners, way = _outline(linkage, found), found.links[1].place
-    poses = requested_poses(target, linkage.links(target.crank)[1].direction)
+    corners, way = _outline(linkage, found), found.links[1].origin
+    poses = requested_poses(target, linkage.links(target.crank)[1].angle)
     return dxf_with_motion(document, xy, size, unit_mm, corners, way, poses, more)
-
-
-def _number(value: float) -> str:
-    return repr(float(value))
-
-
-def _place(z: complex) -> str:
-    return f"{float(z.real)!r} {float(z.imag)!r} 0"
 
 
 def to_mjcf(
@@ -289,7 +282,7 @@ def to_mjcf(
     names = linkage.link_names
     body, rates = links[1], {link.name: link for link in links}
     at = [one * metre for one in found.pins]
-    gamma = float(body.direction[0])
+    gamma = float(body.angle[0])
     origin = at[0]  # of the coupler's frame: the pin about which it turns, or along whose slot it slides
 
     def local(z: complex) -> complex:
@@ -300,7 +293,7 @@ def to_mjcf(
         if abs(end - begin) < 1e-6 * size:
             return ""
         return (
-            f'<geom name="{name}" type="capsule" fromto="{_place(begin)} {_place(end)}" size="{thick / 2!r}" '
+            f'<geom name="{name}" type="capsule" fromto="{xy0(begin)} {xy0(end)}" size="{thick / 2!r}" '
             f'rgba="{colour}"/>'
         )
 
@@ -318,76 +311,68 @@ def to_mjcf(
             one = masses[name]
             mass, inertia, centre = one.mass, one.inertia * metre**2, one.centre * metre
             if name == BODY:  # whose frame here begins at the pin
-                centre = local((complex(body.place[0]) + np.exp(1j * gamma) * one.centre) * metre)
-        return f'<inertial pos="{_place(centre)}" mass="{mass!r}" diaginertia="{inertia!r} {inertia!r} {inertia!r}"/>'
+                centre = local((complex(body.origin[0]) + np.exp(1j * gamma) * one.centre) * metre)
+        return f'<inertial pos="{xy0(centre)}" mass="{mass!r}" diaginertia="{inertia!r} {inertia!r} {inertia!r}"/>'
 
     def guide_body(place: int, inner: str) -> tuple[str, list[float]]:
         """The link of a guide, with what it carries, and the speeds of its joints at a unit speed of the drive."""
         guide, name = linkage.guides[place], names[0] if place == 0 else names[2]
         link = rates[name]
         if isinstance(guide, Circle):
-            pivot, direction = guide.pivot * metre, float(link.direction[0])
+            pivot, direction = guide.pivot * metre, float(link.angle[0])
             long = guide.radius * metre
             colour = "0.76 0.25 0.05 1" if place == 0 else "0.11 0.15 0.2 1"
             text = (
-                f'<body name="{name}" pos="{_place(pivot)}" euler="0 0 {direction!r}">\n      <joint name="{name}"/>\n      '
+                f'<body name="{name}" pos="{xy0(pivot)}" euler="0 0 {direction!r}">\n      <joint name="{name}"/>\n      '
                 f"{inertial(name, complex(long / 2), long)}{rod(f'{name}_rod', 0j, complex(long), colour)}\n      {inner}\n"
                 "    </body>"
             )
-            return text, [float(link.direction_rate[0])]
+            return text, [float(link.rate[0])]
         if isinstance(guide, Rail):
-            axis = _place(complex(np.exp(1j * guide.direction)))
+            axis = xy0(complex(np.exp(1j * guide.direction)))
             text = (
-                f'<body name="{name}" pos="{_place(at[place])}">\n      <joint name="{name}" type="slide" axis="{axis}"/>\n      '
+                f'<body name="{name}" pos="{xy0(at[place])}">\n      <joint name="{name}" type="slide" axis="{axis}"/>\n      '
                 f"{inertial(name, 0j, _SLIDER * size)}{box(name, guide.direction)}\n      {inner}\n    </body>"
             )
-            along = np.real(np.exp(-1j * guide.direction) * link.place_rate[0]) * (
-                metre if linkage.driver.turns else 1
-            )
+            along = np.real(np.exp(-1j * guide.direction) * link.velocity[0]) * (metre if linkage.driver.turns else 1)
             return text, [float(along)]
-        direction = float(link.direction[0])
+        direction = float(link.angle[0])
         text = (
-            f'<body name="{name}" pos="{_place(at[place])}" euler="0 0 {direction!r}">\n      <joint name="{name}"/>\n      '
+            f'<body name="{name}" pos="{xy0(at[place])}" euler="0 0 {direction!r}">\n      <joint name="{name}"/>\n      '
             f"{inertial(name, 0j, _SLIDER * size)}{box(name, 0.0)}\n      {inner}\n    </body>"
         )
-        return text, [float(link.direction_rate[0])]
-
-    def per_unit(value: float) -> float:
-        """A rate by the drive's coordinate in metres or radians, of a length in metres."""
-        return value * metre if linkage.driver.turns else value
+        return text, [float(link.rate[0])]
 
     def slot_rate(place: int) -> float:
-        step = float(linkage.along_rate(place, np.zeros(1))[0])
-        return per_unit(step)
+        """Metres by the drive's coordinate in radians or metres."""
+        return float(linkage.along_rate(place, np.zeros(1))[0]) * (metre if linkage.driver.turns else 1.0)
 
     # the coupler, carried by the driven link
     driven, other = linkage.guides
-    point = complex(body.place[0]) * metre
+    point = complex(body.origin[0]) * metre
     parts = [rod("coupler_rod", local(origin), local(at[1]), "0.15 0.39 0.92 1")]
     parts.append(rod("body", local(origin), local(point), "0.15 0.39 0.92 0.6"))
     for place, ends in enumerate(found.rails):
         if ends is not None and isinstance(linkage.guides[place], Slot):
             low, high = (local(complex(end) * metre) for end in ends)
             parts.append(rod(f"slot_{place + 1}", low, high, "0.15 0.39 0.92 1"))
-    parts.append(f'<site name="body_point" pos="{_place(local(point))}" size="{thick!r}" rgba="0.06 0.46 0.43 1"/>')
-    parts.append(f'<site name="loop_coupler" pos="{_place(local(at[1]))}" size="{thick / 2!r}"/>')
+    parts.append(f'<site name="body_point" pos="{xy0(local(point))}" size="{thick!r}" rgba="0.06 0.46 0.43 1"/>')
+    parts.append(f'<site name="loop_coupler" pos="{xy0(local(at[1]))}" size="{thick / 2!r}"/>')
     parts.append(inertial(BODY, (local(at[1]) + local(point)) / 2, size / 2))
     inner_pieces = "\n        ".join(part for part in parts if part)
     carrier = links[0]
-    turned = float(carrier.direction[0]) if not isinstance(driven, Rail) else 0.0
+    turned = float(carrier.angle[0]) if not isinstance(driven, Rail) else 0.0
     if isinstance(driven, Slot):
         # it slides in its block, against the slot's direction
-        axis = _place(complex(-np.exp(1j * driven.body_direction)))
+        axis = xy0(complex(-np.exp(1j * driven.body_direction)))
         joint, speed = f'<joint name="coupler" type="slide" axis="{axis}"/>', slot_rate(0)
         where = 0j
     else:
         joint = '<joint name="coupler"/>'
-        speed = float(body.direction_rate[0]) - (
-            float(carrier.direction_rate[0]) if isinstance(driven, Circle) else 0
-        )
+        speed = float(body.rate[0]) - (float(carrier.rate[0]) if isinstance(driven, Circle) else 0)
         where = complex(driven.radius * metre) if isinstance(driven, Circle) else 0j
     coupler = (
-        f'<body name="{BODY}" pos="{_place(where)}" euler="0 0 {gamma - turned!r}">\n        '
+        f'<body name="{BODY}" pos="{xy0(where)}" euler="0 0 {gamma - turned!r}">\n        '
         f"{joint}\n        {inner_pieces}\n      </body>"
     )
     first, speeds = guide_body(0, coupler)
@@ -396,14 +381,14 @@ def to_mjcf(
     if isinstance(other, Slot):
         slide = (
             '<body name="slide">\n        <joint name="slide" type="slide" axis="-1 0 0"/>\n        '
-            f"{inertial('slide', 0j, _SLIDER * size)}\n        {end.format(_place(0j))}\n      </body>"
+            f"{inertial('slide', 0j, _SLIDER * size)}\n        {end.format(xy0(0j))}\n      </body>"
         )
         second, more = guide_body(1, slide)
         more.append(slot_rate(1))
         loop = f'<weld name="loop" body1="slide" body2="{BODY}" {SOLVER}/>'
     else:
         inside = complex(other.radius * metre) if isinstance(other, Circle) else 0j
-        second, more = guide_body(1, end.format(_place(inside)))
+        second, more = guide_body(1, end.format(xy0(inside)))
         loop = f'<connect name="loop" site1="loop_coupler" site2="loop_other" {SOLVER}/>'
     speeds += more
     forward = target.crank[-1] >= 0
@@ -414,7 +399,7 @@ def to_mjcf(
     way = pace if forward else -pace
     moving = ""
     if np.all(np.isfinite(speeds)):
-        moving = f' qvel="{" ".join(_number(way * value) for value in speeds)}"'
+        moving = f' qvel="{" ".join(repr(float(way * value)) for value in speeds)}"'
     unit = "radians" if linkage.driver.turns else "metres"
     return model_text(
         f"{linkage.kind.replace('_', ' ')}, {linkage.driver}",
@@ -432,8 +417,8 @@ def to_mjcf(
 
 def _rails(found: _Shown, linkage: GuidedLinkage, metre: float, thick: float) -> str:
     rails = [
-        f'<geom name="rail_{place + 1}" type="capsule" fromto="{_place(complex(ends[0]) * metre)} '
-        f'{_place(complex(ends[1]) * metre)}" size="{thick / 4!r}" rgba="0.5 0.5 0.5 1"/>'
+        f'<geom name="rail_{place + 1}" type="capsule" fromto="{xy0(complex(ends[0]) * metre)} '
+        f'{xy0(complex(ends[1]) * metre)}" size="{thick / 4!r}" rgba="0.5 0.5 0.5 1"/>'
         for place, ends in enumerate(found.rails)
         if ends is not None and isinstance(linkage.guides[place], Rail)
     ]

@@ -35,7 +35,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from synthesis.arrays import Complexes, Floats, cross, dot
+from synthesis.arrays import Complexes, Floats, Ints, cross, dot
 from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.vectors import Condition, Round, Still, Straight, Vector, places_within
 from synthesis.target import TURN, Interval
@@ -138,19 +138,75 @@ class BodyRates(NamedTuple):
     rotation_second: Floats
 
 
-class MovingLink(NamedTuple):
-    """A link as a frame in the plane over n coordinates of the drive: a point z of it lies at ``place + z e^{i direction}``.
+@dataclass(frozen=True)
+class LinkMotion:
+    """How a link moves over n places of a drive: its frame's origin X and angle (radians), and their derivatives by the drive.
 
-    Rates are derivatives by the drive's coordinate, NaN at a dead position.
+    A point q of the link, in its frame, lies at ``X + q e^{i angle}``. Derivatives are NaN at a dead position.
+
+    Law: `velocity` and `rate` are what difference quotients of origin and angle tend to, and so on.
     """
 
     name: str
-    place: Complexes
-    direction: Floats
-    place_rate: Complexes
-    direction_rate: Floats
-    place_second: Complexes
-    direction_second: Floats
+    origin: Complexes
+    angle: Floats
+    velocity: Complexes
+    rate: Floats
+    acceleration: Complexes
+    rate_change: Floats
+    pivot: complex | None = None
+    """Where it is pinned to what it is seen from, if it is: then the origin of its frame too."""
+
+    @cached_property
+    def direction(self) -> Complexes:
+        """Of its frame, of modulus 1, (n,)."""
+        return np.exp(1j * self.angle)
+
+    def place(self, point: complex) -> Complexes:
+        """Where a point of the link goes, (n,)."""
+        return self.origin + self.direction * point
+
+    def speed(self, point: complex) -> Complexes:
+        """Its derivative by the drive, (n,)."""
+        return self.velocity + 1j * self.rate * self.direction * point
+
+    def change(self, point: complex) -> Complexes:
+        """Its second derivative by the drive, (n,)."""
+        return self.acceleration + (1j * self.rate_change - self.rate**2) * self.direction * point
+
+    def point_at(self, place: complex, sample: int = 0) -> complex:
+        """The point of the link that lies at a place of the plane at one sample."""
+        return complex(np.conj(self.direction[sample]) * (place - self.origin[sample]))
+
+    def at(self, samples: Ints) -> LinkMotion:
+        """The motion at some of the values only."""
+        names = ("origin", "angle", "velocity", "rate", "acceleration", "rate_change")
+        return replace(self, **{name: getattr(self, name)[samples] for name in names})
+
+    def swing(self) -> float:
+        """By how much it turns from the first value to the last, in radians."""
+        turned = np.unwrap(self.angle)
+        return float(turned[-1] - turned[0])
+
+    def seen_from(self, other: LinkMotion) -> LinkMotion:
+        """The motion as an observer on another link has it, whose frame lies as the world does at the first sample."""
+        level = other.angle - other.angle[0]
+        back, rate, change = np.exp(-1j * level), other.rate, other.rate_change
+        reach, speed = self.origin - other.origin, self.velocity - other.velocity
+        velocity = back * (speed - 1j * rate * reach)
+        acceleration = back * (
+            self.acceleration - other.acceleration - 2j * rate * speed - (1j * change + rate**2) * reach
+        )
+        return replace(
+            self,
+            origin=other.origin[0] + back * reach,
+            angle=self.angle - level,
+            velocity=velocity,
+            rate=self.rate - rate,
+            acceleration=acceleration,
+            rate_change=self.rate_change - change,
+            pivot=None,
+        )
 
 
 class _Triangle(NamedTuple):
@@ -544,7 +600,7 @@ class GuidedLinkage:
         known = np.isfinite(sine)
         return BodyRates(velocity, np.where(known, one, np.nan), change, np.where(known, none, np.nan))
 
-    def links(self, travel: ArrayLike) -> tuple[MovingLink, ...]:
+    def links(self, travel: ArrayLike) -> tuple[LinkMotion, ...]:
         """The moving links, named as in `link_names`, over travel (n,) of the drive from the first sample.
 
         * A crank or rocker: from its pivot towards its body point.
@@ -556,7 +612,7 @@ class GuidedLinkage:
         """
         q = self.start + np.atleast_1d(np.asarray(travel, dtype=float))
         found, rates = self.body(q), self.rates(q)
-        body = MovingLink(
+        body = LinkMotion(
             BODY,
             found.position,
             found.rotation,
@@ -569,34 +625,26 @@ class GuidedLinkage:
         with np.errstate(invalid="ignore", over="ignore"):
             return self._link(0, names[0], q, body), body, self._link(1, names[2], q, body)
 
-    def _link(self, place: int, name: str, q: Floats, body: MovingLink) -> MovingLink:
+    def _link(self, place: int, name: str, q: Floats, body: LinkMotion) -> LinkMotion:
         """The link of one of the guides."""
         guide = self.guides[place]
-        closed = np.where(np.isfinite(body.direction), 1.0, np.nan)
+        closed = np.where(np.isfinite(body.angle), 1.0, np.nan)
+        still = 0j * closed
         if isinstance(guide, Slot):
-            return MovingLink(
-                name,
-                guide.pin * closed,
-                body.direction + guide.body_direction,
-                0j * closed,
-                body.direction_rate,
-                0j * closed,
-                body.direction_second,
-            )
-        arm = np.exp(1j * body.direction) * guide.body_point
-        point = body.place + arm
-        velocity = body.place_rate + 1j * body.direction_rate * arm
-        change = body.place_second + (1j * body.direction_second - body.direction_rate**2) * arm
+            angle = body.angle + guide.body_direction
+            return LinkMotion(name, guide.pin * closed, angle, still, body.rate, still, body.rate_change, guide.pin)
+        arm = body.direction * guide.body_point
+        point, velocity = body.origin + arm, body.velocity + 1j * body.rate * arm
+        change = body.acceleration + (1j * body.rate_change - body.rate**2) * arm
         if isinstance(guide, Rail):
-            direction, none = guide.direction * closed, 0.0 * closed
-            return MovingLink(name, point, direction, velocity, none, change, none)
+            none = 0.0 * closed
+            return LinkMotion(name, point, guide.direction * closed, velocity, none, change, none)
         pivot = guide.pivot * closed
         if place == 0:
-            none, one = 0.0 * closed, closed
-            return MovingLink(name, pivot, q * closed, 0j * closed, one, 0j * closed, none)
+            return LinkMotion(name, pivot, q * closed, still, closed, still, 0.0 * closed, guide.pivot)
         spoke = point - guide.pivot
         turn, spin = (cross(spoke, rate) / guide.radius**2 for rate in (velocity, change))
-        return MovingLink(name, pivot, self._rocker_direction(q), 0j * closed, turn, 0j * closed, spin)
+        return LinkMotion(name, pivot, self._rocker_direction(q), still, turn, still, spin, guide.pivot)
 
     def _rocker_direction(self, q: Floats) -> Floats:
         """Direction of the other guide's radius, continuous in the drive's coordinate."""
@@ -734,13 +782,12 @@ class GuidedLinkage:
         """Derivative of `along`; its sign is right at a dead position's neighbours too."""
         guide = self.guides[place]
         body = self.links(travel)[1]
-        arm = np.exp(1j * body.direction) * guide.body_point
-        velocity = body.place_rate + 1j * body.direction_rate * arm
+        velocity = body.speed(guide.body_point)
         if isinstance(guide, Rail):
             return dot(np.exp(1j * guide.direction), velocity)
         assert isinstance(guide, Slot)
-        along = np.exp(1j * (body.direction + guide.body_direction))
-        return -dot(along, velocity) + body.direction_rate * cross(along, guide.pin - body.place - arm)
+        along = np.exp(1j * (body.angle + guide.body_direction))
+        return -dot(along, velocity) + body.rate * cross(along, guide.pin - body.place(guide.body_point))
 
 
 _LINK_OF: dict[type, str] = {Circle: "crank", Rail: "slider", Slot: "block"}

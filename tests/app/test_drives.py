@@ -12,7 +12,8 @@ from fastapi.testclient import TestClient
 import linkage_atlas as la
 from app.cli import main
 from app.query import bundled_requests
-from synthesis.drives.links import Loading, machine_at
+from synthesis.drives.links import machine_at
+from synthesis.guided.analysis import Load
 from tests.oracles.largest import TWO_RAILS
 
 EXAMPLES = bundled_requests()["drive"]
@@ -67,7 +68,7 @@ def test_peaks_are_those_of_the_whole_way() -> None:
         found = la.drives(linkage, asked, crank_angle=[0, -33.7], load=load, top=9)
         at = np.deg2rad(np.linspace(0, -33.7, 50_001))
         machine = machine_at(linkage.plain, at)
-        torque = machine.torque(Loading(complex(*load["force"]), load.get("torque", 0.0)))
+        torque = machine.torque(Load(complex(*load["force"]), load.get("torque", 0.0)))
         assert {one.on for one in found.drives} == {"ground", "crank"}
         for one in found.drives:
             link = machine.links[one.link]

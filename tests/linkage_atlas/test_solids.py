@@ -16,8 +16,7 @@ from app import cli
 from app.registry import worked_example
 from linkage_atlas.formats import FORMATS, OF_PARTS, kind_of
 from linkage_atlas.solids import MATERIALS, SOLIDS
-from synthesis.solids.fits import FITS
-from synthesis.solids.solid import DENSITIES
+from synthesis.solids.solid import DENSITIES, FITS
 from tests.conftest import some_of
 from tests.oracles.solids import deepest, step_shells
 from tests.oracles.surface import open_edges

@@ -11,9 +11,8 @@ import shapely
 
 from synthesis.assembly.driving import motor_driven
 from synthesis.assembly.guided import guided
-from synthesis.assembly.layers import Arrangement, Search
+from synthesis.assembly.layers import Arrangement, Heights, Search, parts_of
 from synthesis.assembly.machine import Machine, Sizes, four_bar
-from synthesis.assembly.parts import Heights, parts_of
 from synthesis.drives.dyad import about_pivot, on_any_link, proportions
 from synthesis.drives.links import machine_of
 from synthesis.drives.six_bar import Motor

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from synthesis.drives.actuator import Actuator, Question, Wanted
-from synthesis.drives.links import GROUND, LinkMotion, Loading, Machine, machine_of
+from synthesis.drives.links import GROUND, Machine, machine_of
 from synthesis.fourbar.linkage import Linkage
-from synthesis.guided.analysis import Mass
-from synthesis.guided.linkage import GuidedLinkage
+from synthesis.guided.analysis import Load, Mass
+from synthesis.guided.linkage import GuidedLinkage, LinkMotion
 from synthesis.target import Interval
 from tests.oracles.guided_cases import DRIVES, good_linkage
 
@@ -36,11 +36,11 @@ def any_linkage(seed: int) -> tuple[Linkage | GuidedLinkage, Interval]:
     return good_linkage(rng, drive, low, high, np.deg2rad(15)), Interval(0.0, span)
 
 
-def loads(machine: Machine, rng: np.random.Generator) -> Loading:
+def loads(machine: Machine, rng: np.random.Generator) -> Load:
     """Force, torque, and masses with inertia on every link and the body, at a speed."""
     names = [*machine.links, "body"]
     parts = [Mass(name, rng.uniform(0, 2), complex(*rng.normal(size=2)), rng.uniform(0, 0.3)) for name in names]
-    return Loading(
+    return Load(
         complex(*rng.normal(size=2)), rng.normal(), tuple(parts), complex(*rng.normal(size=2)), rng.uniform(0, 3)
     )
 

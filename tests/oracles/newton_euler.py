@@ -13,8 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from synthesis.drives.links import GROUND, Loading
+from synthesis.drives.links import GROUND
 from synthesis.fourbar.linkage import Linkage
+from synthesis.guided.analysis import Load
 from synthesis.guided.linkage import Circle, Driver, GuidedLinkage, Rail, Slot
 
 
@@ -126,7 +127,7 @@ class Bodies:
             found.append(State(at, rate, np.linalg.solve(slopes, -bent)))
         return found
 
-    def force(self, state: State, load: Loading, link: str, pin: complex, on: str, other: complex) -> float:
+    def force(self, state: State, load: Load, link: str, pin: complex, on: str, other: complex) -> float:
         """Of a rod from a place, or from a point of another link, to a point of a link: pushing is positive."""
         slopes = np.concatenate([one(state.at, state.rate)[1] for one in self.joints])
         right = np.zeros(9)

@@ -14,9 +14,8 @@ from synthesis.assembly.layers import Arrangement, Asked, arrange
 from synthesis.assembly.machine import Machine, Sizes, four_bar
 from synthesis.assembly.shapes import distances
 from synthesis.fourbar.linkage import Linkage
-from synthesis.solids.fits import FITS
 from synthesis.solids.mesh import mesh_of, ring_of
-from synthesis.solids.solid import Made, Solid, Solids, solids_of
+from synthesis.solids.solid import FITS, Made, Solid, Solids, solids_of
 from synthesis.target import Interval
 from synthesis.work import Work
 

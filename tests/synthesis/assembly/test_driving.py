@@ -91,7 +91,7 @@ def test_a_motor_that_does_not_fit_is_refused() -> None:
 def test_a_rod_on_a_slider_has_no_plate() -> None:
     slider = GuidedLinkage((Circle(0j, 1.0, 0j), Rail(0.3j, 0.0, 3 + 0j)), Driver.CRANK, 1, 0.5)
     used = Interval(0.0, 1.0)
-    at = slider.links(np.array(used))[2].place
+    at = slider.links(np.array(used))[2].origin
     # on the rail's line, a crank of half the way
     way = abs(at[1] - at[0])
     motor = Motor("slider", complex(min(at.real) - 2 * way, 0.3), way / 2, 2.5 * way, 0j)

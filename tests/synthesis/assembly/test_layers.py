@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from synthesis.assembly.layers import BOARDS, Asked, Free, Search, arrange
+from synthesis.assembly.layers import BOARDS, Asked, Free, Heights, Search, arrange, outside, parts_of
 from synthesis.assembly.machine import Sizes, four_bar
-from synthesis.assembly.parts import Heights, parts_of
-from synthesis.assembly.walls import outside
 from synthesis.errors import FieldError
 from synthesis.fourbar.linkage import Linkage
 from synthesis.target import TURN, Interval

@@ -16,7 +16,7 @@ from synthesis.drives.actuator import (
     _Descent,
     best_of_rows,
 )
-from synthesis.drives.links import hinged, machine_of
+from synthesis.drives.links import SAMPLES, hinged_at, machine_of
 from tests.conftest import some_of
 from tests.oracles.driven_cases import Case, loads, random_linkage, straight
 
@@ -103,7 +103,7 @@ def test_the_closed_form_has_the_largest_least_arm() -> None:
     for _ in range(20):
         swing, stroke = rng.uniform(0.2, 2.0) * rng.choice([-1, 1]), rng.uniform(0.2, 2)
         actuator = Actuator(stroke * rng.uniform(1, 3), stroke)
-        machine = hinged(0.3 + 0.1j, rng.uniform(0, 6), swing, 1.0)
+        machine = hinged_at(0.3 + 0.1j, rng.uniform(0, 6), 1.0, np.linspace(0.0, swing, SAMPLES))
         link = machine.links["rocker"]
         (_, _, arm), ground, pin = straight(link, actuator)
         box = (-20.0, -20.0, 20.0, 20.0)
@@ -141,7 +141,7 @@ def test_an_actuator_that_must_extend_does() -> None:
 
 
 def test_reasons_name_what_binds() -> None:
-    machine = hinged(0j, 0.0, np.deg2rad(60), 1.0)
+    machine = hinged_at(0j, 0.0, 1.0, np.linspace(0.0, np.deg2rad(60), SAMPLES))
     link, torque = machine.links["rocker"], np.ones(61)
     box = (-3.0, -3.0, 3.0, 3.0)
 
@@ -159,7 +159,7 @@ def test_reasons_name_what_binds() -> None:
 
 
 def test_a_catalogue_gives_its_cheapest_row_that_does() -> None:
-    machine = hinged(0j, 0.0, np.deg2rad(60), 1.0)
+    machine = hinged_at(0j, 0.0, 1.0, np.linspace(0.0, np.deg2rad(60), SAMPLES))
     asked = Question(
         machine.links["rocker"], machine.at, 100 * np.ones(61), Wanted((-3.0, -3.0, 3.0, 3.0), 2.0, 0.0), 30
     )

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from synthesis.drives.actuator import Question, Wanted
-from synthesis.drives.links import LinkMotion, Loading, Machine
+from synthesis.drives.links import Machine
+from synthesis.guided.analysis import Load
+from synthesis.guided.linkage import LinkMotion
 from synthesis.lift.pose import Design, pose_at_turn
 
 
@@ -22,11 +24,11 @@ def test_length_arm_and_force_are_those_of_the_lift(design: Design) -> None:
     direction = (corner - a) / np.abs(corner - a)
     rate = np.sign(np.angle(direction[1] / direction[0]) / (turn[1] - turn[0])) * np.ones(61)
     still = np.zeros(61)
-    link = LinkMotion("coupler", a, direction, 1j * pose.height_1, rate, 1j * pose.height_2, still)
-    platform = LinkMotion("body", a, np.ones(61) + 0j, 1j * pose.height_1, still, 1j * pose.height_2, still)
+    link = LinkMotion("coupler", a, np.angle(direction), 1j * pose.height_1, rate, 1j * pose.height_2, still)
+    platform = LinkMotion("body", a, still, 1j * pose.height_1, still, 1j * pose.height_2, still)
     machine = Machine(turn, {"coupler": link}, platform)
     load = 1000.0
-    torque = machine.torque(Loading(-1j * load))
+    torque = machine.torque(Load(-1j * load))
     asked = Question(link, turn, torque, Wanted((-1e4, -1e4, 1e4, 1e4), 1e4, 0.0))
     found = asked.placement(0j, complex(design.l2))
     assert found.length == pytest.approx(pose.length, rel=1e-9)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from synthesis.drives.balance import springs_on_guides
-from synthesis.drives.links import Loading, machine_at
-from synthesis.guided.analysis import Mass
+from synthesis.drives.balance import springs_on_pendulums
+from synthesis.drives.links import hinged_at, machine_at
+from synthesis.guided.analysis import Load, Mass
 from synthesis.guided.linkage import Circle, Driver, Rail, Slot
 from tests.oracles.guided_cases import DRIVES, NAMES, good_linkage
 
@@ -13,9 +13,12 @@ GRAVITY = 2.3 - 9.5j
 
 
 def load_of(linkage, random):
-    names = ("body", *(name for name in linkage.link_names))
+    return load_of_links(("body", *linkage.link_names), random)
+
+
+def load_of_links(names, random):
     masses = [Mass(name, float(random.uniform(0.1, 2)), complex(*random.normal(size=2))) for name in names]
-    return Loading(force=complex(*random.normal(size=2)), masses=tuple(masses), gravity=GRAVITY)
+    return Load(force=complex(*random.normal(size=2)), masses=tuple(masses), gravity=GRAVITY)
 
 
 def energy(machine, load, springs):
@@ -39,7 +42,7 @@ def test_the_energy_is_the_same_in_every_position(drive, stiffness):
     linkage = good_linkage(random, drive, -0.3, 0.6, 0.2)
     load = load_of(linkage, random)
     machine, wider = machine_at(linkage, np.linspace(0, 0.3, 61)), machine_at(linkage, np.linspace(-0.3, 0.6, 400))
-    found = springs_on_guides(linkage, machine, machine.torque(load), stiffness)
+    found = springs_on_pendulums(linkage, machine, machine.torque(load), stiffness)
     kinds = drive[0], drive[2]
     if Circle not in kinds and kinds != (Rail, Rail):
         assert found is None
@@ -51,15 +54,25 @@ def test_the_energy_is_the_same_in_every_position(drive, stiffness):
     assert all(one.stiffness > 0 and stiffness in (None, one.stiffness) for one in found)
 
 
+@pytest.mark.parametrize("swing", [0.01, 0.8, -2.9])
+def test_a_link_on_a_hinge_is_balanced_by_one_spring(swing):
+    load = load_of_links(("body", "rocker"), np.random.default_rng(7))
+    machine = hinged_at(3 - 2j, 0.4, 2.0, np.linspace(0.0, swing, 61))
+    (spring,) = springs_on_pendulums(None, machine, machine.torque(load))
+    without = energy(machine, load, [])
+    assert np.ptp(energy(machine, load, [spring])) < 1e-9 * np.ptp(without)
+    assert spring.between == ("ground", "rocker") and spring.stiffness > 0
+
+
 def test_what_weighs_along_a_rail_beside_a_slot_cannot_be_balanced_but_across_it_can():
     random = np.random.default_rng(5)
     linkage = good_linkage(random, (Rail, Driver.SLIDER, Slot), -0.1, 0.4, 0.2)
     machine = machine_at(linkage, np.linspace(0, 0.3, 61))
     masses = (Mass("body", 1.5, 0.4 + 0.2j), Mass("slider", 0.5, 0j))
     along = np.exp(1j * linkage.guides[0].direction)
-    assert springs_on_guides(linkage, machine, machine.torque(Loading(masses=masses, gravity=9.81 * along))) is None
-    across = Loading(masses=masses, gravity=9.81j * along)
-    found = springs_on_guides(linkage, machine, machine.torque(across))
+    assert springs_on_pendulums(linkage, machine, machine.torque(Load(masses=masses, gravity=9.81 * along))) is None
+    across = Load(masses=masses, gravity=9.81j * along)
+    found = springs_on_pendulums(linkage, machine, machine.torque(across))
     assert found is not None and [one.between for one in found] == [("ground", "block")]
     assert np.ptp(energy(machine, across, found)) < 1e-9 * np.ptp(energy(machine, across, []))
 
@@ -67,4 +80,4 @@ def test_what_weighs_along_a_rail_beside_a_slot_cannot_be_balanced_but_across_it
 def test_nothing_to_carry_needs_no_spring():
     linkage = good_linkage(np.random.default_rng(1), (Circle, Driver.CRANK, Rail), -0.1, 0.4, 0.2)
     machine = machine_at(linkage, np.linspace(0, 0.3, 61))
-    assert springs_on_guides(linkage, machine, machine.torque(Loading())) == []
+    assert springs_on_pendulums(linkage, machine, machine.torque(Load())) == []

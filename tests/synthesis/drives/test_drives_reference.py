@@ -12,10 +12,10 @@ import pytest
 from synthesis.drives.actuator import Actuator, Question, Refused, Wanted
 from synthesis.drives.balance import Spring, one_spring, potential_of, two_springs
 from synthesis.drives.dyad import about_pivot, driven, proportions
-from synthesis.drives.links import Loading, Machine, machine_of
+from synthesis.drives.links import Machine, machine_of
 from synthesis.drives.springs import fitted
 from synthesis.fourbar.linkage import Linkage
-from synthesis.guided.analysis import Mass
+from synthesis.guided.analysis import Load, Mass
 from synthesis.target import Interval
 from tests.oracles.driven_cases import straight
 
@@ -42,7 +42,7 @@ def machine(row: dict, samples: int = 61) -> Machine:
 
 def question(row: dict, link: str) -> Question:
     one = machine(row)
-    torque = one.torque(Loading(complex(*row["force"])))
+    torque = one.torque(Load(complex(*row["force"])))
     amount = row.get("amount", row.get("work"))
     return Question(
         one.links[link], one.at, torque, Wanted(tuple(row["box"]), row["reach"], row["arm"]), amount=amount
@@ -54,7 +54,7 @@ CASEMENT, WHOLE = REFERENCE["casement"], REFERENCE["whole_numbers"]
 
 def test_torques_work_and_bound_of_the_casement() -> None:
     one = machine(CASEMENT)
-    torque = one.torque(Loading(complex(*CASEMENT["force"])))
+    torque = one.torque(Load(complex(*CASEMENT["force"])))
     assert torque[[0, -1]] == pytest.approx([CASEMENT["torque_first"], CASEMENT["torque_last"]], abs=1e-6)
     assert np.abs(torque).max() == pytest.approx(CASEMENT["torque_largest"], abs=1e-6)
     at_b = np.abs(torque / one.links["rocker"].rate).max()
@@ -108,7 +108,7 @@ def test_a_catalogue_on_all_three_links(stroke: str) -> None:
 
 def test_whole_numbers_whose_torque_changes_sign() -> None:
     one = machine(WHOLE)
-    torque = one.torque(Loading(complex(*WHOLE["force"])))
+    torque = one.torque(Load(complex(*WHOLE["force"])))
     assert torque[[0, -1]] == pytest.approx([WHOLE["torque_first"], WHOLE["torque_last"]], abs=1e-6)
     for link in ("crank", "coupler"):
         asked = question(WHOLE, link)
@@ -126,7 +126,7 @@ def test_whole_numbers_whose_torque_changes_sign() -> None:
 def motor_torque(row: dict, motor: complex, crank: float, rod: float, radius: float) -> float:
     """Largest motor torque at 61 even motor angles of one way."""
     fine = machine(CASEMENT, 200_001)
-    torque = fine.torque(Loading(complex(*CASEMENT["force"])))
+    torque = fine.torque(Load(complex(*CASEMENT["force"])))
     found = driven(fine.links["crank"], torque, motor, complex(radius), crank, rod, _extends(fine, motor, radius))
     assert found is not None
     way = row["way"]  # forwards here is the slower one
@@ -156,7 +156,7 @@ def test_a_motor_on_the_crank(name: str) -> None:
     motor = complex(*row["motor"])
     assert motor_torque(row, motor, row["crank"], row["rod"], radius) == pytest.approx(row["torque"], rel=1e-4)
     one = machine(CASEMENT)
-    best = about_pivot(one.links["crank"], one.torque(Loading(100j)), ratio, radius, True, None, row["rod"])
+    best = about_pivot(one.links["crank"], one.torque(Load(100j)), ratio, radius, True, None, row["rod"])
     assert not isinstance(best, str)
     assert abs(best.motor - one.links["crank"].pivot) == pytest.approx(row["ground"], abs=1e-3)
     turns = row.get("turns", [180, 180])
@@ -173,7 +173,7 @@ def test_the_couplers_actuator_as_a_motor() -> None:
     assert sorted(np.rad2deg(found.turns)) == pytest.approx(sorted(row["turns"]), abs=1e-3)
     fine = machine(CASEMENT, 20_001)
     found = driven(
-        fine.links["coupler"], fine.torque(Loading(100j)), found.motor, found.pin, found.crank, found.rod, True
+        fine.links["coupler"], fine.torque(Load(100j)), found.motor, found.pin, found.crank, found.rod, True
     )
     assert found is not None
     # even motor angles without the dead centres, where the rod's force is the actuator's
@@ -248,12 +248,12 @@ def _least_angles(motors: np.ndarray, first: complex, last: complex, swing: floa
 GRAVITY = -9.81j
 
 
-def masses(row: dict) -> Loading:
+def masses(row: dict) -> Load:
     links = row["links"]
     parts = [
         Mass(name, m, size / 2) for name, m, size in zip(("crank", "coupler", "rocker"), (0.05, 0.2, 0.3), links)
     ]
-    return Loading(masses=(*parts, Mass("body", 1.5, 0j)), gravity=GRAVITY)
+    return Load(masses=(*parts, Mass("body", 1.5, 0j)), gravity=GRAVITY)
 
 
 @pytest.mark.parametrize("name", ["E1", "E2", "E3", "E4"])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from synthesis.drives.actuator import Question, Refused, Wanted
+from synthesis.drives.actuator import Question, Refused, Wanted, locked
 from synthesis.drives.dyad import (
     _angle_of,
     _Begin,
@@ -18,8 +18,8 @@ from synthesis.drives.dyad import (
     on_any_link,
     proportions,
 )
-from synthesis.drives.links import Loading, hinged, machine_at, machine_of
-from synthesis.drives.toggle import locked
+from synthesis.drives.links import SAMPLES, hinged_at, machine_at, machine_of
+from synthesis.guided.analysis import Load
 from synthesis.work import Work
 from tests.conftest import some_of
 from tests.oracles.driven_cases import any_linkage, random_linkage
@@ -68,7 +68,7 @@ def test_a_motor_on_any_link_closes_and_keeps_its_rod(seed: int) -> None:
     rng = np.random.default_rng(seed)
     linkage, interval = random_linkage(rng)
     machine = machine_of(linkage, interval, 61)
-    torque = machine.torque(Loading(complex(*rng.normal(size=2))))
+    torque = machine.torque(Load(complex(*rng.normal(size=2))))
     link = machine.links[("coupler", "crank", "rocker")[seed % 3]]
     ratio = (None, 1.2)[seed % 2]
     if link.pivot is None:
@@ -183,10 +183,10 @@ def test_a_motor_that_is_turned_round_swings_a_linkage_of_any_kind(seed: int) ->
 
 
 def test_times_and_boxes_that_cannot_be_are_refused_in_words() -> None:
-    machine = hinged(0j, 0.0, np.deg2rad(185), 1.0)
+    machine = hinged_at(0j, 0.0, 1.0, np.linspace(0.0, np.deg2rad(185), SAMPLES))
     link = machine.links["rocker"]
     assert "no crank-rocker swings" in str(about_pivot(link, np.ones(61), 4.9, 1.0, False, None))
-    small = hinged(0j, 0.0, 1.0, 1.0).links["rocker"]
+    small = hinged_at(0j, 0.0, 1.0, np.linspace(0.0, 1.0, SAMPLES)).links["rocker"]
     assert "motor_box" in str(about_pivot(small, np.ones(61), 1.0, 1.0, True, (50.0, 50.0, 51.0, 51.0)))
     placed = about_pivot(small, np.ones(61), 1.1, 1.0, False, (0.4, -0.6, 0.8, -0.2))
     assert not isinstance(placed, str)
@@ -196,7 +196,7 @@ def test_times_and_boxes_that_cannot_be_are_refused_in_words() -> None:
 
 @pytest.mark.parametrize("last", [True, False])
 def test_a_knee_goes_over_its_centre_and_holds_what_pushes_it(last: bool) -> None:
-    machine = hinged(0j, 0.0, np.deg2rad(70), 1.0)
+    machine = hinged_at(0j, 0.0, 1.0, np.linspace(0.0, np.deg2rad(70), SAMPLES))
     link, delta, share = machine.links["rocker"], np.deg2rad(6), 0.4
     wanted = Wanted((-2.0, -2.0, 2.0, 2.0), 1.0, 0.05)
     push = np.full(61, 10.0 if last else -10.0)

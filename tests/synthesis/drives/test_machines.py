@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from synthesis.drives.links import Loading, Machine, hinged, machine_of
-from synthesis.drives.pins import Pull, pin_forces
+from synthesis.drives.links import SAMPLES, Machine, hinged_at, machine_of
 from synthesis.fourbar.linkage import Linkage
-from synthesis.guided.linkage import Circle, Driver, GuidedLinkage, Rail, Slot
+from synthesis.guided.analysis import Load, Pull, forces, on_links
+from synthesis.guided.linkage import Circle, Driver, GuidedLinkage, Rail, Slot, of_four_bar
 from synthesis.target import Interval
 from tests.conftest import some_of
 from tests.oracles.driven_cases import any_linkage, loads, random_linkage
@@ -65,17 +65,20 @@ def test_torques_and_forces_hold_every_link_in_equilibrium(seed: int) -> None:
         assert drive_force(at, *held, ("torque", "rocker")) == pytest.approx(at_rocker, rel=1e-9, abs=1e-9 * size)
         rod = drive_force(at, *held, ("rod", link, pin, (ground.real, ground.imag)))
         assert rod == pytest.approx(torque[k] / arm[k], rel=1e-9, abs=1e-9 * size)
-        for drive, found in (
-            (("torque", "crank"), pin_forces(machine, load, [])),
-            (("torque", "rocker"), pin_forces(machine, load, [], torque / machine.links["rocker"].rate)),
+        pivot, torque_there = machine.links["rocker"].origin, torque / machine.links["rocker"].rate
+        for drive, pulls in (
+            (("torque", "crank"), []),
+            (("torque", "rocker"), [Pull("rocker", pivot, 0 * pivot, torque_there)]),
             (
                 ("rod", link, pin, (ground.real, ground.imag)),
-                pin_forces(machine, load, [Pull(link, moving.place(pin), torque / arm * v / np.abs(v))]),
+                [Pull(link, moving.place(pin), torque / arm * v / np.abs(v))],
             ),
         ):
+            found = forces(of_four_bar(linkage), machine.at, on_links(load, linkage), pulls)
+            pins = found.driven_ground, found.driven, found.other, found.other_ground
             wanted = equilibrium(at, *held, drive)
             scale = 1 + np.abs(wanted).max()
-            assert [part for one in found for part in (one[k].real, one[k].imag)] == pytest.approx(
+            assert [part for one in pins for part in (one[k].real, one[k].imag)] == pytest.approx(
                 wanted[:8].tolist(), abs=1e-9 * scale
             )
 
@@ -155,8 +158,8 @@ def _are_derivatives(machine: Machine) -> None:
 
 
 def test_a_hinged_link_is_its_own_body() -> None:
-    machine = hinged(1 + 2j, 0.3, -0.8, 5.0)
+    machine = hinged_at(1 + 2j, 0.3, 5.0, np.linspace(0.0, -0.8, SAMPLES))
     assert machine.sense == -1
     assert machine.body is not None
     assert machine.body.origin[0] == pytest.approx(1 + 2j + 5 * np.exp(0.3j))
-    assert machine.torque(Loading(-10j))[0] == pytest.approx(50 * np.cos(0.3))
+    assert machine.torque(Load(-10j))[0] == pytest.approx(50 * np.cos(0.3))

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from synthesis.drives.dyad import about_pivot
-from synthesis.drives.links import Loading, hinged, hinged_at
+from synthesis.drives.links import SAMPLES, hinged_at
 from synthesis.drives.six_bar import MOTOR_CRANK, ROD, Motor, SixBar, joints_of
 from synthesis.errors import FieldError
 from synthesis.fourbar.linkage import Linkage
-from synthesis.guided.analysis import Mass
+from synthesis.guided.analysis import Load, Mass
 from synthesis.target import TURN, Interval
 from tests.oracles.assembly import other_six_bars
 from tests.oracles.equilibrium import Moving, circles, equilibrium
@@ -78,7 +78,7 @@ def test_newton_and_euler_give_the_torque_of_virtual_work(six, linkage) -> None:
     links = [*machine.links, *([] if machine.body is None else ["body"])]
     masses = tuple(Mass(one, rng.uniform(0.1, 2), complex(*rng.normal(size=2)), rng.uniform(0, 1)) for one in links)
     for speed in (0.0, 2.0):
-        load = Loading(complex(*rng.normal(size=2)), rng.normal(), masses, 1 - 9.81j, speed, 0.7)
+        load = Load(complex(*rng.normal(size=2)), rng.normal(), masses, 1 - 9.81j, speed, 0.7)
         held = six.held(machine, joints_of(linkage, six.motor, machine), load)
         wanted = machine.torque(load)
         assert np.abs(held.torque - wanted).max() <= 1e-11 * np.abs(wanted).max()
@@ -91,7 +91,7 @@ def test_newton_and_euler_give_the_torque_of_virtual_work(six, linkage) -> None:
 def test_poses_and_forces_are_those_of_circles_and_of_every_link() -> None:
     """In plain arithmetic: the rod's pin by two circles, the four-bar from its crank, nine equations of its links."""
     six = watt()
-    motor, load = six.motor, Loading(2 - 5j, 3.0)
+    motor, load = six.motor, Load(2 - 5j, 3.0)
     machine = six.machine(TURNED[:49])
     held = six.held(machine, joints_of(WATT, motor, machine), load)
     b = WATT.pivot_b
@@ -114,7 +114,9 @@ def test_poses_and_forces_are_those_of_circles_and_of_every_link() -> None:
 
 
 def test_a_link_on_a_hinge_is_driven_too() -> None:
-    found = about_pivot(hinged(0j, 0.5, 1.1, 400.0).links["rocker"], np.ones(61), 1.1, 320.0, True, None)
+    found = about_pivot(
+        hinged_at(0j, 0.5, 400.0, np.linspace(0.0, 1.1, SAMPLES)).links["rocker"], np.ones(61), 1.1, 320.0, True, None
+    )
     assert not isinstance(found, str)
     motor = Motor("rocker", found.motor, found.crank, found.rod, found.pin)
     six = SixBar(lambda at: hinged_at(0j, 0.5, 400.0, at), Interval(0.0, 1.1), motor)

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from synthesis.drives.balance import Spring, one_spring, potential_of, two_springs
-from synthesis.drives.links import Loading, hinged, machine_of
+from synthesis.drives.links import SAMPLES, hinged_at, machine_of
 from synthesis.drives.springs import Kind, Room, best_pair, best_spring, fitted, spring_torque
-from synthesis.guided.analysis import Mass
+from synthesis.guided.analysis import Load, Mass
 from synthesis.target import Interval
 from tests.oracles.driven_cases import random_linkage
 
@@ -21,11 +21,11 @@ KINDS = [
 ]
 
 
-def weights(rng: np.random.Generator) -> Loading:
+def weights(rng: np.random.Generator) -> Load:
     parts = [
         Mass(name, rng.uniform(0, 2), complex(*rng.normal(size=2))) for name in ("crank", "coupler", "rocker", "body")
     ]
-    return Loading(complex(*rng.normal(size=2)), 0.0, tuple(parts), complex(*rng.normal(size=2)))
+    return Load(complex(*rng.normal(size=2)), 0.0, tuple(parts), complex(*rng.normal(size=2)))
 
 
 @given(st.integers(0, 10_000))
@@ -125,6 +125,6 @@ def test_two_fitted_springs_do_at_least_as_well_as_the_better_one() -> None:
 
 
 def test_nothing_fits_where_all_springs_are_too_short() -> None:
-    machine = hinged(0j, 0.0, 1.0, 1.0)
+    machine = hinged_at(0j, 0.0, 1.0, np.linspace(0.0, 1.0, SAMPLES))
     found = best_spring(machine, np.ones(61), ("ground", "rocker"), KINDS[2:], Room((2.0, 2.0, 3.0, 3.0), 1.0, 0.1))
     assert "no spring of 1 fits between ground and rocker" in str(found)

@@ -23,10 +23,10 @@ def _cases(drive, seed: int):
 def _energy(linkage: GuidedLinkage, at: np.ndarray, load: Load, speed: float) -> np.ndarray:
     total = np.zeros(at.shape)
     for link, one in zip(linkage.links(at), load.masses):
-        arm = one.at * np.exp(1j * link.direction)
-        velocity = speed * (link.place_rate + 1j * link.direction_rate * arm)
-        moving = one.mass * np.abs(velocity) ** 2 + one.inertia * (speed * link.direction_rate) ** 2
-        total = total + load.metre * moving / 2 - one.mass * np.real(np.conj(load.gravity) * (link.place + arm))
+        arm = one.at * np.exp(1j * link.angle)
+        velocity = speed * (link.velocity + 1j * link.rate * arm)
+        moving = one.mass * np.abs(velocity) ** 2 + one.inertia * (speed * link.rate) ** 2
+        total = total + load.metre * moving / 2 - one.mass * np.real(np.conj(load.gravity) * (link.origin + arm))
     return total
 
 
@@ -36,14 +36,15 @@ def test_the_power_of_the_drive_is_that_of_all_loads_and_of_the_growing_energy(d
     for random, linkage, travel in _cases(drive, 51):
         seen += 1
         speed, metre = 1.7, 0.5
-        masses = [
+        masses = tuple(
             Mass(name, random.uniform(0.5, 2), complex(*random.normal(size=2)), random.uniform(0, 1))
             for name in linkage.link_names
-        ]
-        load = Load(complex(*random.normal(size=2)), random.normal(), masses, complex(*random.normal(size=2)), metre)
-        found = forces(linkage, travel, load, speed)
+        )
+        force, gravity = complex(*random.normal(size=2)), complex(*random.normal(size=2))
+        load = Load(force, random.normal(), masses, gravity, speed, metre)
+        found = forces(linkage, travel, load)
         body = linkage.links(travel)[1]
-        power = np.real(np.conj(load.force) * body.place_rate) * speed + load.torque * body.direction_rate * speed
+        power = np.real(np.conj(load.force) * body.velocity) * speed + load.torque * body.rate * speed
         step = 1e-5
 
         before, after = (_energy(linkage, travel + way, load, speed) for way in (-step, step))
@@ -59,7 +60,7 @@ def test_forces_on_the_body_balance_and_guides_push_across(drive) -> None:
         load = Load(1 - 2j, 0.7)
         found = forces(linkage, travel, load)
         body = linkage.links(travel)[1]
-        turned = np.exp(1j * body.direction)
+        turned = np.exp(1j * body.angle)
         assert np.allclose(found.driven + found.other + load.force, 0, atol=1e-10)
         for place, (guide, force) in enumerate(zip(linkage.guides, (found.driven, found.other))):
             if place == 0 and linkage.driver is not Driver.HINGE:
@@ -70,6 +71,6 @@ def test_forces_on_the_body_balance_and_guides_push_across(drive) -> None:
                 free = np.real(np.conj(turned * np.exp(1j * guide.body_direction)) * force)
             else:
                 assert isinstance(guide, Circle)
-                spoke = body.place + turned * guide.body_point - guide.pivot
+                spoke = body.origin + turned * guide.body_point - guide.pivot
                 free = np.imag(np.conj(spoke) * force)
             assert np.allclose(free, 0, atol=1e-9 * (1 + np.abs(force).max()))

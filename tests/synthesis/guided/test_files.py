@@ -20,7 +20,7 @@ from tests.oracles.guided_cases import DRIVES, NAMES, good_linkage
 def drawn(drive) -> tuple[GuidedLinkage, Target]:
     linkage, travel = good_linkage(np.random.default_rng(41), drive, -0.2, 1.0, 0.5), np.linspace(0.0, 0.8, 9)
     body = linkage.links(travel)[1]
-    return linkage, Target(body.direction, body.place, 1.0, crank=travel)
+    return linkage, Target(body.angle, body.origin, 1.0, crank=travel)
 
 
 @pytest.mark.parametrize("drive", DRIVES, ids=NAMES)
@@ -58,9 +58,9 @@ def test_a_drawing_for_cad_holds_the_geometry(drive) -> None:
         for layer in ("GROUND", "LINKS", "BODY")
     }
     pose = linkage.links(0.0)[1]
-    turned = np.exp(1j * pose.direction[0])
+    turned = np.exp(1j * pose.angle[0])
     for guide in linkage.guides:
-        at = 10 * (pose.place[0] + turned * guide.body_point)
+        at = 10 * (pose.origin[0] + turned * guide.body_point)
         if isinstance(guide, Rail):
             assert any(abs(_beside(at, line)) < 1e-6 for line in lines["GROUND"])
         elif isinstance(guide, Slot):
@@ -122,7 +122,7 @@ def test_a_model_runs_in_mujoco_as_the_kinematics_say(drive) -> None:
         mujoco.mj_step(model, data)
     mujoco.mj_forward(model, data)
     assert data.qpos[address] > 0.05
-    there = linkage.links(float(data.qpos[address]))[1].place[0]
+    there = linkage.links(float(data.qpos[address]))[1].origin[0]
     assert abs(complex(*data.site("body_point").xpos[:2]) - there) < 1e-5
 
 

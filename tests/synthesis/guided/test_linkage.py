@@ -102,18 +102,18 @@ def test_rates_are_what_difference_quotients_tend_to(guide, driver, other) -> No
         poses = linkage.body(linkage.start + travel)
         body = at[1]
         with np.errstate(invalid="ignore"):
-            closed = np.isfinite(before[1].direction + after[1].direction)
-            keep = closed & (np.minimum(np.abs(poses.sine), poses.arm) > 0.1) & (np.abs(body.place_second) < 30)
+            closed = np.isfinite(before[1].angle + after[1].angle)
+            keep = closed & (np.minimum(np.abs(poses.sine), poses.arm) > 0.1) & (np.abs(body.acceleration) < 30)
         seen += int(keep.sum())
         for link, low, high in zip(at, before, after):
             pairs = (
-                (high.place - low.place, link.place_rate),
-                (high.direction - low.direction, link.direction_rate),
-                (high.place_rate - low.place_rate, link.place_second),
-                (high.direction_rate - low.direction_rate, link.direction_second),
+                (high.origin - low.origin, link.velocity),
+                (high.angle - low.angle, link.rate),
+                (high.velocity - low.velocity, link.acceleration),
+                (high.rate - low.rate, link.rate_change),
             )
             for difference, rate in pairs:
-                size = 1 + np.abs(body.place_second[keep]) ** 2
+                size = 1 + np.abs(body.acceleration[keep]) ** 2
                 assert np.all(np.abs(difference[keep] / (2 * step) - rate[keep]) < 3e-6 * size)
     assert seen > 100
 
@@ -125,17 +125,17 @@ def test_a_mirror_a_scale_and_a_move_carry_the_motion_over(guide, driver, other)
     for _ in range(20):
         linkage = random_linkage(random, guide, driver, other)
         body = linkage.links(travel)[1]
-        size = 1 + np.nanmax(np.abs(body.place))
+        size = 1 + np.nanmax(np.abs(body.origin))
         mirrored = linkage.mirrored()
         there = mirrored.links(-travel if driver.turns else travel)[1]
-        assert np.allclose(there.place, body.place.conj(), atol=1e-11 * size, equal_nan=True)
-        assert np.allclose(np.exp(1j * there.direction), np.exp(-1j * body.direction), atol=1e-11, equal_nan=True)
+        assert np.allclose(there.origin, body.origin.conj(), atol=1e-11 * size, equal_nan=True)
+        assert np.allclose(np.exp(1j * there.angle), np.exp(-1j * body.angle), atol=1e-11, equal_nan=True)
         assert mirrored.mirrored() == linkage
         scaled = linkage.scaled(4.0).links(travel if driver.turns else travel * 4.0)[1]
-        assert np.allclose(scaled.place, 4 * body.place, atol=1e-10 * size, equal_nan=True)
+        assert np.allclose(scaled.origin, 4 * body.origin, atol=1e-10 * size, equal_nan=True)
         moved = linkage.moved(0.7, 2 - 3j).links(travel)[1]
-        assert np.allclose(moved.place, body.place * np.exp(0.7j) + 2 - 3j, atol=1e-11 * size, equal_nan=True)
-        assert np.allclose(moved.direction_rate, body.direction_rate, rtol=1e-6, atol=1e-6, equal_nan=True)
+        assert np.allclose(moved.origin, body.origin * np.exp(0.7j) + 2 - 3j, atol=1e-11 * size, equal_nan=True)
+        assert np.allclose(moved.rate, body.rate, rtol=1e-6, atol=1e-6, equal_nan=True)
 
 
 @pytest.mark.parametrize(("guide", "driver", "other"), DRIVES, ids=NAMES)
@@ -192,8 +192,8 @@ def test_the_swinging_block_of_the_checkpoint() -> None:
     cylinder = made.driven_by(1, Driver.CYLINDER, float(psi), complex(np.exp(1j * turn)))
     crank = cylinder.links(0.0)[2]
     assert cylinder.start == pytest.approx(extension, abs=1e-14)
-    assert crank.direction_rate[0] == pytest.approx(extension / (2 * math.sin(turn)), rel=1e-12)
-    assert crank.direction_rate[0] * made.rates(turn).rotation[0] == pytest.approx(
+    assert crank.rate[0] == pytest.approx(extension / (2 * math.sin(turn)), rel=1e-12)
+    assert crank.rate[0] * made.rates(turn).rotation[0] == pytest.approx(
         -math.cos(turn - psi) / (2 * math.sin(turn)), rel=1e-12
     )
 
@@ -247,6 +247,6 @@ def test_a_four_bar_moves_as_a_body_on_two_circles(lengths, branch, start, turn,
     crank, body, rocker = of_four_bar(linkage).links(travel)
     assert (crank.name, body.name, rocker.name) == ("crank", "coupler", "rocker")
     tolerance = {"atol": 1e-10, "equal_nan": True}
-    assert np.allclose(body.place, joints.body_point, **tolerance)
-    assert np.allclose(np.exp(1j * body.direction), np.exp(1j * joints.rotation), **tolerance)
-    assert np.allclose(np.exp(1j * rocker.direction), np.exp(1j * joints.rocker_angle), **tolerance)
+    assert np.allclose(body.origin, joints.body_point, **tolerance)
+    assert np.allclose(np.exp(1j * body.angle), np.exp(1j * joints.rotation), **tolerance)
+    assert np.allclose(np.exp(1j * rocker.angle), np.exp(1j * joints.rocker_angle), **tolerance)

@@ -23,7 +23,7 @@ def _case(drive, seed: int = 91):
 
 def _solution(drive) -> tuple[object, GuidedSolution]:
     linkage, travel, body = _case(drive)
-    poses = make_poses(body.direction, body.place)
+    poses = make_poses(body.angle, body.origin)
     return poses, assess(poses, linkage, nearest_travel(poses, linkage, travel))
 
 
@@ -58,7 +58,7 @@ def test_the_rest_is_fitted_as_well_as_by_a_general_method(drive) -> None:
 
 def test_with_given_timing_and_stock() -> None:
     linkage, travel, body = _case(DRIVES[1])
-    target = make_target(body.direction, body.place, crank_angle=travel)
+    target = make_target(body.angle, body.origin, crank_angle=travel)
     solution = assess(target, linkage, target.crank)
     stock = [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0]
     count = len(stock) ** len(lengths_of(linkage))

@@ -24,14 +24,14 @@ def test_an_exact_motion_is_met_from_nearby(drive) -> None:
     for _ in range(10):
         linkage, travel = _used(random, drive)
         body = linkage.links(travel)[1]
-        poses = make_poses(body.direction + 0.3, body.place)
+        poses = make_poses(body.angle + 0.3, body.origin)
         begin = travel + random.uniform(-0.05, 0.05, travel.size)
         found = nearest_travel(poses, turned_frame(linkage, 0.3), begin)
         assert np.allclose(found, travel, atol=1e-7)
         solution = assess(poses, linkage, found)
         # the offset of the rotation is found with the errors
-        assert solution.errors.objective < 1e-7 * (1 + np.abs(body.place).max())
-        turned = solution.linkage.body(solution.linkage.start).rotation[0] - body.direction[0] - 0.3
+        assert solution.errors.objective < 1e-7 * (1 + np.abs(body.origin).max())
+        turned = solution.linkage.body(solution.linkage.start).rotation[0] - body.angle[0] - 0.3
         assert abs(np.exp(1j * turned) - 1) < 1e-6
         assert solution.transmission_angle_min > 0.29
         assert size_of(solution, poses) > 0 and excursion(solution, poses) >= 1
@@ -45,7 +45,7 @@ def test_the_nearest_travel_is_that_of_a_fine_search(drive) -> None:
         linkage, travel = _used(random, drive)
         body = linkage.links(travel)[1]
         off = 0.02 * (random.normal(size=8) + 1j * random.normal(size=8))
-        poses = make_poses(body.direction + 0.02 * random.normal(size=8), body.place + off)
+        poses = make_poses(body.angle + 0.02 * random.normal(size=8), body.origin + off)
         found = nearest_travel(poses, linkage, travel)
         walk = np.linspace(-0.25, 0.85, 22001)
         there = linkage.body(linkage.start + walk)
@@ -61,6 +61,6 @@ def test_with_given_timing_travel_is_taken_as_it_is() -> None:
     random = np.random.default_rng(33)
     linkage, travel = _used(random, DRIVES[1])
     body = linkage.links(travel)[1]
-    target = make_target(body.direction, body.place, crank_angle=travel)
+    target = make_target(body.angle, body.origin, crank_angle=travel)
     solution = assess(target, linkage, target.crank)
     assert solution.errors.objective < 1e-14 and np.array_equal(solution.travel, travel)

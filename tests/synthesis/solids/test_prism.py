@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from synthesis.assembly.shapes import contains
-from synthesis.solids.fits import FITS, tolerance
 from synthesis.solids.mesh import mesh_of, ring_of
 from synthesis.solids.prism import Hole, Prism, arc_between, filleted, rounded, together
+from synthesis.solids.solid import FITS, tolerance
 from tests.oracles.surface import euler_characteristic, open_edges
 
 LAW = settings(derandomize=True, deadline=None, max_examples=60)

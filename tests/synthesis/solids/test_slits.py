@@ -15,11 +15,10 @@ from hypothesis import strategies as st
 
 from synthesis.assembly.layers import Asked, arrange
 from synthesis.errors import FieldError
-from synthesis.solids.fits import FITS
 from synthesis.solids.mesh import mesh_of
 from synthesis.solids.plates import parts_to_plates
 from synthesis.solids.prism import Hole, Prism, rounded
-from synthesis.solids.solid import Made, parts_list, solids_of
+from synthesis.solids.solid import FITS, Made, parts_list, solids_of
 from synthesis.solids.step import to_step
 from synthesis.work import Work
 from tests.conftest import some_of

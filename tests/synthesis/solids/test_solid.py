@@ -11,8 +11,7 @@ from synthesis.assembly.layers import Asked, arrange
 from synthesis.assembly.machine import Sizes, four_bar
 from synthesis.errors import FieldError
 from synthesis.fourbar.linkage import Linkage, LinkMass
-from synthesis.solids.fits import FITS
-from synthesis.solids.solid import COLOURS, DENSITIES, Made, masses_of_links, parts_list, solids_of
+from synthesis.solids.solid import COLOURS, DENSITIES, FITS, Made, masses_of_links, parts_list, solids_of
 from synthesis.target import Interval
 from synthesis.work import Work
 from tests.conftest import some_of
