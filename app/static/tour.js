@@ -5,7 +5,7 @@ import { $ } from "./shell.js";
 
 const STEPS = [
   [".tasks", "What do you have?", "Poses of a body, a path of a point, or a function of the crank's angle. Each button begins a new task; undo brings the old one back. Machines… opens one of eight that are solved already."],
-  [".canvas-frame", "Where it shall be", "The canvas shows the wanted poses in red. Drag them, or draw a path. The linkage that runs meets them as well as it can; red lines are its errors."],
+  [".canvas-frame", "Where it shall be", "The canvas shows the wanted poses with their numbers. Drag them, or draw a path. The linkage that runs meets them as well as it can; red lines are its errors."],
   ["#poses", "In numbers", "Every pose is a row: type, paste from a spreadsheet, or open a file. An empty cell is not asked for. Crank angles are free unless you give them."],
   ["#limits", "Limits", "With free crank angles the practical limits are on, with given ones off. Each can be changed or switched off; a box for the pivots, lengths and allowed errors can be added."],
   ["#solve", "Search", "Solve searches for some seconds and shows the best so far; Stop keeps it. Cards name the largest error and what is wrong; below them are curves, numbers, files and a sheet to print."],
