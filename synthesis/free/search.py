@@ -42,7 +42,7 @@ from synthesis.free.screen import COARSE, FINE, PathScreen, way_along
 from synthesis.kept import MOST, Kept
 from synthesis.mechanism import Chart, Placed
 from synthesis.ranking import APART, Status, behind, distinct
-from synthesis.rounds import GAIN, Found, Plan, Rounds
+from synthesis.rounds import FEWER_ON, GAIN, Found, Plan, Rounds
 from synthesis.search.search import DEFAULT_TOLERANCE, Best, Hops, SearchReport, StoppedBy
 from synthesis.search.seeds import Windows
 from synthesis.target import TURN, Interval, Target
@@ -304,6 +304,7 @@ class FreeRounds(Rounds):
         Whether descents keep to the limits; otherwise only answers do.
     """
 
+    plan = FEWER_ON
     thin: Poses
     problem: JointProblem
 

@@ -215,9 +215,9 @@ def test_solutions_are_sorted_and_differ(kind, resources) -> None:
     solutions = ask(make_case(kind, 5700).request | {"top": 20}, resources)["solutions"]
     objectives = [solution["errors"]["objective"] for solution in solutions]
     counted = np.maximum(objectives, DEFAULT_TOLERANCE)  # below it they tell nothing
-    assert counted.tolist() == sorted(counted) and [s["rank"] for s in solutions] == list(
-        range(1, len(solutions) + 1)
-    )
+    # of errors that are the same but for rounding, as those of cognates, the smaller linkage comes first
+    assert np.all(counted[1:] >= np.maximum.accumulate(counted)[:-1] * (1 - 1e-6))
+    assert [s["rank"] for s in solutions] == list(range(1, len(solutions) + 1))
     for k, one in enumerate(solutions):
         for other in solutions[:k]:
             gap = np.max(np.abs(links_of(one) / links_of(one).max() - links_of(other) / links_of(other).max()))
