@@ -156,7 +156,7 @@ class Rounds:
     idle, idle_at_first = 20, np.inf
     """So many rounds that gain nothing end the search, or half as many as there were before, whichever is more; perhaps fewer
     while none has gained anything on what was known before the first."""
-    odds = (-1.05, 0.81)
+    odds = (-0.85, 1.87)
     """The logarithm of the odds that a better valley was missed: a constant, and what the logarithm of the part of the rounds
     that led elsewhere adds. Fitted to `benchmarks.unseen`."""
 
