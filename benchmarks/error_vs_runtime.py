@@ -17,7 +17,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from benchmarks import baselines, product, report
-from benchmarks.figures import BLUE, BROWN, GREEN, GREY, ORANGE, PURPLE, curve, figure
+from benchmarks.figures import BLUE, BROWN, GREEN, GREY, ORANGE, PURPLE, figure
 from benchmarks.report import Times, power, significant
 from tests.oracles.classes import EXACT, NAMES, UNREACHABLE, make_case
 from tests.oracles.recompute import REACHED
@@ -189,7 +189,7 @@ def frontier(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 
 def solved_within(runs: dict[str, Any], method: str, setting: str, within_ms: np.ndarray) -> np.ndarray:
     """Share of the exact cases that a setting has brought below 1e-9 within each time, percent."""
-    cases = [runs[kind][method][setting] for kind in EXACT]
+    cases = [settings[setting] for kind in EXACT if setting in (settings := runs[kind].get(method, {}))]
     ms = np.array([value for case in cases for value in case["ms"]])
     found = np.array([np.inf if value is None else value for case in cases for value in case["J"]])
     return 100 * np.mean((ms <= within_ms[:, None]) & (found < REACHED), axis=1)
@@ -268,15 +268,15 @@ def draw_curves(axes: Any, rows: Sequence[dict[str, Any]], small: bool) -> None:
     axes.minorticks_off()
 
 
-def draw_shares(axes: Any, rows: Sequence[dict[str, Any]]) -> None:
-    """Share of cases below 1e-9 against time, one curve a method."""
+def draw_shares(axes: Any, runs: dict[str, Any], rows: Sequence[dict[str, Any]]) -> None:
+    """Share of cases below 1e-9 within each time that they took, one curve a method: of its strongest setting."""
+    within, strongest = np.geomspace(0.4, 5000, 200), dict([STRONGEST])
     for method in reversed(LOOK):
-        best: list[dict[str, Any]] = []
-        for row in sorted((row for row in rows if row["method"] == method), key=lambda row: row["ms"]):
-            if not best or row["share"] > best[-1]["share"] or method == PYLINKAGE:
-                best.append(row)
-        curve(axes, best, "ms", "share", **look(method))
-    axes.set(xscale="log", ylim=(-4, 104), xlim=(0.4, 5000), ylabel="cases that reach J < 1e-9 (%)")
+        some = {row["setting"]: row["share"] for row in rows if row["method"] == method}
+        if some:
+            setting = strongest.get(method) or max(some, key=lambda one: some[one])
+            axes.plot(within, solved_within(runs, method, setting, within), **{**look(method), "marker": ""})
+    axes.set(xscale="log", ylim=(-4, 104), xlim=(0.4, 5000), ylabel="cases brought below J = 1e-9 (%)")
     axes.minorticks_off()
 
 
@@ -291,10 +291,10 @@ def draw(results: dict[str, Any]) -> None:
     rows = summarise(runs, EXACT)
     with figure("error_vs_runtime.png", 1, 2, (11.5, 5.8), width_ratios=(1.7, 1)) as (drawing, (axes, shares)):
         draw_curves(axes, rows, small=False)
-        draw_shares(shares, rows)
+        draw_shares(shares, runs, rows)
         axes.set(ylabel="error J of the mounted linkage: median, quartiles", xlabel=clock)
         axes.text(0.45, 1.4e-9, "J = 1e-9", color=GREY, fontsize=8.5)
-        shares.set(xlabel=clock)
+        shares.set(xlabel="processor time of each case (ms)")
         drawing.suptitle(
             f"Error against run time: {results['cases'] * len(EXACT)} random motions that some four-bar performs exactly, "
             f"{len(EXACT)} classes"

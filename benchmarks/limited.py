@@ -227,16 +227,15 @@ def measure(
     cases: Annotated[int, "of each kind"] = 60,
     kept: Annotated[int, "exact cases that just keep their limits"] = 200,
 ) -> Iterator[dict[str, Any]]:
-    """The kinds in turn, then the exact cases."""
+    """The exact cases, then the kinds in turn."""
     threadpool_limits(1, "blas")
     product.la.prepare()
-    stamp, parts = report.stamp(), {}
+    stamp, parts, told = report.stamp(), {}, measure_kept(kept)
     for kind in KINDS:
         parts[kind] = measure_kind(kind, cases)
         for row in parts[kind]:
             print(row, flush=True)
-        yield {"made": stamp, "parts": parts}
-    yield {"made": stamp, "parts": parts, "kept": measure_kept(kept)}
+        yield {"made": stamp, "parts": parts, "kept": told}
 
 
 if __name__ == "__main__":
