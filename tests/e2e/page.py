@@ -21,7 +21,7 @@ import linkage_atlas as la
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = json.loads((ROOT / "app/static/examples.json").read_text())
-READY = "document.body.dataset.ready"
+READY = "document.body?.dataset.ready"  # a page that has just come may have no body yet
 IDLE = "document.getElementById('progress').hidden"
 CARDS = "document.querySelectorAll('#solutions li').length"
 WATCH = (

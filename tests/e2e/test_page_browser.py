@@ -201,7 +201,7 @@ def test_a_damaged_link_says_so(page) -> None:
     page.browser.get("about:blank")
     for fragment in ("z=AAAA", "j=!!!", "z=%00", "j=bm8", "j=e30"):
         page.browser.get(f"{page.address}/#{fragment}")
-        page.wait("document.body.dataset.ready && document.getElementById('status').textContent")
+        page.wait("document.body?.dataset.ready && document.getElementById('status').textContent")
         said = page.text("status")
         assert "link" in said or "request" in said
         page.run("document.getElementById('status').textContent = ''")

@@ -127,7 +127,7 @@ def ask_path(page, way: str) -> None:
 
 def ask_function(page, way: str) -> None:
     page.press(".tasks a", way)
-    page.wait("document.body.dataset.ready && location.pathname === '/function'")
+    page.wait("document.body?.dataset.ready && location.pathname === '/function'")
 
 
 ASK = {"motion": ask_motion, "path": ask_path, "function": ask_function}
