@@ -6,7 +6,6 @@ import gzip
 import json
 import math
 import threading
-import time
 from collections.abc import Callable, Iterator
 from itertools import count, pairwise
 from pathlib import Path
@@ -23,7 +22,7 @@ from app.registry import all_queries, worked_example
 from app.resources import ServiceResources
 from app.scenes import scene_queries
 from app.settings import Settings
-from tests.conftest import changed, finite, some_of
+from tests.conftest import PATIENCE, changed, finite, some_of, until
 from tests.oracles.recompute import broken_limits, compare
 
 EXAMPLE = worked_example()
@@ -596,7 +595,7 @@ def test_overload_is_refused_at_once_while_health_answers(tmp_path) -> None:
 
     def held() -> bool:
         running.set()
-        assert release.wait(30)
+        assert release.wait(PATIENCE)
         return False
 
     class Slow(ServiceResources):
@@ -611,17 +610,16 @@ def test_overload_is_refused_at_once_while_health_answers(tmp_path) -> None:
 
         threads = [threading.Thread(target=post) for _ in range(2)]
         threads[0].start()
-        assert running.wait(30)
+        assert running.wait(PATIENCE)
         threads[1].start()
-        while not client.app.state.turnstile.waiting:
-            time.sleep(0.01)
+        until(lambda: client.app.state.turnstile.waiting)
         reply = client.post("/v1/synthesize", json=EXAMPLE)
         problem(reply, range(503, 504))
         assert int(reply.headers["retry-after"]) > 0
         assert client.get("/livez").status_code == 200
         release.set()
         for thread in threads:
-            thread.join(30)
+            thread.join(PATIENCE)
     assert statuses == [200, 200]
 
 

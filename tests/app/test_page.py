@@ -15,6 +15,7 @@ import pytest
 
 from app import page
 from app.scenes import SCENES
+from tests.conftest import PATIENCE
 from tests.vectors.make_guided import FILE as GUIDED
 from tests.vectors.make_guided import vectors as guided_vectors
 from tests.vectors.make_kinematics import FILE as VECTORS
@@ -183,7 +184,7 @@ def test_the_linter_reports_faults(tmp_path) -> None:
     for k, (_, code) in enumerate(FAULTS):
         (tmp_path / f"fault{k}.js").write_text(f"{code}\n")
     oxlint = [Path(sysconfig.get_path("scripts")) / "oxlint", "-c", ROOT / ".oxlintrc.json", "-f", "unix"]
-    done = subprocess.run([*oxlint, "."], cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    done = subprocess.run([*oxlint, "."], cwd=tmp_path, capture_output=True, text=True, timeout=PATIENCE)
     assert done.returncode == 1, done.stdout + done.stderr
     for k, (rule, code) in enumerate(FAULTS):
         assert re.search(rf"fault{k}\.js.*\({rule}\)", done.stdout), code[:80]

@@ -25,10 +25,9 @@ import pytest
 from app import cli
 from app.computed import SMALL
 from app.server import default_workers, listening
-from tests.conftest import some_of, started
+from tests.conftest import PATIENCE, some_of, started, until
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="elsewhere threads compute")
-PATIENCE = 30.0
 ROOT = Path(__file__).parents[2]
 SERVICE = """
 import os, sys
@@ -151,6 +150,22 @@ def ignores(number: int) -> bool:
     return found is not None and bool(int(found[1], 16) >> (signal.SIGTERM - 1) & 1)
 
 
+def used(number: int) -> int:
+    """Processor time of a process in hundredths of a second."""
+    try:
+        return sum(map(int, Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()[11:13]))
+    except OSError:
+        return 0
+
+
+def busy(running: Running) -> closing[http.client.HTTPConnection]:
+    """A request that takes all its time, and has begun to."""
+    before = {number: used(number) for number in running.computing}
+    connection = running.sent("/v1/lift/batch")
+    until(lambda: any(used(number) > ticks + 5 for number, ticks in before.items()))
+    return closing(connection)
+
+
 def answers(running: Running) -> bool:
     """Whether a service answers, whose front may have ended."""
     try:
@@ -164,13 +179,6 @@ def settled(running: Running) -> bool:
     before = running.computing
     time.sleep(0.3)
     return len(before) == 2 and running.computing == before
-
-
-def until(condition: Any, seconds: float = PATIENCE) -> None:
-    begin = time.monotonic()
-    while not condition():
-        assert time.monotonic() - begin < seconds
-        time.sleep(0.01)
 
 
 @contextmanager
@@ -218,9 +226,7 @@ def test_a_request_that_takes_too_much_fails_alone_and_says_so(path, status, det
 
 def test_a_client_that_leaves_takes_its_process_with_it(running) -> None:
     before = running.computing
-    busy = running.sent("/v1/lift/batch")
-    time.sleep(0.1)
-    busy.close()
+    busy(running).thing.close()
     until(lambda: len(running.computing) == 2 and running.computing != before)
     assert len(before & running.computing) == 1
 
@@ -234,8 +240,7 @@ def test_one_process_goes_before_the_others_and_is_never_given_a_long_request(ru
         quick, other = sorted(running.computing, key=nice)
         assert nice(quick) < nice(other)
         for _ in range(2):
-            with closing(running.sent("/v1/lift/batch")):  # takes long, and its process along
-                until(lambda other=other: "R" in re.findall(r"State:\s+(\w)", status(other)))
+            with busy(running):  # and takes its process along
                 assert running.post(NEEDLE)[0] == 200
             until(lambda other=other: other not in running.computing and len(running.computing) == 2)
             assert quick in running.computing
@@ -276,7 +281,7 @@ def test_whoever_ends_is_seen_though_no_one_wishes_anything(running) -> None:
         for number in before:
             os.kill(number, signal.SIGKILL)
             time.sleep(0.02)
-        until(lambda before=before: len(running.computing) == 2 and not before & running.computing, 10)
+        until(lambda before=before: len(running.computing) == 2 and not before & running.computing)
 
 
 def test_a_front_that_is_killed_is_replaced_and_listens_on_the_same_port(running) -> None:
@@ -290,15 +295,13 @@ def test_a_front_that_is_killed_is_replaced_and_listens_on_the_same_port(running
 @pytest.mark.parametrize("name", some_of(["SIGHUP", "SIGTERM", "SIGINT"], 1))  # the others: test_command_line.py
 def test_the_end_is_told_to_clients_and_leaves_no_process(name, tmp_path) -> None:
     with serving(tmp_path, ending_seconds=2.5) as running:
-        with closing(running.sent("/v1/lift/batch")) as busy:
-            until(lambda: any(running.computing))
-            time.sleep(0.2)
+        with busy(running) as asked:
             for number in [
                 running.process.pid,
                 *running.children(),
             ]:  # as a terminal's Ctrl-C, or a service manager, does
                 os.kill(number, getattr(signal, name))
-            reply = busy.getresponse()
+            reply = asked.getresponse()
             assert reply.status == 503, running.log.read_text()
             assert "ending" in json.load(reply)["detail"]
         assert running.process.wait(PATIENCE) == 0
@@ -315,13 +318,13 @@ def test_a_successor_takes_over_without_a_refused_request(tmp_path) -> None:
                 statuses.append(running.post(NEEDLE)[0])
 
         asking = [threading.Thread(target=ask) for _ in range(2)]
-        with closing(running.sent("/v1/lift/batch")) as busy:
+        with busy(running) as asked:
             for thread in asking:
                 thread.start()
             os.kill(running.process.pid, signal.SIGUSR1)
             assert running.process.wait(PATIENCE) == 0
             # it took all of its time, and not only that until the end
-            assert "this service allows" in json.load(busy.getresponse())["detail"]
+            assert "this service allows" in json.load(asked.getresponse())["detail"]
         before = len(statuses)
         until(lambda: len(statuses) > before + 10)
         ended.set()

@@ -21,7 +21,7 @@ from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import Select
 
 import linkage_atlas as la
-from tests.conftest import some_of
+from tests.conftest import some_of, until
 from tests.e2e.page import CARDS, EXAMPLES, FREE, READY, ROOT, VERDICTS, keep, path_request
 
 DEG = np.pi / 180
@@ -358,10 +358,9 @@ def test_the_linkage_runs_and_stops(standing) -> None:
     standing.solve()
     before = standing.drawn("d")
     standing.click("play")
-    time.sleep(0.6)
+    until(lambda: abs(standing.drawn("d") - before) > 0.5)
     assert standing.find("play").get_attribute("aria-label") == "Pause"
     standing.click("play")
-    assert abs(standing.drawn("d") - before) > 0.5
     standing.select("range", "turn")
     standing.slide(300)
     assert standing.text("travel") == "300.0°"

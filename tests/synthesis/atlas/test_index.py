@@ -36,7 +36,7 @@ from synthesis.atlas.window_index import INTERVALS, build_window_index
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule
 from synthesis.target import Target
 from synthesis.work import Cancelled, Work
-from tests.conftest import make_atlas, some_of
+from tests.conftest import PATIENCE, make_atlas, some_of
 
 RULE = AtlasRule(TypeRule(44, 2, OrderRule.FULL_CRANK), 32)
 PARTS = ["cells", "short_spans", "positions"]
@@ -502,7 +502,7 @@ def making(folder: Path, seconds: float) -> subprocess.Popen[str]:
 
 def test_of_several_processes_one_makes_a_part(tmp_path) -> None:
     processes = [making(tmp_path / "index", 0.5) for _ in range(3)]
-    told = [process.communicate(timeout=60)[0] for process in processes]
+    told = [process.communicate(timeout=PATIENCE)[0] for process in processes]
     assert sum("begins" in text for text in told) == 1 and all("36.0" in text for text in told)
 
 
@@ -512,5 +512,5 @@ def test_what_a_killed_process_leaves_is_removed(tmp_path) -> None:
     process.send_signal(signal.SIGKILL)
     process.communicate()
     assert list((tmp_path / "index").glob(".some.tmp/*.npy"))
-    assert making(tmp_path / "index", 0).communicate(timeout=60)[0] == "begins\n36.0\n"
+    assert making(tmp_path / "index", 0).communicate(timeout=PATIENCE)[0] == "begins\n36.0\n"
     assert names(tmp_path / "index") == ["some"] and not list((tmp_path / "index").glob(".*.tmp"))
