@@ -22,7 +22,7 @@ def page(pages):
 
 def solve(page) -> None:
     page.click("solve")
-    page.wait("!document.getElementById('status').textContent.startsWith('Searching')", 60)
+    page.wait("!document.getElementById('status').textContent.startsWith('Searching')")
 
 
 def test_a_chosen_function_shows_linkage_and_error_and_is_saved(page) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import linkage_atlas as la
+from linkage_atlas.limits import read_limits
 from tests.conftest import some_of
 
 CRANK = [0.0, 10.0, 35.0, 50.0, 80.0, 110.0]
@@ -134,6 +135,18 @@ def test_a_closed_way_keeps_its_limits_on_the_way_back_too(points) -> None:
         assert turned > 35 - 1e-6 and one.transmission_angle_min == pytest.approx(turned, abs=1e-3)
         free = one.verdict.assembly is not None and one.verdict.assembly.status == "free"
         assert free == (one.linkage.assembly().status == "free"), "as over the whole turn"
+
+
+@pytest.mark.parametrize(
+    ("closed", "asked", "kept"), [(True, {}, 40), (True, {"turn": 50}, 50), (True, {"turn": 20}, 40), (False, {}, 0)]
+)
+def test_the_transmission_angle_of_a_closed_way_is_a_limit_of_the_whole_turn(closed, asked, kept) -> None:
+    """In the search, which else would drop at its end what breaks it on the way back."""
+    motion = la.Motion(position=[[0, 0], [10, 0], [5, 8]], timing="free", closed=closed)
+    turn = {f"transmission_angle_min_{name}": angle for name, angle in asked.items()}
+    limits = read_limits({"preset": "none", "transmission_angle_min": 40} | turn, motion)
+    assert limits.transmission_angle_min == pytest.approx(np.deg2rad(40))
+    assert limits.transmission_angle_min_turn == pytest.approx(np.deg2rad(kept))
 
 
 @pytest.mark.parametrize("way", [1, -1])

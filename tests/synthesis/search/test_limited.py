@@ -61,6 +61,23 @@ def test_equations_are_met_to_rounding_in_the_end(windows) -> None:
     assert np.mean(broken < 1e-13) > 0.9 and np.isfinite(on_them.cost).all()
 
 
+def test_those_are_moved_onto_limits_that_err_and_break_least(windows, monkeypatch) -> None:
+    """Of the candidates of a round the errors alone would choose others, which lie far outside of the limits."""
+    target = target_of(make_case("unreachable", 3).request)
+    limits = Limits(pivot_b=target.middle + target.length_scale * (1 - 2j))
+    way = FOURBAR.bounded(target, limits)[0]
+    run = GivenRounds(target, way, limits.family, Found(1e-10, lambda least: None), Work())
+    timed = windows.seeds(run.within, way.on_shape, way.boxes).take(slice(0, 200))
+    pool = run.plain.measured(timed)
+    chosen = []
+    monkeypatch.setattr(GivenProblem, "moved_onto", lambda _, timed, *more: chosen.append(timed) or (pool, pool.cost))
+    run.keep(pool)
+    worth = pool.cost + run.within.lacking(pool.timed)[0]
+    best, by_errors = (np.argsort(one, kind="stable")[: chosen[0].branch.size] for one in (worth, pool.cost))
+    np.testing.assert_array_equal(chosen[0].pose, pool.timed.take(best).pose)
+    assert 0 < best.size < pool.cost.size and set(best) != set(by_errors)
+
+
 def test_windows_come_in_the_best_pose_that_boxes_leave(windows) -> None:
     """Against the same fit by least squares over a dense grid of places for both pivots."""
     target = target_of(make_case("unreachable", 5).request)
