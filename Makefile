@@ -30,17 +30,17 @@ help:
 	@echo "make report     error against run time: docs/error_vs_runtime.md (about half an hour)"
 	@echo "make everyday   everyday questions to the running service: docs/everyday.md (half an hour)"
 	@echo "make engine     every kind of search beside the best known answers: docs/engine.md (three quarters of an hour)"
-	@echo "make poses      poses without crank angles, noise and other programs: docs/free_timing.md (a quarter of an hour)"
-	@echo "make limits     requests within limits, beside general optimisers: docs/limits.md (half an hour)"
-	@echo "make function   named functions and other programs: docs/function.md (half an hour)"
+	@echo "make poses      poses without crank angles, noise and other programs: docs/free_timing.md (some minutes)"
+	@echo "make limits     requests within limits, beside general optimisers: docs/limits.md (some minutes)"
+	@echo "make function   named functions and other programs: docs/function.md (some minutes)"
 	@echo "make stability  extreme cases against high precision: docs/stability.md (a minute)"
 	@echo "make assembly   layers of random machines against shapely: docs/assembly.md (ten minutes)"
 	@echo "make drives     drives against finer grids, circles and equilibrium: docs/drives.md (some minutes)"
 	@echo "make studies    forces, tolerances of manufacture, stock lengths: docs/analysis.md (a few minutes)"
 	@echo "make solids     files of parts of the gallery: docs/export.md (a minute)"
 	@echo "make accept     1,000 random cases of every class, errors recomputed independently: docs/method.md (about half an hour)"
-	@echo "make bench      build, load, scan, other indexes, larger atlases, many requests: docs/scaling.md, docs/file_format.md"
-	@echo "                (over an hour; needs 17 GB of memory, 45 GB of disk, no other work on the machine)"
+	@echo "make bench      build, load, scan, index, larger atlases, many requests: docs/scaling.md, docs/file_format.md"
+	@echo "                (half an hour; needs 6 GB of disk, no other work on the machine)"
 	@echo "make clean      remove the environment and the atlas"
 
 setup: $(READY)
@@ -110,12 +110,11 @@ map: $(READY)
 	$(BIN)/python -m docs.map
 
 bench: $(READY) $(ATLAS)
-	@echo "Needs 17 GB of memory (the flat index), 45 GB of disk for temporary files, the packages of the extra 'baselines',"
-	@echo "over an hour, and a machine that does nothing else."
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test,docs,baselines]'
 	$(BIN)/python -m benchmarks.growth
 	$(BIN)/python -m benchmarks.throughput --atlas $(ATLAS)
 	$(BIN)/python -m benchmarks.retrieval --atlas $(ATLAS)
+	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.index --atlases $(ATLAS)
+	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.sliders
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.many_requests
 
 docs: $(READY)
@@ -156,6 +155,7 @@ limits: $(READY)
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.limited
 
 function: $(READY)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test,docs,baselines]'
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.function
 
 stability: $(READY)
