@@ -814,10 +814,18 @@ def of_four_bar(linkage: Linkage) -> GuidedLinkage:
 
     Law: poses over travel from the first sample are those of `Linkage.joints`.
     """
-    crank, coupler, rocker, _ = linkage.links
-    first = Circle(linkage.pivot_a, crank, on_body(linkage, 0j))
-    second = Circle(linkage.pivot_b, rocker, on_body(linkage, coupler + 0j))
-    return GuidedLinkage((first, second), Driver.CRANK, linkage.branch, linkage.start + linkage.ground_angle)
+    return _on_circles(linkage, on_body(linkage, 0j), on_body(linkage, linkage.links[1] + 0j))
+
+
+def along_coupler(linkage: Linkage) -> GuidedLinkage:
+    """The same with the coupler's own frame in place of the body's: from the crank pin along the coupler."""
+    return _on_circles(linkage, 0j, linkage.links[1] + 0j)
+
+
+def _on_circles(linkage: Linkage, first: complex, second: complex) -> GuidedLinkage:
+    crank, _, rocker, _ = linkage.links
+    guides = Circle(linkage.pivot_a, crank, first), Circle(linkage.pivot_b, rocker, second)
+    return GuidedLinkage(guides, Driver.CRANK, linkage.branch, linkage.start + linkage.ground_angle)
 
 
 def on_body(linkage: Linkage, point: complex) -> complex:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from synthesis.assembly.layers import Asked, arrange
-from synthesis.assembly.machine import Sizes, four_bar
+from synthesis.assembly.machine import Sizes, as_plates
 from synthesis.errors import FieldError
 from synthesis.fourbar.linkage import Linkage, LinkMass
 from synthesis.solids.solid import COLOURS, DENSITIES, FITS, Made, masses_of_links, parts_list, solids_of
@@ -160,7 +160,7 @@ def test_what_leaves_no_material_is_refused() -> None:
         solids_of(machine, found.stack, Made(FITS["H7"], "steel", "steel"), 1.0)
     assert refused.value.field == "/assembly/body"
     linkage = Linkage((30.0, 60.0, 70.0, 50.0), 1, coupler_point=(2.0, 0.0))
-    machine = four_bar(linkage, Interval(0.0, 1.0), Sizes(6.0, 18.0, 0.2), body=SASH)
+    machine = as_plates(linkage, Interval(0.0, 1.0), Sizes(6.0, 18.0, 0.2), body=SASH)
     with pytest.raises(FieldError, match="would run into another"):
         solids_of(machine, arrange(machine, Asked("both"), Work()).stack, Made(FITS["H7"], "steel", "steel"), 1.0)
 
