@@ -12,8 +12,8 @@ from benchmarks import report
 from benchmarks.report import Times
 from linkage_atlas.driving import FINE as FINE_WAY
 from synthesis.drives.actuator import Placement, Refused
-from synthesis.drives.dyad import Driven, about_pivot, driven, on_any_link
 from synthesis.drives.links import GROUND, machine_at, machine_of
+from synthesis.drives.six_bar import Driven, about_pivot, driven, on_any_link
 from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.linkage import GuidedLinkage, Kind
 from synthesis.target import Interval

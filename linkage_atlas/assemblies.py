@@ -11,9 +11,9 @@ import numpy as np
 from linkage_atlas.arguments import box, check_names, flag, number, one_of, pair, whole_number
 from linkage_atlas.records import KEPT, Record
 from synthesis.assembly import layers
+from synthesis.assembly.gaps import crosses_itself, signed_area
 from synthesis.assembly.layers import BOARDS, BOTH, ENVELOPE, Arrangement, Asked, Heights, arrange, outside, parts_of
 from synthesis.assembly.machine import Machine, Sizes, as_plates, motor_driven
-from synthesis.assembly.shapes import crosses_itself, signed_area
 from synthesis.drives.six_bar import Motor
 from synthesis.errors import FieldError
 from synthesis.fourbar.files import check_sizes

@@ -51,9 +51,6 @@ from synthesis.drives.actuator import (
     best_of_rows,
     locked,
 )
-from synthesis.drives.balance import Spring as Placed
-from synthesis.drives.balance import one_spring, potential_of, springs_on_pendulums, two_springs
-from synthesis.drives.dyad import LARGEST_RATIO, Driven, about_pivot, driven, on_any_link
 from synthesis.drives.links import (
     GROUND,
     SAMPLES,
@@ -64,9 +61,32 @@ from synthesis.drives.links import (
     machine_at,
     machine_of,
 )
-from synthesis.drives.six_bar import MOTOR_CRANK, ROD, Joint, Motor, joints_of, rod_joints
+from synthesis.drives.six_bar import (
+    LARGEST_RATIO,
+    MOTOR_CRANK,
+    ROD,
+    Driven,
+    Joint,
+    Motor,
+    about_pivot,
+    driven,
+    joints_of,
+    on_any_link,
+    rod_joints,
+)
 from synthesis.drives.six_bar import SixBar as Swung
-from synthesis.drives.springs import Fitted, Room, best_pair, best_spring, fitted
+from synthesis.drives.springs import (
+    Fitted,
+    Room,
+    best_pair,
+    best_spring,
+    fitted,
+    one_spring,
+    potential_of,
+    springs_on_pendulums,
+    two_springs,
+)
+from synthesis.drives.springs import Spring as Placed
 from synthesis.errors import FieldError
 from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.analysis import Load, Pull, forces, on_links

@@ -16,7 +16,7 @@ from synthesis.drives.links import GROUND, Machine, ends_of, machine_at
 from synthesis.drives.six_bar import Motor, SixBar
 from synthesis.errors import FieldError
 from synthesis.fourbar import files as of_four_bars
-from synthesis.fourbar.linkage import Linkage, LinkMass
+from synthesis.fourbar.linkage import Linkage, Mass
 from synthesis.guided import files as of_guided
 from synthesis.guided.linkage import GuidedLinkage
 from synthesis.sheet import More
@@ -91,7 +91,7 @@ def content_of(
         return text.encode()
     assert parts is not None
     try:
-        masses = {one.link: LinkMass(one.mass, complex(*one.at), one.inertia) for one in parts(True).masses}
+        masses = {one.link: Mass(one.link, one.mass, complex(*one.at), one.inertia) for one in parts(True).masses}
     except FieldError:
         masses = None  # no plates of these sizes: the file says so
     text = files.to_mjcf(linkage, target, unit_mm, masses)

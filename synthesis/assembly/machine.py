@@ -27,8 +27,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.arrays import Flags, Floats
+from synthesis.assembly.gaps import Shape, contains, hull, nearest_on
 from synthesis.assembly.movement import GROUND, Between, Bodies, Crank, Dyad, Movement, Place, Step, turn_over
-from synthesis.assembly.shapes import Shape, contains, hull, nearest_on
 from synthesis.drives.six_bar import MOTOR_CRANK, ROD, Motor, SixBar
 from synthesis.errors import FieldError
 from synthesis.fourbar.files import plate_sizes
@@ -191,12 +191,10 @@ def as_plates(
         turn = body_turn(linkage)
         names = ["ground", "crank", BODY, "rocker"]
     else:
-        lengths = [one.radius for one in guided.guides if isinstance(one, Circle)]
+        lengths = [length for length in guided.lengths.values() if length > 0]
         lengths += [abs(high - low) for low, high in spans.values() if high > low]
-        lengths += [arm] if arm > 0 and not any(isinstance(one, Slot) for one in guided.guides) else []
         point, turn = -driven.body_point, 0.0
-        circles = [name for name, one in zip(guided.link_names[::2], guided.guides) if isinstance(one, Circle)]
-        names = ["ground", BODY, *circles]
+        names = ["ground", BODY, *(name for name, one in guided.named_guides if isinstance(one, Circle))]
     hole, width = plate_sizes(lengths, sizes.hole, sizes.width)
     size = max([*lengths, arm])
     carrier = names.index(BODY)
@@ -204,12 +202,11 @@ def as_plates(
     pins: list[Pin] = []
     steps: list[Step] = [] if four_bar else [OnGuides(local, carrier)]
     corners, holes, slits = [] if point is None else [point], [], []
-    for place, one in enumerate(local.guides):
+    for place, (link, one) in enumerate(local.named_guides):
         fixed, moving = _PINS[place]
         at = one.body_point - driven.body_point
         if isinstance(one, Circle):
-            name = guided.link_names[2 * place]
-            number = names.index(name)
+            number = names.index(link)
             pivot, end = Place(GROUND, one.pivot), complex(one.radius)
             if place == 0:
                 steps.append(Crank(number, pivot, guided.start))
@@ -218,10 +215,10 @@ def as_plates(
                 steps.append(Dyad(carrier, number, pin, pivot, abs(at), one.radius, guided.branch))
             else:
                 steps.append(Between(number, pivot, Place(carrier, at), one.radius))
-            plates.append(Plate(name, number, Shape((0j, end), width / 2), (Hole(0j, fixed), Hole(end, moving))))
-            pins.append(Pin(fixed, (pivot, Place(number, 0j)), hole / 2, (name,)))
+            plates.append(Plate(link, number, Shape((0j, end), width / 2), (Hole(0j, fixed), Hole(end, moving))))
+            pins.append(Pin(fixed, (pivot, Place(number, 0j)), hole / 2, (link,)))
             ends = Place(number, end), Place(carrier, at)
-            pins.append(Pin(moving, ends[::-1] if four_bar and place else ends, hole / 2, (name, BODY)))
+            pins.append(Pin(moving, ends[::-1] if four_bar and place else ends, hole / 2, (link, BODY)))
         elif isinstance(one, Rail):
             name = "rail" if "rail" not in [plate.name for plate in plates] else "second_rail"
             along = complex(np.exp(1j * one.direction))

@@ -143,7 +143,7 @@ def _guided(linkage: GuidedLinkage, at: Floats) -> Machine:
     extent = max(way, *sizes, *arms, 1e-300)
     reaches = dict.fromkeys(links, extent)
     middles = {}
-    for guide, name in zip(linkage.guides, (linkage.link_names[0], linkage.link_names[2])):
+    for name, guide in linkage.named_guides:
         if isinstance(guide, Circle):
             reaches[name], middles[name] = guide.radius, guide.radius / 2 + 0j
     body = replace(links["coupler"], name="body")

@@ -53,7 +53,7 @@ class Source(NamedTuple):
 def sources_of(linkage: GuidedLinkage) -> list[Source]:
     """All sources of a linkage, guide by guide."""
     found = []
-    for place, (guide, name) in enumerate(zip(linkage.guides, (linkage.link_names[0], linkage.link_names[2]))):
+    for place, (name, guide) in enumerate(linkage.named_guides):
         if isinstance(guide, Circle):
             found += [
                 Source(f"{name} length", place, "radius", "links"),
@@ -212,7 +212,7 @@ def dimensions_of(linkage: GuidedLinkage) -> list[tuple[str, int, Deviation]]:
     """Every dimension by name, the guide that it belongs to, and a unit of it; directions last, in radians."""
     found: list[tuple[str, int, Deviation]] = []
     turned: list[tuple[str, int, Deviation]] = []
-    for place, (guide, name) in enumerate(zip(linkage.guides, (linkage.link_names[0], linkage.link_names[2]))):
+    for place, (name, guide) in enumerate(linkage.named_guides):
         fixed = {Circle: "pivot", Rail: "rail", Slot: "pin"}[type(guide)]
         if isinstance(guide, Circle):
             found.append((f"{name} length", place, Deviation(radius=1.0)))

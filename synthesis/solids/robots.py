@@ -14,7 +14,7 @@ import numpy as np
 
 from synthesis.assembly.machine import Machine
 from synthesis.assembly.movement import GROUND
-from synthesis.solids.prism import Mass
+from synthesis.solids.prism import MassProperties
 from synthesis.solids.solid import Solid, Solids
 from synthesis.target import Interval
 
@@ -104,8 +104,8 @@ class _Model:
         return " ".join(_number(value) for value in self.masses[body].centre)
 
 
-def _in_metres(mass: Mass) -> Mass:
-    return Mass(mass.mass, mass.centre / 1000, mass.inertia / 1e6)
+def _in_metres(mass: MassProperties) -> MassProperties:
+    return MassProperties(mass.mass, mass.centre / 1000, mass.inertia / 1e6)
 
 
 def to_urdf(solids: Solids, name: str, used: Interval | None = None) -> str:

@@ -11,9 +11,8 @@ import shapely
 
 from synthesis.assembly.layers import Arrangement, Heights, Search, parts_of
 from synthesis.assembly.machine import Machine, Sizes, as_plates, motor_driven
-from synthesis.drives.dyad import about_pivot, on_any_link, proportions
 from synthesis.drives.links import machine_of
-from synthesis.drives.six_bar import Motor
+from synthesis.drives.six_bar import Motor, about_pivot, on_any_link, proportions
 from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.linkage import DRIVERS, Circle, GuidedLinkage, Rail, Slot
 from synthesis.target import TURN, Interval

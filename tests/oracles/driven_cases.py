@@ -6,8 +6,8 @@ import numpy as np
 
 from synthesis.drives.actuator import Actuator, Question, Wanted
 from synthesis.drives.links import GROUND, Machine, machine_of
-from synthesis.fourbar.linkage import Linkage
-from synthesis.guided.analysis import Load, Mass
+from synthesis.fourbar.linkage import Linkage, Mass
+from synthesis.guided.analysis import Load
 from synthesis.guided.linkage import GuidedLinkage, LinkMotion
 from synthesis.target import Interval
 from tests.oracles.guided_cases import DRIVES, good_linkage

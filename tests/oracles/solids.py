@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
+from synthesis.assembly.gaps import distances
 from synthesis.assembly.layers import Arrangement, Asked, arrange
 from synthesis.assembly.machine import Machine, Sizes, as_plates
-from synthesis.assembly.shapes import distances
 from synthesis.fourbar.linkage import Linkage
 from synthesis.solids.mesh import mesh_of, ring_of
 from synthesis.solids.solid import FITS, Made, Solid, Solids, solids_of

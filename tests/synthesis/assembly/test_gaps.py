@@ -8,10 +8,9 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from synthesis.assembly.gaps import Carried, Gaps
+from synthesis.assembly.gaps import Carried, Gaps, Shape, contains, crosses_itself, disc, distances, hull, signed_area
 from synthesis.assembly.machine import Sizes, as_plates
 from synthesis.assembly.movement import GROUND, Crank, Dyad, Movement, Place
-from synthesis.assembly.shapes import Shape, contains, crosses_itself, disc, distances, hull, signed_area
 from synthesis.fourbar.linkage import Linkage
 from synthesis.target import TURN, Interval
 from synthesis.work import Work

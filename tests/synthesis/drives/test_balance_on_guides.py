@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from synthesis.drives.balance import springs_on_pendulums
 from synthesis.drives.links import hinged_at, machine_at
-from synthesis.guided.analysis import Load, Mass
+from synthesis.drives.springs import springs_on_pendulums
+from synthesis.fourbar.linkage import Mass
+from synthesis.guided.analysis import Load
 from synthesis.guided.linkage import Circle, Driver, Rail, Slot
 from tests.oracles.guided_cases import DRIVES, NAMES, good_linkage
 

@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 
 from synthesis.drives.actuator import Actuator, Question, Refused, Wanted
-from synthesis.drives.balance import Spring, one_spring, potential_of, two_springs
-from synthesis.drives.dyad import about_pivot, driven, proportions
 from synthesis.drives.links import Machine, machine_of
-from synthesis.drives.springs import fitted
-from synthesis.fourbar.linkage import Linkage
-from synthesis.guided.analysis import Load, Mass
+from synthesis.drives.six_bar import about_pivot, driven, proportions
+from synthesis.drives.springs import Spring, fitted, one_spring, potential_of, two_springs
+from synthesis.fourbar.linkage import Linkage, Mass
+from synthesis.guided.analysis import Load
 from synthesis.target import Interval
 from tests.oracles.driven_cases import straight
 

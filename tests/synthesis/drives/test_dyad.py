@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from synthesis.drives.actuator import Question, Refused, Wanted, locked
-from synthesis.drives.dyad import (
+from synthesis.drives.links import SAMPLES, hinged_at, machine_at, machine_of
+from synthesis.drives.six_bar import (
     _angle_of,
     _Begin,
     _beginnings,
@@ -18,7 +19,6 @@ from synthesis.drives.dyad import (
     on_any_link,
     proportions,
 )
-from synthesis.drives.links import SAMPLES, hinged_at, machine_at, machine_of
 from synthesis.guided.analysis import Load
 from synthesis.work import Work
 from tests.conftest import some_of

@@ -7,10 +7,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from synthesis.drives.balance import Spring, one_spring, potential_of, two_springs
 from synthesis.drives.links import SAMPLES, hinged_at, machine_of
-from synthesis.drives.springs import Kind, Room, best_pair, best_spring, fitted, spring_torque
-from synthesis.guided.analysis import Load, Mass
+from synthesis.drives.springs import (
+    Kind,
+    Room,
+    Spring,
+    best_pair,
+    best_spring,
+    fitted,
+    one_spring,
+    potential_of,
+    spring_torque,
+    two_springs,
+)
+from synthesis.fourbar.linkage import Mass
+from synthesis.guided.analysis import Load
 from synthesis.target import Interval
 from tests.oracles.driven_cases import random_linkage
 
