@@ -1302,10 +1302,7 @@ class _Search:
         rod, arm = machine.links[ROD], machine.links[MOTOR_CRANK].direction * motor.crank
         force = plain.torque(self.asked.load) / dot(rod.direction, plain.links[name].speed(motor.pin))
         torque = force * dot(rod.direction, 1j * arm)
-        forwards = six.last if six.sense > 0 else six.last - TURN
-        backwards = six.sense * TURN - forwards
-        kind = "stephenson_3" if six.pivot is None else "watt_2"
-        dwell = six.dwell(_DWELL)
+        (forwards, backwards), dwell = six.turn, six.dwell(_DWELL)
         joints = self._joints(six)
         places = {one.name: xy(one.place[0]) for one in joints}
         on = {
@@ -1317,7 +1314,7 @@ class _Search:
         return SixBar(
             motor.crank,
             motor.rod,
-            "crank_rocker" if self.place.view is None else kind,
+            "crank_rocker" if self.place.view is None else six.kind,
             whole.time_ratio,
             whole.least_angle / radian,
             self._told(float(np.abs(whole.motor_torque).max())),

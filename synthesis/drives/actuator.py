@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.arrays import Complexes, Flags, Floats, Ints
+from synthesis.arrays import Complexes, Flags, Floats, Ints, angle_at
 from synthesis.guided.linkage import LinkMotion
 from synthesis.one_variable import closer_looks
 from synthesis.work import Work
@@ -886,9 +886,7 @@ def locked(
     whole = float(length[end] / np.sqrt(1 - 4 * share * (1 - share) * np.sin(over_centre / 2) ** 2))
     handle, strut = share * whole, (1 - share) * whole
     v = link.place(found.pin) - found.ground
-    near = np.maximum((strut - (handle - length)) * (strut + (handle - length)), 0.0)
-    far = np.maximum((handle + length - strut) * (handle + length + strut), 0.0)
-    angle = 2 * np.arctan2(np.sqrt(near), np.sqrt(far))
+    angle = angle_at(handle, strut, length)
     angle[end] = -angle[end]
     knee = found.ground + handle * v / length * np.exp(1j * angle)
     rod = (link.place(found.pin) - knee) / strut

@@ -30,14 +30,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from synthesis.arrays import Complexes, Flags, Floats, cross, dot
+from synthesis.arrays import Complexes, Flags, Floats, angle_at, cross, dot
 from synthesis.drives.actuator import Box, Question, Wanted
 from synthesis.drives.links import GROUND, Machine, machine_at
 from synthesis.errors import FieldError
 from synthesis.fourbar.kinematics import grashof_excesses, transmission_angle_over
 from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.analysis import Load
-from synthesis.guided.linkage import Circle, GuidedLinkage, LinkMotion, Rail
+from synthesis.guided.linkage import Circle, GuidedLinkage, LinkMotion, Rail, along_coupler
 from synthesis.target import TURN, Interval
 from synthesis.work import Work
 
@@ -225,14 +225,10 @@ def driven(
     if not (np.all(way > 0) if extends else np.all(way < 0)):
         return None
     # the angle at the pin between rod and line to the motor, from the triangle's sides: nothing cancels at its ends
-    low = np.maximum((crank - (rod - length)) * (crank + (rod - length)), 0.0)
-    high = np.maximum((rod + length - crank) * (rod + length + crank), 0.0)
-    beta = 2 * np.arctan2(np.sqrt(low), np.sqrt(high))
+    beta = angle_at(rod, crank, length)
     beta[0] = beta[-1] = 0.0
     # at the motor: between its crank and the line to the pin
-    near = np.maximum((rod - (crank - length)) * (rod + (crank - length)), 0.0)
-    far = np.maximum((crank + length - rod) * (crank + length + rod), 0.0)
-    gamma = 2 * np.arctan2(np.sqrt(near), np.sqrt(far))
+    gamma = angle_at(crank, rod, length)
     gamma[0], gamma[-1] = (np.pi, 0.0) if extends else (0.0, np.pi)
     line = np.unwrap(np.angle(v))
     speed = link.speed(pin)
@@ -791,6 +787,17 @@ class SixBar:
         ends = (first - beyond if np.isfinite(rates[0]) else first, last + beyond if np.isfinite(rates[1]) else last)
         return min(ends), max(ends)
 
+    @property
+    def turn(self) -> tuple[float, float]:
+        """How far the motor turns forwards, to the last end, and then back to the first; counter-clockwise positive."""
+        forwards = self.last if self.sense > 0 else self.last - TURN
+        return forwards, self.sense * TURN - forwards
+
+    @property
+    def kind(self) -> str:
+        """`watt_2` where the rod moves a link with a fixed pivot, `stephenson_3` on any other."""
+        return "stephenson_3" if self.pivot is None else "watt_2"
+
     def knee(self, turned: Floats) -> Complexes:
         """Where motor crank and rod meet, at angles (n,) of the motor from the first end on."""
         return np.asarray(self.motor.at + self.motor.crank * np.exp(1j * (self.start + np.asarray(turned))))
@@ -818,10 +825,7 @@ class SixBar:
     def turned(self, travel: Floats) -> Floats:
         """Angles (2, n) of the motor, 0 to a turn, at places (n,) of the linkage's drive within the way, the lesser first."""
         away = self.poses(np.asarray(travel)).links[self.motor.link].place(self.motor.pin) - self.motor.at
-        length, crank, rod = np.abs(away), self.motor.crank, self.motor.rod
-        near = np.maximum((rod - (crank - length)) * (rod + (crank - length)), 0.0)
-        far = np.maximum((crank + length - rod) * (crank + length + rod), 0.0)
-        corner = 2 * np.arctan2(np.sqrt(near), np.sqrt(far))
+        corner = angle_at(self.motor.crank, self.motor.rod, np.abs(away))
         both = (np.angle(away) - self.start + np.stack([corner, -corner])) % TURN
         return np.sort(both, axis=0)
 
@@ -946,33 +950,24 @@ def joints_of(linkage: Linkage | GuidedLinkage, motor: Motor, machine: Machine) 
 
     A slide of a rail is A or B too, and so is the pin of a slot's block; its slide in the body is D or C.
     """
-    links = machine.links
-    found = []
-    if isinstance(linkage, Linkage):
-        end = links["rocker"].place(complex(linkage.links[2]))
-        found = [
-            Joint("A", GROUND, "crank", links["crank"].origin),
-            Joint("D", "crank", "coupler", links["coupler"].origin),
-            Joint("C", "rocker", "coupler", end),
-            Joint("B", GROUND, "rocker", links["rocker"].origin),
-        ]
-    else:
-        body = links["coupler"]
-        for place, (guide, fixed, moving) in enumerate(zip(linkage.guides, "AB", "DC")):
-            name = linkage.link_names[2 * place]
-            pin = body.place(guide[1]) if not isinstance(guide, (Circle, Rail)) else body.place(guide.body_point)
-            ground: tuple[Complexes, Complexes | None]
-            on_body: tuple[Complexes, Complexes | None]
-            if isinstance(guide, Circle):
-                ground, on_body = (links[name].origin, None), (pin, None)
-            elif isinstance(guide, Rail):
-                across = np.full(pin.shape, 1j * np.exp(1j * guide.direction))
-                ground, on_body = (pin, across), (pin, None)
-            else:
-                pin = np.full(pin.shape, guide.pin, dtype=complex)
-                across = 1j * body.direction * np.exp(1j * guide.body_direction)
-                ground, on_body = (pin, None), (pin, across)
-            found += [Joint(fixed, GROUND, name, *ground), Joint(moving, name, "coupler", *on_body)]
+    links, body, found = machine.links, machine.links["coupler"], []
+    guided = along_coupler(linkage) if isinstance(linkage, Linkage) else linkage
+    for (name, guide), fixed, moving in zip(guided.named_guides, "AB", "DC"):
+        ground: tuple[Complexes, Complexes | None]
+        on_body: tuple[Complexes, Complexes | None]
+        pin = body.place(guide.body_point)
+        if isinstance(guide, Circle):
+            ground, on_body = (links[name].origin, None), (pin, None)
+        elif isinstance(guide, Rail):
+            across = np.full(pin.shape, 1j * np.exp(1j * guide.direction))
+            ground, on_body = (pin, across), (pin, None)
+        else:
+            pin = np.full(pin.shape, guide.pin, dtype=complex)
+            across = 1j * body.direction * np.exp(1j * guide.body_direction)
+            ground, on_body = (pin, None), (pin, across)
+        found += [Joint(fixed, GROUND, name, *ground), Joint(moving, name, "coupler", *on_body)]
+    if isinstance(linkage, Linkage):  # along the loop
+        found[2:] = found[:1:-1]
     return found + rod_joints(motor, machine)
 
 

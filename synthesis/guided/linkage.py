@@ -28,7 +28,6 @@ A body's pose is its place P (complex) and rotation gamma, R = e^{i gamma}; body
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -43,7 +42,7 @@ from synthesis.fourbar.linkage import Linkage
 from synthesis.target import TURN, Interval
 
 
-class Condition(NamedTuple):
+class _Condition(NamedTuple):
     """What must not be negative for a loop to close, over the drive's coordinate."""
 
     value: Callable[[Floats], Floats]
@@ -56,8 +55,13 @@ class Condition(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Vector(ABC):
-    """A plane vector over the drive's coordinate q, which every method takes as an array (n,)."""
+class _Vector:
+    """A plane vector over the drive's coordinate q, which every method takes as an array (n,); here one that stays as it is.
+
+    Of those that move, conditions: ``longer_than``, its square less that of a length that is at least 0; ``shorter_than``, the
+    square of such a length less its own; ``across``, a length less, for sign +1, the vector's part to the left of a direction,
+    for sign -1 that to the right.
+    """
 
     middle: complex
 
@@ -65,34 +69,22 @@ class Vector(ABC):
         """The sum with a fixed vector."""
         return replace(self, middle=self.middle + offset)
 
-    @abstractmethod
     def at(self, q: Floats) -> Complexes:
         """The vector."""
+        return np.full(np.shape(q), self.middle)
 
-    @abstractmethod
     def direction(self, q: Floats) -> Floats:
         """Its angle against the x axis, continuous wherever it does not vanish."""
-
-    @abstractmethod
-    def longer_than(self, length: float) -> Condition:
-        """Its square less that of a length that is at least 0."""
-
-    @abstractmethod
-    def shorter_than(self, length: float) -> Condition:
-        """The square of a length that is at least 0, less its own."""
-
-    @abstractmethod
-    def across(self, direction: float, length: float, sign: int) -> Condition:
-        """A length less, for sign +1, its part to the left of a direction; for sign -1, that to the right."""
+        return np.full(np.shape(q), np.angle(self.middle))
 
     @property
-    @abstractmethod
     def turning_points(self) -> tuple[float, ...]:
         """Where its length is largest or smallest."""
+        return ()
 
 
 @dataclass(frozen=True)
-class Round(Vector):
+class _Round(_Vector):
     """``middle - radius e^{iq}``: from a crank's pin to a fixed place."""
 
     radius: float
@@ -106,57 +98,51 @@ class Round(Vector):
         return float(np.angle(self.middle))
 
     def at(self, q: Floats) -> Complexes:
-        """As of `Vector`."""
         return self.middle - self.radius * np.exp(1j * q)
 
     def direction(self, q: Floats) -> Floats:
-        """As of `Vector`."""
         d, r, x = self._distance, self.radius, q - self._towards
         # the bracket of the longer of both has a positive real part: its argument needs no unwrapping
         if d >= r:
             return self._towards + np.arctan2(-r * np.sin(x), (d - r) + 2 * r * np.sin(x / 2) ** 2)
         return q - math.pi + np.arctan2(d * np.sin(x), (r - d) + 2 * d * np.sin(x / 2) ** 2)
 
-    def longer_than(self, length: float) -> Condition:
-        """As of `Vector`."""
+    def longer_than(self, length: float) -> _Condition:
         d, r, towards = self._distance, self.radius, self._towards
         least = (d - r - length) * (d - r + length)
-        return Condition(
+        return _Condition(
             lambda q: least + 4 * d * r * np.sin((q - towards) / 2) ** 2,
             self.turning_points,
             (d + r + length) ** 2,
             False,
         )
 
-    def shorter_than(self, length: float) -> Condition:
-        """As of `Vector`."""
+    def shorter_than(self, length: float) -> _Condition:
         d, r, towards = self._distance, self.radius, self._towards
         least = (length - d - r) * (length + d + r)
-        return Condition(
+        return _Condition(
             lambda q: least + 4 * d * r * np.cos((q - towards) / 2) ** 2,
             self.turning_points,
             (d + r + length) ** 2,
             False,
         )
 
-    def across(self, direction: float, length: float, sign: int) -> Condition:
-        """As of `Vector`."""
+    def across(self, direction: float, length: float, sign: int) -> _Condition:
         r = self.radius
         least = (length - r) - sign * float(np.imag(self.middle * np.exp(-1j * direction)))
         size = length + r + abs(self.middle)
         lowest = direction - sign * math.pi / 2
-        return Condition(
+        return _Condition(
             lambda q: least + 2 * r * np.sin((q - lowest) / 2) ** 2, (lowest, lowest + math.pi), size, False
         )
 
     @property
     def turning_points(self) -> tuple[float, ...]:
-        """As of `Vector`."""
         return self._towards, self._towards + math.pi
 
 
 @dataclass(frozen=True)
-class Straight(Vector):
+class _Straight(_Vector):
     """``middle - q e^{i along}``: from a slider's pin to a fixed place."""
 
     along: float
@@ -167,72 +153,33 @@ class Straight(Vector):
         return complex(self.middle * np.exp(-1j * self.along))
 
     def at(self, q: Floats) -> Complexes:
-        """As of `Vector`."""
         return self.middle - q * np.exp(1j * self.along)
 
     def direction(self, q: Floats) -> Floats:
-        """As of `Vector`."""
         foot = self._foot
         return self.along + np.arctan2(foot.imag, foot.real - q)
 
-    def longer_than(self, length: float) -> Condition:
-        """As of `Vector`."""
+    def longer_than(self, length: float) -> _Condition:
         foot = self._foot
         least, size = (abs(foot.imag) - length) * (abs(foot.imag) + length), (abs(foot.imag) + length) ** 2
-        return Condition(lambda q: least + (foot.real - q) ** 2, (foot.real,), size, False)
+        return _Condition(lambda q: least + (foot.real - q) ** 2, (foot.real,), size, False)
 
-    def shorter_than(self, length: float) -> Condition:
-        """As of `Vector`."""
+    def shorter_than(self, length: float) -> _Condition:
         foot = self._foot
         square, size = (length - abs(foot.imag)) * (length + abs(foot.imag)), (length + abs(foot.imag)) ** 2
         if square < 0:
-            return Condition(lambda q: square - (foot.real - q) ** 2, (foot.real,), size, True)
+            return _Condition(lambda q: square - (foot.real - q) ** 2, (foot.real,), size, True)
         half = math.sqrt(square)
-        return Condition(lambda q: (half - (foot.real - q)) * (half + (foot.real - q)), (foot.real,), size, True)
+        return _Condition(lambda q: (half - (foot.real - q)) * (half + (foot.real - q)), (foot.real,), size, True)
 
-    def across(self, direction: float, length: float, sign: int) -> Condition:
-        """As of `Vector`."""
+    def across(self, direction: float, length: float, sign: int) -> _Condition:
         beside = float(np.imag(self.middle * np.exp(-1j * direction)))
         slope = math.sin(self.along - direction)
-        return Condition(lambda q: length - sign * beside + sign * q * slope, (), length, slope != 0)
+        return _Condition(lambda q: length - sign * beside + sign * q * slope, (), length, slope != 0)
 
     @property
     def turning_points(self) -> tuple[float, ...]:
-        """As of `Vector`."""
         return (self._foot.real,)
-
-
-@dataclass(frozen=True)
-class Still(Vector):
-    """A vector that the drive does not change."""
-
-    def at(self, q: Floats) -> Complexes:
-        """As of `Vector`."""
-        return np.full(np.shape(q), self.middle)
-
-    def direction(self, q: Floats) -> Floats:
-        """As of `Vector`."""
-        return np.full(np.shape(q), np.angle(self.middle))
-
-    def longer_than(self, length: float) -> Condition:
-        """As of `Vector`."""
-        value = (abs(self.middle) - length) * (abs(self.middle) + length)
-        return Condition(lambda q: np.full(np.shape(q), value), (), 1.0, False)
-
-    def shorter_than(self, length: float) -> Condition:
-        """As of `Vector`."""
-        value = (length - abs(self.middle)) * (length + abs(self.middle))
-        return Condition(lambda q: np.full(np.shape(q), value), (), 1.0, False)
-
-    def across(self, direction: float, length: float, sign: int) -> Condition:
-        """As of `Vector`."""
-        value = length - sign * float(np.imag(self.middle * np.exp(-1j * direction)))
-        return Condition(lambda q: np.full(np.shape(q), value), (), 1.0, False)
-
-    @property
-    def turning_points(self) -> tuple[float, ...]:
-        """As of `Vector`."""
-        return ()
 
 
 def places_within(places: Iterable[float], first: float, last: float, period: float | None) -> list[float]:
@@ -591,40 +538,40 @@ class GuidedLinkage:
     # -- the loop -----------------------------------------------------------------------------------------------------
 
     @cached_property
-    def _pin(self) -> Vector:
+    def _pin(self) -> _Vector:
         """From the pin Z, about which the body turns with the drive locked, to the origin; not for a hinge."""
         driven = self.guides[0]
         if isinstance(driven, Circle):
-            return Round(-driven.pivot, driven.radius)
+            return _Round(-driven.pivot, driven.radius)
         if isinstance(driven, Rail):
-            return Straight(-driven.point, driven.direction)
-        return Still(-driven.pin)
+            return _Straight(-driven.point, driven.direction)
+        return _Vector(-driven.pin)
 
     @cached_property
-    def _spread(self) -> Vector:
+    def _spread(self) -> _Vector:
         """From Z to the other guide's fixed point: pivot, point or pin."""
         return self._pin.plus(_fixed_point(self.guides[1]))
 
     @cached_property
-    def _arm(self) -> Vector:
+    def _arm(self) -> _Vector:
         """From Z to the other guide's body point, in the body's frame."""
         driven, other = self.guides
         vector = other.body_point - driven.body_point
         if isinstance(driven, Slot):
-            return Straight(vector, driven.body_direction)
-        return Still(vector)
+            return _Straight(vector, driven.body_direction)
+        return _Vector(vector)
 
     @cached_property
-    def _pushed(self) -> Vector:
+    def _pushed(self) -> _Round:
         """Of a hinge with a circle: its part across the line from pivot to pin is how far the pivot lies beside the slide."""
         driven, other = self.guides
         assert isinstance(driven, Slot)
         between = driven.pin - _fixed_point(other)
         beside = _turned(other.body_point - driven.body_point, -driven.body_direction).imag
-        return Round(_turned(1j * beside, float(np.angle(between))), abs(between))
+        return _Round(_turned(1j * beside, float(np.angle(between))), abs(between))
 
     @cached_property
-    def conditions(self) -> tuple[Condition, ...]:
+    def conditions(self) -> tuple[_Condition, ...]:
         """What must not be negative for the loop to close; where one vanishes both branches meet."""
         driven, other = self.guides
         if self.driver is Driver.HINGE:
@@ -635,6 +582,7 @@ class GuidedLinkage:
             return tuple(self._pushed.across(towards, other.radius, sign) for sign in (1, -1))
         cylinder = self.driver is Driver.CYLINDER
         varying, still = (self._arm, self._spread) if cylinder else (self._spread, self._arm)
+        assert isinstance(varying, _Round | _Straight)
         length = abs(still.middle)
         if isinstance(other, Circle):
             return varying.shorter_than(length + other.radius), varying.longer_than(abs(length - other.radius))
