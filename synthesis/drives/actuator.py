@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 
 from synthesis.arrays import Complexes, Flags, Floats, Ints, angle_at
 from synthesis.guided.linkage import LinkMotion
+from synthesis.mechanism import Box
 from synthesis.one_variable import closer_looks
 from synthesis.work import Work
 
@@ -65,9 +66,6 @@ _LOOKS = (33,) * 8
 """Nodes of closer looks between them."""
 _AROUND = 720
 """Directions in which a circle about a pivot is looked for in a box."""
-
-Box = tuple[float, float, float, float]
-"""xmin, ymin, xmax, ymax."""
 
 
 class Actuator(NamedTuple):

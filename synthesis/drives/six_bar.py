@@ -31,13 +31,14 @@ from typing import NamedTuple
 import numpy as np
 
 from synthesis.arrays import Complexes, Flags, Floats, angle_at, cross, dot
-from synthesis.drives.actuator import Box, Question, Wanted
-from synthesis.drives.links import GROUND, Machine, machine_at
+from synthesis.drives.actuator import Question, Wanted
+from synthesis.drives.links import GROUND, LinkMotions, motions_at
 from synthesis.errors import FieldError
 from synthesis.fourbar.kinematics import grashof_excesses, transmission_angle_over
 from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.analysis import Load
 from synthesis.guided.linkage import Circle, GuidedLinkage, LinkMotion, Rail, along_coupler
+from synthesis.mechanism import Box
 from synthesis.target import TURN, Interval
 from synthesis.work import Work
 
@@ -694,7 +695,7 @@ class SixBar:
     at the first its angles begin, which count counter-clockwise.
     """
 
-    poses: Callable[[Floats], Machine]
+    poses: Callable[[Floats], LinkMotions]
     used: Interval
     motor: Motor
 
@@ -704,7 +705,7 @@ class SixBar:
 
         Raises `FieldError`: for a motor that does not swing it from one end of the interval to the other.
         """
-        found = cls(lambda at: machine_at(linkage, at), used, motor)
+        found = cls(lambda at: motions_at(linkage, at), used, motor)
         found.check()
         return found
 
@@ -726,7 +727,7 @@ class SixBar:
     # -- where it is --------------------------------------------------------------------------------------------------
 
     @cached_property
-    def _coarse(self) -> Machine:
+    def _coarse(self) -> LinkMotions:
         """The linkage over its way, closer at both ends, where the motor turns farthest."""
         first, last = self.used
         return self.poses(first + (last - first) * (1 - np.cos(np.linspace(0.0, np.pi, _TABLE))) / 2)
@@ -846,10 +847,10 @@ class SixBar:
 
     # -- how it moves -------------------------------------------------------------------------------------------------
 
-    def machine(self, turned: Floats) -> Machine:
+    def machine(self, turned: Floats) -> LinkMotions:
         """All links at angles (n,) of the motor from the first end on, with derivatives by that angle.
 
-        Frames: of the linkage as `machine_at` has them; the motor's crank from O along it, the rod from there to its pin.
+        Frames: of the linkage as `motions_at` has them; the motor's crank from O along it, the rod from there to its pin.
         Law: `LinkMotion.velocity`, `rate` and so on are what differences of places tend to.
         """
         turned = np.asarray(turned, dtype=float)
@@ -884,7 +885,7 @@ class SixBar:
             middles=plain.middles | {MOTOR_CRANK: motor.crank / 2 + 0j, ROD: motor.rod / 2 + 0j},
         )
 
-    def transmission(self, machine: Machine) -> Floats:
+    def transmission(self, machine: LinkMotions) -> Floats:
         """Angle (n,) between the rod and the normal of its pin's path, of a machine of this motor; 0 is dead."""
         link, rod = self.poses(self.travel(machine.at)).links[self.motor.link], machine.links[ROD].direction
         speed = link.speed(self.motor.pin)
@@ -892,10 +893,11 @@ class SixBar:
 
     # -- what holds it ------------------------------------------------------------------------------------------------
 
-    def held(self, machine: Machine, joints: list[Joint], load: Load) -> Held:
+    def held(self, machine: LinkMotions, joints: list[Joint], load: Load) -> Held:
         """The motor's torque and the forces in all joints, from the equilibrium of every link, masses and inertia included.
 
-        ``machine``: of this motor. ``load.speed``: of the motor, constant. Law: the torque is `Machine.torque`, by virtual work.
+        ``machine``: of this motor. ``load.speed``: of the motor, constant. Law: the torque is
+        `LinkMotions.torque`, by virtual work.
         """
         names = list(machine.links)
         rows, count = 3 * len(names), machine.at.size
@@ -945,7 +947,7 @@ def _by(link: LinkMotion, rate: Floats, change: Floats) -> LinkMotion:
     )
 
 
-def joints_of(linkage: Linkage | GuidedLinkage, motor: Motor, machine: Machine) -> list[Joint]:
+def joints_of(linkage: Linkage | GuidedLinkage, motor: Motor, machine: LinkMotions) -> list[Joint]:
     """The seven joints of a six-bar: A, D, C, B of the linkage, M the motor's shaft, K between crank and rod, Q on the link.
 
     A slide of a rail is A or B too, and so is the pin of a slot's block; its slide in the body is D or C.
@@ -971,7 +973,7 @@ def joints_of(linkage: Linkage | GuidedLinkage, motor: Motor, machine: Machine) 
     return found + rod_joints(motor, machine)
 
 
-def rod_joints(motor: Motor, machine: Machine) -> list[Joint]:
+def rod_joints(motor: Motor, machine: LinkMotions) -> list[Joint]:
     """M, K and Q."""
     links, rod = machine.links, machine.links[ROD]
     return [

@@ -4,7 +4,7 @@ Of zero free length, in closed form: the plane of motion is vertical. With e1, e
 rocker every point is ``a0 + a1 e1 + a2 e2``, so masses have the potential ``const + Re(W1 e1 + W2 e2)``, and with e2 taken out
 in favour of e3 ``Re(V1 e1 + V3 e3)``: two pendulums on fixed pivots. A spring from the ground at s to p e1 on the crank gives
 ``-k Re(conj(s - A) p e1)``. Two such springs, on crank and rocker, balance any four-bar; one alone does so only under a
-condition on signs (published: Kuo, Mechanism and Machine Theory 214, 106140; derived anew).
+condition on signs (published: Kuo, Mechanism and LinkMotions Theory 214, 106140; derived anew).
 
 A body on guides has two such pendulums as well: a crank about its pivot, a block about its pin, and the body about the pin that a
 slider carries. A spring there from s to p e1 gives -k Re(conj(s) p e1), on a slider too, which does not turn. With a circle among
@@ -24,11 +24,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from synthesis.arrays import Complexes, Floats
-from synthesis.drives.actuator import Box, forms_of
-from synthesis.drives.links import GROUND, Machine
+from synthesis.drives.actuator import forms_of
+from synthesis.drives.links import GROUND, LinkMotions
 from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.analysis import Load
 from synthesis.guided.linkage import Circle, GuidedLinkage, LinkMotion, Rail
+from synthesis.mechanism import Box
 from synthesis.work import Work
 
 _NONE = 1e-12
@@ -189,7 +190,7 @@ class _Pendulum:
         return Spring(self.between, (complex(end), self.joint + self.arm), float(rate))
 
 
-def _pendulums(linkage: GuidedLinkage | None, machine: Machine) -> list[_Pendulum]:
+def _pendulums(linkage: GuidedLinkage | None, machine: LinkMotions) -> list[_Pendulum]:
     """A link on each circle, and one of those that turn with the body: a block, or else the body on a slider. Or on a hinge."""
     if linkage is None:
         arm, links = machine.extent / 2, machine.links.values()
@@ -216,7 +217,7 @@ def _pendulums(linkage: GuidedLinkage | None, machine: Machine) -> list[_Pendulu
 
 
 def springs_on_pendulums(
-    linkage: GuidedLinkage | None, machine: Machine, torque: Floats, stiffness: float | None = None
+    linkage: GuidedLinkage | None, machine: LinkMotions, torque: Floats, stiffness: float | None = None
 ) -> list[Spring] | None:
     """Springs that balance what a load asks, (n,), of the drive of a linkage on guides; None where no such springs do.
 
@@ -248,13 +249,15 @@ _GRID, _DIRECTIONS, _RADII = 12, 12, np.array([0.3, 0.6, 0.95])
 """The grid: points of a box, either way; directions and distances on a link."""
 _DESCENTS = 4
 """Descents for a row."""
+_TURNS = 2
+"""Of placing springs one after the other, before all are placed together."""
 _ROWS = 6
 """Rows of a catalogue that descents are made for: those that are best on the grid."""
 _HAIR = 1e-6
 """Of the largest length: by so much lengths stay inside their range at the positions looked at."""
 
 
-class Kind(NamedTuple):
+class SpringRow(NamedTuple):
     """A spring of a catalogue: force in tension ``preload + stiffness (l - free_length)`` between two lengths."""
 
     name: str
@@ -283,12 +286,12 @@ class Fitted:
     """Springs in their places, and the drive's torque with them."""
 
     springs: tuple[Spring, ...]
-    kinds: tuple[Kind | None, ...]
+    kinds: tuple[SpringRow | None, ...]
     lengths: tuple[Floats, ...]
     torque: Floats
 
 
-def spring_torque(machine: Machine, spring: Spring) -> tuple[Floats, Floats]:
+def spring_torque(machine: LinkMotions, spring: Spring) -> tuple[Floats, Floats]:
     """Lengths of a spring over the way, and what the drive must give because of it, (n,) each."""
     first, second = (_end(machine, name, point) for name, point in zip(spring.between, spring.points))
     v, speed = second[0] - first[0], second[1] - first[1]
@@ -300,15 +303,17 @@ def spring_torque(machine: Machine, spring: Spring) -> tuple[Floats, Floats]:
         return length, force * np.real(np.conj(v) * speed) / length
 
 
-def fitted(machine: Machine, torque: Floats, springs: list[Spring], kinds: list[Kind] | None = None) -> Fitted:
+def fitted(
+    machine: LinkMotions, torque: Floats, springs: list[Spring], kinds: list[SpringRow] | None = None
+) -> Fitted:
     """Springs at their places, and what they leave of a torque."""
     both = [spring_torque(machine, one) for one in springs]
     left = torque + sum((one for _, one in both), np.zeros(torque.size))
-    names: tuple[Kind | None, ...] = tuple(kinds) if kinds else (None,) * len(springs)
+    names: tuple[SpringRow | None, ...] = tuple(kinds) if kinds else (None,) * len(springs)
     return Fitted(tuple(springs), names, tuple(length for length, _ in both), left)
 
 
-def _end(machine: Machine, name: str, point: complex) -> tuple[Complexes, Complexes]:
+def _end(machine: LinkMotions, name: str, point: complex) -> tuple[Complexes, Complexes]:
     if name == GROUND:
         still = np.zeros(machine.at.size, dtype=complex)
         return still + point, still
@@ -317,10 +322,10 @@ def _end(machine: Machine, name: str, point: complex) -> tuple[Complexes, Comple
 
 
 def best_spring(
-    machine: Machine,
+    machine: LinkMotions,
     torque: Floats,
     between: tuple[str, str],
-    kinds: list[Kind],
+    kinds: list[SpringRow],
     room: Room,
     work: Work | None = None,
 ) -> Fitted | str:
@@ -346,7 +351,7 @@ def best_spring(
     length = np.sqrt(np.maximum(basis @ square, 1e-300))
     arm = (basis @ slope) / length
     shortest, longest = length.min(axis=1), length.max(axis=1)
-    tries: list[tuple[float, Kind, list[int]]] = []
+    tries: list[tuple[float, SpringRow, list[int]]] = []
     for kind in kinds:
         some = np.flatnonzero((shortest >= kind.shortest) & (longest <= kind.longest))
         if not some.size:
@@ -364,7 +369,7 @@ def best_spring(
             f"and lengths range from {float(shortest.min()):.4g} to {float(longest.max()):.4g}"
         )
     tries.sort(key=lambda row: row[0])
-    best: tuple[float, Kind, complex, complex] | None = None
+    best: tuple[float, SpringRow, complex, complex] | None = None
     for _, kind, some_ in tries[:_ROWS]:
         for k in some_:
             if work is not None and work.expired() and best is not None:
@@ -379,12 +384,12 @@ def best_spring(
     return fitted(machine, torque, [_named(machine, spring)], [kind])
 
 
-def _seen(machine: Machine, first: str, second: str) -> LinkMotion:
+def _seen(machine: LinkMotions, first: str, second: str) -> LinkMotion:
     link = machine.link(second)
     return link if first == GROUND else link.seen_from(machine.link(first))
 
 
-def _named(machine: Machine, spring: Spring) -> Spring:
+def _named(machine: LinkMotions, spring: Spring) -> Spring:
     """A spring whose first point is told in the plane at the first sample, with it in its link's frame."""
     first = spring.between[0]
     if first == GROUND:
@@ -393,7 +398,7 @@ def _named(machine: Machine, spring: Spring) -> Spring:
     return Spring(spring.between, (point, spring.points[1]), spring.stiffness, spring.free_length, spring.preload)
 
 
-def _grid(machine: Machine, first: str, second: str, room: Room) -> tuple[Complexes, Complexes]:
+def _grid(machine: LinkMotions, first: str, second: str, room: Room) -> tuple[Complexes, Complexes]:
     """All pairs of places of the first end, in the plane at the first sample, and points of the second link."""
     angles = np.exp(1j * np.linspace(0, 2 * np.pi, _DIRECTIONS, endpoint=False))
     around = (np.maximum(_RADII * room.reach, room.clear)[:, None] * angles).ravel()
@@ -409,14 +414,14 @@ def _grid(machine: Machine, first: str, second: str, room: Room) -> tuple[Comple
     return np.repeat(grounds, around.size), np.tile(around, grounds.size)
 
 
-def _pivots(machine: Machine) -> list[complex]:
+def _pivots(machine: LinkMotions) -> list[complex]:
     return [link.pivot for link in machine.links.values() if link.pivot is not None]
 
 
 class _Placing:
     """One spring's part of a fit: lengths and torque with exact derivatives by its four unknowns, its ends over the size."""
 
-    def __init__(self, machine: Machine, between: tuple[str, str], kind: Kind, room: Room) -> None:
+    def __init__(self, machine: LinkMotions, between: tuple[str, str], kind: SpringRow, room: Room) -> None:
         first, second = between
         self.link, self.kind, self.room = _seen(machine, first, second), kind, room
         left, bottom, right, top = room.box
@@ -515,18 +520,17 @@ def _together(parts: list[_Placing], torque: Floats, begin: Floats) -> tuple[flo
 
 
 def best_pair(
-    machine: Machine,
+    machine: LinkMotions,
     torque: Floats,
     betweens: list[tuple[str, str]],
-    kinds: list[Kind],
+    kinds: list[SpringRow],
     room: Room,
     work: Work | None = None,
-    turns: int = 2,
 ) -> Fitted | str:
     """Springs on several pairs of links: one after the other, each against what the others leave, some turns; then together."""
     placed: list[Fitted | None] = [None] * len(betweens)
     left = torque
-    for _ in range(turns):
+    for _ in range(_TURNS):
         for k, between in enumerate(betweens):
             others = sum(
                 (one.torque - torque for j, one in enumerate(placed) if one and j != k), np.zeros(torque.size)
@@ -555,7 +559,7 @@ def best_pair(
     return fitted(machine, torque, springs, rows)
 
 
-def _level(machine: Machine, spring: Spring) -> tuple[complex, complex]:
+def _level(machine: LinkMotions, spring: Spring) -> tuple[complex, complex]:
     """Both ends as unknowns have them: the first in the plane at the first sample."""
     first, (one, other) = spring.between[0], spring.points
     return (one if first == GROUND else complex(machine.link(first).place(one)[0])), other

@@ -334,9 +334,9 @@ class LinkMotion:
         """Its second derivative by the drive, (n,)."""
         return self.acceleration + (1j * self.rate_change - self.rate**2) * self.direction * point
 
-    def point_at(self, place: complex, sample: int = 0) -> complex:
-        """The point of the link that lies at a place of the plane at one sample."""
-        return complex(np.conj(self.direction[sample]) * (place - self.origin[sample]))
+    def point_at(self, place: complex) -> complex:
+        """The point of the link that lies at a place of the plane at the first sample."""
+        return complex(np.conj(self.direction[0]) * (place - self.origin[0]))
 
     def at(self, samples: Ints) -> LinkMotion:
         """The motion at some of the values only."""

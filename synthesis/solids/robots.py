@@ -39,7 +39,7 @@ class Joint:
     closing: bool
 
 
-def joints_of(machine: Machine) -> list[Joint]:
+def tree_of(machine: Machine) -> list[Joint]:
     """The joints of a machine from the ground on, those that close a loop last.
 
     Law: without them they make a tree of all bodies; with them there are as many as a plane mechanism of one degree of freedom
@@ -91,7 +91,7 @@ class _Model:
             for body in range(len(self.names))
         ]
         self.masses = [_in_metres(mass) for mass in solids.masses().values()]
-        self.joints = joints_of(self.machine)
+        self.joints = tree_of(self.machine)
 
     def inertial(self, body: int) -> str:
         """The same element in both formats, apart from the place, which is given."""

@@ -11,7 +11,7 @@ import shapely
 
 from synthesis.assembly.layers import Arrangement, Heights, Search, parts_of
 from synthesis.assembly.machine import Machine, Sizes, as_plates, motor_driven
-from synthesis.drives.links import machine_of
+from synthesis.drives.links import motions_of
 from synthesis.drives.six_bar import Motor, about_pivot, on_any_link, proportions
 from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.linkage import DRIVERS, Circle, GuidedLinkage, Rail, Slot
@@ -216,7 +216,7 @@ def other_six_bars(count: int) -> Iterator[tuple[Any, Interval, Motor]]:
             )
         used = Interval(0.0, float(random.uniform(0.4, 1.2)))
         with np.errstate(all="ignore"):
-            machine = machine_of(linkage, used)
+            machine = motions_of(linkage, used)
         if not all(np.isfinite(one.rate).all() for one in machine.links.values()):
             continue
         link = machine.links[
