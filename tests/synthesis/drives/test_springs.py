@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from synthesis.drives.links import SAMPLES, hinged_at, motions_of
 from synthesis.drives.springs import (
-    Kind,
     Room,
     Spring,
+    SpringRow,
     best_pair,
     best_spring,
     fitted,
@@ -26,9 +26,9 @@ from synthesis.target import Interval
 from tests.oracles.driven_cases import random_linkage
 
 KINDS = [
-    Kind("soft", 0.5, 0.3, 0.1, 0.3, 2.5),
-    Kind("stiff", 4.0, 0.4, 0.5, 0.4, 1.6),
-    Kind("short", 9, 0.05, 1, 0.05, 0.06),
+    SpringRow("soft", 0.5, 0.3, 0.1, 0.3, 2.5),
+    SpringRow("stiff", 4.0, 0.4, 0.5, 0.4, 1.6),
+    SpringRow("short", 9, 0.05, 1, 0.05, 0.06),
 ]
 
 
