@@ -22,17 +22,11 @@ def cross(one: Complexes | complex, other: NDArray[np.complexfloating] | complex
     return np.imag(np.conj(one) * other)
 
 
-def halves_at(near: Floats | float, far: Floats | float, r: Floats) -> tuple[Floats, Floats]:
-    """Of a triangle sin^2 and cos^2 of half the angle between ``near`` and ``r``, ``far`` opposite, times 4 near r.
+def angle_at(near: Floats | float, far: Floats | float, r: Floats) -> Floats:
+    """The angle of a triangle between ``near`` and ``r``, ``far`` opposite, 0 to pi.
 
-    Differences before sums, so that neither loses digits next to a dead position.
+    By sine and cosine of half of it, as differences before sums: neither loses digits next to a dead position.
     """
     below = np.maximum((far - (near - r)) * (far + (near - r)), 0.0)
     above = np.maximum((near + r - far) * (near + r + far), 0.0)
-    return below, above
-
-
-def angle_at(near: Floats | float, far: Floats | float, r: Floats) -> Floats:
-    """That angle, 0 to pi."""
-    below, above = halves_at(near, far, r)
     return np.asarray(2 * np.arctan2(np.sqrt(below), np.sqrt(above)))

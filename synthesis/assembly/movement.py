@@ -17,7 +17,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from synthesis.arrays import Complexes, Floats, angle_at, halves_at
+from synthesis.arrays import Complexes, Floats
 
 GROUND = 0
 """The body that does not move."""
@@ -128,19 +128,35 @@ def turn_over(near: float, far: float, r: Floats, e: Floats) -> Floats:
     """How far the side ``near`` of a triangle turns whose side r varies by at most e, its direction with it."""
     low, high = np.maximum(r - e, abs(near - far)), np.minimum(r + e, near + far)
     known = (e < r) & (low <= high)
-    middle = angle_at(near, far, r)
-    span = np.maximum(np.abs(angle_at(near, far, low) - middle), np.abs(angle_at(near, far, high) - middle))
+    middle = corner_angle(near, far, r)
+    span = np.maximum(np.abs(corner_angle(near, far, low) - middle), np.abs(corner_angle(near, far, high) - middle))
     if near > far:
         turning = np.sqrt((near - far) * (near + far))
-        extreme = np.abs(angle_at(near, far, np.full(1, turning)) - middle)
+        extreme = np.abs(corner_angle(near, far, np.full(1, turning)) - middle)
         span = np.where((low < turning) & (turning < high), np.maximum(span, extreme), span)
     return np.where(known, np.arcsin(np.where(known, e / r, 0.0)) + span, np.inf)
 
 
+def _halves(near: float, far: float, r: Floats) -> tuple[Floats, Floats]:
+    """sin^2 and cos^2 of half the angle between ``near`` and ``r`` in the triangle with ``far`` opposite, times 4 near r.
+
+    Differences before sums, so that neither loses digits next to a dead position.
+    """
+    below = np.maximum((far - (near - r)) * ((near + far) - r), 0.0)
+    above = np.maximum(((near - far) + r) * (near + far + r), 0.0)
+    return below, above
+
+
 def corner(near: float, far: float, r: Floats, side: int) -> Complexes:
-    """e^{i side phi}, phi the angle between ``near`` and ``r`` in the triangle with ``far`` opposite."""
-    below, above = halves_at(near, far, r)
+    """e^{i side phi} of that angle."""
+    below, above = _halves(near, far, r)
     return np.asarray((above - below + 2j * side * np.sqrt(below * above)) / (below + above))
+
+
+def corner_angle(near: float, far: float, r: Floats) -> Floats:
+    """That angle, 0 to pi."""
+    below, above = _halves(near, far, r)
+    return np.asarray(2 * np.arctan2(np.sqrt(below), np.sqrt(above)))
 
 
 class Movement:
