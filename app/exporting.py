@@ -10,7 +10,8 @@ from pydantic import ValidationError
 
 from app.arguments import FILE, add_atlas, whole_number
 from app.command import add_request, add_set, parsed, read_request, text_of, waiting, with_fields, write
-from app.fourbar.export import LINKAGE_FILES, ExportRequest, Material, SolidsRequest
+from app.fourbar.answers import LINKAGE_FILES
+from app.fourbar.models import ExportRequest, Material, SolidsRequest
 from app.query import FILES, LengthUnit, invalid
 from app.registry import queries_named
 from linkage_atlas import FieldError

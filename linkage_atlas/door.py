@@ -28,10 +28,8 @@ from linkage_atlas.answers import (
 )
 from linkage_atlas.arguments import check_above_zero, check_top, column, number
 from linkage_atlas.assemblies import read_assembly
-from linkage_atlas.atlases import Atlas
-from linkage_atlas.cache import default_atlas
+from linkage_atlas.atlases import Atlas, default_atlas
 from linkage_atlas.driving import check_asked
-from linkage_atlas.guided import DriverName, KindName
 from linkage_atlas.kinds import (
     FAIR,
     UNRANKED,
@@ -55,7 +53,7 @@ from linkage_atlas.kinds import (
 )
 from linkage_atlas.kinds import Asked as Kinds
 from linkage_atlas.limits import QUICK, QUICK_ROUNDS, read_limits, what_excludes
-from linkage_atlas.linkages import FourBar
+from linkage_atlas.linkages import DriverName, FourBar, KindName
 from linkage_atlas.motions import Motion
 from linkage_atlas.studies import STUDIES, Studies, check_rows, read_studies, study_notes
 from synthesis.arrays import Floats

@@ -29,8 +29,7 @@ from linkage_atlas.arguments import (
     radians_in,
 )
 from linkage_atlas.catalogues import PRESSURE, read_actuators, read_springs
-from linkage_atlas.guided import GuidedLinkage
-from linkage_atlas.linkages import FourBar, given_linkage
+from linkage_atlas.linkages import FourBar, GuidedLinkage, given_linkage
 from linkage_atlas.motions import Motion
 from linkage_atlas.records import KEPT, Record, Values, Vectors, plane, xy
 from linkage_atlas.six_bars import SixBarLinkage, on_hinge

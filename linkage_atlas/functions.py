@@ -31,9 +31,8 @@ from linkage_atlas.door import (
     read_start,
     seed_tables,
 )
-from linkage_atlas.guided import AnyGuide, DriverName, GuidedLinkage, KindName, guides_of
 from linkage_atlas.limits import read_function_limits
-from linkage_atlas.linkages import FourBar, Links
+from linkage_atlas.linkages import AnyGuide, DriverName, FourBar, GuidedLinkage, KindName, Links, guides_of
 from linkage_atlas.motions import Motion, unit_notes, unwound
 from linkage_atlas.records import KEPT, Record, Values, names_of
 from synthesis.arrays import Floats

@@ -16,7 +16,7 @@ import numpy as np
 from linkage_atlas.answers import PROPORTION, AnySolution, finished, finished_guided, merit
 from linkage_atlas.arguments import kinds_among, one_of
 from linkage_atlas.assemblies import AskedAssembly, Assembly, assembled
-from linkage_atlas.guided import KindName
+from linkage_atlas.linkages import KindName
 from linkage_atlas.motions import Motion
 from linkage_atlas.studies import Studies
 from synthesis.arrays import Flags, Floats

@@ -11,10 +11,8 @@ from numpy.typing import ArrayLike
 
 from linkage_atlas.answers import FINISHING, Features, Match, Matches, MatchReport
 from linkage_atlas.arguments import check_above_zero, check_top, kinds_among
-from linkage_atlas.atlases import MECHANISMS, SLIDER_CRANK, Atlas
-from linkage_atlas.cache import default_atlas, default_slider_cranks
-from linkage_atlas.guided import GuidedLinkage
-from linkage_atlas.linkages import FourBar
+from linkage_atlas.atlases import MECHANISMS, SLIDER_CRANK, Atlas, default_atlas, default_slider_cranks
+from linkage_atlas.linkages import FourBar, GuidedLinkage
 from linkage_atlas.motions import Motion
 from synthesis.atlas.haar import features as haar_features
 from synthesis.atlas.haar import resample
