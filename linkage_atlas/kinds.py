@@ -232,6 +232,10 @@ class Course(NamedTuple):
     unseen: float | None = None
     notes: Sequence[str] = ()
 
+    def ended_by(self, time_up: bool) -> Course:
+        """The same, ended by its budget if the time was up."""
+        return self._replace(stopped_by=StoppedBy.BUDGET.value) if time_up else self
+
 
 def search_kinds(
     asked: Asked,
