@@ -39,8 +39,8 @@ help:
 	@echo "make studies    forces, tolerances of manufacture, stock lengths: docs/analysis.md (a few minutes)"
 	@echo "make solids     files of parts of the gallery: docs/export.md (a minute)"
 	@echo "make accept     1,000 random cases of every class, errors recomputed independently: docs/method.md (about half an hour)"
-	@echo "make bench      build, load, scan, other indexes, larger atlases, many requests: docs/scaling.md, docs/file_format.md"
-	@echo "                (over an hour; needs 17 GB of memory, 45 GB of disk, no other work on the machine)"
+	@echo "make bench      build, load, scan, index, larger atlases, many requests: docs/scaling.md, docs/file_format.md"
+	@echo "                (half an hour; needs 6 GB of disk, no other work on the machine)"
 	@echo "make clean      remove the environment and the atlas"
 
 setup: $(READY)
@@ -110,12 +110,11 @@ map: $(READY)
 	$(BIN)/python -m docs.map
 
 bench: $(READY) $(ATLAS)
-	@echo "Needs 17 GB of memory (the flat index), 45 GB of disk for temporary files, the packages of the extra 'baselines',"
-	@echo "over an hour, and a machine that does nothing else."
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test,docs,baselines]'
 	$(BIN)/python -m benchmarks.growth
 	$(BIN)/python -m benchmarks.throughput --atlas $(ATLAS)
 	$(BIN)/python -m benchmarks.retrieval --atlas $(ATLAS)
+	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.index --atlases $(ATLAS)
+	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.sliders
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.many_requests
 
 docs: $(READY)

@@ -73,8 +73,8 @@ class Settings(BaseSettings):
     max_budget_ms: float = Field(
         30_000,
         gt=0,
-        description="Longest budget of one request, whatever its `budget_ms` says; of this one a search takes four fifths, the "
-        "rest is for finishing its answers.",
+        description="Longest budget of one request, whatever its `budget_ms` says; in a worker a budget is four fifths of it at "
+        "most. A search takes nine tenths of its budget, the rest is for finishing its answers.",
     )
     max_connections: int = Field(
         800,

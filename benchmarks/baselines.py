@@ -1,7 +1,6 @@
 """Other ways to an answer, for comparison in the same run.
 
-To a linkage: scipy's differential evolution and pylinkage's motion generation. To the best windows of an atlas: faiss's
-flat index and stumpy's distance profiles.
+scipy's differential evolution and pylinkage's motion generation.
 """
 
 from __future__ import annotations
@@ -9,13 +8,12 @@ from __future__ import annotations
 import importlib.util
 import itertools
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from benchmarks import product
-from benchmarks.report import Times, repeat
+from benchmarks.report import Times
 from tests.oracles.classes import generator
 
 EVOLUTION_GENERATIONS = (5, 20, 80, 320, 1280)
@@ -29,10 +27,6 @@ POSE_SECONDS = 3.0
 """No further subset is begun after this much time of the processor."""
 _POSES = (3, 4, 5)
 _UNTIMED_CRANK = np.linspace(0, product.TURN, 720, endpoint=False)
-MEMORY_RATIO = 1.5
-"""Free memory wanted over that of the flat index: its search has buffers, and the machine has other work."""
-_INDEXED_AT_ONCE = 512
-MASS_TYPES = 2000
 
 
 def missing() -> dict[str, str]:
@@ -208,148 +202,3 @@ def _judge(target: product.Target, first: int, answer: Any) -> tuple[float, floa
             square = gap**2 + (np.abs(target.position[:, None] - points) / target.length_scale) ** 2
             untimed = min(untimed, float(np.sqrt(np.mean(square.min(axis=1)))))
     return timed, untimed
-
-
-def _available_memory() -> int:
-    """Bytes that a process may take without swapping; 0 where the system does not tell."""
-    try:
-        lines = Path("/proc/meminfo").read_text().splitlines()
-    except OSError:
-        return 0
-    return next((1024 * int(line.split()[1]) for line in lines if line.startswith("MemAvailable")), 0)
-
-
-def window_table(atlas: product.Atlas, rows: np.ndarray, crank: np.ndarray, every: int = 1) -> np.ndarray:
-    """Centred theta2 of all windows of some types at every n-th start.
-
-    From the stored curves as series, so good to their ``curve_error``. Branch -1 is theta2(x, -1) = -theta2(-x, +1).
-
-    Parameters
-    ----------
-    atlas : product.Atlas
-        Curves of no more than `STARTS` samples.
-    rows : ndarray of int, shape (n,)
-    crank : ndarray, shape (N,)
-        Increments of the samples.
-    every : int
-        A divisor of `STARTS`.
-
-    Returns
-    -------
-    ndarray of float32, shape (n * 2 * product.STARTS / every, N)
-        By type, branch (+1 first) and start. Law: the mean square of its difference from a centred request is the squared
-        rms error of the window.
-    """
-    spectrum = np.fft.rfft(atlas.curves(rows), axis=1) * (product.STARTS / atlas.rule.samples)
-    spectrum[:, -1] = 0  # as in `atlas_rows.interpolate`, on which curve_error rests
-    order = np.arange(spectrum.shape[1])
-    table = np.empty((len(rows), 2, product.STARTS // every, crank.size))
-    for place, t in enumerate(crank):
-        turned = atlas.winding[rows, None] * t
-        ahead, behind = (
-            np.fft.irfft(spectrum * np.exp(1j * order * angle), product.STARTS, axis=1) for angle in (t, -t)
-        )
-        table[:, 0, :, place] = (turned + ahead)[:, ::every]
-        table[:, 1, :, place] = (turned - behind[:, -np.arange(product.STARTS) % product.STARTS])[:, ::every]
-    table -= table.mean(axis=-1, keepdims=True)
-    return table.reshape(-1, crank.size).astype(np.float32)
-
-
-def flat_index(
-    atlas: product.Atlas, targets: Sequence[product.Target], top: int, cores: int
-) -> dict[str, Any] | None:
-    """Exact search by faiss in a table of all windows of one span, over requests of the same crank angles.
-
-    Returns
-    -------
-    dict or None
-        Seconds of single queries and, each, of one batch of all; ``found`` and ``found_in_batch``: the windows of each
-        request as (row, start, branch). (Of a batch faiss expands the square of the difference, and loses digits.)
-        Where memory does not hold the table it is of every n-th start, and seconds are scaled up. None where faiss is not
-        installed or memory holds no part, and a line says so.
-    """
-    if absent := _absence("faiss", "flat index"):
-        return print(absent)
-    import faiss
-
-    crank = targets[0].crank
-    whole, available = len(atlas) * 2 * product.STARTS * crank.size * 4, _available_memory()
-    fits = [
-        n for n in range(1, product.STARTS + 1) if product.STARTS % n == 0 and MEMORY_RATIO * whole / n <= available
-    ]
-    if not fits:
-        print(f"flat index skipped: {available / 1e9:.1f} GB of memory are too little for its {whole / 1e9:.1f} GB")
-        return None
-    every = fits[0]
-    if every > 1:
-        print(f"flat index: memory holds every {every}th start; times are scaled up")
-    faiss.omp_set_num_threads(cores)
-    index = faiss.IndexFlatL2(crank.size)
-
-    def fill() -> None:
-        index.codes.resize(whole // every)  # reserves: growing by doubling would need twice the memory
-        index.codes.clear()
-        for first in range(0, len(atlas), _INDEXED_AT_ONCE):
-            rows = np.arange(first, min(first + _INDEXED_AT_ONCE, len(atlas)))
-            index.add(window_table(atlas, rows, crank, every))
-
-    built = repeat(fill, 1, warm_up=0).median.wall
-    queries = np.array([target.rotation - target.rotation.mean() for target in targets], dtype=np.float32)
-    index.search(queries[:1], top)  # the first one wakes its threads
-    single, batch = Times(), Times()
-    places = [single.run(index.search, query[None], top)[1][0] for query in queries]
-    places_in_batch = batch.run(index.search, queries, top)[1]
-
-    def windows(places: np.ndarray) -> list[set[tuple[int, int, int]]]:
-        row, rest = np.divmod(places, 2 * product.STARTS // every)
-        columns = zip(row, rest % (product.STARTS // every) * every, np.where(rest < product.STARTS // every, 1, -1))
-        return [set(zip(*(column.tolist() for column in request))) for request in columns]
-
-    return {
-        "version": faiss.__version__,
-        "requests": len(queries),
-        "windows": index.ntotal,
-        "every_nth_start": every,
-        "bytes": whole // every,
-        "build_s": built,
-        "single_s": [every * seconds for seconds in single.wall],
-        "batch_s_each": every * batch.median.wall / len(queries),
-        "found": windows(np.array(places)),
-        "found_in_batch": windows(places_in_batch),
-    }
-
-
-def stumpy_mass(atlas: product.Atlas, requests: Sequence[np.ndarray], cores: int) -> dict[str, Any] | None:
-    """Distance profiles by stumpy of requests at whole degrees over all curves of both branches, from a part of the types.
-
-    In its favour, the sliding means and deviations of the curves are given, and it runs on one thread (its own threads wait
-    for one another longer than they work on so short a curve) and is credited with splitting perfectly over the cores.
-
-    Returns
-    -------
-    dict or None
-        Seconds a request; None where stumpy is not installed, and a line says so.
-    """
-    if absent := _absence("stumpy", "stumpy mass"):
-        return print(absent)
-    import numba
-    import stumpy
-
-    numba.set_num_threads(1)
-    samples = len(requests[0])
-    rows = np.random.default_rng(7).choice(len(atlas), min(MASS_TYPES, len(atlas)), replace=False)
-    degrees = np.deg2rad(np.arange(product.STARTS + samples - 1))
-    lengths = atlas.lengths[rows].astype(float)
-    curves = np.concatenate([product.coupler_angle(lengths, np.full(len(rows), side), degrees) for side in (1, -1)])
-    prepared = [stumpy.core.preprocess(curve, samples) for curve in curves]
-
-    def profiles(request: np.ndarray, count: int | None = None) -> None:
-        for curve, means, deviations, constant in prepared[:count]:
-            stumpy.mass(request, curve, M_T=means, Σ_T=deviations, T_subseq_isconstant=constant)
-
-    profiles(requests[0], 1)  # the first one compiles
-    times = Times()
-    for request in requests:
-        times.run(profiles, request)
-    seconds = [one * len(atlas) / len(rows) / cores for one in times.wall]
-    return {"version": stumpy.__version__, "curves": len(curves), "seconds": seconds}

@@ -1,15 +1,13 @@
 """How build, index, start, memory and requests grow with the atlas: ``python -m benchmarks.growth [--perimeters 100 200 ...]``.
 
 Every atlas is built, prepared, served and asked by processes of their own, as users run them; the requests are the same for
-all. Perimeter 1,600 has seven million types and takes 45 GB of disk meanwhile; nothing else should run. Perimeter 2,274
-has twenty million; where the disk has no room for their index of short spans, that is left out.
+all. Perimeter 800 has 850,000 types and takes 6 GB of disk meanwhile; nothing else should run.
 """
 
 from __future__ import annotations
 
 import json
 import math
-import subprocess
 import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -20,15 +18,15 @@ from tqdm import tqdm
 
 from benchmarks import report
 from benchmarks.figures import curve, figure
-from benchmarks.index import ANY_SIZE, NO_LIMIT, make
-from benchmarks.product import MAX_PERIMETER, Settings
-from benchmarks.report import Times, significant
-from benchmarks.service import build, environment, match_bodies, quantile, running, serve_command, uvicorn_command
+from benchmarks.index import ANY_SIZE, make
+from benchmarks.product import MAX_PERIMETER
+from benchmarks.report import Times
+from benchmarks.service import build, match_bodies, quantile, running, serve_command
 
-PERIMETERS = (100, 200, 400, 800, 1600)
-SAMPLES = {400: 256, 800: 128, MAX_PERIMETER: 64}
-"""Samples of a curve up to each perimeter. The series of a typical curve needs 8 to 16 harmonics, which 64 samples hold twice
-over; more of them would only take memory, 4 bytes a sample and type, several times over while a file is written or read."""
+PERIMETERS = (100, 200, 400, 800)
+SAMPLES = {400: 256, MAX_PERIMETER: 128}
+"""Samples of a curve up to each perimeter. The series of a typical curve needs 8 to 16 harmonics, which 128 samples hold;
+more of them would only take memory, 4 bytes a sample and type, several times over while a file is written or read."""
 WARM_UP = 5
 SETTINGS = {**ANY_SIZE, "prepare_positions": False}
 LARGE = 200
@@ -61,20 +59,6 @@ def serve(atlas: Path, bodies: Sequence[bytes]) -> dict[str, Any]:
     }
 
 
-def refusal(atlas: Path) -> dict[str, Any]:
-    """What /readyz and /livez say where an atlas has more types than ``atlas_max_types`` allows, and how `serve` ends."""
-    settings = {"atlas": atlas, "atlas_max_bytes": NO_LIMIT}
-    with running(uvicorn_command, **settings) as service:
-        row = {"seconds": service.ready_seconds, "status": service.ready.status}
-        row |= {"livez": service.ask("GET", "/livez").status, "reply": service.ready.json()}
-    if row["status"] != 200:
-        ended = subprocess.run(
-            serve_command(0), cwd=report.ROOT, env=environment(**settings), capture_output=True, check=False
-        )
-        row |= {"exit_code": ended.returncode}
-    return row
-
-
 QUANTITIES = ("build_s", "ready_s", "p99_ms", "median_ms", "build_peak_bytes", "resident_bytes", "file_bytes")
 """Those that are drawn."""
 
@@ -99,22 +83,8 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     percentile = "; their 99th percentile is the largest of them" if requests < 100 else ""
     return {
         **report.tables("growth", {"build": every, "served": every}),
-        "requests": f"{requests} requests to each atlas, {every[-1]['made']['machine']['cores']} cores{percentile}.",
-        "refusal": refusal_text(results["refusal"]),
-        "stamps": report.made_text([row["made"] for row in every]),
+        "requests": f"{requests} requests to each atlas, {results['made']['machine']['cores']} cores{percentile}.",
     }
-
-
-def refusal_text(refusal: dict[str, Any]) -> str:
-    """What a service says to the largest atlas under its default limit."""
-    limit = Settings.model_fields["atlas_max_types"].default
-    if refusal["status"] == 200:
-        return f"The largest of these atlases has {refusal['types']:,} types and is within the default limit of {limit:,}."
-    return (
-        f"Under the default `atlas_max_types` of {limit:,} the atlas of {refusal['types']:,} types is refused after "
-        f"{significant(refusal['seconds'])} s: `/readyz` answers {refusal['status']}, `linkage-atlas serve` ends with exit code "
-        f"{refusal['exit_code']}."
-    )
 
 
 PANELS = {
@@ -145,32 +115,25 @@ def draw(results: dict[str, Any]) -> None:
             axes.set_ylim(low, high * (high / low) ** 0.35)  # room for the legend
 
 
-def measured(rule: dict[str, Any], bodies: Sequence[bytes]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """An atlas: built, prepared, served; and refused by a service with the default limit."""
+def measured(rule: dict[str, Any], bodies: Sequence[bytes]) -> dict[str, Any]:
+    """An atlas: built, prepared, served."""
     with tempfile.TemporaryDirectory() as folder:
         atlas = Path(folder) / "atlas.h5"
-        row = {**rule, **build(atlas, **rule), **make(atlas, prepare_positions=False)}
-        row |= serve(atlas, bodies) | {"made": report.stamp()}
+        row = {**rule, **build(atlas, **rule), **make(atlas, prepare_positions=False), **serve(atlas, bodies)}
         print(json.dumps({name: value for name, value in row.items() if name != "ms"}), flush=True)
-        return row, {"types": row["types"], **refusal(atlas)}
+        return row
 
 
 def measure(
     perimeters: Annotated[int, "of the atlases"] = PERIMETERS,
     requests: Annotated[int, "to each atlas"] = 40,
 ) -> Iterator[dict[str, Any]]:
-    """Every perimeter in turn, from the smallest. What is left out keeps its figures."""
-    bodies = match_bodies(requests)
-    results = {"rows": [], **report.known("growth")}
-    results.pop("made", None)
+    """Every perimeter in turn, from the smallest."""
+    bodies, rows = match_bodies(requests), []
     for perimeter in tqdm(sorted(perimeters), disable=None, unit="atlas"):
         samples = next(samples for largest, samples in SAMPLES.items() if perimeter <= largest)
-        row, refused = measured({"perimeter": perimeter, "order": "increasing", "samples": samples}, bodies)
-        others = [known for known in results["rows"] if known["perimeter"] != perimeter]
-        results["rows"] = sorted([*others, row], key=lambda known: known["perimeter"])
-        if row is results["rows"][-1]:
-            results["refusal"] = refused
-        yield results
+        rows.append(measured({"perimeter": perimeter, "order": "increasing", "samples": samples}, bodies))
+        yield {"rows": rows}
 
 
 if __name__ == "__main__":

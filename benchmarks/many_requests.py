@@ -54,7 +54,7 @@ def studied(requests: list[bytes], jobs: int) -> dict[str, float]:
 
 
 def measure(
-    requests: Annotated[int, "in a study"] = 10_000, rounds: Annotated[int, "of each number of processes"] = 3
+    requests: Annotated[int, "in a study"] = 2_000, rounds: Annotated[int, "of each number of processes"] = 1
 ) -> Iterator[dict[str, Any]]:
     """Singles and studies in turn; what a start costs is measured apart and taken off."""
     many = bodies(requests)

@@ -418,7 +418,16 @@ def run(measure: Callable[..., Iterator[Mapping[str, Any]]], arguments: Sequence
         parser.exit(1, "the tree has changes that are not committed: commit them, or measure with --try\n")
     made = stamp()  # of the code as it is read now, whatever is committed meanwhile
     code = {made["commit"]: CODE.digests(name)}
-    for results in measure(**options):
+    short: SystemExit | None = None
+
+    def measured() -> Iterator[Mapping[str, Any]]:
+        nonlocal short
+        try:
+            yield from measure(**options)
+        except SystemExit as told:  # all was measured, and some of it is not as it should be
+            short = told
+
+    for results in measured():
         results = {"made": made, **results}
         if trial:
             blocks = importlib.import_module(f"benchmarks.{name}").blocks(results)
@@ -429,6 +438,8 @@ def run(measure: Callable[..., Iterator[Mapping[str, Any]]], arguments: Sequence
     if results is not None and not trial:
         save(results, name, {"code": code, "took": {command(): round(time.perf_counter() - begin)}})
         render([name])
+    if short:
+        raise short
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -1,12 +1,7 @@
-"""The exact scan of an atlas against its baselines, in one run: the ten best windows of a requested rotation.
+"""The exact scan of an atlas against the plain scan, in one run: the ten best windows of a requested rotation.
 
-``python -m benchmarks.retrieval [--atlas FILE] [--requests 60] [--hard 200]`` ends with 1 if any answer differs from that of
-the plain scan. Baselines (the last two are in `baselines`):
-
-- *plain scan*: the same scan without its cells, which bounds every window of the atlas. Its answers must be identical.
-- *flat index* (faiss): a table of all windows of one span, centred, float32. It answers that span alone, and only requests of
-  its very crank angles. Single queries are what a service gets; a batch of all queries is what the index is best at.
-- *stumpy mass*: the distance profile over each curve, z-normalised: another measure, so a baseline in speed only.
+``python -m benchmarks.retrieval [--atlas FILE] [--requests 60] [--hard 200]`` ends with 1 if any answer differs. The plain scan
+has neither cells nor the index of short spans: it bounds every window of the atlas.
 
 Times are wall clock on all cores; of each scan the best of two, taken alternately. Preparation is not counted.
 """
@@ -14,7 +9,6 @@ Times are wall clock on all cores; of each scan the best of two, taken alternate
 from __future__ import annotations
 
 import os
-import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -23,14 +17,13 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from benchmarks import report
-from benchmarks.baselines import flat_index, stumpy_mass
-from benchmarks.product import STARTS, TIE, Scan, Target, Windows, load_atlas, make_target
-from benchmarks.report import Times, ms, repeat, significant, size, spread
-from benchmarks.service import build
-from tests.oracles.rotations import KINDS, SPANS, hard_target, reachable
+from benchmarks.product import STARTS, TIE, Scan, Target, Windows, Work, load_atlas, make_target
+from benchmarks.report import Times, repeat, significant, size, spread
+from tests.oracles import rotations
+from tests.oracles.rotations import KINDS, hard_target, reachable
 
 TOP = 10
-FLAT_SPAN, MASS_REQUESTS = 60, 3
+SPANS = (5, 10, *rotations.SPANS)
 NAIVE_SPAN, NAIVE_TYPES = 60, 500
 POSITION_SPANS = (20, 100, 300)
 
@@ -97,18 +90,6 @@ def measure_atlas(file: Path, smallest: float, cores: int) -> dict[str, Any]:
     return found | {"one_by_one_ratio": naive * len(atlas) / NAIVE_TYPES / ours}
 
 
-def measure_wide(smallest: float, cores: int) -> tuple[dict[str, Any], int]:
-    """The duels on the wider atlas (crank or ground the shortest, the others in all orders), and how many answers differ."""
-    with tempfile.TemporaryDirectory() as folder:
-        build(Path(folder) / "wide.h5", order="full_crank", samples=128)
-        atlas = load_atlas(Path(folder) / "wide.h5")
-    ours, plain = Scan(atlas, threads=cores), Scan(atlas, threads=cores, cells=False)
-    some = ((str(s), n, reachable("wide", n, s, smallest, orders=True)) for n, s in enumerate(2 * SPANS))
-    done = duels(ours, plain, some)
-    told = {"types": len(atlas), "windows": ours.windows, "scan_bytes": ours.nbytes, "spans": summaries(done, SPANS)}
-    return told, sum(not one["same"] for one in done)
-
-
 def file_figures(results: dict[str, Any]) -> str:
     """The table of docs/file_format.md; what concerns build and service comes from `growth` and `throughput`."""
     built = next(row for row in report.load("growth")["rows"] if row["types"] == results["types"])
@@ -147,71 +128,45 @@ def file_figures(results: dict[str, Any]) -> str:
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
-    """By span, the other baselines, hard requests (docs/scaling.md); and figures of docs/file_format.md."""
+    """By span, hard requests (docs/scaling.md); and figures of docs/file_format.md."""
 
     def between(parts: dict[str, Any], column: str = "ours") -> str:
         medians = [part[column]["median"] * (1 if column == "ratio" else 1000) for part in parts.values()]
         return report.ends(medians, 0)
 
-    flat, mass, wide = (results[name] for name in ("flat_index", "stumpy_mass", "wide"))
-    ours = results["flat_requests"]["ours"]["median"]
     cores = results["made"]["machine"]["cores"]
-    others = [f"the scan takes {ms(ours)} ms"]
-    if flat:
-        part = "" if flat["every_nth_start"] == 1 else f" from every {flat['every_nth_start']}th start"
-        single, batch = ms(flat["single_s"]["median"]), ms(flat["batch_s_each"])
-        others.append(
-            f"a flat index of this span alone ({flat['bytes'] / 1e9:.1f} GB{part}) {single} ms a query, {batch} ms in a batch"
-        )
-    if mass:
-        others.append(
-            f"stumpy's mass over {mass['curves']:,} curves, by another measure, {ms(mass['seconds']['median'])} ms"
-        )
     return {
         "sizes": f"{results['types']:,} types, {results['windows']:,} windows, the best {TOP}; wall clock on {cores} cores.",
         **report.tables("retrieval", {"spans": [{"key": key, **part} for key, part in results["spans"].items()]}),
-        "wide": f"{wide['types']:,} types in {between(wide['spans'])} ms, {between(wide['spans'], 'ratio')} times faster",
-        "others": ", ".join(others),
         "hard": f"{between(results['hard'])} ms, {between(results['hard'], 'ratio')} times faster",
         "file": file_figures(results),
-        "file_made": report.made_text([results["made"], results["parts"]["atlas"].get("made", results["made"])]),
     }
 
 
 def measure(
     atlas: Annotated[Path, "file of the default atlas"] = Path("atlas.h5"),
-    requests: Annotated[int, "reachable ones, and as many for the flat index"] = 60,
+    requests: Annotated[int, "reachable ones"] = 60,
     hard: Annotated[int, "requests far from every row, or numerically hard"] = 200,
 ) -> Iterator[dict[str, Any]]:
-    """All scans and indices on one atlas, and the scans on the wider one; exit code 1 if an answer differs."""
+    """Both scans on one atlas; exit code 1 if an answer differs."""
     file, cores = atlas, os.cpu_count() or 1
     atlas = load_atlas(file)
     smallest = atlas.rule.types.smallest / atlas.rule.types.perimeter
     ours, plain = Scan(atlas, threads=cores), Scan(atlas, threads=cores, cells=False)
+    ours.prepare_short_spans(Work())
     turns = [(seed, SPANS[seed % len(SPANS)]) for seed in range(requests)]
-    flat = [reachable("flat", seed, FLAT_SPAN, smallest) for seed in range(requests)]
     hard_ones = [(KINDS[number % len(KINDS)], number // len(KINDS)) for number in range(hard)]
     groups: dict[str, Requests] = {
         "spans": ((str(s), n, reachable("span", n, s, smallest, uneven=n // len(SPANS) % 3 == 2)) for n, s in turns),
         "joint": ((str(s), n, reachable("joint", n, s, smallest, positions=True)) for n, s in turns),
-        "flat": (("flat", n, target) for n, target in enumerate(flat)),
         "hard": ((kind, n, hard_target(kind, n, smallest)) for kind, n in hard_ones),
     }
     with threadpool_limits(1, "blas"):  # as the service does: threads are the scan's own
         done = {name: duels(ours, plain, some) for name, some in groups.items()}
         parts = {"atlas": measure_atlas(file, smallest, cores)}
-        wide, differ_wide = measure_wide(smallest, cores)
     everything = [one for part in done.values() for one in part]
     worst = min(everything, key=lambda one: one["ratio"])
-    if indexed := flat_index(atlas, flat, TOP, cores):
-        indexed["single_s"] = spread(indexed["single_s"])
-        ids = [set(zip(*(column.tolist() for column in one["windows"][:3]))) for one in done["flat"]]
-        for found, same in (("found", "same_windows"), ("found_in_batch", "same_windows_in_batch")):
-            indexed[same] = sum(one == two for one, two in zip(indexed.pop(found), ids))
-    motions = [reachable("mass", seed, FLAT_SPAN, smallest, samples=FLAT_SPAN + 1) for seed in range(MASS_REQUESTS)]
-    if profiled := stumpy_mass(atlas, [target.rotation for target in motions], cores):
-        profiled["seconds"] = spread(profiled["seconds"])
-    differ = sum(not one["same"] for one in everything) + differ_wide
+    differ = sum(not one["same"] for one in everything)
     yield {
         "types": len(atlas),
         "windows": ours.windows,
@@ -221,11 +176,7 @@ def measure(
         "spans": summaries(done["spans"], SPANS),
         "joint": summaries(done["joint"], SPANS),
         "hard": summaries(done["hard"], KINDS),
-        "flat_requests": summary(done["flat"]),
-        "flat_index": indexed,
-        "stumpy_mass": profiled,
         "worst": {name: worst[name] for name in ("key", "seed", "ours", "plain", "evaluated")},
-        "wide": wide,
         "parts": parts,
     }
     if differ:

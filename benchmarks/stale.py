@@ -1,7 +1,9 @@
 """``python -m benchmarks.stale`` (``make figures``): measures again what was measured with other code than that of this tree.
 
-It lists the commands with what has changed since and how long each took, and runs them in turn, the short ones first. What
-has ended counts as measured, so the same command goes on where it stopped. A tree with changes that are not committed is refused.
+It lists the commands with what has changed since and how long each took, and runs them in turn: first those that measure
+processor time or count, so that another such run may share the machine, then those that need it alone; of each the short ones
+first. What has ended counts as measured, so the same command goes on where it stopped. A tree with changes that are not
+committed is refused.
 """
 
 from __future__ import annotations
@@ -32,6 +34,12 @@ ABOUT = {
 """Seconds of a whole run, as `make help` says, where no run has been timed yet."""
 
 
+ALONE = ("everyday", "growth", "index", "many_requests", "retrieval", "sliders", "throughput")
+"""Benchmarks that measure by the clock, or with all cores."""
+ALONE_PARTS = ("budgets", "crowds", "reloads")
+"""Such parts of `benchmarks.reliability`."""
+
+
 class Run(NamedTuple):
     """A command whose figures are old."""
 
@@ -46,9 +54,17 @@ class Run(NamedTuple):
         """Seconds that it will take, None where nothing tells."""
         return self.took or ABOUT.get(self.name)
 
+    @property
+    def alone(self) -> bool:
+        """Whether nothing else may run meanwhile."""
+        some = self.name == "reliability" and (
+            "--parts" not in self.command or set(ALONE_PARTS) & set(self.command.split())
+        )
+        return self.name in ALONE or bool(some)
+
 
 def stale(code: age.Code = report.CODE) -> list[Run]:
-    """The commands to run again, the shortest first; those of unknown length at the end."""
+    """The commands to run again: those that can share the machine first; the shortest first, of unknown length at the end."""
     found = {}
     for name in report.names():
         results = report.load(name)
@@ -58,7 +74,7 @@ def stale(code: age.Code = report.CODE) -> list[Run]:
                 found.setdefault(
                     (name, command), Run(name, command, age.told([why]), results.get("took", {}).get(command))
                 )
-    return sorted(found.values(), key=lambda one: (one.expected is None, one.expected or 0.0))
+    return sorted(found.values(), key=lambda one: (one.alone, one.expected is None, one.expected or 0.0))
 
 
 def words(run: Run) -> list[str]:
@@ -84,7 +100,7 @@ def told(runs: list[Run]) -> Iterator[str]:
     """The list in words."""
     for run in runs:
         time = f"{report.duration(run.expected)}{'' if run.took else ' or less'}" if run.expected else "not timed yet"
-        yield f"{run.command}\n    {run.since}; {time}"
+        yield f"{run.command}\n    {run.since}; {time}; {'alone' if run.alone else 'shared'}"
     known = [run.expected for run in runs if run.expected]
     others = f", and {len(runs) - len(known)} not timed yet" if len(known) < len(runs) else ""
     yield f"{len(runs)} to measure: {report.duration(sum(known))}{others}"

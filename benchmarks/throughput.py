@@ -1,8 +1,8 @@
 """How many requests a service answers: ``python -m benchmarks.throughput [--atlas FILE]``.
 
-Three arrangements, all other settings at their defaults: one service with one and with two workers, and two services with
-one worker each, their clients dealt out evenly. Clients keep their connections and ask again as soon as they are answered. Then
-services with one and with two workers stand side by side and are asked in turn, so that a drift of the machine meets both.
+With one and with two workers, all other settings at their defaults. Clients keep their connections and ask again as soon as
+they are answered. Then services with one and with two workers stand side by side and are asked in turn, so that a drift of the
+machine meets both.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from benchmarks import report, service
 from benchmarks.report import significant
 
 ONE, TWO = "`--workers 1`", "`--workers 2`"
-ARRANGEMENTS = {ONE: (1, 1), TWO: (2, 1), "two services": (1, 2)}
+ARRANGEMENTS = {ONE: (1, 1), TWO: (2, 1)}
 """Workers, and how many times the service is started."""
 CLIENTS = (1, 8, 64)
 COMPARED = CLIENTS[1:]
@@ -128,7 +128,6 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
 
     rows = [UNKNOWN | {"service": one["service"], **load} for one in services for load in one["loads"]]
     rows.sort(key=lambda row: row["path"])  # stable: the order of services stays
-    rows = [row for row in rows if row["service"] != "two services"]
     return report.tables("throughput", {"loads": rows}) | {"ratios": ratios_text(results)}
 
 

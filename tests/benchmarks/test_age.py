@@ -122,6 +122,7 @@ def test_what_is_old_is_listed_with_the_time_it_took_and_run_with_today_s_option
     runs = stale.stale()
     assert [run.took for run in runs] == [90, None]
     assert list(stale.told(runs))[-1] == "2 to measure: 90.0 s, and 1 not timed yet"
+    assert [told.rpartition("; ")[2] for told in stale.told(runs)][:2] == ["shared", "shared"]
     assert stale.words(runs[1])[1:] == ["-m", "benchmarks.travel"]
     monkeypatch.setattr(report, "commit", lambda: "a" * 40 + "+changes")
     monkeypatch.setattr(stale.subprocess, "run", lambda *_, **__: pytest.fail("measured"))
@@ -129,6 +130,20 @@ def test_what_is_old_is_listed_with_the_time_it_took_and_run_with_today_s_option
     assert stale.main(["--list"]) == 0
     result["code"] = {made["commit"]: report.CODE.digests("travel") for made in (stamp, others)}
     assert stale.stale() == []
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "alone"),
+    [
+        ("growth", "", True),
+        ("travel", "", False),
+        ("reliability", "", True),
+        ("reliability", " --parts flips kills", False),
+        ("reliability", " --parts flips crowds", True),
+    ],
+)
+def test_runs_by_the_clock_need_the_machine_alone(name, options, alone) -> None:
+    assert stale.Run(name, f"python -m benchmarks.{name}{options}", "", None).alone is alone
 
 
 def test_an_interrupt_is_told_in_a_line_and_a_command_that_fails_does_not_end_the_others(monkeypatch, capsys) -> None:

@@ -7,6 +7,7 @@ import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Annotated
 
 import numpy as np
@@ -182,6 +183,21 @@ def test_what_a_benchmark_yields_is_published_with_options_from_its_signature(mo
     assert len(published) == count, "nothing is published from a tree with changes"
     with pytest.raises(SystemExit):
         report.run(measure, ["--kinds", "c"])
+
+
+def test_what_is_short_of_its_goal_is_stored_too_and_told(monkeypatch, tmp_path) -> None:
+    monkeypatch.setattr(report, "RESULTS", tmp_path)
+    monkeypatch.setattr(report, "CODE", SimpleNamespace(digests=lambda name: {"synthesis.pose": name}))
+    monkeypatch.setattr(report, "commit", lambda: "c" * 40)
+    monkeypatch.setattr(report, "render", lambda names: None)
+
+    def measure() -> Iterator[dict]:
+        yield {"found": 1}
+        raise SystemExit("short")
+
+    with pytest.raises(SystemExit, match="short"):
+        report.run(measure, [])
+    assert report.load("test_report")["found"] == 1 and "c" * 40 in report.load("test_report")["code"]
 
 
 # -- time and words ---------------------------------------------------------------------------------------------------
