@@ -106,7 +106,7 @@ def _add_questions(parser: argparse.ArgumentParser, name: str) -> None:
 
 
 def _add_export(parser: argparse.ArgumentParser, name: str) -> None:
-    from app.exporting import add_export
+    from app.command import add_export
 
     add_export(parser)
 

@@ -21,8 +21,8 @@ from app.query import (
     ReplyModel,
     RequestModel,
     Resources,
+    reply_model,
 )
-from app.replies import reply_model
 from app.tables import DEGREES, Units, table
 from linkage_atlas import FieldError, Work
 from synthesis.chain.closure import STRETCH_TOLERANCE, Chain, closing_links

@@ -23,8 +23,8 @@ from app.query import (
     ReplyModel,
     RequestModel,
     Resources,
+    reply_model,
 )
-from app.replies import reply_model
 from app.tables import DEGREES, Units, table
 from linkage_atlas import FieldError, OutOfTime
 from synthesis.knotter import d_knotter
