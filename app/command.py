@@ -16,10 +16,9 @@ from typing import Any, get_args
 import pydantic_core
 from pydantic import ValidationError
 
-from app.arguments import EPILOG, FILE, Exit, add_atlas, exit_of, whole_number
 from app.query import FILES, LengthUnit, Query, RequestModel, Resources, invalid
 from app.registry import examples_of, queries_named
-from app.tables import Units
+from app.terminal import EPILOG, FILE, Exit, Units, add_atlas, exit_of, whole_number
 from linkage_atlas import FieldError
 from linkage_atlas.formats import kind_of
 from linkage_atlas.tables import decoded

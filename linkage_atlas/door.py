@@ -6,8 +6,8 @@ within tighter limits on that measure; finish them as a user reads them; report.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any, Literal, NamedTuple, TypedDict, Unpack, get_args
@@ -26,7 +26,7 @@ from linkage_atlas.answers import (
     finished,
     status_of,
 )
-from linkage_atlas.arguments import check_above_zero, check_top, column, number
+from linkage_atlas.arguments import check_above_zero, check_top, column, number, pointing
 from linkage_atlas.assemblies import read_assembly
 from linkage_atlas.atlases import Atlas, default_atlas
 from linkage_atlas.driving import check_asked
@@ -792,15 +792,15 @@ class Start(NamedTuple):
     """Of a function generator: the output less the rocker's angle."""
 
 
-@contextmanager
-def pointing_to_start() -> Iterator[None]:
+def _in_start(field: str) -> str:
+    """Where ``refine_from`` has a field of a linkage."""
+    link = field.lstrip("/") in ("crank", "coupler", "rocker", "ground")
+    return f"/refine_from{'/links' if link else ''}{field}"
+
+
+def pointing_to_start() -> AbstractContextManager[None]:
     """Errors of the linkage's fields point into ``refine_from``."""
-    try:
-        yield
-    except FieldError as error:
-        link = error.field.lstrip("/") in ("crank", "coupler", "rocker", "ground")
-        place = f"/refine_from{'/links' if link else ''}{error.field}"
-        raise FieldError(place, error.message, **error.details) from error
+    return pointing(_in_start)
 
 
 def read_start(given: StartingLinkage, degrees: bool) -> Start:

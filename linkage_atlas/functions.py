@@ -19,6 +19,7 @@ from linkage_atlas.arguments import (
     kinds_among,
     number,
     one_of,
+    pointing,
     radians_in,
 )
 from linkage_atlas.door import (
@@ -567,12 +568,9 @@ def read_wanted(
             raise FieldError("/input", "the input dial of a `function` is linear: give `crank_span`")
         if scales is not None and "output_span" in function:  # dials take it as an angle
             function = {**function, "output_span": function["output_span"] * of_output / radian}
-        try:
+        called = _CALLED if "of" in function else {}
+        with pointing(lambda field: called.get(field, field)):
             dials = read_dials(function, span, degrees)
-        except FieldError as error:
-            if "of" not in function:
-                raise
-            raise FieldError(_CALLED.get(error.field, error.field), error.message) from error
         values, angles, span, exact = dials.output, dials.input, None, dials.exact
     else:
         assert output is not None
@@ -625,7 +623,7 @@ class TravelMotion:
         if function is not None and span is None:
             raise FieldError(f"/{name}", "needed for a `function`")
         self.scales = Scales.of(dial, degrees, _way(name, span, input), _output_way(output, function))
-        try:
+        with pointing(lambda field: field.replace("/crank_span", f"/{name}")):
             wanted, self.dials = read_wanted(
                 output,
                 span,
@@ -635,10 +633,6 @@ class TravelMotion:
                 scales=self.scales[1:],
                 **more,
             )
-        except FieldError as error:
-            raise FieldError(
-                error.field.replace("/crank_span", f"/{name}"), error.message, **error.details
-            ) from error
         if one_way:
             _check_one_way(wanted, "/function" if function is not None else "/output")
         self.wanted = replace(wanted, one_way=one_way)

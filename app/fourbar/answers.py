@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import cache
 from importlib.resources import files
 from types import SimpleNamespace
@@ -32,6 +31,7 @@ from app.query import (
     Resources,
     bundled_requests,
 )
+from linkage_atlas.arguments import pointing
 from linkage_atlas.assemblies import ASSEMBLY
 from linkage_atlas.studies import DRIVE_STUDIES
 from linkage_atlas.tables import function_from_csv, match_from_csv, request_from_csv
@@ -200,15 +200,6 @@ def ranked(request: SynthesizeRequest, rank: int, resources: Resources) -> la.So
             "/limits" if not found else "/rank", f"there are {len(found)} linkages within these limits"
         )
     return found[rank - 1]
-
-
-@contextmanager
-def pointing(change: Callable[[str], str]) -> Iterator[None]:
-    """Errors of fields within point to where this route's body has the field."""
-    try:
-        yield
-    except la.FieldError as error:
-        raise la.FieldError(change(error.field), error.message, **error.details) from error
 
 
 def _best_linkage(request: SynthesizeRequest, resources: Resources, kind: str) -> bytes:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 import linkage_atlas as la
-from app.tables import DEGREES, Units, columns, left_table, number
+from app.terminal import DEGREES, Units, columns, left_table, number
 from linkage_atlas import GuidedSolution, Matches, Result, Solution
 from linkage_atlas.answers import Errors
 

@@ -25,7 +25,7 @@ from app.query import (
     Resources,
     reply_model,
 )
-from app.tables import DEGREES, Units, table
+from app.terminal import DEGREES, Units, table
 from linkage_atlas import FieldError, OutOfTime
 from synthesis.knotter import d_knotter
 from synthesis.knotter.conditions import Crossing, Found, crossing_curve, point_paths, step_before

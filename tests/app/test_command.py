@@ -15,10 +15,10 @@ import pytest
 
 import linkage_atlas as la
 from app import cli, command
-from app.arguments import Exit, exit_of
 from app.fourbar.models import SynthesizeRequest
 from app.registry import all_examples, all_queries, worked_example
 from app.settings import Settings, atlas_of
+from app.terminal import Exit, exit_of
 from linkage_atlas import atlases
 
 QUERIES = {query.command: query for query in all_queries()}
