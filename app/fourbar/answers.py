@@ -7,7 +7,6 @@ import math
 from collections.abc import Callable
 from functools import cache
 from importlib.resources import files
-from types import SimpleNamespace
 from typing import Any
 
 import linkage_atlas as la
@@ -398,30 +397,21 @@ def is_long_function(request: FunctionRequest) -> bool:
 
 
 def _function_file(body: FunctionExportRequest, resources: Resources) -> bytes:
-    from linkage_atlas.functions import TravelMotion, read_dial, read_wanted, render_function, render_travel
+    from linkage_atlas.functions import read_dial, read_wanted, render
 
     request, solution = body.request, body.solution
     if body.format == "json":
         return as_json(request, solution.model_dump(mode="json"))
     degrees = request.angle_unit == "deg"
-    asked = request.given("input", "function")
     with pointing(lambda field: "/solution" + field):
         given = solution.linkage(degrees)
     with pointing(lambda field: "/request" + field):
         dial = read_dial(request.input_unit, request.output_unit, degrees)
         if dial.travels != isinstance(given, la.GuidedLinkage):
             raise la.FieldError("/output_unit", "the solution belongs to a request of another unit")
-        if dial.travels:
-            span = request.crank_span if dial.input == "angle" else request.travel_span
-            motion = TravelMotion(request.output, span, **asked, dial=dial, degrees=degrees)
-    if isinstance(given, la.GuidedLinkage):
-        return render_travel(
-            motion.wanted, motion.scales, dial, given, solution.output_offset, body.format, body.length_unit
-        ).encode()
-    with pointing(lambda field: "/request" + field):
-        wanted, _ = read_wanted(request.output, request.crank_span, **asked, degrees=degrees)
-    made = SimpleNamespace(linkage=given, output_offset=solution.output_offset)
-    return render_function(wanted, made, body.format, body.length_unit, degrees).encode()
+        span, asked = getattr(request, dial.span), request.given("input", "function")
+        wanted, _, scales = read_wanted(request.output, span, dial=dial, **asked, degrees=degrees)
+    return render(wanted, scales, dial, given, solution.output_offset, body.format, body.length_unit).encode()
 
 
 FUNCTION_FILES = Files(
