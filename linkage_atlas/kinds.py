@@ -546,15 +546,12 @@ def layers_of(
     return ranks, made, 0
 
 
-def travel_of(one: Found) -> Any:
-    """What a linkage's drive goes through from the first sample."""
-    return one.travel if isinstance(one, guided.GuidedSolution) else one.crank
-
-
 def span_of(one: Found) -> float:
     """How far its crank or hinge turns; infinite for other drives."""
-    turns = not isinstance(one, guided.GuidedSolution) or one.linkage.driver.turns
-    return float(np.ptp(travel_of(one))) if turns else np.inf
+    if not isinstance(one, guided.GuidedSolution):
+        assert one.crank is not None
+        return float(np.ptp(one.crank))
+    return float(np.ptp(one.travel)) if one.linkage.driver.turns else np.inf
 
 
 def _sort(one: Found) -> tuple[str, str]:

@@ -110,11 +110,12 @@ def match(
     rows = rows[:top]
     screened, finishing = watch.elapsed, watch.extended(FINISHING)
     matches: list[Match] = []
+    sides: tuple[Literal[-1, 1], ...] = (-1, 1)
     for row in rows:
         if matches and finishing.expired():
             break
         angle = principal(row.angle)
-        kind, branch = row.atlas.type_of(row.number), _side(row.branch)
+        kind, branch = row.atlas.type_of(row.number), sides[row.branch > 0]
         start = row.start * (360 / row.scan.starts) * (np.pi / 180 / radian)
         offset = float(np.mean(wanted - angle) / radian)
         linkage: FourBar | GuidedLinkage
@@ -176,10 +177,6 @@ def _slider_crank(
     signed = np.array([[crank, rod, branch * beside]], dtype=float)
     (linkage,) = BY_CRANK[Kind.SLIDER_CRANK].posed(signed, np.ones(1), np.array([start]), None)
     return GuidedLinkage.of(turned_frame(linkage, offset), radian, target)
-
-
-def _side(branch: float) -> Literal[-1, 1]:
-    return 1 if branch > 0 else -1
 
 
 def _features(crank: Any, curve: Any, radian: float) -> Features:
