@@ -35,6 +35,7 @@ from linkage_atlas.kinds import (
     UNRANKED,
     Course,
     Found,
+    Kinds,
     Rank,
     check_kinds_alone,
     check_sliders_alone,
@@ -51,7 +52,6 @@ from linkage_atlas.kinds import (
     span_of,
     strays_between,
 )
-from linkage_atlas.kinds import Asked as Kinds
 from linkage_atlas.limits import QUICK, QUICK_ROUNDS, read_limits, what_excludes
 from linkage_atlas.linkages import DriverName, FourBar, KindName
 from linkage_atlas.motions import Motion
@@ -177,7 +177,7 @@ class Live:
         self.state = state
 
 
-class Asked(TypedDict, total=False):
+class MotionAndStudies(TypedDict, total=False):
     """Arguments of a `Motion` by name, and studies of each solution as of `Solution.studied`."""
 
     rotation: ArrayLike | None
@@ -221,7 +221,7 @@ def synthesize(
     live: Live | None = None,
     mechanisms: Sequence[KindName] | Literal["all"] | None = None,
     driver: DriverName | None = None,
-    **more: Unpack[Asked],
+    **more: Unpack[MotionAndStudies],
 ) -> Result:
     """The linkages that make a motion: actual dimensions and where they are mounted.
 

@@ -401,7 +401,7 @@ class Drives(Record):
 # -- what is asked ----------------------------------------------------------------------------------------------------
 
 
-class Asked(NamedTuple):
+class AskedDrives(NamedTuple):
     """A checked request, in the units of the linkage and in radians."""
 
     load: Load
@@ -624,9 +624,9 @@ def read_asked(
     hand: ArrayLike | None,
     radian: float,
     millimetres: float,
-) -> Asked:
+) -> AskedDrives:
     """A checked request."""
-    return Asked(
+    return AskedDrives(
         _load(machine, load or {}, radian, millimetres),
         tuple(
             _drive(f"drives/{k}", one, machine, radian, millimetres) for k, one in enumerate(_list("drives", wanted))
@@ -637,7 +637,7 @@ def read_asked(
     )
 
 
-def check_sizes(asked: Asked, extent: float) -> None:
+def check_sizes(asked: AskedDrives, extent: float) -> None:
     """FieldError for lengths and places that are out of all proportion to the linkage."""
     lengths = ("retracted", "stroke", "reach_max", "pin_radius", "dead_length", "clear", "arm_min", "rod")
     for name, wishes in (("drives", asked.drives), ("springs", asked.springs)):
@@ -672,7 +672,9 @@ def check_asked(given: Mapping[str, Any], radian: float) -> None:
     raise errors[0]
 
 
-def _read_study(machine: Machine, given: Mapping[str, Any], radian: float) -> tuple[Asked, Mapping[str, Any] | None]:
+def _read_study(
+    machine: Machine, given: Mapping[str, Any], radian: float
+) -> tuple[AskedDrives, Mapping[str, Any] | None]:
     """What `load`, `drives`, `springs` and `drive` ask of a solution; and of it the last, checked."""
     asked = read_asked(machine, given.get("load"), given.get("drives"), given.get("springs"), None, radian, 1.0)
     if given.get("drive") is None:
@@ -815,7 +817,7 @@ def _links(at: str, given: Any, machine: Machine, names: list[str]) -> list[str]
 # -- what is found ----------------------------------------------------------------------------------------------------
 
 
-def found_drives(place: _Place, asked: Asked, top: int, work: Work) -> Drives:
+def found_drives(place: _Place, asked: AskedDrives, top: int, work: Work) -> Drives:
     """The best drives of each kind, and springs."""
     with np.errstate(all="ignore"):
         search = _Search(place, asked, top, work)
@@ -849,7 +851,7 @@ class _Extremes(NamedTuple):
 class _Search:
     """All that is looked for on one linkage, and what was found."""
 
-    def __init__(self, place: _Place, asked: Asked, top: int, work: Work) -> None:
+    def __init__(self, place: _Place, asked: AskedDrives, top: int, work: Work) -> None:
         self.place, self.asked, self.top, self.work = place, asked, top, work
         self.machine, self.fine = place.machine, place.fine
         self.torque = self.machine.torque(asked.load)

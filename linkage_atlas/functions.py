@@ -507,7 +507,7 @@ def function(
         _check_one_way(wanted, where)
         wanted = replace(wanted, one_way=True)
     largest = objective == "max"
-    asked = Asked(wanted, dials, degrees, largest, tolerance, dial, scales)
+    asked = AskedFunction(wanted, dials, degrees, largest, tolerance, dial, scales)
     if dial.travels:
         return _with_travel(asked, kinds, limits, top, watch, curves, wraps)
     kept = read_function_limits(limits, wanted.target, degrees)
@@ -546,7 +546,7 @@ def function(
 
 
 def _with_travel(
-    asked: Asked,
+    asked: AskedFunction,
     kinds: Sequence[str],
     limits: Mapping[str, Any] | None,
     top: int,
@@ -829,7 +829,7 @@ class FunctionResult(Record, Ranked[FunctionSolution | TravelSolution]):
 
 
 @dataclass(frozen=True)
-class Asked:
+class AskedFunction:
     """What solutions are described by."""
 
     wanted: Wanted
@@ -893,7 +893,7 @@ class Asked:
 
 
 def described_travel(
-    asked: Asked, one: TravelGenerator, rank: int, limits: TravelLimits, curves: bool
+    asked: AskedFunction, one: TravelGenerator, rank: int, limits: TravelLimits, curves: bool
 ) -> TravelSolution:
     """A generator with a slider as a user reads it."""
     scales, wanted, law = asked.scales, asked.wanted, one.law
@@ -930,7 +930,7 @@ def described_travel(
 
 
 def described(
-    asked: Asked, found: list[Generator], limits: Limits, sensitivity: bool, curves: bool
+    asked: AskedFunction, found: list[Generator], limits: Limits, sensitivity: bool, curves: bool
 ) -> list[FunctionSolution]:
     """Generators as a user reads them, best first."""
     if not found:
@@ -977,7 +977,7 @@ def described(
     return solutions
 
 
-def _error_curves(asked: Asked, found: list[Generator]) -> list[ErrorCurve | None]:
+def _error_curves(asked: AskedFunction, found: list[Generator]) -> list[ErrorCurve | None]:
     """Input and error of each generator over the interval."""
     wanted, radian = asked.wanted, asked.radian
     shown = np.linspace(0.0, wanted.crank[-1], _SHOWN)
@@ -986,7 +986,7 @@ def _error_curves(asked: Asked, found: list[Generator]) -> list[ErrorCurve | Non
     return [ErrorCurve(shown / radian, gap / radian) for gap in gaps]
 
 
-def rounded(asked: Asked, one: Generator, grid: float, work: Work) -> RoundedFunction:
+def rounded(asked: AskedFunction, one: Generator, grid: float, work: Work) -> RoundedFunction:
     """A generator with its links on a grid."""
     links = np.maximum(np.round(np.array(one.linkage.links) / grid), 1.0) * grid
     again = refit(asked.wanted, one, links, asked.largest, asked.tolerance, work)

@@ -69,7 +69,7 @@ _STEP = np.deg2rad(5.0)
 """Exact linkages are ordered by their transmission angle in steps."""
 
 
-class Asked(NamedTuple):
+class Kinds(NamedTuple):
     """Kinds of mechanism, and what drives them."""
 
     kinds: tuple[Kind, ...] = (Kind.FOUR_BAR,)
@@ -91,17 +91,17 @@ class Asked(NamedTuple):
         return Kind.FOUR_BAR in self.kinds and self.driver in (None, Driver.CRANK)
 
 
-def read_kinds(mechanisms: Any, driver: Any, motion: Motion) -> Asked:
+def read_kinds(mechanisms: Any, driver: Any, motion: Motion) -> Kinds:
     """The kinds that are asked for, checked against the motion. Raises `FieldError` naming the argument."""
     given = ("four_bar",) if mechanisms is None else mechanisms
     given = (given,) if isinstance(given, str) and given != "all" else given
     kinds = tuple(map(Kind, kinds_among(given, MECHANISMS)))
-    asked = Asked(kinds, None if driver is None else Driver(one_of("driver", driver, DRIVERS)))
+    asked = Kinds(kinds, None if driver is None else Driver(one_of("driver", driver, DRIVERS)))
     _check(asked, motion)
     return asked
 
 
-def _check(asked: Asked, motion: Motion) -> None:
+def _check(asked: Kinds, motion: Motion) -> None:
     by = asked.driver
     if asked.four_bars_alone and by not in (None, Driver.CRANK):
         raise FieldError(
@@ -179,7 +179,7 @@ def goes_round(driver: Driver | None) -> set[Kind]:
     return {kind for one in drivers for kind in _DRIVEN[one] if one.turns} - {Kind.RAIL_SLOT}
 
 
-def _driven(asked: Asked, drivers: Sequence[Driver]) -> bool:
+def _driven(asked: Kinds, drivers: Sequence[Driver]) -> bool:
     return any(kind in _DRIVEN[driver] for driver in drivers for kind in asked.kinds)
 
 
@@ -238,7 +238,7 @@ class Course(NamedTuple):
 
 
 def search_kinds(
-    asked: Asked,
+    asked: Kinds,
     motion: Motion,
     limits: Limits,
     tolerance: float,
@@ -310,7 +310,7 @@ def search_kinds(
     return found, Course(stages, trace, stopped_by, counts, unseen=unseen, notes=notes)
 
 
-def _by_hinge_alone(asked: Asked, samples: Samples) -> bool:
+def _by_hinge_alone(asked: Kinds, samples: Samples) -> bool:
     """Whether a way is closed and of the linkages with sliders a hinge alone goes round."""
     by_crank = asked.driver in (None, Driver.CRANK) and set(asked.kinds) & set(_DRIVEN[Driver.CRANK])
     return _comes_round(samples) and not asked.four_bars and not by_crank
