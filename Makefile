@@ -30,9 +30,9 @@ help:
 	@echo "make report     error against run time: docs/error_vs_runtime.md (about half an hour)"
 	@echo "make everyday   everyday questions to the running service: docs/everyday.md (half an hour)"
 	@echo "make engine     every kind of search beside the best known answers: docs/engine.md (three quarters of an hour)"
-	@echo "make poses      poses without crank angles, noise and other programs: docs/free_timing.md (a quarter of an hour)"
-	@echo "make limits     requests within limits, beside general optimisers: docs/limits.md (half an hour)"
-	@echo "make function   named functions and other programs: docs/function.md (half an hour)"
+	@echo "make poses      poses without crank angles, noise and other programs: docs/free_timing.md (some minutes)"
+	@echo "make limits     requests within limits, beside general optimisers: docs/limits.md (some minutes)"
+	@echo "make function   named functions and other programs: docs/function.md (some minutes)"
 	@echo "make stability  extreme cases against high precision: docs/stability.md (a minute)"
 	@echo "make assembly   layers of random machines against shapely: docs/assembly.md (ten minutes)"
 	@echo "make drives     drives against finer grids, circles and equilibrium: docs/drives.md (some minutes)"
@@ -155,6 +155,7 @@ limits: $(READY)
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.limited
 
 function: $(READY)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test,docs,baselines]'
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.function
 
 stability: $(READY)

@@ -19,6 +19,7 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from typing import Any, NamedTuple
 
+import anyio
 from starlette.requests import Request
 from starlette.responses import Response
 
@@ -39,6 +40,8 @@ _LENGTH = struct.Struct("!i")
 """Before each message of `multiprocessing.connection`."""
 _TOLD_SECONDS = 5.0
 """For the supervisor to say how a process ended."""
+_SHORT_SECONDS = 0.2
+"""For a short answer whose client has left: most end sooner than another process begins."""
 _PATIENCE = 8.0
 """Times the processor time that a request may take: longer no answer is waited for, on however busy a machine."""
 log = logging.getLogger("uvicorn.error")
@@ -137,8 +140,9 @@ class Processes:
             head, *reply = await self._asked(request, task, long, kept.begin)
             kept.state = head.state
         while not head.status and not task.makes:
-            await self._made(head.missing)
             task = task._replace(makes=head.missing in waited)  # it could not be made
+            if head.missing == INDEX or not task.makes:
+                await self._made(head.missing)
             waited.add(head.missing)
             head, *reply = await self._asked(request, task, long)
         if not head.status:
@@ -150,10 +154,12 @@ class Processes:
     ) -> tuple[Head, list[bytes], Held]:
         async def compute(process: _Process, queued: float, _: Any) -> tuple[Head, list[bytes], Held]:
             begin()
-            kept = False
+            kept, loop = False, asyncio.get_running_loop()
             try:
-                async with asyncio.timeout(_PATIENCE * self._seconds):
-                    reply = await process.ask(task._replace(queued=queued))
+                with anyio.CancelScope(shield=not long) as stays:
+                    loop.call_later(_SHORT_SECONDS, setattr, stays, "shield", False)
+                    async with asyncio.timeout(_PATIENCE * self._seconds):
+                        reply = await process.ask(task._replace(queued=queued))
                 if process.fresh and reply[0].missing == INDEX:
                     self._wish(INDEX)  # whoever was making it has ended
                 kept = process.fresh and not reply[0].last

@@ -3,9 +3,10 @@
 A benchmark depends on the definitions (functions, classes, constants of modules) that its ``measure`` reaches by names, from
 module to module through their imports. What draws or words a result is not reached, nor is what the benchmark never calls.
 A string that names a module of the tree (``-m app.start``, ``app.main:create_app``) or begins one (``f"app.scenes.{scene}"``)
-counts as an import of it. Of each module a digest of the reached definitions is stored with the result, so that no history
-is needed to compare. Comments, docstrings and layout are no change. Not looked at are data files, the versions of libraries,
-and what times and publishes (``benchmarks/report.py``).
+counts as an import of it; of a package only where it is a program, since data are found by a package's name too. Of each
+module a digest of the reached definitions is stored with the result, so that no history is needed to compare. Comments,
+docstrings and layout are no change. Not looked at are data files, the versions of libraries, and what times and publishes
+(``benchmarks/report.py``).
 """
 
 from __future__ import annotations
@@ -144,10 +145,11 @@ class Code:
         return (module, rest[0]) if rest[0] in known.definitions else None
 
     def named(self, text: str) -> Iterator[Definition]:
-        """The modules that a string names, or all whose names it begins."""
+        """The module that a string names, the program of a package, or all modules whose names it begins."""
         if re.fullmatch(r"\w+(\.\w+)*(:\w+)?", text) and (module := text.partition(":")[0]) in self.paths:
-            yield module, WHOLE
-            if f"{module}.__main__" in self.paths:
+            if self.paths[module].name != "__init__.py":
+                yield module, WHOLE
+            elif f"{module}.__main__" in self.paths:
                 yield f"{module}.__main__", WHOLE
         elif re.fullmatch(r"\w+(\.\w+)*\.", text):
             yield from ((name, WHOLE) for name in self.paths if name.startswith(text))

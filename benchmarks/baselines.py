@@ -29,14 +29,10 @@ _POSES = (3, 4, 5)
 _UNTIMED_CRANK = np.linspace(0, product.TURN, 720, endpoint=False)
 
 
-def missing() -> dict[str, str]:
-    """Baselines to a linkage that cannot take part, and why."""
-    reasons = {"scipy": "differential evolution", "pylinkage": "motion generation"}
-    return {name: reason for name, what in reasons.items() if (reason := _absence(name, what))}
-
-
-def _absence(package: str, what: str) -> str:
-    return "" if importlib.util.find_spec(package) else f"{what} skipped: {package} is not installed"
+def need() -> None:
+    """Ends the program, before it measures anything, where pylinkage is not installed."""
+    if not importlib.util.find_spec("pylinkage"):
+        raise SystemExit("pylinkage is not installed: pip install -e '.[baselines]'")
 
 
 def evolve(target: product.Target, generations: int, seed: int) -> float:

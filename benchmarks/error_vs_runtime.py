@@ -145,12 +145,12 @@ def fast_methods(
             yield clocked(REFINED, setting, refined, *rows, seeds, before=times.processor[0])
 
 
-def slow_methods(target: product.Target, seed: int, missing: dict[str, str]) -> Iterator[Measured]:
+def slow_methods(target: product.Target, seed: int) -> Iterator[Measured]:
     """The baselines of other libraries."""
-    for generations in baselines.EVOLUTION_GENERATIONS if "scipy" not in missing else ():
+    for generations in baselines.EVOLUTION_GENERATIONS:
         setting = f"at most {generations} generations"
         yield clocked(EVOLUTION, setting, baselines.evolve, target, generations, seed)
-    if "pylinkage" not in missing and target.rotation is not None and target.position is not None:
+    if target.rotation is not None and target.position is not None:
         for subsets, seconds, timed, untimed in baselines.generate_motion(target, seed):
             yield PYLINKAGE, f"{subsets} subsets of poses", seconds, timed
             yield UNTIMED, f"{subsets} subsets of poses", seconds, untimed
@@ -226,7 +226,7 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     heads = ["class", *(method for method in LOOK if method != "atlas rows as they are")]
     return {
         "cases": f"{results['cases']} seeded cases of each of {len(runs)} classes, {slow}; {points:,} measurements in "
-        f"{results['minutes']:.0f} minutes. {' '.join(results['skipped'].values())}".strip(),
+        f"{results['minutes']:.0f} minutes.",
         "lead": lead(runs),
         "classes": report.table(best, "\n".join(f"{head}: {{{head}}}" for head in heads)),
         "headline": report.table([row for row in exact if (row["method"], row["setting"]) in HEADLINE], **columns),
@@ -317,25 +317,26 @@ def measure(
 ) -> Iterator[dict[str, Any]]:
     """All methods on one core: of each class, method and setting the milliseconds and the J of its cases, by their seeds."""
     threadpool_limits(1, "blas")
-    begin, missing = time.perf_counter(), baselines.missing()
+    baselines.need()
+    begin = time.perf_counter()
     grids = [Grid(perimeter, starts) for perimeter in PERIMETERS for starts in STARTS]
     fast = partial(
         fast_methods, product.SeedTables(product.FOURBAR), product.Scan(product.table_of(product.TypeRule(), 128))
     )
     warm = product.target_of(make_case("plain", 999).request)
-    list(fast(grids[:1], warm)), list(slow_methods(warm, 0, missing))
+    list(fast(grids[:1], warm)), list(slow_methods(warm, 0))
     runs: dict[str, Any] = {}
     for kind in NAMES:
         for seed in range(cases):
             target = product.counter_clockwise(product.target_of(make_case(kind, seed).request))
-            slow = slow_methods(target, seed, missing) if seed < slow_cases else ()
+            slow = slow_methods(target, seed) if seed < slow_cases else ()
             for method, setting, seconds, found in chain(fast(grids, target), slow):
                 lists = runs.setdefault(kind, {}).setdefault(method, {}).setdefault(setting, {"ms": [], "J": []})
                 lists["ms"].append(float(f"{1000 * seconds:.4g}"))
                 lists["J"].append(report.finite(float(f"{found:.3g}")))
         print(f"{kind}: {(time.perf_counter() - begin) / 60:.1f} minutes", flush=True)
     minutes = round((time.perf_counter() - begin) / 60, 1)
-    yield {"cases": cases, "slow_cases": min(slow_cases, cases), "minutes": minutes, "skipped": missing, "runs": runs}
+    yield {"cases": cases, "slow_cases": min(slow_cases, cases), "minutes": minutes, "runs": runs}
 
 
 if __name__ == "__main__":

@@ -52,13 +52,12 @@ def measure_baselines() -> list[dict[str, Any]]:
 
     Of pylinkage all answers to three to five poses count; evolution is also given more poses.
     """
-    skipped, rows = baselines.missing(), []
+    rows = []
     for samples in BASELINE_POSES:
-        found: dict[str, tuple[Times, list[float]]] = {"linkage-atlas": (Times(), [])}
-        if "scipy" not in skipped:
-            found["differential evolution"] = Times(), []
-        if "pylinkage" not in skipped and samples <= PYLINKAGE_POSES:
-            found["pylinkage 1.3"] = Times(), []
+        methods = ["linkage-atlas", "differential evolution", "pylinkage 1.3"][
+            : 3 if samples <= PYLINKAGE_POSES else 2
+        ]
+        found: dict[str, tuple[Times, list[float]]] = {name: (Times(), []) for name in methods}
         for seed in range(BASELINE_CASES):
             case, request = free_request(free_case(seed, samples), "motion", seed)
             poses = case.position, case.rotation
@@ -86,26 +85,18 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
         row | {"times": ", ".join(report.significant(row[f"{which}_processor_ms"]) for which in ("median", "p99"))}
         for row in results["noise"]
     ]
-    stamps = [results["made"], *(results[f"{part}_made"] for part in ("noise", "baselines"))]
-    tables = report.tables("free_timing", {"noise": noise, "baselines": results["baselines"]})
-    return tables | {"made": report.made_text(stamps)}
-
-
-PARTS = ("noise", "baselines")
+    return report.tables("free_timing", {"noise": noise, "baselines": results["baselines"]})
 
 
 def measure(
-    cases: Annotated[int, "of each number of samples"] = 30,
-    parts: Annotated[str, "of the run; the others stay as they are", PARTS] = PARTS,
+    cases: Annotated[int, "among noise, of each number of samples"] = 30,
 ) -> Iterator[dict[str, Any]]:
     """Noise, then the baselines."""
+    baselines.need()
     threadpool_limits(1, "blas")
     la.prepare()
-    stamp, kept = report.stamp(), report.known("free_timing")
-    for name in parts:
-        rows = measure_baselines() if name == "baselines" else [measure_noise(n, cases) for n in SAMPLES]
-        kept |= {"made": stamp, name: rows, f"{name}_made": stamp}
-        yield kept
+    noise = [measure_noise(samples, cases) for samples in SAMPLES]
+    yield {"noise": noise, "baselines": measure_baselines()}
 
 
 if __name__ == "__main__":

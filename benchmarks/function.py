@@ -1,9 +1,8 @@
 """Function generation: least largest errors of named functions, and baselines.
 
-``python -m benchmarks.function`` measures all; ``--parts`` some of it, the rest stays as it is. Largest errors are those
-at 2,001 even places, recomputed from the reply's numbers by `tests.oracles.function_cases`. Baselines: scipy's
-differential evolution over the same five unknowns, and pylinkage's function generation through 3 to 5 precision points
-at every pair of dial zeros of a grid, its best answer. Exact functions: `benchmarks.engine`.
+Largest errors are those at 2,001 even places, recomputed from the reply's numbers by `tests.oracles.function_cases`. Baselines:
+scipy's differential evolution over the same five unknowns, and pylinkage's function generation through 3 to 5 precision points at
+every pair of dial zeros of a grid, its best answer. Exact functions: `benchmarks.engine`.
 """
 
 from __future__ import annotations
@@ -12,7 +11,7 @@ import json
 import warnings
 from collections.abc import Iterator, Mapping
 from types import MappingProxyType
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -68,7 +67,6 @@ FUNCTIONS = (
     Asked("ln x, 1..3", _named("ln", 1, 3, 90), 90, None, {"transmission_angle_min": 30, "link_ratio_max": 5}),
     Asked("1/x, 1..2", _named("reciprocal", 1, 2, 90), 90, None, {"family": "full_crank"}),
 )
-PARTS = ("functions", "evolution", "pylinkage")
 
 
 def answer(request: dict[str, Any]) -> la.FunctionResult:
@@ -168,8 +166,6 @@ def measure_evolution(asked: Asked, seeds: int = 1) -> dict[str, Any]:
 
 def measure_pylinkage(asked: Asked) -> dict[str, Any]:
     """pylinkage's function generation through 3, 4 and 5 Chebyshev points at a grid of zeros: the best over the interval."""
-    if "pylinkage" in baselines.missing():
-        return {}
     from pylinkage.synthesis import function_generation
 
     crank, output = dense(asked)
@@ -224,37 +220,17 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     }
 
 
-def measure(
-    parts: Annotated[str, "of the run; the others stay as they are", PARTS] = PARTS,
-) -> Iterator[dict[str, Any]]:
-    """The functions, then each baseline."""
+def measure() -> Iterator[dict[str, Any]]:
+    """Each function, and its baselines."""
+    baselines.need()
     threadpool_limits(1, "blas")
     la.prepare()
-    stamp = report.stamp()
-
-    def with_others(**own: Any) -> dict[str, Any]:
-        """What is measured now, and of the rest what the file holds."""
-        path = report.RESULTS / "function.json"
-        kept = report.load("function") if path.exists() else {"functions": []}
-        return {**kept, **own, "made": stamp}
-
     la.function([0, 1, 3], 30)
-    if "functions" in parts:
-        old = {(row["name"], row["spans"], row["limits"]): row for row in with_others()["functions"]}
-        rows = []
-        for asked in FUNCTIONS:
-            row = measure_function(asked)
-            before = old.get((row["name"], row["spans"], row["limits"]), {})
-            rows.append({k: v for k, v in before.items() if k.startswith(("evolution", "pylinkage"))} | row)
-            print(json.dumps(row), flush=True)
-        yield with_others(functions=rows)
-    for part, work in (("pylinkage", measure_pylinkage), ("evolution", measure_evolution)):
-        if part in parts:
-            rows = with_others()["functions"]
-            for asked, row in zip(FUNCTIONS, rows):
-                row |= work(asked)
-                print(part, asked.name, json.dumps(row), flush=True)
-            yield with_others(functions=rows)
+    rows = []
+    for asked in FUNCTIONS:
+        rows.append(measure_function(asked) | measure_evolution(asked) | measure_pylinkage(asked))
+        print(json.dumps(rows[-1]), flush=True)
+    yield {"functions": rows}
 
 
 if __name__ == "__main__":

@@ -9,10 +9,7 @@ what all have mapped too (resident).
 from __future__ import annotations
 
 import json
-import os
 import shutil
-import subprocess
-import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -21,8 +18,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from benchmarks import report
-from benchmarks.report import ROOT
-from benchmarks.service import Service, environment, match_bodies, running, serve_command
+from benchmarks.service import Service, match_bodies, running, serve_command, spent
 from linkage_atlas.cache import index_of
 
 NO_LIMIT = 10**12
@@ -35,26 +31,13 @@ ASKED = ("first_cpu_ms", "mean_cpu_ms", "asked_resident_bytes", "asked_unique_by
 
 def make(atlas: Path, **settings: Any) -> dict[str, Any]:
     """Make the index by the command: processor seconds, peak memory, bytes of each of its parts and of all."""
-    command = [
-        sys.executable,
-        "-c",
-        "from app.cli import main; raise SystemExit(main())",
-        "index",
-        "--atlas",
-        str(atlas),
-    ]
-    process = subprocess.Popen(
-        command, cwd=ROOT, env=environment(**{**ANY_SIZE, **settings}), stdout=subprocess.DEVNULL
-    )
-    _, status, usage = os.wait4(process.pid, 0)
-    process.returncode = os.waitstatus_to_exitcode(status)
-    if process.returncode:
-        raise RuntimeError(f"linkage-atlas index failed with exit code {process.returncode}")
+    start = "from app.cli import main; raise SystemExit(main())"
+    _, seconds, peak = spent("-c", start, "index", "--atlas", str(atlas), **{**ANY_SIZE, **settings})
     parts = {part.name: list(part.iterdir()) for part in index_of(atlas).iterdir() if part.is_dir()}
     sizes = {part: sum(file.stat().st_size for file in files) for part, files in parts.items()}
     return {
-        "make_cpu_s": usage.ru_utime + usage.ru_stime,
-        "make_peak_bytes": usage.ru_maxrss * 1024,
+        "make_cpu_s": seconds,
+        "make_peak_bytes": peak,
         "disk_bytes": sum(sizes.values()),
         **{f"{name}_bytes": size for name, size in sizes.items()},
     }

@@ -244,6 +244,7 @@ def measure_limited(cases: int, tables: product.SeedTables, published: product.S
 
 def measure(cases: Annotated[int, "of each class"] = 8) -> Iterator[dict[str, Any]]:
     """The three kinds of request in turn."""
+    baselines.need()
     threadpool_limits(1, "blas")
     product.la.prepare()
     tables = product.SeedTables(product.FOURBAR)

@@ -64,22 +64,35 @@ def synthesize_bodies(count: int) -> list[bytes]:
     return [json.dumps(make_case("plain", seed).request).encode() for seed in range(count)]
 
 
+BETWEEN = """import json, resource, subprocess, sys
+done = subprocess.run(sys.argv[1:], stdout=subprocess.PIPE)
+used = resource.getrusage(resource.RUSAGE_CHILDREN)
+sys.stdout.buffer.write(done.stdout)
+print(json.dumps([used.ru_utime + used.ru_stime, 1024 * used.ru_maxrss]))
+sys.exit(done.returncode)
+"""
+"""Starts a command. The peak memory that Linux tells of a process begins with that of the one that started it: this is small."""
+
+
+def spent(*words: str, **settings: Any) -> tuple[bytes, float, int]:
+    """What a command writes, its processor seconds, and the peak memory of the largest of its processes in bytes."""
+    command = [sys.executable, "-c", BETWEEN, sys.executable, *words]
+    done = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, env=environment(**settings), check=False)
+    if done.returncode:
+        raise RuntimeError(f"{' '.join(words)} failed with exit code {done.returncode}")
+    written, _, last = done.stdout.rstrip().rpartition(b"\n")
+    return (written, *json.loads(last))
+
+
 def build(out: Path, **options: Any) -> dict[str, Any]:
     """Build an atlas by the command in a process of its own: seconds, memory of the largest of its processes, bytes, types."""
     words = [word for name, value in options.items() for word in (f"--{name}", str(value))]
     begin = time.perf_counter()
-    command = [sys.executable, "-m", "data_build", *words, "--out", str(out), "--json"]
-    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, env=environment())
-    with process.stdout:
-        built = process.stdout.read()
-    _, status, usage = os.wait4(process.pid, 0)  # the memory of this child alone, not of the largest so far
-    process.returncode = os.waitstatus_to_exitcode(status)
-    if process.returncode:
-        raise RuntimeError(f"the build {' '.join(words)} failed with exit code {process.returncode}")
+    built, _, peak = spent("-m", "data_build", *words, "--out", str(out), "--json")
     return {
         "types": json.loads(built)["types"],
         "build_s": time.perf_counter() - begin,
-        "build_peak_bytes": usage.ru_maxrss * 1024,
+        "build_peak_bytes": peak,
         "file_bytes": out.stat().st_size,
     }
 

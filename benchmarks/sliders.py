@@ -7,7 +7,6 @@ noise; searches are for exact motions, a third each of rotations, positions and 
 
 from __future__ import annotations
 
-import resource
 import tempfile
 import time
 from collections.abc import Iterator
@@ -86,7 +85,7 @@ def measure_searches(cases: int) -> list[dict[str, Any]]:
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
-    """The figures of docs/sliders_by_crank.md."""
+    """The figures of docs/scaling.md."""
     atlas = results["atlas"]
     spans, searches = list(atlas["spans"].values()), results["searches"]
     facts = [
@@ -111,7 +110,6 @@ def measure(
 ) -> Iterator[dict[str, Any]]:
     """The atlas and its scan, then the searches; exit code 1 if an answer of the scan differs."""
     atlas = measure_atlas(requests)
-    atlas["peak_bytes"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
     yield {"atlas": atlas, "searches": measure_searches(cases)}
     if atlas["differ"]:
         raise SystemExit(f"{atlas['differ']} answers differ from those of the plain scan")

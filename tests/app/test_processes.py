@@ -22,9 +22,17 @@ from typing import Any
 
 import pytest
 
-from app import cli
-from app.computed import SMALL
+from app import cli, processes
+from app.bodies import Held
+from app.computed import SMALL, Question
+from app.computer import Head, Task
+from app.live import Lives
+from app.registry import all_queries
+from app.resources import INDEX
 from app.server import default_workers, listening
+from app.settings import Settings
+from app.turnstile import Turnstile
+from linkage_atlas import Cancelled
 from tests.conftest import some_of, started
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="elsewhere threads compute")
@@ -546,3 +554,62 @@ def test_all_addresses_of_a_host_have_the_same_port() -> None:
 
 def test_short_requests_have_a_process_whatever_the_machine() -> None:
     assert 2 <= default_workers() <= 4
+
+
+class _Gone:
+    """A request whose client has left."""
+
+    client = None
+
+    async def receive(self) -> dict[str, str]:
+        return {"type": "http.disconnect"}
+
+
+@pytest.mark.parametrize("long", [False, True])
+def test_a_short_answer_is_finished_though_its_client_has_gone(long, monkeypatch) -> None:
+    """Once each client that asked and left at once cost a process: two of them, which ask 90 times a second, ten a second."""
+    monkeypatch.setattr(processes, "_SHORT_SECONDS", 1000.0)
+
+    async def story() -> bool:
+        ended: list[bool] = []
+        turnstile = Turnstile(1)
+        computing = processes.Processes(turnstile, Settings())
+        process = processes._Process(0, None, quick=False)
+
+        async def ask(task: Task) -> tuple[Head, list[bytes], Held]:
+            for _ in range(20):
+                await asyncio.sleep(0)
+            return Head(200, [], 0, False), [], Held(0)
+
+        process.ask, process.close = ask, lambda: ended.append(True)
+        turnstile.add(process)
+        with contextlib.suppress(Cancelled):
+            await computing._asked(_Gone(), Task("", b"", 0.0, False), long)
+        assert turnstile.computing == 0
+        return bool(ended)
+
+    assert asyncio.run(story()) == long
+
+
+@pytest.mark.parametrize(("part", "waits"), [("cells", 1), (INDEX, 2)])
+def test_a_part_that_cannot_be_kept_is_made_once_for_all_and_once_for_the_answer(part, waits) -> None:
+    """Once it was made for all a second time, in vain; of a damaged index a second one may have come between."""
+    waited, asked = [], []
+
+    class Computing(processes.Processes):
+        async def _made(self, part: str) -> None:
+            waited.append(part)
+
+        async def _asked(self, request: Any, task: Task, *_: Any) -> tuple[Head, list[bytes], Held]:
+            asked.append(task.makes)
+            return Head(200 if task.makes else 0, [], 0, False, part), [], Held(0)
+
+    async def story() -> int:
+        computing = Computing(Turnstile(1), Settings())
+        computing._lives = Lives()
+        query = next(query for query in all_queries() if query.path == NEEDLE)
+        question = Question(NEEDLE, query.request, query.answer, lambda body: False)
+        return (await computing.answer(_Gone(), question, b"{}")).status_code
+
+    assert asyncio.run(story()) == 200
+    assert waited == [part] * waits and asked == [False, False, True]

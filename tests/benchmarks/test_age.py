@@ -38,7 +38,8 @@ def step(x):
 def unused(x):
     return x
 ''',
-    "synthesis/deep.py": "def root(x):\n    return x\n",
+    "synthesis/deep.py": "from importlib.resources import files\ndef root(x):\n    return x, files('synthesis.data')\n",
+    "synthesis/data/__init__.py": "def unused():\n    return 1\n",
     "synthesis/picture.py": "def picture():\n    return 1\n",
     "synthesis/lazy.py": """from typing import TYPE_CHECKING
 if TYPE_CHECKING:
@@ -80,6 +81,7 @@ def test_a_measurement_depends_on_what_it_reaches_by_names(tree) -> None:
         ("synthesis/door.py", "return 2", "return 3", []),
         ("synthesis/solver.py", "LIMIT = 3", "LIMIT = 4", ["synthesis.solver"]),
         ("synthesis/deep.py", "return x", "return -x", ["synthesis.deep"]),
+        ("synthesis/data/__init__.py", "return 1", "return 2", []),
         ("synthesis/door.py", "return 1", "return 3", ["synthesis.door"]),
         ("benchmarks/speed.py", "lazy.ask(), 3", "lazy.ask(), 4", ["benchmarks.speed"]),
     ],
