@@ -16,7 +16,7 @@ import numpy as np
 from linkage_atlas.answers import PROPORTION, AnySolution, finished, finished_guided, merit
 from linkage_atlas.arguments import kinds_among, one_of
 from linkage_atlas.assemblies import AskedAssembly, Assembly, assembled
-from linkage_atlas.guided import KindName
+from linkage_atlas.linkages import KindName
 from linkage_atlas.motions import Motion
 from linkage_atlas.studies import Studies
 from synthesis.arrays import Flags, Floats
@@ -28,9 +28,9 @@ from synthesis.free.poses import Poses
 from synthesis.free.search import go_astray, have_tiny_links
 from synthesis.guided import solution as guided
 from synthesis.guided.by_crank import BY_CRANK, linkages_by_crank
-from synthesis.guided.limits import broken_limits
 from synthesis.guided.linkage import Driver, Kind
 from synthesis.guided.search import NOTHING_ROUND, search_guided
+from synthesis.guided.solution import broken_limits
 from synthesis.kept import Kept
 from synthesis.ranking import APART, behind, distinct
 from synthesis.search.search import StoppedBy
@@ -69,7 +69,7 @@ _STEP = np.deg2rad(5.0)
 """Exact linkages are ordered by their transmission angle in steps."""
 
 
-class Asked(NamedTuple):
+class Kinds(NamedTuple):
     """Kinds of mechanism, and what drives them."""
 
     kinds: tuple[Kind, ...] = (Kind.FOUR_BAR,)
@@ -91,17 +91,17 @@ class Asked(NamedTuple):
         return Kind.FOUR_BAR in self.kinds and self.driver in (None, Driver.CRANK)
 
 
-def read_kinds(mechanisms: Any, driver: Any, motion: Motion) -> Asked:
+def read_kinds(mechanisms: Any, driver: Any, motion: Motion) -> Kinds:
     """The kinds that are asked for, checked against the motion. Raises `FieldError` naming the argument."""
     given = ("four_bar",) if mechanisms is None else mechanisms
     given = (given,) if isinstance(given, str) and given != "all" else given
     kinds = tuple(map(Kind, kinds_among(given, MECHANISMS)))
-    asked = Asked(kinds, None if driver is None else Driver(one_of("driver", driver, DRIVERS)))
+    asked = Kinds(kinds, None if driver is None else Driver(one_of("driver", driver, DRIVERS)))
     _check(asked, motion)
     return asked
 
 
-def _check(asked: Asked, motion: Motion) -> None:
+def _check(asked: Kinds, motion: Motion) -> None:
     by = asked.driver
     if asked.four_bars_alone and by not in (None, Driver.CRANK):
         raise FieldError(
@@ -179,7 +179,7 @@ def goes_round(driver: Driver | None) -> set[Kind]:
     return {kind for one in drivers for kind in _DRIVEN[one] if one.turns} - {Kind.RAIL_SLOT}
 
 
-def _driven(asked: Asked, drivers: Sequence[Driver]) -> bool:
+def _driven(asked: Kinds, drivers: Sequence[Driver]) -> bool:
     return any(kind in _DRIVEN[driver] for driver in drivers for kind in asked.kinds)
 
 
@@ -232,9 +232,13 @@ class Course(NamedTuple):
     unseen: float | None = None
     notes: Sequence[str] = ()
 
+    def ended_by(self, time_up: bool) -> Course:
+        """The same, ended by its budget if the time was up."""
+        return self._replace(stopped_by=StoppedBy.BUDGET.value) if time_up else self
+
 
 def search_kinds(
-    asked: Asked,
+    asked: Kinds,
     motion: Motion,
     limits: Limits,
     tolerance: float,
@@ -311,7 +315,7 @@ def search_kinds(
     return found, Course(stages, trace, stopped_by, counts, unseen=unseen, notes=notes)
 
 
-def _by_hinge_alone(asked: Asked, samples: Samples) -> bool:
+def _by_hinge_alone(asked: Kinds, samples: Samples) -> bool:
     """Whether a way is closed and of the linkages with sliders a hinge alone goes round."""
     by_crank = asked.driver in (None, Driver.CRANK) and set(asked.kinds) & set(_DRIVEN[Driver.CRANK])
     return _comes_round(samples) and not asked.four_bars and not by_crank
@@ -547,15 +551,12 @@ def layers_of(
     return ranks, made, 0
 
 
-def travel_of(one: Found) -> Any:
-    """What a linkage's drive goes through from the first sample."""
-    return one.travel if isinstance(one, guided.GuidedSolution) else one.crank
-
-
 def span_of(one: Found) -> float:
     """How far its crank or hinge turns; infinite for other drives."""
-    turns = not isinstance(one, guided.GuidedSolution) or one.linkage.driver.turns
-    return float(np.ptp(travel_of(one))) if turns else np.inf
+    if not isinstance(one, guided.GuidedSolution):
+        assert one.crank is not None
+        return float(np.ptp(one.crank))
+    return float(np.ptp(one.travel)) if one.linkage.driver.turns else np.inf
 
 
 def _sort(one: Found) -> tuple[str, str]:

@@ -9,13 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkage_atlas.any_linkage import AnyLinkage
 from linkage_atlas.arguments import bounded, column, known_fields, millimetres_in, number
 from linkage_atlas.assemblies import Assembly, assembled, read_assembly
-from linkage_atlas.exports import content_of
 from linkage_atlas.formats import OF_PARTS
-from linkage_atlas.guided import GuidedJoints, GuidedLinkage
-from linkage_atlas.linkages import FourBar, Joints, given_linkage
+from linkage_atlas.linkages import AnyLinkage, FourBar, GuidedJoints, GuidedLinkage, Joints, content_of, given_linkage
 from linkage_atlas.motions import Motion
 from linkage_atlas.records import Record, Values, Vectors, plain, plane, xy
 from linkage_atlas.solids import read_solids
@@ -24,7 +21,7 @@ from synthesis.arrays import Floats
 from synthesis.drives.links import ends_of
 from synthesis.drives.six_bar import MOTOR_CRANK, ROD, SixBar, joints_of
 from synthesis.errors import FieldError
-from synthesis.guided.analysis import Mass
+from synthesis.fourbar.linkage import Mass
 from synthesis.target import TURN, Interval, Target
 from synthesis.work import Work
 
@@ -150,7 +147,7 @@ class SixBarLinkage(AnyLinkage):
     @property
     def kind(self) -> str:
         """`watt_2` where the rod moves a link with a fixed pivot, `stephenson_3` on any other."""
-        return "stephenson_3" if self._linkage.pivot is None else "watt_2"
+        return self._linkage.kind
 
     @property
     def branch(self) -> int:
@@ -191,9 +188,8 @@ class SixBarLinkage(AnyLinkage):
     @property
     def turn(self) -> tuple[float, float]:
         """How far the motor turns forwards, to the last end, and then back to the first; counter-clockwise positive."""
-        six = self._linkage
-        forwards = six.last if six.sense > 0 else six.last - TURN
-        return forwards / self._radian, (six.sense * TURN - forwards) / self._radian
+        forwards, backwards = self._linkage.turn
+        return forwards / self._radian, backwards / self._radian
 
     @property
     def time_ratio(self) -> float:
