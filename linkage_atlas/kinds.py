@@ -257,12 +257,17 @@ def search_kinds(
     sure: list[tuple[float, float | None]] = []  # the least J of each search, and the chance that it missed less
     if (asked.four_bars or led) and motion.travel is None:
         part = work.part(_FOUR_BARS * work.budget) if sliders and np.isfinite(work.budget) else work
-        first = four_bars(limits, part, _FIRST_ROUNDS)[0][:1] if led else []
-        leads, course = four_bars(limits, part, rounds)
+        # beside four-bars no time is kept for sliders before the rounds have ended that they begin with, whatever the time
+        begun = [four_bars(limits, work if asked.four_bars else part, _FIRST_ROUNDS)] if led else []
+        first = [lead for leads, _ in begun for lead in leads[:1]]
+        cut_off = any(course.stopped_by == StoppedBy.BUDGET.value for _, course in begun)
+        searches = begun if cut_off else [four_bars(limits, part, rounds), *begun]
+        leads, course = searches[0]
         if asked.four_bars:
-            found += leads
-            trace += course.trace
-            sure.append((_least(course.trace), course.unseen))
+            for ones, how in reversed(searches):
+                found, least = found + ones, _least(trace)
+                trace += [(seconds, error) for seconds, error in how.trace if error < least]
+            sure.append((_least(trace), course.unseen))
         seeds += course.counts["seeds"] or 0
         stopped.add(course.stopped_by)
         notes += course.notes
@@ -275,16 +280,16 @@ def search_kinds(
         notes.append(NO_TIME)
     elif sliders:
         given, driver = _given(motion, asked.driver)
-        poses, least = as_poses(motion.samples), _least(trace)
+        poses = as_poses(motion.samples)
         if led and not leads:
-            notes.append(NO_LEAD)
+            notes.append(NO_TIME if work.expired() else NO_LEAD)
         for turned in _rotations(leads, poses) if led else [None]:
             others, report = search_guided(
                 poses, limits, asked.sliders, driver, tolerance, work, given, turned, rounds
             )
             found += others
-            trace += [(seconds, error) for seconds, error in report.trace if error < least]
             least = _least(trace)
+            trace += [(seconds, error) for seconds, error in report.trace if error < least]
             sure.append((_least(report.trace), None if led else report.unseen))
             seeds += report.seeds
             notes += [note for note in report.notes if note not in notes]
@@ -302,8 +307,8 @@ def search_kinds(
             stopped.add(by_report.stopped_by.value)
     elif asked.sliders and not sliders:
         notes.append(NO_ROTATION)
-    how = (StoppedBy.BUDGET, StoppedBy.CONVERGED, StoppedBy.TOLERANCE)
-    stopped_by = next(one.value for one in how if one.value in stopped)
+    worst = (StoppedBy.BUDGET, StoppedBy.CONVERGED, StoppedBy.TOLERANCE)
+    stopped_by = next(one.value for one in worst if one.value in stopped)
     stages = {"screen": between, "refine": work.elapsed - between}
     counts = {"seeds": seeds, "windows": None, "exhaustive": None}
     unseen = min(sure, key=lambda one: one[0], default=(np.inf, None))[1]
