@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import json
 import math
+import threading
 from collections.abc import Callable, Iterator
 from itertools import count, pairwise
 from pathlib import Path
@@ -21,7 +22,7 @@ from app.registry import all_queries, worked_example
 from app.resources import ServiceResources
 from app.scenes import scene_queries
 from app.settings import Settings
-from tests.conftest import changed, finite, some_of
+from tests.conftest import PATIENCE, changed, finite, some_of, until
 from tests.oracles.recompute import broken_limits, compare
 
 EXAMPLE = worked_example()
@@ -286,6 +287,14 @@ def test_the_unit_of_length_does_not_matter(factor, client) -> None:
     )
 
 
+def test_round_to_puts_the_links_on_the_grid(client) -> None:
+    best = ask(client, "/v1/synthesize", **EXAMPLE, top=1, round_to=5)["solutions"][0]
+    rounded = best["rounded"]
+    assert rounded["closes"] and list(rounded["links"].values()) == [20, 70, 145, 165]
+    assert rounded["errors"]["objective"] > best["errors"]["objective"]
+    assert ask(client, "/v1/synthesize", **EXAMPLE, top=1)["solutions"][0]["rounded"] is None
+
+
 # -- malformed requests -----------------------------------------------------------------------------------------------
 
 MATCH = json.dumps({"rotation": ROTATION, "crank_span": 70, "top": 3})
@@ -509,12 +518,55 @@ def test_without_an_atlas_the_rest_answers(fault, small_bytes, tmp_path) -> None
         assert refusal(client, "/v1/match", "{}")["status"] == 422
 
 
+@pytest.mark.parametrize("fault", ["missing", "damaged"])
+def test_without_an_atlas_the_scenes_answer(fault, small_bytes, tmp_path) -> None:
+    with without_atlas(fault, small_bytes, tmp_path / "atlas.h5") as client:
+        first = {query.path.split("/")[2]: query for query in reversed(scene_queries())}
+        for query in first.values():
+            body = next(iter(query.examples.values()))
+            assert client.post(query.path, json=body).status_code == 200, query.path
+
+
 def test_an_atlas_that_appears_later_changes_nothing_until_a_restart(small_bytes, tmp_path) -> None:
     path = tmp_path / "atlas.h5"
     with TestClient(create_app(Settings(atlas=path))) as client:
         path.write_bytes(small_bytes)
         assert client.get("/readyz").status_code == 503
         assert client.post("/v1/match", content=MATCH, headers=JSON).status_code == 503
+
+
+def test_overload_is_refused_at_once_while_health_answers(tmp_path) -> None:
+    release, running = threading.Event(), threading.Event()
+    settings = Settings(atlas=tmp_path / "none", max_concurrent=1, max_waiting=1)
+
+    def held() -> bool:
+        running.set()
+        assert release.wait(PATIENCE)
+        return False
+
+    class Slow(ServiceResources):
+        def work(self, budget: float | None = None, cancelled: Callable[[], bool] | None = None) -> la.Work:
+            return la.Work(budget, held)
+
+    statuses: list[int] = []
+    with TestClient(create_app(resources=Slow(settings))) as client:
+
+        def post() -> None:
+            statuses.append(client.post("/v1/synthesize", json={**EXAMPLE, "top": 1}).status_code)
+
+        threads = [threading.Thread(target=post) for _ in range(2)]
+        threads[0].start()
+        assert running.wait(PATIENCE)
+        threads[1].start()
+        until(lambda: client.app.state.turnstile.waiting)
+        reply = client.post("/v1/synthesize", json=EXAMPLE)
+        problem(reply, range(503, 504))
+        assert int(reply.headers["retry-after"]) > 0
+        assert client.get("/livez").status_code == 200
+        release.set()
+        for thread in threads:
+            thread.join(PATIENCE)
+    assert statuses == [200, 200]
 
 
 # -- OpenAPI ----------------------------------------------------------------------------------------------------------

@@ -449,6 +449,28 @@ def test_an_arc_drawn_by_hand_is_followed_between_its_points_too():
     assert best.excursion < 2.5 and best.errors.objective < 0.003
 
 
+def test_a_loop_drawn_by_hand_is_followed_between_its_points_too():
+    """34 points of a slim eight: all that the search kept once went 2.7 times as far between two of them as they are apart."""
+    places = [-82 + 152j, -51 + 227j, -18 + 287j, 15 + 330j, 46 + 354j, 72 + 362j, 93 + 355j, 107 + 338j, 113 + 311j]
+    places += [
+        110 + 279j,
+        99 + 241j,
+        80 + 197j,
+        55 + 148j,
+        27 + 94j,
+        36j,
+        -21 - 25j,
+        -35 - 84j,
+        -38 - 139j,
+        -30 - 187j,
+    ]
+    places += [-15 - 227j, 6 - 257j, 26 - 279j, 41 - 294j, 46 - 303j, 39 - 309j, 21 - 310j, -7 - 305j, -40 - 291j]
+    places += [-74 - 265j, -102 - 224j, -121 - 167j, -129 - 97j, -124 - 16j, -107 + 69j]
+    position = [(place.real, place.imag) for place in np.array(places)]
+    best = la.synthesize(position=position, timing="free", closed=True, limits={"preset": "practical"}).best
+    assert best.excursion < 2.5 and best.errors.objective < 0.045
+
+
 def test_an_exact_answer_that_strays_does_not_end_the_search():
     """Five points: the first four-bar that meets them goes far away between two of them; another meets them and stays."""
     position = [(106, 17), (166, -2), (249, 19), (261, -17), (286, -37)]

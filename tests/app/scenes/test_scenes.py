@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -57,6 +58,24 @@ def test_example_is_answered_alike_over_http_and_on_the_command_line(query, name
     assert reply == over_http.json()
     assert query.table(reply_model(query.reply).model_validate(reply)).strip()
     assert messages == "" and len(table.splitlines()) >= 2 and "{" not in table and "nan" not in table.lower()
+
+
+@pytest.mark.parametrize("query", scene_queries(), ids=lambda query: query.command)
+@pytest.mark.parametrize("body", ["null", '{"no_such_field": 1}'])
+def test_malformed_requests_are_the_clients_fault(query, body, client) -> None:
+    reply = client.post(query.path, content=body, headers={"content-type": "application/json"})
+    assert 400 <= reply.status_code < 500, reply.text
+    assert reply.headers["content-type"] == "application/problem+json"
+    assert reply.json()["errors"][0]["pointer"].startswith("#")
+
+
+@pytest.mark.parametrize("query", scene_queries(), ids=lambda query: query.command)
+@pytest.mark.parametrize("literal", ["NaN", "1e999", "{}"])
+def test_numbers_that_are_none(query, literal, client) -> None:
+    text = max((json.dumps(body) for body in query.examples.values()), key=len)
+    content = re.sub(r"(?<=[\[ ])-?[0-9.]+(?=[,}\]])", lambda _: literal, text, count=1)
+    reply = client.post(query.path, content=content, headers={"content-type": "application/json"})
+    assert content != text and 400 <= reply.status_code < 500 and reply.json()["errors"]
 
 
 class Leaving:

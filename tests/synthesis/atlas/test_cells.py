@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from synthesis.atlas import cells as scan_cells
-from synthesis.atlas.cells import ARCS, PARTS, Cells, GroupKey, SeriesGroup, make_cells, prepare
+from synthesis.atlas.cells import PARTS, Cells, GroupKey, SeriesGroup, make_cells, prepare
 from synthesis.atlas.file import load_atlas
 from synthesis.atlas.scan import HARMONICS, SERIES_ERROR, STARTS, Arcs, Left, RotationMatrix, Scan
 from synthesis.atlas.table import Atlas, AtlasRule
@@ -127,42 +127,6 @@ def test_no_type_is_further_from_its_representative_than_the_radius(cells, seed)
                     assert np.all(spread(values) <= radius[cell, arcs.piece[window]])
 
 
-def test_radii_are_no_larger_than_they_need_be(cells) -> None:
-    """A radius of ten times the distance would be correct, and useless."""
-    rng = np.random.default_rng(1)
-    for degrees, most in ((3, 3.5), (20, 3.5), (60, 4), (300, 4)):
-        target = make_target(rng.normal(size=50), crank_span=np.deg2rad(degrees))
-        arcs = Arcs(target, STARTS)
-        ratios = []
-        for tree in cells:
-            finest = tree.levels[-1]
-            radius = arcs.radius(finest, np.arange(len(finest.error)))
-            for cell in range(0, len(finest.representatives.rows), 7):
-                differences = tree.group.periodic[types_below(tree, len(tree.levels) - 1, cell)]
-                differences = differences - finest.representatives.periodic[cell]
-                largest = max(
-                    series_at(differences, np.deg2rad(s) + target.crank).std(axis=1).max() for s in range(0, 360, 60)
-                )
-                ratios.append(radius[cell, arcs.piece[:STARTS:60]].max() / max(largest, 1e-9))
-        assert np.median(ratios) < most
-
-
-def test_windows_lie_in_the_pieces_that_their_radius_is_of() -> None:
-    for degrees in (0.2, 5.625, 11.25, 20, 90, 180, 359.9, 360, 700):
-        for crank in (np.linspace(0, np.deg2rad(degrees), 5), np.linspace(0, -np.deg2rad(degrees), 5)):
-            arcs = Arcs(make_target(np.zeros(5), crank_angle=crank), STARTS)
-            reached = scan_cells.RANGES[arcs._range]
-            start = np.deg2rad(np.arange(STARTS))[:, None] + crank
-            angles = np.concatenate([start, -start]) * (ARCS / TURN)
-            beyond = angles - np.floor(angles.min(axis=1))[:, None]
-            at = (arcs.piece - np.floor(angles.min(axis=1)).astype(int)) % ARCS
-            at = np.where(at > ARCS // 2, at - ARCS, at)
-            if reached < ARCS:
-                assert np.all(beyond.min(axis=1) >= at - 1e-8) and np.all(beyond.max(axis=1) <= at + reached + 1e-8)
-            else:
-                assert reached == ARCS
-
-
 @pytest.mark.parametrize("seed", range(20))
 def test_chunks_hold_every_window_once(seed) -> None:
     rng = np.random.default_rng(seed)
@@ -243,13 +207,6 @@ def test_cells_change_no_answer(atlas, kind, amount, request) -> None:
         assert report.exhaustive
         for column in ("row", "start", "branch", "error"):
             assert np.array_equal(getattr(found, column), getattr(wanted, column)), column
-
-
-def test_ties_of_all_windows_go_by_number(quarter) -> None:
-    scan, plain = quarter
-    target = make_target(np.linspace(0, 1e-3, 3) ** 2, crank_angle=np.array([0, TURN / 2, TURN]))
-    found, wanted = scan.best(target, 40)[0], plain.best(target, 40)[0]
-    assert all(np.array_equal(*pair) for pair in zip(found, wanted))
 
 
 def test_few_windows_of_a_reachable_motion_are_looked_at(published, monkeypatch) -> None:

@@ -224,16 +224,6 @@ def test_errors_are_those_of_the_textbook(scans, kind, weighted) -> None:
         assert scan.errors(target, windows) == pytest.approx(plain, rel=1e-6, abs=1e-9)
 
 
-def test_ties_go_by_number_start_and_branch(scans) -> None:
-    # A turn that starts and ends at the same place: a rotation equal to the crank's is met alike from every start.
-    scan = scans["full_crank"]
-    crank = np.linspace(0, 2 * np.pi, 9)
-    found, _ = scan.best(make_target(crank, crank_angle=crank), 20)
-    rounded = np.round(found.error / TIE)
-    keys = list(zip(rounded, found.row, found.start, found.branch < 0))
-    assert keys == sorted(keys) and len(set(rounded)) < len(rounded)
-
-
 def test_answers_do_not_depend_on_the_series(scans) -> None:
     scan = scans["increasing"]
     target = random_target(scan, np.random.default_rng(8), "both", True)

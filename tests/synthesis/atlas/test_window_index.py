@@ -13,7 +13,7 @@ from synthesis.atlas import preparation, window_index
 from synthesis.atlas.scan import Scan
 from synthesis.atlas.table import AtlasRule
 from synthesis.atlas.window_index import INTERVALS, NO_ENTRY, PARTS, Expansion, WindowIndex, WindowSearch, polynomials
-from synthesis.atlas.windows import TIE, BestWindows, Windows
+from synthesis.atlas.windows import TIE, BestWindows
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule
 from synthesis.fourbar.kinematics import coupler_angle
 from synthesis.target import TURN, Target, make_target
@@ -249,18 +249,6 @@ def test_where_it_gives_up_the_cells_answer_with_its_limit(scans, plain, monkeyp
     for seed in range(4):
         assert_same(scan, plain["increasing"], request(scan, seed), 10)
     assert len(asked) >= 4
-
-
-def test_refused_windows_are_no_answers(scans, plain) -> None:
-    scan = scans["increasing"]
-    target = request(scan, 9, "linkage", 12)
-
-    def exact(windows: Windows) -> np.ndarray:
-        return np.where(windows.row % 3 == 1, scan.errors(target, windows), np.inf)
-
-    assert_same(scan, plain["increasing"], target, 10, exact=exact)
-    none, report = scan.best(target, 10, lambda windows: np.full(windows.row.size, np.inf))
-    assert none.row.size == 0 and report.exhaustive
 
 
 def test_positions_are_answered_by_the_rotations_bounds(scans, plain) -> None:

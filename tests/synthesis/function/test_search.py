@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
 
@@ -186,14 +184,6 @@ def test_no_time_is_no_error() -> None:
         Work(1.0, clock=lambda: float(next(clock))),
     )
     assert report.stopped_by == "budget" and isinstance(found, list)
-
-
-def test_the_same_bytes_every_time() -> None:
-    def reply() -> str:
-        found = la.function(function=LOGARITHM, crank_span=60, objective="max", limits={"preset": "practical"}, top=3)
-        return json.dumps(found.to_dict()["solutions"])
-
-    assert reply() == reply()
 
 
 def test_refit_holds_the_lengths() -> None:

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from synthesis.errors import FieldError
 from synthesis.knotter import d_knotter, events
-from synthesis.knotter.conditions import crossing_point
 from synthesis.knotter.mechanism import Linear, Table
 from tests.oracles.knotter import Exact
 
@@ -200,15 +199,3 @@ def test_fast_disc_agrees_with_forty_digits() -> None:
     turning = Exact(10, 25, lead=float(np.degrees(lead)), ratio=ratio)
     exact = turning.root("wrap", int(found.opened_by[0]) - 2, found.enter[0])
     assert degrees_off(exact, found.enter[0]) < 1e-11
-
-
-def test_the_naive_scan_misses_what_the_cells_find() -> None:
-    machine = d_knotter.mechanism({**PAIR, "d5": CLOSING_D5 - 1e-3})
-    condition = d_knotter.wrap()
-    y, z = np.array(crossing_point(*condition.positions(machine, np.radians(np.arange(0, 180, 0.1))))[1:])
-    (y3, z3), (y4, z4) = d_knotter.POINTS["S3"][1:], d_knotter.POINTS["S4"][1:]
-    u1 = (y4 - y3) * (z - z3) - (z4 - z3) * (y - y3)
-    u2, u3 = -y4 * (z - z4) + z4 * (y - y4), y3 * z - z3 * y
-    hits = (np.sign(u1) == np.sign(u2)) & (np.sign(u2) == np.sign(u3))
-    assert not hits.any()
-    assert condition.evaluate(machine, 1).holds[0]

@@ -8,23 +8,29 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
 
 import linkage_atlas as la
 from linkage_atlas.limits import read_limits
 from synthesis.descents import Stage, Timed
-from synthesis.fourbar.limits import Limits
-from synthesis.fourbar.mechanism import FOURBAR
+from synthesis.fourbar.limits import Constraints, Limits
+from synthesis.fourbar.mechanism import FOURBAR, GrashofChart
 from synthesis.pose import objective
 from synthesis.rounds import Found
+from synthesis.search import problems
 from synthesis.search.problems import GivenProblem, problem_of
 from synthesis.search.search import GivenRounds
 from synthesis.search.seeds import Windows
-from synthesis.target import Target
+from synthesis.target import Target, make_target
 from synthesis.work import Work
 from tests.conftest import some_of
 from tests.oracles.classes import make_case
 from tests.oracles.limited_classes import make_limited
 from tests.oracles.recompute import broken_limits, recompute
+
+LAW = settings(max_examples=15, deadline=None)
+LIMITS = Limits("any", 0.5, link_min=0.3, pivot_box=(-3.0, -3.0, 3.0, 3.0))
 
 
 @pytest.fixture(scope="module")
@@ -39,6 +45,39 @@ def motion_of(request: dict[str, Any]) -> la.Motion:
 
 def target_of(request: dict[str, Any]) -> Target:
     return motion_of(request).target
+
+
+def drawn(seed: int, posed: bool) -> tuple[GivenProblem, Timed]:
+    """A motion that no linkage is bound to perform, within limits, and candidates in random poses."""
+    random, samples = np.random.default_rng(seed), 14
+    position = np.cumsum(random.normal(size=samples)) + 1j * np.cumsum(random.normal(size=samples))
+    target = make_target(np.cumsum(random.normal(size=samples)) / 5, position, 3.0)
+    constraints = Constraints(Limits(transmission_angle_min=0.6))
+    if posed:
+        constraints = Constraints(LIMITS, target.middle, target.length_scale)
+    chart = GrashofChart()
+    shape = chart.within(random.uniform(0.2, 1.0, (20, 4)))
+    start, pose = random.uniform(0, 6, 20), random.normal(size=(20, 6)).view(complex)
+    timed = problems.given(shape, random.choice([-1.0, 1.0], 20), start, pose)
+    return GivenProblem(target, chart, constraints, posed), timed
+
+
+@LAW
+@given(st.integers(0, 10_000), st.booleans())
+@example(1, True)
+@example(13, True)
+@example(123, True)
+@example(205, True)
+def test_no_candidate_is_worse_than_its_seed(seed, posed) -> None:
+    """By J squared and the squares of broken limits of a single weight; moving onto limits breaks none more."""
+    problem, timed = drawn(seed, posed)
+    begin = problem.descended(timed, [Stage(0, weight=1.7)])
+    found = problem.descended(timed, [Stage(12, weight=1.7)])
+    assert np.all(found.cost <= begin.cost)
+    lacking = problem.lacking(found.timed)
+    # a limit counts from its margin on
+    assert np.all(found.cost >= problem.measured(found.timed, posed=not posed).cost + 1.7**2 * lacking[0] - 1e-12)
+    assert np.all(problem.moved_onto(found.timed)[1] <= lacking[1])
 
 
 def test_equations_are_met_to_rounding_in_the_end(windows) -> None:

@@ -405,3 +405,10 @@ def test_sensitivity_is_that_of_finite_differences(kind, tables) -> None:
             assert mine.position[k] == pytest.approx(change, rel=1e-5)
     assert (mine.rotation is None) == (kind == "position only")
     assert (mine.position is None) == (kind == "rotation only")
+
+
+def test_a_tiny_span_is_said_to_be_ill_posed(resources) -> None:
+    reply = ask(make_case("tiny span", 6300).request, resources)
+    assert reply["solutions"][0]["determination"]["ill_posed"]
+    plain = ask(make_case("plain", 6300).request, resources)
+    assert not plain["solutions"][0]["determination"]["ill_posed"]
