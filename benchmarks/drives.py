@@ -12,8 +12,8 @@ from benchmarks import report
 from benchmarks.report import Times
 from linkage_atlas.driving import FINE as FINE_WAY
 from synthesis.drives.actuator import Placement, Refused
-from synthesis.drives.dyad import Driven, about_pivot, driven, on_any_link
-from synthesis.drives.links import GROUND, machine_at, machine_of
+from synthesis.drives.links import GROUND, motions_at, motions_of
+from synthesis.drives.six_bar import Driven, about_pivot, driven, on_any_link
 from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.linkage import GuidedLinkage, Kind
 from synthesis.target import Interval
@@ -84,7 +84,7 @@ def motors(cases: int) -> list[dict[str, Any]]:
         times, gaps, lost, angles, refused, looked = Times(), [0.0], 0, [0.0], 0, 0
         for seed in range(cases):
             linkage, interval = any_linkage(seed)
-            machine = machine_of(linkage, interval)
+            machine = motions_of(linkage, interval)
             some = [
                 one for one in machine.links.values() if (one.pivot is not None) == (what == "with a fixed pivot")
             ]
@@ -128,7 +128,7 @@ def _turned(
     """The largest error of swing, times and rod, infinite where it turns back; degrees by which the angle is less in between."""
 
     def pin(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        link = machine_at(linkage, at).links[name]
+        link = motions_at(linkage, at).links[name]
         return link.place(found.pin), link.speed(found.pin)
 
     start = float(found.motor_angle[0, 0])
@@ -136,7 +136,7 @@ def _turned(
         one = turned(pin, interval.first, found.motor, start, found.crank, found.rod, ANGLES)
     if not one.swings:
         return np.inf, np.nan
-    fine = machine_of(linkage, interval, FINE_WAY).links[name]
+    fine = motions_of(linkage, interval, FINE_WAY).links[name]
     told = driven(fine, np.ones(FINE_WAY), found.motor, found.pin, found.crank, found.rod, found.extends)
     assert told is not None
     span = abs(interval.last - interval.first)

@@ -22,7 +22,7 @@ from benchmarks.report import Times, spread
 from benchmarks.retrieval import duels, summaries
 from synthesis.atlas.file import load_atlas
 from synthesis.guided.by_crank import BY_CRANK, linkages_by_crank, seed_tables
-from synthesis.slider.charts import RAIL
+from synthesis.slider import RAIL
 from synthesis.work import Work
 from tests.oracles.rotations import SPANS
 from tests.oracles.slider_crank import random_motion

@@ -43,11 +43,11 @@ from synthesis.free.poses import Poses, spin_faults
 from synthesis.free.search import in_turn, rotations_of
 from synthesis.from_linkage import refined_in_place
 from synthesis.guided import solution as guided
-from synthesis.guided.limits import broken_limits
 from synthesis.guided.linkage import GuidedLinkage as Guided
 from synthesis.guided.linkage import of_four_bar
 from synthesis.guided.passage import verdict as guided_verdict
-from synthesis.guided.rounding import from_stock, lengths_of, on_grid, rounded
+from synthesis.guided.rounding import from_stock, on_grid, rounded
+from synthesis.guided.solution import broken_limits
 from synthesis.ranking import Errors, Status
 from synthesis.target import Target
 from synthesis.work import OutOfTime, Work
@@ -728,7 +728,7 @@ def _guided_rounded(
         assert grid is not None
         choices, combinations = on_grid(grid), None
     else:
-        choices, combinations = from_stock(stock), len(set(stock)) ** len(lengths_of(one.linkage))
+        choices, combinations = from_stock(stock), len(set(stock)) ** len(one.linkage.lengths)
     found = rounded(
         samples, one, choices, combinations, lambda made: not broken_limits(made, samples, limits), tries, work
     )
@@ -740,7 +740,7 @@ def _guided_rounded(
     linkage = GuidedLinkage.of(again.linkage, radian, target)
     turns = again.linkage.driver.turns
     values |= {
-        "lengths": lengths_of(again.linkage),
+        "lengths": again.linkage.lengths,
         "guides": linkage.guides,
         "branch": again.linkage.branch,
         "start": linkage.start,

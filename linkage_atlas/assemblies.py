@@ -11,11 +11,9 @@ import numpy as np
 from linkage_atlas.arguments import box, check_names, flag, number, one_of, pair, whole_number
 from linkage_atlas.records import KEPT, Record
 from synthesis.assembly import layers
-from synthesis.assembly.driving import motor_driven
-from synthesis.assembly.guided import guided
+from synthesis.assembly.gaps import crosses_itself, signed_area
 from synthesis.assembly.layers import BOARDS, BOTH, ENVELOPE, Arrangement, Asked, Heights, arrange, outside, parts_of
-from synthesis.assembly.machine import Machine, Sizes, four_bar
-from synthesis.assembly.shapes import crosses_itself, signed_area
+from synthesis.assembly.machine import Machine, Sizes, as_plates, motor_driven
 from synthesis.drives.six_bar import Motor
 from synthesis.errors import FieldError
 from synthesis.fourbar.files import check_sizes
@@ -334,10 +332,8 @@ def machine_of(
             if not error.field.startswith("/drive"):
                 raise
             raise FieldError(f"/{where}{error.field.lstrip('/')}", error.message) from None
-    elif isinstance(linkage, GuidedLinkage):
-        machine = guided(linkage, used, asked.sizes, asked.body, bar)
     else:
-        machine = four_bar(linkage, used, asked.sizes, asked.body, bar)
+        machine = as_plates(linkage, used, asked.sizes, asked.body, bar)
     check_sizes(machine.lengths, machine.hole, machine.width, f"/{where}".rstrip("/"))
     return machine
 

@@ -12,7 +12,7 @@ from typing import Any
 
 from linkage_atlas.arguments import check_names, number
 from synthesis.drives.actuator import Actuator, Row
-from synthesis.drives.springs import Kind
+from synthesis.drives.springs import SpringRow
 from synthesis.errors import FieldError
 
 MOST_ROWS = 400
@@ -139,7 +139,7 @@ def read_actuators(field: str, given: Any, millimetres: float, pressure: float) 
     return rows, rods
 
 
-def read_springs(field: str, given: Any, kind: str, millimetres: float) -> list[Kind]:
+def read_springs(field: str, given: Any, kind: str, millimetres: float) -> list[SpringRow]:
     """Rows of a catalogue of tension or gas springs; None: the one that comes along."""
     given = SPRINGS[kind] if given is None else given
     bundled = isinstance(given, str) and "\n" not in given
@@ -156,7 +156,7 @@ def read_springs(field: str, given: Any, kind: str, millimetres: float) -> list[
             progression = _value(at, row, "progression", scale, 1.0)
             assert progression is not None
             rate = force * (progression - 1) / stroke
-            kinds.append(Kind(name, rate, extended, -force, extended - stroke, extended, price))
+            kinds.append(SpringRow(name, rate, extended, -force, extended - stroke, extended, price))
             continue
         stiffness, free, longest = (_value(at, row, name, scale) for name in ("stiffness", "free_length", "longest"))
         assert stiffness is not None and free is not None and longest is not None
@@ -164,5 +164,5 @@ def read_springs(field: str, given: Any, kind: str, millimetres: float) -> list[
             raise FieldError(f"/{at}/longest", "wanted more than the free length")
         preload, shortest = _value(at, row, "preload", scale, 0.0), _value(at, row, "shortest", scale, free)
         assert preload is not None and shortest is not None
-        kinds.append(Kind(name, stiffness * scale, free, preload, shortest, longest, price))
+        kinds.append(SpringRow(name, stiffness * scale, free, preload, shortest, longest, price))
     return kinds

@@ -1,6 +1,6 @@
 """What drives a linkage over its way: rotary drives, actuators, motors that turn on, knees that lock it, and springs.
 
-Data flow: read what is asked, each thing by its field; make the `Machine` of the linkage over its used interval, and the torque
+Data flow: read what is asked, each thing by its field; make its `LinkMotions` over its used interval, and the torque
 that the load asks of it; look for each kind on each link; describe what was found, and why there is nothing elsewhere.
 """
 
@@ -39,7 +39,6 @@ from synthesis.arrays import Complexes, Floats, cross, dot
 from synthesis.drives.actuator import (
     ROW_GRID,
     Actuator,
-    Box,
     Knee,
     Placement,
     Question,
@@ -51,27 +50,48 @@ from synthesis.drives.actuator import (
     best_of_rows,
     locked,
 )
-from synthesis.drives.balance import Spring as Placed
-from synthesis.drives.balance import one_spring, potential_of, springs_on_pendulums, two_springs
-from synthesis.drives.dyad import LARGEST_RATIO, Driven, about_pivot, driven, on_any_link
 from synthesis.drives.links import (
     GROUND,
     SAMPLES,
-    Machine,
+    LinkMotions,
     ends_of,
     hinged_at,
     largest,
-    machine_at,
-    machine_of,
+    motions_at,
+    motions_of,
 )
-from synthesis.drives.six_bar import MOTOR_CRANK, ROD, Joint, Motor, joints_of, rod_joints
+from synthesis.drives.six_bar import (
+    LARGEST_RATIO,
+    MOTOR_CRANK,
+    ROD,
+    Driven,
+    Joint,
+    Motor,
+    about_pivot,
+    driven,
+    joints_of,
+    on_any_link,
+    rod_joints,
+)
 from synthesis.drives.six_bar import SixBar as Swung
-from synthesis.drives.springs import Fitted, Room, best_pair, best_spring, fitted
+from synthesis.drives.springs import (
+    Fitted,
+    Room,
+    best_pair,
+    best_spring,
+    fitted,
+    one_spring,
+    potential_of,
+    springs_on_pendulums,
+    two_springs,
+)
+from synthesis.drives.springs import Spring as Placed
 from synthesis.errors import FieldError
 from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.analysis import Load, Pull, forces, on_links
 from synthesis.guided.linkage import Circle, Driver, LinkMotion, Rail, Slot, of_four_bar
 from synthesis.guided.linkage import GuidedLinkage as Guided
+from synthesis.mechanism import Box
 from synthesis.target import MAX_LENGTH, TURN, Interval, Target
 from synthesis.work import Work
 
@@ -373,7 +393,7 @@ class Drives(Record):
     springs: list[Spring]
     torque: TorqueCurve
     notes: list[str]
-    machine: Machine = field(metadata=KEPT, repr=False)
+    machine: LinkMotions = field(metadata=KEPT, repr=False)
 
     def best(self, kind: str) -> Drive | None:
         """The best of a kind; None where there is none."""
@@ -506,10 +526,10 @@ def drives(
 class _Place(NamedTuple):
     """A linkage over its way: coarse and fine, and where on it the samples of its motion lie."""
 
-    poses: Callable[[Floats], Machine]
+    poses: Callable[[Floats], LinkMotions]
     """At any places of its drive."""
-    machine: Machine
-    fine: Machine
+    machine: LinkMotions
+    fine: LinkMotions
     radian: float
     samples: Floats
     view: FourBar | GuidedLinkage | None
@@ -537,9 +557,9 @@ class _Place(NamedTuple):
             raise FieldError(f"/{field}", f"the way has no length: its first and last {what} are the same")
         if isinstance(linkage, Guided) and not linkage.closes_over(ends.after(linkage.start)):
             raise FieldError("/linkage", "does not close over its way")
-        coarse, fine = (machine_of(linkage, ends, many) for many in (SAMPLES, FINE))
+        coarse, fine = (motions_of(linkage, ends, many) for many in (SAMPLES, FINE))
         view = FourBar.of(linkage, radian, target) if four_bar else GuidedLinkage.of(linkage, radian, target)
-        place = cls(lambda at: machine_at(linkage, at), coarse, fine, radian, crank, view)
+        place = cls(lambda at: motions_at(linkage, at), coarse, fine, radian, crank, view)
         place.check()
         return place
 
@@ -571,7 +591,7 @@ class _Place(NamedTuple):
         pivot = pair("rocker/pivot", given["pivot"], MAX_LENGTH) if given.get("pivot") is not None else 0j
         start = number("rocker/start", 0.0 if given.get("start") is None else given["start"]) * radian
 
-        def poses(at: Floats) -> Machine:
+        def poses(at: Floats) -> LinkMotions:
             return hinged_at(pivot, start, length, at)
 
         machine, fine = (poses(np.linspace(0.0, swing, many)) for many in (SAMPLES, FINE))
@@ -618,7 +638,7 @@ def _place_of(linkage: Any, motion: Motion | None, crank_angle: ArrayLike | None
 
 
 def read_asked(
-    machine: Machine,
+    machine: LinkMotions,
     load: Mapping[str, Any] | None,
     wanted: Sequence[Mapping[str, Any]] | None,
     springs: Sequence[Mapping[str, Any]] | None,
@@ -661,8 +681,8 @@ def check_asked(given: Mapping[str, Any], radian: float) -> None:
     way = Interval(0.0, 0.2)
     circle, slot = Circle(0j, 1.0, 0j), Slot(3.0 + 0.5j, 1.0 + 0.2j, 0.1)
     rail = Rail(2.0 + 0.3j, 0.0, 2.0 + 0j)
-    machines = [machine_of(Linkage((2.0, 3.0, 4.0, 3.5), 1, 1.0, coupler_point=(1.0, 0.0)), way, 3)]
-    machines += [machine_of(Guided((circle, one), Driver.CRANK, 1, 0.5), way, 3) for one in (slot, rail)]
+    machines = [motions_of(Linkage((2.0, 3.0, 4.0, 3.5), 1, 1.0, coupler_point=(1.0, 0.0)), way, 3)]
+    machines += [motions_of(Guided((circle, one), Driver.CRANK, 1, 0.5), way, 3) for one in (slot, rail)]
     errors = []
     for one in machines:
         try:
@@ -673,7 +693,9 @@ def check_asked(given: Mapping[str, Any], radian: float) -> None:
     raise errors[0]
 
 
-def _read_study(machine: Machine, given: Mapping[str, Any], radian: float) -> tuple[Asked, Mapping[str, Any] | None]:
+def _read_study(
+    machine: LinkMotions, given: Mapping[str, Any], radian: float
+) -> tuple[Asked, Mapping[str, Any] | None]:
     """What `load`, `drives`, `springs` and `drive` ask of a solution; and of it the last, checked."""
     asked = read_asked(machine, given.get("load"), given.get("drives"), given.get("springs"), None, radian, 1.0)
     if given.get("drive") is None:
@@ -716,7 +738,7 @@ def _list(name: str, given: Sequence[Mapping[str, Any]] | None) -> Sequence[Mapp
     return found
 
 
-def _load(machine: Machine, given: Mapping[str, Any], radian: float, millimetres: float) -> Load:
+def _load(machine: LinkMotions, given: Mapping[str, Any], radian: float, millimetres: float) -> Load:
     links, mounted = (*machine.links, "body"), machine.body is not None
     load, parts = read_load("load", given, links, mounted, MOST_MASSES, "speed", link="body", middles=machine.middles)
     if parts:
@@ -726,7 +748,9 @@ def _load(machine: Machine, given: Mapping[str, Any], radian: float, millimetres
     return load._replace(speed=speed * unit, metre=millimetres / 1000)
 
 
-def _drive(at: str, given: Mapping[str, Any], machine: Machine, radian: float, millimetres: float) -> dict[str, Any]:
+def _drive(
+    at: str, given: Mapping[str, Any], machine: LinkMotions, radian: float, millimetres: float
+) -> dict[str, Any]:
     """One entry of `drives`, with what it does not say filled in."""
     kind = one_of(f"{at}/kind", given.get("kind") if isinstance(given, Mapping) else None, KINDS)
     kind = "actuator" if kind == "cylinder" else kind
@@ -781,7 +805,7 @@ def _drive(at: str, given: Mapping[str, Any], machine: Machine, radian: float, m
     return wish
 
 
-def _spring(at: str, given: Mapping[str, Any], machine: Machine, millimetres: float) -> dict[str, Any]:
+def _spring(at: str, given: Mapping[str, Any], machine: LinkMotions, millimetres: float) -> dict[str, Any]:
     """One entry of `springs`, checked."""
     kind = one_of(f"{at}/kind", given.get("kind") if isinstance(given, Mapping) else None, SPRING_KINDS)
     known_fields(at, given, _SPRING_FIELDS)
@@ -805,7 +829,7 @@ def _spring(at: str, given: Mapping[str, Any], machine: Machine, millimetres: fl
     return wish
 
 
-def _links(at: str, given: Any, machine: Machine, names: list[str]) -> list[str]:
+def _links(at: str, given: Any, machine: LinkMotions, names: list[str]) -> list[str]:
     if given is None:
         return names
     if isinstance(given, str) or not given:
@@ -886,7 +910,7 @@ class _Search:
         """How far a pin may be from its link's origin: what is asked, or the link's own size."""
         return float(wish.get("reach_max", self.machine.reaches.get(name, self.machine.extent)))
 
-    def _pins(self, machine: Machine, *ways: Sequence[Pull]) -> PinPeaks | None:
+    def _pins(self, machine: LinkMotions, *ways: Sequence[Pull]) -> PinPeaks | None:
         """The largest pin forces of a four-bar with what drives it, of a motor on each of its ways."""
         if self.place.linkage is None or not self.loaded:
             return None
@@ -977,7 +1001,7 @@ class _Search:
 
     # -- actuators -----------------------------------------------------------------------------------------------------
 
-    def _seen(self, name: str, on: str, machine: Machine) -> LinkMotion:
+    def _seen(self, name: str, on: str, machine: LinkMotions) -> LinkMotion:
         link = machine.links[name]
         return link if on == GROUND else link.seen_from(machine.links[on])
 
@@ -1282,10 +1306,7 @@ class _Search:
         rod, arm = machine.links[ROD], machine.links[MOTOR_CRANK].direction * motor.crank
         force = plain.torque(self.asked.load) / dot(rod.direction, plain.links[name].speed(motor.pin))
         torque = force * dot(rod.direction, 1j * arm)
-        forwards = six.last if six.sense > 0 else six.last - TURN
-        backwards = six.sense * TURN - forwards
-        kind = "stephenson_3" if six.pivot is None else "watt_2"
-        dwell = six.dwell(_DWELL)
+        (forwards, backwards), dwell = six.turn, six.dwell(_DWELL)
         joints = self._joints(six)
         places = {one.name: xy(one.place[0]) for one in joints}
         on = {
@@ -1297,7 +1318,7 @@ class _Search:
         return SixBar(
             motor.crank,
             motor.rod,
-            "crank_rocker" if self.place.view is None else kind,
+            "crank_rocker" if self.place.view is None else six.kind,
             whole.time_ratio,
             whole.least_angle / radian,
             self._told(float(np.abs(whole.motor_torque).max())),

@@ -12,11 +12,11 @@ from linkage_atlas.formats import FORMATS, OF_PARTS
 from linkage_atlas.solids import SLIDES
 from linkage_atlas.studies import analysed, read_analysis
 from synthesis.drives.attached import COLOUR, LAYER, Attached
-from synthesis.drives.links import GROUND, Machine, ends_of, machine_at
+from synthesis.drives.links import GROUND, LinkMotions, ends_of, motions_at
 from synthesis.drives.six_bar import Motor, SixBar
 from synthesis.errors import FieldError
 from synthesis.fourbar import files as of_four_bars
-from synthesis.fourbar.linkage import Linkage, LinkMass
+from synthesis.fourbar.linkage import Linkage, Mass
 from synthesis.guided import files as of_guided
 from synthesis.guided.linkage import GuidedLinkage
 from synthesis.sheet import More
@@ -91,7 +91,7 @@ def content_of(
         return text.encode()
     assert parts is not None
     try:
-        masses = {one.link: LinkMass(one.mass, complex(*one.at), one.inertia) for one in parts(True).masses}
+        masses = {one.link: Mass(one.link, one.mass, complex(*one.at), one.inertia) for one in parts(True).masses}
     except FieldError:
         masses = None  # no plates of these sizes: the file says so
     text = files.to_mjcf(linkage, target, unit_mm, masses)
@@ -116,7 +116,7 @@ def drive_on(
         return None
     if kind not in ("csv", "svg", "dxf", "mjcf"):
         raise FieldError("/drive", f"a file of the kind {kind!r} holds no drive: ask for csv, svg, dxf or mjcf")
-    found = _attached(drive, machine_at(linkage, target.crank))
+    found = _attached(drive, motions_at(linkage, target.crank))
     if found.kind != "dyad":
         return found
     motor = Motor(found.link, found.ground, *found.sizes, found.pin)
@@ -135,7 +135,7 @@ def with_motor(
     return {**(assembly or {}), "drive": drive}, None
 
 
-def _attached(given: Mapping[str, Any], machine: Machine) -> Attached:
+def _attached(given: Mapping[str, Any], machine: LinkMotions) -> Attached:
     """A drive of a reply, as it came, on a machine at its samples."""
     kind, link = given.get("kind"), given.get("link")
     if kind not in ("rotary", "actuator", "dyad", "toggle"):

@@ -28,9 +28,9 @@ from synthesis.free.poses import Poses
 from synthesis.free.search import go_astray, have_tiny_links
 from synthesis.guided import solution as guided
 from synthesis.guided.by_crank import BY_CRANK, linkages_by_crank
-from synthesis.guided.limits import broken_limits
 from synthesis.guided.linkage import Driver, Kind
 from synthesis.guided.search import NOTHING_ROUND, search_guided
+from synthesis.guided.solution import broken_limits
 from synthesis.kept import Kept
 from synthesis.ranking import APART, behind, distinct
 from synthesis.search.search import StoppedBy

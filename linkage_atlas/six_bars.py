@@ -24,7 +24,7 @@ from synthesis.arrays import Floats
 from synthesis.drives.links import ends_of
 from synthesis.drives.six_bar import MOTOR_CRANK, ROD, SixBar, joints_of
 from synthesis.errors import FieldError
-from synthesis.guided.analysis import Mass
+from synthesis.fourbar.linkage import Mass
 from synthesis.target import TURN, Interval, Target
 from synthesis.work import Work
 
@@ -150,7 +150,7 @@ class SixBarLinkage(AnyLinkage):
     @property
     def kind(self) -> str:
         """`watt_2` where the rod moves a link with a fixed pivot, `stephenson_3` on any other."""
-        return "stephenson_3" if self._linkage.pivot is None else "watt_2"
+        return self._linkage.kind
 
     @property
     def branch(self) -> int:
@@ -191,9 +191,8 @@ class SixBarLinkage(AnyLinkage):
     @property
     def turn(self) -> tuple[float, float]:
         """How far the motor turns forwards, to the last end, and then back to the first; counter-clockwise positive."""
-        six = self._linkage
-        forwards = six.last if six.sense > 0 else six.last - TURN
-        return forwards / self._radian, (six.sense * TURN - forwards) / self._radian
+        forwards, backwards = self._linkage.turn
+        return forwards / self._radian, backwards / self._radian
 
     @property
     def time_ratio(self) -> float:

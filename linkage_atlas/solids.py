@@ -223,10 +223,7 @@ def solids_in(assembly: Assembly, asked: AskedSolids, given: Mapping[str, Any], 
         asked.scale,
         masses,
         sum(one.mass for one in masses),
-        [
-            Weight(link, one.mass, (one.centre.real, one.centre.imag), one.inertia)
-            for link, one in masses_of_links(full.masses(), full.unit, machine.body_at).items()
-        ],
+        [Weight(one.link, one.mass, (one.at.real, one.at.imag), one.inertia) for one in masses_of_links(full)],
         Wall(wall, part),
         solids,
         asked,

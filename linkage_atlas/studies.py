@@ -26,10 +26,10 @@ from linkage_atlas.motions import MOST_STOCK, Motion
 from linkage_atlas.records import Record, Values, Vectors, plain, plane
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
-from synthesis.fourbar.linkage import Linkage
+from synthesis.fourbar.linkage import Linkage, Mass
 from synthesis.fourbar.tolerance_study import SOURCES, Spread, Study, Tolerances, simulate
 from synthesis.guided import manufacture as of_guides
-from synthesis.guided.analysis import Load, Mass, forces, on_links
+from synthesis.guided.analysis import Load, forces, on_links
 from synthesis.guided.linkage import GuidedLinkage, of_four_bar
 from synthesis.target import MAX_LENGTH, MIN_LENGTH, TURN, Interval, Target
 from synthesis.work import Work

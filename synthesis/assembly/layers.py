@@ -22,10 +22,9 @@ from functools import cache
 from itertools import combinations, product
 from typing import Literal, NamedTuple
 
-from synthesis.assembly.gaps import Carried, Gaps, Least, Proof, Run
+from synthesis.assembly.gaps import Carried, Gaps, Least, Proof, Run, Shape, disc, hull
 from synthesis.assembly.machine import WHOLE, Hole, Machine, Pin, Slit
 from synthesis.assembly.movement import GROUND
-from synthesis.assembly.shapes import Shape, disc, hull
 from synthesis.errors import FieldError
 from synthesis.mechanism import Box
 from synthesis.target import TURN, Interval

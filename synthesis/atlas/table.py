@@ -16,7 +16,7 @@ from synthesis.errors import FieldError
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule, count_types, enumerate_types
 from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.mechanism import Turning
-from synthesis.slider.mechanism import SLIDER_CRANK_TYPES, SliderTypeRule, count_slider_types, enumerate_slider_types
+from synthesis.slider import SLIDER_CRANK_TYPES, SliderTypeRule, count_slider_types, enumerate_slider_types
 from synthesis.target import TURN
 
 SCHEMA = 1

@@ -26,8 +26,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.arrays import Complexes, Flags, Floats, Ints
+from synthesis.arrays import Complexes, Flags, Floats, Ints, angle_at
 from synthesis.guided.linkage import LinkMotion
+from synthesis.mechanism import Box
 from synthesis.one_variable import closer_looks
 from synthesis.work import Work
 
@@ -65,9 +66,6 @@ _LOOKS = (33,) * 8
 """Nodes of closer looks between them."""
 _AROUND = 720
 """Directions in which a circle about a pivot is looked for in a box."""
-
-Box = tuple[float, float, float, float]
-"""xmin, ymin, xmax, ymax."""
 
 
 class Actuator(NamedTuple):
@@ -886,9 +884,7 @@ def locked(
     whole = float(length[end] / np.sqrt(1 - 4 * share * (1 - share) * np.sin(over_centre / 2) ** 2))
     handle, strut = share * whole, (1 - share) * whole
     v = link.place(found.pin) - found.ground
-    near = np.maximum((strut - (handle - length)) * (strut + (handle - length)), 0.0)
-    far = np.maximum((handle + length - strut) * (handle + length + strut), 0.0)
-    angle = 2 * np.arctan2(np.sqrt(near), np.sqrt(far))
+    angle = angle_at(handle, strut, length)
     angle[end] = -angle[end]
     knee = found.ground + handle * v / length * np.exp(1j * angle)
     rod = (link.place(found.pin) - knee) / strut

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from synthesis.arrays import Complexes
-from synthesis.drives.links import GROUND, Machine
+from synthesis.drives.links import GROUND, LinkMotions
 from synthesis.drives.six_bar import SixBar
 from synthesis.errors import FieldError
 from synthesis.fourbar.files import xy0
@@ -35,7 +35,7 @@ class Attached:
     motor crank and rod, or handle and strut. ``knee``: of a toggle, where its links meet at the first sample.
     """
 
-    machine: Machine
+    machine: LinkMotions
     kind: str
     link: str
     on: str

@@ -26,7 +26,7 @@ GROUND = "ground"
 
 
 @dataclass(frozen=True)
-class Machine:
+class LinkMotions:
     """A linkage over its drive's interval, (n,) positions: its moving links by name, the body's among them as ``body``.
 
     ``at`` (n,): the drive's parameter, from the first sample on. ``drive``: what it is the angle, or the place, of.
@@ -99,12 +99,12 @@ def largest(of: Callable[[Floats], Floats], at: Floats) -> float:
     return float(max(values.max(), -np.nanmin(least)))
 
 
-def machine_of(linkage: Linkage | GuidedLinkage, interval: Interval, samples: int = SAMPLES) -> Machine:
-    """A linkage between two places of its drive from the first sample, at even steps; see `machine_at`."""
-    return machine_at(linkage, np.linspace(*interval, samples))
+def motions_of(linkage: Linkage | GuidedLinkage, interval: Interval, samples: int = SAMPLES) -> LinkMotions:
+    """A linkage between two places of its drive from the first sample, at even steps; see `motions_at`."""
+    return motions_at(linkage, np.linspace(*interval, samples))
 
 
-def machine_at(linkage: Linkage | GuidedLinkage, at: Floats) -> Machine:
+def motions_at(linkage: Linkage | GuidedLinkage, at: Floats) -> LinkMotions:
     """A linkage at places (n,) of its drive from the first sample; NaN where it does not close or is dead.
 
     Frames of a four-bar: the crank's from pivot A, the coupler's from the crank pin and the rocker's from pivot B, each along
@@ -114,7 +114,7 @@ def machine_at(linkage: Linkage | GuidedLinkage, at: Floats) -> Machine:
     return _four_bar(linkage, at) if isinstance(linkage, Linkage) else _guided(linkage, at)
 
 
-def _four_bar(linkage: Linkage, at: Floats) -> Machine:
+def _four_bar(linkage: Linkage, at: Floats) -> LinkMotions:
     guided = of_four_bar(linkage)
     crank, body, rocker = guided.links(at)
     one, two, three, _ = linkage.links
@@ -132,10 +132,10 @@ def _four_bar(linkage: Linkage, at: Floats) -> Machine:
     middles = {"crank": one / 2 + 0j, "coupler": two / 2 + 0j, "rocker": three / 2 + 0j}
     extent = float(max(*linkage.links, arm))
     carried = replace(body, name="body") if linkage.mounted else None
-    return Machine(at, links, carried, "crank", extent, reaches, middles)
+    return LinkMotions(at, links, carried, "crank", extent, reaches, middles)
 
 
-def _guided(linkage: GuidedLinkage, at: Floats) -> Machine:
+def _guided(linkage: GuidedLinkage, at: Floats) -> LinkMotions:
     links = {one.name: one for one in linkage.links(at)}
     way = float(max(np.ptp(one.origin.real) + np.ptp(one.origin.imag) for one in links.values()))
     sizes = [guide.radius for guide in linkage.guides if isinstance(guide, Circle)]
@@ -143,16 +143,16 @@ def _guided(linkage: GuidedLinkage, at: Floats) -> Machine:
     extent = max(way, *sizes, *arms, 1e-300)
     reaches = dict.fromkeys(links, extent)
     middles = {}
-    for guide, name in zip(linkage.guides, (linkage.link_names[0], linkage.link_names[2])):
+    for name, guide in linkage.named_guides:
         if isinstance(guide, Circle):
             reaches[name], middles[name] = guide.radius, guide.radius / 2 + 0j
     body = replace(links["coupler"], name="body")
-    return Machine(at, links, body, linkage.driver.value, extent, reaches, middles)
+    return LinkMotions(at, links, body, linkage.driver.value, extent, reaches, middles)
 
 
-def hinged_at(pivot: complex, start: float, length: float, at: Floats) -> Machine:
+def hinged_at(pivot: complex, start: float, length: float, at: Floats) -> LinkMotions:
     """A link on a hinge that is the body itself, its body point at its end: a flap, a wiper, a boom; at angles (n,)."""
     ones, still, end = np.ones(at.size), np.zeros(at.size, dtype=complex), complex(length)
     rocker = LinkMotion("rocker", pivot + still, start + at, still, ones, still, 0 * ones, pivot)
     body = LinkMotion("body", rocker.place(end), start + at, rocker.speed(end), ones, rocker.change(end), 0 * ones)
-    return Machine(at, {"rocker": rocker}, body, "rocker", length, {"rocker": length}, {"rocker": end / 2})
+    return LinkMotions(at, {"rocker": rocker}, body, "rocker", length, {"rocker": length}, {"rocker": end / 2})

@@ -1,8 +1,19 @@
-"""Real springs that take load off a drive: tension and gas springs of a catalogue, placed by least squares of the drive's torque.
+"""Springs that take load off a drive: those of zero free length that carry it in every position, and real ones of a catalogue.
 
-A spring of length l pulls with ``preload + stiffness (l - free_length)``; a gas spring's pull is negative. The drive gives what
-the load asks for and stretches the spring besides: ``T + F(l) dl/dphi``. Its ends are looked for on a grid, then by a descent
-with exact derivatives within boxes, away from pivots and with every length between the shortest and the longest.
+Of zero free length, in closed form: the plane of motion is vertical. With e1, e2, e3 the directions of crank, coupler and
+rocker every point is ``a0 + a1 e1 + a2 e2``, so masses have the potential ``const + Re(W1 e1 + W2 e2)``, and with e2 taken out
+in favour of e3 ``Re(V1 e1 + V3 e3)``: two pendulums on fixed pivots. A spring from the ground at s to p e1 on the crank gives
+``-k Re(conj(s - A) p e1)``. Two such springs, on crank and rocker, balance any four-bar; one alone does so only under a
+condition on signs (published: Kuo, Mechanism and LinkMotions Theory 214, 106140; derived anew).
+
+A body on guides has two such pendulums as well: a crank about its pivot, a block about its pin, and the body about the pin that a
+slider carries. A spring there from s to p e1 gives -k Re(conj(s) p e1), on a slider too, which does not turn. With a circle among
+the guides, or two rails, every weight is theirs. What weighs along the rail beside a slot, or between two slots, is not.
+
+Real ones are placed by least squares of the torque. A spring of length l pulls with ``preload + stiffness (l - free_length)``;
+a gas spring's pull is negative. The drive gives what the load asks for and stretches the spring besides: ``T + F(l) dl/dphi``.
+Its ends are looked for on a grid, then by a descent with exact derivatives within boxes, away from pivots and with every length
+between the shortest and the longest.
 """
 
 from __future__ import annotations
@@ -13,23 +24,240 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from synthesis.arrays import Complexes, Floats
-from synthesis.drives.actuator import Box, forms_of
-from synthesis.drives.balance import Spring
-from synthesis.drives.links import GROUND, Machine
-from synthesis.guided.linkage import LinkMotion
+from synthesis.drives.actuator import forms_of
+from synthesis.drives.links import GROUND, LinkMotions
+from synthesis.fourbar.linkage import Linkage
+from synthesis.guided.analysis import Load
+from synthesis.guided.linkage import Circle, GuidedLinkage, LinkMotion, Rail
+from synthesis.mechanism import Box
 from synthesis.work import Work
+
+_NONE = 1e-12
+"""A part of the potential this small beside all of it is none."""
+_LEFT = 1e-9
+"""Part of the largest torque that springs on guides may leave: rounding."""
+
+
+@dataclass(frozen=True)
+class Spring:
+    """A spring between two links; it pulls with ``preload + stiffness (length - free_length)``, a negative pull pushes.
+
+    ``points`` are in the links' frames, of the ground in the plane.
+    """
+
+    between: tuple[str, str]
+    points: tuple[complex, complex]
+    stiffness: float
+    free_length: float = 0.0
+    preload: float = 0.0
+
+
+@dataclass(frozen=True)
+class Potential:
+    """Of the masses and the force on a four-bar: W1, W2 and V1, V3 of the module's head."""
+
+    linkage: Linkage
+    w1: complex
+    w2: complex
+
+    @property
+    def v1(self) -> complex:
+        """Of the crank, where crank and rocker carry all."""
+        one, two, _, _ = self.linkage.links
+        return self.w1 - self.w2 * one / two
+
+    @property
+    def v3(self) -> complex:
+        """Of the rocker, where crank and rocker carry all."""
+        _, two, three, _ = self.linkage.links
+        return self.w2 * three / two
+
+
+def potential_of(linkage: Linkage, load: Load) -> Potential:
+    """The potential of a load's masses and of its force; a torque has none that springs balance in every position."""
+    one, two, three, _ = linkage.links
+    w1 = w2 = 0j
+
+    def add(pull: complex, link: str, point: complex) -> None:
+        nonlocal w1, w2
+        a1, a2 = {
+            "crank": (point, 0j),
+            "coupler": (complex(one), point),
+            "rocker": (point * one / three, point * two / three),
+        }[link]
+        w1, w2 = w1 - np.conj(pull) * a1, w2 - np.conj(pull) * a2
+
+    if linkage.mounted:
+        add(load.force, "coupler", linkage.arm)
+    for mass in load.masses:
+        link, point = mass.link, mass.at
+        if link == "body":
+            link, point = "coupler", linkage.arm + point * np.exp(1j * (linkage.body_offset or 0.0))
+        add(mass.mass * load.gravity, link, point)
+    return Potential(linkage, complex(w1), complex(w2))
+
+
+def two_springs(potential: Potential, stiffness: float | None = None) -> list[Spring]:
+    """Ground to crank and ground to rocker: always possible; one is left out where its part is nothing.
+
+    They take hold at the crank pin and at the middle of the rocker. Without a stiffness each is such that its ground end is
+    as far from the pivot as the other end.
+    """
+    linkage = potential.linkage
+    one, _, three, _ = linkage.links
+    whole = abs(potential.v1) + abs(potential.v3)
+    springs = []
+    for link, pivot, part, point in (
+        ("crank", linkage.pivot_a, potential.v1, one),
+        ("rocker", linkage.pivot_b, potential.v3, three / 2),
+    ):
+        if abs(part) > _NONE * whole:
+            rate = abs(part) / point**2 if stiffness is None else stiffness
+            springs.append(
+                Spring((GROUND, link), (complex(pivot + np.conj(part / (rate * point))), complex(point)), float(rate))
+            )
+    return springs
+
+
+def one_spring(potential: Potential, between: tuple[str, str]) -> Spring | float:
+    """The only spring of its kind that balances, or the negative stiffness that it would have (infinite: there is none).
+
+    ``between``: ("ground", "coupler"), ("crank", "rocker"), ("ground", "crank") or ("ground", "rocker").
+    """
+    linkage = potential.linkage
+    one, two, three, _ = linkage.links
+    whole = abs(potential.w1) + abs(potential.w2)
+    a, b = complex(linkage.pivot_a), linkage.pivot_b
+    ground = a - b
+    match between:
+        case ("ground", "coupler"):
+            q1, q2 = potential.w1 / np.conj(ground), potential.w2 / np.conj(ground)
+            if min(abs(q1.imag), abs(q2.imag)) <= _NONE * (abs(q1) + abs(q2)):
+                return np.inf
+            place = one * q2.imag / q1.imag
+            rate = (q2.real * q1.imag / q2.imag - q1.real) / (one * (1 - place / two))
+            if not rate > 0:
+                return float(rate)
+            anchor = b + np.conj(potential.w2) / (rate * place)
+            return Spring(between, (complex(anchor), complex(place)), float(rate))
+        case ("crank", "rocker"):
+            qa, qb = potential.v1 / np.conj(ground), potential.v3 / np.conj(ground)
+            if min(abs(qa.imag), abs(qb.imag)) <= _NONE * (abs(qa) + abs(qb)):
+                return np.inf
+            share = -qb.imag / qa.imag
+            y = (qb.real + share * qa.real) / (share**2 / three - share / one)
+            point = share * y / three - qa.real - 1j * qa.imag
+            rate = abs(point) ** 2 / y
+            if not rate > 0:
+                return float(rate)
+            return Spring(between, (complex(point / rate), complex(share * point / rate)), float(rate))
+        case ("ground", "crank" | "rocker"):
+            mine, other = (potential.v1, potential.v3) if between[1] == "crank" else (potential.v3, potential.v1)
+            if abs(other) > _NONE * whole or abs(mine) <= _NONE * whole:
+                return np.inf
+            return next(spring for spring in two_springs(potential) if spring.between == between)
+    return np.inf
+
+
+# -- pendulums -------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Pendulum:
+    """A link that turns about a point of what it is sprung to, and whose part U of the potential is Re(U e)."""
+
+    between: tuple[str, str]
+    pivot: complex
+    """In the frame of the first link."""
+    level: complex
+    """Direction of that frame, which does not turn."""
+    joint: complex
+    """The pivot in the frame of the second link."""
+    arm: float
+    """How far from it the spring takes hold."""
+    direction: Complexes
+    rate: Floats
+
+    @property
+    def rows(self) -> Floats:
+        """Derivatives of Re(U e) by the drive, for both parts of U, (n, 2)."""
+        return np.column_stack([-self.direction.imag * self.rate, -self.direction.real * self.rate])
+
+    def spring(self, part: complex, stiffness: float | None) -> Spring:
+        """That which cancels Re(U e)."""
+        rate = abs(part) / self.arm**2 if stiffness is None else stiffness
+        end = self.pivot + np.conj(part / (rate * self.arm)) / self.level
+        return Spring(self.between, (complex(end), self.joint + self.arm), float(rate))
+
+
+def _pendulums(linkage: GuidedLinkage | None, machine: LinkMotions) -> list[_Pendulum]:
+    """A link on each circle, and one of those that turn with the body: a block, or else the body on a slider. Or on a hinge."""
+    if linkage is None:
+        arm, links = machine.extent / 2, machine.links.values()
+        return [
+            _Pendulum((GROUND, one.name), one.origin[0], 1 + 0j, 0j, arm, one.direction, one.rate) for one in links
+        ]
+    first, body, second = linkage.link_names
+    found, turning = [], []
+    for guide, name in zip(linkage.guides, (first, second)):
+        if isinstance(guide, Rail):
+            link, level = machine.links[body], complex(machine.links[name].direction[0])
+            turning.append(
+                _Pendulum((name, body), 0j, level, guide.body_point, machine.extent / 4, link.direction, link.rate)
+            )
+            continue
+        link = machine.links[name]
+        pivot, arm = (guide.pivot, guide.radius) if isinstance(guide, Circle) else (guide.pin, machine.extent / 4)
+        one = _Pendulum((GROUND, name), complex(pivot), 1 + 0j, 0j, arm, link.direction, link.rate)
+        if isinstance(guide, Circle):
+            found.append(one)
+        else:
+            turning.insert(0, one)
+    return found + turning[:1]
+
+
+def springs_on_pendulums(
+    linkage: GuidedLinkage | None, machine: LinkMotions, torque: Floats, stiffness: float | None = None
+) -> list[Spring] | None:
+    """Springs that balance what a load asks, (n,), of the drive of a linkage on guides; None where no such springs do.
+
+    ``linkage``: None for a link on a hinge.
+
+    The parts of the potential are read off the torque: where the pendulums carry all of it nothing is left.
+    """
+    if not np.all(np.isfinite(torque)):
+        return None
+    pendulums = _pendulums(linkage, machine)
+    rows = np.concatenate([one.rows for one in pendulums], axis=1)
+    size = np.abs(rows).max()
+    parts = np.linalg.lstsq(rows / size, torque / size, rcond=None)[0]
+    largest = np.abs(torque).max()
+    if np.abs(rows @ parts - torque).max() > _LEFT * largest:
+        return None
+    found = []
+    for one, (real, imaginary) in zip(pendulums, parts.reshape(-1, 2)):
+        part = complex(real, imaginary)
+        if abs(part) * np.abs(one.rate).max() > _LEFT * largest:
+            found.append(one.spring(part, stiffness))
+    return found
+
+
+# -- springs of a catalogue -----------------------------------------------------------------------------------------------
+
 
 _GRID, _DIRECTIONS, _RADII = 12, 12, np.array([0.3, 0.6, 0.95])
 """The grid: points of a box, either way; directions and distances on a link."""
 _DESCENTS = 4
 """Descents for a row."""
+_TURNS = 2
+"""Of placing springs one after the other, before all are placed together."""
 _ROWS = 6
 """Rows of a catalogue that descents are made for: those that are best on the grid."""
 _HAIR = 1e-6
 """Of the largest length: by so much lengths stay inside their range at the positions looked at."""
 
 
-class Kind(NamedTuple):
+class SpringRow(NamedTuple):
     """A spring of a catalogue: force in tension ``preload + stiffness (l - free_length)`` between two lengths."""
 
     name: str
@@ -58,12 +286,12 @@ class Fitted:
     """Springs in their places, and the drive's torque with them."""
 
     springs: tuple[Spring, ...]
-    kinds: tuple[Kind | None, ...]
+    kinds: tuple[SpringRow | None, ...]
     lengths: tuple[Floats, ...]
     torque: Floats
 
 
-def spring_torque(machine: Machine, spring: Spring) -> tuple[Floats, Floats]:
+def spring_torque(machine: LinkMotions, spring: Spring) -> tuple[Floats, Floats]:
     """Lengths of a spring over the way, and what the drive must give because of it, (n,) each."""
     first, second = (_end(machine, name, point) for name, point in zip(spring.between, spring.points))
     v, speed = second[0] - first[0], second[1] - first[1]
@@ -75,15 +303,17 @@ def spring_torque(machine: Machine, spring: Spring) -> tuple[Floats, Floats]:
         return length, force * np.real(np.conj(v) * speed) / length
 
 
-def fitted(machine: Machine, torque: Floats, springs: list[Spring], kinds: list[Kind] | None = None) -> Fitted:
+def fitted(
+    machine: LinkMotions, torque: Floats, springs: list[Spring], kinds: list[SpringRow] | None = None
+) -> Fitted:
     """Springs at their places, and what they leave of a torque."""
     both = [spring_torque(machine, one) for one in springs]
     left = torque + sum((one for _, one in both), np.zeros(torque.size))
-    names: tuple[Kind | None, ...] = tuple(kinds) if kinds else (None,) * len(springs)
+    names: tuple[SpringRow | None, ...] = tuple(kinds) if kinds else (None,) * len(springs)
     return Fitted(tuple(springs), names, tuple(length for length, _ in both), left)
 
 
-def _end(machine: Machine, name: str, point: complex) -> tuple[Complexes, Complexes]:
+def _end(machine: LinkMotions, name: str, point: complex) -> tuple[Complexes, Complexes]:
     if name == GROUND:
         still = np.zeros(machine.at.size, dtype=complex)
         return still + point, still
@@ -92,10 +322,10 @@ def _end(machine: Machine, name: str, point: complex) -> tuple[Complexes, Comple
 
 
 def best_spring(
-    machine: Machine,
+    machine: LinkMotions,
     torque: Floats,
     between: tuple[str, str],
-    kinds: list[Kind],
+    kinds: list[SpringRow],
     room: Room,
     work: Work | None = None,
 ) -> Fitted | str:
@@ -121,7 +351,7 @@ def best_spring(
     length = np.sqrt(np.maximum(basis @ square, 1e-300))
     arm = (basis @ slope) / length
     shortest, longest = length.min(axis=1), length.max(axis=1)
-    tries: list[tuple[float, Kind, list[int]]] = []
+    tries: list[tuple[float, SpringRow, list[int]]] = []
     for kind in kinds:
         some = np.flatnonzero((shortest >= kind.shortest) & (longest <= kind.longest))
         if not some.size:
@@ -139,7 +369,7 @@ def best_spring(
             f"and lengths range from {float(shortest.min()):.4g} to {float(longest.max()):.4g}"
         )
     tries.sort(key=lambda row: row[0])
-    best: tuple[float, Kind, complex, complex] | None = None
+    best: tuple[float, SpringRow, complex, complex] | None = None
     for _, kind, some_ in tries[:_ROWS]:
         for k in some_:
             if work is not None and work.expired() and best is not None:
@@ -154,12 +384,12 @@ def best_spring(
     return fitted(machine, torque, [_named(machine, spring)], [kind])
 
 
-def _seen(machine: Machine, first: str, second: str) -> LinkMotion:
+def _seen(machine: LinkMotions, first: str, second: str) -> LinkMotion:
     link = machine.link(second)
     return link if first == GROUND else link.seen_from(machine.link(first))
 
 
-def _named(machine: Machine, spring: Spring) -> Spring:
+def _named(machine: LinkMotions, spring: Spring) -> Spring:
     """A spring whose first point is told in the plane at the first sample, with it in its link's frame."""
     first = spring.between[0]
     if first == GROUND:
@@ -168,7 +398,7 @@ def _named(machine: Machine, spring: Spring) -> Spring:
     return Spring(spring.between, (point, spring.points[1]), spring.stiffness, spring.free_length, spring.preload)
 
 
-def _grid(machine: Machine, first: str, second: str, room: Room) -> tuple[Complexes, Complexes]:
+def _grid(machine: LinkMotions, first: str, second: str, room: Room) -> tuple[Complexes, Complexes]:
     """All pairs of places of the first end, in the plane at the first sample, and points of the second link."""
     angles = np.exp(1j * np.linspace(0, 2 * np.pi, _DIRECTIONS, endpoint=False))
     around = (np.maximum(_RADII * room.reach, room.clear)[:, None] * angles).ravel()
@@ -184,14 +414,14 @@ def _grid(machine: Machine, first: str, second: str, room: Room) -> tuple[Comple
     return np.repeat(grounds, around.size), np.tile(around, grounds.size)
 
 
-def _pivots(machine: Machine) -> list[complex]:
+def _pivots(machine: LinkMotions) -> list[complex]:
     return [link.pivot for link in machine.links.values() if link.pivot is not None]
 
 
 class _Placing:
     """One spring's part of a fit: lengths and torque with exact derivatives by its four unknowns, its ends over the size."""
 
-    def __init__(self, machine: Machine, between: tuple[str, str], kind: Kind, room: Room) -> None:
+    def __init__(self, machine: LinkMotions, between: tuple[str, str], kind: SpringRow, room: Room) -> None:
         first, second = between
         self.link, self.kind, self.room = _seen(machine, first, second), kind, room
         left, bottom, right, top = room.box
@@ -290,18 +520,17 @@ def _together(parts: list[_Placing], torque: Floats, begin: Floats) -> tuple[flo
 
 
 def best_pair(
-    machine: Machine,
+    machine: LinkMotions,
     torque: Floats,
     betweens: list[tuple[str, str]],
-    kinds: list[Kind],
+    kinds: list[SpringRow],
     room: Room,
     work: Work | None = None,
-    turns: int = 2,
 ) -> Fitted | str:
     """Springs on several pairs of links: one after the other, each against what the others leave, some turns; then together."""
     placed: list[Fitted | None] = [None] * len(betweens)
     left = torque
-    for _ in range(turns):
+    for _ in range(_TURNS):
         for k, between in enumerate(betweens):
             others = sum(
                 (one.torque - torque for j, one in enumerate(placed) if one and j != k), np.zeros(torque.size)
@@ -330,7 +559,7 @@ def best_pair(
     return fitted(machine, torque, springs, rows)
 
 
-def _level(machine: Machine, spring: Spring) -> tuple[complex, complex]:
+def _level(machine: LinkMotions, spring: Spring) -> tuple[complex, complex]:
     """Both ends as unknowns have them: the first in the plane at the first sample."""
     first, (one, other) = spring.between[0], spring.points
     return (one if first == GROUND else complex(machine.link(first).place(one)[0])), other

@@ -14,7 +14,7 @@ import numpy as np
 from synthesis.arrays import Complexes, Floats
 from synthesis.errors import FieldError
 from synthesis.fourbar.kinematics import close_loop
-from synthesis.fourbar.linkage import Joints, Linkage, LinkMass
+from synthesis.fourbar.linkage import Joints, Linkage, Mass
 from synthesis.sheet import Extra, More, Sheet, csv_text, dxf_document, dxf_text, given_cells
 from synthesis.target import Interval, Target
 
@@ -236,9 +236,7 @@ def dxf_with_motion(
     return dxf_text(document)
 
 
-def to_mjcf(
-    linkage: Linkage, target: Target, unit_mm: float = 1.0, masses: Mapping[str, LinkMass] | None = None
-) -> str:
+def to_mjcf(linkage: Linkage, target: Target, unit_mm: float = 1.0, masses: Mapping[str, Mass] | None = None) -> str:
     """The linkage as a MuJoCo model in metres: three bodies, hinges, and the loop closed by an equality constraint.
 
     ``masses``: of crank, coupler and rocker, in kilograms and the unit of the lengths; without them links are slender rods.
@@ -265,7 +263,7 @@ def to_mjcf(
         else:
             # about the axis of a hinge; in the plane no other counts
             one = masses[name]
-            mass, centre, inertia = one.mass, xy0(one.centre * metre), one.inertia * metre**2
+            mass, centre, inertia = one.mass, xy0(one.at * metre), one.inertia * metre**2
         return (
             f'<inertial pos="{centre}" mass="{mass!r}" diaginertia="{inertia!r} {inertia!r} {inertia!r}"/>'
             f'<geom name="{name}_rod" type="capsule" fromto="0 0 0 {length!r} 0 0" size="{thick / 2!r}" rgba="{colour}"/>'

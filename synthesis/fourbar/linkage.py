@@ -19,13 +19,13 @@ from synthesis.fourbar.kinematics import (
 from synthesis.target import TURN, Interval
 
 
-class LinkMass(NamedTuple):
-    """Mass, centre and inertia of a moving link, in its frame: origin in its first joint, x axis to its second."""
+class Mass(NamedTuple):
+    """A mass on a link: its centre in the link's frame, its inertia about that (mass times length squared)."""
 
+    link: str
     mass: float
-    centre: complex
+    at: complex = 0j
     inertia: float = 0.0
-    """About the centre: mass times length squared."""
 
 
 @dataclass(frozen=True)

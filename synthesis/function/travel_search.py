@@ -6,7 +6,7 @@ or lengths over one scale, in which all lengths are.
 
 An input or an output is the angle of a crank or lever, or a travel: of a slider along its rail, or of a cylinder. With u the way
 from the first sample on, every law is y(u) + offset, of five unknowns: three of the shape, the *zero*, where the input is first,
-and the offset. Lengths are over one scale; those that must be above 0 are logarithms. Frames as in `slider.charts`: pivot of the
+and the offset. Lengths are over one scale; those that must be above 0 are logarithms. Frames as in `slider`: pivot of the
 crank in the origin, the rail on y = e, fixed pin d on the x axis.
 
 ======================  ============================  ========================================================================

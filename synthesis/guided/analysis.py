@@ -14,17 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from synthesis.arrays import Complexes, Floats, cross, dot
-from synthesis.fourbar.linkage import Linkage
+from synthesis.fourbar.linkage import Linkage, Mass
 from synthesis.guided.linkage import BODY, Circle, Driver, GuidedLinkage, LinkMotion, Rail, Slot, on_body
-
-
-class Mass(NamedTuple):
-    """A mass on a link: its centre in the link's frame, its inertia about that (mass times length squared)."""
-
-    link: str
-    mass: float
-    at: complex = 0j
-    inertia: float = 0.0
 
 
 class Load(NamedTuple):

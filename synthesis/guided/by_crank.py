@@ -25,8 +25,7 @@ from synthesis.mechanism import Bounded, Constrained, Placed
 from synthesis.pose import fit_positions
 from synthesis.search.search import DEFAULT_TOLERANCE, SearchReport, search
 from synthesis.search.seeds import SeedTables
-from synthesis.slider.charts import RAIL
-from synthesis.slider.mechanism import FULL_CHARTS, SliderTurning
+from synthesis.slider import FULL_CHARTS, RAIL, SliderTurning
 from synthesis.target import Target
 from synthesis.work import Work
 

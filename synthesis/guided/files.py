@@ -27,7 +27,7 @@ from synthesis.fourbar.files import (
     requested_positions,
     xy0,
 )
-from synthesis.fourbar.linkage import LinkMass
+from synthesis.fourbar.linkage import Mass
 from synthesis.guided.linkage import BODY, Circle, Driver, GuidedLinkage, LinkMotion, Rail, Slot
 from synthesis.sheet import Extra, More, Sheet, csv_text, dxf_document
 from synthesis.target import Interval, Target
@@ -259,7 +259,7 @@ def to_dxf(linkage: GuidedLinkage, target: Target, unit_mm: float = 1.0, more: M
 
 
 def to_mjcf(
-    linkage: GuidedLinkage, target: Target, unit_mm: float = 1.0, masses: Mapping[str, LinkMass] | None = None
+    linkage: GuidedLinkage, target: Target, unit_mm: float = 1.0, masses: Mapping[str, Mass] | None = None
 ) -> str:
     """The linkage as a MuJoCo model in metres: hinges and slides, and the loop closed by an equality constraint.
 
@@ -309,9 +309,9 @@ def to_mjcf(
         inertia = mass * max(length, thick) ** 2 / 12
         if masses is not None and name in masses:
             one = masses[name]
-            mass, inertia, centre = one.mass, one.inertia * metre**2, one.centre * metre
+            mass, inertia, centre = one.mass, one.inertia * metre**2, one.at * metre
             if name == BODY:  # whose frame here begins at the pin
-                centre = local((complex(body.origin[0]) + np.exp(1j * gamma) * one.centre) * metre)
+                centre = local((complex(body.origin[0]) + np.exp(1j * gamma) * one.at) * metre)
         return f'<inertial pos="{xy0(centre)}" mass="{mass!r}" diaginertia="{inertia!r} {inertia!r} {inertia!r}"/>'
 
     def guide_body(place: int, inner: str) -> tuple[str, list[float]]:

@@ -18,7 +18,9 @@ hinge locked it slides along its slot. The other guide then pushes along a line 
     sin mu = cross(X - Z, f) / |X - Z|,   hinge:  sin mu = f . (direction of the slot).
 
 Its sign is the branch, its size that of the transmission angle. It vanishes at the dead positions. Everything needs its value
-free of cancellation: `vectors` has the differences that it is the root of.
+free of cancellation: a loop closes where certain differences are not negative, of a squared length and a square, or of a length
+and a projection. Each is written as a sum of terms that are not negative wherever the drive moves freely, as in
+`fourbar.kinematics`.
 
 A body's pose is its place P (complex) and rotation gamma, R = e^{i gamma}; body points m are in the body's frame: P + R m.
 """
@@ -26,19 +28,177 @@ A body's pose is its place P (complex) and rotation gamma, R = e^{i gamma}; body
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from synthesis.arrays import Complexes, Floats, Ints, cross, dot
 from synthesis.fourbar.linkage import Linkage
-from synthesis.guided.vectors import Condition, Round, Still, Straight, Vector, places_within
 from synthesis.target import TURN, Interval
+
+
+class _Condition(NamedTuple):
+    """What must not be negative for a loop to close, over the drive's coordinate."""
+
+    value: Callable[[Floats], Floats]
+    extremes: tuple[float, ...]
+    """Where it is smallest or largest, modulo the period: between two of these it rises or falls throughout."""
+    size: float
+    """Of the terms that it is made of, to tell what is small."""
+    bounded: bool
+    """Whether it is negative far out on a line, so that the coordinate has ends."""
+
+
+@dataclass(frozen=True)
+class _Vector:
+    """A plane vector over the drive's coordinate q, which every method takes as an array (n,); here one that stays as it is.
+
+    Of those that move, conditions: ``longer_than``, its square less that of a length that is at least 0; ``shorter_than``, the
+    square of such a length less its own; ``across``, a length less, for sign +1, the vector's part to the left of a direction,
+    for sign -1 that to the right.
+    """
+
+    middle: complex
+
+    def plus(self, offset: complex) -> Self:
+        """The sum with a fixed vector."""
+        return replace(self, middle=self.middle + offset)
+
+    def at(self, q: Floats) -> Complexes:
+        """The vector."""
+        return np.full(np.shape(q), self.middle)
+
+    def direction(self, q: Floats) -> Floats:
+        """Its angle against the x axis, continuous wherever it does not vanish."""
+        return np.full(np.shape(q), np.angle(self.middle))
+
+    @property
+    def turning_points(self) -> tuple[float, ...]:
+        """Where its length is largest or smallest."""
+        return ()
+
+
+@dataclass(frozen=True)
+class _Round(_Vector):
+    """``middle - radius e^{iq}``: from a crank's pin to a fixed place."""
+
+    radius: float
+
+    @property
+    def _distance(self) -> float:
+        return abs(self.middle)
+
+    @property
+    def _towards(self) -> float:
+        return float(np.angle(self.middle))
+
+    def at(self, q: Floats) -> Complexes:
+        return self.middle - self.radius * np.exp(1j * q)
+
+    def direction(self, q: Floats) -> Floats:
+        d, r, x = self._distance, self.radius, q - self._towards
+        # the bracket of the longer of both has a positive real part: its argument needs no unwrapping
+        if d >= r:
+            return self._towards + np.arctan2(-r * np.sin(x), (d - r) + 2 * r * np.sin(x / 2) ** 2)
+        return q - math.pi + np.arctan2(d * np.sin(x), (r - d) + 2 * d * np.sin(x / 2) ** 2)
+
+    def longer_than(self, length: float) -> _Condition:
+        d, r, towards = self._distance, self.radius, self._towards
+        least = (d - r - length) * (d - r + length)
+        return _Condition(
+            lambda q: least + 4 * d * r * np.sin((q - towards) / 2) ** 2,
+            self.turning_points,
+            (d + r + length) ** 2,
+            False,
+        )
+
+    def shorter_than(self, length: float) -> _Condition:
+        d, r, towards = self._distance, self.radius, self._towards
+        least = (length - d - r) * (length + d + r)
+        return _Condition(
+            lambda q: least + 4 * d * r * np.cos((q - towards) / 2) ** 2,
+            self.turning_points,
+            (d + r + length) ** 2,
+            False,
+        )
+
+    def across(self, direction: float, length: float, sign: int) -> _Condition:
+        r = self.radius
+        least = (length - r) - sign * float(np.imag(self.middle * np.exp(-1j * direction)))
+        size = length + r + abs(self.middle)
+        lowest = direction - sign * math.pi / 2
+        return _Condition(
+            lambda q: least + 2 * r * np.sin((q - lowest) / 2) ** 2, (lowest, lowest + math.pi), size, False
+        )
+
+    @property
+    def turning_points(self) -> tuple[float, ...]:
+        return self._towards, self._towards + math.pi
+
+
+@dataclass(frozen=True)
+class _Straight(_Vector):
+    """``middle - q e^{i along}``: from a slider's pin to a fixed place."""
+
+    along: float
+
+    @property
+    def _foot(self) -> complex:
+        """The place on the line nearest to the vector's end, and how far beside the line that end lies."""
+        return complex(self.middle * np.exp(-1j * self.along))
+
+    def at(self, q: Floats) -> Complexes:
+        return self.middle - q * np.exp(1j * self.along)
+
+    def direction(self, q: Floats) -> Floats:
+        foot = self._foot
+        return self.along + np.arctan2(foot.imag, foot.real - q)
+
+    def longer_than(self, length: float) -> _Condition:
+        foot = self._foot
+        least, size = (abs(foot.imag) - length) * (abs(foot.imag) + length), (abs(foot.imag) + length) ** 2
+        return _Condition(lambda q: least + (foot.real - q) ** 2, (foot.real,), size, False)
+
+    def shorter_than(self, length: float) -> _Condition:
+        foot = self._foot
+        square, size = (length - abs(foot.imag)) * (length + abs(foot.imag)), (length + abs(foot.imag)) ** 2
+        if square < 0:
+            return _Condition(lambda q: square - (foot.real - q) ** 2, (foot.real,), size, True)
+        half = math.sqrt(square)
+        return _Condition(lambda q: (half - (foot.real - q)) * (half + (foot.real - q)), (foot.real,), size, True)
+
+    def across(self, direction: float, length: float, sign: int) -> _Condition:
+        beside = float(np.imag(self.middle * np.exp(-1j * direction)))
+        slope = math.sin(self.along - direction)
+        return _Condition(lambda q: length - sign * beside + sign * q * slope, (), length, slope != 0)
+
+    @property
+    def turning_points(self) -> tuple[float, ...]:
+        return (self._foot.real,)
+
+
+def places_within(places: Iterable[float], first: float, last: float, period: float | None) -> list[float]:
+    """The places, modulo a period where there is one, strictly between two coordinates in either order."""
+    low, high = min(first, last), max(first, last)
+    found: list[float] = []
+    for place in places:
+        if period is None:
+            found += [place] if low < place < high else []
+            continue
+        number = math.floor((low - place) / TURN) + 1
+        while place + number * TURN < high:
+            found.append(place + number * TURN)
+            number += 1
+    return found
+
+
+# -- linkages -------------------------------------------------------------------------------------------------------------
+
 
 _LOOKS, _NODES = 4, 33
 """Looks, each between two nodes of the one before, at where a travel turns back: to 2e-8 radians, its end to all digits."""
@@ -174,9 +334,9 @@ class LinkMotion:
         """Its second derivative by the drive, (n,)."""
         return self.acceleration + (1j * self.rate_change - self.rate**2) * self.direction * point
 
-    def point_at(self, place: complex, sample: int = 0) -> complex:
-        """The point of the link that lies at a place of the plane at one sample."""
-        return complex(np.conj(self.direction[sample]) * (place - self.origin[sample]))
+    def point_at(self, place: complex) -> complex:
+        """The point of the link that lies at a place of the plane at the first sample."""
+        return complex(np.conj(self.direction[0]) * (place - self.origin[0]))
 
     def at(self, samples: Ints) -> LinkMotion:
         """The motion at some of the values only."""
@@ -312,11 +472,23 @@ class GuidedLinkage:
         return first, BODY, second
 
     @property
+    def named_guides(self) -> tuple[tuple[str, Guide], ...]:
+        """Both guides with the names of their links."""
+        return tuple(zip(self.link_names[::2], self.guides))
+
+    @property
     def reach(self) -> float:
         """A length of its size, wherever it stands: the largest radius, or distance of its body points or fixed places."""
         first, second = self.guides
         radii = [one.radius for one in self.guides if isinstance(one, Circle)]
         return max(*radii, abs(first.body_point - second.body_point), abs(first[0] - second[0]), 1e-300)
+
+    @property
+    def lengths(self) -> dict[str, float]:
+        """Of cranks and rockers by name, and of the coupler, where both guides lead a point of the body."""
+        found = {name: one.radius for name, one in self.named_guides if isinstance(one, Circle)}
+        points = [one.body_point for one in self.guides if not isinstance(one, Slot)]
+        return found | ({"coupler": abs(points[1] - points[0])} if len(points) == 2 else {})
 
     def scaled(self, scale: float) -> GuidedLinkage:
         """The linkage with all lengths times a scale, about the origin."""
@@ -366,40 +538,40 @@ class GuidedLinkage:
     # -- the loop -----------------------------------------------------------------------------------------------------
 
     @cached_property
-    def _pin(self) -> Vector:
+    def _pin(self) -> _Vector:
         """From the pin Z, about which the body turns with the drive locked, to the origin; not for a hinge."""
         driven = self.guides[0]
         if isinstance(driven, Circle):
-            return Round(-driven.pivot, driven.radius)
+            return _Round(-driven.pivot, driven.radius)
         if isinstance(driven, Rail):
-            return Straight(-driven.point, driven.direction)
-        return Still(-driven.pin)
+            return _Straight(-driven.point, driven.direction)
+        return _Vector(-driven.pin)
 
     @cached_property
-    def _spread(self) -> Vector:
+    def _spread(self) -> _Vector:
         """From Z to the other guide's fixed point: pivot, point or pin."""
         return self._pin.plus(_fixed_point(self.guides[1]))
 
     @cached_property
-    def _arm(self) -> Vector:
+    def _arm(self) -> _Vector:
         """From Z to the other guide's body point, in the body's frame."""
         driven, other = self.guides
         vector = other.body_point - driven.body_point
         if isinstance(driven, Slot):
-            return Straight(vector, driven.body_direction)
-        return Still(vector)
+            return _Straight(vector, driven.body_direction)
+        return _Vector(vector)
 
     @cached_property
-    def _pushed(self) -> Vector:
+    def _pushed(self) -> _Round:
         """Of a hinge with a circle: its part across the line from pivot to pin is how far the pivot lies beside the slide."""
         driven, other = self.guides
         assert isinstance(driven, Slot)
         between = driven.pin - _fixed_point(other)
         beside = _turned(other.body_point - driven.body_point, -driven.body_direction).imag
-        return Round(_turned(1j * beside, float(np.angle(between))), abs(between))
+        return _Round(_turned(1j * beside, float(np.angle(between))), abs(between))
 
     @cached_property
-    def conditions(self) -> tuple[Condition, ...]:
+    def conditions(self) -> tuple[_Condition, ...]:
         """What must not be negative for the loop to close; where one vanishes both branches meet."""
         driven, other = self.guides
         if self.driver is Driver.HINGE:
@@ -410,6 +582,7 @@ class GuidedLinkage:
             return tuple(self._pushed.across(towards, other.radius, sign) for sign in (1, -1))
         cylinder = self.driver is Driver.CYLINDER
         varying, still = (self._arm, self._spread) if cylinder else (self._spread, self._arm)
+        assert isinstance(varying, _Round | _Straight)
         length = abs(still.middle)
         if isinstance(other, Circle):
             return varying.shorter_than(length + other.radius), varying.longer_than(abs(length - other.radius))
@@ -814,10 +987,18 @@ def of_four_bar(linkage: Linkage) -> GuidedLinkage:
 
     Law: poses over travel from the first sample are those of `Linkage.joints`.
     """
-    crank, coupler, rocker, _ = linkage.links
-    first = Circle(linkage.pivot_a, crank, on_body(linkage, 0j))
-    second = Circle(linkage.pivot_b, rocker, on_body(linkage, coupler + 0j))
-    return GuidedLinkage((first, second), Driver.CRANK, linkage.branch, linkage.start + linkage.ground_angle)
+    return _on_circles(linkage, on_body(linkage, 0j), on_body(linkage, linkage.links[1] + 0j))
+
+
+def along_coupler(linkage: Linkage) -> GuidedLinkage:
+    """The same with the coupler's own frame in place of the body's: from the crank pin along the coupler."""
+    return _on_circles(linkage, 0j, linkage.links[1] + 0j)
+
+
+def _on_circles(linkage: Linkage, first: complex, second: complex) -> GuidedLinkage:
+    crank, _, rocker, _ = linkage.links
+    guides = Circle(linkage.pivot_a, crank, first), Circle(linkage.pivot_b, rocker, second)
+    return GuidedLinkage(guides, Driver.CRANK, linkage.branch, linkage.start + linkage.ground_angle)
 
 
 def on_body(linkage: Linkage, point: complex) -> complex:

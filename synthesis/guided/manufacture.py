@@ -50,33 +50,36 @@ class Source(NamedTuple):
     """Which of `Tolerances` it keeps to."""
 
 
+_SOURCES = {
+    Circle: (
+        ("{} length", "radius", "links"),
+        ("{} body point", "body_point", "links"),
+        ("{} pivot", "fixed", "pivots"),
+        ("clearance at the {} pivot", "fixed", "clearance"),
+        ("clearance at the {} pin", "fixed", "clearance"),
+    ),
+    Rail: (
+        ("{} body point", "body_point", "links"),
+        ("{} rail", "fixed", "pivots"),
+        ("clearance at the {} pin", "fixed", "clearance"),
+        ("clearance in the {} rail", "fixed", "clearance"),
+    ),
+    Slot: (
+        ("{} slot", "body_point", "links"),
+        ("{} pin", "fixed", "pivots"),
+        ("clearance at the {} pin", "fixed", "clearance"),
+        ("clearance in the {} slot", "fixed", "clearance"),
+    ),
+}
+
+
 def sources_of(linkage: GuidedLinkage) -> list[Source]:
     """All sources of a linkage, guide by guide."""
-    found = []
-    for place, (guide, name) in enumerate(zip(linkage.guides, (linkage.link_names[0], linkage.link_names[2]))):
-        if isinstance(guide, Circle):
-            found += [
-                Source(f"{name} length", place, "radius", "links"),
-                Source(f"{name} body point", place, "body_point", "links"),
-                Source(f"{name} pivot", place, "fixed", "pivots"),
-                Source(f"clearance at the {name} pivot", place, "fixed", "clearance"),
-                Source(f"clearance at the {name} pin", place, "fixed", "clearance"),
-            ]
-        elif isinstance(guide, Rail):
-            found += [
-                Source(f"{name} body point", place, "body_point", "links"),
-                Source(f"{name} rail", place, "fixed", "pivots"),
-                Source(f"clearance at the {name} pin", place, "fixed", "clearance"),
-                Source(f"clearance in the {name} rail", place, "fixed", "clearance"),
-            ]
-        else:
-            found += [
-                Source(f"{name} slot", place, "body_point", "links"),
-                Source(f"{name} pin", place, "fixed", "pivots"),
-                Source(f"clearance at the {name} pin", place, "fixed", "clearance"),
-                Source(f"clearance in the {name} slot", place, "fixed", "clearance"),
-            ]
-    return found
+    return [
+        Source(words.format(name), place, what, size)
+        for place, (name, guide) in enumerate(linkage.named_guides)
+        for words, what, size in _SOURCES[type(guide)]
+    ]
 
 
 class _Guide:
@@ -212,7 +215,7 @@ def dimensions_of(linkage: GuidedLinkage) -> list[tuple[str, int, Deviation]]:
     """Every dimension by name, the guide that it belongs to, and a unit of it; directions last, in radians."""
     found: list[tuple[str, int, Deviation]] = []
     turned: list[tuple[str, int, Deviation]] = []
-    for place, (guide, name) in enumerate(zip(linkage.guides, (linkage.link_names[0], linkage.link_names[2]))):
+    for place, (name, guide) in enumerate(linkage.named_guides):
         fixed = {Circle: "pivot", Rail: "rail", Slot: "pin"}[type(guide)]
         if isinstance(guide, Circle):
             found.append((f"{name} length", place, Deviation(radius=1.0)))

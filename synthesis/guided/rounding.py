@@ -31,18 +31,6 @@ _ENDED = 1e-5
 """A round that gains less than this part of the error is the last."""
 
 
-def lengths_of(linkage: GuidedLinkage) -> dict[str, float]:
-    """The lengths that are chosen, by name."""
-    found = {}
-    for guide, name in zip(linkage.guides, (linkage.link_names[0], linkage.link_names[2])):
-        if isinstance(guide, Circle):
-            found[name] = guide.radius
-    first, second = linkage.guides
-    if not isinstance(first, Slot) and not isinstance(second, Slot):
-        found["coupler"] = abs(second.body_point - first.body_point)
-    return found
-
-
 def rounded(
     samples: Poses | Target,
     solution: GuidedSolution,
@@ -57,7 +45,7 @@ def rounded(
     ``choices``: the nearest lengths that can be had, nearest first. ``combinations``: how many there are of all lengths
     together; None for a grid.
     """
-    own = lengths_of(solution.linkage)
+    own = solution.linkage.lengths
     rows = [list(choices(length))[:AROUND] for length in own.values()]
     together = sorted(
         itertools.product(*rows), key=lambda row: sum(abs(np.log(a / b)) for a, b in zip(row, own.values()))
@@ -109,9 +97,7 @@ class _Chart:
     def at(self, x: Floats) -> GuidedLinkage:
         """The linkage at changes x of the one that it began with."""
         guides: list[Guide] = []
-        for place, (one, name) in enumerate(
-            zip(self.linkage.guides, (self.linkage.link_names[0], self.linkage.link_names[2]))
-        ):
+        for place, (name, one) in enumerate(self.linkage.named_guides):
             own = x[4 * place : 4 * place + 4]
             fixed = one[0] + self.size * complex(own[0], own[1])
             point = one.body_point + self.size * complex(own[2], own[3])

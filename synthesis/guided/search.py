@@ -37,11 +37,23 @@ from synthesis.free.dyads import (
     sampled_dyads,
 )
 from synthesis.free.poses import Poses
-from synthesis.guided.dyads import Guides, Lines, Motion, Straight, as_circles, lines_of
-from synthesis.guided.limits import broken_limits
 from synthesis.guided.linkage import DRIVERS, GUIDES, Circle, Driver, Guide, GuidedLinkage, Kind, Rail, Slot
-from synthesis.guided.pairs import OWN, Chart, Looked, Pairs, Problem, Samples, Stage
-from synthesis.guided.solution import GuidedSolution, assess
+from synthesis.guided.pairs import (
+    OWN,
+    Chart,
+    Guides,
+    Lines,
+    Looked,
+    Motion,
+    Pairs,
+    Problem,
+    Samples,
+    Stage,
+    Straight,
+    as_circles,
+    lines_of,
+)
+from synthesis.guided.solution import GuidedSolution, assess, broken_limits
 from synthesis.rounds import elsewhere, unseen
 from synthesis.search.search import DEFAULT_TOLERANCE, StoppedBy
 from synthesis.target import TURN

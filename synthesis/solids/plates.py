@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from synthesis.assembly.shapes import hull
+from synthesis.assembly.gaps import hull
 from synthesis.errors import FieldError
 from synthesis.fourbar.files import check_sizes, plate_sizes
 from synthesis.fourbar.linkage import Linkage

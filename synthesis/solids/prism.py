@@ -96,8 +96,8 @@ class Arc(NamedTuple):
         return self.centre + self.radius * np.exp(1j * (self.first + self.angle * share))
 
 
-class Mass(NamedTuple):
-    """Mass, centre and inertia about the centre, of a part or of several parts of one body.
+class MassProperties(NamedTuple):
+    """MassProperties, centre and inertia about the centre, of a part or of several parts of one body.
 
     Units: those of length and density; `kg_mm` says how a density in kg/m^3 and millimetres go together.
     """
@@ -108,13 +108,13 @@ class Mass(NamedTuple):
     inertia: Floats
     """(3, 3), about the centre, along the axes of the frame."""
 
-    def turned(self, turn: complex, shift: Floats) -> Mass:
+    def turned(self, turn: complex, shift: Floats) -> MassProperties:
         """The same in another frame: turned about z by the unit number ``turn``, then moved by ``shift`` (3,)."""
         rotation = np.array([[turn.real, -turn.imag, 0.0], [turn.imag, turn.real, 0.0], [0.0, 0.0, 1.0]])
-        return Mass(self.mass, rotation @ self.centre + shift, rotation @ self.inertia @ rotation.T)
+        return MassProperties(self.mass, rotation @ self.centre + shift, rotation @ self.inertia @ rotation.T)
 
 
-def together(parts: Sequence[Mass]) -> Mass:
+def together(parts: Sequence[MassProperties]) -> MassProperties:
     """Several masses as one rigid body.
 
     Law: mass and mass times centre add up; inertia adds up by the parallel axis theorem, so the least principal moment never
@@ -122,13 +122,13 @@ def together(parts: Sequence[Mass]) -> Mass:
     """
     mass = float(sum(part.mass for part in parts))
     if not mass:
-        return Mass(0.0, np.zeros(3), np.zeros((3, 3)))
+        return MassProperties(0.0, np.zeros(3), np.zeros((3, 3)))
     centre = sum((part.mass * part.centre for part in parts), np.zeros(3)) / mass
     inertia = np.zeros((3, 3))
     for part in parts:
         off = part.centre - centre
         inertia += part.inertia + part.mass * (off @ off * np.eye(3) - np.outer(off, off))
-    return Mass(mass, centre, inertia)
+    return MassProperties(mass, centre, inertia)
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,8 +222,8 @@ class Prism:
         """Area times height."""
         return self.moments.area * self.height
 
-    def mass(self, density: float) -> Mass:
-        """Mass and inertia for a density per cube of the unit of its lengths."""
+    def mass(self, density: float) -> MassProperties:
+        """MassProperties and inertia for a density per cube of the unit of its lengths."""
         base, tall = self.moments, self.height
         mass = density * base.area * tall
         upright = mass * tall**2 / 12
@@ -231,7 +231,9 @@ class Prism:
             density * tall * np.array([[base.yy, -base.xy, 0], [-base.xy, base.xx, 0], [0, 0, base.xx + base.yy]])
         )
         inertia += np.diag([upright, upright, 0.0])
-        return Mass(mass, np.array([base.centre.real, base.centre.imag, (self.low + self.high) / 2]), inertia)
+        return MassProperties(
+            mass, np.array([base.centre.real, base.centre.imag, (self.low + self.high) / 2]), inertia
+        )
 
     def moved(self, turn: complex = 1.0 + 0j, shift: complex = 0j, up: float = 0.0) -> Prism:
         """The same part, turned about z by the unit number ``turn``, then moved."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from synthesis.assembly.machine import Machine
 from synthesis.assembly.movement import GROUND
-from synthesis.solids.prism import Mass
+from synthesis.solids.prism import MassProperties
 from synthesis.solids.solid import Solid, Solids
 from synthesis.target import Interval
 
@@ -39,7 +39,7 @@ class Joint:
     closing: bool
 
 
-def joints_of(machine: Machine) -> list[Joint]:
+def tree_of(machine: Machine) -> list[Joint]:
     """The joints of a machine from the ground on, those that close a loop last.
 
     Law: without them they make a tree of all bodies; with them there are as many as a plane mechanism of one degree of freedom
@@ -91,7 +91,7 @@ class _Model:
             for body in range(len(self.names))
         ]
         self.masses = [_in_metres(mass) for mass in solids.masses().values()]
-        self.joints = joints_of(self.machine)
+        self.joints = tree_of(self.machine)
 
     def inertial(self, body: int) -> str:
         """The same element in both formats, apart from the place, which is given."""
@@ -104,8 +104,8 @@ class _Model:
         return " ".join(_number(value) for value in self.masses[body].centre)
 
 
-def _in_metres(mass: Mass) -> Mass:
-    return Mass(mass.mass, mass.centre / 1000, mass.inertia / 1e6)
+def _in_metres(mass: MassProperties) -> MassProperties:
+    return MassProperties(mass.mass, mass.centre / 1000, mass.inertia / 1e6)
 
 
 def to_urdf(solids: Solids, name: str, used: Interval | None = None) -> str:

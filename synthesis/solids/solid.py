@@ -17,9 +17,9 @@ from synthesis.arrays import Floats
 from synthesis.assembly.layers import HEAD, Heights, Part, Stack, parts_of
 from synthesis.assembly.machine import Machine
 from synthesis.errors import FieldError
-from synthesis.fourbar.linkage import LinkMass
+from synthesis.fourbar.linkage import Mass
 from synthesis.guided.linkage import BODY
-from synthesis.solids.prism import Hole, Mass, Prism, filleted, rounded, together
+from synthesis.solids.prism import Hole, MassProperties, Prism, filleted, rounded, together
 
 DENSITIES = {
     "steel": 7850.0,
@@ -121,7 +121,7 @@ class Solid:
         return self.prism.volume
 
     @property
-    def mass(self) -> Mass:
+    def mass(self) -> MassProperties:
         """Kilograms and millimetres, in the frame of its body."""
         own = self.prism.mass(DENSITIES[self.material] * _CUBIC_MM)
         return own.turned(1.0 + 0j, np.array([self.at.real, self.at.imag, self.up]))
@@ -152,7 +152,7 @@ class Solids(NamedTuple):
             found.append(Posed(turn / abs(turn), shift, part.up))
         return found
 
-    def masses(self) -> dict[str, Mass]:
+    def masses(self) -> dict[str, MassProperties]:
         """Of each body with everything that it carries, in its frame; kilograms and millimetres."""
         names = self.machine.movement.names
         return {
@@ -385,16 +385,11 @@ def _short(value: object) -> object:
     return round(value, 9) if isinstance(value, float) else value
 
 
-def masses_of_links(masses: Mapping[str, Mass], unit: float, body_at: complex = 0j) -> dict[str, LinkMass]:
-    """Masses as an analysis takes them: of each moving link its mass, centre and inertia in its frame.
-
-    ``unit``: millimetres in the unit of the lengths. ``body_at``: as of the machine.
-    """
-    found = {}
-    for name, mass in masses.items():
+def masses_of_links(solids: Solids) -> list[Mass]:
+    """Masses as an analysis takes them: of each moving link its mass, centre and inertia in its frame, in the user's unit."""
+    found = []
+    for name, mass in solids.masses().items():
         if name != "ground" and mass.mass > 0:
-            x, y, _ = (mass.centre / unit).tolist()
-            found[name] = LinkMass(
-                mass.mass, complex(x, y) - (body_at if name == BODY else 0j), float(mass.inertia[2, 2]) / unit**2
-            )
+            at = complex(*mass.centre[:2].tolist()) / solids.unit - (solids.machine.body_at if name == BODY else 0j)
+            found.append(Mass(name, mass.mass, at, float(mass.inertia[2, 2]) / solids.unit**2))
     return found

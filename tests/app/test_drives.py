@@ -12,7 +12,7 @@ from fastapi.testclient import TestClient
 import linkage_atlas as la
 from app.cli import main
 from app.query import bundled_requests
-from synthesis.drives.links import machine_at
+from synthesis.drives.links import motions_at
 from synthesis.guided.analysis import Load
 from tests.oracles.largest import TWO_RAILS
 
@@ -67,7 +67,7 @@ def test_peaks_are_those_of_the_whole_way() -> None:
     for load in ({"force": [0, 100]}, {"force": [60, -80], "torque": 3000}):
         found = la.drives(linkage, asked, crank_angle=[0, -33.7], load=load, top=9)
         at = np.deg2rad(np.linspace(0, -33.7, 50_001))
-        machine = machine_at(linkage.plain, at)
+        machine = motions_at(linkage.plain, at)
         torque = machine.torque(Load(complex(*load["force"]), load.get("torque", 0.0)))
         assert {one.on for one in found.drives} == {"ground", "crank"}
         for one in found.drives:

@@ -43,7 +43,7 @@ import os, sys
 from app import cli
 from app.scenes import knotter, lift
 from app.registry import all_queries
-from synthesis.slider.mechanism import SliderTypeRule
+from synthesis.slider import SliderTypeRule
 
 SliderTypeRule.__init__.__defaults__ = (80, *SliderTypeRule.__init__.__defaults__[1:])
 

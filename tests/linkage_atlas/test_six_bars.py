@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import linkage_atlas as la
-from synthesis.solids.robots import joints_of
+from synthesis.solids.robots import tree_of
 
 FOUR_BAR = la.FourBar(30, 60, 70, 50, start_angle=40, coupler_point=(40, 30), pivot_a=(5, -3))
 LOAD = {"force": [0, -10]}
@@ -125,7 +125,7 @@ def test_its_urdf_closes_all_around_in_a_simulator(link) -> None:
     one, _ = found(FOUR_BAR, [link], [0, 60])
     parts = one.solids(boards="both", nevertheless=True)
     machine = parts.solids.machine
-    names, joints = machine.movement.names, joints_of(machine)
+    names, joints = machine.movement.names, tree_of(machine)
     assert [joint.name for joint in joints if joint.closing] == ["C", "Q"]
     spec = mujoco.MjSpec.from_string(parts.file("urdf").decode())
     for joint in joints:

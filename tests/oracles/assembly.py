@@ -9,13 +9,10 @@ from typing import Any
 import numpy as np
 import shapely
 
-from synthesis.assembly.driving import motor_driven
-from synthesis.assembly.guided import guided
 from synthesis.assembly.layers import Arrangement, Heights, Search, parts_of
-from synthesis.assembly.machine import Machine, Sizes, four_bar
-from synthesis.drives.dyad import about_pivot, on_any_link, proportions
-from synthesis.drives.links import machine_of
-from synthesis.drives.six_bar import Motor
+from synthesis.assembly.machine import Machine, Sizes, as_plates, motor_driven
+from synthesis.drives.links import motions_of
+from synthesis.drives.six_bar import Motor, about_pivot, on_any_link, proportions
 from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.linkage import DRIVERS, Circle, GuidedLinkage, Rail, Slot
 from synthesis.target import TURN, Interval
@@ -100,7 +97,7 @@ def four_bars(count: int) -> Iterator[Machine]:
             continue
         body = _star(random)
         try:
-            yield four_bar(linkage, Interval(0.0, span), _sizes(random, 0.3 * min(links)), body)
+            yield as_plates(linkage, Interval(0.0, span), _sizes(random, 0.3 * min(links)), body)
         except ValueError:
             continue
         count -= 1
@@ -144,10 +141,10 @@ def sliders(count: int) -> Iterator[Machine]:
         with np.errstate(all="ignore"):
             closes = linkage.closes_over(Interval(linkage.start, linkage.start + span))
         try:
-            machine = guided(linkage, Interval(0.0, span), Sizes()) if closes else None
+            machine = as_plates(linkage, Interval(0.0, span), Sizes()) if closes else None
             if machine is not None:
                 most = min(1.3 * machine.hole, 0.3 * min(machine.lengths))
-                machine = guided(linkage, Interval(0.0, span), _sizes(random, most), _star(random))
+                machine = as_plates(linkage, Interval(0.0, span), _sizes(random, most), _star(random))
         except ValueError:
             machine = None
         # a body that is flung far away tells nothing
@@ -219,7 +216,7 @@ def other_six_bars(count: int) -> Iterator[tuple[Any, Interval, Motor]]:
             )
         used = Interval(0.0, float(random.uniform(0.4, 1.2)))
         with np.errstate(all="ignore"):
-            machine = machine_of(linkage, used)
+            machine = motions_of(linkage, used)
         if not all(np.isfinite(one.rate).all() for one in machine.links.values()):
             continue
         link = machine.links[

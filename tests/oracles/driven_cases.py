@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from synthesis.drives.actuator import Actuator, Question, Wanted
-from synthesis.drives.links import GROUND, Machine, machine_of
-from synthesis.fourbar.linkage import Linkage
-from synthesis.guided.analysis import Load, Mass
+from synthesis.drives.links import GROUND, LinkMotions, motions_of
+from synthesis.fourbar.linkage import Linkage, Mass
+from synthesis.guided.analysis import Load
 from synthesis.guided.linkage import GuidedLinkage, LinkMotion
 from synthesis.target import Interval
 from tests.oracles.guided_cases import DRIVES, good_linkage
@@ -36,7 +36,7 @@ def any_linkage(seed: int) -> tuple[Linkage | GuidedLinkage, Interval]:
     return good_linkage(rng, drive, low, high, np.deg2rad(15)), Interval(0.0, span)
 
 
-def loads(machine: Machine, rng: np.random.Generator) -> Load:
+def loads(machine: LinkMotions, rng: np.random.Generator) -> Load:
     """Force, torque, and masses with inertia on every link and the body, at a speed."""
     names = [*machine.links, "body"]
     parts = [Mass(name, rng.uniform(0, 2), complex(*rng.normal(size=2)), rng.uniform(0, 0.3)) for name in names]
@@ -51,7 +51,7 @@ class Case:
     def __init__(self, seed: int) -> None:
         self.linkage, self.interval = any_linkage(seed)
         self.kind = "four_bar" if isinstance(self.linkage, Linkage) else self.linkage.kind.value
-        self.machine = machine_of(self.linkage, self.interval)
+        self.machine = motions_of(self.linkage, self.interval)
         rng = np.random.default_rng([seed, 1])
         self.load = loads(self.machine, rng)
         names = list(self.machine.links)

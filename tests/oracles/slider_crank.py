@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from synthesis.slider.charts import RAIL, SLOT, AnySliderChart, SliderCrankChart, SwingingBlockChart
+from synthesis.slider import RAIL, SLOT, AnySliderChart, SliderCrankChart, SwingingBlockChart
 from synthesis.target import make_target
 
 SLIDER_CHARTS: list[Any] = [SliderCrankChart(), SwingingBlockChart(), AnySliderChart(RAIL), AnySliderChart(SLOT)]

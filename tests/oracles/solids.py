@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
+from synthesis.assembly.gaps import distances
 from synthesis.assembly.layers import Arrangement, Asked, arrange
-from synthesis.assembly.machine import Machine, Sizes, four_bar
-from synthesis.assembly.shapes import distances
+from synthesis.assembly.machine import Machine, Sizes, as_plates
 from synthesis.fourbar.linkage import Linkage
 from synthesis.solids.mesh import mesh_of, ring_of
 from synthesis.solids.solid import FITS, Made, Solid, Solids, solids_of
@@ -46,7 +46,7 @@ def built(name: str, boards: str = "both", heads: bool = False, fit: str = "H7",
 def arranged(name: str, boards: str = "both", heads: bool = False, body=()) -> tuple[Machine, Arrangement]:
     case = TABLE[name]
     sizes = Sizes(*(case[size] for size in ("hole", "width", "clearance")))
-    machine = four_bar(linkage_of(case), Interval(*np.deg2rad(case["used"])), sizes, body=body, bar=boards == "bar")
+    machine = as_plates(linkage_of(case), Interval(*np.deg2rad(case["used"])), sizes, body=body, bar=boards == "bar")
     return machine, arrange(machine, Asked(boards, heads=heads), Work())
 
 

@@ -26,7 +26,7 @@ from synthesis.free.poses import Poses
 from synthesis.mechanism import Placed
 from synthesis.pose import DEGENERATE
 from synthesis.search.problems import GivenProblem
-from synthesis.slider.charts import SliderChart
+from synthesis.slider import SliderChart
 from synthesis.target import Interval, Samples, Target
 from synthesis.work import Work
 from tests.oracles.free_classes import free_case

@@ -17,8 +17,8 @@ from synthesis import kernel
 from synthesis.fourbar.charts import AnyChart, FullCrankChart, GrashofChart
 from synthesis.fourbar.limits import Constraints, Limits, Reach
 from synthesis.free.poses import make_poses
-from synthesis.guided.limits import numbers_of
-from synthesis.slider.charts import SliderChart
+from synthesis.guided.pairs import numbers_of
+from synthesis.slider import SliderChart
 from tests.oracles.kernel import LIBRARY, SOURCE, compiled_from, uncompiled
 from tests.oracles.slider_crank import SLIDER_CHARTS, SLIDER_NAMES, SLIDERS, body_angle
 

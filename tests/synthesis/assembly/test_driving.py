@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from synthesis.assembly.driving import Swung, motor_driven
 from synthesis.assembly.layers import Asked, Search
-from synthesis.assembly.machine import Machine, Sizes, four_bar
+from synthesis.assembly.machine import Machine, Sizes, Swung, as_plates, motor_driven
 from synthesis.assembly.movement import Place
 from synthesis.drives.six_bar import Motor
 from synthesis.errors import FieldError
@@ -46,7 +45,7 @@ def check(machine: Machine, number: int) -> None:
 
 
 def test_the_motor_swings_the_linkage_from_end_to_end() -> None:
-    machine, plain = motor_driven(LINKAGE, USED, MOTOR, Sizes()), four_bar(LINKAGE, USED, Sizes())
+    machine, plain = motor_driven(LINKAGE, USED, MOTOR, Sizes()), as_plates(LINKAGE, USED, Sizes())
     turn = machine.movement.bodies(np.linspace(*machine.used, 7201))
     for body, end in ((1, 30.0), (2, 60.0), (3, 70.0)):
         pin = Place(body, complex(end))

@@ -8,10 +8,9 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from synthesis.assembly.gaps import Carried, Gaps
-from synthesis.assembly.machine import Sizes, four_bar
+from synthesis.assembly.gaps import Carried, Gaps, Shape, contains, crosses_itself, disc, distances, hull, signed_area
+from synthesis.assembly.machine import Sizes, as_plates
 from synthesis.assembly.movement import GROUND, Crank, Dyad, Movement, Place
-from synthesis.assembly.shapes import Shape, contains, crosses_itself, disc, distances, hull, signed_area
 from synthesis.fourbar.linkage import Linkage
 from synthesis.target import TURN, Interval
 from synthesis.work import Work
@@ -193,7 +192,7 @@ def test_proofs_agree_with_shapely_at_many_places() -> None:
     rng = np.random.default_rng(SEED)
     seen = set()
     for linkage, used in random_linkages(rng, 12):
-        machine = four_bar(linkage, used, Sizes())
+        machine = as_plates(linkage, used, Sizes())
         shapes = shapes_of(machine)
         pairs = [("crank", "rocker"), ("coupler", "A"), ("coupler", "B"), ("crank", "B"), ("rocker", "D")]
         gaps = gaps_of(machine, pairs)
@@ -250,7 +249,7 @@ def test_far_from_the_origin_nothing_is_lost() -> None:
     near, far = linkage_of(case), linkage_of(case).__class__(**{**linkage_of(case).__dict__, "pivot_a": 1e9 + 1e9j})
     found = []
     for linkage in (near, far):
-        machine = four_bar(linkage, Interval(0.0, TURN), Sizes(6.0, 18.0))
+        machine = as_plates(linkage, Interval(0.0, TURN), Sizes(6.0, 18.0))
         (proof,) = gaps_of(machine, [("coupler", "A")]).prove(machine.used, Work())
         found.append(proof.hits)
     assert np.array(found[0]) == pytest.approx(np.array(found[1]), abs=1e-6)

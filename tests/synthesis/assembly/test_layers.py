@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from synthesis.assembly.layers import BOARDS, Asked, Free, Heights, Search, arrange, outside, parts_of
-from synthesis.assembly.machine import Sizes, four_bar
+from synthesis.assembly.machine import Sizes, as_plates
 from synthesis.errors import FieldError
 from synthesis.fourbar.linkage import Linkage
 from synthesis.target import TURN, Interval
@@ -20,7 +20,7 @@ NEAR = 1.5e-7
 
 def machine_of(case, **more):
     sizes = Sizes(*(case[name] for name in ("hole", "width", "clearance")))
-    return four_bar(linkage_of(case), Interval(*np.deg2rad(case["used"])), sizes, **more)
+    return as_plates(linkage_of(case), Interval(*np.deg2rad(case["used"])), sizes, **more)
 
 
 def in_order(layers):
@@ -69,7 +69,7 @@ def random_machines(seed, count, **more):
         span = float(rng.choice([TURN, rng.uniform(0.2, 3.0)]))
         if linkage.joints(np.linspace(0, span, 200)).closed:
             count -= 1
-            yield four_bar(linkage, Interval(0.0, span), Sizes(), **more)
+            yield as_plates(linkage, Interval(0.0, span), Sizes(), **more)
 
 
 @pytest.mark.parametrize("boards", BOARDS)
@@ -133,7 +133,7 @@ def test_stops_are_where_the_next_collision_begins() -> None:
         assert stop.pair == ("coupler", "A")
         for off, hits in ((1e-6, True), (-1e-6, False)):
             used = Interval(*sorted((stop.at + way * off, machine.used[way < 0])))
-            moved = four_bar(linkage_of(TABLE["E1"]), used, Sizes(5.7, 14.25))
+            moved = as_plates(linkage_of(TABLE["E1"]), used, Sizes(5.7, 14.25))
             again = arrange(moved, Asked("both", mounts=found.stack.mounts), Work())
             assert (again.status != "free" or again.stack.count > 2) == hits
 
@@ -165,7 +165,7 @@ def test_parts_of_one_layer_stand_between_its_faces() -> None:
 
 def test_a_loop_that_opens_has_no_layers() -> None:
     with pytest.raises(FieldError, match="do not close"):
-        four_bar(linkage_of(TABLE["E2"]), Interval(*np.deg2rad([-70, 0])), Sizes())
+        as_plates(linkage_of(TABLE["E2"]), Interval(*np.deg2rad([-70, 0])), Sizes())
 
 
 def test_too_few_layers_for_heads_are_refused() -> None:

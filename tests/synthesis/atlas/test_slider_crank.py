@@ -16,7 +16,7 @@ from synthesis.atlas.table import Atlas, AtlasRule, atlas_of_rule
 from synthesis.atlas.windows import Windows, best_of, joined
 from synthesis.errors import AtlasError
 from synthesis.pose import objective
-from synthesis.slider.mechanism import SliderTypeRule
+from synthesis.slider import SliderTypeRule
 from synthesis.target import Target, make_target
 from synthesis.work import Work
 from tests.conftest import some_of

@@ -16,7 +16,7 @@ from synthesis.drives.actuator import (
     _Descent,
     best_of_rows,
 )
-from synthesis.drives.links import SAMPLES, hinged_at, machine_of
+from synthesis.drives.links import SAMPLES, hinged_at, motions_of
 from tests.conftest import some_of
 from tests.oracles.driven_cases import Case, loads, random_linkage, straight
 
@@ -25,7 +25,7 @@ def random_question(seed: int, grid: int = 60) -> tuple[Question, Actuator]:
     """A link of a random linkage with a random load, and an actuator that may fit; the box and the reach are of its size."""
     rng = np.random.default_rng(seed)
     linkage, interval = random_linkage(rng)
-    machine = machine_of(linkage, interval)
+    machine = motions_of(linkage, interval)
     torque = machine.torque(loads(machine, rng)._replace(speed=0.0))
     link = machine.links[("crank", "coupler", "rocker")[seed % 3]]
     middle = complex(np.mean(link.origin))

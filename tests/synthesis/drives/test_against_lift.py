@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from synthesis.drives.actuator import Question, Wanted
-from synthesis.drives.links import Machine
+from synthesis.drives.links import LinkMotions
 from synthesis.guided.analysis import Load
 from synthesis.guided.linkage import LinkMotion
 from synthesis.lift.pose import Design, pose_at_turn
@@ -26,7 +26,7 @@ def test_length_arm_and_force_are_those_of_the_lift(design: Design) -> None:
     still = np.zeros(61)
     link = LinkMotion("coupler", a, np.angle(direction), 1j * pose.height_1, rate, 1j * pose.height_2, still)
     platform = LinkMotion("body", a, still, 1j * pose.height_1, still, 1j * pose.height_2, still)
-    machine = Machine(turn, {"coupler": link}, platform)
+    machine = LinkMotions(turn, {"coupler": link}, platform)
     load = 1000.0
     torque = machine.torque(Load(-1j * load))
     asked = Question(link, turn, torque, Wanted((-1e4, -1e4, 1e4, 1e4), 1e4, 0.0))

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from synthesis.drives.balance import springs_on_pendulums
-from synthesis.drives.links import hinged_at, machine_at
-from synthesis.guided.analysis import Load, Mass
+from synthesis.drives.links import hinged_at, motions_at
+from synthesis.drives.springs import springs_on_pendulums
+from synthesis.fourbar.linkage import Mass
+from synthesis.guided.analysis import Load
 from synthesis.guided.linkage import Circle, Driver, Rail, Slot
 from tests.oracles.guided_cases import DRIVES, NAMES, good_linkage
 
@@ -41,7 +42,7 @@ def test_the_energy_is_the_same_in_every_position(drive, stiffness):
     random = np.random.default_rng(DRIVES.index(drive))
     linkage = good_linkage(random, drive, -0.3, 0.6, 0.2)
     load = load_of(linkage, random)
-    machine, wider = machine_at(linkage, np.linspace(0, 0.3, 61)), machine_at(linkage, np.linspace(-0.3, 0.6, 400))
+    machine, wider = motions_at(linkage, np.linspace(0, 0.3, 61)), motions_at(linkage, np.linspace(-0.3, 0.6, 400))
     found = springs_on_pendulums(linkage, machine, machine.torque(load), stiffness)
     kinds = drive[0], drive[2]
     if Circle not in kinds and kinds != (Rail, Rail):
@@ -67,7 +68,7 @@ def test_a_link_on_a_hinge_is_balanced_by_one_spring(swing):
 def test_what_weighs_along_a_rail_beside_a_slot_cannot_be_balanced_but_across_it_can():
     random = np.random.default_rng(5)
     linkage = good_linkage(random, (Rail, Driver.SLIDER, Slot), -0.1, 0.4, 0.2)
-    machine = machine_at(linkage, np.linspace(0, 0.3, 61))
+    machine = motions_at(linkage, np.linspace(0, 0.3, 61))
     masses = (Mass("body", 1.5, 0.4 + 0.2j), Mass("slider", 0.5, 0j))
     along = np.exp(1j * linkage.guides[0].direction)
     assert springs_on_pendulums(linkage, machine, machine.torque(Load(masses=masses, gravity=9.81 * along))) is None
@@ -79,5 +80,5 @@ def test_what_weighs_along_a_rail_beside_a_slot_cannot_be_balanced_but_across_it
 
 def test_nothing_to_carry_needs_no_spring():
     linkage = good_linkage(np.random.default_rng(1), (Circle, Driver.CRANK, Rail), -0.1, 0.4, 0.2)
-    machine = machine_at(linkage, np.linspace(0, 0.3, 61))
+    machine = motions_at(linkage, np.linspace(0, 0.3, 61))
     assert springs_on_pendulums(linkage, machine, machine.torque(Load())) == []

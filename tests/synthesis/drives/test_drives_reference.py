@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 
 from synthesis.drives.actuator import Actuator, Question, Refused, Wanted
-from synthesis.drives.balance import Spring, one_spring, potential_of, two_springs
-from synthesis.drives.dyad import about_pivot, driven, proportions
-from synthesis.drives.links import Machine, machine_of
-from synthesis.drives.springs import fitted
-from synthesis.fourbar.linkage import Linkage
-from synthesis.guided.analysis import Load, Mass
+from synthesis.drives.links import LinkMotions, motions_of
+from synthesis.drives.six_bar import about_pivot, driven, proportions
+from synthesis.drives.springs import Spring, fitted, one_spring, potential_of, two_springs
+from synthesis.fourbar.linkage import Linkage, Mass
+from synthesis.guided.analysis import Load
 from synthesis.target import Interval
 from tests.oracles.driven_cases import straight
 
@@ -36,8 +35,8 @@ def linkage_of(row: dict) -> Linkage:
     )
 
 
-def machine(row: dict, samples: int = 61) -> Machine:
-    return machine_of(linkage_of(row), Interval(0.0, row["span"] * DEGREE), samples)
+def machine(row: dict, samples: int = 61) -> LinkMotions:
+    return motions_of(linkage_of(row), Interval(0.0, row["span"] * DEGREE), samples)
 
 
 def question(row: dict, link: str) -> Question:
@@ -135,7 +134,7 @@ def motor_torque(row: dict, motor: complex, crank: float, rod: float, radius: fl
     return float(np.abs(np.interp(even, angle, found.motor_torque[way])).max())
 
 
-def _extends(one: Machine, motor: complex, radius: float) -> bool:
+def _extends(one: LinkMotions, motor: complex, radius: float) -> bool:
     ends = np.abs(one.links["crank"].place(complex(radius))[[0, -1]] - motor)
     return bool(ends[1] > ends[0])
 
@@ -263,7 +262,7 @@ def test_two_springs_balance(name: str) -> None:
     found = potential_of(linkage, load)
     for part, want in ((found.w1, "w1"), (found.w2, "w2"), (found.v1, "v1"), (found.v3, "v3")):
         assert [part.real, part.imag] == pytest.approx(row[want], abs=1e-7)
-    one = machine_of(linkage, Interval(*np.deg2rad(row["span"])), 361)
+    one = motions_of(linkage, Interval(*np.deg2rad(row["span"])), 361)
     torque = one.torque(load)
     assert [torque.min(), torque.max()] == pytest.approx(row["torque"], abs=1e-6)
     assert np.sqrt(np.mean(torque**2)) == pytest.approx(row["rms"], abs=1e-6)
@@ -285,7 +284,7 @@ def test_one_spring_balances_where_the_signs_allow(name: str) -> None:
     row = row | {"coupler_point": row["body"]}
     linkage, load = linkage_of(row), masses(row)
     found = potential_of(linkage, load)
-    one = machine_of(linkage, Interval(*np.deg2rad(row["span"])), 61)
+    one = motions_of(linkage, Interval(*np.deg2rad(row["span"])), 61)
     torque = one.torque(load)
     coupler, both = one_spring(found, ("ground", "coupler")), one_spring(found, ("crank", "rocker"))
     assert isinstance(coupler, Spring)

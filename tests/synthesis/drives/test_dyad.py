@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from synthesis.drives.actuator import Question, Refused, Wanted, locked
-from synthesis.drives.dyad import (
+from synthesis.drives.links import SAMPLES, hinged_at, motions_at, motions_of
+from synthesis.drives.six_bar import (
     _angle_of,
     _Begin,
     _beginnings,
@@ -18,7 +19,6 @@ from synthesis.drives.dyad import (
     on_any_link,
     proportions,
 )
-from synthesis.drives.links import SAMPLES, hinged_at, machine_at, machine_of
 from synthesis.guided.analysis import Load
 from synthesis.work import Work
 from tests.conftest import some_of
@@ -67,7 +67,7 @@ def test_simulated_it_swings_as_far_and_in_the_times_that_were_asked_for(seed: i
 def test_a_motor_on_any_link_closes_and_keeps_its_rod(seed: int) -> None:
     rng = np.random.default_rng(seed)
     linkage, interval = random_linkage(rng)
-    machine = machine_of(linkage, interval, 61)
+    machine = motions_of(linkage, interval, 61)
     torque = machine.torque(Load(complex(*rng.normal(size=2))))
     link = machine.links[("coupler", "crank", "rocker")[seed % 3]]
     ratio = (None, 1.2)[seed % 2]
@@ -102,7 +102,7 @@ def test_a_motor_on_any_link_closes_and_keeps_its_rod(seed: int) -> None:
 def test_derivatives_of_the_descent_are_exact(seed: int, way: bool) -> None:
     rng = np.random.default_rng(seed)
     linkage, interval = random_linkage(rng)
-    machine = machine_of(linkage, interval)
+    machine = motions_of(linkage, interval)
     asked = Question(machine.links["coupler"], machine.at, np.zeros(61), Wanted((-4.0, -4.0, 4.0, 4.0), 1.5, 0.0), 20)
     # the crank pin goes at one speed: there the least one has a corner
     some = [one for one in _beginnings(asked, 0.3) if one.way is way and one.pin]
@@ -127,7 +127,7 @@ def test_no_descent_from_many_other_places_ends_much_better(seed: int) -> None:
     """From 40 places drawn by chance; on 90 linkages of all kinds 86 were the best of 60."""
     rng = np.random.default_rng(seed)
     linkage, interval = random_linkage(rng)
-    machine = machine_of(linkage, interval)
+    machine = motions_of(linkage, interval)
     link, box, torque = machine.links["coupler"], (-4.0, -4.0, 4.0, 4.0), np.ones(61)
     ratio = (None, 1.15)[seed % 2]
     found = on_any_link(link, machine.at, torque, ratio, 1.5, box)
@@ -150,7 +150,7 @@ def test_no_descent_from_many_other_places_ends_much_better(seed: int) -> None:
 @pytest.mark.parametrize("seed", some_of(sorted(range(24), key=lambda k: k % 5), 5))
 def test_a_motor_that_is_turned_round_swings_a_linkage_of_any_kind(seed: int) -> None:
     linkage, interval = any_linkage(seed)
-    machine = machine_of(linkage, interval)
+    machine = motions_of(linkage, interval)
     link = list(machine.links.values())[seed // 4 % 3]
     ratio, torque = (None, 1.2)[seed // 8 % 2], np.ones(61)
     middle = complex(np.mean(link.origin))
@@ -165,7 +165,7 @@ def test_a_motor_that_is_turned_round_swings_a_linkage_of_any_kind(seed: int) ->
         return
 
     def pin(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        moving = machine_at(linkage, at).links[link.name]
+        moving = motions_at(linkage, at).links[link.name]
         return moving.place(found.pin), moving.speed(found.pin)
 
     start = float(found.motor_angle[0, 0])

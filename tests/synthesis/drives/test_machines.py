@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from synthesis.drives.links import SAMPLES, Machine, hinged_at, machine_of
+from synthesis.drives.links import SAMPLES, LinkMotions, hinged_at, motions_of
 from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.analysis import Load, Pull, forces, on_links
 from synthesis.guided.linkage import Circle, Driver, GuidedLinkage, Rail, Slot, of_four_bar
@@ -18,7 +18,7 @@ from tests.oracles.equilibrium import Moving, drive_force, equilibrium
 from tests.oracles.newton_euler import bodies
 
 
-def poses(linkage: Linkage, machine: Machine, some: list[int]) -> list[Moving]:
+def poses(linkage: Linkage, machine: LinkMotions, some: list[int]) -> list[Moving]:
     a, b = linkage.pivot_a, linkage.pivot_b
     return [
         Moving(
@@ -36,7 +36,7 @@ def poses(linkage: Linkage, machine: Machine, some: list[int]) -> list[Moving]:
 def test_torques_and_forces_hold_every_link_in_equilibrium(seed: int) -> None:
     rng = np.random.default_rng(seed)
     linkage, interval = random_linkage(rng)
-    machine = machine_of(linkage, interval)
+    machine = motions_of(linkage, interval)
     load = loads(machine, rng)
     torque = machine.torque(load)
     some = [0, 13, 30, 47, 60]
@@ -88,7 +88,7 @@ def test_all_kinds_hold_three_bodies_in_equilibrium(seed: int) -> None:
     """Poses, rates and the force of a rod on any link, from the ground or from another link."""
     rng = np.random.default_rng([seed, 1])
     linkage, interval = any_linkage(seed)
-    machine = machine_of(linkage, interval, 7)
+    machine = motions_of(linkage, interval, 7)
     load, three = loads(machine, rng), bodies(linkage)
     states = three.along(machine.at)
     for k, name in enumerate(three.names):
@@ -117,8 +117,8 @@ GUIDED = [
 ]
 
 
-@pytest.mark.parametrize("machine", [machine_of(one, Interval(0.0, 0.25), 241) for one in GUIDED])
-def test_rates_of_linkages_with_sliders_are_derivatives(machine: Machine) -> None:
+@pytest.mark.parametrize("machine", [motions_of(one, Interval(0.0, 0.25), 241) for one in GUIDED])
+def test_rates_of_linkages_with_sliders_are_derivatives(machine: LinkMotions) -> None:
     _are_derivatives(machine)
 
 
@@ -126,10 +126,10 @@ def test_rates_of_linkages_with_sliders_are_derivatives(machine: Machine) -> Non
 def test_rates_are_derivatives_also_as_seen_from_another_link(seed: int) -> None:
     rng = np.random.default_rng(seed)
     linkage, _ = random_linkage(rng)
-    machine = machine_of(linkage, Interval(0.0, 0.05), 241)
+    machine = motions_of(linkage, Interval(0.0, 0.05), 241)
     one, other = rng.permutation(["crank", "coupler", "rocker"])[:2]
     seen = machine.links[one].seen_from(machine.links[other])
-    _are_derivatives(Machine(machine.at, {one: seen}, None))
+    _are_derivatives(LinkMotions(machine.at, {one: seen}, None))
     # distances between points of both links are the same seen from either
     p, q = complex(*rng.normal(size=2)), complex(*rng.normal(size=2))
     apart = np.abs(machine.links[one].place(p) - machine.links[other].place(q))
@@ -137,7 +137,7 @@ def test_rates_are_derivatives_also_as_seen_from_another_link(seed: int) -> None
     assert np.abs(seen.place(p) - there) == pytest.approx(apart, abs=1e-12)
 
 
-def _are_derivatives(machine: Machine) -> None:
+def _are_derivatives(machine: LinkMotions) -> None:
     """Rates and their changes against differences of fourth order."""
     step = machine.at[1] - machine.at[0]
 

@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from synthesis.drives.dyad import about_pivot
 from synthesis.drives.links import SAMPLES, hinged_at
-from synthesis.drives.six_bar import MOTOR_CRANK, ROD, Motor, SixBar, joints_of
+from synthesis.drives.six_bar import MOTOR_CRANK, ROD, Motor, SixBar, about_pivot, joints_of
 from synthesis.errors import FieldError
-from synthesis.fourbar.linkage import Linkage
-from synthesis.guided.analysis import Load, Mass
+from synthesis.fourbar.linkage import Linkage, Mass
+from synthesis.guided.analysis import Load
 from synthesis.target import TURN, Interval
 from tests.oracles.assembly import other_six_bars
 from tests.oracles.equilibrium import Moving, circles, equilibrium

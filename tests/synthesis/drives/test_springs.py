@@ -7,17 +7,28 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from synthesis.drives.balance import Spring, one_spring, potential_of, two_springs
-from synthesis.drives.links import SAMPLES, hinged_at, machine_of
-from synthesis.drives.springs import Kind, Room, best_pair, best_spring, fitted, spring_torque
-from synthesis.guided.analysis import Load, Mass
+from synthesis.drives.links import SAMPLES, hinged_at, motions_of
+from synthesis.drives.springs import (
+    Room,
+    Spring,
+    SpringRow,
+    best_pair,
+    best_spring,
+    fitted,
+    one_spring,
+    potential_of,
+    spring_torque,
+    two_springs,
+)
+from synthesis.fourbar.linkage import Mass
+from synthesis.guided.analysis import Load
 from synthesis.target import Interval
 from tests.oracles.driven_cases import random_linkage
 
 KINDS = [
-    Kind("soft", 0.5, 0.3, 0.1, 0.3, 2.5),
-    Kind("stiff", 4.0, 0.4, 0.5, 0.4, 1.6),
-    Kind("short", 9, 0.05, 1, 0.05, 0.06),
+    SpringRow("soft", 0.5, 0.3, 0.1, 0.3, 2.5),
+    SpringRow("stiff", 4.0, 0.4, 0.5, 0.4, 1.6),
+    SpringRow("short", 9, 0.05, 1, 0.05, 0.06),
 ]
 
 
@@ -32,7 +43,7 @@ def weights(rng: np.random.Generator) -> Load:
 def test_two_springs_balance_any_linkage(seed: int) -> None:
     rng = np.random.default_rng(seed)
     linkage, interval = random_linkage(rng)
-    machine, load = machine_of(linkage, interval), weights(rng)
+    machine, load = motions_of(linkage, interval), weights(rng)
     torque, potential = machine.torque(load), potential_of(linkage, load)
     size = abs(potential.w1) + abs(potential.w2)
     for stiffness in (None, 0.7):
@@ -62,7 +73,7 @@ def test_both_single_springs_exist_in_the_same_cases(seed: int) -> None:
 def test_a_springs_torque_is_the_derivative_of_its_energy(seed: int) -> None:
     rng = np.random.default_rng(seed)
     linkage, interval = random_linkage(rng)
-    machine = machine_of(linkage, Interval(0.0, float(np.copysign(0.04, interval.last))), 201)
+    machine = motions_of(linkage, Interval(0.0, float(np.copysign(0.04, interval.last))), 201)
     one, other = rng.permutation(["ground", "crank", "coupler", "rocker"])[:2]
     points = complex(*rng.normal(size=2)) * 3, complex(*rng.normal(size=2))
     spring = Spring((str(one), str(other)), points, rng.uniform(0.1, 2), rng.uniform(0, 1), rng.normal())
@@ -79,7 +90,7 @@ def test_a_springs_torque_is_the_derivative_of_its_energy(seed: int) -> None:
 def test_a_fitted_spring_helps_and_keeps_its_lengths_and_places(seed: int) -> None:
     rng = np.random.default_rng(seed)
     linkage, interval = random_linkage(rng)
-    machine, load = machine_of(linkage, interval), weights(rng)
+    machine, load = motions_of(linkage, interval), weights(rng)
     torque = machine.torque(load)
     room = Room((-3.0, -3.0, 3.0, 3.0), 1.2, 0.1)
     between = [("ground", "crank"), ("ground", "coupler"), ("crank", "rocker")][seed % 3]
@@ -113,7 +124,7 @@ def test_a_fitted_spring_helps_and_keeps_its_lengths_and_places(seed: int) -> No
 def test_two_fitted_springs_do_at_least_as_well_as_the_better_one() -> None:
     rng = np.random.default_rng(3)
     linkage, interval = random_linkage(rng)
-    machine, load = machine_of(linkage, interval), weights(rng)
+    machine, load = motions_of(linkage, interval), weights(rng)
     torque, room = machine.torque(load), Room((-3.0, -3.0, 3.0, 3.0), 1.2, 0.1)
     pairs = [("ground", "crank"), ("ground", "rocker")]
     both = best_pair(machine, torque, pairs, KINDS, room)

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from synthesis.fourbar.linkage import Joints, Linkage
+from synthesis.fourbar.linkage import Joints, Linkage, Mass
 from synthesis.guided import analysis
-from synthesis.guided.analysis import Forces, Load, Mass, on_links
+from synthesis.guided.analysis import Forces, Load, on_links
 from synthesis.guided.linkage import of_four_bar
 from synthesis.target import CURVE_STEP, Interval
 from tests.oracles.recompute import close_by_circles

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from synthesis.guided.analysis import Load, Mass, forces
+from synthesis.fourbar.linkage import Mass
+from synthesis.guided.analysis import Load, forces
 from synthesis.guided.linkage import Circle, Driver, GuidedLinkage, Rail, Slot
 from tests.oracles.guided_cases import DRIVES, NAMES, random_linkage
 

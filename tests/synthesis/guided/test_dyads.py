@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from synthesis.guided.dyads import Motion, Straight, lines_of
+from synthesis.guided.pairs import Motion, Straight, lines_of
 
 _ANGLE = np.deg2rad([0.0, 20.0, 50.0, 85.0])
 _PLACE = np.array([0, 1 + 0.2j, 1.8 + 0.7j, 2.2 + 1.5j])

@@ -10,8 +10,7 @@ import pytest
 
 from synthesis.fourbar.limits import Limits, Reach
 from synthesis.free.poses import Poses, make_poses
-from synthesis.guided.dyads import Guides
-from synthesis.guided.pairs import Chart, Looked, Pairs, Problem, Samples, Stage
+from synthesis.guided.pairs import Chart, Guides, Looked, Pairs, Problem, Samples, Stage
 from synthesis.work import Work
 from tests.conftest import some_of
 

@@ -8,7 +8,7 @@ from scipy.optimize import least_squares
 
 from synthesis.free.poses import make_poses
 from synthesis.guided.linkage import GuidedLinkage, Kind
-from synthesis.guided.rounding import _Chart, _rows, fitted, from_stock, lengths_of, on_grid, rounded
+from synthesis.guided.rounding import _Chart, _rows, fitted, from_stock, on_grid, rounded
 from synthesis.guided.solution import GuidedSolution, assess, nearest_travel
 from synthesis.target import make_target
 from synthesis.work import Work
@@ -32,10 +32,10 @@ def test_rounded_lengths_lie_on_the_grid(drive) -> None:
     poses, solution = _solution(drive)
     found = rounded(poses, solution, on_grid(0.25), None, lambda one: True, 8, Work(None))
     if solution.linkage.kind in (Kind.TWO_SLOTS, Kind.RAIL_SLOT):
-        assert lengths_of(solution.linkage) == {} and found.solution is not None
+        assert solution.linkage.lengths == {} and found.solution is not None
         return
     assert found.solution is not None and found.tried >= 2
-    for length in lengths_of(found.solution.linkage).values():
+    for length in found.solution.linkage.lengths.values():
         assert abs(length / 0.25 - round(length / 0.25)) < 1e-9
     assert found.solution.errors.objective < 0.35
 
@@ -43,7 +43,7 @@ def test_rounded_lengths_lie_on_the_grid(drive) -> None:
 @pytest.mark.parametrize("drive", DRIVES[1::2], ids=NAMES[1::2])
 def test_the_rest_is_fitted_as_well_as_by_a_general_method(drive) -> None:
     poses, solution = _solution(drive)
-    own = {name: 1.03 * length for name, length in lengths_of(solution.linkage).items()}
+    own = {name: 1.03 * length for name, length in solution.linkage.lengths.items()}
     found = fitted(poses, solution, own, Work())
     assert found is not None
     chart = _Chart(solution.linkage, own, False)
@@ -61,10 +61,10 @@ def test_with_given_timing_and_stock() -> None:
     target = make_target(body.angle, body.origin, crank_angle=travel)
     solution = assess(target, linkage, target.crank)
     stock = [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0]
-    count = len(stock) ** len(lengths_of(linkage))
+    count = len(stock) ** len(linkage.lengths)
     found = rounded(target, solution, from_stock(stock), count, lambda one: True, 8, Work(None))
     assert isinstance(found.solution.linkage, GuidedLinkage) and found.exhaustive is False
-    for length in lengths_of(found.solution.linkage).values():
+    for length in found.solution.linkage.lengths.values():
         assert min(abs(length - one) for one in stock) < 1e-9
     none = rounded(target, solution, from_stock(stock), count, lambda one: False, 8, Work(None))
     assert none.solution is None and none.tried > 0

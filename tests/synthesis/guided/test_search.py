@@ -10,10 +10,9 @@ import pytest
 
 from synthesis.fourbar.limits import Limits
 from synthesis.free.poses import Poses, make_poses
-from synthesis.guided.limits import broken_limits
 from synthesis.guided.linkage import Circle, Driver, Kind, Rail, Slot
 from synthesis.guided.search import Search, drives, search_guided
-from synthesis.guided.solution import GuidedSolution
+from synthesis.guided.solution import GuidedSolution, broken_limits
 from synthesis.work import Work
 from tests.conftest import some_of
 from tests.oracles.guided import KINDS, random_motion

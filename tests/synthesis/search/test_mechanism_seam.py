@@ -17,7 +17,7 @@ from synthesis.guided.by_crank import BY_CRANK, lengths_of, linkages_by_crank
 from synthesis.guided.linkage import Kind
 from synthesis.mechanism import Mechanism
 from synthesis.pose import objective
-from synthesis.slider.mechanism import SLIDER_CRANK_TYPES
+from synthesis.slider import SLIDER_CRANK_TYPES
 from synthesis.target import Target, make_target
 from synthesis.work import Work
 from tests.conftest import some_of

@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from synthesis.assembly.shapes import distances
+from synthesis.assembly.gaps import distances
 from synthesis.solids.mesh import Mesh, mesh_of, on_bed, ring_of, to_3mf, to_stl, to_stl_zip
 from synthesis.solids.prism import Hole, Prism, filleted, rounded
 from tests.oracles.solids import SASH, built

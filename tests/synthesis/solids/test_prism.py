@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from synthesis.assembly.shapes import contains
+from synthesis.assembly.gaps import contains
 from synthesis.solids.mesh import mesh_of, ring_of
 from synthesis.solids.prism import Hole, Prism, arc_between, filleted, rounded, together
 from synthesis.solids.solid import FITS, tolerance

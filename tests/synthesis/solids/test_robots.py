@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from synthesis.solids.robots import joints_of, to_sdf, to_urdf
+from synthesis.solids.robots import to_sdf, to_urdf, tree_of
 from tests.oracles.solids import TABLE, built, linkage_of
 
 
@@ -21,7 +21,7 @@ def named(request):
 
 
 def test_a_four_bar_is_cut_at_c(named) -> None:
-    joints = joints_of(named[1].machine)
+    joints = tree_of(named[1].machine)
     names = named[1].machine.movement.names
     assert [(one.name, names[one.parent], names[one.child], one.closing) for one in joints] == [
         ("A", "ground", "crank", False),

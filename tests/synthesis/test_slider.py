@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from synthesis import kernel
-from synthesis.slider.charts import (
+from synthesis.slider import (
     RAIL,
     SLOT,
     AnySliderChart,

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from synthesis.errors import FieldError
-from synthesis.slider.mechanism import SliderTypeRule, count_slider_types, enumerate_slider_types
+from synthesis.slider import SliderTypeRule, count_slider_types, enumerate_slider_types
 
 
 def naive(rule: SliderTypeRule) -> list[tuple[int, int, int]]:
