@@ -9,10 +9,10 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from app.arguments import EPILOG, FILE, Exit, add_atlas, whole_number
 from app.fourbar import QUESTIONS
 from app.registry import queries_named
 from app.scenes import SCENES
+from app.terminal import EPILOG, FILE, Exit, add_atlas, whole_number
 from linkage_atlas import (
     BATCH_COMMANDS,
     AtlasError,
@@ -106,7 +106,7 @@ def _add_questions(parser: argparse.ArgumentParser, name: str) -> None:
 
 
 def _add_export(parser: argparse.ArgumentParser, name: str) -> None:
-    from app.exporting import add_export
+    from app.command import add_export
 
     add_export(parser)
 
@@ -141,7 +141,7 @@ def _add_example(parser: argparse.ArgumentParser, name: str) -> None:
 
 def _example(options: argparse.Namespace) -> int:
     from app.registry import all_examples
-    from app.tables import left_table
+    from app.terminal import left_table
 
     if options.name is None:
         rows = [(name, *example) for name, example in all_examples().items() if not name.startswith("synthesize-")]

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import resource
+import sys
 from collections.abc import Iterator
 from itertools import chain, repeat
 from typing import Any, ClassVar
@@ -166,7 +167,10 @@ class Connection(H11Protocol):
 
     def send_400_response(self, msg: str) -> None:
         self.flow.pause_reading()
-        self.loop.call_later(_PAUSE_SECONDS, self._refuse, 400, "this is no request of HTTP/1.1")
+        refused = (400, "this is no request of HTTP/1.1")
+        if getattr(sys.exception(), "error_status_hint", 400) == 431:
+            refused = (431, "the header of the request is too long")
+        self.loop.call_later(_PAUSE_SECONDS, self._refuse, *refused)
 
     def _refuse(self, status: int, detail: str) -> None:
         if self.transport.is_closing():

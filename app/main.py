@@ -21,9 +21,8 @@ import linkage_atlas as la
 from app import computed, page, problems
 from app.bodies import Reply
 from app.doors import Doors
-from app.query import FILES, MEDIA_TYPES, Files, Query, ReplyModel, RequestModel, Resources
+from app.query import FILES, MEDIA_TYPES, Files, Query, ReplyModel, RequestModel, Resources, reply_model
 from app.registry import all_queries
-from app.replies import reply_model
 from app.resources import ServiceResources
 from app.settings import Settings
 from app.turnstile import Turnstile

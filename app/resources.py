@@ -18,7 +18,6 @@ from threadpoolctl import threadpool_limits
 import linkage_atlas as la
 from app.query import build_models
 from app.settings import Settings
-from linkage_atlas.cache import open_atlas
 
 PARTS = ("positions", "short_spans", "rockers", "slider_cranks")
 """Parts of the index that are made once the service is ready, or when they are first asked for: see `linkage_atlas.Atlas`."""
@@ -28,6 +27,8 @@ INDEX = "index"
 
 def opened(place: Path, settings: Settings) -> la.Atlas:
     """The atlas of a file, as far as the settings allow, with its index if that is to be kept."""
+    from linkage_atlas.atlases import open_atlas
+
     limits = {"max_bytes": settings.atlas_max_bytes, "max_types": settings.atlas_max_types}
     return open_atlas(place, settings.index, **limits)
 

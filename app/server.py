@@ -15,7 +15,6 @@ from types import FrameType
 import uvicorn
 from fastapi import FastAPI
 
-from app.arguments import Exit
 from app.connections import ACCEPTED_AT_ONCE, BACKLOG, Connection, protocol_of
 from app.doors import LOOPBACK
 from app.main import create_app
@@ -23,6 +22,7 @@ from app.processes import Processes
 from app.resources import ServiceResources
 from app.settings import MOST_LOGGED, Settings
 from app.supervisor import DRAIN_SECONDS, SUCCEEDED, SUCCESSION, Supervisor
+from app.terminal import Exit
 
 SWITCH_SECONDS = 0.001
 """Between two turns of threads in the interpreter, where threads compute: so long a short answer waits for a long one."""

@@ -9,7 +9,6 @@ from pydantic import Field, ValidationError
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from app.query import invalid
-from linkage_atlas.cache import find_atlas
 
 MOST_LOGGED = 500
 """Characters of an address in the log."""
@@ -120,6 +119,8 @@ def atlas_of(settings: Settings) -> Path:
 
     One that is set or named is not built: a wrong name is told, not filled.
     """
+    from linkage_atlas.atlases import find_atlas
+
     return settings.atlas if "atlas" in settings.model_fields_set else find_atlas(settings.atlas)
 
 

@@ -18,13 +18,12 @@ from typing import Any
 
 from tqdm import tqdm
 
-from app.arguments import EPILOG, FILE, Exit, whole_number
 from app.command import NO_PRESET, read_request
-from app.query import Query
+from app.query import Query, json_of, plain_of
 from app.registry import all_queries
-from app.replies import json_of, plain_of
 from app.resources import ServiceResources
 from app.settings import atlas_of, settings_of
+from app.terminal import EPILOG, FILE, Exit, whole_number
 from linkage_atlas import AtlasError, FieldError
 from linkage_atlas.many_requests import (
     Question,

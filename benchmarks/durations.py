@@ -15,7 +15,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from app.fourbar import durations
+from app.fourbar import answers
 from app.fourbar.answers import SHORT_MS
 from app.registry import all_queries
 from app.resources import ServiceResources
@@ -23,7 +23,7 @@ from app.settings import Settings
 from benchmarks import report
 from tests.everyday.battery import KINDS, Row, group_of, limited, rows
 
-TABLE = Path(durations.__file__).with_name("durations.json")
+TABLE = Path(answers.__file__).with_name("durations.json")
 FACTOR = 3.0
 MOST_SECONDS = 10.0
 BRIEF = ("functions", "in step with a crank")
@@ -58,7 +58,7 @@ def kinds_of(found: list[dict[str, Any]]) -> list[dict[str, Any]]:
     for one in found:
         row = named[one["row"]]
         request = models[f"/v1/{row.route}"].model_validate(limited(row, one["limits"]))
-        out.append({**one, "kind": durations.kind_of(request), "samples": durations.samples_of(request)})
+        out.append({**one, "kind": answers.kind_of(request), "samples": answers.samples_of(request)})
     return out
 
 
@@ -74,7 +74,7 @@ def table_of(found: list[dict[str, Any]]) -> dict[str, Any]:
     def fitted(power: float) -> dict[str, Any]:
         groups = defaultdict(list)
         for one in found:
-            groups[one["kind"]].append(one["seconds"] / (one["samples"] / durations.REFERENCE_SAMPLES) ** power)
+            groups[one["kind"]].append(one["seconds"] / (one["samples"] / answers.REFERENCE_SAMPLES) ** power)
         return {"power": power, "kinds": {kind: round(middle(some), 4) for kind, some in sorted(groups.items())}}
 
     def missed(table: dict[str, Any]) -> tuple[int, float]:
@@ -86,7 +86,7 @@ def table_of(found: list[dict[str, Any]]) -> dict[str, Any]:
 
 def ratios(found: list[dict[str, Any]], table: dict[str, Any]) -> list[float]:
     """Measured times over those of a table."""
-    share = [(one["samples"] / durations.REFERENCE_SAMPLES) ** table["power"] for one in found]
+    share = [(one["samples"] / answers.REFERENCE_SAMPLES) ** table["power"] for one in found]
     slowest = max(table["kinds"].values())
     return [one["seconds"] / part / table["kinds"].get(one["kind"], slowest) for one, part in zip(found, share)]
 

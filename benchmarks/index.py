@@ -19,7 +19,7 @@ import numpy as np
 
 from benchmarks import report
 from benchmarks.service import Service, match_bodies, running, serve_command, spent
-from linkage_atlas.cache import index_of
+from linkage_atlas.atlases import index_of
 
 NO_LIMIT = 10**12
 ANY_SIZE = {"atlas_max_bytes": NO_LIMIT, "atlas_max_types": NO_LIMIT}

@@ -13,7 +13,7 @@ import numpy as np
 import linkage_atlas as la
 from app.fourbar.answers import answer_synthesize
 from app.fourbar.models import SynthesizeRequest
-from app.replies import json_of
+from app.query import json_of
 from app.resources import ServiceResources
 from app.settings import Settings
 from benchmarks.report import Times
@@ -25,11 +25,10 @@ from synthesis.atlas.table import Atlas, Table, make_table
 from synthesis.atlas.windows import TIE, Windows
 from synthesis.descents import Pool, Stage, Timed
 from synthesis.errors import FieldError
-from synthesis.fourbar.charts import AnyChart, FullCrankChart, GrashofChart
 from synthesis.fourbar.dimension_types import MAX_PERIMETER, OrderRule, TypeRule, count_types, enumerate_types
 from synthesis.fourbar.kinematics import close_loop, coupler_angle, family
 from synthesis.fourbar.limits import Limits
-from synthesis.fourbar.mechanism import FOURBAR
+from synthesis.fourbar.mechanism import FOURBAR, AnyChart, FullCrankChart, GrashofChart
 from synthesis.fourbar.rounding import best_from_stock
 from synthesis.fourbar.solution import Solution, assess, mounted
 from synthesis.free.joint import JointProblem

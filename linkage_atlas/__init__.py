@@ -8,6 +8,7 @@ import itself loads neither numpy nor scipy.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -15,13 +16,11 @@ if TYPE_CHECKING:
     from linkage_atlas.answers import GuidedSolution, Match, Matches, Result, Solution
     from linkage_atlas.assemblies import Assembly
     from linkage_atlas.atlases import Atlas, build_atlas, load_atlas
-    from linkage_atlas.commands import BATCH_COMMANDS, add_batch_commands, run_batch
     from linkage_atlas.door import Live, prepare, synthesize
     from linkage_atlas.driving import Drives, drives
     from linkage_atlas.functions import FunctionResult, FunctionSolution, function
-    from linkage_atlas.guided import GuidedJoints, GuidedLinkage
     from linkage_atlas.limits import Limits
-    from linkage_atlas.linkages import FourBar, Joints, assembly
+    from linkage_atlas.linkages import FourBar, GuidedJoints, GuidedLinkage, Joints, assembly
     from linkage_atlas.many_requests import StudyLocked, study
     from linkage_atlas.matching import match
     from linkage_atlas.motions import Motion
@@ -32,14 +31,20 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
+BATCH_COMMANDS = {
+    "build": "build an atlas file",
+    "verify": "read a whole atlas file and say whether it is sound",
+    "info": "say what an atlas file holds",
+}
+"""The commands of the batch job, which `data_build` runs."""
+
 _HOMES = {
     "linkage_atlas.door": ("synthesize", "Live", "prepare"),
     "linkage_atlas.matching": ("match",),
     "linkage_atlas.driving": ("drives", "Drives"),
     "linkage_atlas.functions": ("function", "FunctionResult", "FunctionSolution"),
     "linkage_atlas.limits": ("Limits",),
-    "linkage_atlas.guided": ("GuidedLinkage", "GuidedJoints"),
-    "linkage_atlas.linkages": ("FourBar", "Joints", "assembly"),
+    "linkage_atlas.linkages": ("FourBar", "Joints", "GuidedLinkage", "GuidedJoints", "assembly"),
     "linkage_atlas.motions": ("Motion",),
     "linkage_atlas.six_bars": ("SixBarLinkage", "SixBarJoints"),
     "linkage_atlas.solids": ("SolidParts",),
@@ -47,7 +52,6 @@ _HOMES = {
     "linkage_atlas.answers": ("Result", "Solution", "GuidedSolution", "Matches", "Match"),
     "linkage_atlas.atlases": ("Atlas", "load_atlas", "build_atlas"),
     "linkage_atlas.many_requests": ("study", "StudyLocked"),
-    "linkage_atlas.commands": ("BATCH_COMMANDS", "add_batch_commands", "run_batch"),
     "synthesis.errors": ("FieldError", "AtlasError", "AtlasFault"),
     "synthesis.work": ("Work", "Cancelled", "OutOfTime"),
 }
@@ -95,6 +99,20 @@ __all__ = [
     "study",
     "synthesize",
 ]
+
+
+def run_batch(arguments: Sequence[str]) -> int:
+    """Run one batch command; returns its exit code."""
+    from data_build.cli import main
+
+    return main(arguments)
+
+
+def add_batch_commands(commands: Any) -> None:
+    """Add the batch's commands with all their options to the subparsers of a parser."""
+    from data_build.cli import add_commands
+
+    add_commands(commands)
 
 
 def __getattr__(name: str) -> Any:

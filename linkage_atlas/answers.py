@@ -15,8 +15,17 @@ import numpy as np
 from linkage_atlas.arguments import check_names
 from linkage_atlas.assemblies import AskedAssembly, Assembly, assembled
 from linkage_atlas.driving import Drive, Refusal, Spring, driven_solution
-from linkage_atlas.guided import AnyGuide, CircleGuide, DriverName, GuidedLinkage, OtherKindName, guides_of
-from linkage_atlas.linkages import FourBar, Links, Mount
+from linkage_atlas.linkages import (
+    AnyGuide,
+    CircleGuide,
+    DriverName,
+    FourBar,
+    GuidedLinkage,
+    Links,
+    Mount,
+    OtherKindName,
+    guides_of,
+)
 from linkage_atlas.motions import Motion
 from linkage_atlas.records import KEPT, LAST, Record, Values, names_of
 from linkage_atlas.studies import (

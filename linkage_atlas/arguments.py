@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,15 @@ MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
 """Units of length of files that know one, and of inertia."""
 LARGEST = 1e12
 """Of speeds, forces, torques and masses, in the user's units."""
+
+
+@contextmanager
+def pointing(place: Callable[[str], str]) -> Iterator[None]:
+    """FieldErrors within name the places that fields have in the request, by what they are called there."""
+    try:
+        yield
+    except FieldError as error:
+        raise FieldError(place(error.field), error.message, **error.details) from error
 
 
 def radians_in(degrees: bool) -> float:

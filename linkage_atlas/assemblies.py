@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, NamedTuple, TypedDict
 
 import numpy as np
 
-from linkage_atlas.arguments import box, check_names, flag, number, one_of, pair, whole_number
+from linkage_atlas.arguments import box, check_names, flag, number, one_of, pair, pointing, whole_number
 from linkage_atlas.records import KEPT, Record
 from synthesis.assembly import layers
 from synthesis.assembly.gaps import crosses_itself, signed_area
@@ -326,12 +326,8 @@ def machine_of(
     if asked.body and isinstance(linkage, Linkage) and not linkage.mounted:
         raise FieldError(f"/{where}body", "needs `position`: without it nothing says where the body is")
     if asked.motor is not None:
-        try:
+        with pointing(lambda field: f"/{where}{field.lstrip('/')}" if field.startswith("/drive") else field):
             machine = motor_driven(linkage, used, asked.motor, asked.sizes, asked.body, bar)
-        except FieldError as error:
-            if not error.field.startswith("/drive"):
-                raise
-            raise FieldError(f"/{where}{error.field.lstrip('/')}", error.message) from None
     else:
         machine = as_plates(linkage, used, asked.sizes, asked.body, bar)
     check_sizes(machine.lengths, machine.hole, machine.width, f"/{where}".rstrip("/"))
@@ -361,10 +357,8 @@ def assembled(
     """
     machine = machine_of(linkage, asked, used, where)
     unit = Reading(radian, " rad" if radian == 1.0 else " degrees") if machine.turns else Reading(1.0, "")
-    try:
+    with pointing(lambda field: f"/{where}{field.lstrip('/')}"):
         found = arrange(machine, asked.arranged, work)
-    except FieldError as error:
-        raise FieldError(f"/{where}{error.field.lstrip('/')}", error.message) from None
     reasons = _reasons(machine, found, asked.arranged, unit)
     if found.status == "blocked" and asked.arranged.boards in ("below", "above") and not asked.arranged.mounts:
         other = arrange(machine, asked.arranged._replace(boards="both"), work)

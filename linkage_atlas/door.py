@@ -6,9 +6,9 @@ within tighter limits on that measure; finish them as a user reads them; report.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any, Literal, NamedTuple, TypedDict, Unpack, get_args
 
@@ -26,17 +26,16 @@ from linkage_atlas.answers import (
     finished,
     status_of,
 )
-from linkage_atlas.arguments import check_above_zero, check_top, column, number
+from linkage_atlas.arguments import check_above_zero, check_top, column, number, pointing
 from linkage_atlas.assemblies import read_assembly
-from linkage_atlas.atlases import Atlas
-from linkage_atlas.cache import default_atlas
+from linkage_atlas.atlases import Atlas, default_atlas
 from linkage_atlas.driving import check_asked
-from linkage_atlas.guided import DriverName, KindName
 from linkage_atlas.kinds import (
     FAIR,
     UNRANKED,
     Course,
     Found,
+    Kinds,
     Rank,
     check_kinds_alone,
     check_sliders_alone,
@@ -53,9 +52,8 @@ from linkage_atlas.kinds import (
     span_of,
     strays_between,
 )
-from linkage_atlas.kinds import Asked as Kinds
 from linkage_atlas.limits import QUICK, QUICK_ROUNDS, read_limits, what_excludes
-from linkage_atlas.linkages import FourBar
+from linkage_atlas.linkages import DriverName, FourBar, KindName
 from linkage_atlas.motions import Motion
 from linkage_atlas.studies import STUDIES, Studies, check_rows, read_studies, study_notes
 from synthesis.arrays import Floats
@@ -73,7 +71,7 @@ from synthesis.from_linkage import refine_motion, refine_poses
 from synthesis.guided.search import NOTHING_ROUND
 from synthesis.kept import Kept
 from synthesis.ranking import APART, Status, distinct, spread
-from synthesis.search.search import DEFAULT_TOLERANCE, StoppedBy, search
+from synthesis.search.search import DEFAULT_TOLERANCE, search
 from synthesis.search.seeds import SeedTables
 from synthesis.target import MAX_LENGTH, MIN_LENGTH, MIN_SPAN, TURN, Samples
 from synthesis.work import Work
@@ -179,7 +177,7 @@ class Live:
         self.state = state
 
 
-class Asked(TypedDict, total=False):
+class MotionAndStudies(TypedDict, total=False):
     """Arguments of a `Motion` by name, and studies of each solution as of `Solution.studied`."""
 
     rotation: ArrayLike | None
@@ -223,7 +221,7 @@ def synthesize(
     live: Live | None = None,
     mechanisms: Sequence[KindName] | Literal["all"] | None = None,
     driver: DriverName | None = None,
-    **more: Unpack[Asked],
+    **more: Unpack[MotionAndStudies],
 ) -> Result:
     """The linkages that make a motion: actual dimensions and where they are mounted.
 
@@ -328,102 +326,157 @@ def synthesize(
         check_asked(studies.drives, wanted.radian)
     if studies.analysis is not None:
         check_rows(top, None if wanted.free else wanted.target.interval)
-    prefers = _preference(prefer, wanted, isinstance(source, SeedTables))
-    if not kinds.four_bars_alone:
-        return _of_kinds(kinds, wanted, kept, prefers, tolerance, top, studies, notes, watch, limits or {})
-    check_sliders_alone(kept)
-    goal = tolerance if prefers == "error" else goal_of(_allowed(wanted), tolerance)
-
-    spare = FINISHING if live is None else LIVE_FINISHING + LIVE_FINISHING_EACH * min(top, 10)
-    rounds = studies.rounds and prefers == "error" and not diverse
-    searching, many, wish = watch.extended(-spare), _VARIETY * top if diverse else top, 0.0
-    many = max(many, _ROUNDED_LEAST) if rounds else many
-    if prefers == "layers":
-        many, wish = max(many, _LAYERED * top, _LAYERED_LEAST), _FOR_LAYERS
-    found, course = _search(source, wanted, kept, many, goal, watch.extended(-spare - wish), begun=begun)
-    if sizes := _sizes(limits, wanted, kept, source):
-        found, course = _with_fair(found, course, source, wanted, sizes, many, goal, watch.extended(-spare - wish))
-        notes += course.notes
-    if not found:
-        pass
-    elif prefers == "layers":
-        least = max(found[0].errors.objective, goal)
-        ranks, studies, said = _arranged(found, wanted, kept, least, studies, searching)
-        found.sort(key=lambda one: (id(one) not in ranks, ranks.get(id(one), UNRANKED)))
-        found = found if diverse else found[:top]
-        notes += said
-        course = course._replace(stopped_by=StoppedBy.BUDGET.value) if said else course
-    elif prefers != "error":
-
-        def again(other: Motion, tighter: Limits, near: float) -> list[Solution]:
-            return _search(source, other, tighter, many, near, searching, TRY_ROUNDS)[0]
-
-        good = _improved(found, found[0].errors.objective, wanted, kept, prefers, goal, again, searching)
-        measure, near = _measure(prefers, wanted, kept).of, {id(one) for one in good}
-        ranked = distinct(sorted(good, key=measure), many, APART, order=measure)
-        found = (ranked + [one for one in found if id(one) not in near])[:many]
-        if searching.expired():
-            course = course._replace(stopped_by=StoppedBy.BUDGET.value)
-    if diverse:
-        found = spread(found, top, DIVERSE_LOSS, goal)
-    searched = watch.elapsed
-    type_of = None if atlas is None else atlas.type_of
-    solutions = finished(
-        found, wanted, kept, tolerance, studies, type_of, watch.extended(FINISHING), prefers == "error"
+    question = _Question(
+        wanted,
+        kept,
+        limits or {},
+        _preference(prefer, wanted, isinstance(source, SeedTables)),
+        tolerance,
+        top,
+        diverse and kinds.four_bars_alone,
+        studies,
+        _sizes(limits, wanted, kept, source),
+        watch,
+        FINISHING if live is None else LIVE_FINISHING + LIVE_FINISHING_EACH * min(top, 10),
     )
+    if kinds.four_bars_alone:
+        check_sliders_alone(kept)
+        found, course, studies, look = _best_four_bars(question, source, begun)
+    else:
+        found, course, studies, look = _best_of_kinds(question, kinds)
+    notes += course.notes
+    searched, finishing = watch.elapsed, watch.extended(FINISHING)
+    solutions: Any
+    if kinds.four_bars_alone:
+        type_of = None if atlas is None else atlas.type_of
+        solutions = finished(found, wanted, kept, tolerance, studies, type_of, finishing, question.by_error)
+    else:
+        solutions = finished_kinds(found, wanted, kept, tolerance, studies, finishing)
     cut_short, refines = course.stopped_by == "budget", isinstance(source, Start)
     status = status_of(solutions, tolerance, wanted.tolerances is not None, cut_short or refines)
-    if rounds and solutions:
-        found, solutions = found[:top], by_rounded(solutions, top, sizes is not None)
-    if solutions and solutions[0].determination.ill_posed:
+    if question.rounds:
+        found, solutions = found[:top], by_rounded(solutions, top, question.sizes is not None)
+    if kinds.four_bars_alone and solutions and solutions[0].determination.ill_posed:
         notes.append(ILL_POSED)
-    if not wanted.free and "preset" not in (limits or {}) and solutions and not solutions[0].verdict.practical:
-        notes.append(UNASKED)
+    notes += _unasked_notes(question, solutions)
     notes += _swing_notes(solutions, wanted, limits, tolerance)
     notes += study_notes(studies.manufacture, solutions)
-    notes += cognate_notes(solutions) if wanted.samples.rotation is None else []
-    if not solutions and refines and not cut_short:
+    if kinds.four_bars_alone and wanted.samples.rotation is None:
+        notes += cognate_notes(solutions)
+    if not solutions and cut_short:
+        notes.append(CUT_SHORT)
+    elif not solutions and refines:
         notes.append(NOWHERE)
-    elif not solutions and not kept.only_family and effort == "refine" and not cut_short:
+    elif not (solutions or kept.only_family or effort == "atlas" or set(notes) & set(NOTHING_ROUND.values())):
 
-        def quick(eased: Limits, some: Work) -> tuple[list[Solution], Course]:
-            return _search(source, wanted, eased, 1, max(tolerance, QUICK), some, QUICK_ROUNDS)
+        def quick(eased: Limits, some: Work) -> tuple[Sequence[Found], Course]:
+            return look(wanted, eased, max(tolerance, QUICK), some, QUICK_ROUNDS, 1)
 
         notes += what_excludes(kept, wanted, quick, watch, limits)
-    elif not solutions and cut_short:
-        notes.append(CUT_SHORT)
     if len(solutions) < len(found):
         notes.append(f"the time was up: of {len(found)} linkages found the best {len(solutions)} are reported")
-    report = _report(
-        course,
-        wanted,
-        searched,
-        watch.elapsed,
-        notes,
+    seconds = course.stages | {"report": watch.elapsed - searched, "total": watch.elapsed}
+    report = Report(
+        elapsed_ms={name: 1000 * value for name, value in seconds.items()},
+        trace=[(1000 * value, objective) for value, objective in course.trace],
+        stopped_by=course.stopped_by,
+        length_scale=None if wanted.samples.position is None else wanted.samples.length_scale,
+        notes=notes,
         live=None if begun is None else Continued(bool(len(begun.branch))),
+        unseen=None if cut_short else course.unseen,
+        **course.counts,
     )
     if live is not None and course.left is not None:
         live.state = course.left.packed()
     return Result(status, list(solutions), report)
 
 
-def _of_kinds(
-    kinds: Kinds,
-    motion: Motion,
-    limits: Limits,
-    prefers: Prefer,
-    tolerance: float,
-    top: int,
-    studies: Studies,
-    notes: list[str],
-    watch: Work,
-    given: Mapping[str, Any],
-) -> Result:
-    """The answer to a request for other mechanisms than four-bars alone."""
-    sizes = _sizes(given, motion, limits, seed_tables())
+Look = Callable[..., tuple[Sequence[Found], Course]]
+"""A search for other motions and limits: ``look(motion, limits, goal, work, rounds, most)``."""
+Answered = tuple[Any, Course, Studies, Look]
+"""Linkages in the order of what is preferred, how they were found, studies of them, and how others are looked for."""
 
-    def searched_for(
-        asked: Motion, within: Limits, goal: float, work: Work, rounds: int | None = None
+
+@dataclass(frozen=True)
+class _Question:
+    """What is searched for, checked."""
+
+    motion: Motion
+    limits: Limits
+    given: Mapping[str, Any]
+    """The limits as the request names them."""
+    prefers: Prefer
+    tolerance: float
+    top: int
+    diverse: bool
+    studies: Studies
+    sizes: Limits | None
+    """See `_sizes`."""
+    watch: Work
+    spare: float
+    """Part of the budget beyond it that is left for finishing."""
+
+    @property
+    def by_error(self) -> bool:
+        """Whether the least error is preferred."""
+        return self.prefers == "error"
+
+    @property
+    def rounds(self) -> bool:
+        """Whether solutions are ranked by what is left of them once their lengths are rounded."""
+        return self.studies.rounds and self.by_error and not self.diverse
+
+    def searching(self, less: float = 0.0) -> Work:
+        """What watches over the search; ``less``: the part of the budget that is left for what comes after it."""
+        return self.watch.extended(-self.spare - less)
+
+
+def _best_four_bars(question: _Question, source: SeedTables | Scan | Start, begun: Kept | None) -> Answered:
+    """The best four-bars."""
+    wanted, kept, prefers, top = question.motion, question.limits, question.prefers, question.top
+    studies, searching = question.studies, question.searching()
+    goal = question.tolerance if question.by_error else goal_of(_allowed(wanted), question.tolerance)
+    many = _VARIETY * top if question.diverse else top
+    many = max(many, _ROUNDED_LEAST) if question.rounds else many
+    wish = 0.0
+    if prefers == "layers":
+        many, wish = max(many, _LAYERED * top, _LAYERED_LEAST), _FOR_LAYERS
+
+    def look(
+        asked: Motion, within: Limits, near: float, work: Work, rounds: int | None = None, most: int = many
+    ) -> tuple[list[Solution], Course]:
+        return _search(source, asked, within, most, near, work, rounds)
+
+    found, course = _search(source, wanted, kept, many, goal, question.searching(wish), begun=begun)
+    if question.sizes:
+        work = question.searching(wish)
+        found, course = _with_fair(found, course, source, wanted, question.sizes, many, goal, work)
+    if not found:
+        pass
+    elif prefers == "layers":
+        least = max(found[0].errors.objective, goal)
+        ranks, studies, course = _arranged(found, question, least, searching, course)
+        found.sort(key=lambda one: (id(one) not in ranks, ranks.get(id(one), UNRANKED)))
+        found = found if question.diverse else found[:top]
+    elif not question.by_error:
+        good = _improved(found, found[0].errors.objective, question, goal, look, searching)
+        measure, near = _measure(prefers, wanted, kept).of, {id(one) for one in good}
+        ranked = distinct(sorted(good, key=measure), many, APART, order=measure)
+        found = (ranked + [one for one in found if id(one) not in near])[:many]
+        course = course.ended_by(searching.expired())
+    if question.diverse:
+        found = spread(found, top, DIVERSE_LOSS, goal)
+    return found, course, studies, look
+
+
+def _best_of_kinds(question: _Question, kinds: Kinds) -> Answered:
+    """The best linkages of several kinds, or of others than four-bars, side by side."""
+    motion, limits, prefers, top = question.motion, question.limits, question.prefers, question.top
+    tolerance, sizes = question.tolerance, question.sizes
+    studies, searching, layered = question.studies, question.searching(), prefers == "layers"
+
+    def look(
+        asked: Motion, within: Limits, goal: float, work: Work, rounds: int | None = None, most: int = top
     ) -> tuple[list[Found], Course]:
         def four_bars(within: Limits, work: Work, rounds: int | None) -> tuple[list[Solution], Course]:
             found, course = _search(seed_tables(), asked, within, top, goal, work, rounds)
@@ -433,54 +486,32 @@ def _of_kinds(
 
         return search_kinds(kinds, asked, within, goal, four_bars, work, rounds)
 
-    def search_all(within: Limits, work: Work) -> tuple[list[Found], Course]:
-        return searched_for(motion, within, tolerance, work)
-
-    searching, layered = watch.extended(-FINISHING), prefers == "layers"
-    found, course = search_all(limits, watch.extended(-FINISHING - _FOR_LAYERS) if layered else searching)
-    notes += course.notes
+    found, course = look(motion, limits, tolerance, question.searching(_FOR_LAYERS if layered else 0.0))
     many = max(_LAYERED * top, _LAYERED_LEAST) if layered else top
     found = proportionate(found, motion.samples, tolerance)[0] if sizes else found
     chosen = front(found, motion, limits, prefers, tolerance, many)
-    if layered and chosen:
+    if not chosen:
+        pass
+    elif layered:
         least = max(tolerance, min(one.errors.objective for one in chosen))
-        ranks, studies, said = _arranged(chosen, motion, limits, least, studies, searching)
+        ranks, studies, course = _arranged(chosen, question, least, searching, course)
         chosen = front(chosen, motion, limits, prefers, tolerance, top, ranks)
-        notes += said
-        course = course._replace(stopped_by=StoppedBy.BUDGET.value) if said else course
-    elif prefers != "error" and chosen:
-
-        def again(asked: Motion, tighter: Limits, near: float) -> list[Found]:
-            return searched_for(asked, tighter, near, searching, TRY_ROUNDS)[0]
-
+    elif not question.by_error:
         goal, least = goal_of(_allowed(motion), tolerance), min(one.errors.objective for one in chosen)
-        found += _improved(chosen, least, motion, limits, prefers, goal, again, searching)
+        found += _improved(chosen, least, question, goal, look, searching)
         chosen = front(found, motion, limits, prefers, tolerance, top)
-        if searching.expired():
-            course = course._replace(stopped_by=StoppedBy.BUDGET.value)
-    searched = watch.elapsed
-    solutions = finished_kinds(chosen, motion, limits, tolerance, studies, watch.extended(FINISHING))
-    cut_short = course.stopped_by == StoppedBy.BUDGET.value
-    status = status_of(solutions, tolerance, motion.tolerances is not None, cut_short)
-    if studies.rounds and prefers == "error":
-        solutions = by_rounded(solutions, top, sizes is not None)
-    notes += _swing_notes(solutions, motion, given, tolerance)
-    notes += study_notes(studies.manufacture, solutions)
-    if not solutions and cut_short:
-        notes.append(CUT_SHORT)
-    elif not solutions and not limits.only_family and not set(notes) & set(NOTHING_ROUND.values()):
+        course = course.ended_by(searching.expired())
+    return chosen, course, studies, look
 
-        def quick(eased: Limits, some: Work) -> tuple[list[Found], Course]:
-            return searched_for(motion, eased, max(tolerance, QUICK), some, QUICK_ROUNDS)
 
-        notes += what_excludes(limits, motion, quick, watch, given)
-    timed = not motion.free or motion.travel is not None
-    if timed and "preset" not in given and solutions and not solutions[0].verdict.practical:
-        notes.append(UNASKED if motion.travel is None else UNASKED.replace("crank angles are", "travel is", 1))
-    if len(solutions) < len(chosen):
-        notes.append(f"the time was up: of {len(chosen)} linkages found the best {len(solutions)} are reported")
-    report = _report(course, motion, searched, watch.elapsed, notes)
-    return Result(status, solutions, report)
+def _unasked_notes(question: _Question, solutions: Sequence[Any]) -> list[str]:
+    """That the practical limits were not kept, where nobody said so and the best linkage breaks one."""
+    motion = question.motion
+    if (motion.free and motion.travel is None) or "preset" in question.given:
+        return []
+    if not solutions or solutions[0].verdict.practical:
+        return []
+    return [UNASKED if motion.travel is None else UNASKED.replace("crank angles are", "travel is", 1)]
 
 
 def _envelope_notes(motion: Motion, limits: Limits) -> list[str]:
@@ -513,21 +544,6 @@ def _swing_notes(
     if solutions[0].verdict.within_tolerance or any(one.errors.objective < tolerance for one in solutions):
         return []
     return [SWINGS] if np.ptp(best.crank_angle) * motion.radian <= _HALF_TURN else []
-
-
-def _report(course: Course, motion: Motion, searched: float, total: float, notes: list[str], **more: Any) -> Report:
-    """Of a search that took so many seconds, with all that was made of its answers so many in total."""
-    seconds = course.stages | {"report": total - searched, "total": total}
-    return Report(
-        elapsed_ms={name: 1000 * value for name, value in seconds.items()},
-        trace=[(1000 * value, objective) for value, objective in course.trace],
-        stopped_by=course.stopped_by,
-        length_scale=None if motion.samples.position is None else motion.samples.length_scale,
-        notes=notes,
-        unseen=None if course.stopped_by == "budget" else course.unseen,
-        **course.counts,
-        **more,
-    )
 
 
 # -- the search -------------------------------------------------------------------------------------------------------
@@ -667,20 +683,14 @@ def goal_of(allowed: float | None, tolerance: float) -> float:
 
 
 def _improved(
-    found: Sequence[Any],
-    least: float,
-    motion: Motion,
-    limits: Limits,
-    prefer: Prefer,
-    goal: float,
-    search: Callable[[Motion, Limits, float], Sequence[Any]],
-    work: Work,
+    found: Sequence[Any], least: float, question: _Question, goal: float, look: Look, work: Work
 ) -> list[Any]:
     """Linkages that are near enough, of any kinds: those of some found, and better ones by a measure.
 
     The same search within a tighter limit on the measure, half way to what is known to be out of reach, finds better ones or
     none, and the limit is tighter or looser next time. ``least``: J that is near.
     """
+    motion, limits = question.motion, question.limits
     near = near_enough(motion, least := max(least, goal))
     goal = goal if motion.tolerances is not None else least
     steady = _steady(motion, limits)
@@ -690,7 +700,7 @@ def _improved(
         def near(one: Any) -> bool:
             return close(one) and steady(one)
 
-    measure = _measure(prefer, motion, limits)
+    measure = _measure(question.prefers, motion, limits)
     good = list(filter(near, found))
     best, out_of_reach = min(map(measure.of, good), default=np.inf), measure.least
     for _ in range(_TRIES):
@@ -702,7 +712,7 @@ def _improved(
         except FieldError:  # another limit excludes it
             more = []
         else:
-            more = list(filter(near, search(*asked, goal)))
+            more = list(filter(near, look(*asked, goal, work, TRY_ROUNDS)[0]))
         if more:
             good += more
             best = min(best, *map(measure.of, more))
@@ -720,14 +730,16 @@ def _steady(motion: Motion, limits: Limits) -> Callable[[Any], bool]:
 
 
 def _arranged(
-    found: Sequence[Any], motion: Motion, limits: Limits, least: float, studies: Studies, work: Work
-) -> tuple[dict[int, Rank], Studies, list[str]]:
-    """How the layers of linkages rank, by id, of those that are near enough; the studies with them; what is to be said."""
+    found: Sequence[Any], question: _Question, least: float, work: Work, course: Course
+) -> tuple[dict[int, Rank], Studies, Course]:
+    """How the layers of linkages rank, by id, of those that are near enough; the studies with them; the search with its notes."""
+    motion, limits, studies = question.motion, question.limits, question.studies
     asked = studies.assembly or read_assembly(True)
     assert asked is not None
     ranks, made, left = layers_of(found, motion, least, asked.within(limits.envelope, limits.keep_out), work)
     said = [UNARRANGED.format(left, len(ranks))] if left else []
-    return ranks, studies._replace(assembly=asked, arranged=made), said
+    course = course.ended_by(bool(said))._replace(notes=[*course.notes, *said])
+    return ranks, studies._replace(assembly=asked, arranged=made), course
 
 
 def _as_good(best: float, other: float, measure: _Measure) -> bool:
@@ -780,15 +792,15 @@ class Start(NamedTuple):
     """Of a function generator: the output less the rocker's angle."""
 
 
-@contextmanager
-def pointing_to_start() -> Iterator[None]:
+def _in_start(field: str) -> str:
+    """Where ``refine_from`` has a field of a linkage."""
+    link = field.lstrip("/") in ("crank", "coupler", "rocker", "ground")
+    return f"/refine_from{'/links' if link else ''}{field}"
+
+
+def pointing_to_start() -> AbstractContextManager[None]:
     """Errors of the linkage's fields point into ``refine_from``."""
-    try:
-        yield
-    except FieldError as error:
-        link = error.field.lstrip("/") in ("crank", "coupler", "rocker", "ground")
-        place = f"/refine_from{'/links' if link else ''}{error.field}"
-        raise FieldError(place, error.message, **error.details) from error
+    return pointing(_in_start)
 
 
 def read_start(given: StartingLinkage, degrees: bool) -> Start:

@@ -29,8 +29,7 @@ from linkage_atlas.arguments import (
     radians_in,
 )
 from linkage_atlas.catalogues import PRESSURE, read_actuators, read_springs
-from linkage_atlas.guided import GuidedLinkage
-from linkage_atlas.linkages import FourBar, given_linkage
+from linkage_atlas.linkages import FourBar, GuidedLinkage, given_linkage
 from linkage_atlas.motions import Motion
 from linkage_atlas.records import KEPT, Record, Values, Vectors, plane, xy
 from linkage_atlas.six_bars import SixBarLinkage, on_hinge
@@ -422,7 +421,7 @@ class Drives(Record):
 # -- what is asked ----------------------------------------------------------------------------------------------------
 
 
-class Asked(NamedTuple):
+class AskedDrives(NamedTuple):
     """A checked request, in the units of the linkage and in radians."""
 
     load: Load
@@ -645,9 +644,9 @@ def read_asked(
     hand: ArrayLike | None,
     radian: float,
     millimetres: float,
-) -> Asked:
+) -> AskedDrives:
     """A checked request."""
-    return Asked(
+    return AskedDrives(
         _load(machine, load or {}, radian, millimetres),
         tuple(
             _drive(f"drives/{k}", one, machine, radian, millimetres) for k, one in enumerate(_list("drives", wanted))
@@ -658,7 +657,7 @@ def read_asked(
     )
 
 
-def check_sizes(asked: Asked, extent: float) -> None:
+def check_sizes(asked: AskedDrives, extent: float) -> None:
     """FieldError for lengths and places that are out of all proportion to the linkage."""
     lengths = ("retracted", "stroke", "reach_max", "pin_radius", "dead_length", "clear", "arm_min", "rod")
     for name, wishes in (("drives", asked.drives), ("springs", asked.springs)):
@@ -695,7 +694,7 @@ def check_asked(given: Mapping[str, Any], radian: float) -> None:
 
 def _read_study(
     machine: LinkMotions, given: Mapping[str, Any], radian: float
-) -> tuple[Asked, Mapping[str, Any] | None]:
+) -> tuple[AskedDrives, Mapping[str, Any] | None]:
     """What `load`, `drives`, `springs` and `drive` ask of a solution; and of it the last, checked."""
     asked = read_asked(machine, given.get("load"), given.get("drives"), given.get("springs"), None, radian, 1.0)
     if given.get("drive") is None:
@@ -840,7 +839,7 @@ def _links(at: str, given: Any, machine: LinkMotions, names: list[str]) -> list[
 # -- what is found ----------------------------------------------------------------------------------------------------
 
 
-def found_drives(place: _Place, asked: Asked, top: int, work: Work) -> Drives:
+def found_drives(place: _Place, asked: AskedDrives, top: int, work: Work) -> Drives:
     """The best drives of each kind, and springs."""
     with np.errstate(all="ignore"):
         search = _Search(place, asked, top, work)
@@ -874,7 +873,7 @@ class _Extremes(NamedTuple):
 class _Search:
     """All that is looked for on one linkage, and what was found."""
 
-    def __init__(self, place: _Place, asked: Asked, top: int, work: Work) -> None:
+    def __init__(self, place: _Place, asked: AskedDrives, top: int, work: Work) -> None:
         self.place, self.asked, self.top, self.work = place, asked, top, work
         self.machine, self.fine = place.machine, place.fine
         self.torque = self.machine.torque(asked.load)

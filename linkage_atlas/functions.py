@@ -19,6 +19,7 @@ from linkage_atlas.arguments import (
     kinds_among,
     number,
     one_of,
+    pointing,
     radians_in,
 )
 from linkage_atlas.door import (
@@ -31,10 +32,9 @@ from linkage_atlas.door import (
     read_start,
     seed_tables,
 )
-from linkage_atlas.guided import AnyGuide, DriverName, GuidedLinkage, KindName, guides_of
 from linkage_atlas.limits import read_function_limits
-from linkage_atlas.linkages import FourBar, Links
-from linkage_atlas.motions import Motion, unit_notes, unwound
+from linkage_atlas.linkages import AnyGuide, DriverName, FourBar, GuidedLinkage, KindName, Links, guides_of
+from linkage_atlas.motions import unit_notes, unwound
 from linkage_atlas.records import KEPT, Record, Values, names_of
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
@@ -89,6 +89,11 @@ class Dial(NamedTuple):
     def travels(self) -> bool:
         """Whether one of them is a length."""
         return LENGTH in self
+
+    @property
+    def span(self) -> str:
+        """What the input's way from the first sample to the last is called."""
+        return "crank_span" if self.input == ANGLE else "travel_span"
 
 
 def read_dial(input_unit: str | None, output_unit: str | None, degrees: bool) -> Dial:
@@ -258,21 +263,24 @@ class TravelSolution(Record):
 # -- as files ---------------------------------------------------------------------------------------------------------
 
 
-def render_travel(
+def render(
     wanted: Wanted,
     scales: Scales,
     dial: Dial,
-    linkage: GuidedLinkage,
+    linkage: FourBar | GuidedLinkage,
     output_offset: float,
     kind: str,
     length_unit: str,
 ) -> str:
     """A linkage that makes a function, as the text of a file; ``output_offset`` in the output's unit."""
-    travel = wanted.crank * (1.0 if dial.input == ANGLE else scales.length)
-    plain = linkage.plain
     radian = radians_in(linkage.degrees)
+    travel = wanted.crank * (1.0 if dial.input == ANGLE else scales.length)
     if kind != "csv":
-        return GuidedLinkage.of(plain, radian, Target(None, None, crank=travel)).render(kind, length_unit=length_unit)
+        shown = type(linkage).of(linkage.plain, radian, Target(None, None, crank=travel))
+        return shown.render(kind, length_unit=length_unit)
+    if isinstance(linkage, FourBar):
+        return to_csv(wanted, linkage.plain, output_offset * radian, radian)
+    plain = linkage.plain
     body = plain.body(plain.start + travel)
     made = own_output(linkage, dial, np.concatenate([[0.0], travel]))[1:] + output_offset
     output = wanted.output / scales.output
@@ -476,34 +484,35 @@ def function(
         if dial.input == ANGLE:
             input, said = unwound("input", input, degrees)
             wraps = [*wraps, *said]
-    samples_asked: dict[str, Any] = {
-        "input": input,
-        "function": function,
-        "input_zero": input_zero,
-        "output_zero": output_zero,
-        "weights": weights,
-        "degrees": degrees,
-    }
     if dial.travels:
-        if crank_span is not None and dial.input != "angle":
+        if crank_span is not None and dial.input != ANGLE:
             raise FieldError("/crank_span", "the input is a travel: give `travel_span`")
-        if travel_span is not None and dial.input == "angle":
+        if travel_span is not None and dial.input == ANGLE:
             raise FieldError("/travel_span", "the input is an angle: give `crank_span`")
-        span = crank_span if dial.input == "angle" else travel_span
-        motion = TravelMotion(output, span, one_way=one_way, dial=dial, **samples_asked)
-        motion.wraps = wraps
-        return motion.answered(kinds, limits, objective, top, tolerance, watch, curves)
-    wanted, dials = read_wanted(output, crank_span, **samples_asked)
-    if np.ptp(wanted.output) <= _STILL:
-        where = "/output" if function is None else "/function"
+    wanted, dials, scales = read_wanted(
+        output,
+        crank_span if dial.input == ANGLE else travel_span,
+        dial=dial,
+        input=input,
+        function=function,
+        input_zero=input_zero,
+        output_zero=output_zero,
+        weights=weights,
+        degrees=degrees,
+    )
+    where = "/output" if function is None else "/function"
+    if not dial.travels and np.ptp(wanted.output) <= _STILL:
         raise FieldError(where, "the output is the same everywhere: a rocker that stands still follows nothing")
+    if one_way:
+        _check_one_way(wanted, where)
+        wanted = replace(wanted, one_way=True)
+    largest = objective == "max"
+    asked = AskedFunction(wanted, dials, degrees, largest, tolerance, dial, scales)
+    if dial.travels:
+        return _with_travel(asked, kinds, limits, top, watch, curves, wraps)
     kept = read_function_limits(limits, wanted.target, degrees)
     if round_to is not None and kept.links[3] is None:
         raise FieldError("/round_to", "needs `limits.links.ground`: without it no length is actual")
-    if one_way:
-        _check_one_way(wanted, "/function" if function is not None else "/output")
-        wanted = replace(wanted, one_way=True)
-    largest = objective == "max"
     if isinstance(tables, Start):
         with pointing_to_start():
             found, course = refine_function(wanted, kept, largest, tables.linkage, tables.offset, tolerance, watch)
@@ -511,7 +520,6 @@ def function(
         found, course = generate(tables, wanted, kept, largest, top, tolerance, watch.extended(-FINISHING))
     searched = watch.elapsed
     radian = radians_in(degrees)
-    asked = Asked(wanted, dials, degrees, largest, tolerance, dial, Scales(1.0, radian, radian))
     solutions: list[Any] = described(asked, found, kept, sensitivity, curves)
     if round_to is not None:
         solutions = [
@@ -537,43 +545,83 @@ def function(
     return asked.result(found, solutions, limits, course, searched, watch, notes, begin is not None)
 
 
+def _with_travel(
+    asked: AskedFunction,
+    kinds: Sequence[str],
+    limits: Mapping[str, Any] | None,
+    top: int,
+    watch: Work,
+    curves: bool,
+    wraps: Sequence[str],
+) -> FunctionResult:
+    """The best linkages with sliders."""
+    wanted, dial = asked.wanted, asked.dial
+    laws = laws_for(kinds, *dial)
+    kept = read_travel_limits(limits, laws, wanted.target, asked.degrees)
+    within, work = kept.over(asked.scales.length), watch.extended(-FINISHING)
+    found, course = generate_travel(laws, wanted, within, asked.largest, top, asked.tolerance, work)
+    searched = watch.elapsed
+    solutions = [described_travel(asked, one, rank, kept, curves) for rank, one in enumerate(found, 1)]
+    notes = [*wraps, *(_notes(wanted) if dial.output == ANGLE else [])]
+    if len(kinds) > 1:
+        notes.append("linkages of several kinds are listed by error alone: transmission angle and size differ")
+    return asked.result(found, solutions, limits, course, searched, watch, notes)
+
+
 # -- what is asked ----------------------------------------------------------------------------------------------------
 
 
 def read_wanted(
     output: ArrayLike | None = None,
-    crank_span: float | None = None,
+    span: float | None = None,
     *,
+    dial: Dial,
     input: ArrayLike | None = None,
     function: Mapping[str, Any] | None = None,
     input_zero: float | None = None,
     output_zero: float | None = None,
     weights: ArrayLike | None = None,
     degrees: bool = True,
-    scales: tuple[float, float] | None = None,
-) -> tuple[Wanted, Dials | None]:
-    """A checked function in radians, and its dials where it was named; see `function`.
-
-    ``scales``: what one unit of input and output is instead, where they are no angles.
-    """
-    radian = radians_in(degrees)
-    of_input, of_output = scales or (radian, radian)
+) -> tuple[Wanted, Dials | None, Scales]:
+    """A checked function in the unit of its search, its dials where it was named, and what a unit is there; see `function`."""
     if (output is None) == (function is None):
         raise FieldError("/output", "give either `output` or `function`")
+    radian = radians_in(degrees)
+    scales, called = Scales(1.0, radian, radian), dial.span
+    if dial.travels:
+        if function is None and (span is None) == (input is None):
+            raise FieldError(f"/{called}", f"give either `{called}` or `input`")
+        if function is not None and span is None:
+            raise FieldError(f"/{called}", "needed for a `function`")
+        scales = Scales.of(dial, degrees, _way(called, span, input), _output_way(output, function))
+    with pointing(lambda field: field.replace("/crank_span", f"/{called}")):
+        return *_in_radians(output, span, input, function, input_zero, output_zero, weights, degrees, scales), scales
+
+
+def _in_radians(
+    output: ArrayLike | None,
+    crank_span: float | None,
+    input: ArrayLike | None,
+    function: Mapping[str, Any] | None,
+    input_zero: float | None,
+    output_zero: float | None,
+    weights: ArrayLike | None,
+    degrees: bool,
+    scales: Scales,
+) -> tuple[Wanted, Dials | None]:
+    """A function whose input and output are read as angles, whatever they are."""
+    radian, (of_input, of_output) = radians_in(degrees), scales[1:]
     span = None if crank_span is None else number("crank_span", crank_span) * of_input
     angles = None if input is None else column("input", input) * of_input
     dials = exact = None
     if function is not None:
         if angles is not None:
             raise FieldError("/input", "the input dial of a `function` is linear: give `crank_span`")
-        if scales is not None and "output_span" in function:  # dials take it as an angle
+        if of_output != radian and "output_span" in function:  # dials take it as an angle
             function = {**function, "output_span": function["output_span"] * of_output / radian}
-        try:
+        called = _CALLED if "of" in function else {}
+        with pointing(lambda field: called.get(field, field)):
             dials = read_dials(function, span, degrees)
-        except FieldError as error:
-            if "of" not in function:
-                raise
-            raise FieldError(_CALLED.get(error.field, error.field), error.message) from error
         values, angles, span, exact = dials.output, dials.input, None, dials.exact
     else:
         assert output is not None
@@ -597,78 +645,6 @@ def read_wanted(
     if output_zero is not None:
         offset = float(target.rotation[0]) - number("output_zero", output_zero) * of_output
     return Wanted(target.crank, target.rotation, target.rotation_weights, start, offset, exact), dials
-
-
-class TravelMotion:
-    """A checked function with travel, in the unit of its search; arguments as of `function`."""
-
-    wraps: Sequence[str] = ()
-    """Notes on angles that are taken the short way."""
-
-    def __init__(
-        self,
-        output: ArrayLike | None,
-        span: float | None,
-        *,
-        input: ArrayLike | None = None,
-        function: Mapping[str, Any] | None = None,
-        one_way: bool = False,
-        dial: Dial,
-        degrees: bool = True,
-        **more: Any,
-    ) -> None:
-        self.dial, self.degrees = dial, degrees
-        name = "crank_span" if dial.input == "angle" else "travel_span"
-        if (output is None) == (function is None):
-            raise FieldError("/output", "give either `output` or `function`")
-        if function is None and (span is None) == (input is None):
-            raise FieldError(f"/{name}", f"give either `{name}` or `input`")
-        if function is not None and span is None:
-            raise FieldError(f"/{name}", "needed for a `function`")
-        self.scales = Scales.of(dial, degrees, _way(name, span, input), _output_way(output, function))
-        try:
-            wanted, self.dials = read_wanted(
-                output,
-                span,
-                input=input,
-                function=function,
-                degrees=degrees,
-                scales=self.scales[1:],
-                **more,
-            )
-        except FieldError as error:
-            raise FieldError(
-                error.field.replace("/crank_span", f"/{name}"), error.message, **error.details
-            ) from error
-        if one_way:
-            _check_one_way(wanted, "/function" if function is not None else "/output")
-        self.wanted = replace(wanted, one_way=one_way)
-
-    def answered(
-        self,
-        kinds: Sequence[str],
-        limits: Mapping[str, Any] | None,
-        objective: str,
-        top: int,
-        tolerance: float,
-        watch: Work,
-        curves: bool,
-    ) -> FunctionResult:
-        """The best linkages of some kinds."""
-        wanted, scales = self.wanted, self.scales
-        laws = laws_for(kinds, *self.dial)
-        kept = read_travel_limits(limits, laws, wanted.target, self.degrees)
-        largest = objective == "max"
-        found, course = generate_travel(
-            laws, wanted, kept.over(scales.length), largest, top, tolerance, watch.extended(-FINISHING)
-        )
-        searched = watch.elapsed
-        asked = Asked(wanted, self.dials, self.degrees, largest, tolerance, self.dial, scales)
-        solutions = [described_travel(asked, one, rank, kept, curves) for rank, one in enumerate(found, 1)]
-        notes = [*self.wraps, *(_notes(wanted) if self.dial.output == ANGLE else [])]
-        if len(kinds) > 1:
-            notes.append("linkages of several kinds are listed by error alone: transmission angle and size differ")
-        return asked.result(found, solutions, limits, course, searched, watch, notes)
 
 
 def _way(name: str, span: float | None, input: ArrayLike | None) -> float:
@@ -843,11 +819,8 @@ class FunctionResult(Record, Ranked[FunctionSolution | TravelSolution]):
                 f"there are {len(self.solutions)} linkages in this reply",
             )
         chosen = self.solutions[rank - 1]
-        if isinstance(chosen, TravelSolution):
-            return render_travel(
-                self.wanted, self.scales, self.dial, chosen.linkage, chosen.output_offset, kind, length_unit
-            )
-        return render_function(self.wanted, chosen, kind, length_unit, self.degrees)
+        linkage, offset = chosen.linkage, chosen.output_offset
+        return render(self.wanted, self.scales, self.dial, linkage, offset, kind, length_unit)
 
     def __repr__(self) -> str:
         unit = ("deg" if self.degrees else "rad") if self.dial.output == "angle" else "(length)"
@@ -856,7 +829,7 @@ class FunctionResult(Record, Ranked[FunctionSolution | TravelSolution]):
 
 
 @dataclass(frozen=True)
-class Asked:
+class AskedFunction:
     """What solutions are described by."""
 
     wanted: Wanted
@@ -920,7 +893,7 @@ class Asked:
 
 
 def described_travel(
-    asked: Asked, one: TravelGenerator, rank: int, limits: TravelLimits, curves: bool
+    asked: AskedFunction, one: TravelGenerator, rank: int, limits: TravelLimits, curves: bool
 ) -> TravelSolution:
     """A generator with a slider as a user reads it."""
     scales, wanted, law = asked.scales, asked.wanted, one.law
@@ -957,7 +930,7 @@ def described_travel(
 
 
 def described(
-    asked: Asked, found: list[Generator], limits: Limits, sensitivity: bool, curves: bool
+    asked: AskedFunction, found: list[Generator], limits: Limits, sensitivity: bool, curves: bool
 ) -> list[FunctionSolution]:
     """Generators as a user reads them, best first."""
     if not found:
@@ -1004,7 +977,7 @@ def described(
     return solutions
 
 
-def _error_curves(asked: Asked, found: list[Generator]) -> list[ErrorCurve | None]:
+def _error_curves(asked: AskedFunction, found: list[Generator]) -> list[ErrorCurve | None]:
     """Input and error of each generator over the interval."""
     wanted, radian = asked.wanted, asked.radian
     shown = np.linspace(0.0, wanted.crank[-1], _SHOWN)
@@ -1013,7 +986,7 @@ def _error_curves(asked: Asked, found: list[Generator]) -> list[ErrorCurve | Non
     return [ErrorCurve(shown / radian, gap / radian) for gap in gaps]
 
 
-def rounded(asked: Asked, one: Generator, grid: float, work: Work) -> RoundedFunction:
+def rounded(asked: AskedFunction, one: Generator, grid: float, work: Work) -> RoundedFunction:
     """A generator with its links on a grid."""
     links = np.maximum(np.round(np.array(one.linkage.links) / grid), 1.0) * grid
     again = refit(asked.wanted, one, links, asked.largest, asked.tolerance, work)
@@ -1030,14 +1003,6 @@ def rounded(asked: Asked, one: Generator, grid: float, work: Work) -> RoundedFun
         "transmission_angle_min": again.transmission_angle_min / asked.radian,
     }
     return RoundedFunction(**values, linkage=linkage)
-
-
-def render_function(wanted: Wanted, solution: Any, kind: str, length_unit: str, degrees: bool) -> str:
-    """A linkage that makes a function, with `linkage` and `output_offset`, as the text of a file."""
-    linkage: FourBar = solution.linkage
-    if kind == "csv":
-        return to_csv(wanted, linkage.plain, solution.output_offset * radians_in(degrees), radians_in(degrees))
-    return linkage.render(kind, Motion.of(Target(None, None, crank=wanted.crank), degrees), length_unit)
 
 
 # -- a function by name, or of Python, on two dials -------------------------------------------------------------------

@@ -16,7 +16,7 @@ import numpy as np
 from linkage_atlas.answers import PROPORTION, AnySolution, finished, finished_guided, merit
 from linkage_atlas.arguments import kinds_among, one_of
 from linkage_atlas.assemblies import AskedAssembly, Assembly, assembled
-from linkage_atlas.guided import KindName
+from linkage_atlas.linkages import KindName
 from linkage_atlas.motions import Motion
 from linkage_atlas.studies import Studies
 from synthesis.arrays import Flags, Floats
@@ -69,7 +69,7 @@ _STEP = np.deg2rad(5.0)
 """Exact linkages are ordered by their transmission angle in steps."""
 
 
-class Asked(NamedTuple):
+class Kinds(NamedTuple):
     """Kinds of mechanism, and what drives them."""
 
     kinds: tuple[Kind, ...] = (Kind.FOUR_BAR,)
@@ -91,17 +91,17 @@ class Asked(NamedTuple):
         return Kind.FOUR_BAR in self.kinds and self.driver in (None, Driver.CRANK)
 
 
-def read_kinds(mechanisms: Any, driver: Any, motion: Motion) -> Asked:
+def read_kinds(mechanisms: Any, driver: Any, motion: Motion) -> Kinds:
     """The kinds that are asked for, checked against the motion. Raises `FieldError` naming the argument."""
     given = ("four_bar",) if mechanisms is None else mechanisms
     given = (given,) if isinstance(given, str) and given != "all" else given
     kinds = tuple(map(Kind, kinds_among(given, MECHANISMS)))
-    asked = Asked(kinds, None if driver is None else Driver(one_of("driver", driver, DRIVERS)))
+    asked = Kinds(kinds, None if driver is None else Driver(one_of("driver", driver, DRIVERS)))
     _check(asked, motion)
     return asked
 
 
-def _check(asked: Asked, motion: Motion) -> None:
+def _check(asked: Kinds, motion: Motion) -> None:
     by = asked.driver
     if asked.four_bars_alone and by not in (None, Driver.CRANK):
         raise FieldError(
@@ -179,7 +179,7 @@ def goes_round(driver: Driver | None) -> set[Kind]:
     return {kind for one in drivers for kind in _DRIVEN[one] if one.turns} - {Kind.RAIL_SLOT}
 
 
-def _driven(asked: Asked, drivers: Sequence[Driver]) -> bool:
+def _driven(asked: Kinds, drivers: Sequence[Driver]) -> bool:
     return any(kind in _DRIVEN[driver] for driver in drivers for kind in asked.kinds)
 
 
@@ -232,9 +232,13 @@ class Course(NamedTuple):
     unseen: float | None = None
     notes: Sequence[str] = ()
 
+    def ended_by(self, time_up: bool) -> Course:
+        """The same, ended by its budget if the time was up."""
+        return self._replace(stopped_by=StoppedBy.BUDGET.value) if time_up else self
+
 
 def search_kinds(
-    asked: Asked,
+    asked: Kinds,
     motion: Motion,
     limits: Limits,
     tolerance: float,
@@ -253,12 +257,17 @@ def search_kinds(
     sure: list[tuple[float, float | None]] = []  # the least J of each search, and the chance that it missed less
     if (asked.four_bars or led) and motion.travel is None:
         part = work.part(_FOUR_BARS * work.budget) if sliders and np.isfinite(work.budget) else work
-        first = four_bars(limits, part, _FIRST_ROUNDS)[0][:1] if led else []
-        leads, course = four_bars(limits, part, rounds)
+        # beside four-bars no time is kept for sliders before the rounds have ended that they begin with, whatever the time
+        begun = [four_bars(limits, work if asked.four_bars else part, _FIRST_ROUNDS)] if led else []
+        first = [lead for leads, _ in begun for lead in leads[:1]]
+        cut_off = any(course.stopped_by == StoppedBy.BUDGET.value for _, course in begun)
+        searches = begun if cut_off else [four_bars(limits, part, rounds), *begun]
+        leads, course = searches[0]
         if asked.four_bars:
-            found += leads
-            trace += course.trace
-            sure.append((_least(course.trace), course.unseen))
+            for ones, how in reversed(searches):
+                found, least = found + ones, _least(trace)
+                trace += [(seconds, error) for seconds, error in how.trace if error < least]
+            sure.append((_least(trace), course.unseen))
         seeds += course.counts["seeds"] or 0
         stopped.add(course.stopped_by)
         notes += course.notes
@@ -271,16 +280,16 @@ def search_kinds(
         notes.append(NO_TIME)
     elif sliders:
         given, driver = _given(motion, asked.driver)
-        poses, least = as_poses(motion.samples), _least(trace)
+        poses = as_poses(motion.samples)
         if led and not leads:
-            notes.append(NO_LEAD)
+            notes.append(NO_TIME if work.expired() else NO_LEAD)
         for turned in _rotations(leads, poses) if led else [None]:
             others, report = search_guided(
                 poses, limits, asked.sliders, driver, tolerance, work, given, turned, rounds
             )
             found += others
-            trace += [(seconds, error) for seconds, error in report.trace if error < least]
             least = _least(trace)
+            trace += [(seconds, error) for seconds, error in report.trace if error < least]
             sure.append((_least(report.trace), None if led else report.unseen))
             seeds += report.seeds
             notes += [note for note in report.notes if note not in notes]
@@ -298,15 +307,15 @@ def search_kinds(
             stopped.add(by_report.stopped_by.value)
     elif asked.sliders and not sliders:
         notes.append(NO_ROTATION)
-    how = (StoppedBy.BUDGET, StoppedBy.CONVERGED, StoppedBy.TOLERANCE)
-    stopped_by = next(one.value for one in how if one.value in stopped)
+    worst = (StoppedBy.BUDGET, StoppedBy.CONVERGED, StoppedBy.TOLERANCE)
+    stopped_by = next(one.value for one in worst if one.value in stopped)
     stages = {"screen": between, "refine": work.elapsed - between}
     counts = {"seeds": seeds, "windows": None, "exhaustive": None}
     unseen = min(sure, key=lambda one: one[0], default=(np.inf, None))[1]
     return found, Course(stages, trace, stopped_by, counts, unseen=unseen, notes=notes)
 
 
-def _by_hinge_alone(asked: Asked, samples: Samples) -> bool:
+def _by_hinge_alone(asked: Kinds, samples: Samples) -> bool:
     """Whether a way is closed and of the linkages with sliders a hinge alone goes round."""
     by_crank = asked.driver in (None, Driver.CRANK) and set(asked.kinds) & set(_DRIVEN[Driver.CRANK])
     return _comes_round(samples) and not asked.four_bars and not by_crank
@@ -542,15 +551,12 @@ def layers_of(
     return ranks, made, 0
 
 
-def travel_of(one: Found) -> Any:
-    """What a linkage's drive goes through from the first sample."""
-    return one.travel if isinstance(one, guided.GuidedSolution) else one.crank
-
-
 def span_of(one: Found) -> float:
     """How far its crank or hinge turns; infinite for other drives."""
-    turns = not isinstance(one, guided.GuidedSolution) or one.linkage.driver.turns
-    return float(np.ptp(travel_of(one))) if turns else np.inf
+    if not isinstance(one, guided.GuidedSolution):
+        assert one.crank is not None
+        return float(np.ptp(one.crank))
+    return float(np.ptp(one.travel)) if one.linkage.driver.turns else np.inf
 
 
 def _sort(one: Found) -> tuple[str, str]:

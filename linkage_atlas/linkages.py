@@ -1,24 +1,325 @@
-"""A four-bar as a user handles it: angles in degrees (or radians), plain arrays, drawings and files."""
+"""Linkages as users handle them, four-bars and bodies on guides: angles in degrees or radians, plain arrays, drawings, files."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Any, NamedTuple
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple, Self, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkage_atlas.any_linkage import AnyLinkage
-from linkage_atlas.arguments import column, number, pair, radians_in
-from linkage_atlas.assemblies import Assembly
-from linkage_atlas.guided import GuidedLinkage
+from linkage_atlas.arguments import check_names, column, millimetres_in, number, one_of, pair, radians_in
+from linkage_atlas.assemblies import Assembly, assembled, read_assembly
+from linkage_atlas.formats import FORMATS, OF_PARTS, kind_of
 from linkage_atlas.motions import Motion
-from linkage_atlas.records import plain, plane
-from linkage_atlas.studies import Analysis, read_analysis
+from linkage_atlas.records import plain, plane, xy
+from linkage_atlas.solids import SLIDES, AskedSolids, SolidParts, read_solids, solids_in, split
+from linkage_atlas.studies import (
+    Analysis,
+    AskedAnalysis,
+    GuidedAnalysis,
+    Manufacture,
+    ToleranceStudy,
+    analysed,
+    read_analysis,
+    read_manufacture,
+    studied,
+)
 from synthesis.arrays import Floats
+from synthesis.drives.attached import COLOUR, LAYER, Attached
+from synthesis.drives.links import GROUND, LinkMotions, ends_of, motions_at
+from synthesis.drives.six_bar import Motor, SixBar
 from synthesis.errors import FieldError
-from synthesis.fourbar.linkage import Linkage, are_cognates
+from synthesis.fourbar import files as of_four_bars
+from synthesis.fourbar.linkage import Linkage, Mass, are_cognates
+from synthesis.guided import files as of_guided
+from synthesis.guided import linkage as guided
+from synthesis.guided.linkage import DRIVERS, Circle, Driver, Guide, Rail, Slot
+from synthesis.guided.solution import as_target
+from synthesis.sheet import More
 from synthesis.target import TURN, Interval, Target
+from synthesis.work import Work
+
+_TURN_STEPS = 73
+
+
+class AnyLinkage(ABC):
+    """A linkage with its unit of angle, and the motion that it answers if there is one."""
+
+    _linkage: Any
+    _radian: float
+    _motion: Target | None
+    _drive: str
+    """What moves it, in a sentence."""
+
+    @classmethod
+    def of(cls, linkage: Any, radian: float, motion: Target | None) -> Self:
+        """The view of a linkage that answers a motion, whose crank angles are the travel of its drive."""
+        one = object.__new__(cls)
+        one._linkage, one._radian, one._motion = linkage, radian, motion
+        return one
+
+    @property
+    def degrees(self) -> bool:
+        """Whether its angles are in degrees; else in radians."""
+        return self._radian != 1.0
+
+    @property
+    def branch(self) -> int:
+        """+1 or -1."""
+        return int(self._linkage.branch)
+
+    @property
+    def turns_fully(self) -> bool:
+        """Whether its drive turns, and can turn fully."""
+        return bool(self._linkage.turns_fully)
+
+    @property
+    def way(self) -> Floats | None:
+        """Travel of the drive over the motion that it answers, radians or lengths, (n,); None where it answers none."""
+        return None if self._motion is None else self._motion.way
+
+    @property
+    def _unit(self) -> float:
+        """Radians in the unit of the drive's coordinate; 1 for a length."""
+        return self._radian
+
+    @abstractmethod
+    def target_of(self, motion: Motion | None, travel: ArrayLike | None) -> Target:
+        """A motion with the travel of the drive at its samples; without one the motion that it answers, or a whole turn."""
+
+    def tolerance_study(self, *, work: Work | None = None, **manufacture: Any) -> ToleranceStudy:
+        """What tolerances of manufacture do to the motion of the body, simulated and to first order.
+
+        Parameters
+        ----------
+        links, pivots : float
+            Lengths (of a body on two guides radii and body points), and coordinates of what is fixed (pivots, pins and rails),
+            lie evenly within this of their nominal values, either way.
+        clearance : float
+            Diameter of a hole less that of its pin, in all joints: the play at both ends of each guide.
+        samples, seed : int
+            How many linkages are made by chance (10,000), and which (0).
+        work : Work, optional
+            Asked whether the answer is still wanted.
+        """
+        return self.made_within(read_manufacture(manufacture), self._default_motion(), work or Work())
+
+    def made_within(self, manufacture: Manufacture, target: Target, work: Work) -> ToleranceStudy:
+        """A tolerance study that has been read, over a motion."""
+        return studied(self._linkage, manufacture, target.crank, target.interval, self._radian, work)
+
+    def analysed(self, asked: AskedAnalysis, travel: Floats, over: Interval | None = None) -> Any:
+        """An analysis that has been read, at travel (n,) of the drive in radians or lengths, and over an interval."""
+        return analysed(self._linkage, asked, travel, self._radian, over)
+
+    def _analysed_at(self, asked: AskedAnalysis, name: str, travel: ArrayLike | None) -> Any:
+        """The same at travel in the user's unit, or over the motion that it answers."""
+        if travel is not None:
+            return self.analysed(asked, np.atleast_1d(column(name, travel)) * self._unit)
+        target = self._default_motion()
+        return self.analysed(asked, target.crank, target.interval)
+
+    def assembly(
+        self,
+        motion: Motion | None = None,
+        crank_angle: ArrayLike | None = None,
+        *,
+        travel: ArrayLike | None = None,
+        work: Work | None = None,
+        **asked: Any,
+    ) -> Assembly:
+        """Layers of its plates in which nothing collides over the used interval, proved; or what stops the best ones.
+
+        Parameters
+        ----------
+        motion : Motion, optional
+            Over whose interval; default: the motion that the linkage answers, or else a whole turn.
+        crank_angle, travel : array_like, shape (N,), optional
+            Of a motion whose timing is free: crank angles, or the place of a drive that slides, from the first sample on.
+        work : Work, optional
+            Asked whether the answer is still wanted.
+        width, hole, clearance : float
+            Width of the plates, diameter of the pins, and the least gap of parts that pass one another.
+        thickness, washer : float
+            Of the plates, and of the washers between layers.
+        boards : {"below", "above", "both", "bar"}
+            Where the fixed pins stand: in a board on either side or both, or in a bar, a plate of its own.
+        heads : bool
+            Whether pins have heads, of 1.8 diameters, that fill a layer at each free end.
+        mounts : mapping
+            How fixed pins must be held: {"A": "below+above"}.
+        body : array_like, shape (n, 2)
+            Outline of the body, a plate that the coupler carries: in the body's frame, from the body point.
+        layers_most : int
+            Layers at most (6).
+
+        Examples
+        --------
+        >>> import linkage_atlas as la
+        >>> la.FourBar(30, 60, 70, 50).assembly(hole=6, width=18).layers
+        {'crank': 1, 'coupler': 2, 'rocker': 3}
+        """
+        target = self.target_of(motion, crank_angle if travel is None else travel)
+        return self._arranged(target, asked, work or Work(), "")
+
+    def _arranged(self, target: Target, asked: Mapping[str, Any], work: Work, where: str) -> Assembly:
+        read = read_assembly(asked, where)
+        assert read is not None
+        return assembled(self._linkage, read, target.interval, self._radian, work, where)
+
+    def solids(
+        self,
+        motion: Motion | None = None,
+        crank_angle: ArrayLike | None = None,
+        *,
+        length_unit: str = "mm",
+        work: Work | None = None,
+        **asked: Any,
+    ) -> SolidParts:
+        """Its parts as solids: plates, boards, pins, washers, with their masses; `SolidParts.save` writes their files.
+
+        Parameters
+        ----------
+        motion, crank_angle, work
+            As of `assembly`; of a drive that slides ``crank_angle`` is its travel.
+        length_unit : {"mm", "cm", "m", "in"}
+            The unit of its lengths; solids are in millimetres.
+        fit : {"H7", "print"}
+            How pins fit. "H7": drawn at the nominal size, with tolerances in the parts list. "print": with 0.4 mm play where a
+            plate turns and 0.1 mm where it holds the pin, and plates and gaps that a printer makes well.
+        material, pins : str
+            Of plates and boards, and of pins, washers and heads: steel, stainless, aluminium, brass, plywood, acrylic, POM, PLA,
+            PETG or ABS.
+        fillet : float
+            Radius at the convex corners of the body's outline, in the unit of its lengths (0).
+        scale : float
+            Of a model (1); plays are not scaled.
+        layout : {"assembled", "bed"}
+            Where parts stand in STEP (assembled) and 3MF (beside one another on the bed) unless it says otherwise.
+        nevertheless : bool
+            Also where parts would collide (False).
+        **asked
+            As of `assembly`.
+
+        Raises
+        ------
+        FieldError
+            Where parts would collide, or a plate has no room for a hole.
+
+        Examples
+        --------
+        >>> import linkage_atlas as la
+        >>> parts = la.FourBar(19, 72, 144, 165).solids(material="plywood")
+        >>> [one.link for one in parts.masses]
+        ['crank', 'coupler', 'rocker']
+        """
+        of_assembly, of_solids = split(asked)
+        target = self.target_of(motion, crank_angle)
+        return self._solids(target, of_assembly, read_solids(of_solids, ""), length_unit, work or Work(), "")
+
+    def _solids(
+        self,
+        target: Target,
+        assembly: Mapping[str, Any],
+        solids: AskedSolids,
+        length_unit: str,
+        work: Work,
+        where: str = "assembly/",
+    ) -> SolidParts:
+        return solids_in(self._arranged(target, assembly, work, where), solids, assembly, length_unit)
+
+    def file(
+        self,
+        kind: str,
+        motion: Motion | None = None,
+        length_unit: str = "mm",
+        crank_angle: ArrayLike | None = None,
+        analysis: Mapping[str, Any] | None = None,
+        plates: Mapping[str, float] | None = None,
+        assembly: Mapping[str, Any] | None = None,
+        solids: Mapping[str, Any] | None = None,
+        work: Work | None = None,
+        drive: Mapping[str, Any] | None = None,
+        *,
+        travel: ArrayLike | None = None,
+    ) -> bytes:
+        """The linkage as the content of a file.
+
+        Parameters
+        ----------
+        kind : {"csv", "svg", "dxf", "plates", "mjcf", "pylinkage", "step", "3mf", "stl", "urdf", "sdf", "parts"}
+            ``plates``: a DXF of the links as plates to cut. ``stl``: a zip file with a file a part. ``parts``: a list (CSV).
+        motion : Motion, optional
+            What was asked for; default: the motion that the linkage answers, or else a whole turn.
+        length_unit : {"mm", "cm", "m", "in"}
+            The unit of its lengths, for files that know one.
+        crank_angle, travel : array_like, shape (N,), optional
+            Of a motion whose timing is free: crank angles, or the place of a drive that slides, from the first sample on.
+        analysis : mapping, optional
+            ``crank_speed`` and ``load`` as of `analysis`: further columns of a CSV file.
+        plates : mapping, optional
+            ``hole``, the diameter of the holes, and ``width`` of the plates, for a DXF of the links of a four-bar alone.
+        assembly, solids : mapping, optional
+            How its parts are arranged and made, as of `assembly` and `solids`: for STEP and what follows it above, the masses in
+            an MJCF file, and a DXF of all flat parts in place of the links alone.
+        work : Work, optional
+            Asked whether the answer is still wanted.
+        drive : mapping, optional
+            A drive of `linkage_atlas.drives` as plain values: further columns of a CSV file, a layer of a DXF file, and the drive
+            of an MJCF model.
+        """
+        target = self.target_of(motion, crank_angle if travel is None else travel)
+        assembly, drive = with_motor(kind, assembly, drive)
+
+        def parts(nevertheless: bool) -> SolidParts:
+            read = read_solids(solids)
+            if nevertheless:
+                read = read._replace(nevertheless=True)
+            return self._solids(target, assembly or {}, read, length_unit, work or Work())
+
+        arranged = bool(assembly or solids)
+        return content_of(
+            self._linkage, target, self._radian, kind, length_unit, analysis, drive, parts, plates, arranged
+        )
+
+    def render(self, kind: str, *arguments: Any, **more: Any) -> str:
+        """The linkage as the text of a file; arguments as of `file`. FieldError for 3MF and STL, which are no text."""
+        if kind in ("3mf", "stl"):
+            raise FieldError("/kind", f"{kind} is no text: `file` has its content, and `save` writes it")
+        return self.file(kind, *arguments, **more).decode()
+
+    def save(self, path: str | Path, length_unit: str = "mm", **asked: Any) -> None:
+        """Write a file; its ending says which.
+
+        .csv, .svg, .dxf, .xml (MJCF, also .mjcf), of a four-bar .pylinkage.json; of its parts .step, .3mf, .stl.zip, .parts.csv,
+        .plates.dxf, and where all joints turn .urdf and .sdf, for which ``asked`` are arguments as of `FourBar.solids`.
+        """
+        path = Path(path)
+        of_assembly, of_solids = split(asked)
+        kind = kind_of(path.name)
+        path.write_bytes(self.file(kind, length_unit=length_unit, assembly=of_assembly, solids=of_solids))
+
+    def _default_motion(self) -> Target:
+        """What it is drawn over: the motion that it answers, or a whole turn."""
+        if self._motion is not None:
+            return self._motion
+        if not self.turns_fully:
+            raise FieldError(
+                "/motion", f"this {self._drive} cannot turn fully: give the motion that it is to be shown over"
+            )
+        return Target(None, None, crank=np.linspace(0.0, TURN, _TURN_STEPS))
+
+    def _repr_svg_(self) -> str | None:
+        """A drawing, for notebooks."""
+        try:
+            return self.file("svg").decode()
+        except FieldError:
+            return None
 
 
 class Joints(NamedTuple):
@@ -401,3 +702,483 @@ def given_linkage(given: Any, degrees: bool) -> tuple[AnyLinkage, Any]:
         return FourBar.from_dict(given, degrees), travel
     except (KeyError, TypeError):
         raise FieldError("/linkage", "wanted links (crank, coupler, rocker, ground), branch, start_angle") from None
+
+
+DriverName = Literal["crank", "slider", "cylinder", "hinge"]
+OtherKindName = Literal["slider_crank", "swinging_block", "rail_slot", "two_rails", "two_slots"]
+KindName = Literal["four_bar", OtherKindName]
+LARGEST = 1e100
+"""Of a place or a length that is given."""
+
+
+class CircleGuide(NamedTuple):
+    """A point of the body on a circle: a crank or rocker. Body points are in the body's frame."""
+
+    guide: Literal["circle"]
+    pivot: tuple[float, float]
+    radius: float
+    body_point: tuple[float, float]
+
+
+class RailGuide(NamedTuple):
+    """A point of the body on a line of the ground."""
+
+    guide: Literal["rail"]
+    point: tuple[float, float]
+    direction: float
+    """Angle of the rail against the x axis."""
+    body_point: tuple[float, float]
+    used: tuple[float, float] | None
+    """The least and the largest place on the rail, from its point along its direction, over the used interval."""
+
+
+class SlotGuide(NamedTuple):
+    """A line of the body through a fixed pin."""
+
+    guide: Literal["slot"]
+    pin: tuple[float, float]
+    body_point: tuple[float, float]
+    """A point of the line in the body's frame."""
+    body_direction: float
+    """Angle of the line in the body's frame."""
+    used: tuple[float, float] | None
+    """The least and the largest place of the pin in the slot, from the body point along its direction, over the used interval."""
+
+
+AnyGuide = CircleGuide | RailGuide | SlotGuide
+
+
+def guides_of(linkage: guided.GuidedLinkage, radian: float, used: Interval | None) -> list[AnyGuide]:
+    """The guides of a linkage, the driven one first, in the user's unit of angle; ``used``: travel from the first sample."""
+
+    def ends(place: int) -> tuple[float, float] | None:
+        return None if used is None else linkage.used(place, used)
+
+    found: list[AnyGuide] = []
+    for place, one in enumerate(linkage.guides):
+        point = xy(one.body_point)
+        if isinstance(one, Circle):
+            found.append(CircleGuide("circle", xy(one.pivot), one.radius, point))
+        elif isinstance(one, Rail):
+            found.append(RailGuide("rail", xy(one.point), one.direction / radian, point, ends(place)))
+        else:
+            found.append(SlotGuide("slot", xy(one.pin), point, one.body_direction / radian, ends(place)))
+    return found
+
+
+class GuidedJoints(NamedTuple):
+    """Where a body on two guides is at n places of the drive; NaN where the loop does not close. Angles in the linkage's unit."""
+
+    body_point: Floats
+    """(n, 2): the origin of the body's frame, the requested position."""
+    rotation: Floats
+    """(n,): of the body."""
+    guided: tuple[Floats, Floats]
+    """(n, 2) of each guide: its body point on a circle or rail, its fixed pin in a slot."""
+    drive: Floats
+    """(n,): the drive's coordinate, an angle or a length."""
+    transmission_angle: Floats
+    arm: Floats
+    """(n,): moment arm of the second guide's push about the driven guide's pin."""
+
+
+class GuidedLinkage(AnyLinkage):
+    """A body held by two guides, the first of them driven.
+
+    Parameters
+    ----------
+    guides : sequence of two mappings
+        As a reply has them: ``guide`` "circle" with ``pivot``, ``radius``, ``body_point``; "rail" with ``point``, ``direction``,
+        ``body_point``; "slot" with ``pin``, ``body_point``, ``body_direction``. Body points are in the body's frame.
+    driver : {"crank", "slider", "cylinder", "hinge"}
+        What moves the first guide: a crank its circle, a slider its rail, a cylinder or a hinge its slot.
+    branch : int
+        Sign of the sine of the transmission angle.
+    start : float
+        The drive's coordinate at the first sample: the direction of crank or slot in the plane, the place along rail or slot.
+    degrees : bool
+        Unit of every angle in and out.
+
+    Raises
+    ------
+    FieldError
+        Naming the argument.
+
+    Examples
+    --------
+    >>> import linkage_atlas as la
+    >>> crank = {"guide": "circle", "pivot": [0, 0], "radius": 1, "body_point": [0, 0]}
+    >>> rail = {"guide": "rail", "point": [0, 0.3], "direction": 0, "body_point": [2, 0]}
+    >>> pump = la.GuidedLinkage([crank, rail], "crank")
+    >>> pump.kind, pump.turns_fully
+    ('slider_crank', True)
+    >>> pump.joints([50]).rotation.round(6).tolist()
+    [-13.475068]
+    """
+
+    _linkage: guided.GuidedLinkage
+    _drive = "drive"
+
+    def __init__(
+        self,
+        guides: Sequence[Mapping[str, Any] | AnyGuide],
+        driver: str,
+        branch: int = 1,
+        start: float = 0.0,
+        *,
+        degrees: bool = True,
+    ) -> None:
+        radian = radians_in(degrees)
+        if isinstance(guides, (str, Mapping)) or len(guides) != 2:
+            raise FieldError("/guides", f"wanted two guides, found {len(guides)}")
+        read = [read_guide(f"guides/{place}", one, radian) for place, one in enumerate(guides)]
+        if Driver(one_of("driver", driver, get_args(DriverName))) not in (known := DRIVERS[type(read[0])]):
+            what = type(read[0]).__name__.lower()
+            raise FieldError(
+                "/driver", f"the first guide is a {what}, driven by {' or '.join(known)}, found {driver!r}"
+            )
+        if branch not in (-1, 1):
+            raise FieldError("/branch", f"wanted 1 or -1, found {branch}")
+        turns = Driver(driver).turns
+        begin = number("start", start) * (radian if turns else 1.0)
+        self._linkage = guided.GuidedLinkage((read[0], read[1]), Driver(driver), int(branch), begin)
+        check_apart(self._linkage)
+        self._radian = radian
+        self._motion: Target | None = None
+
+    @property
+    def plain(self) -> guided.GuidedLinkage:
+        """The same in radians, as the numerics have it."""
+        return self._linkage
+
+    # -- what it is ---------------------------------------------------------------------------------------------------
+
+    @property
+    def kind(self) -> str:
+        """Which guides it has: slider_crank, swinging_block, rail_slot, two_rails, two_slots or four_bar."""
+        return self._linkage.kind.value
+
+    @property
+    def driver(self) -> str:
+        """What moves the first guide: crank, slider, cylinder or hinge."""
+        return self._linkage.driver.value
+
+    @property
+    def start(self) -> float:
+        """The drive's coordinate at the first sample."""
+        return self._linkage.start / self._unit
+
+    @property
+    def guides(self) -> list[AnyGuide]:
+        """The guides, the driven one first, with the parts of rails and slots that the motion uses, where it answers one."""
+        used = None if self._motion is None else self._motion.interval
+        return guides_of(self._linkage, self._radian, used)
+
+    @property
+    def _unit(self) -> float:
+        """Radians in the unit of the drive's coordinate; 1 for a length."""
+        return self._radian if self._linkage.driver.turns else 1.0
+
+    # -- how it moves -------------------------------------------------------------------------------------------------
+
+    def joints(self, travel: ArrayLike) -> GuidedJoints:
+        """Where the body and its guided points are.
+
+        Parameters
+        ----------
+        travel : array_like, shape (n,) or a number
+            Of the drive from its start on: angles of a crank or hinge, lengths of a slider or cylinder.
+        """
+        one = self._linkage
+        q = one.start + np.atleast_1d(column("travel", travel)) * self._unit
+        found = one.body(q)
+        turned = np.exp(1j * found.rotation)
+        points = [
+            plane(np.where(np.isfinite(found.rotation), guide.pin, np.nan))
+            if isinstance(guide, Slot)
+            else plane(found.position + turned * guide.body_point)
+            for guide in one.guides
+        ]
+        return GuidedJoints(
+            plane(found.position),
+            found.rotation / self._radian,
+            (points[0], points[1]),
+            q / self._unit,
+            found.transmission_angle / self._radian,
+            found.arm,
+        )
+
+    def transmission_angle_min(self, first: float | None = None, last: float | None = None) -> float:
+        """The smallest transmission angle over travel of the drive, exactly; NaN where it opens.
+
+        Default: over the motion that it answers, or else over a whole turn.
+        """
+        if first is None or last is None:
+            interval = self._default_motion().interval
+        ends = [
+            interval.first if first is None else first * self._unit,
+            interval.last if last is None else last * self._unit,
+        ]
+        return self._linkage.transmission_angle_over(Interval(*ends).after(self._linkage.start)) / self._radian
+
+    def analysis(
+        self, speed: float, load: Mapping[str, Any] | None = None, travel: ArrayLike | None = None
+    ) -> GuidedAnalysis:
+        """Velocities, accelerations and, with a load, the torque or force of the drive and the forces of the guides.
+
+        Parameters
+        ----------
+        speed : float
+            Of the drive, constant: in the unit of angle of a crank or hinge, or the unit of length, a second.
+        load : mapping, optional
+            ``force`` [fx, fy] at the body point and ``torque`` on the body, in directions that do not turn with it.
+        travel : array_like, shape (n,), optional
+            Of the drive from its start on. Default: the samples of the motion that it answers (or a whole turn), with the
+            `curve` over their interval.
+        """
+        asked = read_analysis({"crank_speed": speed, "load": load}, True)
+        found: GuidedAnalysis = self._analysed_at(asked, "travel", travel)
+        return found
+
+    # -- what it becomes ----------------------------------------------------------------------------------------------
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values under the names of the HTTP contract; `from_dict` takes them back."""
+        return {
+            "kind": self.kind,
+            "driver": self.driver,
+            "guides": plain(self.guides),
+            "branch": self.branch,
+            "start": self.start,
+        }
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any], degrees: bool = True) -> GuidedLinkage:
+        """A linkage from what `to_dict` gives, or from a solution of a reply over HTTP.
+
+        Without ``branch`` and ``start`` there is nothing to go by: they are needed beside ``guides`` and ``driver``.
+        """
+        for name in ("guides", "driver", "branch", "start"):
+            if values.get(name) is None:
+                raise FieldError(f"/{name}", "needed")
+        return cls(values["guides"], values["driver"], values["branch"], values["start"], degrees=degrees)
+
+    def target_of(self, motion: Motion | None, travel: ArrayLike | None) -> Target:
+        """A motion with the travel of the drive at its samples; without one the default."""
+        if motion is None:
+            return self._default_motion()
+        if motion.free and travel is None:
+            name = "crank_angle" if self._linkage.driver.turns else "travel"
+            raise FieldError(f"/{name}", "needed: the motion's timing is free")
+        place = np.zeros(0) if travel is None else column("travel", travel) * self._unit
+        if motion.free and place.shape != (motion.asked.samples,):
+            raise FieldError("/travel", f"wanted {motion.asked.samples} numbers, found {place.size}")
+        return as_target(motion.samples, self._linkage, place)
+
+    def __repr__(self) -> str:
+        words = []
+        for one in self.guides:
+            if isinstance(one, CircleGuide):
+                words.append(f"circle of radius {one.radius:.6g} about {_words(one.pivot)}")
+            elif isinstance(one, RailGuide):
+                words.append(f"rail through {_words(one.point)} at {one.direction:.6g}")
+            else:
+                words.append(f"slot on the pin {_words(one.pin)}")
+        return f"GuidedLinkage({self.kind} driven by a {self.driver}: {', '.join(words)}, branch={self.branch:+d})"
+
+
+def read_guide(field: str, given: Mapping[str, Any] | AnyGuide, radian: float) -> Guide:
+    """A checked guide as the numerics have it; ``used`` is not needed."""
+    values: Mapping[str, Any] = given if isinstance(given, Mapping) else given._asdict()
+    sort = one_of(f"{field}/guide", values.get("guide"), ("circle", "rail", "slot"))
+
+    def place(name: str) -> complex:
+        return pair(f"{field}/{name}", values.get(name, ()), LARGEST)
+
+    def amount(name: str) -> float:
+        if values.get(name) is None:
+            raise FieldError(f"/{field}/{name}", "needed")
+        return number(f"{field}/{name}", values[name])
+
+    point = place("body_point")
+    if sort == "circle":
+        if not 0 < amount("radius") <= LARGEST:
+            raise FieldError(f"/{field}/radius", f"wanted a length above 0, found {values['radius']}")
+        return Circle(place("pivot"), amount("radius"), point)
+    if sort == "rail":
+        return Rail(place("point"), amount("direction") * radian, point)
+    return Slot(place("pin"), point, amount("body_direction") * radian)
+
+
+def check_apart(linkage: guided.GuidedLinkage) -> None:
+    """FieldError for two guides that hold the body to one condition, or that never let it turn."""
+    first, second = linkage.guides
+    alike = isinstance(first, (Circle, Rail)) and isinstance(second, (Circle, Rail))
+    if alike and first.body_point == second.body_point:
+        raise FieldError("/guides/1/body_point", "both guides lead the same point of the body")
+    if isinstance(first, (Circle, Slot)) and isinstance(second, (Circle, Slot)) and first[0] == second[0]:
+        raise FieldError("/guides/1", "both guides go by the same fixed place")
+    if (
+        isinstance(first, Rail)
+        and isinstance(second, Rail)
+        and abs(np.sin(first.direction - second.direction)) < 1e-3
+    ):
+        raise FieldError("/guides/1/direction", "the rails are parallel: the body cannot turn")
+    if isinstance(first, Slot) and isinstance(second, Slot):
+        if abs(np.sin(first.body_direction - second.body_direction)) < 1e-3:
+            raise FieldError("/guides/1/body_direction", "the slots are parallel: the body cannot turn")
+
+
+def _words(point: tuple[float, float]) -> str:
+    return f"({point[0]:.6g}, {point[1]:.6g})"
+
+
+_FOUR_BARS_ONLY = {
+    "pylinkage": "pylinkage has no guides that move or slots in a moving body: this linkage cannot be written for it",
+    **{kind: SLIDES.format(kind) for kind in ("urdf", "sdf")},
+}
+"""Why there is no file of some kinds of a body on two guides."""
+
+
+def check_format(kind: str, mechanisms: Sequence[str]) -> None:
+    """FieldError for a file that is written for four-bars only, where none of the kinds asked for is one."""
+    if kind in _FOUR_BARS_ONLY and "four_bar" not in mechanisms:
+        raise FieldError("/format", _FOUR_BARS_ONLY[kind])
+
+
+def content_of(
+    linkage: Linkage | guided.GuidedLinkage,
+    target: Target,
+    radian: float,
+    kind: str,
+    length_unit: str,
+    analysis: Mapping[str, Any] | None,
+    drive: Mapping[str, Any] | None,
+    parts: Callable[[bool], Any] | None = None,
+    plates: Mapping[str, Any] | None = None,
+    arranged: bool = False,
+    more: Mapping[str, Any] | None = None,
+) -> bytes:
+    """The content of a file; see `FourBar.file` for what the arguments mean.
+
+    ``parts``: makes the `SolidParts` of a four-bar, with an error where they collide, or (True) nevertheless.
+    ``arranged``: plates are those of an assembly, not the links alone. ``more``: further columns of a CSV file.
+    """
+    one_of("kind", kind, FORMATS)
+    if isinstance(linkage, guided.GuidedLinkage) and kind == "pylinkage":
+        raise FieldError("/format", _FOUR_BARS_ONLY[kind])
+    attached = drive_on(linkage, target, drive, kind)
+    layer = None if attached is None else More(LAYER, COLOUR, attached.draw)
+    on_guides = isinstance(linkage, guided.GuidedLinkage)
+    files: Any = of_guided if on_guides else of_four_bars
+    text: str
+    if kind == "csv":
+        more = _analysis_columns(linkage, target, radian, analysis) | dict(more or {})
+        more |= {} if attached is None else attached.columns()
+        text = files.to_csv(linkage, target, radian, more)
+        return text.encode()
+    if kind == "svg":
+        text = files.to_svg(linkage, target, None if attached is None else attached.shown())
+        return text.encode()
+    if kind == "pylinkage":
+        assert isinstance(linkage, Linkage)
+        return of_four_bars.to_pylinkage(linkage, target).encode()
+    unit_mm = millimetres_in(length_unit)
+    if kind in (*OF_PARTS, "plates"):
+        assert parts is not None
+        if plates and (arranged or on_guides):
+            raise FieldError(
+                "/plates", "with `assembly` or `solids`, rails or slots sizes stand there: `hole` and `width`"
+            )
+        if kind != "plates" or arranged or isinstance(linkage, guided.GuidedLinkage):
+            return parts(False).file(kind)
+        from synthesis.solids.plates import to_plates
+
+        return to_plates(linkage, unit_mm, **_sizes(plates or {})).encode()
+    if kind == "dxf":
+        text = files.to_dxf(linkage, target, unit_mm, layer)
+        return text.encode()
+    assert parts is not None
+    try:
+        masses = {one.link: Mass(one.link, one.mass, complex(*one.at), one.inertia) for one in parts(True).masses}
+    except FieldError:
+        masses = None  # no plates of these sizes: the file says so
+    text = files.to_mjcf(linkage, target, unit_mm, masses)
+    return (text if attached is None else attached.simulated(text, unit_mm / 1000)).encode()
+
+
+def _analysis_columns(
+    linkage: Linkage | guided.GuidedLinkage, target: Target, radian: float, analysis: Mapping[str, Any] | None
+) -> dict[str, Any]:
+    if analysis is None:
+        return {}
+    asked = read_analysis(analysis, isinstance(linkage, guided.GuidedLinkage) or linkage.mounted)
+    columns: dict[str, Any] = analysed(linkage, asked, target.crank, radian).columns()
+    return columns
+
+
+def drive_on(
+    linkage: Linkage | guided.GuidedLinkage, target: Target, drive: Mapping[str, Any] | None, kind: str
+) -> Attached | None:
+    """A drive of a reply on a linkage at the samples of a motion."""
+    if drive is None:
+        return None
+    if kind not in ("csv", "svg", "dxf", "mjcf"):
+        raise FieldError("/drive", f"a file of the kind {kind!r} holds no drive: ask for csv, svg, dxf or mjcf")
+    found = _attached(drive, motions_at(linkage, target.crank))
+    if found.kind != "dyad":
+        return found
+    motor = Motor(found.link, found.ground, *found.sizes, found.pin)
+    try:
+        return replace(found, six_bar=SixBar.of(linkage, ends_of(target.way), motor))
+    except FieldError:
+        return found  # moved by hand, it does not swing the linkage: its ends alone are told
+
+
+def with_motor(
+    kind: str, assembly: Mapping[str, Any] | None, drive: Mapping[str, Any] | None
+) -> tuple[Mapping[str, Any] | None, Mapping[str, Any] | None]:
+    """What is asked of an assembly, and a drive: in files of parts a motor with its rod is two of them."""
+    if drive is None or kind not in (*OF_PARTS, "plates") or drive.get("kind") != "dyad":
+        return assembly, drive
+    return {**(assembly or {}), "drive": drive}, None
+
+
+def _attached(given: Mapping[str, Any], machine: LinkMotions) -> Attached:
+    """A drive of a reply, as it came, on a machine at its samples."""
+    kind, link = given.get("kind"), given.get("link")
+    if kind not in ("rotary", "actuator", "dyad", "toggle"):
+        raise FieldError("/drive/kind", f"wanted a drive of a reply, found {kind!r}")
+    on = given.get("on") or GROUND
+    for name in (link, on):
+        if name not in (GROUND, *machine.links):
+            raise FieldError("/drive/link", f"wanted one of {', '.join(machine.links)}, found {name!r}")
+    where = given.get("motor") if kind in ("rotary", "dyad") else given.get("ground_point")
+    ground = pair(f"drive/{'motor' if kind in ('rotary', 'dyad') else 'ground_point'}", where, math.inf)
+    pin = 0j if kind == "rotary" else pair("drive/pin_on_link", given.get("pin_on_link"), math.inf)
+    part, names = {
+        "rotary": ({}, ()),
+        "actuator": (given, ("retracted", "stroke")),
+        "dyad": (given.get("six_bar") or {}, ("crank", "coupler")),
+        "toggle": (given.get("lock") or {}, ("handle", "strut")),
+    }[kind]
+    sizes = [number(f"drive/{name}", part.get(name)) for name in names]
+    if any(not size > 0 for size in sizes):
+        raise FieldError("/drive", f"wanted {' and '.join(names)} above 0")
+    knee = (given.get("curve") or {}).get("knee") if kind == "toggle" else None
+    return Attached(
+        machine,
+        kind,
+        str(link),
+        on,
+        ground,
+        pin,
+        (sizes[0], sizes[1]) if sizes else (0.0, 0.0),
+        bool(given.get("extends", True)),
+        None if not knee or knee[0] is None else pair("drive/curve/knee/0", knee[0], math.inf),
+    )
+
+
+def _sizes(plates: Mapping[str, Any]) -> dict[str, float]:
+    check_names("/plates", plates, ("hole", "width"), "size")
+    return {name: number(f"plates/{name}", value) for name, value in plates.items() if value is not None}

@@ -11,10 +11,8 @@ from numpy.typing import ArrayLike
 
 from linkage_atlas.answers import FINISHING, Features, Match, Matches, MatchReport
 from linkage_atlas.arguments import check_above_zero, check_top, kinds_among
-from linkage_atlas.atlases import MECHANISMS, SLIDER_CRANK, Atlas
-from linkage_atlas.cache import default_atlas, default_slider_cranks
-from linkage_atlas.guided import GuidedLinkage
-from linkage_atlas.linkages import FourBar
+from linkage_atlas.atlases import MECHANISMS, SLIDER_CRANK, Atlas, default_atlas, default_slider_cranks
+from linkage_atlas.linkages import FourBar, GuidedLinkage
 from linkage_atlas.motions import Motion
 from synthesis.atlas.haar import features as haar_features
 from synthesis.atlas.haar import resample
@@ -112,11 +110,12 @@ def match(
     rows = rows[:top]
     screened, finishing = watch.elapsed, watch.extended(FINISHING)
     matches: list[Match] = []
+    sides: tuple[Literal[-1, 1], ...] = (-1, 1)
     for row in rows:
         if matches and finishing.expired():
             break
         angle = principal(row.angle)
-        kind, branch = row.atlas.type_of(row.number), _side(row.branch)
+        kind, branch = row.atlas.type_of(row.number), sides[row.branch > 0]
         start = row.start * (360 / row.scan.starts) * (np.pi / 180 / radian)
         offset = float(np.mean(wanted - angle) / radian)
         linkage: FourBar | GuidedLinkage
@@ -178,10 +177,6 @@ def _slider_crank(
     signed = np.array([[crank, rod, branch * beside]], dtype=float)
     (linkage,) = BY_CRANK[Kind.SLIDER_CRANK].posed(signed, np.ones(1), np.array([start]), None)
     return GuidedLinkage.of(turned_frame(linkage, offset), radian, target)
-
-
-def _side(branch: float) -> Literal[-1, 1]:
-    return 1 if branch > 0 else -1
 
 
 def _features(crank: Any, curve: Any, radian: float) -> Features:

@@ -9,13 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkage_atlas.any_linkage import AnyLinkage
 from linkage_atlas.arguments import bounded, column, known_fields, millimetres_in, number
 from linkage_atlas.assemblies import Assembly, assembled, read_assembly
-from linkage_atlas.exports import content_of
 from linkage_atlas.formats import OF_PARTS
-from linkage_atlas.guided import GuidedJoints, GuidedLinkage
-from linkage_atlas.linkages import FourBar, Joints, given_linkage
+from linkage_atlas.linkages import AnyLinkage, FourBar, GuidedJoints, GuidedLinkage, Joints, content_of, given_linkage
 from linkage_atlas.motions import Motion
 from linkage_atlas.records import Record, Values, Vectors, plain, plane, xy
 from linkage_atlas.solids import read_solids

@@ -29,11 +29,10 @@ from numpy.typing import NDArray
 
 from synthesis.arrays import Floats
 from synthesis.descents import Pool, Stage, Timed
-from synthesis.fourbar.charts import AnyChart, FullCrankChart
 from synthesis.fourbar.kinematics import grashof_excesses
 from synthesis.fourbar.limits import Limits, in_family
 from synthesis.fourbar.linkage import Linkage
-from synthesis.fourbar.mechanism import FOURBAR
+from synthesis.fourbar.mechanism import FOURBAR, AnyChart, FullCrankChart
 from synthesis.fourbar.solution import Solution, assess, mounted, within
 from synthesis.free.dyads import chart_of, in_any_order
 from synthesis.free.joint import JointProblem

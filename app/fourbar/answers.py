@@ -1,23 +1,111 @@
-"""The four-bar's questions, answered by the front door: the models' fields are its arguments."""
+"""The four-bar's questions, answered by the front door, whose arguments the models' fields are; and its linkages as files."""
 
 from __future__ import annotations
 
+import json
 import math
+from collections.abc import Callable
+from functools import cache
+from importlib.resources import files
+from typing import Any
 
 import linkage_atlas as la
-from app.fourbar.durations import samples_of, seconds_of
-from app.fourbar.models import AssemblyOptions, MatchRequest, SynthesizeRequest
-from app.query import Resources
+from app.fourbar import QUESTIONS, worked_example
+from app.fourbar.models import (
+    AssemblyOptions,
+    AssemblyRequest,
+    DrivesRequest,
+    ExportRequest,
+    FunctionExportRequest,
+    FunctionRequest,
+    MatchRequest,
+    SynthesizeRequest,
+)
+from app.fourbar.tables import assembly_table, drives_table, function_table, matches_table, synthesize_table
+from app.query import (
+    FILES,
+    Files,
+    Query,
+    RequestModel,
+    Resources,
+    bundled_requests,
+)
+from linkage_atlas.arguments import pointing
+from linkage_atlas.assemblies import ASSEMBLY
 from linkage_atlas.studies import DRIVE_STUDIES
+from linkage_atlas.tables import function_from_csv, match_from_csv, request_from_csv
+
+# -- how long an answer takes -----------------------------------------------------------------------------------------
+# By a table that was measured: `python -m benchmarks.durations` makes it, `durations.json`.
+
+FEW_SAMPLES = 5
+"""Samples with free timing that a four-bar nearly always meets exactly, within milliseconds."""
+
+
+REFERENCE_SAMPLES = 12
+"""Samples of the requests that the table is of; others take in proportion to a power of theirs, which is measured too."""
+
+
+def kind_of(request: Any) -> str:
+    """The row of the table that a request of synthesize or function belongs to."""
+    if not hasattr(request, "timing"):
+        words = ["function", request.objective]
+    else:
+        given = [name for name in ("rotation", "position") if getattr(request, name) is not None]
+        known = request.rotation is not None and request.position is not None
+        partial = known and (None in request.rotation or None in request.position)
+        words = ["free" if request.timing else "timed", *given, *["partial"] * partial]
+        words += ["few"] * (request.timing is not None and samples_of(request) <= FEW_SAMPLES)
+        words += [request.order] * (request.order != "given") + ["closed"] * request.closed
+    limits = request.limits.model_fields_set - {"family", "preset"}
+    practical = request.limits.preset == "practical"
+    words += [request.limits.family] * (request.limits.family == "any") + ["limits"] * bool(limits)
+    return " ".join([*words, *["practical"] * practical])
+
+
+def samples_of(request: Any) -> int:
+    columns = [getattr(request, name, None) for name in ("rotation", "position", "output")]
+    return max((len(column) for column in columns if column is not None), default=101)
+
+
+def seconds_of(request: Any) -> float:
+    """Processor seconds that the search of a request will take, its budget at most."""
+    table = _durations()
+    found = _typical(kind_of(request)) * (samples_of(request) / REFERENCE_SAMPLES) ** table["power"]
+    budget = getattr(request, "budget_ms", None)
+    return float(found if budget is None else min(found, budget / 1000))
+
+
+@cache
+def _typical(kind: str) -> float:
+    """Of a kind that was not measured: the slowest of those that have most words with it in common."""
+    words = set(kind.split())
+    return max((-len(words ^ set(known.split())), seconds) for known, seconds in _durations()["kinds"].items())[1]
+
+
+@cache
+def _durations() -> Any:
+    return json.loads(files("app.fourbar").joinpath("durations.json").read_text())
+
+
+# -- motions ----------------------------------------------------------------------------------------------------------
 
 SHORT_MS = 200.0
 """What a request takes at most for which a process is kept: by its budget, or as it was measured for those of its kind."""
+
+
 MANY_SAMPLES = 64
 """From here on a match may take longer, and what an answer under `live` does beside its search."""
+
+
 SHORT_SPAN = 5.0
 """Degrees of the crank: a match over less has many rows that are alike."""
+
+
 MANY_CORNERS = 12
 """Of a body that is to pass plates and pins."""
+
+
 STUDIED = (*DRIVE_STUDIES, "lengths_from", "round_to", "tolerance_study", "assembly")
 """What takes long of each solution."""
 
@@ -37,7 +125,7 @@ def answer_match(request: MatchRequest, resources: Resources) -> la.Matches:
     )
 
 
-def is_long(request: SynthesizeRequest | MatchRequest) -> bool:
+def is_long_search(request: SynthesizeRequest | MatchRequest) -> bool:
     if request.budget_ms is not None and request.budget_ms <= SHORT_MS:
         return False
     if isinstance(request, MatchRequest):
@@ -90,9 +178,350 @@ def answer_synthesize(request: SynthesizeRequest, resources: Resources) -> la.Re
 
 
 MOTION = ("rotation", "position", "crank_span", "crank_angle", "length_scale", "timing", "order", "closed")
+
+
 MOTION += ("crank_span_max", "travel", "travel_span", "weights", "tolerances")
 """Fields of the motion that is asked for."""
 
 
 def motion_of(request: SynthesizeRequest) -> la.Motion:
     return la.Motion(**request.given(*MOTION), degrees=request.degrees)
+
+
+# -- a linkage as a file ----------------------------------------------------------------------------------------------
+
+
+def ranked(request: SynthesizeRequest, rank: int, resources: Resources) -> la.Solution | la.GuidedSolution:
+    """The solution of a rank of a request that is solved; FieldError where there are fewer."""
+    found = answer_synthesize(request.model_copy(update={"top": max(request.top, rank)}), resources).solutions
+    if len(found) < rank:
+        raise la.FieldError(
+            "/limits" if not found else "/rank", f"there are {len(found)} linkages within these limits"
+        )
+    return found[rank - 1]
+
+
+def _best_linkage(request: SynthesizeRequest, resources: Resources, kind: str) -> bytes:
+    best = ranked(request, 1, resources)
+    with pointing(lambda field: field if field == "/format" else ""):
+        return best.linkage.file(kind, **request.given("analysis", "assembly"), work=resources.work())
+
+
+def exports_of(
+    formats: tuple[str, ...], render: Callable[[Any, Resources, str], bytes]
+) -> dict[str, Callable[[Any, Resources], bytes]]:
+    """The best solution of a request in some formats."""
+    return {
+        FILES[kind].endings[0]: lambda *asked, kind=kind: render(*asked, kind)  # type: ignore[misc]
+        for kind in formats
+    }
+
+
+SYNTHESIZE_EXPORTS = exports_of(tuple(kind for kind in FILES if kind != "json"), _best_linkage)
+
+
+def as_json(request: RequestModel, solution: Any) -> bytes:
+    content = {"request": request.model_dump(mode="json", exclude_defaults=True), "solution": solution}
+    return json.dumps(content, indent=1, allow_nan=False).encode()
+
+
+_PREFIXES = {"crank_angle": "/solution", "travel": "/solution", "analysis": "/request"}
+
+
+def _in_export(field: str) -> str:
+    """Where this route's body has an argument of `file`."""
+    return "/format" if field == "/kind" else _PREFIXES.get(field.lstrip("/").partition("/")[0], "") + field
+
+
+def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
+    request, given = body.request, body.solution
+    if given is None:
+        from linkage_atlas.linkages import check_format  # a command that writes no file does not load it
+
+        check_format(body.format, request.mechanisms or ("four_bar",))
+    with pointing(lambda field: field if field == "/rank" else "/request" + field):
+        motion = motion_of(request)
+        found = None if given else ranked(request, body.rank, resources)
+    with pointing(lambda field: "/solution" + field):
+        linkage = found.linkage if found else given.linkage(request.degrees)
+    if body.format == "json":
+        return as_json(request, found.to_dict() if found else given.model_dump(mode="json", exclude_none=True))
+    one = found or given
+    place = one.crank_angle if one.crank_angle is not None else getattr(one, "travel", None)
+    with pointing(_in_export):
+        asked = request.given("analysis") | body.given("plates", "assembly", "solids", "drive", "length_unit")
+        if body.assembly is None and body.format != "plates":
+            asked |= request.given("assembly")
+        return linkage.file(body.format, motion, crank_angle=place, **asked, work=resources.work())
+
+
+def is_long_export(body: ExportRequest) -> bool:
+    if body.solution is None:
+        return is_long_search(body.request)
+    return has_much_to_arrange(body.assembly or body.request.assembly, body.solution.driver)
+
+
+LINKAGE_FILES = Files(
+    "/v1/export",
+    "export",
+    "linkage",
+    "A linkage as a file: JSON, CSV, SVG, DXF, plates to cut, MJCF, pylinkage's JSON, STEP, 3MF, STL, URDF, SDF or a parts list.",
+    ExportRequest,
+    _linkage_file,
+    {"request": worked_example()},
+    is_long_export,
+)
+
+
+# -- what drives a linkage --------------------------------------------------------------------------------------------
+
+
+def find_drives(request: DrivesRequest, resources: Resources) -> la.Drives:
+    """Drives of each kind, best first, and why there are none elsewhere."""
+    if request.linkage is None and request.rocker is None:
+        raise la.FieldError("/linkage", "needed, or `rocker`, a link on a hinge")
+    unit = request.angle_unit or ("deg" if request.request is None else request.request.angle_unit)
+    motion = None
+    if request.request is not None:
+        if request.request.angle_unit != unit:
+            raise la.FieldError(
+                "/angle_unit", f"the request that the linkage came from has {request.request.angle_unit!r}"
+            )
+        with pointing(lambda field: "/request" + field):
+            motion = motion_of(request.request)
+    linkage, crank = None, request.crank_angle
+    if request.linkage is not None:
+        with pointing(lambda field: "/linkage" + field):
+            linkage = request.linkage.linkage(unit == "deg")
+        crank = crank or request.linkage.crank_angle or request.linkage.travel
+    return la.drives(
+        linkage,
+        **request.given("drives", "load", "springs", "rocker", "hand", "length_unit", "top"),
+        motion=motion,
+        crank_angle=crank,
+        degrees=unit == "deg",
+        budget=budget_of(request.budget_ms, resources),
+        work=resources.work,
+    )
+
+
+def is_long_drives(request: DrivesRequest) -> bool:
+    if request.budget_ms is not None and request.budget_ms <= SHORT_MS:
+        return False
+    return bool(request.springs) or any(one.kind != "rotary" for one in request.drives)
+
+
+# -- layers -----------------------------------------------------------------------------------------------------------
+
+_PLACES = {
+    "solution": "/linkage",
+    "crank_angle": "/linkage/crank_angle",
+    "travel": "/linkage/travel",
+    "motion": "/request",
+}
+"""Where this route has what the front door names otherwise."""
+
+
+def _placed(field: str) -> str:
+    first, slash, rest = field.lstrip("/").partition("/")
+    return _PLACES[first] + slash + rest if first in _PLACES else field
+
+
+def answer_assembly(request: AssemblyRequest, resources: Resources) -> la.Assembly:
+    """Layers that are free, or what stops the best ones."""
+    asked = request.given(*ASSEMBLY)
+    question, given = request.request, request.linkage
+    if question is None and given is None:
+        raise la.FieldError("/linkage", "needed, or a `request` to be solved")
+    motion = None
+    if question is not None:
+        for name in ("envelope", "keep_out"):
+            asked[name] = asked[name] or getattr(question.limits, name)
+        with pointing(lambda field: "/request" + field):
+            motion = motion_of(question)
+    work = resources.work(budget_of(None, resources))
+    if given is None:
+        assert question is not None
+        with pointing(lambda field: field if field == "/rank" else "/request" + field):
+            found = ranked(question, request.rank, resources)
+        return la.assembly(found, work=work, **asked)
+    with pointing(lambda field: "/linkage" + field):
+        linkage = given.linkage(motion is None or motion.degrees)
+    with pointing(_placed):
+        place = given.travel if given.crank_angle is None else given.crank_angle
+        return linkage.assembly(motion, place, work=work, **asked)
+
+
+def is_long_assembly(request: AssemblyRequest) -> bool:
+    if request.linkage is not None:
+        return has_much_to_arrange(request, request.linkage.driver)
+    return request.request is not None and (is_long_search(request.request) or has_much_to_arrange(request, "crank"))
+
+
+def _from_table(text: str, also: dict[str, Any], unwrap: bool) -> dict[str, Any]:
+    """A table of samples is the motion of the request."""
+    inner = also.get("request")
+    return also | {"request": request_from_csv(text, inner if isinstance(inner, dict) else {}, unwrap)}
+
+
+_WORKED = {
+    "links": {"crank": 19, "coupler": 72, "rocker": 144, "ground": 165},
+    "branch": 1,
+    "start_angle": 30,
+    "body_offset": -75.9054,
+    "mount": {
+        "ground_angle": 30,
+        "pivot_a": [7.0710678118654755, 7.0710678118654755],
+        "coupler_point": {"radius": 20, "angle": 60},
+    },
+}
+"""The linkage of the worked example, as a reply has it."""
+
+
+# -- functions --------------------------------------------------------------------------------------------------------
+
+
+def solve_function(request: FunctionRequest, resources: Resources) -> la.FunctionResult:
+    return la.function(
+        **request.given(but=("angle_unit", "budget_ms")),
+        budget=budget_of(request.budget_ms, resources),
+        degrees=request.angle_unit == "deg",
+        work=resources.work,
+    )
+
+
+def is_long_function(request: FunctionRequest) -> bool:
+    if "length" in (request.input_unit, request.output_unit):
+        return request.budget_ms is None or request.budget_ms > SHORT_MS
+    return request.round_to is not None or request.top > 20 or seconds_of(request) > SHORT_MS / 1000
+
+
+def _function_file(body: FunctionExportRequest, resources: Resources) -> bytes:
+    from linkage_atlas.functions import read_dial, read_wanted, render
+
+    request, solution = body.request, body.solution
+    if body.format == "json":
+        return as_json(request, solution.model_dump(mode="json"))
+    degrees = request.angle_unit == "deg"
+    with pointing(lambda field: "/solution" + field):
+        given = solution.linkage(degrees)
+    with pointing(lambda field: "/request" + field):
+        dial = read_dial(request.input_unit, request.output_unit, degrees)
+        if dial.travels != isinstance(given, la.GuidedLinkage):
+            raise la.FieldError("/output_unit", "the solution belongs to a request of another unit")
+        span, asked = getattr(request, dial.span), request.given("input", "function")
+        wanted, _, scales = read_wanted(request.output, span, dial=dial, **asked, degrees=degrees)
+    return render(wanted, scales, dial, given, solution.output_offset, body.format, body.length_unit).encode()
+
+
+FUNCTION_FILES = Files(
+    "/v1/function/export",
+    "export_function",
+    "function",
+    "A function generator as a file: JSON, CSV, SVG, DXF or MJCF.",
+    FunctionExportRequest,
+    _function_file,
+    bundled_requests()["export_function"],
+)
+
+# -- all of them ----------------------------------------------------------------------------------------------------------
+
+_EXAMPLE = worked_example()
+_ROTATION = {"rotation": _EXAMPLE["rotation"], "crank_span": _EXAMPLE["crank_span"]}
+QUERIES = (
+    Query(
+        "match",
+        QUESTIONS["match"],
+        answer_match,
+        matches_table,
+        {
+            "worked_example": {**_ROTATION, "top": 5},
+            "rocker": {**_ROTATION, "curve": "rocker", "top": 5},
+            "slider_crank": {**_ROTATION, "mechanisms": ["four_bar", "slider_crank"], "top": 5},
+        },
+        from_csv=match_from_csv,
+        is_long=is_long_search,
+        reads_atlas=True,
+    ),
+    Query(
+        "synthesize",
+        QUESTIONS["synthesize"],
+        answer_synthesize,
+        synthesize_table,
+        {
+            "worked_example": {**_EXAMPLE, "top": 3},
+            "atlas_rows_only": {**_EXAMPLE, "effort": "atlas", "top": 3},
+            "rotation_only": {**_ROTATION, "top": 3},
+            "poses": {
+                "timing": "free",
+                "position": [[0, 0], [22, 5], [41, 17], [52, 36], [50, 58]],
+                "rotation": [0, 12, 27, 45, 66],
+                "top": 3,
+            },
+            "sliders": {
+                "timing": "free",
+                "position": [[0, 0], [100, 20], [180, 70], [220, 150]],
+                "rotation": [0, 20, 50, 85],
+                "mechanisms": ["slider_crank", "rail_slot"],
+                "top": 3,
+            },
+            "within_limits": {
+                **_EXAMPLE,
+                "top": 3,
+                "limits": {"transmission_angle_min": 40, "pivot_box": [-50, -50, 250, 250]},
+                "round_to": 0.5,
+                "sensitivity": True,
+            },
+        },
+        SYNTHESIZE_EXPORTS,
+        request_from_csv,
+        is_long_search,
+        LINKAGE_FILES,
+        reads_atlas=True,
+    ),
+    Query(
+        "function",
+        QUESTIONS["function"],
+        solve_function,
+        function_table,
+        exports=exports_of(
+            ("csv", "svg", "dxf", "mjcf"),
+            lambda request, resources, kind: solve_function(request, resources).render(kind).encode(),
+        ),
+        from_csv=function_from_csv,
+        is_long=is_long_function,
+        files=FUNCTION_FILES,
+    ),
+    Query(
+        "assembly",
+        QUESTIONS["assembly"],
+        answer_assembly,
+        assembly_table,
+        {
+            "worked_example": {"request": _EXAMPLE, "linkage": _WORKED},
+            "double_crank": {
+                "linkage": {
+                    "links": {"crank": 60, "coupler": 50, "rocker": 70, "ground": 30},
+                    "branch": 1,
+                    "start_angle": 0,
+                },
+                "boards": "both",
+            },
+            "slider_crank": {
+                "linkage": {
+                    "guides": [
+                        {"guide": "circle", "pivot": [0, 0], "radius": 20, "body_point": [0, 0]},
+                        {"guide": "rail", "point": [0, 6], "direction": 0, "body_point": [50, 0]},
+                    ],
+                    "driver": "crank",
+                    "branch": 1,
+                    "start": 0,
+                },
+            },
+        },
+        from_csv=_from_table,
+        is_long=is_long_assembly,
+        reads_atlas=True,
+    ),
+    Query("drive", QUESTIONS["drive"], find_drives, drives_table, is_long=is_long_drives, route="/v1/drives"),
+)

@@ -5,33 +5,65 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import BeforeValidator, ConfigDict, Field, WithJsonSchema, create_model
+from pydantic import BeforeValidator, ConfigDict, Field, Strict, WithJsonSchema, create_model
 
 import linkage_atlas as la
-from app.query import AngleUnit, Count, Flag, LengthUnit, Number, PositiveNumber, RequestModel
+from app.query import (
+    AngleUnit,
+    Count,
+    Flag,
+    LengthUnit,
+    Number,
+    PositiveNumber,
+    RequestModel,
+)
 from linkage_atlas.arguments import LARGEST
 from linkage_atlas.assemblies import FIXED_PINS, LAYERS_MOST, MOST_CORNERS, MOST_LAYERS
 from linkage_atlas.catalogues import ACTUATORS, MOST_ROWS
 from linkage_atlas.driving import MOST_DRIVES, MOST_MASSES, MOST_SPRINGS
-from linkage_atlas.guided import DriverName, KindName
 from linkage_atlas.kinds import MECHANISMS
-from linkage_atlas.limits import LIMITS
+from linkage_atlas.limits import FUNCTION_LIMITS, LIMITS
+from linkage_atlas.linkages import DriverName, KindName
 from linkage_atlas.motions import MAX_LENGTH, MAX_SAMPLES, MIN_LENGTH, MIN_POSES, MIN_SAMPLES, MOST_STOCK
+from linkage_atlas.solids import LARGEST_SCALE, LEAST_SCALE
 from linkage_atlas.studies import FEWEST_SAMPLES, MOST_LINK_MASSES, MOST_SAMPLES, SAMPLES
 
 MAX_TOP = 1000
 
+
 Curve = Annotated[list[Number], Field(min_length=MIN_SAMPLES, max_length=MAX_SAMPLES)]
+
+
 Coordinate = Annotated[Number, Field(ge=-MAX_LENGTH, le=MAX_LENGTH)]
+
+
 Length = Annotated[Number, Field(ge=MIN_LENGTH, le=MAX_LENGTH)]
+
+
 Point = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
+
+
 Box = Annotated[list[Coordinate], Field(min_length=4, max_length=4)]
+
+
 MAX_KEEP_OUT = 20
+
+
 SampledCurve = Annotated[list[Number | None], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)]
+
+
 SampledPath = Annotated[list[Point | None], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)]
+
+
 Weights = Annotated[list[Annotated[Number, Field(ge=0)]], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)]
+
+
 Tolerances = Annotated[list[PositiveNumber], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)]
+
+
 Travel = Annotated[list[Coordinate], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)]
+
+
 Mechanisms = Annotated[
     list[KindName],
     Field(min_length=1, max_length=8),
@@ -52,7 +84,11 @@ Mechanisms = Annotated[
         }
     ),
 ]
+
+
 Top = Annotated[Count, Field(ge=1, le=MAX_TOP)]
+
+
 MatchedKind = Literal["four_bar", "slider_crank"]
 """Kinds that there are atlases of."""
 
@@ -140,8 +176,14 @@ LimitsRequest = limits_request(
 # -- a linkage that a request brings along -----------------------------------------------------------------------------
 
 FarLength = Annotated[Number, Field(ge=1e-100, le=1e100)]
+
+
 FarCoordinate = Annotated[Number, Field(ge=-1e100, le=1e100)]
+
+
 FarPoint = Annotated[list[FarCoordinate], Field(min_length=2, max_length=2)]
+
+
 Angle = Annotated[Number, Field(ge=-1e9, le=1e9)]
 
 
@@ -237,7 +279,11 @@ class GivenMaker(GivenLinkage):
 # -- what a designer asks of a linkage next ----------------------------------------------------------------------------
 
 Size = Annotated[Number, Field(ge=0, le=MAX_LENGTH)]
+
+
 Bounded = Annotated[Number, Field(ge=-LARGEST, le=LARGEST)]
+
+
 Pair = Annotated[list[Bounded], Field(min_length=2, max_length=2)]
 
 
@@ -295,9 +341,17 @@ class ToleranceStudyRequest(RequestModel):
 # -- what drives it ----------------------------------------------------------------------------------------------------
 
 Above = Annotated[Number, Field(gt=0, le=MAX_LENGTH)]
+
+
 Words = Annotated[str, Field(max_length=100_000)]
+
+
 LinkName = Annotated[str, Field(max_length=40)]
+
+
 LinkNames = Annotated[list[LinkName], Field(min_length=1, max_length=4)]
+
+
 PlacePair = Annotated[list[FarCoordinate], Field(min_length=2, max_length=2)]
 
 
@@ -409,6 +463,8 @@ class SpringRequest(RequestModel):
 
 
 Drives = Annotated[list[DriveRequest], Field(max_length=MOST_DRIVES)]
+
+
 Springs = Annotated[list[SpringRequest], Field(max_length=MOST_SPRINGS)]
 
 
@@ -637,3 +693,228 @@ class SynthesizeRequest(CrankMotion):
         "Solutions that have some come first.",
         json_schema_extra=_or_a_flag,
     )
+
+
+# -- a linkage as a file ----------------------------------------------------------------------------------------------
+
+Material = Literal["steel", "stainless", "aluminium", "brass", "plywood", "acrylic", "POM", "PLA", "PETG", "ABS"]
+
+
+class PlatesRequest(RequestModel):
+    """Sizes of link plates, in the unit of the request's lengths."""
+
+    hole: FarLength | None = Field(None, description="Diameter of the holes.")
+    width: FarLength | None = Field(None, description="Width of the plates.")
+
+
+class SolidsRequest(RequestModel):
+    """What parts are made of, and how they fit."""
+
+    fit: Literal["H7", "print"] = Field(
+        "H7",
+        description="`H7`: drawn at the nominal size, with tolerances in the parts list; `print`: with play for a printer, "
+        "0.4 mm where a plate turns and 0.1 mm where it holds the pin.",
+    )
+    material: Material | None = Field(
+        None, description="Of plates and boards. Default: aluminium, to be printed PLA."
+    )
+    pins: Material | None = Field(None, description="Of pins, washers and heads. Default: steel, to be printed PLA.")
+    fillet: Size = Field(0.0, description="Radius at the convex corners of the body, in the unit of the lengths.")
+    scale: Annotated[Number, Field(ge=LEAST_SCALE, le=LARGEST_SCALE)] = Field(
+        1.0, description="Of a model; plays are not scaled."
+    )
+    layout: Literal["assembled", "bed"] | None = Field(
+        None,
+        description="Where parts stand in STEP and 3MF. Default: assembled in STEP, beside one another on the bed in 3MF.",
+    )
+    nevertheless: Flag = Field(False, description="Also where parts would collide.")
+
+
+class ExportRequest(RequestModel):
+    """A motion, one of its solutions, and the kind of file that is wanted."""
+
+    request: SynthesizeRequest = Field(description="The request of /v1/synthesize; angles are in its unit.")
+    solution: GivenLinkage | None = Field(
+        None, description="One of the reply's solutions. Without it the request is solved."
+    )
+    rank: Annotated[int, Strict(), Field(ge=1, le=100)] = Field(1, description="Which solution, if none is given.")
+    format: Literal[
+        "json", "csv", "svg", "dxf", "plates", "mjcf", "pylinkage", "step", "3mf", "stl", "urdf", "sdf", "parts"
+    ] = Field("json", description="`stl`: a zip file with a file a part; `parts`: a parts list (CSV).")
+    length_unit: LengthUnit = Field("mm", description="The unit of the request's lengths, for files that know one.")
+    plates: PlatesRequest | None = Field(None, description="For a DXF of plates: their sizes; each has a default.")
+    assembly: AssemblyOptions | None = Field(
+        None,
+        description="From `step` on, and for masses in MJCF: how plates and pins are made and held. Default: as in the request.",
+    )
+    solids: SolidsRequest | None = Field(None, description="For the same: fits, materials, scale.")
+    drive: GivenDrive | None = Field(
+        None,
+        description="A drive of a reply, as it came: columns of CSV, lines of SVG, a layer of DXF, the drive of MJCF; of a "
+        "motor and its rod also their parts.",
+    )
+
+
+# -- what drives it, and whether it can be built ----------------------------------------------------------------------
+
+
+class DrivesRequest(RequestModel):
+    """What drives this linkage over its used interval, with this load?"""
+
+    linkage: GivenLinkage | None = Field(
+        None, description="One of the `solutions` of a reply, as it came or changed."
+    )
+    request: SynthesizeRequest | None = Field(None, description="The request that it came from: it says the way.")
+    crank_angle: (
+        Annotated[list[Annotated[float, Field(ge=-1e9, le=1e9)]], Field(min_length=2, max_length=1024)] | None
+    ) = Field(None, description="In place of `request`: crank angles, or travel of its drive, from the start on.")
+    rocker: RockerRequest | None = Field(None, description="In place of a linkage: a link on a hinge.")
+    load: DriveLoadRequest | None = Field(None, description="Without it the largest least moment arm counts.")
+    drives: Drives = Field(
+        default_factory=lambda: [DriveRequest(kind=kind) for kind in ("rotary", "actuator", "dyad")],
+        description="Kinds of drives that are wanted; default: rotary, actuator and dyad.",
+    )
+    springs: Springs = Field(default_factory=list, description="Springs that are to carry the load.")
+    hand: PlacePair | None = Field(
+        None, description="A place on the body at the first position: springs tell the force of a hand there."
+    )
+    top: Annotated[Count, Field(ge=1, le=50)] = Field(5, description="How many drives of each kind to return.")
+    angle_unit: AngleUnit | None = Field(
+        None, description="Unit of every angle; default: that of `request`, or degrees."
+    )
+    length_unit: LengthUnit = Field("mm", description="The unit of all lengths, for the bundled catalogues.")
+    budget_ms: PositiveNumber | None = Field(None, description="Return the best found within this time.")
+
+
+class AssemblyRequest(AssemblyOptions):
+    """Layers for the plates of a linkage over the interval that it is used for."""
+
+    linkage: GivenLinkage | None = Field(
+        None, description="One of the solutions of a reply. Without it the request is solved."
+    )
+    request: SynthesizeRequest | None = Field(
+        None,
+        description="The request of /v1/synthesize that it answers; angles are in its unit. Without it the crank turns fully, "
+        "and angles are in degrees.",
+    )
+    rank: Rank = Field(1, description="Which solution, if no linkage is given.")
+
+
+# -- functions --------------------------------------------------------------------------------------------------------
+
+NumberPair = Annotated[list[Number], Field(min_length=2, max_length=2)]
+
+
+class FunctionOfX(RequestModel):
+    """y = f(x) on two linear dials."""
+
+    name: Literal["log10", "ln", "exp", "power", "sin", "cos", "tan", "reciprocal"] | None = Field(
+        None, description="sin, cos and tan take x in `angle_unit`."
+    )
+    table: Annotated[list[NumberPair], Field(min_length=MIN_SAMPLES, max_length=MAX_SAMPLES)] | None = Field(
+        None, description="Pairs [x, y] in place of a name."
+    )
+    x: NumberPair | None = Field(None, description="First and last x.")
+    exponent: Number | None = Field(None, description="Of `power`.")
+    output_span: Number = Field(
+        description="How far the rocker turns from the least y to the largest; < 0: clockwise from first sample to last."
+    )
+    samples: Annotated[Count, Field(ge=MIN_SAMPLES, le=MAX_SAMPLES)] | None = Field(
+        None, description="Samples of a named function; default 101."
+    )
+
+
+_FunctionLimits: Any = limits_request(
+    "_FunctionLimits",
+    "What every linkage must keep to.",
+    FUNCTION_LIMITS,
+    "any",
+    "Transmission angle 35 degrees (15 over the turn), link ratio 10; a field beside it replaces its value.",
+)
+
+
+class FunctionLimitsRequest(_FunctionLimits):
+    """What every linkage must keep to."""
+
+    offset: Number | None = Field(
+        None,
+        description="Of a slider-crank: distance of the rail from the crank's pivot, as it is given; 0: in line.",
+    )
+
+
+FunctionUnit = Literal["deg", "rad", "length"]
+
+
+MakerKind = Literal["four_bar", "slider_crank", "swinging_block", "rail_slot", "two_rails"]
+"""Kinds that make functions."""
+
+
+class FunctionRequest(RequestModel):
+    """Which linkage's output, of rocker, crank or slider, is a wanted function of its input?"""
+
+    output: Curve | None = Field(
+        None,
+        description="Rocker angles, or travel, at the samples, continuous, up to a constant; falling: against a rising input.",
+    )
+    crank_span: Number | None = Field(
+        None, description="Crank angle from the first sample to the last, evenly spaced; < 0: clockwise."
+    )
+    travel_span: Number | None = Field(
+        None, description="Where the input is a travel: from the first sample to the last, evenly spaced."
+    )
+    input: Curve | None = Field(
+        None,
+        description="Crank angles, or travel, in place of the span; what counts is the increment from the first.",
+    )
+    input_unit: FunctionUnit | None = Field(
+        None,
+        description="`length`: the input is the travel of a slider or cylinder. Default: an angle, in `angle_unit`.",
+    )
+    output_unit: FunctionUnit | None = Field(
+        None,
+        description="`length`: the output is the travel of a slider or cylinder. Default: an angle, in `angle_unit`.",
+    )
+    mechanisms: Annotated[list[MakerKind], Field(min_length=1, max_length=5)] | Literal["all"] | None = Field(
+        None,
+        description="From angle to angle `four_bar`; from angle to length, and back, `slider_crank` and `swinging_block`; from "
+        "length to angle `rail_slot` too; from length to length `two_rails`. Default: the first that there is.",
+    )
+    function: FunctionOfX | None = Field(None, description="A function by name or table in place of `output`.")
+    objective: Literal["rms", "max"] = Field(
+        "rms", description="Make least the rms error at the samples, or the largest error over the whole interval."
+    )
+    input_zero: Number | None = Field(
+        None,
+        description="Crank angle at the first sample, from the ground line A->B or the rail; or the place of slider or cylinder.",
+    )
+    output_zero: Number | None = Field(None, description="The output that is wanted there, measured alike.")
+    weights: Annotated[list[Annotated[Number, Field(ge=0)]], Field(min_length=3, max_length=MAX_SAMPLES)] | None = (
+        Field(None, description="What each squared error counts; for `max` each error, linear between samples.")
+    )
+    one_way: Flag = Field(False, description="The rocker must not turn back within the interval.")
+    limits: FunctionLimitsRequest = FunctionLimitsRequest()
+    top: Annotated[Count, Field(ge=1, le=100)] = Field(10, description="How many different linkages to return.")
+    tolerance: Annotated[Number, Field(ge=0)] = Field(
+        1e-10, description="The search ends when the objective is below this."
+    )
+    budget_ms: PositiveNumber | None = Field(None, description="Return the best found within this time.")
+    round_to: Length | None = Field(
+        None, description="Also report each solution with its links on this grid and the zeros fitted anew."
+    )
+    refine_from: GivenGenerator | None = Field(
+        None,
+        description="Search nowhere, but refine this linkage from just there: one solution, its nearest optimum within the "
+        "limits.",
+    )
+    sensitivity: Flag = Field(False, description="Also report the change of the output per unit of each length.")
+    curves: Flag = Field(False, description="Also report each solution's error over the interval.")
+    angle_unit: AngleUnit = Field("deg", description="Unit of every angle in request and reply.")
+
+
+class FunctionExportRequest(RequestModel):
+    """A function, one of its linkages, and the kind of file that is wanted."""
+
+    request: FunctionRequest = Field(description="The request of /v1/function; angles are in its unit.")
+    solution: GivenMaker
+    format: Literal["json", "csv", "svg", "dxf", "mjcf"] = "json"
+    length_unit: LengthUnit = Field("mm", description="The unit of the lengths, for DXF and MJCF.")

@@ -7,13 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from app.tables import DEGREES, Units, columns, number
+import linkage_atlas as la
+from app.terminal import DEGREES, Units, columns, left_table, number
 from linkage_atlas import GuidedSolution, Matches, Result, Solution
 from linkage_atlas.answers import Errors
 
 _ROUNDING = 1e-10
 """Places in a guide nearer to zero than this part of its size are zero."""
+
+
 _LENGTHS = ("crank", "coupler", "rocker", "ground")
+
+
 _LINKAGE = (
     ("rank", "d", "rank"),
     *((name, ".6g", f"links.{name}") for name in _LENGTHS),
@@ -241,3 +246,92 @@ def function_table(reply: Any, units: Units = DEGREES) -> str:
             error = units.value(best.rounded.errors.max, units.angle)
             lines.append(f"rounded: {_lengths(best.rounded.links)}, largest error {error}")
     return "\n".join(lines + _search_lines(reply.report))
+
+
+def drives_table(reply: la.Drives, units: Units = DEGREES) -> str:
+    """Drives by kind with their places, arm and force, the springs, and why there is nothing elsewhere."""
+    lines = []
+    if reply.drives:
+        lines.append(
+            columns(
+                reply.drives,
+                ("kind", "", "kind"),
+                ("link", "", "link"),
+                ("name", "", "name"),
+                ("ground or motor", "", lambda one: _place(one.ground_point or one.motor)),
+                ("pin", "", lambda one: _place(one.pin)),
+                (units.head("length", units.length), "", _length),
+                ("least arm", ".6g", "arm_min"),
+                ("peak force", ".6g", "peak_force"),
+                ("over bound", ".4g", "over_bound"),
+                ("peak torque", ".6g", "peak_torque"),
+                (units.head("transm.", units.angle), ".4g", _angle),
+            )
+        )
+    for one in reply.drives:
+        if one.six_bar is not None:
+            bar = one.six_bar
+            lines.append(
+                f"motor on the {one.link}: crank {number(bar.crank)}, rod {number(bar.coupler)}, time ratio "
+                f"{number(bar.time_ratio)} ({bar.kind})"
+            )
+        if one.lock is not None:
+            lines.append(
+                f"knee on the {one.link}: handle {number(one.lock.handle)}, strut {number(one.lock.strut)}; holds {one.holds}"
+            )
+    if reply.springs:
+        lines.append(
+            columns(
+                reply.springs,
+                ("spring", "", "kind"),
+                ("set", "d", "set"),
+                ("name", "", "name"),
+                ("between", "", lambda one: "-".join(one.between)),
+                ("ends", "", lambda one: f"{_place(one.points[0])} {_place(one.points[1])}"),
+                ("stiffness", ".6g", "stiffness"),
+                ("length", "", lambda one: f"{number(one.length[0])} to {number(one.length[1])}"),
+                ("rms torque", "", lambda one: f"{one.torque.before.rms:.4g} -> {one.torque.after.rms:.3g}"),
+                ("by itself", "", "stays"),
+            )
+        )
+    for refusal in reply.refused:
+        named = "" if refusal.name is None else f" ({refusal.name})"
+        lines.append(f"no {refusal.kind} on the {refusal.link}{named}: {refusal.reason}")
+    if not lines:
+        lines.append("nothing was asked for")
+    return "\n".join([*lines, *(f"note: {note}" for note in reply.notes)])
+
+
+def _place(place: Any) -> str:
+    return "-" if place is None else f"({place[0]:.5g}, {place[1]:.5g})"
+
+
+def _length(one: Any) -> str:
+    return "-" if one.length is None else f"{one.length[0]:.5g} to {one.length[1]:.5g}"
+
+
+def _angle(one: Any) -> float | None:
+    return one.transmission_angle_min if one.six_bar is None else one.six_bar.transmission_angle_min
+
+
+def assembly_table(reply: la.Assembly, units: Units = DEGREES) -> str:
+    """Layers from the top down with the pins that fill them, and what is to be said of them."""
+    ends = (0, reply.count + 1)
+    rows = []
+    for layer in range(ends[1], ends[0] - 1, -1):
+        parts = [one.name for one in reply.parts if one.kind in ("plate", "board") and one.layers == (layer, layer)]
+        heads = [one.name for one in reply.parts if one.kind == "head" and one.layers == (layer, layer)]
+        pins = [pin.name for pin in reply.pins if pin.layers[0] <= layer <= pin.layers[1]]
+        if parts or heads or layer not in ends:
+            rows.append((str(layer), ", ".join([*parts, *heads]) or "-", " ".join(pins)))
+    lines = [f"{reply.status}: {reply.count} layers", "", left_table(("layer", "parts", "pins"), rows), ""]
+    if reply.least_gap is not None:
+        gap = reply.least_gap
+        where = f"at {number(gap.crank_angle)}{units.behind(units.angle)}"
+        lines.append(
+            f"least gap beyond the clearance: {units.value(gap.value, units.length, 6)}, {' and '.join(gap.pair)}, {where}"
+        )
+    sizes = ", ".join(
+        f"{name} {units.value(value, units.length, 4)}" for name, value in reply.sizes._asdict().items()
+    )
+    return "\n".join([*lines, *reply.reasons[reply.status != "blocked" :], f"sizes: {sizes}"])

@@ -21,9 +21,9 @@ from app.query import (
     ReplyModel,
     RequestModel,
     Resources,
+    reply_model,
 )
-from app.replies import reply_model
-from app.tables import DEGREES, Units, table
+from app.terminal import DEGREES, Units, table
 from linkage_atlas import FieldError, Work
 from synthesis.chain.closure import STRETCH_TOLERANCE, Chain, closing_links
 from synthesis.chain.crescent import (

@@ -23,9 +23,9 @@ from app.query import (
     ReplyModel,
     RequestModel,
     Resources,
+    reply_model,
 )
-from app.replies import reply_model
-from app.tables import DEGREES, Units, table
+from app.terminal import DEGREES, Units, table
 from linkage_atlas import FieldError, OutOfTime
 from synthesis.knotter import d_knotter
 from synthesis.knotter.conditions import Crossing, Found, crossing_curve, point_paths, step_before

@@ -22,8 +22,8 @@ from app.query import (
     ReplyModel,
     RequestModel,
     Resources,
+    reply_model,
 )
-from app.replies import reply_model
 from linkage_atlas import FieldError, Work
 from synthesis.lift.constraints import ConstraintRow, Constraints, measured, optimize_within, rows_of
 from synthesis.lift.files import columns, design_csv, design_dxf, design_svg

@@ -32,8 +32,8 @@ from numpy.typing import NDArray
 
 from synthesis.arrays import Complexes, Flags, Floats
 from synthesis.descents import Pool, Stage, Timed
-from synthesis.fourbar.charts import AnyChart, GrashofChart
 from synthesis.fourbar.limits import in_family
+from synthesis.fourbar.mechanism import AnyChart, GrashofChart
 from synthesis.free.joint import JointProblem
 from synthesis.free.poses import Poses
 from synthesis.least_squares import Evaluation, minimise

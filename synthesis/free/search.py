@@ -27,11 +27,10 @@ from numpy.typing import NDArray
 from synthesis.arrays import Complexes, Flags, Floats
 from synthesis.descents import Pool, Stage, Timed
 from synthesis.errors import FieldError
-from synthesis.fourbar.charts import FullCrankChart
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_types
 from synthesis.fourbar.kinematics import coupler_angle, transmission_angle_over, wrap
 from synthesis.fourbar.limits import Limits, in_family
-from synthesis.fourbar.mechanism import FOURBAR, ways
+from synthesis.fourbar.mechanism import FOURBAR, FullCrankChart, ways
 from synthesis.fourbar.passage import LEAVES_SAMPLES, SHORTEST, SHORTEST_CHORD, excursions
 from synthesis.fourbar.solution import Solution, assess, keeps
 from synthesis.free.dyads import FEW, chart_of, search_motion

@@ -21,9 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.arrays import Floats
-from synthesis.fourbar.charts import AnyChart
 from synthesis.fourbar.limits import BEGIN, END, Constraints, Limits
 from synthesis.fourbar.linkage import Linkage
+from synthesis.fourbar.mechanism import AnyChart
 from synthesis.fourbar.solution import four, keeps
 from synthesis.function.answers import PEAKS, Generator, Generators, exchanged, extremes, finished, look, turns_back
 from synthesis.function.descent import (

@@ -12,9 +12,8 @@ from hypothesis import strategies as st
 from app import bodies
 from app.bodies import MAX_CONTAINERS, MAX_KEYS, MAX_VALUES, json_pieces, read_request
 from app.problems import Invalid, Malformed
-from app.query import Column, Numbers, Places, ReplyModel
+from app.query import Column, Numbers, Places, ReplyModel, json_of, reply_model
 from app.registry import all_queries
-from app.replies import json_of, reply_model
 from app.resources import ServiceResources
 from app.settings import Settings
 

@@ -15,11 +15,11 @@ import pytest
 
 import linkage_atlas as la
 from app import cli, command
-from app.arguments import Exit, exit_of
 from app.fourbar.models import SynthesizeRequest
 from app.registry import all_examples, all_queries, worked_example
 from app.settings import Settings, atlas_of
-from linkage_atlas import cache
+from app.terminal import Exit, exit_of
+from linkage_atlas import atlases
 
 QUERIES = {query.command: query for query in all_queries()}
 RIGHT_ANGLE = {"rotation": [0, 8, 19, 31, 40, 44], "crank_span": 90, "top": 2, "budget_ms": 400}
@@ -319,7 +319,7 @@ def test_the_default_atlas_is_built_once_in_the_cache_folder(tmp_path, monkeypat
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.setattr("linkage_atlas.atlases.build_atlas", build)
     place = atlas_of(Settings())
-    assert place == atlas_of(Settings()) == cache.cached_atlas() and builds == [place]
+    assert place == atlas_of(Settings()) == atlases.cached_atlas() and builds == [place]
     assert place.is_relative_to(tmp_path / "cache") and str(place) in capsys.readouterr().err
     named = tmp_path / "mine.h5"
     assert atlas_of(Settings(atlas=named)) == named, "one that is named is never built"

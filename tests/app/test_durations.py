@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from app.fourbar import durations
-from app.fourbar.answers import is_long
+from app.fourbar import answers
+from app.fourbar.answers import is_long_search
 from app.fourbar.models import SynthesizeRequest
 from app.registry import all_queries, worked_example
 from tests.everyday.battery import KINDS, limited, rows
@@ -19,18 +19,18 @@ MODELS = {query.path: query.request for query in all_queries()}
 
 def test_the_table_is_the_committed_one_and_within_a_factor_of_three() -> None:
     results = json.loads(RESULTS.read_text())
-    assert durations._table() == results["table"] and results["within"] >= 0.95
+    assert answers._durations() == results["table"] and results["within"] >= 0.95
     near, named = 0, {row.name: row for row in rows()}
     for one in results["asked"]:
         row = named[one["row"]]
         request = MODELS[f"/v1/{row.route}"].model_validate(limited(row, one["limits"]))
-        near += 1 / 3 <= one["seconds"] / durations.seconds_of(request) <= 3
+        near += 1 / 3 <= one["seconds"] / answers.seconds_of(request) <= 3
     assert near >= 0.95 * len(results["asked"])
 
 
 def test_every_kind_of_everyday_question_has_been_measured() -> None:
-    kinds = {durations.kind_of(MODELS[f"/v1/{row.route}"](**limited(row, kind))) for row in rows() for kind in KINDS}
-    assert len(kinds & durations._table()["kinds"].keys()) >= 0.9 * len(kinds), sorted(kinds)
+    kinds = {answers.kind_of(MODELS[f"/v1/{row.route}"](**limited(row, kind))) for row in rows() for kind in KINDS}
+    assert len(kinds & answers._durations()["kinds"].keys()) >= 0.9 * len(kinds), sorted(kinds)
 
 
 @pytest.mark.parametrize(
@@ -49,12 +49,12 @@ def test_every_kind_of_everyday_question_has_been_measured() -> None:
 )
 def test_what_takes_little_is_short(more, long) -> None:
     request = SynthesizeRequest(**{**worked_example(), **more})
-    assert is_long(request) is long
+    assert is_long_search(request) is long
 
 
 def test_no_request_is_said_to_take_longer_than_its_budget() -> None:
     request = SynthesizeRequest(**{**worked_example(), "timing": "free", "crank_span": None, "budget_ms": 5})
-    assert durations.seconds_of(request) == 0.005
+    assert answers.seconds_of(request) == 0.005
 
 
 LINKAGE = {

@@ -665,7 +665,7 @@ def test_the_description_is_valid_openapi(document) -> None:
 
 
 def test_a_file_that_there_is_not_is_refused_before_the_search(client, monkeypatch) -> None:
-    monkeypatch.setattr("app.fourbar.export.ranked", lambda *_: pytest.fail("searched"))
+    monkeypatch.setattr("app.fourbar.answers.ranked", lambda *_: pytest.fail("searched"))
     request = {"rotation": [0, 30, 60], "position": [[0, 0], [9, 1], [15, 7]], "timing": "free"}
     for kind in ("urdf", "sdf", "pylinkage"):
         body = {"request": request | {"mechanisms": ["rail_slot"]}, "format": kind}

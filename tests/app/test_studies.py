@@ -11,7 +11,7 @@ import pytest
 
 import linkage_atlas as la
 from app import cli
-from app.fourbar.answers import is_long
+from app.fourbar.answers import is_long_search
 from app.fourbar.models import SynthesizeRequest
 from app.registry import worked_example
 
@@ -120,9 +120,9 @@ def test_a_study_keeps_to_the_budget(client) -> None:
 def test_what_takes_long_waits_with_what_takes_long(wishes) -> None:
     body = {"rotation": [k * k for k in range(8)], "position": [[k, k * k] for k in range(8)]}
     plain = body | ({} if "timing" in wishes else {"crank_span": 50})
-    assert is_long(SynthesizeRequest(**plain | wishes))
-    assert not is_long(SynthesizeRequest(**plain | wishes | {"budget_ms": 100}))
-    assert not is_long(SynthesizeRequest(**body | {"crank_span": 50}))
+    assert is_long_search(SynthesizeRequest(**plain | wishes))
+    assert not is_long_search(SynthesizeRequest(**plain | wishes | {"budget_ms": 100}))
+    assert not is_long_search(SynthesizeRequest(**body | {"crank_span": 50}))
 
 
 def test_a_study_has_its_bounds_and_says_so(client, monkeypatch) -> None:

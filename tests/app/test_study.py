@@ -17,7 +17,7 @@ import pytest
 
 import linkage_atlas as la
 from app import cli
-from app.arguments import Exit
+from app.terminal import Exit
 
 ROOT = Path(__file__).parents[2]
 TIMES = ("elapsed_ms", "trace")

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.replies import plain_of
+from app.query import plain_of
 from tests.e2e.page import IDLE
 from tests.linkage_atlas.test_guided import reply_of
 from tests.oracles.guided_cases import DRIVES, NAMES

@@ -22,7 +22,7 @@ import linkage_atlas as la
 from app.main import create_app
 from app.registry import worked_example
 from app.settings import Settings
-from linkage_atlas.cache import cached_atlas, default_atlas
+from linkage_atlas.atlases import cached_atlas, default_atlas
 
 ROOT = Path(__file__).parents[2]
 EXAMPLE = worked_example()

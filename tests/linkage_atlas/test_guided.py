@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import linkage_atlas as la
-from app.replies import plain_of, reply_model
+from app.query import plain_of, reply_model
 from linkage_atlas.answers import GuidedSolution, finished_guided
 from linkage_atlas.limits import read_limits
 from linkage_atlas.studies import read_studies

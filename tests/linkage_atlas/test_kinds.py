@@ -307,17 +307,42 @@ def test_a_cylinder_whose_length_passes_zero_is_no_practical_drive(preset: str) 
     assert (passing > 0) is (preset == "none")
 
 
-def test_more_time_only_adds_to_what_sliders_begin_with() -> None:
+@pytest.mark.parametrize(
+    ("points", "closed", "readings"),
+    [
+        ([[0, 0], [322, 1], [379, -6], [400, 73], [397, 128], [438, 306], [805, 303]], False, (400, 500, None)),
+        (
+            [
+                [-19, 151],
+                [-53, 143],
+                [-82, 123],
+                [-100, 92],
+                [-81, 78],
+                [-52, 93],
+                [-20, 103],
+                [15, 106],
+                [51, 100],
+                [80, 109],
+                [58, 136],
+                [25, 149],
+                [-9, 154],
+            ],
+            True,
+            (100, 200, None),
+        ),
+    ],
+    ids=["nearer", "cut off"],
+)
+def test_more_time_only_adds_to_what_sliders_begin_with(points, closed, readings) -> None:
     """Along a path they begin with rotations of four-bars: a nearer one of these led to sliders three times as far off.
 
-    By a clock that counts its readings, of which the whole search takes 2,066; the first rounds of the four-bars some 200.
+    So did one that a few rounds more led to, where the time had been up before these ended. By a clock that counts its
+    readings, of which the whole searches take 2,066 and some 900; the first rounds of the four-bars some 200.
     """
-    asked = la.Motion(
-        None, [[0, 0], [322, 1], [379, -6], [400, 73], [397, 128], [438, 306], [805, 303]], timing="free"
-    )
+    asked = la.Motion(None, points, closed=closed, timing="free")
     limits, found = la.Limits(preset="practical"), []
-    for readings in (400, 500, None):
-        work = la.Work(readings, clock=count().__next__)
-        one = la.synthesize(asked, limits, mechanisms="all", budget=readings, work=lambda _, work=work: work)
+    for budget in readings:
+        work = la.Work(budget, clock=count().__next__)
+        one = la.synthesize(asked, limits, mechanisms="all", budget=budget, work=lambda _, work=work: work)
         found.append(one.solutions[0].errors.objective)
     assert all(more <= some * (1 + 1e-6) for some, more in pairwise(found))

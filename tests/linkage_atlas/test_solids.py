@@ -320,7 +320,7 @@ def test_http_gives_the_same_files(client, kind, request_body) -> None:
 
 
 def test_every_argument_of_solids_is_one_of_http() -> None:
-    from app.fourbar.export import Material, SolidsRequest
+    from app.fourbar.models import Material, SolidsRequest
 
     assert tuple(SolidsRequest.model_fields) == SOLIDS
     assert set(Material.__args__) == set(DENSITIES)

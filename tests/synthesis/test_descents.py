@@ -16,9 +16,9 @@ from scipy.optimize import lsq_linear
 
 from synthesis import descents
 from synthesis.descents import Problem, Stage, Timed
-from synthesis.fourbar.charts import AnyChart, FullCrankChart, GrashofChart
 from synthesis.fourbar.kinematics import close_loop, coupler_angle
 from synthesis.fourbar.limits import Constraints, Limits, Reach
+from synthesis.fourbar.mechanism import AnyChart, FullCrankChart, GrashofChart
 from synthesis.free import dyads
 from synthesis.free.joint import JointProblem
 from synthesis.free.limited import limited_problem

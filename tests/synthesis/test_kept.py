@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from synthesis.fourbar.charts import GrashofChart
 from synthesis.fourbar.linkage import Linkage
+from synthesis.fourbar.mechanism import GrashofChart
 from synthesis.kept import Kept
 from synthesis.target import make_target
 

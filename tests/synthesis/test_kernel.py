@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from synthesis import kernel
-from synthesis.fourbar.charts import AnyChart, FullCrankChart, GrashofChart
 from synthesis.fourbar.limits import Constraints, Limits, Reach
+from synthesis.fourbar.mechanism import AnyChart, FullCrankChart, GrashofChart
 from synthesis.free.poses import make_poses
 from synthesis.guided.pairs import numbers_of
 from synthesis.slider import SliderChart

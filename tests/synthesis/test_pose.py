@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from linkage_atlas.cache import open_atlas
+from linkage_atlas.atlases import open_atlas
 from synthesis.atlas.scan import Scan, best_rows
 from synthesis.fourbar.kinematics import coupler_angle, wrap
 from synthesis.fourbar.limits import Limits

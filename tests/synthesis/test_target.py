@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from synthesis.atlas.scan import Scan
-from synthesis.fourbar.charts import FullCrankChart
 from synthesis.fourbar.kinematics import coupler_angle
+from synthesis.fourbar.mechanism import FullCrankChart
 from synthesis.pose import objective
 from synthesis.search import problems
 from synthesis.search.problems import GivenProblem

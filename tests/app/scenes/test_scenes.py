@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from app import cli
-from app.replies import json_of, reply_model
+from app.query import json_of, reply_model
 from app.scenes import scene_queries
 from synthesis.work import Cancelled, Work
 

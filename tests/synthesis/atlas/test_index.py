@@ -21,7 +21,7 @@ import pytest
 
 import linkage_atlas as la
 from data_build.cli import main as batch
-from linkage_atlas.cache import index_of
+from linkage_atlas.atlases import index_of
 from linkage_atlas.motions import Motion
 from synthesis.atlas import cells as scan_cells
 from synthesis.atlas import file as file_module

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from synthesis.fourbar.charts import AnyChart, FullCrankChart, GrashofChart
 from synthesis.fourbar.kinematics import FULL_CRANK, close_loop, family
+from synthesis.fourbar.mechanism import AnyChart, FullCrankChart, GrashofChart
 
 CHARTS = [FullCrankChart(), AnyChart()]
 LAW = settings(derandomize=True, deadline=None, max_examples=200)

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from synthesis.errors import FieldError
-from synthesis.fourbar.charts import GrashofChart
 from synthesis.fourbar.kinematics import close_loop, transmission_angle_over
 from synthesis.fourbar.limits import Constraints, Limits, Reach, in_family
+from synthesis.fourbar.mechanism import GrashofChart
 from synthesis.mechanism import Placed
 from synthesis.target import Interval, Target
 

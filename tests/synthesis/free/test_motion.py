@@ -7,7 +7,7 @@ import pytest
 
 import linkage_atlas as la
 from synthesis.descents import Stage, Timed
-from synthesis.fourbar.charts import FullCrankChart
+from synthesis.fourbar.mechanism import FullCrankChart
 from synthesis.free.dyads import Body, evaluate_dyads, linear_dyads, polished
 from synthesis.free.joint import JointProblem
 from synthesis.free.poses import Poses, make_poses

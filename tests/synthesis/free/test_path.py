@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 from synthesis.descents import Pool, Stage, Timed
-from synthesis.fourbar.charts import FullCrankChart, GrashofChart
 from synthesis.fourbar.kinematics import coupler_angle
 from synthesis.fourbar.limits import Limits, practical_limits
-from synthesis.fourbar.mechanism import FOURBAR
+from synthesis.fourbar.mechanism import FOURBAR, FullCrankChart, GrashofChart
 from synthesis.fourbar.passage import LEAVES_SAMPLES, excursions
 from synthesis.fourbar.solution import Solution
 from synthesis.free.joint import JointProblem

@@ -14,9 +14,8 @@ from hypothesis import strategies as st
 import linkage_atlas as la
 from linkage_atlas.limits import read_limits
 from synthesis.descents import Stage, Timed
-from synthesis.fourbar.charts import GrashofChart
 from synthesis.fourbar.limits import Constraints, Limits
-from synthesis.fourbar.mechanism import FOURBAR
+from synthesis.fourbar.mechanism import FOURBAR, GrashofChart
 from synthesis.pose import objective
 from synthesis.rounds import Found
 from synthesis.search import problems

@@ -10,10 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from synthesis.descents import Stage, Timed
-from synthesis.fourbar.charts import AnyChart, FullCrankChart, GrashofChart
 from synthesis.fourbar.kinematics import close_loop, coupler_angle
 from synthesis.fourbar.limits import Constraints, Limits
-from synthesis.fourbar.mechanism import FOURBAR
+from synthesis.fourbar.mechanism import FOURBAR, AnyChart, FullCrankChart, GrashofChart
 from synthesis.pose import objective
 from synthesis.search import problems
 from synthesis.search.problems import GivenProblem

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from data_build import lines
-from data_build.lines import Question, StudyLocked, answer_file, answer_of, in_order, is_error, study_lines
+from linkage_atlas import many_requests
+from linkage_atlas.many_requests import Question, StudyLocked, answer_file, answer_of, in_order, is_error, study_lines
 from synthesis.errors import FieldError
 
 QUESTIONS = [Question(2 * k + 1, b"%d" % k, f"{k:04x}") for k in range(7)]
@@ -113,7 +113,7 @@ def test_a_finished_study_starts_no_processes(tmp_path) -> None:
 
 
 def test_no_more_is_under_way_than_is_allowed(monkeypatch) -> None:
-    monkeypatch.setattr(lines, "AHEAD", 4)
+    monkeypatch.setattr(many_requests, "AHEAD", 4)
     begun, gate = [], threading.Event()
 
     def work(question: Question) -> bytes:
