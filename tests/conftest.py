@@ -15,7 +15,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import reduce
 from operator import getitem
@@ -49,6 +49,19 @@ settings.register_profile(
     "suite", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow], print_blob=False
 )
 settings.load_profile("suite")
+
+
+PATIENCE = 300.0
+"""Seconds until what has not come is taken for lost; enough for a busy machine ten times slower than the usual."""
+
+
+def until(condition: Callable[[], Any]) -> Any:
+    """What a condition gives, once it holds."""
+    end = time.monotonic() + PATIENCE
+    while not (found := condition()):
+        assert time.monotonic() < end, "it never came"
+        time.sleep(0.01)
+    return found
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -120,12 +133,11 @@ def listening(app: Any, **options: Any) -> Iterator[tuple[int, uvicorn.Server]]:
         listener.bind(("127.0.0.1", 0))
         thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True)
         thread.start()
-        while not server.started:
-            assert thread.is_alive()
-            time.sleep(0.01)
+        until(lambda: server.started or not thread.is_alive())
+        assert server.started
         yield listener.getsockname()[1], server
         server.should_exit = True
-        thread.join(30)
+        thread.join(PATIENCE)
         assert not thread.is_alive()
 
 
@@ -139,14 +151,13 @@ def started(folder: Path, *command: str, **settings: Any) -> Iterator[tuple[subp
     with log.open("w") as file:
         process = subprocess.Popen(arguments, cwd=root, env=environment, stdout=file, stderr=file, text=True)
     try:
-        end = time.monotonic() + 120
-        while not (found := re.search(r"running on http://127.0.0.1:(\d+)", log.read_text())):
-            assert process.poll() is None and time.monotonic() < end, log.read_text()
-            time.sleep(0.02)
+        pattern = r"running on http://127.0.0.1:(\d+)"
+        found = until(lambda: re.search(pattern, log.read_text()) or process.poll() is not None)
+        assert found is not True, log.read_text()
         yield process, int(found[1]), log
     finally:
         process.terminate()
-        assert process.wait(30) == 0
+        assert process.wait(PATIENCE) == 0
 
 
 def make_atlas(rule: AtlasRule) -> Atlas:

@@ -20,7 +20,7 @@ import pytest
 
 import linkage_atlas
 from app.registry import all_queries, queries_named, worked_example
-from tests.conftest import some_of
+from tests.conftest import PATIENCE, some_of
 
 ROOT = Path(__file__).parents[2]
 COMMAND = [str(Path(sysconfig.get_path("scripts")) / "linkage-atlas")]
@@ -201,7 +201,7 @@ def test_a_closed_pipe_is_no_error(small_path) -> None:
     with subprocess.Popen(arguments, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         process.stdout.close()
         messages = process.stderr.read().decode()
-        assert process.wait(60) == OK
+        assert process.wait(PATIENCE) == OK
     assert messages == ""
 
 
@@ -221,16 +221,16 @@ def serving(atlas: Path, port: int) -> Iterator[subprocess.Popen[bytes]]:
         yield process
     finally:
         process.kill()
-        process.wait(10)
+        process.wait(PATIENCE)
         process.stdout.close()
 
 
-def get(port: int, path: str, patience: float = 60.0) -> tuple[int, object]:
+def get(port: int, path: str, patience: float = PATIENCE) -> tuple[int, object]:
     """Status and JSON of a GET, once the service listens."""
     end = time.monotonic() + patience
     while True:
         try:
-            with urllib.request.urlopen(f"http://127.0.0.1:{port}{path}", timeout=10) as reply:
+            with urllib.request.urlopen(f"http://127.0.0.1:{port}{path}", timeout=PATIENCE) as reply:
                 return reply.status, json.load(reply)
         except urllib.error.URLError:
             if time.monotonic() > end:
@@ -245,7 +245,7 @@ def test_serve_answers_and_ends_cleanly(name, small_path) -> None:
         status, told = get(port, "/readyz")
         assert (status, told["status"]) == (200, "ready")
         process.send_signal(getattr(signal, name))
-        output = process.communicate(timeout=30)[0].decode()
+        output = process.communicate(timeout=PATIENCE)[0].decode()
         assert process.returncode == OK, output
     assert "Traceback" not in output and "Finished server process" in output
 
@@ -255,7 +255,7 @@ def test_a_port_in_use_is_said(small_path) -> None:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         with serving(small_path, taken.getsockname()[1]) as process:
-            output = process.communicate(timeout=60)[0].decode()
+            output = process.communicate(timeout=PATIENCE)[0].decode()
             assert process.returncode not in (OK, None)
     assert "address already in use" in output and "Traceback" not in output
 

@@ -190,32 +190,6 @@ def test_the_drive_that_decides_stands_before_the_best_of_each_kind(client: Test
         assert [drive["kind"] for drive in one["drives"]] == ["actuator", "rotary", "actuator"]
 
 
-def test_a_solution_in_python() -> None:
-    solution = la.synthesize(POSES["rotation"], POSES["position"], timing="free", top=1).best
-    found = la.drives(solution, [{"kind": "dyad"}, {"kind": "toggle"}], load={"force": [0, -10]})
-    motor = found.best("dyad")
-    assert motor is not None
-    assert motor.six_bar is not None
-    assert motor.six_bar.motor_torque[[0, -1]] == pytest.approx(0, abs=1e-6)
-    knee = found.best("toggle")
-    assert knee is not None
-    assert knee.lock is not None
-    assert knee.lock.over_centre == pytest.approx(5)
-    assert solution.studied(drives=[{"kind": "rotary"}]).drives
-
-
-def test_a_body_on_guides_is_driven_too() -> None:
-    crank = {"guide": "circle", "pivot": [0, 0], "radius": 10, "body_point": [0, 0]}
-    rail = {"guide": "rail", "point": [0, 3], "direction": 0, "body_point": [20, 0]}
-    pump = la.GuidedLinkage([crank, rail], "crank", start=30)
-    found = la.drives(pump, crank_angle=[0, 60], load={"force": [0, -10]})
-    assert {one.kind for one in found.drives} == {"rotary", "actuator", "dyad"}
-    slid = la.drives(
-        la.GuidedLinkage([rail, crank], "slider", start=24), crank_angle=[0, -4], load={"force": [0, -10]}
-    )
-    assert any(one.kind == "actuator" and one.link == "coupler" for one in slid.drives)
-
-
 def test_springs_need_a_link_that_turns_about_a_pivot(client: TestClient) -> None:
     """On two rails none does: it is said, and with `between` there is a spring."""
     spring = {"kind": "tension", "catalogue": [{"stiffness": 1, "free_length": 20, "longest": 500}]}

@@ -5,8 +5,6 @@ from __future__ import annotations
 import gzip
 import json
 import math
-import threading
-import time
 from collections.abc import Callable, Iterator
 from itertools import count, pairwise
 from pathlib import Path
@@ -162,31 +160,6 @@ def test_radians_and_degrees_agree(client) -> None:
     assert a["links"] == pytest.approx(b["links"], rel=1e-6)
 
 
-def test_crank_angles_from_any_zero_are_a_crank_span(client) -> None:
-    spans = matches(client, rotation=ROTATION, crank_span=70, top=3)
-    angles = matches(client, rotation=ROTATION, crank_angle=np.linspace(123, 193, 16).tolist(), top=3)
-    for a, b in zip(spans, angles, strict=True):
-        assert (a["type"], a["branch"], a["start_angle"]) == (b["type"], b["branch"], b["start_angle"])
-        assert a["similarity"] == pytest.approx(b["similarity"], abs=1e-9)
-
-
-def test_uneven_crank_angles_count(client) -> None:
-    uneven = [0.0, 1.0, *np.linspace(30, 70, 14)]
-    a = matches(client, rotation=ROTATION, crank_angle=uneven, top=1)[0]
-    b = matches(client, rotation=ROTATION, crank_span=70, top=1)[0]
-    assert a["similarity"] > 10 * b["similarity"]
-
-
-def test_a_clockwise_crank_is_the_mirror_image(client) -> None:
-    forward = matches(client, rotation=ROTATION, crank_span=70, top=5)
-    mirrored = matches(client, rotation=[-value for value in ROTATION], crank_span=-70, top=5)
-    for a, b in zip(forward, mirrored, strict=True):
-        assert a["similarity"] == pytest.approx(b["similarity"], abs=1e-9)
-    a, b = forward[0], mirrored[0]
-    assert (a["type"], a["branch"]) == (b["type"], -b["branch"])
-    assert (a["start_angle"] + b["start_angle"]) % 360 == 0
-
-
 def test_features_come_with_the_reply_and_are_resampled(client) -> None:
     reply = ask(client, "/v1/match", rotation=ROTATION, crank_span=70, top=2, features=True)
     own = reply["report"]["features"]
@@ -200,22 +173,6 @@ def test_features_come_with_the_reply_and_are_resampled(client) -> None:
     short = ask(client, "/v1/match", rotation=ROTATION[:11], crank_span=70 * 10 / 15, top=1, features=True)
     assert short["report"]["features"]["samples"] == 16 and short["report"]["features"]["resampled"]
     assert ask(client, "/v1/match", rotation=ROTATION, crank_span=70)["report"]["features"] is None
-
-
-@pytest.mark.parametrize("samples", [3, 1024])
-def test_the_fewest_and_the_most_samples(samples, client) -> None:
-    curve = np.linspace(0, 40, samples).tolist()
-    assert matches(client, rotation=curve, crank_span=60, top=1)
-    path = [[value, value**2 / 40] for value in curve]
-    reply = ask(client, "/v1/synthesize", rotation=curve, position=path, crank_span=60, top=1, budget_ms=100)
-    assert reply["solutions"]
-
-
-@pytest.mark.parametrize("top", [1, 7])
-def test_top_limits_the_answer(top, client) -> None:
-    assert len(matches(client, rotation=ROTATION, crank_span=70, top=top)) == top
-    reply = ask(client, "/v1/synthesize", **EXAMPLE, effort="atlas", top=top)
-    assert len(reply["solutions"]) == top
 
 
 # -- synthesize -------------------------------------------------------------------------------------------------------
@@ -327,27 +284,6 @@ def test_the_unit_of_length_does_not_matter(factor, client) -> None:
     assert list(reply["solutions"][0]["links"].values()) == pytest.approx(
         [19 * factor, 72 * factor, 144 * factor, 165 * factor], rel=1e-6
     )
-
-
-def test_a_family_that_nobody_named_is_told_of(client) -> None:
-    # once it was told in Python alone
-    turn = np.linspace(0, np.pi / 2, 10)
-    asked = {"position": (100 * np.column_stack([np.cos(turn), np.sin(turn)])).tolist(), "timing": "free", "top": 1}
-    asked["rotation"] = np.rad2deg(turn).tolist()
-    notes = ask(client, "/v1/synthesize", **asked)["report"]["notes"]
-    named = ask(client, "/v1/synthesize", **asked, limits={"family": "full_crank"})["report"]["notes"]
-    assert any("four-bars that only swing" in note for note in notes)
-    assert not any("four-bars that only swing" in note for note in named)
-
-
-def test_round_to_puts_the_links_on_the_grid(client) -> None:
-    best = ask(client, "/v1/synthesize", **EXAMPLE, top=1, round_to=5)["solutions"][0]
-    rounded = best["rounded"]
-    assert rounded["closes"] and list(rounded["links"].values()) == [20, 70, 145, 165]
-    assert rounded["errors"]["objective"] > best["errors"]["objective"]
-    assert ask(client, "/v1/synthesize", **EXAMPLE, top=1)["solutions"][0]["rounded"] is None
-
-    # that it is the derivative by each length: tests/synthesis/search/test_search.py
 
 
 # -- malformed requests -----------------------------------------------------------------------------------------------
@@ -573,56 +509,12 @@ def test_without_an_atlas_the_rest_answers(fault, small_bytes, tmp_path) -> None
         assert refusal(client, "/v1/match", "{}")["status"] == 422
 
 
-@pytest.mark.parametrize("fault", ["missing", "damaged"])
-def test_without_an_atlas_the_scenes_answer(fault, small_bytes, tmp_path) -> None:
-    with without_atlas(fault, small_bytes, tmp_path / "atlas.h5") as client:
-        first = {query.path.split("/")[2]: query for query in reversed(scene_queries())}
-        for query in first.values():
-            body = next(iter(query.examples.values()))
-            assert client.post(query.path, json=body).status_code == 200, query.path
-
-
 def test_an_atlas_that_appears_later_changes_nothing_until_a_restart(small_bytes, tmp_path) -> None:
     path = tmp_path / "atlas.h5"
     with TestClient(create_app(Settings(atlas=path))) as client:
         path.write_bytes(small_bytes)
         assert client.get("/readyz").status_code == 503
         assert client.post("/v1/match", content=MATCH, headers=JSON).status_code == 503
-
-
-def test_overload_is_refused_at_once_while_health_answers(tmp_path) -> None:
-    release, running = threading.Event(), threading.Event()
-    settings = Settings(atlas=tmp_path / "none", max_concurrent=1, max_waiting=1)
-
-    def held() -> bool:
-        running.set()
-        assert release.wait(30)
-        return False
-
-    class Slow(ServiceResources):
-        def work(self, budget: float | None = None, cancelled: Callable[[], bool] | None = None) -> la.Work:
-            return la.Work(budget, held)
-
-    statuses: list[int] = []
-    with TestClient(create_app(resources=Slow(settings))) as client:
-
-        def post() -> None:
-            statuses.append(client.post("/v1/synthesize", json={**EXAMPLE, "top": 1}).status_code)
-
-        threads = [threading.Thread(target=post) for _ in range(2)]
-        threads[0].start()
-        assert running.wait(30)
-        threads[1].start()
-        while not client.app.state.turnstile.waiting:
-            time.sleep(0.01)
-        reply = client.post("/v1/synthesize", json=EXAMPLE)
-        problem(reply, range(503, 504))
-        assert int(reply.headers["retry-after"]) > 0
-        assert client.get("/livez").status_code == 200
-        release.set()
-        for thread in threads:
-            thread.join(30)
-    assert statuses == [200, 200]
 
 
 # -- OpenAPI ----------------------------------------------------------------------------------------------------------

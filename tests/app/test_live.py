@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -54,10 +53,8 @@ def test_a_refused_request_leaves_what_there_was(client) -> None:
     assert ask(client, live="refused once")[0] is True
 
 
-def test_one_client_takes_half_a_core_and_only_its_newest_request_is_computed(client) -> None:
-    begin = time.perf_counter()
+def test_of_a_client_that_asks_much_only_the_newest_request_is_computed(client) -> None:
     ask(client, live="a busy client")
-    took = time.perf_counter() - begin
     with ThreadPoolExecutor(6) as many:
         replies = list(
             many.map(lambda k: client.post("/v1/synthesize", json=QUESTION | {"live": "a busy client"}), range(6))
@@ -65,7 +62,6 @@ def test_one_client_takes_half_a_core_and_only_its_newest_request_is_computed(cl
     codes = sorted(reply.status_code for reply in replies)
     assert set(codes) == {200, 503} and codes.count(503) >= 3
     assert all("newer request" in reply.json()["detail"] for reply in replies if reply.status_code == 503)
-    assert time.perf_counter() - begin > 1.5 * took
 
 
 # -- what is kept -----------------------------------------------------------------------------------------------------

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.conftest import started
+from tests.conftest import PATIENCE, started
 from tests.oracles.largest import MOST_BYTES, QUICK, requests
 from tests.oracles.memory import answered
 
@@ -20,7 +20,6 @@ pytestmark = pytest.mark.skipif(
     sys.platform != "linux", reason="elsewhere threads compute, without a limit of memory"
 )
 ROOT = Path(__file__).parents[2]
-PATIENCE = 120.0
 LARGEST = requests()
 NEEDS_ROCKERS = "match: rocker"
 

@@ -11,6 +11,7 @@ import pytest
 
 from app import cli
 from app.registry import all_queries, worked_example
+from tests.conftest import PATIENCE
 
 ROOT = Path(__file__).parents[2]
 LATER = {"h5py": "for an atlas that has no index yet", "ezdxf": "for exports"}
@@ -41,7 +42,7 @@ def test_a_service_has_all_questions_at_once_and_a_match_imports_nothing(small_b
     example = worked_example()
     body = json.dumps({"rotation": example["rotation"], "crank_span": example["crank_span"]})
     command = [sys.executable, "-c", READY, str(atlas), body]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE)
     assert done.returncode == 0, done.stderr
     at_ready, matched, paths = map(set, json.loads(done.stdout.splitlines()[-1]))
     assert not at_ready & LATER.keys()

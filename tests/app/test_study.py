@@ -18,6 +18,7 @@ import pytest
 import linkage_atlas as la
 from app import cli
 from app.terminal import Exit
+from tests.conftest import PATIENCE
 
 ROOT = Path(__file__).parents[2]
 TIMES = ("elapsed_ms", "trace")
@@ -129,7 +130,7 @@ def killed_and_resumed(requests: Path, out: Path, kills: int, jobs: int, seed: i
                 time.sleep(0.001)
             time.sleep(rng.uniform(0, 0.02))
             process.kill()
-        messages = process.communicate(timeout=120)[1].decode()
+        messages = process.communicate(timeout=PATIENCE)[1].decode()
         met += process.returncode == -signal.SIGKILL
         assert "Traceback" not in messages
     assert process.returncode == 0, messages
@@ -177,7 +178,7 @@ def test_an_interrupt_ends_a_study_that_can_be_gone_on_with(tmp_path) -> None:
     while process.poll() is None and not (out.exists() and out.stat().st_size):
         time.sleep(0.01)
     process.send_signal(signal.SIGINT)
-    messages = process.communicate(timeout=60)[1].decode()
+    messages = process.communicate(timeout=PATIENCE)[1].decode()
     assert (
         process.returncode == Exit.INTERRUPTED
         and messages.strip() == "interrupted; the same command goes on from here"

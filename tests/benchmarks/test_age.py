@@ -132,32 +132,3 @@ def test_what_is_old_is_listed_with_the_time_it_took_and_run_with_today_s_option
     assert stale.main(["--list"]) == 0
     result["code"] = {made["commit"]: report.CODE.digests("travel") for made in (stamp, others)}
     assert stale.stale() == []
-
-
-@pytest.mark.parametrize(
-    ("name", "options", "alone"),
-    [
-        ("growth", "", True),
-        ("travel", "", False),
-        ("reliability", "", True),
-        ("reliability", " --parts flips kills", False),
-        ("reliability", " --parts flips crowds", True),
-    ],
-)
-def test_runs_by_the_clock_need_the_machine_alone(name, options, alone) -> None:
-    assert stale.Run(name, f"python -m benchmarks.{name}{options}", "", None).alone is alone
-
-
-def test_an_interrupt_is_told_in_a_line_and_a_command_that_fails_does_not_end_the_others(monkeypatch, capsys) -> None:
-    run, codes = stale.Run("travel", "python -m benchmarks.travel", "", 3.0), iter([1, 0])
-    monkeypatch.setattr(stale, "stale", lambda: [run, run])
-    monkeypatch.setattr(report, "commit", lambda: "a" * 40)
-    monkeypatch.setattr(stale.subprocess, "run", lambda *_, **__: stale.subprocess.CompletedProcess([], next(codes)))
-    assert stale.main([]) == 1
-    assert capsys.readouterr().out.count("failed: ") == 1 and next(codes, None) is None
-
-    def interrupted(*_, **__):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(stale.subprocess, "run", interrupted)
-    assert stale.main([]) == 130 and "goes on" in capsys.readouterr().out

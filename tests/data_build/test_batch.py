@@ -29,7 +29,7 @@ from data_build.cli import EXIT_DAMAGED, EXIT_FAILED, EXIT_INTERRUPTED, EXIT_OK,
 from synthesis.atlas.file import encode_atlas, load_atlas, write_image
 from synthesis.atlas.table import COLUMNS, CURVE, UNITS, AtlasRule
 from synthesis.fourbar.dimension_types import TypeRule, count_types, enumerate_types
-from tests.conftest import make_atlas
+from tests.conftest import PATIENCE, make_atlas, until
 from tests.data_build.conftest import OPTIONS, RULE, Here, left_in, start
 
 SLOW = ["--perimeter", "400", "--samples", "64", "--jobs", "2"]
@@ -227,7 +227,7 @@ def test_a_disk_that_fills_up_leaves_the_old_file(limit, out, wanted) -> None:
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
         env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"},  # compiled modules would be cut short too, and stay so
     )
-    _, errors = build.communicate(timeout=60)
+    _, errors = build.communicate(timeout=PATIENCE)
     assert build.returncode == EXIT_FAILED and errors.startswith("cannot write") and "Traceback" not in errors
     assert out.read_bytes() == b"old" and left_in(out.parent) == ["atlas.h5", "atlas.h5.parts"]
     assert not list(out.with_name("atlas.h5.parts").glob(".*"))
@@ -304,7 +304,7 @@ def test_a_terminal_gets_a_progress_bar(out) -> None:
     with contextlib.suppress(OSError):  # what Linux says when the other side is closed
         while more := os.read(ours, 1 << 16):
             drawn += more
-    build.communicate(timeout=60)
+    build.communicate(timeout=PATIENCE)
     os.close(ours)
     drawn = drawn.decode()
     assert build.returncode == EXIT_OK and "shard" in drawn and "100%" in drawn
@@ -314,20 +314,12 @@ def test_a_terminal_gets_a_progress_bar(out) -> None:
 def test_an_interrupted_build_exits_130_and_keeps_its_parts(sent, out) -> None:
     build = start("--out", out, *SLOW)
     parts = out.with_name("atlas.h5.parts")
-    wait_until(lambda: list(parts.glob("shard-*")) or build.poll() is not None)
+    until(lambda: list(parts.glob("shard-*")) or build.poll() is not None)
     build.send_signal(sent)
-    told, errors = build.communicate(timeout=60)
+    told, errors = build.communicate(timeout=PATIENCE)
     assert build.returncode == EXIT_INTERRUPTED, errors
     assert told == "" and errors == "interrupted; the same command goes on from here\n"
     assert not out.exists() and list(parts.glob("shard-*"))
-
-
-def wait_until(happened, seconds: float = 60) -> None:
-    for _ in range(int(seconds / 0.01)):
-        if happened():
-            return
-        time.sleep(0.01)
-    pytest.fail("timed out")
 
 
 # -- kills ------------------------------------------------------------------------------------------------------------
@@ -350,7 +342,7 @@ def processes_with(mark: str) -> list[int]:
 
 def build_whole(out: Path) -> None:
     build = start("--out", out, *BRIEF)
-    _, errors = build.communicate(timeout=120)
+    _, errors = build.communicate(timeout=PATIENCE)
     assert build.returncode == EXIT_OK, errors
 
 
@@ -374,7 +366,7 @@ def test_200_kills_end_in_the_identical_file(tmp_path) -> None:
             kills += 1
             build.kill()
         build.communicate()
-        wait_until(lambda: not processes_with(mark), 20)
+        until(lambda: not processes_with(mark))
         assert not out.exists() or out.read_bytes() == wanted
         if build.returncode == EXIT_OK:
             finished += 1

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 import linkage_atlas as la
+from tests.conftest import PATIENCE
 
 distributed = pytest.importorskip("distributed")
 ROOT = Path(__file__).parents[2]
@@ -37,7 +38,7 @@ def command(*words: object) -> subprocess.Popen[str]:
 
 def completed(*words: object) -> None:
     process = command(*words)
-    output, _ = process.communicate(timeout=120)
+    output, _ = process.communicate(timeout=PATIENCE)
     assert process.returncode == 0, output
 
 
@@ -48,7 +49,7 @@ def lose_a_worker(cluster: distributed.LocalCluster, process: subprocess.Popen[s
         time.sleep(0.01)
     os.kill(next(iter(cluster.workers.values())).process.pid, signal.SIGKILL)
     assert process.poll() is None, "it was killed in the middle"
-    output, _ = process.communicate(timeout=120)
+    output, _ = process.communicate(timeout=PATIENCE)
     assert process.returncode == 0, output
 
 

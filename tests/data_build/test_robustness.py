@@ -19,7 +19,7 @@ from synthesis.atlas.file import encode_atlas
 from synthesis.atlas.table import AtlasRule
 from synthesis.errors import FieldError
 from synthesis.fourbar.dimension_types import TypeRule, count_types
-from tests.conftest import make_atlas
+from tests.conftest import PATIENCE, make_atlas
 from tests.data_build.conftest import OPTIONS, ROOT, RULE, Here, left_in, start
 
 
@@ -65,7 +65,7 @@ def test_a_closed_output_ends_quietly_with_the_file_kept(out, wanted) -> None:
     build = start("--out", out, *OPTIONS, "--jobs", 1, "--json")
     build.stdout.close()
     with build.stderr:
-        assert build.wait(60) == EXIT_OK and build.stderr.read() == ""
+        assert build.wait(PATIENCE) == EXIT_OK and build.stderr.read() == ""
     assert out.read_bytes() == wanted
 
 
@@ -94,7 +94,7 @@ def test_an_interrupt_inside_a_callback_is_not_lost(out) -> None:
         "raise SystemExit(cli.main(sys.argv[1:]))\n"
     )
     arguments = [sys.executable, "-c", script, "build", "--out", str(out), *OPTIONS, "--jobs", "1"]
-    done = subprocess.run(arguments, cwd=ROOT, capture_output=True, text=True, timeout=60)
+    done = subprocess.run(arguments, cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE)
     assert done.returncode == EXIT_INTERRUPTED and "Exception ignored" not in done.stderr, done.stderr
 
 
@@ -110,7 +110,7 @@ def test_an_interrupt_while_importing_shows_no_traceback(entry, command, name) -
         "sys.meta_path.insert(0, Hook())\n"
         f"sys.argv = ['x', *{command}, '--help']; runpy.run_module('{entry}', run_name='__main__')\n"
     )
-    done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE)
     assert (done.stdout, done.stderr) == ("", "") and done.returncode == -getattr(signal, name)
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from app.main import create_app
 from app.settings import Settings
-from tests.conftest import listening, started
+from tests.conftest import PATIENCE, listening, started
 from tests.e2e.page import MotionPage
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -85,7 +85,7 @@ def browser(tmp_path_factory, downloads):
         options.add_argument(option)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
     driver = webdriver.Chrome(options=options, service=Service(DRIVER))
-    driver.set_script_timeout(60)
+    driver.set_script_timeout(PATIENCE)
     where = {"behavior": "allow", "downloadPath": str(downloads), "eventsEnabled": True}
     driver.execute_cdp_cmd("Browser.setDownloadBehavior", where)
     yield driver

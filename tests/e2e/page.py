@@ -18,6 +18,7 @@ from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import Select
 
 import linkage_atlas as la
+from tests.conftest import PATIENCE
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = json.loads((ROOT / "app/static/examples.json").read_text())
@@ -93,7 +94,7 @@ class Page:
     def cdp(self, command: str, arguments: dict[str, Any]) -> Any:
         return self.browser.execute_cdp_cmd(command, arguments)
 
-    def wait(self, condition: str, seconds: float = 30.0) -> None:
+    def wait(self, condition: str, seconds: float = PATIENCE) -> None:
         """Until a JavaScript expression is true."""
         end, met = time.monotonic() + seconds, False
         while met is not True:
@@ -175,9 +176,9 @@ class Page:
         self.browser.get(f"{self.address}/static/icon.svg")
         self.cdp("Storage.clearDataForOrigin", {"origin": self.address, "storageTypes": "local_storage"})
 
-    def go(self, path: str = "", seconds: float = 60.0) -> None:
+    def go(self, path: str = "") -> None:
         self.browser.get(f"{self.address}{path}")
-        self.wait(READY, seconds)
+        self.wait(READY)
 
     def load(self, path: str = "", width: int = 1280) -> None:
         """Load a page as if for the first time."""
@@ -234,7 +235,7 @@ class Page:
 
     def saved(self, name: str, button: str = "", way: str = "mouse") -> bytes:
         """A file that the page gives, once its button has been pressed if one is named."""
-        file, end = self.downloads / name, time.monotonic() + 20
+        file, end = self.downloads / name, time.monotonic() + PATIENCE
         if button:
             file.unlink(missing_ok=True)
             self.press(button, way)

@@ -106,7 +106,7 @@ def test_the_page_asks_for_all_kinds_and_lists_several(standing) -> None:
     page.unfold("limits")
     assert page.value("mechanisms") == "all" and page.request()["mechanisms"] == "all"
     page.click("solve")
-    page.wait(IDLE, 60)
+    page.wait(IDLE)
     names = page.texts("#solutions .name")
     assert len({name.split(". ", 1)[1] for name in names}) >= 3, names
     page.select("mechanisms", "two_rails")

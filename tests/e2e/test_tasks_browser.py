@@ -150,7 +150,7 @@ def test_each_task_from_the_empty_page_to_dxf(page, task, way) -> None:
     ASK[task](page, way)
     page.press("#solve", way)
     if task == "function":
-        page.wait(CARDS, 60)
+        page.wait(CARDS)
     else:
         page.found()
     if way == "phone":

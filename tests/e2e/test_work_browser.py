@@ -323,7 +323,7 @@ def test_a_shape_drawn_by_mouse_is_solved(browser, served, downloads, shape) -> 
     page.draw(SHAPES[shape])
     assert len(page.table()) == 24
     page.click("solve")
-    page.wait(f"{IDLE} && document.getElementById('status').textContent", 90)
+    page.wait(f"{IDLE} && document.getElementById('status').textContent")
     assert "off by" in page.text("status"), page.text("status")
     assert page.count("#solutions li .verdict") >= 1 and page.earlier() is False and page.in_view()
     page.rest()

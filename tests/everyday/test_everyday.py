@@ -54,11 +54,8 @@ def test_there_are_150_different_questions() -> None:
 
 @pytest.mark.parametrize("name", SHOWN)
 def test_an_everyday_question_has_an_answer_that_more_time_does_not_worsen(name: str, service: Service) -> None:
-    replies = asked(service, ROWS[name], ["preset"], [50, 100])
-    if faults(replies):  # budgets are by the clock: where other work took 100 ms, fewer steps were made than in 50
-        replies = asked(service, ROWS[name], ["preset"], [50, 100])
-    assert not faults(replies)
-    assert all(one.objective is not None for one in replies)
+    replies = asked(service, ROWS[name], ["preset"], [100, None])  # by the clock: none knows how far the first comes
+    assert not faults(replies) and replies[1].objective is not None
 
 
 @pytest.mark.parametrize("name", ["oval, 5 points", "knee", "pairs, falling"])

@@ -468,27 +468,6 @@ def test_the_reason_names_the_family_that_lengths_exclude() -> None:
     assert la.synthesize(motion, la.Limits(links=lengths, family="any")).status == "reached"
 
 
-def test_the_reason_is_a_family_too_where_it_is_the_default() -> None:
-    """A crank longer than the ground turns fully in a double-crank alone, whose ground is shortest: here the rocker is."""
-    motion = la.Motion(None, [[0, 0], [10, 2], [30, 3], [40, 10]], timing="free")
-    found = la.synthesize(motion, la.Limits(links={"crank": 60, "rocker": 20, "ground": 30}))
-    assert found.status == "infeasible"
-    assert (
-        "family 'full_crank' excludes every linkage that was looked for; among 'any' there are some"
-        in found.report.notes
-    )
-
-
-def test_what_a_limit_would_have_to_be_is_so() -> None:
-    """A shortest link above half the preset's longest lifts that; one that gave way no longer does."""
-    motion = la.Motion(None, [[0, 0], [10, 2], [30, 3], [40, 10]], timing="free")
-    box = [0, 0, 100, 100]
-    found = la.synthesize(motion, la.Limits(link_min=260, pivot_box=box))
-    (note,) = [note for note in found.report.notes if note.startswith("link_min excludes")]
-    value = float(note.split(" at ")[1].split()[0])
-    assert value < 142 and la.synthesize(motion, la.Limits(link_min=0.999 * value, pivot_box=box)).solutions
-
-
 @pytest.mark.parametrize(
     ("angles", "told"),
     [

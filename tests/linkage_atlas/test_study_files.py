@@ -15,6 +15,7 @@ import pytest
 from linkage_atlas import many_requests
 from linkage_atlas.many_requests import Question, StudyLocked, answer_file, answer_of, in_order, is_error, study_lines
 from synthesis.errors import FieldError
+from tests.conftest import PATIENCE
 
 QUESTIONS = [Question(2 * k + 1, b"%d" % k, f"{k:04x}") for k in range(7)]
 
@@ -118,7 +119,7 @@ def test_no_more_is_under_way_than_is_allowed(monkeypatch) -> None:
 
     def work(question: Question) -> bytes:
         begun.append(question)
-        gate.wait(5)
+        gate.wait(PATIENCE)
         return b""
 
     many = [Question(k, b"", "") for k in range(1, 60)]

@@ -28,7 +28,6 @@ from synthesis.pose import DEGENERATE
 from synthesis.search.problems import GivenProblem
 from synthesis.slider import SliderChart
 from synthesis.target import Interval, Samples, Target
-from synthesis.work import Work
 from tests.oracles.free_classes import free_case
 from tests.oracles.slider_crank import SLIDER_CHARTS, SLIDER_NAMES, SLIDERS, body_angle
 
@@ -579,15 +578,6 @@ def test_a_descent_cut_into_pieces_leads_to_the_same(timing: str, monkeypatch: p
 
 
 @timings
-def test_a_descent_whose_time_is_up_stays_where_it_came_to(timing: str) -> None:
-    problem, timed = candidates(GrashofChart(), timing=timing)
-    none = problem.descended(timed, [Stage(50)], work=Work(0.0))
-    for one, two in zip(timed, none.timed):
-        np.testing.assert_allclose(one, two, rtol=1e-12)
-    assert np.all(problem.descended(timed, [Stage(50)]).cost < none.cost)
-
-
-@timings
 def test_after_an_exact_candidate_the_others_take_as_many_steps_as_are_asked_for(timing: str) -> None:
     """One is exact, and takes no further step, once its J is below the tolerance."""
     problem, timed = candidates(GrashofChart(), timing=timing)
@@ -600,13 +590,6 @@ def test_after_an_exact_candidate_the_others_take_as_many_steps_as_are_asked_for
         found = problem.descended(timed, [Stage(80)], tolerance, others=others)
         wanted = steps[taken].cost[0], steps[most].cost[1] if most else steps[0].cost[1]
         np.testing.assert_array_equal(found.cost, wanted)
-
-
-def test_all_crank_angles_may_turn_together() -> None:
-    # once each angle was cut by the gap to its neighbour, so that long valleys were followed in tiny steps
-    problem, timed = candidates(GrashofChart(), False)
-    none, turn = np.zeros((2, 10)), np.full(timed.angles.shape, 0.7)
-    np.testing.assert_allclose(problem.moved(timed, none, turn).angles, timed.angles + 0.7, atol=1e-12)
 
 
 @pytest.mark.parametrize("size", [1.0, 50.0, 1e200])
@@ -667,46 +650,6 @@ def test_descents_end_where_no_step_in_order_lowers_the_cost(exchanged: list[int
         scale = np.sqrt(done.cost[0])
         assert abs(block.sum()) < 1e-4 * scale  # all of a block turn together
         assert np.all(np.cumsum(block) < 1e-4 * scale)  # and none of them is held back that would stay behind
-
-
-def test_samples_that_would_pass_one_another_turn_as_one() -> None:
-    problem, timed = candidates(GrashofChart())
-    joined = 0
-    for k in range(10):
-        angles = timed.angles[:1].copy()
-        angles[0, k + 1 :] += angles[0, k] - angles[0, k + 1] + 1e-9
-        (one,) = problem.linearised(timed.take([0])._replace(angles=angles), 1e-2)
-        turn = one["turn"].reshape(-1, 11)
-        rows = np.zeros((turn.size, 11))
-        for row, part in enumerate(turn):
-            rows[11 * row + np.arange(11), np.arange(11)] = part
-
-        def solved(rows: np.ndarray, one: dict[str, Any] = one) -> np.ndarray:
-            ridge = np.concatenate([one["ridge"], 1e-4 * np.sum(rows**2, axis=0)])
-            dense = np.vstack([np.hstack([one["rows"][:-1].T, rows]), np.diag(np.sqrt(ridge))])
-            return np.linalg.lstsq(dense, np.append(-one["rows"][-1], np.zeros(ridge.size)), rcond=None)[0]
-
-        # the step of least squares over unknowns and angles; and where both would pass one another, as one angle
-        expected = solved(rows)
-        turns = expected[-11:]
-        passing = turns[k + 1] < turns[k]
-        assert passing == (one["block"][k + 1] == k)
-        if passing:
-            joined += 1
-            expected = solved(np.hstack([rows[:, :k], rows[:, [k]] + rows[:, [k + 1]], rows[:, k + 2 :]]))
-            turns = np.insert(expected[-10:], k + 1, expected[k - 10])
-            turns[[k, k + 1]] += [0.5e-9, -0.5e-9]
-        np.testing.assert_allclose(one["step"], expected[: len(one["step"])], atol=1e-6 * np.abs(expected).max())
-        np.testing.assert_allclose(one["turn_step"], turns, atol=1e-6 * np.abs(expected).max())
-    assert 1 < joined < 9
-
-
-def test_descents_leave_their_starting_points_as_they_were() -> None:
-    problem, timed = candidates(GrashofChart(), False)
-    before = [column.copy() for column in timed]
-    problem.descended(timed, [Stage(10)])
-    for column, kept in zip(timed, before):
-        np.testing.assert_array_equal(column, kept)
 
 
 def test_a_curved_valley_is_followed_to_its_end() -> None:

@@ -225,19 +225,6 @@ def test_descents_within_limits(chart: Any, timing: str, posed: bool) -> None:
     same(work, 1e-9)
 
 
-def test_others_go_on_for_a_part_of_the_steps_of_the_first_exact_one() -> None:
-    for others in (0.0, 1.0, np.inf):
-
-        def work(module: ModuleType, others: float = others) -> list[Any]:
-            descent = Descent(module, CHARTS[0])
-            descent.kernel.look(True, True)
-            descent.kernel.descend(6, 1e-3, 1e-9, 0.9 * descent.costs[0], others, 0.0)
-            assert descent.kernel.run(100)
-            return [*descent.state, descent.kernel.steps]
-
-        same(work, 1e-9)
-
-
 TASKS: dict[str, Callable[[Descent], Any]] = {
     "look": lambda one: one.kernel.look(False, False),
     "look, posed": lambda one: one.kernel.look(True, True),

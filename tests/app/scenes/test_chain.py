@@ -58,13 +58,6 @@ def test_radians(client) -> None:
     assert same["slot"]["end_step"] == pytest.approx(asked["slot"]["end_step"]) == pytest.approx(0.061, abs=1e-3)
 
 
-@pytest.mark.parametrize("kind", ["spline", "fourier", "polynomial"])
-def test_other_fits_give_coefficients(kind, client) -> None:
-    reply = client.post("/v1/chain/slot", json={**PUBLISHED, "fit": {"kind": kind, "order": 12}}).json()
-    assert reply["fit"]["coefficients"] and reply["fit"]["pieces"] is None
-    assert reply["fit"]["max_chord"] < reply["fit"]["max_normal"] < 0.1
-
-
 def test_a_roller(client) -> None:
     fits = client.post("/v1/chain/slot", json={**PUBLISHED, "roller_radius": 52.0}).json()
     assert fits["checks"]["roller_fits"] is True
@@ -97,16 +90,6 @@ def test_exports_alike_over_http_and_on_the_command_line(client, tmp_path) -> No
 
 
 # Other tracks
-
-
-def test_a_stadium_with_its_critical_straight(client) -> None:
-    body = {"pitch": 50, "links": 16, "stadium": {"radius": 60}, "fit": {"kind": "fourier", "order": 8}}
-    reply = client.post("/v1/chain/track", json=body).json()
-    assert reply["status"] == "closed" and reply["slot"]["end_step"] < 1e-9
-    given = {**body, "stadium": {"radius": 60, "straight": reply["straight"]}, "links": None}
-    again = client.post("/v1/chain/track", json=given).json()
-    assert again["links"] == 16
-    assert again["slot"]["depth_max"] == pytest.approx(reply["slot"]["depth_max"], abs=1e-8)
 
 
 def crescent_segments(geometry):

@@ -140,15 +140,6 @@ def test_range_ends_come_back_as_they_were_given(client) -> None:
     )
 
 
-def test_large_grid_is_answered_whole(client) -> None:
-    body = {"grid": {"alpha1": [0.4 * k for k in range(51)], "alpha3": [15 + 0.4 * k for k in range(51)]}}
-    found = scan(client, **body)
-    assert len(found["pairs"]) == 51 * 51
-    assert finite(found)
-    pair = next(pair for pair in found["pairs"] if (pair["alpha1"], pair["alpha3"]) == (10, 25))
-    assert pair["wrap"]["angle"] == pytest.approx(FIGURES["wrap"]["10,25"][0], abs=1e-9)
-
-
 def test_needle_over_http(client) -> None:
     found = client.post("/v1/knotter/needle", json={"alpha2": 8}).json()
     assert found["status"] == "free"
@@ -262,21 +253,6 @@ def test_command_line_prints_a_table_and_names_a_bad_field(tmp_path, capsys) -> 
 # The parts by their names
 
 
-def test_descriptions_name_the_parts_as_the_source_does() -> None:
-    every = json.dumps([model.model_json_schema() for model in (models.ScanRequest, models.NeedleRequest)])
-    source = "".join(path.read_text() for path in (ROOT / "synthesis" / "knotter").glob("*.py"))
-    text = every + source + (ROOT / "docs" / "knotter.md").read_text()
-    for wrong in ("main shaft", "iameter of the needle", "eedle's angle", "patial angle of", "'s spatial angle"):
-        assert wrong not in text, wrong
-    said = {name: field.description for name, field in models.NeedleRequest.model_fields.items()}
-    assert "cam" in said["r0"] and "hickness" in said["D0"]
-    for text in (said["alpha2"], models.Parameters.model_fields["alpha2"].description):
-        assert "k0 and k1 in the plane i1 o1 k1" in text
-    grid = {name: field.description for name, field in models.Grid.model_fields.items()}
-    assert "j2 and j1 in the plane j1 o1 k1" in grid["alpha1"]
-    assert "k0 and k1 in the plane j1 o1 k1" in grid["alpha3"]
-
-
 # Curves, fit, tolerances
 
 
@@ -337,18 +313,6 @@ def test_the_smallest_budget_of_a_fit_is_answered_on_a_busy_machine() -> None:
 
     reply = models.answer_fit(models.PatternFitRequest(budget_ms=1e-3), Busy(Settings(with_atlas=False)))
     assert reply.status == "not reproduced" and len(reply.entries) == 16 and reply.alone is None
-
-
-def test_fit_judges_the_defaults_and_says_how_far_they_may_move(client) -> None:
-    from app.scenes.knotter import FIT
-
-    found = ask(client, "fit", **FIT.examples["defaults"])
-    assert found["status"] == "reproduced" and found["start_margin"] == found["margin"] == pytest.approx(
-        0.138, abs=1e-3
-    )
-    assert found["values"] == pytest.approx({"d1": 136, "D": 20, "beta.lead": 23.5, "beta.ratio": 0.5, "S1.j": 14, "S5.k": 0,
-                                             "S10.i": 59, "S10.k": 31.5})  # fmt: skip
-    assert found["alone"]["S5.k"] == pytest.approx([0, 12])
 
 
 def test_tolerances_of_the_chosen_pair(client) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -16,7 +15,7 @@ from app.scenes import scene_queries
 from synthesis.work import Cancelled, Work
 
 SLOW = {"chain tolerance-with_reserve", "knotter fit-defaults", "knotter tolerance-coarse", "lift optimize-even"}
-"""Examples whose queries have others here; the defaults of the fit are asked for in test_knotter.py too."""
+"""Examples whose queries have others here."""
 EXAMPLES = [
     pytest.param(query, name, id=mark, marks=[pytest.mark.wide] * (mark in SLOW))
     for query in scene_queries()
@@ -58,26 +57,6 @@ def test_example_is_answered_alike_over_http_and_on_the_command_line(query, name
     assert reply == over_http.json()
     assert query.table(reply_model(query.reply).model_validate(reply)).strip()
     assert messages == "" and len(table.splitlines()) >= 2 and "{" not in table and "nan" not in table.lower()
-
-
-@pytest.mark.parametrize("query", scene_queries(), ids=lambda query: query.command)
-@pytest.mark.parametrize(
-    "body", ["", "[", "null", "[]", '{"no_such_field": 1}', '{"a": NaN}', "[" * 5000, '{"\\ud800": 1}']
-)
-def test_malformed_requests_are_the_clients_fault(query, body, client) -> None:
-    reply = client.post(query.path, content=body, headers={"content-type": "application/json"})
-    assert 400 <= reply.status_code < 500, reply.text
-    assert reply.headers["content-type"] == "application/problem+json"
-    assert reply.json()["errors"][0]["pointer"].startswith("#")
-
-
-@pytest.mark.parametrize("query", scene_queries(), ids=lambda query: query.command)
-@pytest.mark.parametrize("literal", ["NaN", "-Infinity", "1e999", '"\\ud800"', "{}"])
-def test_numbers_that_are_none(query, literal, client) -> None:
-    text = max((json.dumps(body) for body in query.examples.values()), key=len)
-    content = re.sub(r"(?<=[\[ ])-?[0-9.]+(?=[,}\]])", lambda _: literal, text, count=1)
-    reply = client.post(query.path, content=content, headers={"content-type": "application/json"})
-    assert content != text and 400 <= reply.status_code < 500 and reply.json()["errors"]
 
 
 class Leaving:

@@ -72,19 +72,6 @@ def test_a_path_that_every_window_meets_is_answered_in_order_and_at_once(samples
     assert report.exhaustive and report.evaluated <= 100
 
 
-def test_refused_windows_are_passed_over_in_order(scan) -> None:
-    target = make_target(**WHOLE_TURNS["even"])
-
-    def third_rows(windows: Windows) -> np.ndarray:
-        return np.where(windows.row % 3 == 2, scan.errors(target, windows), np.inf)
-
-    found, report = scan.best(target, 800, third_rows)
-    assert report.exhaustive and set(found.row) <= set(range(2, len(scan.lengths), 3)) and found.row.size == 800
-    assert np.all(np.diff(found.row) >= 0) or len(set(scan._table.winding[found.row])) > 1
-    _, cut_short = scan.best(target, 800, third_rows, max_windows=3200)
-    assert cut_short.evaluated <= 3200
-
-
 def test_positions_whole_turns_apart_are_refused() -> None:
     for field, crank in (("crank_span", 4 * np.pi), ("crank_angle", np.array([0, 2, 4]) * np.pi)):
         with pytest.raises(FieldError, match="whole turns apart") as error:
@@ -127,16 +114,6 @@ def test_tied_bounds_are_kept_in_order() -> None:
         if count < ids.size:
             left = order[count]
             assert first_left == (lowest_steps(bounds[[left]])[0], numbering.ranks(ids[[left]])[0])
-
-
-def test_ranks_are_by_number_start_and_branch() -> None:
-    numbering = Numbering(STARTS)
-    ids = np.arange(3 * 2 * STARTS)
-    windows = numbering.windows(ids)
-    order = np.lexsort((windows.branch < 0, windows.start, windows.row))
-    assert np.array_equal(numbering.ranks(ids)[order], ids)
-    row, within = np.divmod(ids, 2 * STARTS)
-    assert np.array_equal(numbering.ranks(numbering.at_ranks(row, within)), ids)
 
 
 def test_a_bound_that_rounding_lifts_above_its_error_excludes_nothing() -> None:

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from synthesis.chain import crescent as chain
 from synthesis.chain.closure import Chain, closing_links
 from synthesis.chain.slot import report, wheel_conflict
-from synthesis.chain.track import Segment, Track, arc, line
+from synthesis.chain.track import Track, arc, line
 from tests.conftest import some_of
 from tests.oracles.chain import Path, crescent, free_pin, least_overrun, rounded_polygon, stadium
 
@@ -174,12 +174,3 @@ def test_a_track_in_meanders_agrees_with_bracketing_search() -> None:
         for pitch in (5.0, 33.0, 55.0):
             ours = track.position(track.step(track.place(s), pitch))[0]
             assert ours == pytest.approx(path.next(s, pitch, cells=100), abs=1e-9)
-
-
-def test_segments_of_the_crescent_are_those_of_the_twin() -> None:
-    track = chain.given_crescent(92.63, 181.78, 381.5, 90.22).track
-    path = crescent(92.63, 181.78, 381.5, 90.22)
-    assert track.total == pytest.approx(path.total, rel=1e-14)
-    s = np.linspace(0, path.total, 100, endpoint=False)
-    assert np.abs(track.points(track.place(s)) - [complex(*path.point(value)) for value in s]).max() < 1e-11
-    assert isinstance(track.segments[0], Segment)

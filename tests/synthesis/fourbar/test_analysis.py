@@ -192,41 +192,6 @@ def weighing(masses: list[Mass], load: Load) -> Load:
     return load._replace(masses=tuple(masses), gravity=load.gravity or 3 - 9j, metre=1e-3)
 
 
-def energy(
-    linkage: Linkage, masses: list[Mass], gravity: complex, travel: np.ndarray, speed: float, step: float
-) -> np.ndarray:
-    """Of the links' own masses, from places of joints alone."""
-    before, at, after = (linkage.joints(travel + part * step) for part in (-1, 0, 1))
-    total = np.zeros(travel.size)
-    origins = {"crank": lambda joints: joints.pivot_a, "coupler": lambda joints: joints.crank_pin}
-    for link in masses:
-        name = link.link
-
-        def place(joints: Joints, name: str = name, link: Mass = link) -> np.ndarray:
-            origin = origins.get(name, lambda joints: joints.pivot_b)(joints)
-            return origin + link.at * np.exp(1j * getattr(joints, f"{name}_angle"))
-
-        velocity = (place(after) - place(before)) / (2 * step) * speed
-        turns = [getattr(joints, f"{name}_angle") for joints in (before, after)]
-        turning = (turns[1] - turns[0]) / (2 * step) * speed
-        total += 1e-3 * (link.mass * abs(velocity) ** 2 + link.inertia * turning**2) / 2
-        total -= link.mass * np.real(np.conj(gravity) * place(at))
-    return total
-
-
-@LAW
-@given(SEEDS, OWN, st.complex_numbers(max_magnitude=20), st.floats(0.1, 5), st.sampled_from([-1, 1]))
-def test_the_drive_gives_the_links_what_energy_they_gain(seed, masses, gravity, speed, way) -> None:
-    linkage, speed = random_linkage(seed, 0.3), speed * way
-    gravity = gravity or 3 - 9j
-    found = forces(linkage, TRAVEL, weighing(masses, Load(gravity=gravity)), speed)
-    step = 1e-4
-    gained = [energy(linkage, masses, gravity, TRAVEL + part * step, speed, 1e-4) for part in (-1, 1)]
-    power = (gained[1] - gained[0]) / (2 * step) * speed
-    size = np.abs(gained).max() * abs(speed)
-    assert np.all(np.abs(found.drive * speed - power) <= 1e-4 * np.maximum(size, np.abs(power)))
-
-
 @LAW
 @given(SEEDS, OWN, LOADS, st.floats(0.1, 5))
 def test_weight_and_inertia_of_each_link_are_held_by_its_pins(seed, masses, load, speed) -> None:

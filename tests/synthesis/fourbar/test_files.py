@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import math
 import xml.etree.ElementTree as ElementTree
 
@@ -12,7 +11,6 @@ import ezdxf
 import numpy as np
 import pytest
 
-from app import cli
 from app.registry import worked_example
 from synthesis.errors import FieldError
 from synthesis.fourbar.files import to_csv, to_dxf, to_mjcf, to_svg
@@ -195,31 +193,6 @@ def test_every_format_over_http_from_a_solution(client, solved) -> None:
     assert all(export(client, solved, solution=odd, format=kind).status_code == 200 for kind in ("csv", "svg"))
 
 
-def test_exports_by_ending_over_http_and_on_the_command_line(client, solved, tmp_path) -> None:
-    request, _ = solved
-    file = tmp_path / "request.json"
-    file.write_text(json.dumps(request))
-    for name in ("csv", "svg", "dxf", "mjcf"):
-        over_http = client.post(f"/v1/synthesize.{name}", json=request)
-        assert over_http.status_code == 200, over_http.text
-        out = tmp_path / f"linkage.{name}"
-        assert cli.main(["synthesize", str(file), "--no-preset", "--export", str(out)]) == 0
-        if name == "csv":  # the command's linkage went through degrees, which may cost a last digit
-            ours, theirs = (list(csv.DictReader(io.StringIO(text))) for text in (out.read_text(), over_http.text))
-            assert [list(row) for row in ours] == [list(row) for row in theirs]
-            numbers = [[[float(value) for value in row.values()] for row in rows] for rows in (ours, theirs)]
-            np.testing.assert_allclose(*numbers, rtol=1e-12, atol=1e-12)
-        elif name != "dxf":  # whose header holds a time and a new identity
-            assert out.read_bytes() == over_http.content
-    assert not ezdxf.readfile(tmp_path / "linkage.dxf").audit().errors
-
-
-def test_rank_and_request_without_a_solution(client, solved) -> None:
-    request, reply = solved
-    second = client.post("/v1/export", json={"request": request, "rank": 2}).json()["solution"]
-    assert second["links"] == reply["solutions"][1]["links"]
-
-
 def test_rotation_only_has_no_path_but_a_linkage(client) -> None:
     request = {"rotation": worked_example()["rotation"], "crank_span": 70, "top": 1}
     drawn = client.post("/v1/synthesize.dxf", json=request)
@@ -230,22 +203,6 @@ def test_rotation_only_has_no_path_but_a_linkage(client) -> None:
     assert rows[0]["x"] == "" and abs(float(rows[3]["rotation_error"])) < 1e-6
     for name in ("svg", "mjcf"):
         ElementTree.fromstring(client.post(f"/v1/synthesize.{name}", json=request).text)
-
-
-def test_radians_say_the_same_as_degrees(client, solved) -> None:
-    request, _ = solved
-    turned = {
-        **request,
-        "rotation": [v * DEG for v in request["rotation"]],
-        "crank_span": 70 * DEG,
-        "angle_unit": "rad",
-    }
-    rows = [
-        list(csv.DictReader(io.StringIO(client.post("/v1/synthesize.csv", json=body).text)))
-        for body in (request, turned)
-    ]
-    for one, two in zip(*rows):
-        assert float(one["coupler_direction"]) == pytest.approx(float(two["coupler_direction"]) / DEG, abs=1e-6)
 
 
 def test_a_linkage_that_does_not_close_is_named() -> None:

@@ -262,12 +262,3 @@ def test_transmission_angle_over_an_interval_where_the_loop_opens_is_nan(lengths
     # the loop opens and shuts at the ends of an interval of crank angles: only an ulp there may be in dispute
     assume(np.sum(~close_loop(lengths, dense_samples(first, last)).closed) > 2)
     assert np.isnan(transmission_angle_over(lengths, Interval(first, last)))
-
-
-def test_transmission_angle_over_takes_many_intervals_at_once() -> None:
-    lengths = np.array([[19.0, 72, 144, 165], [3.0, 1, 1, 3]])
-    over = transmission_angle_over(lengths, Interval([[0.0], [1.0]], [1.0, 7.0]))
-    assert over.shape == (2, 2)
-    assert over[0, 0] == transmission_angle_over(lengths[0], Interval(1.0, 0.0))
-    assert transmission_angle_over(lengths[0], Interval(0, 1)) > transmission_angle_over(lengths[0], Interval(0, 7))
-    assert np.isnan(transmission_angle_over(lengths[1], Interval(0.0, TURN)))

@@ -99,12 +99,6 @@ def test_within_limits_no_small_change_that_keeps_them_is_better(seed, with_rota
         assert changed.errors.objective >= rounded.errors.objective * (1 - 1e-5)
 
 
-def test_a_fine_grid_costs_little_and_a_coarse_one_more() -> None:
-    target, solution = exact_case(1)
-    errors = [on_grid(target, solution, grid).errors.objective for grid in (1e-9, 1e-3, 1.0)]
-    assert errors[0] < 1e-9 < errors[1] < 1e-3 < errors[2]
-
-
 def test_links_of_no_length_become_one_step() -> None:
     target, solution = exact_case(2, crank_length=5.5)
     grid = 25.0
@@ -191,16 +185,6 @@ def test_combinations_come_in_the_order_of_their_estimate(seed, count) -> None:
     estimate = np.sum((moved @ triangle.T + right) ** 2, axis=1)
     estimate += (1e-3 * np.abs(triangle).max()) ** 2 * np.sum(moved**2, axis=1)
     assert np.all(np.diff(estimate) >= -1e-9 * estimate.max())
-
-
-def test_combinations_come_as_sorting_all_of_them_has_them() -> None:
-    random = np.random.default_rng(3)
-    upper = np.triu(random.normal(size=(5, 5)))
-    moved = [np.sort(random.normal(size=count)).tolist() for count in (7, 9, 1, 6)]
-    every = np.array(list(itertools.product(*map(range, (7, 9, 1, 6)))))
-    values = np.stack([np.array(column)[places] for column, places in zip(moved, every.T)], axis=1)
-    estimate = np.sum((values @ upper[:4, :4].T + upper[:4, 4]) ** 2, axis=1)
-    assert [tuple(row) for row in every[np.argsort(estimate)]] == list(nearest_of(upper, moved))
 
 
 def test_a_thousand_stock_lengths_take_little_memory(monkeypatch) -> None:

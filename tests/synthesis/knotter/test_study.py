@@ -16,7 +16,6 @@ from synthesis.knotter import d_knotter
 from synthesis.knotter.conditions import (
     Clearance,
     Found,
-    SegmentHitsTriangle,
     inside_windows,
     segment_triangle_distance,
 )
@@ -137,13 +136,6 @@ def test_worst_clearance_is_no_better_than_a_fine_scan(seed: int, radius: float,
     assert found.holds[0] == (found.worst[0] < 0) and found.margin[0] == -found.worst[0]
 
 
-def test_a_disc_hides_less_than_its_plane_and_a_huge_one_is_the_plane() -> None:
-    machine = d_knotter.mechanism({"alpha1": 0.2, "alpha3": 0.4})
-    worst = [d_knotter.clearance(radius=r).evaluate(machine, 1).worst[0] for r in (10.0, 30.0, 60.0, 1e6, np.inf)]
-    assert np.all(np.diff(worst) >= 0)
-    assert worst[-2] == pytest.approx(worst[-1], abs=1e-9)
-
-
 def test_deepest_place_in_a_disc_may_be_a_corner() -> None:
     """A point on a circle beside the rim: deeper past the plane and nearer to the rim at once; solved by hand."""
     arm = Mechanism(
@@ -195,21 +187,6 @@ def test_the_unit_of_length_changes_no_angle(seed: int, power: int) -> None:
             assert one.enter == pytest.approx(other.enter, abs=1e-13, nan_ok=True)
 
 
-def test_margins_meet_at_zero_on_both_sides_of_each_limit() -> None:
-    """Along alpha3 the entry moves over S3 to the next edge; along d5 over S4 and away."""
-    machine = d_knotter.mechanism({"alpha1": np.radians(10.0), "alpha3": np.radians(25.0)})
-    for parameter, between in (("alpha3", (0.1, 0.5)), ("d5", (20.0, 120.0))):
-        limits, _ = solve(machine, d_knotter.wrap(), parameter, between)
-        assert limits
-        for limit in limits:
-            step = 1e-7 if parameter == "alpha3" else 1e-5
-            values = limit.value + step * np.array([-1.0, 1.0])
-            found = d_knotter.wrap().evaluate(machine.with_parameters(**{parameter: values}), 2)
-            assert list(found.holds) == ([False, True] if limit.holds_above else [True, False])
-            assert np.all(np.sign(found.margin) == np.where(found.holds, 1, -1))
-            assert np.abs(found.margin).max() < 1e-3
-
-
 def test_closest_approach_is_the_distance_of_a_dense_scan(cases) -> None:
     condition = d_knotter.wrap()
     assert len(cases["wrap", "never"]) >= 10
@@ -240,32 +217,6 @@ def test_limits_are_found_on_both_sides() -> None:
         assert limit.result.holds[0]
         beyond = limit.value + (-1e-13 if limit.holds_above else 1e-13)
         assert not d_knotter.bite().evaluate(machine.with_parameters(alpha3=beyond), 1).holds[0]
-
-
-def test_another_machine_is_another_page_of_data() -> None:
-    """A door of a unit square turns about k and its diagonal passes a rope's triangle; solved by hand."""
-    door = Mechanism(
-        parameters={"height": 0.0},
-        laws={},
-        chains=(Chain("door", "wall", (Shift(k="height"), Turn("k", "driver"))),),
-        points={
-            "hinge": ("door", (0.5, 0.0, 0.5)),
-            "edge": ("door", (2.0, 0.0, 0.5)),
-            "A": ("wall", (0.0, 1.0, 0.0)),
-            "B": ("wall", (1.0, 1.0, 0.0)),
-            "C": ("wall", (0.0, 1.0, 1.0)),
-        },
-    )
-    hits = SegmentHitsTriangle("hits", ("hinge", "edge"), ("A", "B", "C"), "wall", (0.0, np.pi), enter=1)
-    found = study(door, {"height": [0.0, 0.3, 0.6]}, [hits]).conditions["hits"]
-    # The rope is at z = 0.5 + height; it meets x + z = 1 on y = 1 where tan(angle) = 1 / (0.5 - height).
-    assert found.enter[:2] == pytest.approx(np.arctan2(1.0, [0.5, 0.2]), abs=1e-14)
-    assert found.leave[:2] == pytest.approx(np.pi / 2, abs=1e-14)
-    assert list(found.holds) == [True, True, False]
-    # At height 0.6 the rope is 0.1 above C when it points at it.
-    assert found.margin[2] == pytest.approx(-0.1, abs=1e-9)
-    clear = Clearance("clear", "edge", "wall", 1, -1, 0.0, (0.0, np.pi))
-    assert study(door, {}, [clear]).conditions["clear"].worst[0] == pytest.approx(2.0, abs=1e-14)
 
 
 # What cannot be answered
@@ -329,16 +280,6 @@ def test_corner_and_sensitivities_are_those_of_machines_made_one_by_one(name, ma
     assert one.corner <= one.least <= one.margin
     edge = {key: one.factor * change for key, change in worst.items()}
     assert margin(machine, name, edge) == pytest.approx(0, abs=1e-6) and one.factor > 1
-
-
-def test_clearance_sensitivities_have_a_closed_form(machine, found) -> None:
-    """At 270 degrees j3 = X cos phi + e h sin phi - e d1 sin alpha1 + D: by D one for one, by d1 by sin alpha1."""
-    at = d_knotter.CLEARANCE_AT
-    sample = {"clearance": d_knotter.clearance(at, (at, at))}
-    one = spread(machine, sample, box(machine, 0.1, 0.1), 0, 0)[0]["clearance"]
-    assert one.sensitivity["D"] == pytest.approx(-1, abs=1e-9)
-    assert one.sensitivity["d1"] == pytest.approx(-math.sin(math.radians(10)), abs=1e-9)
-    assert one.sensitivity["d5"] == pytest.approx(0, abs=1e-9)
 
 
 def test_wide_tolerances_break_the_knot_and_samples_tell_how_often(machine) -> None:

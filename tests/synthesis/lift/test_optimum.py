@@ -6,7 +6,6 @@ import json
 import math
 from dataclasses import replace
 from functools import cache
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +15,7 @@ from hypothesis import strategies as st
 
 from synthesis.errors import FieldError
 from synthesis.lift import optimum as product
-from synthesis.lift.motion import checked_stroke, motion, velocity
+from synthesis.lift.motion import checked_stroke, motion
 from synthesis.lift.optimum import (
     Evaluator,
     Objective,
@@ -29,7 +28,7 @@ from synthesis.lift.optimum import (
     published_for,
     rise,
 )
-from synthesis.lift.pose import Cylinder, Design, pose_at_height, pose_at_turn
+from synthesis.lift.pose import Cylinder, Design
 from tests.conftest import some_of
 from tests.oracles import lift as oracle
 
@@ -89,11 +88,6 @@ def test_e2_e4_e5_objectives(kind) -> None:
     for name, value in REFERENCE["objective"][kind].items():
         design = projected() if name == "projected" else DESIGNS[name]
         assert float(evaluate(design)) == pytest.approx(value, abs=tolerance)
-
-
-def test_e3_mean_velocity() -> None:
-    for name, value in REFERENCE["mean_velocity"].items():
-        assert float(Evaluator(task("continuous")).moments(DESIGNS[name])[1]) == pytest.approx(value, abs=1e-4)
 
 
 @pytest.mark.parametrize("length", some_of([*REFERENCE["table_2"]], 2))
@@ -168,25 +162,6 @@ def test_objective_is_the_naive_one(kind) -> None:
         assert values[k] == pytest.approx(oracle.objective(design, wanted), rel=2e-6)
 
 
-def test_gauss_nodes_agree_with_adaptive_quadrature() -> None:
-    from scipy.integrate import quad
-
-    for arm in (300.0, 600.0, 2000.0):
-        design = project(arm, arm, 220.0, 200.0, 510.0)
-        theta = float(pose_at_height(design, 200.0).turn)
-
-        def integral(power, center=0.0, design=design, theta=theta):
-            def f(turn):
-                pose = pose_at_turn(design, turn)
-                return -float(pose.height_1) * (float(velocity(pose, 100.0)) - center) ** power
-
-            edges = theta * np.array([0, 0.9, 0.99, 0.999, 0.9999, 1])
-            return sum(quad(f, a, b, epsabs=0, epsrel=1e-12, limit=200)[0] for a, b in pairwise(edges)) / 310.0
-
-        mean = integral(1)
-        assert float(Evaluator(task("continuous"))(design)) == pytest.approx(integral(2, mean), rel=1e-10)
-
-
 # -- laws ----------------------------------------------------------------------------------------------------
 
 
@@ -225,13 +200,6 @@ def test_the_unit_of_length_does_not_matter() -> None:
         assert other.objective == pytest.approx(one.objective, rel=1e-9)
         assert other.design.l2 == pytest.approx(one.design.l2 * k, rel=1e-5)
         assert other.active == one.active
-
-
-def test_normalized_has_an_interior_optimum_and_continuous_has_not() -> None:
-    near, far = (optimize(task("normalized", bound)) for bound in (600.0, 5000.0))
-    assert near.objective == pytest.approx(far.objective, rel=1e-9) and near.active == far.active == ("l4<=l2",)
-    near, far = (optimize(task("continuous", bound)) for bound in (600.0, 5000.0))
-    assert far.objective < 0.1 * near.objective and "b<=upper_bound" in far.active
 
 
 def test_a_bound_without_end_is_searched_to_a_named_limit() -> None:

@@ -244,7 +244,7 @@ def test_equal_solutions_are_kept_once(tables) -> None:
     assert distinct([one, far], 1) == [one]
 
 
-@pytest.mark.parametrize(("seed", "samples"), [*((5000 + k, FEW) for k in range(6)), (69, 32)])
+@pytest.mark.parametrize(("seed", "samples"), [*((5000 + k, FEW) for k in range(3)), (69, 32)])
 def test_no_limit_is_broken(seed, samples, resources) -> None:
     """The last: double-cranks for a crank-rocker's motion, bad answers, but answers."""
     case = limited_case(seed, samples)
@@ -253,16 +253,6 @@ def test_no_limit_is_broken(seed, samples, resources) -> None:
         assert not broken_limits(case.request, solution)
     assert (reply["status"] == "infeasible") == (not reply["solutions"])
     assert seed != 69 or reply["status"] == "closest"
-
-
-def test_limits_that_the_truth_keeps_are_kept_at_no_cost(resources) -> None:
-    case = make_case("plain", 5900)
-    links = list(case.truth["links"].values())
-    limits = {"link_min": 0.99 * min(links), "link_max": 1.01 * max(links), "family": "crank_rocker"}
-    request = case.request | {"limits": limits}
-    reply = ask(request, resources)
-    assert recompute(request, reply["solutions"][0]).objective < REACHED
-    assert not broken_limits(request, reply["solutions"][0])
 
 
 def test_limits_that_nothing_keeps_are_infeasible(resources) -> None:
@@ -415,10 +405,3 @@ def test_sensitivity_is_that_of_finite_differences(kind, tables) -> None:
             assert mine.position[k] == pytest.approx(change, rel=1e-5)
     assert (mine.rotation is None) == (kind == "position only")
     assert (mine.position is None) == (kind == "rotation only")
-
-
-def test_a_tiny_span_is_said_to_be_ill_posed(resources) -> None:
-    reply = ask(make_case("tiny span", 6300).request, resources)
-    assert reply["solutions"][0]["determination"]["ill_posed"]
-    plain = ask(make_case("plain", 6300).request, resources)
-    assert not plain["solutions"][0]["determination"]["ill_posed"]

@@ -70,14 +70,6 @@ def test_straight_corners_of_a_body_leave_no_gap() -> None:
         assert open_edges(mesh) == 0 and euler_characteristic(mesh) == -4
 
 
-def test_an_open_surface_is_seen() -> None:
-    mesh = mesh_of(Prism.disc(0j, 5, 0, 3, 2))
-    assert open_edges(Mesh(mesh.corners, mesh.triangles[:-1])) == 3
-    turned = mesh.triangles.copy()
-    turned[0] = turned[0][::-1]
-    assert open_edges(Mesh(mesh.corners, turned)) > 0
-
-
 @pytest.mark.parametrize("radius", [1e-3, 0.5, 20.0, 1e6])
 def test_the_number_of_corners_is_bounded_at_every_size(radius) -> None:
     mesh = mesh_of(Prism.disc(0j, radius, 0, radius, radius / 2))

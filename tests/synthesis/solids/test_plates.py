@@ -36,10 +36,6 @@ def crosses_itself(ring: np.ndarray) -> bool:
     return bool(np.any((side(a, b, c) * side(a, b, d) < 0) & (side(c, d, a) * side(c, d, b) < 0)))
 
 
-def test_the_check_sees_a_crossing() -> None:
-    assert crosses_itself(np.array([0, 1 + 1j, 1, 1j])) and not crosses_itself(np.array([0, 1, 1 + 1j, 1j]))
-
-
 def polygon(entity) -> np.ndarray:
     """A contour as a polygon, its arcs divided finely."""
     path = ezdxf.path.make_path(entity)

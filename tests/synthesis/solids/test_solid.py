@@ -56,16 +56,6 @@ def test_no_two_parts_overlap_in_manifold(name, boards, heads, body) -> None:
     assert overlap(solids, manifold, 50) <= 1e-6
 
 
-def test_a_part_in_the_wrong_layer_is_seen_to_overlap() -> None:
-    solids = built("E4", "both")
-    wrong = solids._replace(
-        parts=tuple(
-            part if part.name != "rocker" else part.__class__(**{**vars(part), "up": 0.0}) for part in solids.parts
-        )
-    )
-    assert deepest(wrong, 10)[0] > 0
-
-
 def test_poses_are_those_of_the_linkage() -> None:
     solids, linkage = built("E2", "both"), linkage_of(TABLE["E2"])
     for travel in places_of(solids.machine, 7):

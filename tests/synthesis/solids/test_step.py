@@ -53,17 +53,6 @@ def test_every_solid_is_a_closed_shell_with_its_holes(name, boards, heads, body)
     assert text == to_step(solids.parts, solids.posed(), "linkage")
 
 
-def test_a_missing_edge_is_seen() -> None:
-    text = to_step(ODD, [Posed(1 + 0j, 0j, 0.0)], "odd")
-    assert step_shells(text)[0]["closed"]
-    first = text.index("ORIENTED_EDGE(")
-    end = text.index(";", first)
-    turned = text[:end].replace(".T.)", ".?.)")[first:]
-    other = ".F." if ".?." in turned else ".T."
-    wrong = text[:first] + turned.replace(".?.", other).replace(".F.)", other + ")") + text[end:]
-    assert wrong != text and not step_shells(wrong)[0]["closed"]
-
-
 @pytest.mark.parametrize(
     ("value", "text"),
     [(1.0, "1.0"), (-0.0, "0.0"), (1e-5, "1.E-05"), (2.5e-300, "2.5E-300"), (1e22, "1.E+22"), (0.1, "0.1")],
