@@ -39,6 +39,7 @@ from linkage_atlas.kinds import (
     Rank,
     check_kinds_alone,
     check_sliders_alone,
+    exact_below,
     finished_kinds,
     front,
     layers_of,
@@ -87,8 +88,8 @@ OUT_OF_PROPORTION = (
     "motion's extent or the shortest link: linkages within 30 times come before it; "
     "with `limits.preset` 'none' the error alone counts"
 )
-EXACT_OUT_OF_PROPORTION = (
-    "the exact linkage is out of all proportion, its largest part {times:.2g} times the motion's extent or the shortest link: "
+FIRST_OUT_OF_PROPORTION = (
+    "the {which} linkage is out of all proportion, its largest part {times:.2g} times the motion's extent or the shortest link: "
     "the best that was found of fair size has the objective {error:.2g}"
 )
 SWINGS = (
@@ -615,25 +616,29 @@ def _with_fair(
 ) -> tuple[list[Solution], Course]:
     """What a search found; where its best is out of all proportion, linkages of fair size before it, or behind an exact one.
 
-    Law: an exact answer stays first.
+    Law: an exact answer stays first, and the one of least error is among the first two.
     """
     if not found:
         return found, course
     times, best = proportion_of(found[0], motion.samples), found[0].errors.objective
-    is_exact = best < tolerance
+    is_exact = best < exact_below(motion.samples, tolerance)
     if times <= PROPORTION or (is_exact and any(proportion_of(one, motion.samples) <= FAIR for one in found)):
         return found, course
     more, again = _search(source, motion, sizes, top, tolerance, work)
+    least = min((one.errors.objective for one in more), default=0.0)
     if is_exact:
-        found = [one for one in found if one.errors.objective < tolerance]
-        least = min((one.errors.objective for one in more), default=0.0)
-        said = "" if least < tolerance else EXACT_OUT_OF_PROPORTION.format(times=times, error=least)
+        found = [one for one in found if one.errors.objective < exact_below(motion.samples, tolerance)]
         first, behind = smaller_first(found + more, motion.samples), found[:0]
     else:
         first, behind = proportionate(smaller_first(found + more, motion.samples), motion.samples, tolerance)
-        said = OUT_OF_PROPORTION.format(error=best, times=times) if behind else ""
+    said = ""
     if behind:
+        said = OUT_OF_PROPORTION.format(error=best, times=times)
         course = course._replace(unseen=again.unseen, stopped_by=again.stopped_by)
+        first.insert(1, found[0])  # the least error there is, to choose from
+    elif least >= tolerance:
+        which = "exact" if is_exact else "best"
+        said = FIRST_OUT_OF_PROPORTION.format(which=which, times=times, error=least)
     chosen = distinct(first, top, APART, _as_it_is, tolerance)
     chosen += distinct(behind, top - len(chosen), APART, _as_it_is)
     return chosen, course._replace(notes=[*course.notes, said] if said else course.notes)

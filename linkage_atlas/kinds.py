@@ -32,7 +32,7 @@ from synthesis.guided.linkage import Driver, Kind
 from synthesis.guided.search import NOTHING_ROUND, search_guided
 from synthesis.guided.solution import broken_limits
 from synthesis.kept import Kept
-from synthesis.ranking import APART, behind, distinct
+from synthesis.ranking import APART, NEAR, STANDS_BACK, behind, distinct
 from synthesis.search.search import StoppedBy
 from synthesis.target import Samples, Target
 from synthesis.work import OutOfTime, Work
@@ -410,19 +410,26 @@ def smaller_first(found: Sequence[One], samples: Samples) -> list[One]:
     return ranked
 
 
+def exact_below(samples: Samples, tolerance: float) -> float:
+    """J below which a linkage is exact: the tolerance, or what the rounding of positions far from the origin leaves."""
+    if samples.position is None:
+        return tolerance
+    return max(tolerance, 2 * float(np.finfo(float).eps * np.abs(samples.position).max() / samples.length_scale))
+
+
 def proportionate(found: Sequence[One], samples: Samples, tolerance: float) -> tuple[list[One], list[One]]:
     """Answers in two: those to show first, and those behind them, each in the order they come in.
 
-    Where the best is not exact and out of all proportion, those of fair size that are answers at all go before all others.
+    Where the best is not exact and out of all proportion, those of fair size that are near go before all others.
     """
     if not found:
         return [], []
     best = smaller_first(found, samples)[0]
     least = best.errors.objective
-    if least < tolerance or proportion_of(best, samples) <= PROPORTION:
+    if least < exact_below(samples, tolerance) or proportion_of(best, samples) <= PROPORTION:
         return list(found), []
-    poor = max(_NO_ANSWER, _TIMES_LESS * least)
-    fair = {id(one) for one in found if proportion_of(one, samples) <= FAIR and one.errors.objective <= poor}
+    near = max(NEAR, STANDS_BACK * least)
+    fair = {id(one) for one in found if proportion_of(one, samples) <= FAIR and one.errors.objective <= near}
     if not fair:
         return list(found), []
     return [one for one in found if id(one) in fair], [one for one in found if id(one) not in fair]

@@ -225,10 +225,11 @@ def test_who_has_begun_to_ask_is_answered_where_another_service_takes_over(sent)
     with serving(ending=1000) as (port, server), closing(connected(port)) as client:
         until(lambda: server.server_state.connections)
         client.sendall(sent)
-        time.sleep(0.2)
+        there = server.server_state.connections
+        until(lambda: [one for one in there if one.cycle or one.conn.trailing_data[0] == sent])
         server.config.http.drains = True
         server.should_exit = True
-        time.sleep(0.3)
+        until(lambda: not server.servers[0].is_serving())
         client.sendall(NEEDLE[len(sent) :])
         assert everything(client).startswith(b"HTTP/1.1 200")
 

@@ -9,6 +9,7 @@ import logging
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing
+from itertools import count
 from types import SimpleNamespace
 from typing import Any
 
@@ -210,12 +211,21 @@ def turnstile_of(places: int, waiting: int) -> Turnstile:
     return turnstile
 
 
+async def steps(length: int) -> None:
+    """So many turns of the loop."""
+    for _ in range(length):
+        await asyncio.sleep(0)
+
+
 def turns(turnstile: Turnstile, story: Any) -> Any:
+    """What a story tells, whose requests compute for so many steps and return as the how manyth they end."""
+    ended = count()
+
     async def told() -> Any:
-        def ask(seconds: float, long: bool, host: str = "") -> asyncio.Task[Any]:
-            async def work(place: Place, queued: float, cancelled: Any) -> float:
-                await asyncio.sleep(seconds)
-                return time.perf_counter()
+        def ask(length: int, long: bool, host: str = "") -> asyncio.Task[Any]:
+            async def work(place: Place, queued: float, cancelled: Any) -> int:
+                await steps(length)
+                return next(ended)
 
             return asyncio.create_task(turnstile.turn(Patient(host), work, long))
 
@@ -227,9 +237,9 @@ def turns(turnstile: Turnstile, story: Any) -> Any:
 @pytest.mark.parametrize("places", [2, 3, 5])
 def test_short_requests_do_not_wait_for_long_ones(places) -> None:
     async def story(ask):
-        long = [ask(0.4, True) for _ in range(places)]  # one to each place, if they were let
-        await asyncio.sleep(0.05)
-        short = [ask(0.01, False) for _ in range(10)]
+        long = [ask(4000, True) for _ in range(places)]  # one to each place, if they were let
+        await steps(50)
+        short = [ask(10, False) for _ in range(10)]
         last_short, first_long = max(await asyncio.gather(*short)), min(await asyncio.gather(*long))
         return first_long - last_short
 
@@ -238,8 +248,8 @@ def test_short_requests_do_not_wait_for_long_ones(places) -> None:
 
 def test_long_requests_do_not_wait_for_ever() -> None:
     async def story(ask):
-        short = [ask(0.02, False) for _ in range(40)]
-        long = [ask(0.02, True) for _ in range(3)]
+        short = [ask(20, False) for _ in range(40)]
+        long = [ask(20, True) for _ in range(3)]
         return max(await asyncio.gather(*long)) < max(await asyncio.gather(*short))
 
     for places in (1, 2, 3):
@@ -251,23 +261,23 @@ def test_who_asks_for_much_waits_for_himself(long) -> None:
     """One address that asked sixty times at once held the turns of all, and all the room to wait."""
 
     async def story(ask):
-        much = [ask(0.01, long, "greedy") for _ in range(60)]
-        await asyncio.sleep(0.001)
-        few = [ask(0.01, long, f"modest {number}") for number in range(4)]
+        much = [ask(100, long, "greedy") for _ in range(60)]
+        await steps(5)
+        few = [ask(100, long, f"modest {number}") for number in range(4)]
         few = await asyncio.gather(*few)
         return few, await asyncio.gather(*much, return_exceptions=True)
 
     few, much = turns(turnstile_of(2, 16), story)
-    served = [one for one in much if isinstance(one, float)]
+    served = [one for one in much if isinstance(one, int)]
     assert sum(one < max(few) for one in served) <= 8
     assert sum(isinstance(one, Overloaded) for one in much) == 60 - len(served) and 4 <= len(served) <= 18
 
 
 def test_long_requests_leave_room_to_wait() -> None:
     async def story(ask):
-        long = [ask(0.1, True) for _ in range(100)]
-        await asyncio.sleep(0.02)
-        short = [ask(0.001, False) for _ in range(5)]
+        long = [ask(1000, True) for _ in range(100)]
+        await steps(50)
+        short = [ask(1, False) for _ in range(5)]
         return await asyncio.gather(*long, return_exceptions=True), await asyncio.gather(*short)
 
     long, short = turns(turnstile_of(2, 16), story)
@@ -278,13 +288,16 @@ def test_the_end_of_the_service_ends_its_work() -> None:
     turnstile = turnstile_of(2, 4)
 
     async def story() -> Any:
+        begun = asyncio.Event()
+
         async def work(place: Place, queued: float, cancelled: Any) -> None:
             watch = la.Work(cancelled=cancelled)
             while not watch.expired():
-                await asyncio.sleep(0.005)
+                begun.set()
+                await steps(1)
 
         task = asyncio.create_task(turnstile.turn(Patient(), work))
-        await asyncio.sleep(0.05)
+        await begun.wait()
         turnstile.stopping.set()
         return await asyncio.gather(task, return_exceptions=True)
 
@@ -298,10 +311,10 @@ def test_the_time_in_the_queue_is_said(client) -> None:
 
 def test_of_many_that_come_at_once_no_more_than_may_wait_are_let_in() -> None:
     async def story(ask):
-        first = await asyncio.gather(*(ask(0.05, False) for _ in range(50)), return_exceptions=True)
-        return [*first, await ask(0.0, False)]
+        first = await asyncio.gather(*(ask(50, False) for _ in range(50)), return_exceptions=True)
+        return [*first, await ask(0, False)]
 
     *first, later = turns(turnstile_of(2, 4), story)
-    assert sum(isinstance(one, float) for one in first) == 6
+    assert sum(isinstance(one, int) for one in first) == 6
     assert sum(isinstance(one, Overloaded) for one in first) == 44
-    assert isinstance(later, float), "places are given back"
+    assert isinstance(later, int), "places are given back"

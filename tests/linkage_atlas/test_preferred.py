@@ -7,6 +7,7 @@ import pytest
 
 import linkage_atlas as la
 from linkage_atlas.door import UNASKED, goal_of
+from tests.oracles.classes import make_case
 
 LINE = np.column_stack([np.linspace(0, 70, 24), np.zeros(24)])
 CASEMENT = {
@@ -265,3 +266,21 @@ def test_exact_answers_are_ranked_by_what_one_would_build() -> None:
     found = la.synthesize([0, 15, 40], [[0, 0], [40, 8], [75, 30]], timing="free")
     assert found.status == "reached" and found.best.excursion < 2.5
     assert np.ptp(found.best.crank_angle) < 90
+
+
+@pytest.mark.parametrize("seed", [53, 62, 84])
+def test_the_least_error_is_among_the_first_two_though_it_is_out_of_all_proportion(seed) -> None:
+    # once ten of fair size with up to 43 times the error came instead of it
+    asked = make_case("noise", seed).request
+    found = la.synthesize(**asked)
+    least = la.synthesize(**asked, limits={"preset": "none"}, top=1).best.errors.objective
+    first, second = (one.errors.objective for one in found.solutions[:2])
+    assert min(first, second) == pytest.approx(least, rel=1e-6)
+    assert first <= max(0.02, 2 * least)
+    assert any("out of all proportion" in note for note in found.report.notes)
+
+
+def test_far_from_the_origin_an_exact_linkage_stays_first() -> None:
+    # once positions a million times their size away, exact to their rounding, were answered by one that is off by 6 %
+    found = la.synthesize(**make_case("offset 1e6", 79).request)
+    assert found.best.errors.objective < 1e-9
