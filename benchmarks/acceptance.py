@@ -123,7 +123,9 @@ def measure_limits(cases: int, resources: ServiceResources) -> dict[str, Any]:
 def outcome(part: str, result: dict[str, Any]) -> str:
     """In words what came out for a part that is no exact class."""
     if part == "noise":
-        return f"J at most {result['worst_over_reference']:.3f} times that of the true linkage, refined (the first two)"
+        return (
+            f"J at most {result['worst_over_reference']:.3f} times that of the true linkage, refined (the first two)"
+        )
     return f"{len(result['broken'])} limits broken, {len(result['wrongly_infeasible'])} times infeasible wrongly"
 
 
