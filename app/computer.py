@@ -29,7 +29,7 @@ SHARE_OF_BUDGET = 1.2
 _LEAST_SECONDS = 0.5
 _SHARE_OF_SEARCH = 0.8
 """Of the longest budget: so long a search goes on; the rest is for the step in which its time ends, and for finishing."""
-_NICE, _NICE_OF_LONG = 2, 5
+_NICE, _NICE_OF_LONG = 2, 15
 _LOST_MEMORY = 1 << 25
 """Bytes that a request may leave behind; after more of them another process takes over."""
 
