@@ -30,6 +30,7 @@ _LEAST_SECONDS = 0.5
 _SHARE_OF_SEARCH = 0.8
 """Of the longest budget: so long a search goes on; the rest is for the step in which its time ends, and for finishing."""
 _NICE, _NICE_OF_LONG = 2, 15
+"""How far processes stand back from those that talk to the clients: the quick one a little, long requests behind all short ones."""
 _LOST_MEMORY = 1 << 25
 """Bytes that a request may leave behind; after more of them another process takes over."""
 
@@ -78,7 +79,7 @@ class Computer:
         for ignored in (signal.SIGINT, signal.SIGTERM):  # meant for the service; this ends with its socket
             signal.signal(ignored, signal.SIG_IGN)
         signal.signal(signal.SIGPROF, signal.SIG_DFL)
-        os.nice(_NICE if quick else _NICE_OF_LONG)  # those who talk to the clients come first
+        os.nice(_NICE if quick else _NICE_OF_LONG)
         with contextlib.suppress(OSError):
             # where the system lacks memory, this goes and not the service
             Path("/proc/self/oom_score_adj").write_text("500")
