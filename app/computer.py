@@ -30,7 +30,7 @@ _LEAST_SECONDS = 0.5
 _SHARE_OF_SEARCH = 0.8
 """Of the longest budget: so long a search goes on; the rest is for the step in which its time ends, and for finishing."""
 _NICE, _NICE_OF_LONG = 2, 15
-"""How far processes stand back from those that talk to the clients: the quick one a little, long requests behind all short ones."""
+"""How far processes stand back from those that talk to the clients: the quick one a little, long requests behind all."""
 _LOST_MEMORY = 1 << 25
 """Bytes that a request may leave behind; after more of them another process takes over."""
 
