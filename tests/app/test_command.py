@@ -56,6 +56,15 @@ def test_a_rank_beyond_the_requests_top_is_looked_for(run, tmp_path) -> None:
     assert json.loads(file.read_text())["solution"]["links"] == json.loads(out)["solutions"][2]["links"]
 
 
+def test_an_export_is_of_the_rank_that_is_asked_for(run, tmp_path) -> None:
+    file = tmp_path / "one.json"
+    found = json.loads(run("synthesize", "--example", "worked_example", "--json")[1])["solutions"]
+    assert found[0]["links"] != found[1]["links"]
+    for rank in (1, 2):
+        assert run("export", "--example", "worked_example", "--rank", rank, "--out", file)[0] == Exit.OK
+        assert json.loads(file.read_text())["solution"]["links"] == found[rank - 1]["links"]
+
+
 def test_where_there_is_no_such_solution_nothing_is_written(run, tmp_path) -> None:
     file = tmp_path / "one.dxf"
     links = {"ground": 100, "crank": 10, "coupler": 10, "rocker": 10}

@@ -10,6 +10,8 @@ import pytest
 
 from app import cli
 from app.scenes import lift as models
+from linkage_atlas import FieldError
+from synthesis.lift.constraints import Constraints
 from tests.conftest import changed, finite
 
 DESIGN = {"l2": 300, "l3": 180, "l4": 240, "l5": 330, "b": 480}
@@ -221,6 +223,39 @@ def test_constraints_replace_defaults_and_angles_follow_the_unit(client) -> None
     assert rows["transmission_angle", "least"]["limit"] == pytest.approx(0.3)
     assert rows["l2", "least"]["limit"] == 60 and rows["l2", "most"]["limit"] == 600
     assert reply["closed_length"] <= 450
+
+
+def test_every_constraint_is_the_searches_own_and_what_is_left_open_is_bounded() -> None:
+    ranges = {"l2": [60, None], "l3": [None, 310], "l4": [70, 320], "l5": [80, 900], "closed_length": [230, 470]}
+    numbers = {
+        "extension_max": 1.7,
+        "dead_point_min": 0.1,
+        "acceleration_max": 800,
+        "jerk_max": 7000,
+        "force_ratio_max": 9,
+    }
+    more = {"rise_time": [2, 5], "envelope": [-700, 10, 20, 600], "transmission_angle_min": 36, "start": "collinear"}
+
+    def limits(given, unit="deg"):
+        request = models.OptimizeRequest(**{**BUILDABLE, "angle_unit": unit, "constraints": given})
+        return models._constraints(request, request.constraints)
+
+    assert limits(ranges | numbers | more) == Constraints(
+        lengths={"l2": (60, 600), "l3": (None, 310), "l4": (70, 320), "l5": (80, 600), "b": (51, 600)},
+        closed_length=(230, 470),
+        extension_max=1.7,
+        dead_point_min=0.1,
+        acceleration_max=800,
+        jerk_max=7000,
+        rise_time=(2, 5),
+        envelope=(-700, 10, 20, 600),
+        transmission_min=math.radians(36),
+        force_ratio_max=9,
+        start="collinear",
+    )
+    assert limits({}).closed_length == (220, 600), "from the cylinder's own"
+    with pytest.raises(FieldError, match="less than a quarter turn"):
+        limits({"transmission_angle_min": 1.6}, "rad")
 
 
 def test_forces_over_the_stroke(client) -> None:

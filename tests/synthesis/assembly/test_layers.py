@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -136,6 +138,19 @@ def test_stops_are_where_the_next_collision_begins() -> None:
             moved = as_plates(linkage_of(TABLE["E1"]), used, Sizes(5.7, 14.25))
             again = arrange(moved, Asked("both", mounts=found.stack.mounts), Work())
             assert (again.status != "free" or again.stack.count > 2) == hits
+
+
+def test_of_several_collisions_around_a_free_interval_the_nearest_stop_it() -> None:
+    """Machines that collide with the shafts twice and more in a turn: each is free from stop to stop, and no further."""
+    through = Asked("both", mounts={"A": "below+above", "B": "below+above"})
+    for seed, place in ((45, 1), (47, 1), (50, 1)):
+        machine = list(random_machines(seed, place + 1))[place]
+        found = arrange(machine, through, Work())
+        low, high = found.low.at, found.high.at
+        for off, status in ((1e-6, "free"), (-1e-6, "blocked")):
+            for used in ((low + off, high - 1e-6), (low + 1e-6, high - off)):
+                again = arrange(dataclasses.replace(machine, used=Interval(*used)), through, Work())
+                assert again.status == status
 
 
 def test_heads_lie_in_no_board_and_fill_layers() -> None:

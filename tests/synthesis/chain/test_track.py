@@ -9,7 +9,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from synthesis.chain.closure import Chain, closing_links
+from synthesis.chain.closure import Chain, closing_links, lowest
 from synthesis.chain.crescent import driving_segment, level_crescent, stadium, tightest_room
 from synthesis.chain.slot import find_slot, report
 from synthesis.chain.track import ChordError, ChordFault, Motion, Segment, Track, TrackError, arc, line
@@ -199,3 +199,17 @@ def test_where_driver_and_free_pin_go() -> None:
     assert tightest_room(track, 55.0, 0) == 1  # a half circle does not hold two such links
     with pytest.raises(FieldError):
         driving_segment(track, 300.0)
+
+
+def test_the_lowest_of_many_valleys_is_found_and_of_equal_ones_the_first() -> None:
+    def kinks(x):  # at the cells' ends 0 at 0.2 is the smallest, but between two of them it is -0.4 at 0.55
+        return np.minimum(np.abs(x - 0.2), 10 * np.abs(x - 0.55) - 0.4)
+
+    assert lowest(kinks, 0.0, 1.0, 10) == pytest.approx((0.55, -0.4), abs=1e-4)
+
+    def waves(x):  # three crests, each by 1/3000 higher than the one before
+        return -np.sin(6 * np.pi * x) - 1e-3 * x
+
+    assert lowest(waves, 0.0, 1.0, 60).phase == pytest.approx(9 / 12, abs=1e-4)
+    assert lowest(waves, 0.0, 1.0, 60, tie=0.5e-3).phase == pytest.approx(5 / 12, abs=1e-4)
+    assert lowest(waves, 0.0, 1.0, 60, tie=1e-3).phase == pytest.approx(1 / 12, abs=1e-4)

@@ -13,6 +13,7 @@ from synthesis.errors import FieldError
 from synthesis.fourbar.kinematics import close_loop, transmission_angle_over
 from synthesis.fourbar.limits import Constraints, Limits, Reach, in_family
 from synthesis.fourbar.mechanism import GrashofChart
+from synthesis.fourbar.solution import keeps
 from synthesis.mechanism import Placed
 from synthesis.target import Interval, Target
 
@@ -221,3 +222,19 @@ def test_given_lengths_that_do_not_close_are_named() -> None:
     with pytest.raises(FieldError) as caught:
         Limits(links=(1.0, 1.0, 1.0, 3.5)).check_against(Target(crank, crank + 1j * crank**2, crank=crank))
     assert caught.value.field == "/limits/links"
+
+
+def test_kept_is_what_keeps_its_limits_and_is_no_point() -> None:
+    crank, lengths = np.linspace(0, 1, 5), np.array([[0.25, 0.75, 0.9, 1.0]])
+    one = Placed(lengths, np.ones(1), Interval(np.zeros(1), np.ones(1)))
+    turned = Target(crank, None, crank=crank)
+    for off, kept in ((0.0, True), (1e-14, True), (1e-9, False), (-1e-9, False)):  # given is given, to rounding
+        assert keeps(turned, Limits(links=(0.25 + off, None, None, None)), one, 0.1) == kept
+    for rounding, kept in ((0.0, False), (0.09, False), (0.11, True)):  # the longest is by a tenth of it too long
+        assert keeps(turned, Limits(link_max=0.9), one, rounding) == kept
+    moving = Target(crank, crank + 1j * crank**2, crank=crank)
+    for size, kept in ((1.0, True), (1e-3, True), (1e-7, False)):
+        small = one._replace(
+            lengths=size * lengths, pivot=np.zeros(1, complex), turned=np.zeros(1), coupler=np.ones(1) + 0j
+        )
+        assert keeps(moving, Limits(link_max=10), small) == kept

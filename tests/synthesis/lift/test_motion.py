@@ -498,6 +498,30 @@ def test_files_show_the_design() -> None:
     (cylinder,) = document.modelspace().query("LWPOLYLINE[layer=='CYLINDER']")
     assert math.dist(*(point[:2] for point in cylinder.get_points())) == pytest.approx(482.2, rel=1e-9)
     rows = list(csv.DictReader(io.StringIO(design_csv(moved, 482.2))))
+    # the slide is left of O by b; the other joints are those of the motion, first and last
+    still = {"O": (0.0, 0.0), "D": (-560.3, 0.0)}
+    start, top = (
+        still | {n: (float(row[f"{n}_x"]), float(row[f"{n}_y"])) for n in "ABC"} for row in (rows[0], rows[-1])
+    )
+    drawn: dict[str, list[list[float]]] = {}
+    for one in document.modelspace().query("LWPOLYLINE"):
+        drawn.setdefault(one.dxf.layer, []).append([place for point in one.get_points("xy") for place in point])
+
+    def through(places, *names):
+        return [pytest.approx([number for joint in name for number in places[joint]], abs=1e-6) for name in names]
+
+    assert drawn["TRIANGLE"] + drawn["LINK"] + drawn["CYLINDER"] == through(start, "ABC", "DC", "OB")
+    assert drawn["TOP"] == through(top, "ABC", "DC", "OB")
+    assert drawn["GROUND"] == through(start | {"A": top["A"]}, "DO", "DA")
+    assert [[*path[:2], *path[-2:]] for path in drawn["PATHS"]] == [
+        pytest.approx([*start[name], *top[name]], abs=1e-6) for name in "BC"
+    ]
+    circles = [tuple(one.dxf.center)[:2] for one in document.modelspace().query("CIRCLE")]
+    for one in document.modelspace().query("TEXT"):
+        pin = start[one.dxf.text]
+        assert any(math.dist(circle, pin) < 1e-6 for circle in circles)
+        assert math.dist(tuple(one.dxf.insert)[:2], pin) < 2 * one.dxf.height
+    assert len(circles) == len(document.modelspace().query("TEXT")) == 5
     assert len(rows) == 51 and float(rows[0]["closed_length"]) == 482.2 and float(rows[7]["l4"]) == 223.5
     for row in rows:
         assert math.hypot(float(row["B_x"]), float(row["B_y"])) == pytest.approx(
