@@ -69,7 +69,7 @@ test: style
 	@$(MAKE) --no-print-directory -j 2 tests types  # types are checked beside the tests
 
 tests: $(READY)  # compiled modules are kept, whatever the environment says: the tests start many processes
-	OMP_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder --durations=50
+	OMP_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n 3 --no-loadscope-reorder --durations=50
 
 fault: $(READY) $(ATLAS)
 	$(BIN)/python -m pytest -m fault

@@ -28,6 +28,7 @@ from _pytest.assertion import rewrite
 from fastapi.testclient import TestClient
 from hypothesis import HealthCheck, settings
 from hypothesis.internal.conjecture import providers
+from xdist.scheduler import LoadFileScheduling
 
 from app.main import create_app
 from app.settings import Settings
@@ -80,6 +81,17 @@ def pytest_collection_finish() -> None:
     """What is imported and collected by now stays to the end: the collector of garbage need not look at it again and again."""
     gc.collect()
     gc.freeze()
+
+
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> LoadFileScheduling:
+    """Each file is for one process, and all for which a browser is started for the same."""
+
+    class Files(LoadFileScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            file = super()._split_scope(nodeid)
+            return "tests/e2e" if file.startswith("tests/e2e/") else file
+
+    return Files(config, log)
 
 
 def compile_tests(config: pytest.Config, first: int) -> None:

@@ -30,11 +30,13 @@ OPTIONS = (
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Within a file those that share a page come before those that load one each: between them it would be loaded again."""
-    places = [k for k, item in enumerate(items) if item.path.parent == Path(__file__).parent]
-    ranked = sorted((items[k] for k in places), key=lambda item: (item.path, "standing" not in item.fixturenames))
-    for k, item in zip(places, ranked):
-        items[k] = item
+    """These come first, one process has them all; of a file those that share a page before those that load one each."""
+
+    def place(item: pytest.Item) -> tuple[Any, ...]:
+        here = item.path.parent == Path(__file__).parent
+        return (0, item.path, "standing" not in item.fixturenames) if here else (1,)
+
+    items.sort(key=place)
 
 
 def kept(app: Any) -> Any:
