@@ -311,7 +311,8 @@ def search_kinds(
     stopped_by = next(one.value for one in worst if one.value in stopped)
     stages = {"screen": between, "refine": work.elapsed - between}
     counts = {"seeds": seeds, "windows": None, "exhaustive": None}
-    unseen = min(sure, key=lambda one: one[0], default=(np.inf, None))[1]
+    least, unseen = min(sure, key=lambda one: one[0], default=(np.inf, None))
+    unseen = None if least <= tolerance else unseen
     return found, Course(stages, trace, stopped_by, counts, unseen=unseen, notes=notes)
 
 

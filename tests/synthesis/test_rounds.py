@@ -36,8 +36,10 @@ def test_a_reply_carries_it_unless_it_is_exact() -> None:
     assert cut.report.stopped_by == "budget" and cut.report.unseen is None, (
         "nothing is known of what it did not come to"
     )
-    exact = la.synthesize(position=PATH[:5], timing="free")
-    assert exact.status == "reached" and exact.report.unseen is None
+    poses = {"rotation": [0, 33, 40], "position": [[0, 0], [-39, -32], [-39, 36]], "mechanisms": "all"}
+    for exact in ({"position": PATH[:5]}, poses):
+        reply = la.synthesize(**exact, timing="free")
+        assert reply.status == "reached" and reply.report.unseen is None
 
 
 def test_of_several_kinds_it_is_that_of_the_search_that_found_the_best() -> None:
