@@ -621,13 +621,14 @@ def _with_fair(
     if not found:
         return found, course
     times, best = proportion_of(found[0], motion.samples), found[0].errors.objective
-    is_exact = best < exact_below(motion.samples, tolerance)
+    exact = exact_below(motion.samples, tolerance)
+    is_exact = best < exact
     if times <= PROPORTION or (is_exact and any(proportion_of(one, motion.samples) <= FAIR for one in found)):
         return found, course
     more, again = _search(source, motion, sizes, top, tolerance, work)
     least = min((one.errors.objective for one in more), default=0.0)
     if is_exact:
-        found = [one for one in found if one.errors.objective < exact_below(motion.samples, tolerance)]
+        found = [one for one in found if one.errors.objective < exact]
         first, behind = smaller_first(found + more, motion.samples), found[:0]
     else:
         first, behind = proportionate(smaller_first(found + more, motion.samples), motion.samples, tolerance)

@@ -265,8 +265,7 @@ def search_kinds(
         leads, course = searches[0]
         if asked.four_bars:
             for ones, how in reversed(searches):
-                found, least = found + ones, _least(trace)
-                trace += [(seconds, error) for seconds, error in how.trace if error < least]
+                found, trace = found + ones, _fallen(trace, how.trace)
             sure.append((_least(trace), course.unseen))
         seeds += course.counts["seeds"] or 0
         stopped.add(course.stopped_by)
@@ -287,9 +286,7 @@ def search_kinds(
             others, report = search_guided(
                 poses, limits, asked.sliders, driver, tolerance, work, given, turned, rounds
             )
-            found += others
-            least = _least(trace)
-            trace += [(seconds, error) for seconds, error in report.trace if error < least]
+            found, trace = found + others, _fallen(trace, report.trace)
             sure.append((_least(report.trace), None if led else report.unseen))
             seeds += report.seeds
             notes += [note for note in report.notes if note not in notes]
@@ -324,6 +321,12 @@ def _by_hinge_alone(asked: Kinds, samples: Samples) -> bool:
 
 def _least(trace: Sequence[tuple[float, float]]) -> float:
     return min((error for _, error in trace), default=np.inf)
+
+
+def _fallen(trace: list[tuple[float, float]], more: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """A trace, and of another search where it fell below that."""
+    least = _least(trace)
+    return trace + [pair for pair in more if pair[1] < least]
 
 
 def _turned(lead: fourbar.Solution, poses: Poses) -> Floats:
