@@ -286,7 +286,7 @@ def search_kinds(
             others, report = search_guided(
                 poses, limits, asked.sliders, driver, tolerance, work, given, turned, rounds
             )
-            found, trace = found + others, _fallen(trace, report.trace)
+            found, trace = [*found, *others], _fallen(trace, report.trace)
             sure.append((_least(report.trace), None if led else report.unseen))
             seeds += report.seeds
             notes += [note for note in report.notes if note not in notes]
