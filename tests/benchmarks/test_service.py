@@ -37,7 +37,7 @@ def test_the_settings_of_a_started_service_are_the_given_ones_alone(monkeypatch)
 
 
 def test_the_memory_of_a_command_is_its_own_however_much_the_measuring_process_holds() -> None:
-    held = np.ones(40_000_000)
+    held = np.ones(20_000_000)
     written, seconds, peak = service.spent("-c", "print('a'); print('b')")
     assert written == b"a\nb" and 0 < seconds < 60 and 2e6 < peak < held.nbytes / 4
     with pytest.raises(RuntimeError, match="exit code 3"):

@@ -124,7 +124,7 @@ def test_a_closed_way_may_end_where_it_began() -> None:
 
 
 @pytest.mark.parametrize(
-    "points", some_of([[[0, 0], [10, 0], [5, 8]], LETTER_D, [[0, 0], [10, 0], [10, 10], [0, 10]]], 2)
+    "points", some_of([[[0, 0], [10, 0], [5, 8]], LETTER_D, [[0, 0], [10, 0], [10, 10], [0, 10]]], 1)
 )
 def test_a_closed_way_keeps_its_limits_on_the_way_back_too(points) -> None:
     """From the last point the crank turns on to the first: a transmission angle below the limit there is met at every turn."""
@@ -149,7 +149,7 @@ def test_the_transmission_angle_of_a_closed_way_is_a_limit_of_the_whole_turn(clo
     assert limits.transmission_angle_min_turn == pytest.approx(np.deg2rad(kept))
 
 
-@pytest.mark.parametrize("way", [1, -1])
+@pytest.mark.parametrize("way", some_of([-1, 1], 1))
 def test_what_drives_a_closed_way_drives_it_round(way) -> None:
     """A motor has the torque of the whole turn, and no cylinder, which would have to turn back, is offered."""
     asked = [{"kind": "rotary"}, {"kind": "actuator"}]
@@ -175,9 +175,10 @@ def test_that_a_body_only_turns_is_said(mechanisms, size) -> None:
     points = size * (7 + 3j + np.exp(1j * np.deg2rad(turned + 30)))
     points = np.transpose([points.real, points.imag])
     told = f"the body only turns, about ({7 * size:.6g}, {3 * size:.6g}): a hinge there does it"
-    assert told in la.synthesize(turned, points, timing="free", mechanisms=mechanisms, top=1).report.notes
+    asked = {"timing": "free", "mechanisms": mechanisms, "top": 1, "budget": 0.05}
+    assert told in la.synthesize(turned, points, **asked).report.notes
     points[2] += 1e-4 * size
-    notes = la.synthesize(turned, points, timing="free", mechanisms=mechanisms, top=1).report.notes
+    notes = la.synthesize(turned, points, **asked).report.notes
     assert not any("only turns" in note for note in notes)
     round_zero = np.transpose([np.cos(np.deg2rad(turned)), np.sin(np.deg2rad(turned))])
     assert "about (0, 0):" in la.Motion(turned, size * round_zero, timing="free").notes()[0]
@@ -251,8 +252,12 @@ def test_a_table_tells_what_was_asked_for_as_it_was(kind, tmp_path) -> None:
     assert np.allclose(places, [place for place in points if place])
 
 
-@pytest.mark.parametrize("kind", ["four_bar", "slider_crank", "swinging_block", "rail_slot"])
-@pytest.mark.parametrize("way", [1, -1])
+@pytest.mark.parametrize(
+    ("kind", "way"),
+    some_of(
+        [(kind, way) for way in (-1, 1) for kind in ("four_bar", "slider_crank", "swinging_block", "rail_slot")], 4
+    ),
+)
 def test_files_show_the_first_sample_whichever_way_the_drive_goes(kind, way, tmp_path) -> None:
     turned, points = np.array([0, 20, 45, 70]), np.array([[0, 0], [20, 2 * way], [40, 15 * way], [50, 30 * way]])
     found = la.synthesize(way * turned, points, timing="free", mechanisms=[kind], limits={"preset": "none"}, top=3)
@@ -275,12 +280,15 @@ LID = (
 
 @pytest.mark.parametrize(
     "limits",
-    [
-        {"transmission_angle_min": 30},
-        {"pivot_box": [-50, -60, 120, 20]},
-        {"family": "any", "pivot_box": [0, -60, 120, 20], "link_max": 120, "link_min": 20},
-        {"link_max": 70, "family": "double_crank"},
-    ],
+    some_of(
+        [
+            {"family": "any", "pivot_box": [0, -60, 120, 20], "link_max": 120, "link_min": 20},
+            {"transmission_angle_min": 30},
+            {"pivot_box": [-50, -60, 120, 20]},
+            {"link_max": 70, "family": "double_crank"},
+        ],
+        2,
+    ),
 )
 def test_limits_are_kept_and_cost_little(limits) -> None:
     found = la.synthesize(*LID, timing="free", limits=limits)
@@ -344,7 +352,7 @@ def test_a_search_within_limits_that_is_cut_short_claims_nothing(milliseconds) -
     assert found.status == ("closest" if found.solutions else "unknown")
 
 
-@pytest.mark.parametrize("seed", [0, 2, 3])
+@pytest.mark.parametrize("seed", some_of([0, 2, 3], 1))
 def test_a_closed_way_of_few_points_stays_inside_its_envelope_on_the_way_back_too(seed):
     """Of four points of half a curve: the search is led by the limits of the whole turn (else nothing is found, or far off)."""
     random, t = np.random.default_rng(seed), np.pi / 4 * np.arange(4)
@@ -366,7 +374,10 @@ def test_a_closed_way_of_few_points_stays_inside_its_envelope_on_the_way_back_to
 CORNER = [[0, 0], [10, 0], [20, 0], [30, 0], [40, 0], [40, 10], [40, 20], [40, 30], [40, 40]]
 
 
-@pytest.mark.parametrize("more", [{}, {"mechanisms": "all"}, {"prefer": "size"}, {"prefer": "transmission"}])
+KINDS = {"mechanisms": ["four_bar", "slider_crank"]}
+
+
+@pytest.mark.parametrize("more", some_of([{}, KINDS, {"prefer": "size"}, {"prefer": "transmission"}], 2))
 def test_the_first_answer_to_a_drawn_corner_stays_on_it(more):
     """A curve may meet both sides by crossing them and going 96 times as far round between two samples: nobody draws that."""
     best = la.synthesize(position=CORNER, timing="free", **more).best
@@ -395,15 +406,18 @@ def test_no_answer_hangs_a_large_body_on_tiny_links():
 
 @pytest.mark.parametrize(
     "limits",
-    [
-        {"pivot_a": [60, 0], "pivot_b": [60, 0.8]},
-        {"pivot_box": [60, 0, 60.5, 0.5]},
-        {"links": {"crank": 1}},
-        {"link_max": 1},
-    ],
+    some_of(
+        [
+            {"pivot_box": [60, 0, 60.5, 0.5]},
+            {"link_max": 1},
+            {"pivot_a": [60, 0], "pivot_b": [60, 0.8]},
+            {"links": {"crank": 1}},
+        ],
+        2,
+    ),
 )
 def test_short_links_that_a_request_needs_are_allowed(limits):
-    assert la.synthesize(position=CORNER, timing="free", limits=limits).solutions
+    assert la.synthesize(position=CORNER, timing="free", limits=limits, top=1).solutions
 
 
 PLACES = [[0, 0], [30, 120], [100, 220], [200, 280], [300, 300]]
@@ -428,16 +442,13 @@ def test_rotations_that_look_like_another_unit_are_asked_about(rotation, degrees
 
 def test_that_only_cranks_that_turn_fully_were_looked_for_is_said_where_others_would_do():
     poses = ([0, 15, 35, 60, 85], [[0, 0], [20, 180], [90, 340], [210, 460], [360, 520]])
-    full = la.synthesize(*poses, timing="free", top=3)
-    swings = la.synthesize(*poses, timing="free", top=3, limits={"family": "any"})
-    assert swings.best.errors.objective < 0.7 * full.best.errors.objective
-    assert any("'any'" in note for note in full.report.notes)
-    assert any("'any'" in note for note in la.synthesize(*poses, timing="free", mechanisms="all").report.notes)
-    asked = [{"limits": {"family": "any"}}, {"limits": {"family": "crank_rocker"}}, {"closed": True}]
+    several = {"mechanisms": ["four_bar", "rail_slot"]}
+    asked = [{}, several, {"limits": {"family": "any"}}, {"limits": {"family": "crank_rocker"}}, {"closed": True}]
     asked += [{"tolerances": {"rotation": 2, "position": 20}}]
-    for more in asked:
-        found = la.synthesize(*poses, timing="free", top=3, **more)
-        assert not any("'any'" in note for note in found.report.notes)
+    found = [la.synthesize(*poses, timing="free", top=3, **more) for more in asked]
+    full, _, swings, *_ = found
+    assert swings.best.errors.objective < 0.7 * full.best.errors.objective
+    assert [any("'any'" in note for note in one.report.notes) for one in found] == [True] * 2 + [False] * 4
     assert not la.synthesize([0, 90], [[0, 0], [50, 20]], timing="free").report.notes[1:]  # met exactly
 
 
@@ -588,7 +599,7 @@ def test_what_turns_on_sliders_is_told_alike() -> None:
         rotation,
         [[12 * k, k * (6 - k)] for k in range(7)],
         timing="free",
-        mechanisms="all",
+        mechanisms=["slider_crank", "rail_slot"],
         limits={"preset": "none"},
     ):
         told = bool(_told(one))

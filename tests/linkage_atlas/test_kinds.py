@@ -52,7 +52,7 @@ def test_no_solution_beats_another_that_is_driven_alike():
     assert all(one.transmission_angle_min > 35 - 1e-6 for one in found)
 
 
-@pytest.mark.parametrize("prefer", ["size", "transmission", "crank_span"])
+@pytest.mark.parametrize("prefer", some_of(["size", "transmission", "crank_span"], 2))
 def test_what_is_preferred_is_searched_for_among_all_kinds(prefer):
     """Beyond what the search for the least error leaves: within a tenth of it, and better; no less swing is to be had."""
     casement = {
@@ -80,7 +80,7 @@ def _by_layers(one):
     return not assembly.free, sum(not shaft.both_sides for shaft in assembly.shaft.values()), assembly.count
 
 
-@pytest.mark.parametrize("motion", some_of([_FOUR | {"timing": "free"}, _FOUR | {"travel_span": 200}, _TURNED], 2))
+@pytest.mark.parametrize("motion", some_of([_FOUR | {"timing": "free"}, _FOUR | {"travel_span": 200}, _TURNED], 1))
 def test_layers_are_preferred_among_all_kinds(motion):
     """Of those that are near: first the free ones over whose fixed pivots nothing passes; none is beaten in that and all else."""
     plain = la.synthesize(**motion, mechanisms="all", assembly=True)
@@ -134,7 +134,7 @@ def test_no_linkage_at_all_has_no_layers():
     }
     for mechanisms in (None, "all"):
         found = la.synthesize(
-            **_FOUR, timing="free", mechanisms=mechanisms, prefer="layers", limits=boxed, budget=0.5
+            **_FOUR, timing="free", mechanisms=mechanisms, prefer="layers", limits=boxed, budget=0.1
         )
         assert not found.solutions
 
@@ -177,7 +177,7 @@ def test_crank_angles_and_positions_alone_find_a_slider_crank():
 @pytest.mark.parametrize("kind", ["slider_crank", "swinging_block"])
 def test_positions_alone_find_the_linkage_that_made_them(kind):
     made = 0
-    for seed in range(4):
+    for seed in range(2):
         _, place, _ = random_motion(np.random.default_rng(seed), kind, 10)
         found = la.synthesize(
             position=np.c_[place.real, place.imag], timing="free", mechanisms=[kind], limits={"preset": "none"}
@@ -188,7 +188,7 @@ def test_positions_alone_find_the_linkage_that_made_them(kind):
         off = np.linalg.norm(best.linkage.joints(drive).body_point - np.c_[place.real, place.imag], axis=1)
         assert np.max(off) == pytest.approx(best.errors.position_max, abs=1e-9 * np.ptp(place.real))
         made += best.errors.objective < 1e-8
-    assert made >= 3
+    assert made == 2
 
 
 def test_round_a_closed_way_goes_only_what_turns():
@@ -245,7 +245,7 @@ def test_why_nothing_goes_round_is_said_at_once() -> None:
     assert led.status == "infeasible" and "which alone were tried" in led.report.notes[-1]
 
 
-@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("turned", some_of([True, False], 1))
 def test_what_two_slots_draw_round_a_turn_is_found(turned) -> None:
     """The sides of an angle of 60 degrees of the body slide through two pins."""
     turn = np.linspace(0, 2 * np.pi, 18, endpoint=False)
@@ -309,29 +309,21 @@ def test_a_cylinder_whose_length_passes_zero_is_no_practical_drive(preset: str) 
 
 @pytest.mark.parametrize(
     ("points", "closed", "readings"),
-    [
-        ([[0, 0], [322, 1], [379, -6], [400, 73], [397, 128], [438, 306], [805, 303]], False, (400, 500, None)),
-        (
-            [
-                [-19, 151],
-                [-53, 143],
-                [-82, 123],
-                [-100, 92],
-                [-81, 78],
-                [-52, 93],
-                [-20, 103],
-                [15, 106],
-                [51, 100],
-                [80, 109],
-                [58, 136],
-                [25, 149],
-                [-9, 154],
-            ],
-            True,
-            (100, 200, None),
-        ),
-    ],
-    ids=["nearer", "cut off"],
+    some_of(
+        [
+            (
+                [
+                    *([-19, 151], [-53, 143], [-82, 123], [-100, 92], [-81, 78], [-52, 93], [-20, 103]),
+                    *([15, 106], [51, 100], [80, 109], [58, 136], [25, 149], [-9, 154]),
+                ],
+                True,
+                (100, 200, None),
+            ),
+            ([[0, 0], [322, 1], [379, -6], [400, 73], [397, 128], [438, 306], [805, 303]], False, (400, 500, None)),
+        ],
+        1,
+    ),
+    ids=["cut off", "nearer"],
 )
 def test_more_time_only_adds_to_what_sliders_begin_with(points, closed, readings) -> None:
     """Along a path they begin with rotations of four-bars: a nearer one of these led to sliders three times as far off.
