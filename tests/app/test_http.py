@@ -258,7 +258,7 @@ KEPT = [
 
 @pytest.mark.parametrize(
     ("limits", "effort"),
-    some_of([(one, ("atlas", "refine")[(k + turn) % 2]) for turn in range(2) for k, one in enumerate(KEPT)], 6),
+    some_of([(one, ("atlas", "refine")[(k + turn) % 2]) for turn in range(2) for k, one in enumerate(KEPT)], 4),
 )
 def test_every_solution_keeps_the_limits(limits, effort, client) -> None:
     fields = {**EXAMPLE, "top": 3, "effort": effort, "limits": limits, "budget_ms": 2_000}

@@ -34,7 +34,10 @@ from app.server import default_workers, listening
 from app.settings import Settings
 from app.turnstile import Turnstile
 from linkage_atlas import Cancelled
-from tests.conftest import PATIENCE, some_of, started, until
+from synthesis.atlas.file import encode_atlas
+from synthesis.atlas.table import AtlasRule
+from synthesis.fourbar.dimension_types import OrderRule, TypeRule
+from tests.conftest import PATIENCE, make_atlas, some_of, started, until
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="elsewhere threads compute")
 ROOT = Path(__file__).parents[2]
@@ -374,6 +377,12 @@ def test_where_the_system_has_no_room_for_a_process_the_service_goes_on(tmp_path
         until(lambda: len(running.computing) == 2)
         until(lambda: answers(running))
         assert len(os.listdir(f"/proc/{supervisor}/fd")) <= len(files)
+
+
+@pytest.fixture(scope="module")
+def small_bytes() -> bytes:
+    """Of still fewer types: what is tested is who makes the parts of their index."""
+    return encode_atlas(make_atlas(AtlasRule(TypeRule(44, 2, OrderRule.FULL_CRANK), 32)))
 
 
 @pytest.fixture(scope="module")
