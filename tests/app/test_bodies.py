@@ -70,7 +70,7 @@ class Holder(ReplyModel):
     second: object = None
 
 
-@settings(max_examples=50)
+@settings(max_examples=25)
 @given(VALUES, st.integers(0, 3))
 def test_pieces_are_what_is_written_at_once(value, depth) -> None:
     with pytest.MonkeyPatch.context() as patch:

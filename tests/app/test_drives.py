@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -190,8 +191,13 @@ def test_the_drive_that_decides_stands_before_the_best_of_each_kind(client: Test
         assert [drive["kind"] for drive in one["drives"]] == ["actuator", "rotary", "actuator"]
 
 
+@cache
+def the_best() -> la.Solution:
+    return la.synthesize(POSES["rotation"], POSES["position"], timing="free", top=1).best
+
+
 def test_a_solution_in_python() -> None:
-    solution = la.synthesize(POSES["rotation"], POSES["position"], timing="free", top=1).best
+    solution = the_best()
     found = la.drives(solution, [{"kind": "dyad"}, {"kind": "toggle"}], load={"force": [0, -10]})
     motor = found.best("dyad")
     assert motor is not None
@@ -246,8 +252,7 @@ def test_springs_that_cannot_carry_a_body_on_a_rail_and_a_slot_are_refused(clien
 
 
 def test_drives_in_python_are_told_in_a_line_each() -> None:
-    found = la.synthesize(POSES["rotation"], POSES["position"], timing="free", top=1).best
-    told = repr(la.drives(found, load={"force": [0, -10]}, springs=[{"kind": "tension"}]))
+    told = repr(la.drives(the_best(), load={"force": [0, -10]}, springs=[{"kind": "tension"}]))
     lines = told.splitlines()
     assert lines[0].endswith("2 springs") and max(map(len, lines)) < 200
     assert any("actuator on the coupler" in line and "force at most" in line for line in lines)

@@ -258,7 +258,7 @@ KEPT = [
 
 @pytest.mark.parametrize(
     ("limits", "effort"),
-    some_of([(one, ("atlas", "refine")[(k + turn) % 2]) for turn in range(2) for k, one in enumerate(KEPT)], 6),
+    some_of([(one, ("atlas", "refine")[(k + turn) % 2]) for turn in range(2) for k, one in enumerate(KEPT)], 4),
 )
 def test_every_solution_keeps_the_limits(limits, effort, client) -> None:
     fields = {**EXAMPLE, "top": 3, "effort": effort, "limits": limits, "budget_ms": 2_000}
@@ -278,7 +278,7 @@ def test_length_scale_weighs_positions(client) -> None:
     assert errors["objective"] == pytest.approx(parts, rel=1e-9)
 
 
-@pytest.mark.parametrize("factor", [1e-45, 1e-6, 1e6, 1e45])
+@pytest.mark.parametrize("factor", some_of([1e-45, 1e45, 1e-6, 1e6], 2))
 def test_the_unit_of_length_does_not_matter(factor, client) -> None:
     position = [[x * factor, y * factor] for x, y in POSITION]
     reply = ask(client, "/v1/synthesize", **{**EXAMPLE, "position": position}, top=1)

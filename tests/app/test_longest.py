@@ -36,10 +36,8 @@ SEARCH = 0.8 * BUDGET
 SMALL_BUDGET = 0.3 * BUDGET
 QUERIES = {query.path: query for query in all_queries()}
 FAST = {
-    "knotter: fit",
     "lift: optimum",
     "knotter: curves, laws of 1,000 rows",
-    "sliders: travel",
     "drives: four times two of 200 springs",
     "assembly: a star on two rails",
 }
@@ -125,7 +123,7 @@ def fields() -> list[Any]:
             for k, value in enumerate(costliest(prop, example.get(name), schema.get("$defs", {}))):
                 found.append((query, {**example, name: value}, f"{query.path} {name} {k}"))
     return [
-        pytest.param(*one, id=name, marks=[pytest.mark.wide] * (k % 24 > 0)) for k, (*one, name) in enumerate(found)
+        pytest.param(*one, id=name, marks=[pytest.mark.wide] * (k % 48 > 0)) for k, (*one, name) in enumerate(found)
     ]
 
 

@@ -17,7 +17,7 @@ from app.settings import Settings
 
 EXAMPLES = {"positive": 12, "negative": 25}
 """Requests of each operation in the wide run: those that follow the description are searched for, which takes time."""
-SHARE = {"positive": 6, "negative": 5}
+SHARE = {"positive": 12, "negative": 9}
 """The default run takes the first of them, one of so many."""
 SHAPED = 100
 """Requests of the right shape with numbers of any size."""

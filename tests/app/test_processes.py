@@ -8,6 +8,7 @@ import http.client
 import json
 import os
 import re
+import shutil
 import signal
 import socket
 import subprocess
@@ -33,7 +34,10 @@ from app.server import default_workers, listening
 from app.settings import Settings
 from app.turnstile import Turnstile
 from linkage_atlas import Cancelled
-from tests.conftest import PATIENCE, some_of, started, until
+from synthesis.atlas.file import encode_atlas
+from synthesis.atlas.table import AtlasRule
+from synthesis.fourbar.dimension_types import OrderRule, TypeRule
+from tests.conftest import PATIENCE, make_atlas, some_of, started, until
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="elsewhere threads compute")
 ROOT = Path(__file__).parents[2]
@@ -45,7 +49,7 @@ from app.registry import all_queries
 from app.supervisor import Supervisor
 from synthesis.slider import SliderTypeRule
 
-SliderTypeRule.__init__.__defaults__ = (80, *SliderTypeRule.__init__.__defaults__[1:])
+SliderTypeRule.__init__.__defaults__ = (40, *SliderTypeRule.__init__.__defaults__[1:])
 
 def answer(kind):
     def spin(body, resources):
@@ -304,19 +308,25 @@ def test_a_front_that_is_killed_is_replaced_and_listens_on_the_same_port(running
     until(lambda: answers(running))
 
 
-@pytest.mark.parametrize("name", some_of(["SIGHUP", "SIGTERM", "SIGINT"], 1))  # the others: test_command_line.py
-def test_the_end_is_told_to_clients_and_leaves_no_process(name, tmp_path) -> None:
+@pytest.mark.parametrize(
+    ("name", "succeeded"), some_of([("SIGHUP", True), ("SIGHUP", False), ("SIGTERM", False), ("SIGINT", False)], 1)
+)  # the others: test_command_line.py
+def test_the_end_is_told_to_clients_and_leaves_no_process(name, succeeded, tmp_path) -> None:
+    """Nor a successor that has not yet begun."""
     with serving(tmp_path, ending_seconds=2.5) as running:
+        until(lambda: settled(running))
+        before, successors = set(running.children()), set()
         with busy(running) as asked:
-            for number in [
-                running.process.pid,
-                *running.children(),
-            ]:  # as a terminal's Ctrl-C, or a service manager, does
+            if succeeded:
+                os.kill(running.process.pid, signal.SIGUSR1)
+                successors = until(lambda: set(running.children()) - before)
+            for number in [running.process.pid, *before]:  # as a terminal's Ctrl-C, or a service manager, does
                 os.kill(number, getattr(signal, name))
             reply = asked.getresponse()
             assert reply.status == 503, running.log.read_text()
             assert "ending" in json.load(reply)["detail"]
         assert running.process.wait(PATIENCE) == 0
+        until(lambda: not any(map(status, successors)))
         log = running.log.read_text()
         assert "Traceback" not in log
 
@@ -326,7 +336,7 @@ def test_a_successor_takes_over_without_a_refused_request(tmp_path) -> None:
         statuses, ended = [], threading.Event()
 
         def ask() -> None:
-            while not ended.is_set():
+            while not ended.wait(0.02):
                 statuses.append(running.post(NEEDLE)[0])
 
         asking = [threading.Thread(target=ask) for _ in range(2)]
@@ -349,17 +359,6 @@ def test_a_successor_takes_over_without_a_refused_request(tmp_path) -> None:
         until(lambda: not status(successor))
 
 
-def test_a_service_that_ends_takes_a_successor_along_that_has_not_yet_begun(tmp_path) -> None:
-    with serving(tmp_path) as running:
-        before = set(running.children())
-        os.kill(running.process.pid, signal.SIGUSR1)
-        until(lambda: set(running.children()) - before)
-        (successor,) = set(running.children()) - before
-        os.kill(running.process.pid, signal.SIGTERM)
-        assert running.process.wait(PATIENCE) == 0
-        until(lambda: not status(successor))
-
-
 def test_where_the_system_has_no_room_for_a_process_the_service_goes_on(tmp_path) -> None:
     """Once it ended with the first that could not begin."""
     limited = NO_ROOM.replace("FULL", str(tmp_path / "full")) + SERVICE
@@ -378,6 +377,12 @@ def test_where_the_system_has_no_room_for_a_process_the_service_goes_on(tmp_path
         until(lambda: len(running.computing) == 2)
         until(lambda: answers(running))
         assert len(os.listdir(f"/proc/{supervisor}/fd")) <= len(files)
+
+
+@pytest.fixture(scope="module")
+def small_bytes() -> bytes:
+    """Of still fewer types: what is tested is who makes the parts of their index."""
+    return encode_atlas(make_atlas(AtlasRule(TypeRule(44, 2, OrderRule.FULL_CRANK), 32)))
 
 
 @pytest.fixture(scope="module")
@@ -440,23 +445,34 @@ def test_whichever_process_computes_goes_on_for_a_live_client(indexed) -> None:
     assert told == [False, True, True]
 
 
-def test_while_files_of_the_index_are_made_anew_answers_come_from_the_plain_scan(small_bytes, tmp_path) -> None:
-    """Nobody waits for the one process that makes them, and answers are the same; a maker that is killed has a successor.
+def test_while_parts_of_the_index_are_made_answers_come_from_the_plain_scan(small_bytes, tmp_path) -> None:
+    """What is being made is said, and no more wait for it than may wait. Nobody waits for files that are made anew, and
+    answers are the same; a maker that is killed has a successor.
 
-    One that is not what was written when the service starts is told once.
+    A file that is not what was written when the service starts is told once.
     """
+    index = tmp_path / "small.h5.index"
     (tmp_path / "small.h5").write_bytes(small_bytes)
     assert cli.main(["index", "--atlas", str(tmp_path / "small.h5")]) == 0
-    place = min((tmp_path / "small.h5.index" / "short_spans").glob("*.npy"))
+    place = min((index / "short_spans").glob("*.npy"))
     place.write_bytes(b"x" + place.read_bytes()[1:])
-    (tmp_path / "go").touch()
+    shutil.rmtree(index / "positions")
     slow = SERVICE.replace("raise SystemExit", SLOW_PARTS + "raise SystemExit")
-    with serving(tmp_path, "--atlas", str(tmp_path / "small.h5"), code=slow) as running:
+    with serving(tmp_path, "--atlas", str(tmp_path / "small.h5"), code=slow, max_waiting=4) as running:
+        until(lambda: set(running.get("/readyz")["preparing"]) == {"positions", "short_spans"})
+        os.kill(running.front, signal.SIGKILL)  # the next one is told, too
+        until(lambda: answers(running) and set(running.get("/readyz")["preparing"]) == {"positions", "short_spans"})
+        with ThreadPoolExecutor(6) as clients:
+            asked = [clients.submit(running.post, "/v1/match", {**ROTATION, "curve": "rocker"}) for _ in range(6)]
+            until(lambda: sum(one.done() for one in asked) == 2)
+            (tmp_path / "go").touch()
+            assert sorted(one.result()[0] for one in asked) == [200] * 4 + [503] * 2
         until(lambda: running.get("/readyz")["preparing"] == [])
-        motion = {"rotation": [0, 5, 12, 20, 31], "crank_span": 80}
-        asked = [("/v1/match", motion | more) for more in ({}, {"curve": "rocker"}, {"mechanisms": ["slider_crank"]})]
+        asked = [
+            ("/v1/match", ROTATION | more) for more in ({}, {"curve": "rocker"}, {"mechanisms": ["slider_crank"]})
+        ]
         positions = {"position": [[k, 0.1 * k * k] for k in range(5)], "effort": "atlas"}
-        asked.append(("/v1/synthesize", {**motion, **positions}))
+        asked.append(("/v1/synthesize", ROTATION | positions))
 
         def answered() -> list[Any]:
             replies = [running.post(*one) for one in asked]
@@ -467,7 +483,7 @@ def test_while_files_of_the_index_are_made_anew_answers_come_from_the_plain_scan
         until(lambda: running.get("/readyz")["preparing"] == [])
         assert running.log.read_text().count(f"{place.name} is not what was written") == 1
         (tmp_path / "go").unlink()
-        for path in (tmp_path / "small.h5.index").glob("*/*.npy"):
+        for path in index.glob("*/*.npy"):
             os.truncate(path, 0)
         for _ in range(2):
             assert answered() == before
@@ -480,21 +496,6 @@ def test_while_files_of_the_index_are_made_anew_answers_come_from_the_plain_scan
         until(lambda: running.get("/readyz")["preparing"] == [])
         until(lambda: settled(running))
         assert answered() == before and running.log.read_text().count("A file of the index cannot be read") == 3
-
-
-def test_what_is_being_made_is_said_and_no_more_wait_for_it_than_may_wait(small_bytes, tmp_path) -> None:
-    (tmp_path / "small.h5").write_bytes(small_bytes)
-    slow = SERVICE.replace("raise SystemExit", SLOW_PARTS + "raise SystemExit")
-    with serving(tmp_path, "--atlas", str(tmp_path / "small.h5"), code=slow, max_waiting=4) as running:
-        until(lambda: set(running.get("/readyz")["preparing"]) == {"positions", "short_spans"})
-        os.kill(running.front, signal.SIGKILL)  # the next one is told, too
-        until(lambda: answers(running) and set(running.get("/readyz")["preparing"]) == {"positions", "short_spans"})
-        with ThreadPoolExecutor(6) as clients:
-            asked = [clients.submit(running.post, "/v1/match", {**ROTATION, "curve": "rocker"}) for _ in range(6)]
-            until(lambda: sum(one.done() for one in asked) == 2)
-            (tmp_path / "go").touch()
-            assert sorted(one.result()[0] for one in asked) == [200] * 4 + [503] * 2
-        until(lambda: running.get("/readyz")["preparing"] == [])
 
 
 def test_without_an_index_what_is_missing_is_made_for_one_answer(small_bytes, tmp_path) -> None:

@@ -138,7 +138,7 @@ def killed_and_resumed(requests: Path, out: Path, kills: int, jobs: int, seed: i
 
 
 def test_kills_change_no_byte(requests, tmp_path) -> None:
-    requests.write_text("".join(json.dumps(one) + "\n" for one in rotations(40)))
+    requests.write_text("".join(json.dumps(one) + "\n" for one in rotations(20)))
     wanted, out = tmp_path / "wanted.ndjson", tmp_path / "results.ndjson"
     assert study(requests, "--out", wanted, "--jobs", 1, "--no-preset") == Exit.OK
     assert killed_and_resumed(requests, out, 1, 1, 1) == 1

@@ -32,7 +32,7 @@ class Seen(NamedTuple):
     seconds: float
 
 
-def answered(service: int, ask: Ask, request: Largest) -> Seen:
+def answered(service: int, ask: Ask, request: Largest, every: float = _LOOK_SECONDS) -> Seen:
     """A request's answer by a process that has answered nothing before, and its memory.
 
     Parameters
@@ -41,6 +41,8 @@ def answered(service: int, ask: Ask, request: Largest) -> Seen:
         The number of its first process.
     ask : callable
     request : Largest
+    every : float
+        Seconds from look to look.
     """
     process = _fresh(service)
     idle, most, over = _writable_bytes(process), 0, threading.Event()
@@ -49,7 +51,7 @@ def answered(service: int, ask: Ask, request: Largest) -> Seen:
         nonlocal most
         while not over.is_set():
             most = max(most, _writable_bytes(process))
-            time.sleep(_LOOK_SECONDS)
+            time.sleep(every)
 
     looking = threading.Thread(target=look)
     looking.start()

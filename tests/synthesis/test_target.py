@@ -81,7 +81,7 @@ def test_the_value_of_a_sample_of_weight_0_does_not_matter(weights, others) -> N
         np.testing.assert_allclose(other["rows"], one["rows"], rtol=0, atol=1e-12 * size)
 
 
-@settings(LAW, max_examples=8)
+@settings(LAW, max_examples=4)
 @given(weights_with_gaps, st.lists(st.floats(-50, 50), min_size=SAMPLES, max_size=SAMPLES))
 def test_the_scan_does_not_look_at_samples_of_weight_0(scan, weights, others) -> None:
     (ours, _), (theirs, _) = (scan.best(target, 5) for target in with_gaps(weights, others))

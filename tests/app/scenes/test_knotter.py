@@ -14,8 +14,10 @@ import pytest
 
 import linkage_atlas as la
 from app import cli
+from app.query import reply_model
 from app.resources import ServiceResources
 from app.scenes import knotter as models
+from app.scenes import scene_queries
 from app.settings import Settings
 from synthesis.knotter.conditions import MAX_PIECES
 from tests.conftest import finite
@@ -285,6 +287,9 @@ def test_fit_reproduces_the_published_patterns_from_a_seeded_start(client) -> No
     found = ask(client, "fit", seed=1)
     assert found["status"] == "reproduced" and len(found["entries"]) == 16 and found["margin"] > 0
     assert all(entry["margin"] > 0 for entry in found["entries"])
+    query = next(query for query in scene_queries() if query.path == "/v1/knotter/fit")
+    table = query.table(reply_model(query.reply).model_validate(found))
+    assert len(table.splitlines()) >= 2 and "nan" not in table.lower()
     assert found["free"] == 8 - found["rank"] and len(found["directions"]) == 8
     for name, (low, high) in found["alone"].items():
         assert low <= found["values"][name] <= high
@@ -316,11 +321,11 @@ def test_the_smallest_budget_of_a_fit_is_answered_on_a_busy_machine() -> None:
 
 
 def test_tolerances_of_the_chosen_pair(client) -> None:
-    found = ask(client, "tolerance", samples=100)
+    found = ask(client, "tolerance", samples=30)
     assert found["status"] == "ties" and found["share"] == 1 and finite(found)
     assert found["clearance"]["sensitivity"]["D"] == pytest.approx(-1, abs=1e-3)
     assert min(found[name]["factor"] for name in ("wrap", "clearance", "bite")) > 1
-    assert ask(client, "tolerance", samples=100, lengths=0.5, angles=0.5)["status"] == "may fail"
+    assert ask(client, "tolerance", samples=30, lengths=0.5, angles=0.5)["status"] == "may fail"
     assert ask(client, "tolerance", samples=0, alpha1=0, alpha3=20)["status"] == "fails"
     radians = ask(client, "tolerance", samples=0, angle_unit="rad", angles=math.radians(0.1))
     assert radians["clearance"]["sensitivity"]["alpha3"] == pytest.approx(

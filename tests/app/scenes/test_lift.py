@@ -281,4 +281,4 @@ def test_the_optimum_as_files(client) -> None:
     assert len(rows) == 202 and first["closed_length"] == reply["closed_length"] == 220
     assert {name: first[name] for name in DESIGN} == reply["design"]
     assert client.post("/v1/lift/optimize.svg", json=BUILDABLE).text.startswith("<?xml")
-    assert "LWPOLYLINE" in client.post("/v1/lift/optimize.dxf", json=BUILDABLE).text
+    assert "LWPOLYLINE" in client.post("/v1/lift/optimize.dxf", json=OPTIMIZE).text

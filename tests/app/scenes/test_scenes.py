@@ -15,8 +15,14 @@ from app.query import json_of, reply_model
 from app.scenes import scene_queries
 from synthesis.work import Cancelled, Work
 
-SLOW = {"chain tolerance-with_reserve", "knotter fit-defaults", "knotter tolerance-coarse", "lift optimize-even"}
-"""Examples whose queries have others here."""
+SLOW = {
+    "chain tolerance-with_reserve",
+    "knotter fit-defaults",
+    "knotter fit-published_pattern",
+    "knotter tolerance-coarse",
+    "lift optimize-even",
+}
+"""Examples whose queries have others here; that fit is asked and told by test_knotter.py."""
 EXAMPLES = [
     pytest.param(query, name, id=mark, marks=[pytest.mark.wide] * (mark in SLOW))
     for query in scene_queries()

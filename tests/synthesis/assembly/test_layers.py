@@ -78,7 +78,7 @@ def random_machines(seed, count, **more):
 def test_the_search_finds_what_going_through_all_arrangements_finds(boards) -> None:
     statuses = set()
     square = (-0.1 - 0.1j, 0.1 - 0.1j, 0.1 + 0.1j, -0.1 + 0.1j)
-    for number, machine in enumerate(random_machines(5, 10, body=square, bar=boards == "bar")):
+    for number, machine in enumerate(random_machines(5, 6, body=square, bar=boards == "bar")):
         if number % 2:
             machine = next(random_machines(100 + number, 1, bar=boards == "bar"))
         search = Search(machine, Asked(boards), Work())

@@ -227,7 +227,7 @@ def test_places_that_hold_no_file(tmp_path, tiny_bytes) -> None:
 
 
 def test_arrays_on_disk_are_the_same_and_take_no_memory(tmp_path) -> None:
-    atlas = make_atlas(AtlasRule(TypeRule(260, 2), 128))
+    atlas = make_atlas(AtlasRule(TypeRule(200, 2), 64))
     (tmp_path / "atlas.h5").write_bytes(encode_atlas(atlas))
     peaks = []
     for others in ({"new": temporary_arrays(tmp_path)}, {}):

@@ -25,12 +25,12 @@ from tests.conftest import make_atlas, some_of
 from tests.oracles import naive
 
 ATLASES = {
-    "increasing": AtlasRule(TypeRule(80, 10, OrderRule.INCREASING), 64),
+    "increasing": AtlasRule(TypeRule(70, 9, OrderRule.INCREASING), 64),
     "crank_shortest": AtlasRule(TypeRule(56, 8, OrderRule.CRANK_SHORTEST), 32),
     "full_crank": AtlasRule(TypeRule(52, 8, OrderRule.FULL_CRANK), 32),
     "coarse": AtlasRule(TypeRule(52, 8, OrderRule.FULL_CRANK), 16),
 }
-"""About 80 types each: most of the time goes to the twin, and each has series with and without a second level of cells."""
+"""From 45 to 84 types each: most of the time goes to the twin, and each has series with and without a second level of cells."""
 OWN = {name: getattr(scan_cells, name) for name in ("LEAF", "FEWEST")}
 """The product's own thresholds: how many types a cell has, and how many make cells at all."""
 KINDS = ("rotation", "both", "position")
@@ -286,7 +286,7 @@ def test_no_pass_forgets_the_ceiling(scans, monkeypatch) -> None:
     assert len(limits) > 1 and np.all(np.diff(limits) <= 0)
 
 
-@pytest.mark.parametrize("constant", [0.0, 99995.50866340027, 1e6 - 1])
+@pytest.mark.parametrize("constant", some_of([99995.50866340027, 1e6 - 1, 0.0], 1))
 def test_a_large_constant_in_the_rotation_breaks_no_bound(scans, bounds_of, constant) -> None:
     # Rounding of so large a mean leaves a mean of 6e-11, which counts for targets as short as this.
     scan = scans["increasing"]
@@ -299,11 +299,11 @@ def test_a_large_constant_in_the_rotation_breaks_no_bound(scans, bounds_of, cons
     assert np.all(bounds <= everything.error[place] + 1e-15)
 
 
-@pytest.mark.parametrize("scale", [1e-50, 1e-21, 1e50])
+@pytest.mark.parametrize("scale", some_of([1e-50, 1e50, 1e-21], 2))
 def test_objectives_of_any_size_are_scanned(scans, scale) -> None:
     scan = scans["increasing"]
     crank = np.linspace(0, 1, 12)
-    angle = coupler_angle(scan.lengths[70], 1, 1 + crank)
+    angle = coupler_angle(scan.lengths[40], 1, 1 + crank)
     wave = 0.01 * np.cos(9 * crank)
     target = make_target(angle + wave, np.exp(1j * crank) + (0.5 + wave) * np.exp(1j * angle), 1.0, None, scale)
     wanted, _ = naive_scan(scan, target, 10)

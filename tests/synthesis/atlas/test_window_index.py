@@ -160,7 +160,7 @@ def test_what_lies_in_a_box_lies_in_those_above(scans, name) -> None:
                 assert np.all(apart <= above[:, terms:-1]) and np.all(own[:, -1] <= above[:, -1])
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(name=st.sampled_from(sorted(RULES)), seed=st.integers(0, 2**32 - 1))
 def test_each_bound_is_below_the_error_and_no_window_is_lost(scans, name, seed) -> None:
     scan = scans[name]

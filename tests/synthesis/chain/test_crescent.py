@@ -183,7 +183,7 @@ def test_p14_agrees_with_50_digit_arithmetic(canonical) -> None:
 # Laws
 
 
-@settings(derandomize=True, deadline=None, max_examples=12)
+@settings(derandomize=True, deadline=None, max_examples=6)
 @given(
     upper=st.floats(0.8, 6),
     wheel=st.floats(0.55, 2),

@@ -74,7 +74,7 @@ def test_the_default_inputs_reproduce_them_and_are_not_the_only_ones(pattern, be
 def test_ranges_end_where_the_verdict_breaks(pattern, best) -> None:
     """Naively: the ordinary study holds just inside and fails just outside each end."""
     size = pattern.high - pattern.low
-    for k, (low, high) in list(enumerate(single_ranges(pattern, best.share)))[::3]:
+    for k, (low, high) in list(enumerate(single_ranges(pattern, best.share)))[::4]:
         for end, sign in ((low, -1), (high, 1)):
             inner, outer = best.share.copy(), best.share.copy()
             inner[k] = (end - pattern.low[k]) / size[k] - sign * 1e-5
@@ -90,7 +90,7 @@ def test_directions_are_orthogonal_and_free_ones_are_told(pattern, best) -> None
     assert vectors @ vectors.T == pytest.approx(np.eye(8), abs=1e-12)
     assert [way.strength for way in found] == sorted(way.strength for way in found)
     assert all(way.back >= 0 and way.forth >= 0 and way.back + way.forth > 0 for way in found)
-    for way in found[:2]:
+    for way in found[:1]:
         assert agrees(machine_at(pattern, np.clip(best.share + 0.99 * way.forth * way.vector, 0, 1)))
     # S7 decides about the bite alone: no margin of this pattern sees it
     wider = Pattern(pattern.mechanism, pattern.wanted, {**RANGES, "S7.i": (0.0, 50.0), "S9.k": (-50.0, 0.0)})

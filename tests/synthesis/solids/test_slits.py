@@ -110,7 +110,7 @@ def test_its_surface_is_closed_and_within_the_solid() -> None:
         assert SLIT.distance(complex(*place)) >= SLIT.radius - 1e-12
 
 
-@pytest.mark.parametrize("places", some_of([20, 50], 1))
+@pytest.mark.parametrize("places", some_of([10, 50], 1))
 def test_parts_with_slits_are_apart_everywhere(slides, places) -> None:
     for solids in slides:
         deep, who = deepest(solids, places)
