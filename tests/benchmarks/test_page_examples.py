@@ -34,3 +34,13 @@ def test_the_stored_errors_are_those_of_the_stored_linkages(example) -> None:
             turned = joints.rotation - np.array(request["rotation"])
             turned -= 360 * np.round(turned / 360)
             assert np.abs(turned).max() == pytest.approx(one["errors"]["rotation_max"], rel=1e-4, abs=1e-5)
+
+
+@pytest.mark.parametrize("example", [one for one in STORED if one["request"].get("closed")], ids=lambda one: one["name"])
+def test_a_stored_transmission_angle_of_a_closed_way_holds_over_the_turn(example) -> None:
+    for one in example["reply"]["solutions"]:
+        crank, coupler, rocker, ground = (one["links"][name] for name in ("crank", "coupler", "rocker", "ground"))
+        across = crank**2 + ground**2 - 2 * crank * ground * np.cos(np.linspace(0, 2 * np.pi, 3601))
+        between = np.degrees(np.arccos((coupler**2 + rocker**2 - across) / (2 * coupler * rocker)))
+        least = np.minimum(between, 180 - between).min()
+        assert one["transmission_angle_min"] == pytest.approx(least, abs=1e-3)
