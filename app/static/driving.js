@@ -1,6 +1,7 @@
 // What drives the selected linkage: asks for cylinders, motors, locks and springs, moves one, and lets its pins be dragged.
 
 import { redrawOn, titledChart } from "./charts.js";
+import { numberIn } from "./decimal.js";
 import { element, make, namedRows, put, text } from "./drawing.js";
 import { driveTurns } from "./drive.js";
 import { fitOf } from "./fit.js";
@@ -13,7 +14,7 @@ const FIELDS = ["kind", "catalogue", "retracted", "stroke", "ratio", "reach", "f
 const WIDE = 0.09; // of a cylinder's body, over its retracted length
 const HANDLE = 8; // pixels
 
-const value = (id) => { const number = $(`drive-${id}`).valueAsNumber; return Number.isFinite(number) ? number : null; };
+const value = (id) => numberIn(`drive-${id}`);
 const given = (fields) => Object.fromEntries(Object.entries(fields).filter(([, one]) => one !== null && one !== ""));
 const less = ([a, b], [c, d]) => [a - c, b - d];
 const turned = ([x, y], angle) => [x * Math.cos(angle) - y * Math.sin(angle), x * Math.sin(angle) + y * Math.cos(angle)];
@@ -107,11 +108,6 @@ export class Driving {
   async #find() {
     if (!this.solution) return;
     this.control?.abort();
-    const bad = FIELDS.map((id) => $(`drive-${id}`)).find((one) => one.checkVisibility() && !one.checkValidity());
-    if (bad) {
-      this.#say(`${bad.parentNode.textContent.trim()}: ${bad.validationMessage}`, true);
-      return;
-    }
     const control = new AbortController(), { solution } = this;
     this.control = control;
     this.#say("Looking…");

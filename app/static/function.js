@@ -1,6 +1,7 @@
 // The page of function generation: a function chosen, drawn or typed; the linkages whose rocker, crank or slider moves so; their error.
 
 import { redrawOn, titledChart } from "./charts.js";
+import { numberIn as number, startNumbers } from "./decimal.js";
 import { Draft } from "./draft.js";
 import { LinkageShape, View, element, make, namedRows, put, text, thumbnail } from "./drawing.js";
 import { linkageOf } from "./guided.js";
@@ -36,8 +37,6 @@ const untouched = JSON.stringify(asIs());
 const draft = new Draft("linkage-atlas-function", (content) => fill(content), clear);
 
 // -- the question -----------------------------------------------------------------------------------------------------
-
-const number = (id) => ($(id).value.trim() === "" ? null : Number($(id).value));
 
 /** The drawn curve at even x, smoothed over its neighbours: [[x, y], ...] with both in 0 .. 1. */
 function drawnTable() {
@@ -367,6 +366,7 @@ async function save(format) {
 }
 
 startTheme();
+startNumbers();
 startScenes();
 startPad();
 showFields();

@@ -1,5 +1,6 @@
 // Layers of the plates of a linkage: asked for after an answer, drawn from the side, plates and collisions on the canvas.
 
+import { numberIn } from "./decimal.js";
 import { element, make, put, text } from "./drawing.js";
 import { driveTurns } from "./drive.js";
 import { fitOf } from "./fit.js";
@@ -72,7 +73,7 @@ export class Layers {
 
   /** What is asked for besides linkage and request. */
   options(solution, motion) {
-    const sizes = Object.entries(SIZES).map(([name, id]) => [name, $(id).valueAsNumber]).filter(([, value]) => value > 0);
+    const sizes = Object.entries(SIZES).map(([name, id]) => [name, numberIn(id)]).filter(([, value]) => value !== null);
     const body = $("layer-body").checked ? bodyOf(this.outline, solution, motion) : null;
     return { boards: $("layer-boards").value, heads: $("layer-heads").checked, ...Object.fromEntries(sizes), ...(body ? { body } : {}) };
   }

@@ -1,5 +1,6 @@
 // The four-bar page: sends the edited motion to the search, and shows the answers and the search's state.
 
+import { startNumbers } from "./decimal.js";
 import { Draft } from "./draft.js";
 import { Editor } from "./editor.js";
 import { alike, fitOf, worstRows, worstWords } from "./fit.js";
@@ -354,6 +355,7 @@ function showFirst() {
 
 async function start() {
   startTheme();
+  startNumbers();
   startScenes();
   bindButtons();
   explainTerms();

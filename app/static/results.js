@@ -2,6 +2,7 @@
 
 import { card, sign, sorted } from "./cards.js";
 import { chart, redrawOn } from "./charts.js";
+import { numberIn } from "./decimal.js";
 import { element, namedRows, signed, text } from "./drawing.js";
 import { Driving } from "./driving.js";
 import { driveName, drivePlaces, driveTurns } from "./drive.js";
@@ -312,10 +313,10 @@ export class Results {
 
   /** A file of the selected linkage, parts as its layers and the fields beside the buttons say. */
   #file(format) {
-    const { solution, answer: { request, motion } } = this, scale = $("parts-scale").valueAsNumber;
-    const sizes = ["hole", "width"].map((name) => [name, $(`plate-${name}`).valueAsNumber]).filter(([, value]) => value > 0);
+    const { solution, answer: { request, motion } } = this, scale = numberIn("parts-scale");
+    const sizes = ["hole", "width"].map((name) => [name, numberIn(`plate-${name}`)]).filter(([, value]) => value !== null);
     const plates = sizes.length && format === "plates" && solution.links ? { plates: Object.fromEntries(sizes) } : {};
-    const solids = { fit: $("parts-fit").value, ...(scale > 0 ? { scale } : {}), nevertheless: $("parts-nevertheless").checked };
+    const solids = { fit: $("parts-fit").value, ...(scale === null ? {} : { scale }), nevertheless: $("parts-nevertheless").checked };
     const parts = [...OF_PARTS, solution.links ? "mjcf" : "plates"].includes(format) ? { assembly: this.layers.options(solution, motion), solids } : {};
     const driven = ["dxf", "csv", "svg", "mjcf", ...(this.driving.shown?.kind === "dyad" ? OF_PARTS : [])];
     const drive = this.driving.shown && driven.includes(format) ? { drive: this.driving.shown } : {};

@@ -109,6 +109,20 @@ def test_angle_pairs_keep_their_unit_and_their_zeros(page) -> None:
     assert page.asked()["output"] == [0, 10, 30, 40] and page.asked()["crank_span"] == 70
 
 
+def test_numbers_take_a_decimal_comma_and_say_what_is_wrong(page) -> None:
+    page.listen()
+    page.type_into("x1", "1,5")
+    solve(page)
+    assert page.asked()["function"]["x"] == [1, 1.5]
+    for name, entry, said in (("x1", "two", "“two” is not a number."), ("ratio", "0,5", "0.5 is less than 1.")):
+        before = page.value(name)
+        page.listen()
+        page.type_into(name, entry)
+        page.click("solve")
+        assert page.run("return document.activeElement.validationMessage") == said and page.asked() is None
+        page.type_into(name, before or Keys.BACKSPACE)
+
+
 def test_rows_that_are_no_table_of_a_function_are_named(page) -> None:
     ask_table(page, "0, 0\n1, a")
     solve(page)
