@@ -13,9 +13,12 @@ const KINDS = { actuator: "cylinder", rotary: "drive in a hinge", dyad: "motor a
 const FIELDS = ["kind", "catalogue", "retracted", "stroke", "ratio", "reach", "force-x", "force-y", "torque", "mass"];
 const WIDE = 0.09; // of a cylinder's body, over its retracted length
 const HANDLE = 8; // pixels
+const EARLIER = "What is shown was found for other entries: Find asks again.";
 
 const value = (id) => numberIn(`drive-${id}`);
 const given = (fields) => Object.fromEntries(Object.entries(fields).filter(([, one]) => one !== null && one !== ""));
+/** What the fields have asked, whatever the service has said of the linkage since. */
+const questionOf = ({ load, drives, springs }) => JSON.stringify([load, drives, springs]);
 const less = ([a, b], [c, d]) => [a - c, b - d];
 const turned = ([x, y], angle) => [x * Math.cos(angle) - y * Math.sin(angle), x * Math.sin(angle) + y * Math.cos(angle)];
 
@@ -50,11 +53,12 @@ function moved(drive, linkage, torque) {
 
 export class Driving {
   constructor(board, player) {
-    Object.assign(this, { board, player, answer: null, solution: null, reply: null, drive: null, control: null, charts: [], kept: new Map() });
+    Object.assign(this, { board, player, answer: null, solution: null, reply: null, drive: null, control: null, charts: [], kept: new Map(), asked: new WeakMap() });
     $("drive-find").addEventListener("click", () => this.#find());
     $("drive-kind").addEventListener("change", () => this.#offer());
     $("drive-catalogue").addEventListener("change", () => { this.#offer(); if ($("drive-catalogue").value === "own") $("drive-file").click(); });
     $("drive-file").addEventListener("change", async () => { this.table = await $("drive-file").files[0]?.text(); this.#say(this.table ? `Rows of ${$("drive-file").files[0].name}.` : ""); });
+    for (const id of FIELDS) for (const name of ["input", "change"]) $(`drive-${id}`).addEventListener(name, () => this.#compare());
     for (const id of FIELDS) $(`drive-${id}`).addEventListener("keydown", (event) => { if (event.key === "Enter") { event.preventDefault(); this.#find(); } });
     board.seen.push(() => this.#draw());
     board.redrawn.push(() => this.#draw());
@@ -76,6 +80,18 @@ export class Driving {
     this.solution = solution;
     this.#use(this.kept.get(solution) ?? null);
     this.#say("");
+    this.#compare();
+  }
+
+  /** Says so where fields have changed since what is shown was found: its forces are those of another load. */
+  #compare() {
+    if (!this.reply) return;
+    let asked = "";
+    try { asked = questionOf(this.#request()); } catch { /* it cannot be asked as it is */ }
+    const earlier = asked !== this.asked.get(this.reply);
+    $("drive-card").classList.toggle("other", earlier);
+    if (earlier) this.#say(EARLIER);
+    else if ($("drive-note").textContent === EARLIER) this.#say("");
   }
 
   /** What is exported with the linkage: the drive that is shown. */
@@ -112,12 +128,14 @@ export class Driving {
     this.control = control;
     this.#say("Looking…");
     try {
-      const reply = await (await ask("/v1/drives", this.#request(), control.signal)).json();
+      const request = this.#request(), reply = await (await ask("/v1/drives", request, control.signal)).json();
       if (control.signal.aborted) return;
       this.kept.set(solution, reply);
+      this.asked.set(reply, questionOf(request));
       const found = reply.drives.length + reply.springs.length;
       this.#use(reply);
       this.#say([found ? "" : "None was found.", ...reply.notes.map((one) => `${one[0].toUpperCase()}${one.slice(1)}.`)].join(" ").trim(), !found);
+      this.#compare();
     } catch (error) {
       if (error.name !== "AbortError") this.#say(error.message, true);
     }

@@ -6,6 +6,7 @@ import os
 import re
 
 import pytest
+from selenium.webdriver.common.keys import Keys
 
 PICTURE = os.environ.get("LINKAGE_ATLAS_DRIVE_PICTURE")
 """Where a picture of the panel goes, for the documents."""
@@ -25,6 +26,29 @@ def found(page) -> None:
 def number(page, name: str) -> float:
     rows = page.text("drive-numbers")
     return float(re.search(rf"{name}\s+(-?[\d.]+)", rows)[1])
+
+
+def test_what_was_found_for_another_load_says_so(opened) -> None:
+    """Also once the layers are known, which the service says of the linkage meanwhile; the same entry again is the same load."""
+    opened.wait("document.querySelectorAll('#solutions li').length > 0")
+    opened.select("drive-kind", "rotary")
+    opened.type_into("drive-force-y", "-100")
+    found(opened)
+    before = opened.text("drive-numbers")
+    assert "peak torque" in before and not opened.text("drive-note")
+    opened.wait("document.querySelectorAll('#stack rect').length > 4")
+    opened.type_into("drive-force-y", "-200")
+    opened.wait("document.getElementById('drive-note').textContent.startsWith('What is shown was found for other')")
+    assert opened.run("return getComputedStyle(document.querySelector('.drive-result')).opacity") == "0.5"
+    opened.type_into("drive-force-y", "-100")
+    opened.wait("document.getElementById('drive-note').textContent === ''")
+    opened.type_into("drive-force-y", "-200")
+    found(opened)
+    opened.wait("document.getElementById('drive-note').textContent === ''")
+    assert number(opened, "peak torque") > 0 and opened.text("drive-numbers") != before
+    assert opened.run("return getComputedStyle(document.querySelector('.drive-result')).opacity") == "1"
+    opened.type_into("drive-force-y", Keys.BACKSPACE)
+    opened.select("drive-kind", "actuator")
 
 
 def test_a_cylinder_is_found_moves_and_its_pins_are_dragged(opened) -> None:
