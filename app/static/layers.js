@@ -47,7 +47,7 @@ function frameOf(link, joints, { links, guides }) {
   return circle ? fromTo(...circle) : null;
 }
 
-const placeText = (value, sign) => `${text(value, 5)}${sign}`;
+const placeText = (value, sign) => `${text(Math.abs(value) < 1e-9 ? 0 : value, 5)}${sign}`;
 const inWords = (pair) => pair.map((name) => (name.startsWith("head ") ? `head of pin ${name.slice(5)}` : name.length <= 2 ? `pin ${name}` : name)).join(" and ");
 
 /** Whether a place of the drive lies within a collision, also one over the seam of a turn. */
