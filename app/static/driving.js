@@ -60,6 +60,7 @@ export class Driving {
     $("drive-file").addEventListener("change", async () => { this.table = await $("drive-file").files[0]?.text(); this.#say(this.table ? `Rows of ${$("drive-file").files[0].name}.` : ""); });
     for (const id of FIELDS) for (const name of ["input", "change"]) $(`drive-${id}`).addEventListener(name, () => this.#compare());
     for (const id of FIELDS) $(`drive-${id}`).addEventListener("keydown", (event) => { if (event.key === "Enter") { event.preventDefault(); this.#find(); } });
+    board.driven = () => this.lines().flat();
     board.seen.push(() => this.#draw());
     board.redrawn.push(() => this.#draw());
     redrawOn($("drive-curves"), () => this.#curves());

@@ -28,6 +28,20 @@ def number(page, name: str) -> float:
     return float(re.search(rf"{name}\s+(-?[\d.]+)", rows)[1])
 
 
+def test_fit_shows_both_ends_of_a_cylinder(opened) -> None:
+    opened.wait("document.querySelectorAll('#solutions li').length > 0")
+    opened.type_into("drive-mass", "5")
+    found(opened)
+    opened.click("fit")
+    inside = (
+        "const f = document.getElementById('canvas').getBoundingClientRect();"
+        "return [...document.querySelectorAll('[data-layer=drive] .drive-end')].map((one) => one.getBoundingClientRect())"
+        ".map((r) => r.left > f.left && r.right < f.right && r.top > f.top && r.bottom < f.bottom)"
+    )
+    assert opened.run(inside) == [True, True]
+    opened.type_into("drive-mass", Keys.BACKSPACE)
+
+
 def test_what_was_found_for_another_load_says_so(opened) -> None:
     """Also once the layers are known, which the service says of the linkage meanwhile; the same entry again is the same load."""
     opened.wait("document.querySelectorAll('#solutions li').length > 0")
