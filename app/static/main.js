@@ -113,7 +113,7 @@ function suggest({ reply: { report, solutions }, request }) {
 function sayAnswer() {
   const { reply: { solutions } } = answer;
   if (editor.board.stale) {
-    say("The motion has changed since it was solved.");
+    say("The question has changed since it was answered.");
     return;
   }
   say(sentenceOf(answer), !solutions.length || defects(solutions[0].verdict).length > 0);

@@ -24,7 +24,7 @@ const ENDINGS = { mjcf: "xml", plates: "plates.dxf", pylinkage: "pylinkage.json"
 const OF_PARTS = ["step", "3mf", "stl", "urdf", "sdf", "parts"];
 const ENDS = { tolerance: "tolerance reached", converged: "no further improvement found", budget: "the time was up" };
 const REST_MS = 120; // without a further drag, after which the curves are drawn anew
-const NEAR = 2.5; // other solutions are fitted into the view where they lie within so many sizes of the selected one
+const NEAR = 2.5; // views of the motion, or of the selected linkage if that needs more, that further solutions may widen the view to
 
 /** Rows [name, value] of a solution, its lengths and angles with `digits` digits. */
 function numberRows(solution, { motion, size }, digits) {
@@ -265,16 +265,18 @@ export class Results {
     this.driving.select(solution);
   }
 
-  /** Fits all solutions that are not much larger than the selected one, so that the scale can stay while one looks at them. */
+  /** Fits the selected solution, and those beside it that leave the motion large enough to be looked at. */
   #fitAll(solutions) {
-    const extent = (points) => Math.max(...[0, 1].map((i) => Math.max(...points.map((p) => p[i])) - Math.min(...points.map((p) => p[i]))));
-    const own = this.player.shown.used.filter(Boolean).flatMap((j) => [j.a, j.b, j.c, j.d]);
+    const { board, answer: { motion } } = this, { width, height } = board.view, jointsOf = (used) => used.filter(Boolean).flatMap((j) => [j.a, j.b, j.c, j.d, j.p]);
+    const extent = (points) => Math.max(...[width, height].map((pixels, i) => { const all = points.map((p) => p[i]); return (Math.max(...all) - Math.min(...all)) / pixels; }));
+    const own = jointsOf(this.player.shown.used), wanted = board.hasPlaces ? motion.poses.filter(({ x }) => x !== null).map(({ x, y }) => [x, y]) : [];
     if (!own.length) return;
-    const more = solutions.slice(0, 12).flatMap((solution) => {
-      const { at } = fitOf(solution, this.answer.motion), points = at.filter(Boolean).flatMap((j) => [j.a, j.b, j.c, j.d]);
-      return points.length && extent([...own, ...points]) <= NEAR * extent(own) ? points : [];
-    });
-    this.board.fit(more);
+    const most = Math.max(extent([...own, ...wanted]), NEAR * extent(wanted.length > 1 ? wanted : own)), more = [];
+    for (const solution of solutions.slice(0, 12)) {
+      const points = jointsOf(fitOf(solution, motion).at);
+      if (points.length && extent([...own, ...wanted, ...more, ...points]) <= most) more.push(...points);
+    }
+    board.fit(more);
   }
 
   #showOthers() {
