@@ -98,6 +98,9 @@ export class Driving {
   /** What is exported with the linkage: the drive that is shown. */
   get shown() { return this.drive && this.drive.kind ? this.drive : null; }
 
+  /** Whether forces are newtons: a mass or a bundled catalogue says so. Else they have the load's own unit. */
+  get #newtons() { return /"masses"|"catalogue":"\w+"/.test(this.asked.get(this.reply)); }
+
   /** Fields that belong to the kind that is picked. */
   #offer() {
     const kind = $("drive-kind").value, own = $("drive-catalogue").value;
@@ -135,7 +138,7 @@ export class Driving {
       this.asked.set(reply, questionOf(request));
       const found = reply.drives.length + reply.springs.length;
       this.#use(reply);
-      this.#say([found ? "" : "None was found.", ...reply.notes.map((one) => `${one[0].toUpperCase()}${one.slice(1)}.`)].join(" ").trim(), !found);
+      this.#say([found ? "" : "None was found.", ...reply.notes.map((one) => (one.startsWith("no load") ? "No load was given: each has the best leverage that was found, and there are no forces to tell." : `${one[0].toUpperCase()}${one.slice(1)}.`))].join(" ").trim(), !found);
       this.#compare();
     } catch (error) {
       if (error.name !== "AbortError") this.#say(error.message, true);
@@ -168,12 +171,15 @@ export class Driving {
   rows() {
     const { drive } = this, unit = this.answer?.motion.unit ?? "";
     if (!drive) return [];
-    const number = (one, digits = 5) => text(one, digits), place = (pair) => `${pair.map((one) => number(one)).join(", ")} ${unit}`;
+    const newtons = this.#newtons, number = (one, digits = 5) => text(one, digits), place = (pair) => `${pair.map((one) => number(one)).join(", ")} ${unit}`;
+    // thousands apart
+    const force = (one) => `${text(one, 4).replace(/\B(?=(\d{3})+$)/g, "\u202f")}${newtons ? " N" : ""}`, torque = (one) => `${force(one)}${newtons ? `·${unit}` : ""}`;
+    const units = newtons ? [] : [["forces, torques", `in the load’s unit, and that times ${unit}`]];
     if (drive.springs) {
-      return drive.springs.flatMap((one) => [
-        [`${one.kind} spring`, `${one.name ?? `${number(one.stiffness)} per ${unit}`}, ${one.between.join(" to ")}`], ["its ends", one.points.map(place).join(" and ")], ["its length", `${number(one.length[0])} to ${number(one.length[1])} ${unit}`],
-        ["torque left (rms)", `${number(one.torque.after.rms, 3)} of ${number(one.torque.before.rms, 3)}`], ["by itself", one.stays],
-      ]);
+      return [...drive.springs.flatMap((one) => [
+        [`${one.kind} spring`, `${one.name ?? `${force(one.stiffness)} per ${unit}`}, ${one.between.join(" to ")}`], ["its ends", one.points.map(place).join(" and ")], ["its length", `${number(one.length[0])} to ${number(one.length[1])} ${unit}`],
+        ["torque left (rms)", `${torque(one.torque.after.rms)} of ${torque(one.torque.before.rms)}`], ["by itself", one.stays],
+      ]), ...units];
     }
     const turns = driveTurns(this.solution), rows = [["drive", `${drive.name ?? KINDS[drive.kind]} on the ${drive.link}${drive.byHand ? ", by hand" : ""}`]];
     if (drive.motor) rows.push(["motor", place(drive.motor)]);
@@ -182,14 +188,14 @@ export class Driving {
     if (drive.retracted) rows.push(["retracted, stroke", `${number(drive.retracted)} + ${number(drive.stroke)} ${unit}, ${drive.extends ? "extends" : "retracts"}`]);
     if (drive.dead !== undefined && drive.dead !== null) rows.push(["dead point", `at ${number(drive.dead)}${turns ? "°" : ` ${unit}`}`]);
     if (drive.arm_min !== null && drive.arm_min !== undefined) rows.push(["least arm", `${number(drive.arm_min)} ${armUnit(unit, turns)}`]);
-    if (drive.peak_force !== null) rows.push(["peak force", `${number(drive.peak_force)}${drive.over_bound ? `, ${number(drive.over_bound, 4)} × the least there can be` : ""}`]);
-    if (drive.peak_torque !== null) rows.push([drive.kind === "toggle" ? "torque at the handle" : "peak torque", number(drive.peak_torque)]);
-    if (drive.holding) rows.push(["holding, first and last", drive.holding.map((one) => number(one, 4)).join(", ")]);
+    if (drive.peak_force !== null) rows.push(["peak force", `${force(drive.peak_force)}${drive.over_bound ? `, ${number(drive.over_bound, 4)} × the least there can be` : ""}`]);
+    if (drive.peak_torque !== null) rows.push([drive.kind === "toggle" ? "torque at the handle" : "peak torque", torque(drive.peak_torque)]);
+    if (drive.holding) rows.push(["holding, first and last", drive.holding.map(drive.peak_force === null ? torque : force).join(", ")]);
     if (drive.buckling) rows.push(["buckling", drive.buckling.safety === null ? "never pushed" : `${number(drive.buckling.safety, 3)} times safe`]);
     if (drive.six_bar) rows.push(["crank and rod", `${number(drive.six_bar.crank)}, ${number(drive.six_bar.coupler)} ${unit}`], ["time ratio", number(drive.six_bar.time_ratio, 4)], ["transmission of the rod", `${number(drive.six_bar.transmission_angle_min, 4)}° or more`]);
     if (drive.lock) rows.push(["handle and strut", `${number(drive.lock.handle)}, ${number(drive.lock.strut)} ${unit}`], ["over centre", `${number(drive.lock.over_centre, 3)}° at the ${drive.lock.at} pose`]);
     rows.push(["stops", drive.stops], ["without power", drive.holds]);
-    return rows;
+    return drive.peak_force ?? drive.peak_torque ? [...rows, ...units] : rows;
   }
 
   /** Its parts at the first pose as lines, for the sheet. */

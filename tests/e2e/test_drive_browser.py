@@ -42,6 +42,23 @@ def test_fit_shows_both_ends_of_a_cylinder(opened) -> None:
     opened.type_into("drive-mass", Keys.BACKSPACE)
 
 
+def test_forces_have_a_unit_where_it_is_known(opened) -> None:
+    opened.wait("document.querySelectorAll('#solutions li').length > 0")
+    found(opened)
+    assert opened.text("drive-note").startswith("No load was given: ") and "unit" not in opened.text("drive-numbers")
+    opened.select("drive-kind", "rotary")
+    opened.type_into("drive-mass", "2500")
+    found(opened)
+    assert re.search(r"peak torque \d[\d\u202f]*\u202f\d{3} N·mm", opened.text("drive-numbers"))
+    opened.type_into("drive-mass", Keys.BACKSPACE)
+    opened.type_into("drive-force-y", "-100")
+    found(opened)
+    rows = opened.text("drive-numbers")
+    assert "in the load’s unit" in rows and " N" not in rows
+    opened.type_into("drive-force-y", Keys.BACKSPACE)
+    opened.select("drive-kind", "actuator")
+
+
 def test_what_was_found_for_another_load_says_so(opened) -> None:
     """Also once the layers are known, which the service says of the linkage meanwhile; the same entry again is the same load."""
     opened.wait("document.querySelectorAll('#solutions li').length > 0")
