@@ -18,7 +18,6 @@ const DRAWN = 41; // samples of a drawn curve
 const PAD = { width: 320, height: 200, border: 8 };
 const STATUS = {
   reached: "Solved: the best linkage makes the function to within rounding.",
-  closest: "No linkage was found that makes exactly this function; these come closest.",
   infeasible: "No linkage was found within these limits. Loosen one of them.",
   unknown: "No linkage was found before the search was cut short, which proves nothing.",
 };
@@ -320,7 +319,8 @@ function inDegrees(reply, unit) {
 }
 
 function sayStatus() {
-  say(STATUS[answer.reply.status], !answer.reply.solutions.length);
+  const { status, solutions: [best] } = answer.reply;
+  say(STATUS[status] ?? `Best found: off by at most ${text(best.errors.max, 3)}${answer.signs[1]}.`, !best);
 }
 
 function show(request, reply) {

@@ -145,7 +145,7 @@ export class Layers {
       return;
     }
     const { status, count, least_gap: gap } = assembly, { unit } = this.answer.motion;
-    const state = { free: `Nothing collides in ${layersOf(count)}`, touching: `In ${layersOf(count)} parts may just touch`, blocked: "No layers are free" }[status];
+    const state = { free: `Nothing collides in ${layersOf(count)}`, touching: `In ${layersOf(count)} parts may just touch`, blocked: assembly.exhaustive ? "Cannot be built so: parts collide in every order of the layers allowed" : "Parts collide in every order of layers that was tried" }[status];
     words.textContent = `${state}${gap ? `; least gap ${text(gap.value, 4)} ${unit} beyond the clearance, ${inWords(gap.pair)} at ${placeText(gap.crank_angle, this.#sign)}` : ""}.`;
     host.removeAttribute("hidden");
     drawStack(host, assembly);

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -27,7 +28,7 @@ def solve(page) -> None:
 
 def test_a_chosen_function_shows_linkage_and_error_and_is_saved(page) -> None:
     solve(page)
-    assert "come closest" in page.text("status")
+    assert re.fullmatch(r"Best found: off by at most 0\.0\d+°\.", page.text("status"))
     assert len(page.cards()) >= 1
     assert page.texts("#curves h3")[:2] == ["Error in degrees of the rocker", "Error in units of y"]
     assert "Extremes as large, alternating" in page.text("numbers")
@@ -172,7 +173,7 @@ def test_cards_of_an_earlier_question_say_so(page) -> None:
     page.click("one-way")
     assert set(page.run(marks)) == {True} and "has changed" in page.text("status")
     page.click("one-way")
-    assert set(page.run(marks)) == {False} and "come closest" in page.text("status")
+    assert set(page.run(marks)) == {False} and "off by at most" in page.text("status")
     page.run("window.fetch = () => Promise.reject(new TypeError('gone'))")
     solve(page)
     assert set(page.run(marks)) == {True} and "cannot be reached" in page.text("status")
@@ -196,7 +197,7 @@ def test_a_function_with_travel_is_asked_drawn_and_saved(page, drive: str, named
     assert page.text("output-label") == named and page.text("input-unit") == unit
     assert not page.shown("family") and not page.shown("round")
     solve(page)
-    assert page.cards() and "come closest" in page.text("status")
+    assert page.cards() and "off by at most" in page.text("status")
     assert "driven by its" in page.text("numbers") and "Largest error" in page.text("numbers")
     before = page.one("#canvas .block").get_attribute("d")
     page.slide(1)
