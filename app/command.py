@@ -54,7 +54,9 @@ def add_query(parser: argparse.ArgumentParser, query: Query) -> None:
     about = f"answer a bundled example instead: {shown}"
     file = _FILE_HELP[query.from_csv is not None]
     if _takes_linkage(query):
-        file = file.replace("the request as JSON", "the request as JSON, or a file of `synthesize --export FILE.json`")
+        file = file.replace(
+            "the request as JSON", "the request as JSON, or a file of `synthesize --export FILE.json`"
+        )
     examples = add_request(parser, query, query.summary, file, about)
     if "limits" in query.request.model_fields:
         parser.add_argument(
@@ -287,6 +289,10 @@ def read_request(query: Query, text: bytes, also: Sequence[tuple[list[str], Any]
         else:
             request = query.request.model_validate_json(text)
     except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        if not is_json and first["type"] == "too_short":  # of each of its columns
+            few = first["ctx"]
+            raise FieldError("", f"wanted at least {few['min_length']} rows, found {few['actual_length']}") from None
         raise invalid(error, query.request) from None
     return request
 
