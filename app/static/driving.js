@@ -173,7 +173,7 @@ export class Driving {
     if (!drive) return [];
     const newtons = this.#newtons, number = (one, digits = 5) => text(one, digits), place = (pair) => `${pair.map((one) => number(one)).join(", ")} ${unit}`;
     // thousands apart
-    const force = (one) => `${text(one, 4).replace(/\B(?=(\d{3})+$)/g, "\u202f")}${newtons ? " N" : ""}`, torque = (one) => `${force(one)}${newtons ? `·${unit}` : ""}`;
+    const force = (one) => `${text(one, 4).replace(/^-?\d+/, (whole) => whole.replace(/\B(?=(\d{3})+$)/g, "\u202f"))}${newtons ? " N" : ""}`, torque = (one) => `${force(one)}${newtons ? `·${unit}` : ""}`;
     const units = newtons ? [] : [["forces, torques", `in the load’s unit, and that times ${unit}`]];
     if (drive.springs) {
       return [...drive.springs.flatMap((one) => [

@@ -51,10 +51,11 @@ def test_forces_have_a_unit_where_it_is_known(opened) -> None:
     found(opened)
     assert re.search(r"peak torque \d[\d\u202f]*\u202f\d{3} N·mm", opened.text("drive-numbers"))
     opened.type_into("drive-mass", Keys.BACKSPACE)
-    opened.type_into("drive-force-y", "-100")
+    opened.type_into("drive-force-y", "-0.00123")
     found(opened)
     rows = opened.text("drive-numbers")
     assert "in the load’s unit" in rows and " N" not in rows
+    assert re.search(r"peak torque 0\.\d{3,}", rows) and not re.search(r"\.\d+\u202f", rows)
     opened.type_into("drive-force-y", Keys.BACKSPACE)
     opened.select("drive-kind", "actuator")
 

@@ -273,7 +273,8 @@ def test_larger_solutions_further_down_leave_the_motion_large(standing) -> None:
         "one.mount.coupler_point.radius *= 2"
     )
     page.solve()
-    dots = "return [...document.querySelectorAll('#canvas .dot')].map((one) => one.getBoundingClientRect()).map((one) => [one.x, one.y])"
+    dots = "const at = (one) => { const f = one.getBoundingClientRect(); return [f.x, f.y] };"
+    dots += "return [...document.querySelectorAll('#canvas .dot')].map(at)"
     size = page.run("const c = document.getElementById('canvas'); return [c.clientWidth, c.clientHeight]")
     assert page.in_view() and max(np.ptp(page.run(dots), axis=0) / size) > 0.33
 
