@@ -98,8 +98,8 @@ export class Driving {
   /** What is exported with the linkage: the drive that is shown. */
   get shown() { return this.drive && this.drive.kind ? this.drive : null; }
 
-  /** Whether forces are newtons: a mass or a bundled catalogue says so. Else they have the load's own unit. */
-  get #newtons() { return /"masses"|"catalogue":"\w+"/.test(this.asked.get(this.reply)); }
+  /** Whether forces are newtons: a mass, a bundled catalogue or its gas springs say so. Else they have the load's own unit. */
+  get #newtons() { return /"masses"|"catalogue":"\w+"|"gas"/.test(this.asked.get(this.reply)); }
 
   /** Fields that belong to the kind that is picked. */
   #offer() {
