@@ -224,17 +224,18 @@ export class Driving {
       const order = x.map((at, k) => [sense * at, k]).sort((a, b) => a[0] - b[0]);
       this.charts.push(titledChart(host, title, { x: order.map(([at]) => at), series: series.map((one) => ({ ...one, values: order.map(([, k]) => one.values[k]) })), height: 140, ...axis }));
     };
+    const [newtons, moment] = this.#newtons ? [", N", `, N·${unit}`] : ["", ""];
     if (drive.springs) {
       const { curve } = drive.springs[0];
-      add("Torque of the drive with the springs (dashed: without)", curve.crank_angle, [{ values: curve.torque, colour: "body" }, { values: reply.torque.torque, colour: "muted", dash: [6, 4], width: 1.2 }]);
+      add(`Torque of the drive with the springs${moment} (dashed: without)`, curve.crank_angle, [{ values: curve.torque, colour: "body" }, { values: reply.torque.torque, colour: "muted", dash: [6, 4], width: 1.2 }]);
       return;
     }
     const { curve, bound } = drive, level = (one) => ({ values: curve.crank_angle.map(() => one), colour: "box", dash: [6, 4], width: 1.2 });
     if (curve.force) {
       const amounts = curve.force.map(Math.abs);
-      add(`Force of the ${KINDS[drive.kind]}, push or pull${bound ? " (dashed: no peak is below this)" : ""}`, curve.crank_angle, [{ values: amounts, colour: "body" }, ...(bound ? [level(bound)] : [])]);
+      add(`Force of the ${KINDS[drive.kind]}, push or pull${newtons}${bound ? " (dashed: no peak is below this)" : ""}`, curve.crank_angle, [{ values: amounts, colour: "body" }, ...(bound ? [level(bound)] : [])]);
     }
-    if (curve.torque) add(drive.kind === "dyad" ? "Torque of the motor, forwards" : drive.kind === "toggle" ? "Torque at the handle" : "Torque", curve.crank_angle, [{ values: curve.torque, colour: "body" }]);
+    if (curve.torque) add((drive.kind === "dyad" ? "Torque of the motor, forwards" : drive.kind === "toggle" ? "Torque at the handle" : "Torque") + moment, curve.crank_angle, [{ values: curve.torque, colour: "body" }]);
     if (curve.arm) add(`Moment arm, ${armUnit(unit, turns)}`, curve.crank_angle, [{ values: curve.arm.map(Math.abs), colour: "path" }]);
     this.#mark();
   }

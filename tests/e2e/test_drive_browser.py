@@ -50,6 +50,7 @@ def test_forces_have_a_unit_where_it_is_known(opened) -> None:
     opened.type_into("drive-mass", "2500")
     found(opened)
     assert re.search(r"peak torque \d[\d\u202f]*\u202f\d{3} N·mm", opened.text("drive-numbers"))
+    assert opened.texts("#drive-curves h3") == ["Torque, N·mm"]
     opened.type_into("drive-mass", Keys.BACKSPACE)
     opened.type_into("drive-force-y", "-0.00123")
     found(opened)
