@@ -74,6 +74,16 @@ def run(options: argparse.Namespace) -> int:
         return Exit.USAGE
 
 
+class _Command(argparse.ArgumentParser):
+    """Of one command: what it does not know it says itself, with its own usage."""
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        options, unknown = super().parse_known_args(args, namespace)
+        if unknown:
+            self.error(f"unrecognized arguments: {' '.join(unknown)}")
+        return options, unknown
+
+
 def make_parser(whole: bool = False, named: str | None = None) -> argparse.ArgumentParser:
     """The parser of a command that is ``named``, or the ``whole`` one; the arguments of the others are not loaded."""
     plain = argparse.RawDescriptionHelpFormatter
@@ -81,7 +91,7 @@ def make_parser(whole: bool = False, named: str | None = None) -> argparse.Argum
         prog="linkage-atlas", description=DESCRIPTION, epilog=EPILOG, formatter_class=plain
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
-    commands = parser.add_subparsers(metavar="COMMAND", required=True)
+    commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=_Command)
     for name, (text, add) in _COMMANDS.items():
         command = commands.add_parser(name, help=text)
         if whole or name == named:
@@ -144,8 +154,12 @@ def _example(options: argparse.Namespace) -> int:
     from app.terminal import left_table
 
     if options.name is None:
-        rows = [(name, *example) for name, example in all_examples().items() if not name.startswith("synthesize-")]
-        print(left_table(("name", "answered by", "what it is"), [(name, by, about) for name, by, _, about in rows]))
+        rows, before = [], ""
+        for name, (by, _, about) in all_examples().items():
+            if not name.startswith("synthesize-"):
+                rows.append((name, by, '"' if about == before else about))
+                before = about
+        print(left_table(("name", "answered by", "what it is"), rows))
         return Exit.OK
     example = all_examples()[options.name]
     print(_pretty(example.request))

@@ -52,7 +52,12 @@ def add_query(parser: argparse.ArgumentParser, query: Query) -> None:
     prefix = query.command.replace(" ", "-") + "-"
     shown = ", ".join(name for name in examples_of(query) if not name.startswith(prefix))
     about = f"answer a bundled example instead: {shown}"
-    examples = add_request(parser, query, query.summary, _FILE_HELP[query.from_csv is not None], about)
+    file = _FILE_HELP[query.from_csv is not None]
+    if _takes_linkage(query):
+        file = file.replace(
+            "the request as JSON", "the request as JSON, or a file of `synthesize --export FILE.json`"
+        )
+    examples = add_request(parser, query, query.summary, file, about)
     if "limits" in query.request.model_fields:
         parser.add_argument(
             "--no-preset",
@@ -279,13 +284,28 @@ def read_request(query: Query, text: bytes, also: Sequence[tuple[list[str], Any]
     try:
         if query.from_csv is not None and not is_json:
             request = query.request.model_validate(query.from_csv(decoded(text), with_fields({}, also), unwrap))
-        elif also:
-            request = query.request.model_validate(with_fields(parsed(text), also))
+        elif also or _takes_linkage(query):
+            request = query.request.model_validate(with_fields(_asked_of(query, parsed(text)), also))
         else:
             request = query.request.model_validate_json(text)
     except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        if not is_json and first["type"] == "too_short":  # of each of its columns
+            few = first["ctx"]
+            raise FieldError("", f"wanted at least {few['min_length']} rows, found {few['actual_length']}") from None
         raise invalid(error, query.request) from None
     return request
+
+
+def _takes_linkage(query: Query) -> bool:
+    return {"linkage", "request"} <= query.request.model_fields.keys()
+
+
+def _asked_of(query: Query, body: Any) -> Any:
+    """A body; a file of `synthesize --export` has its linkage as its solution."""
+    if _takes_linkage(query) and isinstance(body, dict) and "linkage" not in body and "solution" in body:
+        return {("linkage" if name == "solution" else name): value for name, value in body.items()}
+    return body
 
 
 def parsed(text: bytes) -> Any:

@@ -163,7 +163,7 @@ def invalid(error: ValidationError, model: type[BaseModel]) -> Invalid:
         elif row["type"] == "list_type":
             row["msg"] = "Input should be a list, as [1, 2]"
         elif row["type"] == "greater_than_equal" and 0 < row["ctx"]["ge"] < 1e-6:  # pydantic writes all of its zeros
-            row["msg"] = f"Input should be at least {row['ctx']['ge']:g}"
+            row["msg"] = f"Input should be above 0, at least {row['ctx']['ge']:g}"
         elif row["type"] == "less_than_equal" and row["ctx"]["le"] > 1e15:
             row["msg"] = f"Input should be at most {row['ctx']['le']:g}"
     return Invalid(rows)

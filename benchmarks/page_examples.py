@@ -182,7 +182,7 @@ def stored(reply: dict[str, Any]) -> dict[str, Any]:
 def text(found: dict[str, Any]) -> str:
     """The file's content, with replies by the example's name."""
     rows = [one | {"reply": found.get(one["name"])} for one in examples()]
-    return "[\n" + ",\n".join(json.dumps(one, ensure_ascii=False) for one in rows) + "\n]\n"
+    return "[\n" + ",\n".join(json.dumps(one, ensure_ascii=False, separators=(",", ":")) for one in rows) + "\n]\n"
 
 
 def stored_replies() -> dict[str, Any]:

@@ -112,7 +112,10 @@ export class Board {
 
   get hasPlaces() { return this.motion && wantsPlaces(this.motion); }
 
-  /** Fits the motion, the linkage, and the points `more` into the view. */
+  /** Points of what drives the linkage. */
+  driven = () => [];
+
+  /** Fits the motion, the linkage, its drive, and the points `more` into the view. */
   fit(more = []) {
     const { clientWidth: width, clientHeight: height } = this.svg;
     if (width && height) {
@@ -124,6 +127,7 @@ export class Board {
     const box = this.motion?.limits.box;
     if (box && this.hasPlaces) points.push([box[0], box[1]], [box[2], box[3]]);
     if (this.linkage) for (const j of this.linkage.used) if (j) points.push(j.a, j.b, j.c, j.d, j.p);
+    if (this.linkage && !this.stale) points.push(...this.driven());
     if (this.hasPlaces && points.length && points.every((point) => point && point[0] === points[0][0] && point[1] === points[0][1])) points.push([points[0][0] + 50, points[0][1] + 50], [points[0][0] - 50, points[0][1] - 50]);
     this.view.fit([...points, ...more], this.view.width < 500 ? 38 : 52);
     this.draw();

@@ -1,6 +1,7 @@
 // What drives the selected linkage: asks for cylinders, motors, locks and springs, moves one, and lets its pins be dragged.
 
 import { redrawOn, titledChart } from "./charts.js";
+import { numberIn } from "./decimal.js";
 import { element, make, namedRows, put, text } from "./drawing.js";
 import { driveTurns } from "./drive.js";
 import { fitOf } from "./fit.js";
@@ -12,9 +13,12 @@ const KINDS = { actuator: "cylinder", rotary: "drive in a hinge", dyad: "motor a
 const FIELDS = ["kind", "catalogue", "retracted", "stroke", "ratio", "reach", "force-x", "force-y", "torque", "mass"];
 const WIDE = 0.09; // of a cylinder's body, over its retracted length
 const HANDLE = 8; // pixels
+const EARLIER = "What is shown was found for other entries: Find asks again.";
 
-const value = (id) => { const number = $(`drive-${id}`).valueAsNumber; return Number.isFinite(number) ? number : null; };
+const value = (id) => numberIn(`drive-${id}`);
 const given = (fields) => Object.fromEntries(Object.entries(fields).filter(([, one]) => one !== null && one !== ""));
+/** What the fields have asked, whatever the service has said of the linkage since. */
+const questionOf = ({ load, drives, springs }) => JSON.stringify([load, drives, springs]);
 const less = ([a, b], [c, d]) => [a - c, b - d];
 const turned = ([x, y], angle) => [x * Math.cos(angle) - y * Math.sin(angle), x * Math.sin(angle) + y * Math.cos(angle)];
 
@@ -49,12 +53,14 @@ function moved(drive, linkage, torque) {
 
 export class Driving {
   constructor(board, player) {
-    Object.assign(this, { board, player, answer: null, solution: null, reply: null, drive: null, control: null, charts: [], kept: new Map() });
+    Object.assign(this, { board, player, answer: null, solution: null, reply: null, drive: null, control: null, charts: [], kept: new Map(), asked: new WeakMap() });
     $("drive-find").addEventListener("click", () => this.#find());
     $("drive-kind").addEventListener("change", () => this.#offer());
     $("drive-catalogue").addEventListener("change", () => { this.#offer(); if ($("drive-catalogue").value === "own") $("drive-file").click(); });
     $("drive-file").addEventListener("change", async () => { this.table = await $("drive-file").files[0]?.text(); this.#say(this.table ? `Rows of ${$("drive-file").files[0].name}.` : ""); });
+    for (const id of FIELDS) for (const name of ["input", "change"]) $(`drive-${id}`).addEventListener(name, () => this.#compare());
     for (const id of FIELDS) $(`drive-${id}`).addEventListener("keydown", (event) => { if (event.key === "Enter") { event.preventDefault(); this.#find(); } });
+    board.driven = () => this.lines().flat();
     board.seen.push(() => this.#draw());
     board.redrawn.push(() => this.#draw());
     redrawOn($("drive-curves"), () => this.#curves());
@@ -75,10 +81,25 @@ export class Driving {
     this.solution = solution;
     this.#use(this.kept.get(solution) ?? null);
     this.#say("");
+    this.#compare();
+  }
+
+  /** Says so where fields have changed since what is shown was found: its forces are those of another load. */
+  #compare() {
+    if (!this.reply) return;
+    let asked = "";
+    try { asked = questionOf(this.#request()); } catch { /* it cannot be asked as it is */ }
+    const earlier = asked !== this.asked.get(this.reply);
+    $("drive-card").classList.toggle("other", earlier);
+    if (earlier) this.#say(EARLIER);
+    else if ($("drive-note").textContent === EARLIER) this.#say("");
   }
 
   /** What is exported with the linkage: the drive that is shown. */
   get shown() { return this.drive && this.drive.kind ? this.drive : null; }
+
+  /** Whether forces are newtons: a mass, a bundled catalogue or its gas springs say so. Else they have the load's own unit. */
+  get #newtons() { return /"masses"|"catalogue":"\w+"|"gas"/.test(this.asked.get(this.reply)); }
 
   /** Fields that belong to the kind that is picked. */
   #offer() {
@@ -107,21 +128,18 @@ export class Driving {
   async #find() {
     if (!this.solution) return;
     this.control?.abort();
-    const bad = FIELDS.map((id) => $(`drive-${id}`)).find((one) => one.checkVisibility() && !one.checkValidity());
-    if (bad) {
-      this.#say(`${bad.parentNode.textContent.trim()}: ${bad.validationMessage}`, true);
-      return;
-    }
     const control = new AbortController(), { solution } = this;
     this.control = control;
     this.#say("Looking…");
     try {
-      const reply = await (await ask("/v1/drives", this.#request(), control.signal)).json();
+      const request = this.#request(), reply = await (await ask("/v1/drives", request, control.signal)).json();
       if (control.signal.aborted) return;
       this.kept.set(solution, reply);
+      this.asked.set(reply, questionOf(request));
       const found = reply.drives.length + reply.springs.length;
       this.#use(reply);
-      this.#say([found ? "" : "None was found.", ...reply.notes.map((one) => `${one[0].toUpperCase()}${one.slice(1)}.`)].join(" ").trim(), !found);
+      this.#say([found ? "" : "None was found.", ...reply.notes.map((one) => (one.startsWith("no load") ? "No load was given: each has the best leverage that was found, and there are no forces to tell." : `${one[0].toUpperCase()}${one.slice(1)}.`))].join(" ").trim(), !found);
+      this.#compare();
     } catch (error) {
       if (error.name !== "AbortError") this.#say(error.message, true);
     }
@@ -153,12 +171,15 @@ export class Driving {
   rows() {
     const { drive } = this, unit = this.answer?.motion.unit ?? "";
     if (!drive) return [];
-    const number = (one, digits = 5) => text(one, digits), place = (pair) => `${pair.map((one) => number(one)).join(", ")} ${unit}`;
+    const newtons = this.#newtons, number = (one, digits = 5) => text(one, digits), place = (pair) => `${pair.map((one) => number(one)).join(", ")} ${unit}`;
+    // thousands apart
+    const force = (one) => `${text(one, 4).replace(/^-?\d+/, (whole) => whole.replace(/\B(?=(\d{3})+$)/g, "\u202f"))}${newtons ? " N" : ""}`, torque = (one) => `${force(one)}${newtons ? `·${unit}` : ""}`;
+    const units = newtons ? [] : [["forces, torques", `in the load’s unit, and that times ${unit}`]];
     if (drive.springs) {
-      return drive.springs.flatMap((one) => [
-        [`${one.kind} spring`, `${one.name ?? `${number(one.stiffness)} per ${unit}`}, ${one.between.join(" to ")}`], ["its ends", one.points.map(place).join(" and ")], ["its length", `${number(one.length[0])} to ${number(one.length[1])} ${unit}`],
-        ["torque left (rms)", `${number(one.torque.after.rms, 3)} of ${number(one.torque.before.rms, 3)}`], ["by itself", one.stays],
-      ]);
+      return [...drive.springs.flatMap((one) => [
+        [`${one.kind} spring`, `${one.name ?? `${force(one.stiffness)} per ${unit}`}, ${one.between.join(" to ")}`], ["its ends", one.points.map(place).join(" and ")], ["its length", `${number(one.length[0])} to ${number(one.length[1])} ${unit}`],
+        ["torque left (rms)", `${torque(one.torque.after.rms)} of ${torque(one.torque.before.rms)}`], ["by itself", one.stays],
+      ]), ...units];
     }
     const turns = driveTurns(this.solution), rows = [["drive", `${drive.name ?? KINDS[drive.kind]} on the ${drive.link}${drive.byHand ? ", by hand" : ""}`]];
     if (drive.motor) rows.push(["motor", place(drive.motor)]);
@@ -167,14 +188,14 @@ export class Driving {
     if (drive.retracted) rows.push(["retracted, stroke", `${number(drive.retracted)} + ${number(drive.stroke)} ${unit}, ${drive.extends ? "extends" : "retracts"}`]);
     if (drive.dead !== undefined && drive.dead !== null) rows.push(["dead point", `at ${number(drive.dead)}${turns ? "°" : ` ${unit}`}`]);
     if (drive.arm_min !== null && drive.arm_min !== undefined) rows.push(["least arm", `${number(drive.arm_min)} ${armUnit(unit, turns)}`]);
-    if (drive.peak_force !== null) rows.push(["peak force", `${number(drive.peak_force)}${drive.over_bound ? `, ${number(drive.over_bound, 4)} × the least there can be` : ""}`]);
-    if (drive.peak_torque !== null) rows.push([drive.kind === "toggle" ? "torque at the handle" : "peak torque", number(drive.peak_torque)]);
-    if (drive.holding) rows.push(["holding, first and last", drive.holding.map((one) => number(one, 4)).join(", ")]);
+    if (drive.peak_force !== null) rows.push(["peak force", `${force(drive.peak_force)}${drive.over_bound ? `, ${number(drive.over_bound, 4)} × the least there can be` : ""}`]);
+    if (drive.peak_torque !== null) rows.push([drive.kind === "toggle" ? "torque at the handle" : "peak torque", torque(drive.peak_torque)]);
+    if (drive.holding) rows.push(["holding, first and last", drive.holding.map(drive.peak_force === null ? torque : force).join(", ")]);
     if (drive.buckling) rows.push(["buckling", drive.buckling.safety === null ? "never pushed" : `${number(drive.buckling.safety, 3)} times safe`]);
     if (drive.six_bar) rows.push(["crank and rod", `${number(drive.six_bar.crank)}, ${number(drive.six_bar.coupler)} ${unit}`], ["time ratio", number(drive.six_bar.time_ratio, 4)], ["transmission of the rod", `${number(drive.six_bar.transmission_angle_min, 4)}° or more`]);
     if (drive.lock) rows.push(["handle and strut", `${number(drive.lock.handle)}, ${number(drive.lock.strut)} ${unit}`], ["over centre", `${number(drive.lock.over_centre, 3)}° at the ${drive.lock.at} pose`]);
     rows.push(["stops", drive.stops], ["without power", drive.holds]);
-    return rows;
+    return drive.peak_force ?? drive.peak_torque ? [...rows, ...units] : rows;
   }
 
   /** Its parts at the first pose as lines, for the sheet. */
@@ -203,17 +224,18 @@ export class Driving {
       const order = x.map((at, k) => [sense * at, k]).sort((a, b) => a[0] - b[0]);
       this.charts.push(titledChart(host, title, { x: order.map(([at]) => at), series: series.map((one) => ({ ...one, values: order.map(([, k]) => one.values[k]) })), height: 140, ...axis }));
     };
+    const [newtons, moment] = this.#newtons ? [", N", `, N·${unit}`] : ["", ""];
     if (drive.springs) {
       const { curve } = drive.springs[0];
-      add("Torque of the drive with the springs (dashed: without)", curve.crank_angle, [{ values: curve.torque, colour: "body" }, { values: reply.torque.torque, colour: "muted", dash: [6, 4], width: 1.2 }]);
+      add(`Torque of the drive with the springs${moment} (dashed: without)`, curve.crank_angle, [{ values: curve.torque, colour: "body" }, { values: reply.torque.torque, colour: "muted", dash: [6, 4], width: 1.2 }]);
       return;
     }
     const { curve, bound } = drive, level = (one) => ({ values: curve.crank_angle.map(() => one), colour: "box", dash: [6, 4], width: 1.2 });
     if (curve.force) {
       const amounts = curve.force.map(Math.abs);
-      add(`Force of the ${KINDS[drive.kind]}, push or pull${bound ? " (dashed: no peak is below this)" : ""}`, curve.crank_angle, [{ values: amounts, colour: "body" }, ...(bound ? [level(bound)] : [])]);
+      add(`Force of the ${KINDS[drive.kind]}, push or pull${newtons}${bound ? " (dashed: no peak is below this)" : ""}`, curve.crank_angle, [{ values: amounts, colour: "body" }, ...(bound ? [level(bound)] : [])]);
     }
-    if (curve.torque) add(drive.kind === "dyad" ? "Torque of the motor, forwards" : drive.kind === "toggle" ? "Torque at the handle" : "Torque", curve.crank_angle, [{ values: curve.torque, colour: "body" }]);
+    if (curve.torque) add((drive.kind === "dyad" ? "Torque of the motor, forwards" : drive.kind === "toggle" ? "Torque at the handle" : "Torque") + moment, curve.crank_angle, [{ values: curve.torque, colour: "body" }]);
     if (curve.arm) add(`Moment arm, ${armUnit(unit, turns)}`, curve.crank_angle, [{ values: curve.arm.map(Math.abs), colour: "path" }]);
     this.#mark();
   }

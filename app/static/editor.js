@@ -1,7 +1,8 @@
 // The motion editor: canvas, pose table and form fields show one motion and change it, with undo and redo.
 
 import { Board } from "./board.js";
-import { Fields, typed } from "./fields.js";
+import { typed } from "./decimal.js";
+import { Fields } from "./fields.js";
 import { History, emptyMotion, nextPose, travels, wantsAngles, wantsPlaces } from "./motion.js";
 import { $ } from "./shell.js";
 

@@ -1,7 +1,7 @@
 // What the reader puts on the canvas besides the motion: ghosts, snapping, outline, a picture to trace; and the legend.
 
 import { element } from "./drawing.js";
-import { typed } from "./fields.js";
+import { typed } from "./decimal.js";
 import { readOutline } from "./outline.js";
 import { $, say } from "./shell.js";
 

@@ -1,5 +1,6 @@
 // The form's fields for one motion: what is typed stays as it was typed, and what cannot be used is said beside it.
 
+import { typed, wrong } from "./decimal.js";
 import { text } from "./drawing.js";
 import { toRequest } from "./formats.js";
 import { PRESET, clone, itemOf, preferable, setTiming, scaleTravels, slidable, wantsAngles } from "./motion.js";
@@ -59,22 +60,6 @@ const BOX = [0, 1, 2, 3].map((k) => `box-${k}`);
 function keep(limits, name, own, value) {
   limits.kept[name] = value !== 0;
   limits[own] = value || null;
-}
-
-/** A typed number, decimal comma or point; null for an empty entry, NaN for what is none. */
-export function typed(entry) {
-  const plain = entry.trim();
-  return plain === "" ? null : Number(plain.replace(/^([-+]?\d*),(\d+)/, "$1.$2").replace("−", "-"));
-}
-
-/** What is wrong with a typed value, as a sentence without its field's name; null if nothing is. */
-export function wrong(value, entry, { range: [low, high], needed, whole }) {
-  if (value === null) return needed ? "a number is needed" : null;
-  if (!Number.isFinite(value)) return `“${entry.trim().slice(0, 20)}” is not a number`;
-  if (whole && !Number.isInteger(value)) return `${text(value)} is not a whole number`;
-  if (value >= low && value <= high) return null;
-  if (low === Number.MIN_VALUE) return `${text(value)} is not above 0`;
-  return high >= 1e50 ? `${text(value)} is less than ${text(low)}` : `${text(value)} is not from ${text(low)} to ${text(high)}`;
 }
 
 /** Calls `read` when the entry of a field is another one, typed or cleared. */

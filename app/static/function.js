@@ -1,6 +1,7 @@
 // The page of function generation: a function chosen, drawn or typed; the linkages whose rocker, crank or slider moves so; their error.
 
 import { redrawOn, titledChart } from "./charts.js";
+import { numberIn as number, startNumbers } from "./decimal.js";
 import { Draft } from "./draft.js";
 import { LinkageShape, View, element, make, namedRows, put, text, thumbnail } from "./drawing.js";
 import { linkageOf } from "./guided.js";
@@ -17,7 +18,6 @@ const DRAWN = 41; // samples of a drawn curve
 const PAD = { width: 320, height: 200, border: 8 };
 const STATUS = {
   reached: "Solved: the best linkage makes the function to within rounding.",
-  closest: "No linkage was found that makes exactly this function; these come closest.",
   infeasible: "No linkage was found within these limits. Loosen one of them.",
   unknown: "No linkage was found before the search was cut short, which proves nothing.",
 };
@@ -36,8 +36,6 @@ const untouched = JSON.stringify(asIs());
 const draft = new Draft("linkage-atlas-function", (content) => fill(content), clear);
 
 // -- the question -----------------------------------------------------------------------------------------------------
-
-const number = (id) => ($(id).value.trim() === "" ? null : Number($(id).value));
 
 /** The drawn curve at even x, smoothed over its neighbours: [[x, y], ...] with both in 0 .. 1. */
 function drawnTable() {
@@ -321,7 +319,8 @@ function inDegrees(reply, unit) {
 }
 
 function sayStatus() {
-  say(STATUS[answer.reply.status], !answer.reply.solutions.length);
+  const { status, solutions: [best] } = answer.reply;
+  say(STATUS[status] ?? `Best found: off by at most ${text(best.errors.max, 3)}${answer.signs[1]}.`, !best);
 }
 
 function show(request, reply) {
@@ -367,6 +366,7 @@ async function save(format) {
 }
 
 startTheme();
+startNumbers();
 startScenes();
 startPad();
 showFields();

@@ -1,7 +1,7 @@
 // The joints of the selected linkage as numbers: each can be typed while the crank stands where it does.
 
 import { text } from "./drawing.js";
-import { typed } from "./fields.js";
+import { typed } from "./decimal.js";
 import { $ } from "./shell.js";
 
 const JOINTS = [["a", "A", "crank pivot"], ["b", "B", "rocker pivot"], ["d", "D", "crank pin"], ["c", "C", "rocker pin"], ["p", "P", "body point"]];

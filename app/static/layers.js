@@ -1,5 +1,6 @@
 // Layers of the plates of a linkage: asked for after an answer, drawn from the side, plates and collisions on the canvas.
 
+import { numberIn } from "./decimal.js";
 import { element, make, put, text } from "./drawing.js";
 import { driveTurns } from "./drive.js";
 import { fitOf } from "./fit.js";
@@ -46,7 +47,7 @@ function frameOf(link, joints, { links, guides }) {
   return circle ? fromTo(...circle) : null;
 }
 
-const placeText = (value, sign) => `${text(value, 5)}${sign}`;
+const placeText = (value, sign) => `${text(Math.abs(value) < 1e-9 ? 0 : value, 5)}${sign}`;
 const inWords = (pair) => pair.map((name) => (name.startsWith("head ") ? `head of pin ${name.slice(5)}` : name.length <= 2 ? `pin ${name}` : name)).join(" and ");
 
 /** Whether a place of the drive lies within a collision, also one over the seam of a turn. */
@@ -72,7 +73,7 @@ export class Layers {
 
   /** What is asked for besides linkage and request. */
   options(solution, motion) {
-    const sizes = Object.entries(SIZES).map(([name, id]) => [name, $(id).valueAsNumber]).filter(([, value]) => value > 0);
+    const sizes = Object.entries(SIZES).map(([name, id]) => [name, numberIn(id)]).filter(([, value]) => value !== null);
     const body = $("layer-body").checked ? bodyOf(this.outline, solution, motion) : null;
     return { boards: $("layer-boards").value, heads: $("layer-heads").checked, ...Object.fromEntries(sizes), ...(body ? { body } : {}) };
   }
@@ -144,7 +145,7 @@ export class Layers {
       return;
     }
     const { status, count, least_gap: gap } = assembly, { unit } = this.answer.motion;
-    const state = { free: `Nothing collides in ${layersOf(count)}`, touching: `In ${layersOf(count)} parts may just touch`, blocked: "No layers are free" }[status];
+    const state = { free: `Nothing collides in ${layersOf(count)}`, touching: `In ${layersOf(count)} parts may just touch`, blocked: assembly.exhaustive ? "Cannot be built so: parts collide in every order of the layers allowed" : "Parts collide in every order of layers that was tried" }[status];
     words.textContent = `${state}${gap ? `; least gap ${text(gap.value, 4)} ${unit} beyond the clearance, ${inWords(gap.pair)} at ${placeText(gap.crank_angle, this.#sign)}` : ""}.`;
     host.removeAttribute("hidden");
     drawStack(host, assembly);

@@ -1,5 +1,6 @@
 // The four-bar page: sends the edited motion to the search, and shows the answers and the search's state.
 
+import { startNumbers } from "./decimal.js";
 import { Draft } from "./draft.js";
 import { Editor } from "./editor.js";
 import { alike, fitOf, worstRows, worstWords } from "./fit.js";
@@ -112,7 +113,7 @@ function suggest({ reply: { report, solutions }, request }) {
 function sayAnswer() {
   const { reply: { solutions } } = answer;
   if (editor.board.stale) {
-    say("The motion has changed since it was solved.");
+    say("The question has changed since it was answered.");
     return;
   }
   say(sentenceOf(answer), !solutions.length || defects(solutions[0].verdict).length > 0);
@@ -354,6 +355,7 @@ function showFirst() {
 
 async function start() {
   startTheme();
+  startNumbers();
   startScenes();
   bindButtons();
   explainTerms();

@@ -2,6 +2,7 @@
 
 import { card, sign, sorted } from "./cards.js";
 import { chart, redrawOn } from "./charts.js";
+import { numberIn } from "./decimal.js";
 import { element, namedRows, signed, text } from "./drawing.js";
 import { Driving } from "./driving.js";
 import { driveName, drivePlaces, driveTurns } from "./drive.js";
@@ -23,7 +24,7 @@ const ENDINGS = { mjcf: "xml", plates: "plates.dxf", pylinkage: "pylinkage.json"
 const OF_PARTS = ["step", "3mf", "stl", "urdf", "sdf", "parts"];
 const ENDS = { tolerance: "tolerance reached", converged: "no further improvement found", budget: "the time was up" };
 const REST_MS = 120; // without a further drag, after which the curves are drawn anew
-const NEAR = 2.5; // other solutions are fitted into the view where they lie within so many sizes of the selected one
+const NEAR = 2.5; // views of the motion, or of the selected linkage if that needs more, that further solutions may widen the view to
 
 /** Rows [name, value] of a solution, its lengths and angles with `digits` digits. */
 function numberRows(solution, { motion, size }, digits) {
@@ -264,16 +265,18 @@ export class Results {
     this.driving.select(solution);
   }
 
-  /** Fits all solutions that are not much larger than the selected one, so that the scale can stay while one looks at them. */
+  /** Fits the selected solution, and those beside it that leave the motion large enough to be looked at. */
   #fitAll(solutions) {
-    const extent = (points) => Math.max(...[0, 1].map((i) => Math.max(...points.map((p) => p[i])) - Math.min(...points.map((p) => p[i]))));
-    const own = this.player.shown.used.filter(Boolean).flatMap((j) => [j.a, j.b, j.c, j.d]);
+    const { board, answer: { motion } } = this, { width, height } = board.view, jointsOf = (used) => used.filter(Boolean).flatMap((j) => [j.a, j.b, j.c, j.d, j.p]);
+    const extent = (points) => Math.max(...[width, height].map((pixels, i) => { const all = points.map((p) => p[i]); return (Math.max(...all) - Math.min(...all)) / pixels; }));
+    const own = jointsOf(this.player.shown.used), wanted = board.hasPlaces ? motion.poses.filter(({ x }) => x !== null).map(({ x, y }) => [x, y]) : [];
     if (!own.length) return;
-    const more = solutions.slice(0, 12).flatMap((solution) => {
-      const { at } = fitOf(solution, this.answer.motion), points = at.filter(Boolean).flatMap((j) => [j.a, j.b, j.c, j.d]);
-      return points.length && extent([...own, ...points]) <= NEAR * extent(own) ? points : [];
-    });
-    this.board.fit(more);
+    const most = Math.max(extent([...own, ...wanted]), NEAR * extent(wanted.length > 1 ? wanted : own)), more = [];
+    for (const solution of solutions.slice(0, 12)) {
+      const points = jointsOf(fitOf(solution, motion).at);
+      if (points.length && extent([...own, ...wanted, ...more, ...points]) <= most) more.push(...points);
+    }
+    board.fit(more);
   }
 
   #showOthers() {
@@ -312,10 +315,10 @@ export class Results {
 
   /** A file of the selected linkage, parts as its layers and the fields beside the buttons say. */
   #file(format) {
-    const { solution, answer: { request, motion } } = this, scale = $("parts-scale").valueAsNumber;
-    const sizes = ["hole", "width"].map((name) => [name, $(`plate-${name}`).valueAsNumber]).filter(([, value]) => value > 0);
+    const { solution, answer: { request, motion } } = this, scale = numberIn("parts-scale");
+    const sizes = ["hole", "width"].map((name) => [name, numberIn(`plate-${name}`)]).filter(([, value]) => value !== null);
     const plates = sizes.length && format === "plates" && solution.links ? { plates: Object.fromEntries(sizes) } : {};
-    const solids = { fit: $("parts-fit").value, ...(scale > 0 ? { scale } : {}), nevertheless: $("parts-nevertheless").checked };
+    const solids = { fit: $("parts-fit").value, ...(scale === null ? {} : { scale }), nevertheless: $("parts-nevertheless").checked };
     const parts = [...OF_PARTS, solution.links ? "mjcf" : "plates"].includes(format) ? { assembly: this.layers.options(solution, motion), solids } : {};
     const driven = ["dxf", "csv", "svg", "mjcf", ...(this.driving.shown?.kind === "dyad" ? OF_PARTS : [])];
     const drive = this.driving.shown && driven.includes(format) ? { drive: this.driving.shown } : {};

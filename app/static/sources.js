@@ -94,8 +94,9 @@ export class Sources {
 
   /** Says where a motion comes from, as long as it is there. */
   say(motion) {
-    const twice = motion.note && repeated(motion);
-    $("example-note").textContent = twice ? `${motion.note} Poses ${twice.join(" and ")} are the same: a crank that turns on cannot meet both exactly.` : motion.note;
+    const twice = motion.note && repeated(motion), other = this.isOwn(motion) && this.examples.some(({ title }) => motion.note?.startsWith(`${title}. `));
+    const note = other ? "" : motion.note; // an example's words are of its own poses and limits
+    $("example-note").textContent = twice ? `${note} Poses ${twice.join(" and ")} are the same: a crank that turns on cannot meet both exactly.`.trim() : note;
     $("unwrap").hidden ||= !jump(motion);
   }
 

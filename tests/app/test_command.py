@@ -56,6 +56,18 @@ def test_a_rank_beyond_the_requests_top_is_looked_for(run, tmp_path) -> None:
     assert json.loads(file.read_text())["solution"]["links"] == json.loads(out)["solutions"][2]["links"]
 
 
+@pytest.mark.parametrize(("question", "part"), [("drive", "drives"), ("assembly", "layers")])
+def test_the_file_of_a_solution_is_asked_about(question, part, run, tmp_path) -> None:
+    file = tmp_path / "one.json"
+    run("synthesize", "--example", "worked_example", "--export", file)
+    content = json.loads(file.read_text())
+    content["linkage"] = content.pop("solution")
+    code, out, err = run(question, file, "--json")
+    assert (code, err) == (Exit.OK, "")
+    assert json.loads(out)[part] == json.loads(run(question, "--json", stdin=json.dumps(content))[1])[part] != []
+    assert "synthesize --export" in run(question, "--help")[1]
+
+
 def test_an_export_is_of_the_rank_that_is_asked_for(run, tmp_path) -> None:
     file = tmp_path / "one.json"
     found = json.loads(run("synthesize", "--example", "worked_example", "--json")[1])["solutions"]

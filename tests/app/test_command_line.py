@@ -114,7 +114,17 @@ def test_a_request_may_be_made_of_fields_alone(run) -> None:
     assert code == OK and out.startswith("reached: 1 linkage")
 
 
+def test_an_unknown_option_shows_the_usage_of_its_command(run) -> None:
+    code, _, err = run("lift", "motion", "--bogus")
+    assert code == USAGE and err.startswith("usage: linkage-atlas lift motion ") and "--bogus" in err
+
+
+def test_examples_with_one_sentence_have_it_once(run) -> None:
+    assert run("example")[1].count("Rotation, positions or both") == 1
+
+
 def test_what_is_no_request_is_told_in_words(run) -> None:
+    assert run("synthesize", stdin="x,y,angle\n1,2,3\n")[2] == "request: wanted at least 2 rows, found 1\n"
     assert run("function")[::2] == (
         USAGE,
         "request: it is empty: name a file or an --example, or give it on standard input\n",

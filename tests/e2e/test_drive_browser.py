@@ -6,6 +6,7 @@ import os
 import re
 
 import pytest
+from selenium.webdriver.common.keys import Keys
 
 PICTURE = os.environ.get("LINKAGE_ATLAS_DRIVE_PICTURE")
 """Where a picture of the panel goes, for the documents."""
@@ -25,6 +26,62 @@ def found(page) -> None:
 def number(page, name: str) -> float:
     rows = page.text("drive-numbers")
     return float(re.search(rf"{name}\s+(-?[\d.]+)", rows)[1])
+
+
+def test_fit_shows_both_ends_of_a_cylinder(opened) -> None:
+    opened.wait("document.querySelectorAll('#solutions li').length > 0")
+    opened.type_into("drive-mass", "5")
+    found(opened)
+    opened.click("fit")
+    inside = (
+        "const f = document.getElementById('canvas').getBoundingClientRect();"
+        "return [...document.querySelectorAll('[data-layer=drive] .drive-end')].map((one) => one.getBoundingClientRect())"
+        ".map((r) => r.left > f.left && r.right < f.right && r.top > f.top && r.bottom < f.bottom)"
+    )
+    assert opened.run(inside) == [True, True]
+    opened.type_into("drive-mass", Keys.BACKSPACE)
+
+
+def test_forces_have_a_unit_where_it_is_known(opened) -> None:
+    opened.wait("document.querySelectorAll('#solutions li').length > 0")
+    found(opened)
+    assert opened.text("drive-note").startswith("No load was given: ") and "unit" not in opened.text("drive-numbers")
+    opened.select("drive-kind", "rotary")
+    opened.type_into("drive-mass", "2500")
+    found(opened)
+    assert re.search(r"peak torque \d[\d\u202f]*\u202f\d{3} N·mm", opened.text("drive-numbers"))
+    assert opened.texts("#drive-curves h3") == ["Torque, N·mm"]
+    opened.type_into("drive-mass", Keys.BACKSPACE)
+    opened.type_into("drive-force-y", "-0.00123")
+    found(opened)
+    rows = opened.text("drive-numbers")
+    assert "in the load’s unit" in rows and " N" not in rows
+    assert re.search(r"peak torque 0\.\d{3,}", rows) and not re.search(r"\.\d+\u202f", rows)
+    opened.type_into("drive-force-y", Keys.BACKSPACE)
+    opened.select("drive-kind", "actuator")
+
+
+def test_what_was_found_for_another_load_says_so(opened) -> None:
+    """Also once the layers are known, which the service says of the linkage meanwhile; the same entry again is the same load."""
+    opened.wait("document.querySelectorAll('#solutions li').length > 0")
+    opened.select("drive-kind", "rotary")
+    opened.type_into("drive-force-y", "-100")
+    found(opened)
+    before = opened.text("drive-numbers")
+    assert "peak torque" in before and not opened.text("drive-note")
+    opened.wait("document.querySelectorAll('#stack rect').length > 4")
+    opened.type_into("drive-force-y", "-200")
+    opened.wait("document.getElementById('drive-note').textContent.startsWith('What is shown was found for other')")
+    assert opened.run("return getComputedStyle(document.querySelector('.drive-result')).opacity") == "0.5"
+    opened.type_into("drive-force-y", "-100")
+    opened.wait("document.getElementById('drive-note').textContent === ''")
+    opened.type_into("drive-force-y", "-200")
+    found(opened)
+    opened.wait("document.getElementById('drive-note').textContent === ''")
+    assert number(opened, "peak torque") > 0 and opened.text("drive-numbers") != before
+    assert opened.run("return getComputedStyle(document.querySelector('.drive-result')).opacity") == "1"
+    opened.type_into("drive-force-y", Keys.BACKSPACE)
+    opened.select("drive-kind", "actuator")
 
 
 def test_a_cylinder_is_found_moves_and_its_pins_are_dragged(opened) -> None:

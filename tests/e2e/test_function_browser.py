@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -27,7 +28,7 @@ def solve(page) -> None:
 
 def test_a_chosen_function_shows_linkage_and_error_and_is_saved(page) -> None:
     solve(page)
-    assert "come closest" in page.text("status")
+    assert re.fullmatch(r"Best found: off by at most 0\.0\d+°\.", page.text("status"))
     assert len(page.cards()) >= 1
     assert page.texts("#curves h3")[:2] == ["Error in degrees of the rocker", "Error in units of y"]
     assert "Extremes as large, alternating" in page.text("numbers")
@@ -109,6 +110,20 @@ def test_angle_pairs_keep_their_unit_and_their_zeros(page) -> None:
     assert page.asked()["output"] == [0, 10, 30, 40] and page.asked()["crank_span"] == 70
 
 
+def test_numbers_take_a_decimal_comma_and_say_what_is_wrong(page) -> None:
+    page.listen()
+    page.type_into("x1", "1,5")
+    solve(page)
+    assert page.asked()["function"]["x"] == [1, 1.5]
+    for name, entry, said in (("x1", "two", "“two” is not a number."), ("ratio", "0,5", "0.5 is less than 1.")):
+        before = page.value(name)
+        page.listen()
+        page.type_into(name, entry)
+        page.click("solve")
+        assert page.run("return document.activeElement.validationMessage") == said and page.asked() is None
+        page.type_into(name, before or Keys.BACKSPACE)
+
+
 def test_rows_that_are_no_table_of_a_function_are_named(page) -> None:
     ask_table(page, "0, 0\n1, a")
     solve(page)
@@ -158,7 +173,7 @@ def test_cards_of_an_earlier_question_say_so(page) -> None:
     page.click("one-way")
     assert set(page.run(marks)) == {True} and "has changed" in page.text("status")
     page.click("one-way")
-    assert set(page.run(marks)) == {False} and "come closest" in page.text("status")
+    assert set(page.run(marks)) == {False} and "off by at most" in page.text("status")
     page.run("window.fetch = () => Promise.reject(new TypeError('gone'))")
     solve(page)
     assert set(page.run(marks)) == {True} and "cannot be reached" in page.text("status")
@@ -182,7 +197,7 @@ def test_a_function_with_travel_is_asked_drawn_and_saved(page, drive: str, named
     assert page.text("output-label") == named and page.text("input-unit") == unit
     assert not page.shown("family") and not page.shown("round")
     solve(page)
-    assert page.cards() and "come closest" in page.text("status")
+    assert page.cards() and "off by at most" in page.text("status")
     assert "driven by its" in page.text("numbers") and "Largest error" in page.text("numbers")
     before = page.one("#canvas .block").get_attribute("d")
     page.slide(1)

@@ -185,6 +185,33 @@ def test_parts_are_taken_away_and_stand_on_the_sheet(page) -> None:
     assert base64.b64decode(pages)
 
 
+def test_sizes_beside_buttons_take_a_decimal_comma_and_nothing_else(page) -> None:
+    """No file is made for another size than stands there."""
+    page.choose("casement")
+    page.type_into("parts-scale", "0,5")
+    page.type_into("plate-hole", "4,5")
+    rows = csv.DictReader(io.StringIO(page.saved("linkage-1.parts.csv", "[data-format=parts]").decode()))
+    crank = next(float(row["length"]) for row in rows if row["name"] == "crank")
+    assert 100 < crank < 150, "half of 240 and its ends"
+    plates = ezdxf.read(io.StringIO(page.saved("linkage-1.plates.dxf", "[data-format=plates]").decode()))
+    assert {circle.dxf.radius for circle in plates.modelspace().query("CIRCLE")} == {2.25}
+    for name, button, entry, said in (
+        ("plate-hole", "plates", "-5", "holes: -5 is not above 0."),
+        ("plate-hole", "plates", "four", "holes: “four” is not a number."),
+        ("parts-scale", "3mf", "0", "scale: 0 is not from 0.001 to 1000."),
+    ):
+        page.type_into(name, entry)
+        page.press(f"[data-format='{button}']")
+        page.wait(f"document.getElementById('export-note').textContent === {json.dumps(said)}")
+    page.type_into("layer-width", "wide" + Keys.TAB)
+    page.wait("document.getElementById('layers-note').textContent === 'width: “wide” is not a number.'")
+    page.listen()
+    page.type_into("drive-mass", "-1")
+    page.click("drive-find")
+    page.wait("document.getElementById('drive-note').textContent === 'mass kg: -1 is less than 0.'")
+    assert page.asked() is None
+
+
 def test_a_link_holds_the_whole_request(page) -> None:
     page.choose("gear")
     page.solve_soon()

@@ -257,6 +257,28 @@ def test_a_note_goes_with_its_motion(opened) -> None:
     assert "Casement" in opened.text("example-note") and not opened.shown("unwrap")
 
 
+def test_the_words_of_an_example_are_of_its_own_question(opened) -> None:
+    opened.click("any-order")
+    assert not opened.text("example-note") and "The question has changed" in opened.text("status")
+    opened.undo()
+    assert "Casement" in opened.text("example-note") and "off by" in opened.text("status")
+
+
+def test_larger_solutions_further_down_leave_the_motion_large(standing) -> None:
+    page, request = standing, path_request([0, 120, 240])
+    page.take(request)
+    page.stub(request, [0, 120, 240], VERDICTS[:2])
+    page.run(
+        "const one = window.stub.solutions[1]; for (const n in one.links) one.links[n] *= 2;"
+        "one.mount.coupler_point.radius *= 2"
+    )
+    page.solve()
+    dots = "const at = (one) => { const f = one.getBoundingClientRect(); return [f.x, f.y] };"
+    dots += "return [...document.querySelectorAll('#canvas .dot')].map(at)"
+    size = page.run("const c = document.getElementById('canvas'); return [c.clientWidth, c.clientHeight]")
+    assert page.in_view() and max(np.ptp(page.run(dots), axis=0) / size) > 0.33
+
+
 def replies(page, *sizes: float) -> None:
     """Let the service answer stage by stage, each time with `FREE` so many times as large."""
     page.run(

@@ -1,0 +1,44 @@
+// Typed numbers, with a decimal comma or point. A browser's own fields of numbers may drop the comma and keep the digits: 1,5 as 15.
+
+import { text } from "./drawing.js";
+import { $ } from "./shell.js";
+
+/** A typed number, decimal comma or point; null for an empty entry, NaN for what is none. */
+export function typed(entry) {
+  const plain = entry.trim();
+  return plain === "" ? null : Number(plain.replace(/^([-+]?\d*),(\d+)/, "$1.$2").replace("−", "-"));
+}
+
+/** What is wrong with a typed value, as a sentence without its field's name; null if nothing is. */
+export function wrong(value, entry, { range: [low, high], needed, whole }) {
+  if (value === null) return needed ? "a number is needed" : null;
+  if (!Number.isFinite(value)) return `“${entry.trim().slice(0, 20)}” is not a number`;
+  if (whole && !Number.isInteger(value)) return `${text(value)} is not a whole number`;
+  if (value >= low && value <= high) return null;
+  if (low === Number.MIN_VALUE) return `${text(value)} is not above 0`;
+  return high >= 1e50 ? `${text(value)} is less than ${text(low)}` : `${text(value)} is not from ${text(low)} to ${text(high)}`;
+}
+
+/** The number in a field; what is wrong with it the browser says as of its own fields: in red, and when the form is sent. */
+function check(field) {
+  const { least, most, whole } = field.dataset, range = [least === "above 0" ? Number.MIN_VALUE : Number(least ?? -1e50), Number(most ?? 1e50)];
+  const value = typed(field.value), asked = !field.disabled && !field.closest("[hidden]");
+  const fault = asked ? wrong(value, field.value, { range, needed: field.required, whole: whole !== undefined }) : null;
+  field.setCustomValidity(fault ? `${fault[0].toUpperCase()}${fault.slice(1)}.` : "");
+  return fault || Number.isNaN(value) ? null : value;
+}
+
+/** Fields with `data-number` say what is wrong with them from now on. */
+export function startNumbers() {
+  for (const field of document.querySelectorAll("[data-number]")) {
+    field.inputMode = "decimal";
+    field.addEventListener("input", () => check(field));
+  }
+}
+
+/** The number in a field with `data-number`, null where it is empty or not asked for. Throws Error where it cannot be used. */
+export function numberIn(id) {
+  const field = $(id), value = check(field);
+  if (field.validity.customError) throw new Error(`${field.labels[0].textContent.trim().replace(/\s+/g, " ")}: ${field.validationMessage}`);
+  return value;
+}
