@@ -567,6 +567,11 @@ class _Place(NamedTuple):
         """Of the drive's parameter: radians in the user's angle, or 1 for a length."""
         return 1.0 if self.machine.drive in ("slider", "cylinder") else self.radian
 
+    def told(self, at: float) -> str:
+        """A place of the drive, in words."""
+        lengths = self.machine.drive in ("slider", "cylinder")
+        return f"{at / self.unit:.6g}" + ("" if lengths else " radians" if self.radian == 1 else " degrees")
+
     def check(self) -> None:
         """FieldError where the linkage has no velocities at some place of its way, or lies too far from the origin."""
         far = max(float(np.abs(one.origin).max()) for one in self.machine.links.values())
@@ -575,8 +580,8 @@ class _Place(NamedTuple):
         for one in self.fine.links.values():
             bad = ~np.isfinite(one.rate)
             if bad.any():
-                at = self.fine.at[int(np.argmax(bad))] / self.unit
-                raise FieldError("/linkage", f"does not close, or is dead, at {at:.6g} of its drive's way")
+                at = self.told(self.fine.at[int(np.argmax(bad))])
+                raise FieldError("/linkage", f"does not close, or is dead, at {at} of its drive's way")
 
     @classmethod
     def of_rocker(cls, given: Mapping[str, Any], radian: float) -> _Place:
@@ -900,7 +905,9 @@ class _Search:
             float(every.imag.max() + size / 2),
         )
         if asked.drives and not self.loaded and any(one["kind"] != "rotary" for one in asked.drives):
-            self.notes.append("no load: actuators have the largest least moment arm, and no forces are told")
+            self.notes.append(
+                "no load was given: each has the best leverage that was found, and there are no forces to tell"
+            )
 
     def _bodies(self) -> list[LinkMotion]:
         return [] if self.machine.body is None else [self.machine.body]
@@ -953,9 +960,9 @@ class _Search:
             rates = self.fine.links[name].rate
             if np.any(rates * rates[0] <= 0):
                 k = int(np.argmax(rates * rates[0] <= 0))
-                at = self.fine.at[k] / self.unit
+                at = self.place.told(self.fine.at[k])
                 where = self.place.poses_around(*self.fine.at[[max(k - 1, 0), k]])
-                self.refuse("rotary", name, f"dead point {where}at {at:.6g}: the {name} turns back there")
+                self.refuse("rotary", name, f"dead point {where}at {at}: the {name} turns back there")
                 continue
             angle = self._pressure(name)
             least = wish.get("transmission_angle_min", 0.0)
@@ -1128,9 +1135,9 @@ class _Search:
         arm = np.real(np.conj(v) * link.speed(found.pin)) / np.abs(v)
         bad = arm * found.arm[0] <= 0
         if bad.any():
-            at = self.fine.at[int(np.argmax(bad))] / self.unit
+            at = self.place.told(self.fine.at[int(np.argmax(bad))])
             self.refuse(
-                "actuator", name, f"dead point at {at:.6g} of the best placement, between the positions looked at"
+                "actuator", name, f"dead point at {at} of the best placement, between the positions looked at"
             )
         return bool(bad.any())
 
@@ -1186,7 +1193,8 @@ class _Search:
             case "dead":
                 low, high = refused.between or (0, 1)
                 where = self.place.poses_around(*question.at[[low, high]])
-                return f"{what}: even the best place that was found has a dead point {where}at {refused.needed / self.unit:.6g}"
+                at = self.place.told(refused.needed)
+                return f"{what}: even the best place that was found has a dead point {where}at {at}"
             case "arm":
                 return f"{what}: the largest least arm found is {refused.needed:.4g}; arm_min is {wanted.arm:.4g}"
         most = max(stroke - refused.needed, 0.0)

@@ -138,7 +138,7 @@ export class Driving {
       this.asked.set(reply, questionOf(request));
       const found = reply.drives.length + reply.springs.length;
       this.#use(reply);
-      this.#say([found ? "" : "None was found.", ...reply.notes.map((one) => (one.startsWith("no load") ? "No load was given: each has the best leverage that was found, and there are no forces to tell." : `${one[0].toUpperCase()}${one.slice(1)}.`))].join(" ").trim(), !found);
+      this.#say([found ? "" : "None was found.", ...reply.notes.map((one) => `${one[0].toUpperCase()}${one.slice(1)}.`)].join(" ").trim(), !found);
       this.#compare();
     } catch (error) {
       if (error.name !== "AbortError") this.#say(error.message, true);

@@ -283,3 +283,13 @@ def test_a_refused_row_is_named_in_words() -> None:
     flap = {"pivot": [0, 0], "start": 0, "swing": 60, "length": 400}
     asked = [{"kind": "cylinder", "catalogue": "iso_6432"}]
     assert "no actuator (ISO 6432" in repr(la.drives(rocker=flap, drives=asked, load={"force": [0, -1e6]}))
+
+
+@pytest.mark.parametrize(
+    ("degrees", "way", "words"), [(True, 270, "32.3438 degrees"), (False, 4.7, "0.567917 radians")]
+)
+def test_a_dead_point_is_told_with_the_unit_of_its_angle(degrees: bool, way: float, words: str) -> None:
+    linkage = la.FourBar(crank=40, coupler=100, rocker=80, ground=90, degrees=degrees)
+    motor = [{"kind": "rotary", "links": ["rocker"]}]
+    (one,) = la.drives(linkage, motor, crank_angle=np.linspace(0, way, 4), degrees=degrees).refused
+    assert f"at {words}: the rocker turns back there" in one.reason
