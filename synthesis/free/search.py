@@ -179,6 +179,11 @@ def solutions_of(
     return _apart(found, poses, limits, top, tolerance)
 
 
+def within_limits(poses: Poses, limits: Limits, pool: Pool, chart: Chart) -> Flags:
+    """Whether the candidates of a pool keep the limits as they are, (n,)."""
+    return keeps(poses, limits, _Mounted.of(poses, pool, chart).placed)
+
+
 def go_astray(found: Sequence[Solution], poses: Poses) -> Flags:
     """Whether the body point of each goes elsewhere between samples, or the body turns otherwise than asked for, (n,)."""
     if not found:
