@@ -233,7 +233,9 @@ def _apart(found: Sequence[Solution], poses: Poses, limits: Limits, top: int, to
     chosen = distinct(found, top, APART, order=lambda one: place[id(one)], exact=tolerance)
     if not found or exact.any() or chosen[0] is (least := found[int(objective.argmin())]):
         return chosen
-    return chosen[:1] + distinct([least, *chosen[1:]], top - 1, APART, order=lambda one: one is not least, exact=tolerance)
+    return chosen[:1] + distinct(
+        [least, *chosen[1:]], top - 1, APART, order=lambda one: one is not least, exact=tolerance
+    )
 
 
 def in_turn(crank: Floats, ordered: bool) -> Floats:
