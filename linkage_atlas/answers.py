@@ -824,9 +824,8 @@ def _judged(passage: Passing, motion: Motion, linkage: Any, faults: Sequence[str
         within, worst = bool(np.all(shares <= 1)), int(np.argmax(shares))
         if not within:
             reasons.append(f"sample {worst + 1} is off by {shares[worst]:.3g} times what is allowed, the most of all")
-    if motion.target.found and not within:
-        reasons += shared_positions(motion.target, turns)
-    return verdict_of(passage, within, [*reasons, *faults], practical=not faults)
+    shared = shared_positions(motion.target, turns) if motion.target.found and not within else []
+    return verdict_of(passage, within, [*reasons, *faults, *shared], practical=not faults)
 
 
 def verdict_of(passage: Passing, within: bool | None, reasons: Sequence[str], practical: bool) -> Verdict:

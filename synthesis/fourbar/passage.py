@@ -353,11 +353,11 @@ def shared_positions(motion: Target, turns: bool = True) -> list[str]:
 
     ``motion``: with the drive's positions. ``turns``: these are angles, and count modulo a turn.
     """
-    near = _ONE_POSITION * np.ptp(motion.crank)
+    least = _ONE_POSITION * np.ptp(motion.crank)
     place = motion.crank % TURN if turns else motion.crank
     order = np.argsort(place, kind="stable")
     step = np.diff(place[order], append=place[order[0]] + TURN if turns else np.inf)
-    pairs = np.sort(np.stack([order, np.roll(order, -1)]), axis=0)[:, step <= near]
+    pairs = np.sort(np.stack([order, np.roll(order, -1)]), axis=0)[:, step <= least]
     differ = np.zeros(pairs.shape[1], dtype=bool)
     for asked, weights, same in (
         (motion.position, motion.position_weights, _ALIKE * motion.extent if motion.position is not None else 0.0),
@@ -371,8 +371,8 @@ def shared_positions(motion: Target, turns: bool = True) -> list[str]:
         return []
     named = sorted((pairs[:, differ] + 1).T.tolist())
     names = [str(one) for one in named[0]] if len(named) == 1 else [f"{one}/{other}" for one, other in named]
-    what, least = ("crank position", "rounding or a whole turn") if turns else ("position of the drive", "rounding")
-    return [f"{_listed(names)} share one {what}, but for {least}: the body cannot be placed in two ways there"]
+    what, near = ("crank position", "rounding or a whole turn") if turns else ("position of the drive", "rounding")
+    return [f"{_listed(names)} share one {what}, to {near}, though they differ"]
 
 
 def _named(flags: Flags) -> str:
