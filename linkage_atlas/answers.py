@@ -46,7 +46,7 @@ from synthesis.fourbar.determination import Sensitivity, determinations, determi
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.passage import Verdict as Passing
-from synthesis.fourbar.passage import excursions, practical_faults, size_of, verdicts
+from synthesis.fourbar.passage import excursions, practical_faults, shared_positions, size_of, verdicts
 from synthesis.fourbar.rounding import best_from_stock, round_to_grid
 from synthesis.free.poses import Poses, spin_faults
 from synthesis.free.search import in_turn, rotations_of
@@ -711,7 +711,7 @@ def _guided_described(one: guided.GuidedSolution, motion: Motion, limits: Limits
         crank_angle=_angles(samples, target, turns, radian),
         travel=None if turns or not motion.free else target.crank,
         errors=_in_unit(one.errors, radian),
-        verdict=_judged(passed, own, one.linkage, faults),
+        verdict=_judged(passed, own, one.linkage, faults, turns),
         excursion=strays,
         size=guided.size_of(one, target),
         transmission_angle_min=one.transmission_angle_min / radian,
@@ -816,15 +816,16 @@ def _with_assembly(
     return replace(verdict, assembly=found, buildable=verdict.practical and free, reasons=(*verdict.reasons, *why))
 
 
-def _judged(passage: Passing, motion: Motion, linkage: Any, faults: Sequence[str]) -> Verdict:
-    """The verdict on a linkage at its own crank angles, tolerances included."""
+def _judged(passage: Passing, motion: Motion, linkage: Any, faults: Sequence[str], turns: bool = True) -> Verdict:
+    """The verdict on a linkage at its own crank angles, tolerances included; ``turns``: its drive does."""
     reasons, within = list(passage.reasons), None
     if motion.tolerances is not None:
         shares = motion.tolerances.shares(motion.target, linkage)
         within, worst = bool(np.all(shares <= 1)), int(np.argmax(shares))
         if not within:
             reasons.append(f"sample {worst + 1} is off by {shares[worst]:.3g} times what is allowed, the most of all")
-    return verdict_of(passage, within, [*reasons, *faults], practical=not faults)
+    shared = shared_positions(motion.target, turns) if motion.target.found and not within else []
+    return verdict_of(passage, within, [*reasons, *faults, *shared], practical=not faults)
 
 
 def verdict_of(passage: Passing, within: bool | None, reasons: Sequence[str], practical: bool) -> Verdict:

@@ -34,11 +34,11 @@ from synthesis.fourbar.limits import Limits, in_family
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.mechanism import FOURBAR, AnyChart, FullCrankChart
 from synthesis.fourbar.solution import Solution, assess, mounted, within
-from synthesis.free.dyads import chart_of, in_any_order
+from synthesis.free.dyads import chart_of
 from synthesis.free.joint import JointProblem
 from synthesis.free.limited import refined_within
 from synthesis.free.poses import Poses
-from synthesis.free.search import solutions_of
+from synthesis.free.search import solutions_of, within_limits
 from synthesis.function.answers import Generator, exchanged
 from synthesis.function.search import FunctionSearch
 from synthesis.function.wanted import Wanted
@@ -310,11 +310,17 @@ def _begun(poses: Poses, limits: Limits, linkage: Linkage, crank: Floats | None)
     attached = linkage.body_offset is not None
 
     def at(angles: Floats) -> Timed:
-        one = own._replace(angles=angles[None])
-        return one if attached else problem.facing(one)
+        arcs = _in_order(poses, angles)[None] if poses.ordered else _arcs(angles, poses.span_max)
+        ways = own.take(np.zeros(len(arcs), dtype=int))._replace(angles=arcs)
+        ways = ways if attached else problem.facing(ways)
+        if poses.ordered:
+            return ways
+        # in any order all arcs carry the samples alike, but on one of them limits may be broken that another keeps
+        kept = within_limits(poses, limits, _as_it_is(problem, ways), problem.chart)
+        return ways.take([int(kept.argmax())])
 
     if crank is not None:
-        begun = at(_in_order(poses, linkage.start + crank[: poses.samples]))
+        begun = at(linkage.start + crank[: poses.samples])
         if np.isfinite(_as_it_is(problem, begun).cost).all():
             return begun
     placed = problem if attached else JointProblem(replace(poses, rotation=None), problem.chart)
@@ -327,8 +333,6 @@ def _begun(poses: Poses, limits: Limits, linkage: Linkage, crank: Floats | None)
 
 def _in_order(poses: Poses, angles: Floats) -> Floats:
     """Crank angles (N,) as they are where they keep what is asked of them; else pushed apart and together until they do."""
-    if not poses.ordered:
-        return in_any_order(angles[None], TURN)[0][0]
     sense = 1.0 if angles[-1] >= angles[0] else -1.0
     along = sense * (angles - angles[0])
     gap = min(_GAP, 0.01 * poses.span_max / len(along))
@@ -339,8 +343,19 @@ def _in_order(poses: Poses, angles: Floats) -> Floats:
     return np.asarray(angles[0] + sense * along)
 
 
+def _arcs(angles: Floats, span_max: float) -> Floats:
+    """Crank angles (n, N) on each arc of a turn that holds them all, the shortest first, and others of at most ``span_max``."""
+    within = angles % TURN
+    begin = within[:, None]
+    along = begin + (within - begin) % TURN
+    along -= TURN * np.round(along[:, :1] / TURN)
+    span = np.ptp(along, axis=1)
+    order = np.argsort(span, kind="stable")
+    return along[order[: max(1, np.count_nonzero(span <= span_max))]]
+
+
 def _fitting(problem: JointProblem, own: Timed) -> list[Floats]:
-    """Crank angles (N,) at which one linkage comes nearest to the samples in their order, for each sense of the crank."""
+    """Crank angles (N,) at which one linkage comes nearest to the samples, in their order for each sense of the crank."""
     poses = problem.poses
     grid = np.linspace(0.0, TURN, _GRID, endpoint=False)
     costs = problem.errors_at(own, grid[None])[0]
@@ -348,13 +363,13 @@ def _fitting(problem: JointProblem, own: Timed) -> list[Floats]:
     if not closes.any():
         return []
     if not poses.ordered:
-        return [_in_order(poses, grid[costs.argmin(axis=1)])]
+        return [grid[costs.argmin(axis=1)]]
     most = min(_GRID, int(poses.span_max / (TURN / _GRID)) + 1)
     found = []
     for sense in (1, -1):
         way = np.roll(np.arange(_GRID)[::sense], 1 if sense < 0 else 0)
         begin, steps = _one_way(costs[:, way], closes[way], most)
-        found.append(_in_order(poses, sense * (grid[begin] + steps * grid[1])))
+        found.append(sense * (grid[begin] + steps * grid[1]))
     return found
 
 

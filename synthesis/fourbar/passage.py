@@ -43,7 +43,7 @@ from synthesis.fourbar.limits import (
     placed_by,
 )
 from synthesis.fourbar.linkage import Linkage
-from synthesis.target import TURN, Samples
+from synthesis.target import TURN, Samples, Target
 
 TIE = 1e-9
 """Crank angles closer than this, in radians, are the same place: they are in order either way round."""
@@ -56,6 +56,9 @@ NAMED = 3
 """A reason names as many samples, or pairs of neighbours, and counts the rest."""
 _ROUNDED = 1e-9
 """Part by which a limit may seem broken that is kept to rounding."""
+_ONE_POSITION, _ALIKE = 1e-5, 1e-3
+"""Part of a drive's way below which two of its positions are one, and of the motion's extent, or radians, from which on what
+is asked at two samples differs."""
 # ways between samples
 LEAVES_SAMPLES = 2.5
 """Above this excursion the curve leaves the samples in between."""
@@ -341,6 +344,35 @@ def reasons_of(
     if passed.uncertain[k]:
         reasons.append("the linkage is so near a change point that it may pass from one circuit to the other")
     return tuple(reasons)
+
+
+def shared_positions(motion: Target, turns: bool = True) -> list[str]:
+    """A sentence where samples of which different things are asked lie at one position of the drive, to rounding.
+
+    A drive that keeps their order only so passes them as one; so it does both ends of an open way, a whole turn apart.
+
+    ``motion``: with the drive's positions. ``turns``: these are angles, and count modulo a turn.
+    """
+    least = _ONE_POSITION * np.ptp(motion.crank)
+    place = motion.crank % TURN if turns else motion.crank
+    order = np.argsort(place, kind="stable")
+    step = np.diff(place[order], append=place[order[0]] + TURN if turns else np.inf)
+    pairs = np.sort(np.stack([order, np.roll(order, -1)]), axis=0)[:, step <= least]
+    differ = np.zeros(pairs.shape[1], dtype=bool)
+    for asked, weights, same in (
+        (motion.position, motion.position_weights, _ALIKE * motion.extent if motion.position is not None else 0.0),
+        (None if motion.rotation is None else np.exp(1j * motion.rotation), motion.rotation_weights, _ALIKE),
+    ):
+        if asked is not None:
+            first, second = pairs
+            both = True if weights is None else (weights[first] > 0) & (weights[second] > 0)
+            differ |= (np.abs(asked[first] - asked[second]) > same) & both
+    if not differ.any():
+        return []
+    named = sorted((pairs[:, differ] + 1).T.tolist())
+    names = [str(one) for one in named[0]] if len(named) == 1 else [f"{one}/{other}" for one, other in named]
+    what, near = ("crank position", "rounding or a whole turn") if turns else ("position of the drive", "rounding")
+    return [f"{_listed(names)} share one {what}, to {near}, though they differ"]
 
 
 def _named(flags: Flags) -> str:

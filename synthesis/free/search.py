@@ -113,12 +113,6 @@ class _Mounted(NamedTuple):
             rotation = coupler_angle(self.links, self.branch, self.start[:, None] + self.crank) + self.offset[:, None]
         return self.poses.timed(self.crank, rotation)
 
-    @property
-    def spin(self) -> Flags:
-        """Whether the body of each turns otherwise than asked for between samples, (n,)."""
-        crank = self.start[:, None] + self.poses.there_and_back(self.crank)
-        return self.poses.turned_otherwise(coupler_angle(self.links, self.branch, crank))
-
     def order(self, tolerance: float) -> NDArray[np.intp]:
         """Places, best first: by J, and exact ones by what one would build.
 
@@ -179,12 +173,15 @@ def solutions_of(
         used = np.abs(pool.timed.angles[np.isfinite(pool.cost)][:, [0, -1]] @ [-1.0, 1.0])
         kept &= used <= poses.span_max * (1 + 1e-9)
     every = every.take(np.flatnonzero(kept))
-    order = every.order(tolerance)
-    spins = every.spin[order]
-    most = 8 * top + 20
-    ranked = every.take(np.concatenate([order[~spins][:most], order[spins][:most]]))
+    # all of them: the best that do not stray may lie behind many that do
+    ranked = every.take(every.order(tolerance))
     found = [one for one in ranked.solutions() if np.isfinite(one.errors.objective)]
     return _apart(found, poses, limits, top, tolerance)
+
+
+def within_limits(poses: Poses, limits: Limits, pool: Pool, chart: Chart) -> Flags:
+    """Whether the candidates of a pool keep the limits as they are, (n,)."""
+    return keeps(poses, limits, _Mounted.of(poses, pool, chart).placed)
 
 
 def go_astray(found: Sequence[Solution], poses: Poses) -> Flags:
@@ -220,6 +217,7 @@ def _apart(found: Sequence[Solution], poses: Poses, limits: Limits, top: int, to
 
     Those whose body point goes elsewhere between samples come last of the exact ones; within the practical limits also of the
     others, and so do those with a tiny link. Exact ones that stray take a quarter of the places at most where others are left.
+    Law: the first does not depend on ``top``, and where it is not exact, the one of least error is among the first two.
     """
     objective = np.array([one.errors.objective for one in found])
     exact = objective < tolerance
@@ -232,7 +230,12 @@ def _apart(found: Sequence[Solution], poses: Poses, limits: Limits, top: int, to
     groups[np.flatnonzero(groups == 1)[max(1, top // 4) :]] = groups.max(initial=0) + 1
     order = np.lexsort((np.where(exact, 0.0, objective), groups)).tolist()
     place = {id(found[k]): rank for rank, k in enumerate(order)}
-    return distinct(found, top, APART, order=lambda one: place[id(one)], exact=tolerance)
+    chosen = distinct(found, top, APART, order=lambda one: place[id(one)], exact=tolerance)
+    if not found or exact.any() or chosen[0] is (least := found[int(objective.argmin())]):
+        return chosen
+    return chosen[:1] + distinct(
+        [least, *chosen[1:]], top - 1, APART, order=lambda one: one is not least, exact=tolerance
+    )
 
 
 def in_turn(crank: Floats, ordered: bool) -> Floats:

@@ -490,6 +490,40 @@ def test_an_exact_answer_that_strays_does_not_end_the_search():
     assert sum(one.verdict.practical for one in found.solutions) >= 3
 
 
+def test_the_first_linkage_is_the_same_however_many_are_asked_for_and_the_least_error_is_among_the_first_two():
+    """A drawn S: the first linkages by their error stray, and behind so many of them one that does not was not seen."""
+    drawn = [(60.1, 99.7), (46.1, 103.6), (36.1, 108.3), (21.1, 103.9), (9.3, 94.9), (1.2, 86.7)]
+    drawn += [(6.9, 73.2), (10.8, 64.4), (23.3, 58.8), (37.5, 51.2), (46.7, 46.6), (53.4, 35.3)]
+    drawn += [(59.4, 22.2), (45.6, 11.7), (35.3, 3.8), (27.8, 0.9), (10.5, 6.1), (1.8, 8.9)]
+    found = {top: la.synthesize(position=drawn, timing="free", top=top) for top in (1, 2, 10)}
+    first, *_ = (one.best for one in found.values())
+    assert first.excursion < 2.5 and all(one.best.links == first.links for one in found.values())
+    for top in (2, 10):
+        second = found[top].solutions[1]
+        assert len(found[top].solutions) == top and second.excursion > 2.5
+        assert second.errors.objective == min(one.errors.objective for one in found[10]) < first.errors.objective
+
+
+def test_a_linkage_for_poses_in_any_order_is_refined_on_the_arc_of_its_crank_that_it_uses():
+    """On the shortest arc that holds its crank angles it breaks the limits: once it came back worse."""
+    poses = [0, 90, 15, 45, 5, 70], [(0, 0), (70, 90), (30, 20), (60, 50), (10, 5), (75, 60)]
+    asked = {"timing": "free", "order": "any", "limits": {"family": "any"}}
+    for one in la.synthesize(*poses, **asked, top=3):
+        again = la.synthesize(*poses, **asked, refine_from=one).best
+        assert again.errors.objective <= one.errors.objective * (1 + 1e-9)
+        assert again.transmission_angle_min >= 35 - 1e-6
+
+
+def test_samples_that_share_a_position_of_the_crank_are_told():
+    """The order is kept to rounding alone: two samples 8 apart, and both ends of an open way, lie at one crank angle."""
+    drawn = [(31, -7), (-18, -15), (-26, -17), (16, -10), (57, -5), (62, -9), (42, -24), (19, -27), (-2, -4)]
+    best = la.synthesize(position=drawn, timing="free").best
+    said = "samples 1/9 and 2/3 share one crank position, to rounding or a whole turn, though they differ"
+    assert best.verdict.order and best.verdict.buildable and best.verdict.reasons == (said,)
+    allowed = la.synthesize(position=drawn, timing="free", tolerances={"position": 40}, prefer="error").best
+    assert allowed.links == best.links and allowed.verdict.within_tolerance and not allowed.verdict.reasons
+
+
 def test_turning_a_motion_in_the_plane_does_not_lose_its_answers_in_any_order():
     """Once there was nothing for it when turned by 90 degrees: no pair of dyads was left to begin with."""
     rotation, position = [0, 20, 40, 60, 80, 95], [(0, 0), (25, 5), (48, 18), (66, 38), (76, 62), (78, 88)]

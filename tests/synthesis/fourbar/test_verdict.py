@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from synthesis.fourbar.kinematics import grashof_excesses
 from synthesis.fourbar.linkage import Linkage
-from synthesis.fourbar.passage import Circuits, from_the_rocker, passage, verdicts
-from synthesis.target import TURN
+from synthesis.fourbar.passage import Circuits, from_the_rocker, passage, shared_positions, verdicts
+from synthesis.target import TURN, Target
 from tests.oracles import tracker
 
 laws = settings(derandomize=True, max_examples=100, deadline=None)
@@ -264,3 +264,31 @@ def test_no_linkages() -> None:
 @pytest.mark.parametrize("bad", [0.0, -1.0, np.nan])
 def test_lengths_that_are_none(bad: float) -> None:
     assert said(judged((bad, 1, 1, 1), [0, 10, 20]))[2:] == (False, None)
+
+
+# -- samples at one position of the drive --------------------------------------------------------------------------
+
+
+APART = np.array([0, 1j, 2, 3])
+ALIKE = np.array([0, 1j, 1j + 1e-5, 3])
+
+
+@pytest.mark.parametrize(
+    ("crank", "asked", "turns", "named"),
+    [
+        ([0, 1, 2, 3], {"position": APART}, True, None),
+        ([0, 1, 1 + 1e-12, 3], {"position": APART}, True, "samples 2 and 3"),
+        ([0, -1, -1 - 1e-12, -TURN], {"position": APART}, True, "samples 1/4 and 2/3"),
+        ([0, 2, 1, 2 - TURN], {"position": APART}, True, "samples 2 and 4"),  # in any order
+        ([0, 1e-12, 2e-12, 3e-12], {"position": APART}, False, None),  # a short way, but not of one position
+        ([0, 1, 1, TURN], {"position": APART}, False, "samples 2 and 3"),
+        ([0, 1, 1, 3], {"position": APART, "position_weights": np.array([1.0, 1, 0, 1])}, True, None),
+        ([0, 1, 1, 3], {"position": ALIKE}, True, None),
+        ([0, 1, 1, 3], {"position": ALIKE, "rotation": np.array([0.0, 1, 2, 3])}, True, "samples 2 and 3"),
+        ([0, 1, 1, 3], {"position": ALIKE, "rotation": np.array([0, 1, 1 + TURN, 3])}, True, None),
+    ],
+)
+def test_samples_at_one_position_of_the_drive(crank, asked, turns, named) -> None:
+    """Told where what is asked differs there, of which missing parts are none."""
+    motion = Target(**{"rotation": None, **asked}, crank=np.array(crank, dtype=float))
+    assert [one.split(" share one ")[0] for one in shared_positions(motion, turns)] == ([named] if named else [])
