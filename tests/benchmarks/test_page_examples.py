@@ -36,7 +36,9 @@ def test_the_stored_errors_are_those_of_the_stored_linkages(example) -> None:
             assert np.abs(turned).max() == pytest.approx(one["errors"]["rotation_max"], rel=1e-4, abs=1e-5)
 
 
-@pytest.mark.parametrize("example", [one for one in STORED if one["request"].get("closed")], ids=lambda one: one["name"])
+@pytest.mark.parametrize(
+    "example", [one for one in STORED if one["request"].get("closed")], ids=lambda one: one["name"]
+)
 def test_a_stored_transmission_angle_of_a_closed_way_holds_over_the_turn(example) -> None:
     for one in example["reply"]["solutions"]:
         crank, coupler, rocker, ground = (one["links"][name] for name in ("crank", "coupler", "rocker", "ground"))
