@@ -468,6 +468,31 @@ def test_the_reason_names_the_family_that_lengths_exclude() -> None:
     assert la.synthesize(motion, la.Limits(links=lengths, family="any")).status == "reached"
 
 
+BENT = la.Motion(
+    [0, 10, 25, 45, 70, 90], [[0, 0], [20, 10], [40, 25], [60, 50], [70, 80], [70, 110]], timing="free"
+)
+
+
+def lengths(*links: float) -> dict[str, float]:
+    return dict(zip(("crank", "coupler", "rocker", "ground"), links))
+
+
+def test_lengths_at_a_change_point_that_are_given_only_swing() -> None:
+    """60 + 95 = 80 + 75: over the whole turn, which such a crank does not make, nothing is asked of the transmission angle."""
+    found = la.synthesize(BENT, la.Limits(family="any", links=lengths(60, 80, 75, 95)), top=3)
+    assert found[0].errors.objective < 0.1161
+    assert {one.family for one in found} == {"change_point"}
+    assert all(one.transmission_angle_min_turn is None and one.transmission_angle_min > 34.999 for one in found)
+
+
+def test_lengths_that_are_given_are_not_said_to_break_limits_of_lengths() -> None:
+    """60 + 90 = 80 + 70: of the preset only the transmission angle over the used interval concerns them."""
+    found = la.synthesize(BENT, la.Limits(family="any", links=lengths(60, 80, 70, 90), transmission_angle_min=60))
+    assert found.status == "infeasible" and found.report.notes
+    assert found.report.notes[0].startswith("transmission_angle_min excludes every linkage")
+    assert not any("turn" in note or "ratio" in note for note in found.report.notes)
+
+
 def test_the_reason_is_a_family_too_where_it_is_the_default() -> None:
     """A crank longer than the ground turns fully in a double-crank alone, whose ground is shortest: here the rocker is."""
     motion = la.Motion(None, [[0, 0], [10, 2], [30, 3], [40, 10]], timing="free")
