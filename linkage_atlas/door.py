@@ -124,6 +124,7 @@ _SHARE = 0.35
 """Part of what is allowed at which a search ends: the largest error of a linkage is some two to three times its mean."""
 FAR = 1e6
 """Largest ratio of a given linkage's lengths and distances to one another and to the motion's extent."""
+SAME_LENGTHS = "{0} linkages in place of {1}: others come to the same lengths, and each is shown once, in its best place"
 LOCAL = (
     "refined from the given linkage to the nearest optimum that the descent came to: linkages elsewhere were not looked at, "
     "and may be better"
@@ -356,7 +357,11 @@ def synthesize(
     cut_short, refines = course.stopped_by == "budget", isinstance(source, Start)
     status = status_of(solutions, tolerance, wanted.tolerances is not None, cut_short or refines)
     if question.rounds:
+        reported = min(len(solutions), top)
         found, solutions = found[:top], by_rounded(solutions, top, question.sizes is not None)
+        if same := reported - len(solutions):
+            found = found[:-same]
+            notes.append(SAME_LENGTHS.format(len(solutions), reported))
     if kinds.four_bars_alone and solutions and solutions[0].determination.ill_posed:
         notes.append(ILL_POSED)
     notes += _unasked_notes(question, solutions)
