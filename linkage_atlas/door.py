@@ -71,7 +71,7 @@ from synthesis.free.search import path_screens, search_free
 from synthesis.from_linkage import refine_motion, refine_poses
 from synthesis.guided.search import NOTHING_ROUND
 from synthesis.kept import Kept
-from synthesis.ranking import APART, Status, distinct, spread
+from synthesis.ranking import APART, Status, distinct, motion_errors, spread
 from synthesis.search.search import DEFAULT_TOLERANCE, search
 from synthesis.search.seeds import SeedTables
 from synthesis.target import MAX_LENGTH, MIN_LENGTH, MIN_SPAN, TURN, Samples
@@ -96,6 +96,9 @@ SWINGS = (
     "cranks were looked for that can turn fully, but this motion needs no more than half a turn of them: "
     "with `limits.family` 'any' four-bars that only swing are looked at too, and may come nearer"
 )
+HOPELESS = "the best linkage hardly makes this motion: it is {0:.2g} times as far off as a body that stands still"
+_HOPELESS = 0.5
+"""Parts of the error of a body that stands still."""
 _HALF_TURN = np.pi
 ILL_POSED = (
     "the problem is ill-posed: quite different linkages give this motion to within the resolution; "
@@ -364,6 +367,7 @@ def synthesize(
             notes.append(SAME_LENGTHS.format(len(solutions), reported))
     if kinds.four_bars_alone and solutions and solutions[0].determination.ill_posed:
         notes.append(ILL_POSED)
+    notes += _hopeless_notes(solutions)
     notes += _unasked_notes(question, solutions)
     notes += _swing_notes(solutions, wanted, limits, tolerance)
     notes += study_notes(studies.manufacture, solutions)
@@ -508,6 +512,20 @@ def _best_of_kinds(question: _Question, kinds: Kinds) -> Answered:
         chosen = front(found, motion, limits, prefers, tolerance, top)
         course = course.ended_by(searching.expired())
     return chosen, course, studies, look
+
+
+def _hopeless_notes(solutions: Sequence[Any]) -> list[str]:
+    """That the best linkage hardly makes the motion, and the limits it stands at."""
+    if not solutions or solutions[0].verdict.within_tolerance:
+        return []
+    best, target = solutions[0], solutions[0].origin.motion.target
+    place = None if target.position is None else np.full((1, target.samples), target.middle)
+    (still,) = motion_errors(target, np.zeros((1, target.samples)), place)[1]
+    if not still.objective or (share := best.errors.objective / still.objective) <= _HOPELESS:
+        return []
+    limits = best.determination.at_limits if best.kind == "four_bar" else ()
+    said = HOPELESS.format(share)
+    return [f"{said}; at its limits: {', '.join(limits)}" if limits else said]
 
 
 def _unasked_notes(question: _Question, solutions: Sequence[Any]) -> list[str]:

@@ -468,9 +468,8 @@ def test_the_reason_names_the_family_that_lengths_exclude() -> None:
     assert la.synthesize(motion, la.Limits(links=lengths, family="any")).status == "reached"
 
 
-BENT = la.Motion(
-    [0, 10, 25, 45, 70, 90], [[0, 0], [20, 10], [40, 25], [60, 50], [70, 80], [70, 110]], timing="free"
-)
+TURNED, PLACES = [0, 10, 25, 45, 70, 90], [[0, 0], [20, 10], [40, 25], [60, 50], [70, 80], [70, 110]]
+BENT = la.Motion(TURNED, PLACES, timing="free")
 
 
 def lengths(*links: float) -> dict[str, float]:
@@ -491,6 +490,17 @@ def test_lengths_that_are_given_are_not_said_to_break_limits_of_lengths() -> Non
     assert found.status == "infeasible" and found.report.notes
     assert found.report.notes[0].startswith("transmission_angle_min excludes every linkage")
     assert not any("turn" in note or "ratio" in note for note in found.report.notes)
+
+
+def test_that_a_linkage_hardly_moves_the_body_is_said_with_its_limits() -> None:
+    """Pivots some twenty extents away leave a body that all but stands still."""
+    found = la.synthesize(BENT, la.Limits(pivot_box=[1000, 1000, 1001, 1001], link_max=50), top=1)
+    (note,) = [note for note in found.report.notes if "stands still" in note]
+    square = np.radians(TURNED).var() + np.var(PLACES, axis=0).sum() / found.report.length_scale**2
+    share = found.best.errors.objective / np.sqrt(square)
+    assert 0.9 < share < 1 and f"{share:.2g} times" in note and "pivot_box" in note.split("at its limits: ")[1]
+    near = la.synthesize(BENT, top=1)
+    assert not any("stands still" in note for note in near.report.notes)
 
 
 def test_the_reason_is_a_family_too_where_it_is_the_default() -> None:
