@@ -74,11 +74,9 @@ _ROUNDS = 7
 """Of the multipliers."""
 _WEIGHT, _GROWTH = 1.0, 10.0
 """Of a broken limit against the square of the objective, and its growth with each round."""
-NONE_CLOSES = (
-    "no combination of lengths that was tried closes at all crank angles of this solution within the limits of lengths and angles"
-)
-NO_PLACE = "no combination of lengths that was tried has a place within the limits at the crank angles of this solution"
-NO_TIME = "the time was up before a combination of lengths was in its place"
+NONE_CLOSES = "none of the lengths tried closes at all crank angles of this solution within the limits of shape"
+NO_PLACE = "none of the lengths tried has a place within the limits at the crank angles of this solution"
+NO_TIME = "the time was up before a linkage of lengths that can be had was in its place"
 _MARGIN = 1e-8
 """How far inside the limits the refinement aims: what rounding leaves of it is inside too."""
 

@@ -23,7 +23,7 @@ from synthesis.work import Work
 
 AROUND = 2
 """Of each length the nearest so many are combined."""
-NONE_KEEPS = "no combination of lengths that was tried closes at every sample and keeps the limits"
+NONE_KEEPS = "none of the lengths tried closes at every sample and keeps the limits"
 _ROUNDS = 15
 _DAMPED = 1e-3
 _STEP = 1e-6

@@ -492,6 +492,21 @@ def test_lengths_that_are_given_are_not_said_to_break_limits_of_lengths() -> Non
     assert not any("turn" in note or "ratio" in note for note in found.report.notes)
 
 
+def test_a_parallelogram_stands_beside_the_way_that_its_body_is_shifted_along() -> None:
+    """Any point of a body that does not turn goes the same way: once this one lay 605 from the crank pin."""
+    places = np.array([[0, 0], [10, 40], [30, 75], [60, 100]])
+    asked = {"rotation": [0, 0, 0, 0], "position": places, "timing": "free"}
+    given = {"family": "any", "links": lengths(100, 150, 100, 150)}
+    found = la.synthesize(**asked, limits=given, top=1)
+    assert found.best.errors.objective < 0.03287
+    assert found.best.size < 2.6
+    off = np.linalg.norm(found.best.linkage.joints(found.best.crank_angle).body_point - places, axis=1)
+    assert off.max() == pytest.approx(found.best.errors.position_max)
+    box = [500, -400, 700, 900]
+    far = la.synthesize(**asked, limits=given | {"pivot_box": box}, top=1).best
+    assert all(box[0] <= x <= box[2] and box[1] <= y <= box[3] for x, y in (far.mount.pivot_a, far.mount.pivot_b))
+
+
 def test_that_a_linkage_hardly_moves_the_body_is_said_with_its_limits() -> None:
     """Pivots some twenty extents away leave a body that all but stands still."""
     found = la.synthesize(BENT, la.Limits(pivot_box=[1000, 1000, 1001, 1001], link_max=50), top=1)

@@ -131,7 +131,7 @@ def test_where_no_lengths_do_there_is_none() -> None:
     limits = Limits(link_max=1.0)
     assert on_grid(target, solution, 5.0, limits) is None
     found = best_from_stock(target, solution, [20, 50, 70], limits, 100, Work())
-    assert found.solution is None and found.reason.startswith("no combination")
+    assert found.solution is None and found.reason.startswith("none of the lengths tried")
 
 
 # -- stock ------------------------------------------------------------------------------------------------------------
