@@ -114,6 +114,8 @@ class Rounded(Record):
     """How many there are; null for a grid."""
     exhaustive: bool | None
     """Whether this is the best of all combinations; null for a grid."""
+    reason: str | None = None
+    """Why none closes."""
     linkage: FourBar | None = field(default=None, metadata=KEPT)
 
 
@@ -301,6 +303,8 @@ class GuidedRounded(Record):
     """How many there are; null for a grid."""
     exhaustive: bool | None
     """Whether all combinations were tried; null for a grid."""
+    reason: str | None = None
+    """Why none closes."""
     linkage: GuidedLinkage | None = field(default=None, metadata=KEPT)
 
 
@@ -584,6 +588,8 @@ def merit(one: AnySolution) -> tuple[bool, ...]:
 def by_rounded(solutions: Sequence[S], top: int, fair: bool) -> list[S]:
     """Solutions whose lengths were rounded, by the error of what can be had: those that do not close so come last.
 
+    Of four-bars of the same branch and lengths, or others of the same error too, only the first is left.
+
     ``fair``: those out of all proportion, which a grid hardly moves, come behind others.
     """
 
@@ -592,7 +598,22 @@ def by_rounded(solutions: Sequence[S], top: int, fair: bool) -> list[S]:
         error = np.inf if found is None or found.errors is None else found.errors.objective
         return *merit(one), fair and out_of_proportion(one), error
 
-    return [replace(one, rank=rank) for rank, one in enumerate(sorted(solutions, key=place)[:top], 1)]
+    first: dict[Any, S] = {}
+    for one in sorted(solutions, key=place):
+        first.setdefault(_as_it_can_be_had(one), one)
+    return [replace(one, rank=rank) for rank, one in enumerate(list(first.values())[:top], 1)]
+
+
+def _as_it_can_be_had(one: AnySolution) -> Any:
+    """What is the same for linkages that are the same once rounded."""
+    found = one.rounded
+    if found is None or not found.closes:
+        return id(one)
+    if isinstance(found, Rounded):
+        return one.branch, found.links
+    assert found.errors is not None
+    lengths = tuple((found.lengths or {}).items())
+    return one.kind, one.driver, found.branch, lengths, f"{found.errors.objective:.4g}"
 
 
 def out_of_proportion(one: AnySolution) -> bool:
@@ -867,6 +888,7 @@ def _tried(kind: type, found: Any) -> dict[str, Any]:
         "tried": found.tried,
         "combinations": found.combinations,
         "exhaustive": found.exhaustive,
+        "reason": found.reason,
     }
 
 

@@ -52,6 +52,7 @@ from linkage_atlas.kinds import (
     smaller_first,
     span_of,
     strays_between,
+    target_of,
 )
 from linkage_atlas.limits import QUICK, QUICK_ROUNDS, read_limits, what_excludes
 from linkage_atlas.linkages import DriverName, FourBar, KindName
@@ -60,18 +61,19 @@ from linkage_atlas.studies import STUDIES, Studies, check_rows, read_studies, st
 from synthesis.arrays import Floats
 from synthesis.atlas.scan import Scan, best_rows
 from synthesis.errors import FieldError
-from synthesis.fourbar.kinematics import wrap
+from synthesis.fourbar.kinematics import Family, wrap
 from synthesis.fourbar.limits import Limits, Reach
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.mechanism import FOURBAR
-from synthesis.fourbar.solution import Solution
+from synthesis.fourbar.passage import size_of
+from synthesis.fourbar.solution import Solution, assess, within
 from synthesis.free.poses import Poses
 from synthesis.free.screen import PathScreen
 from synthesis.free.search import path_screens, search_free
 from synthesis.from_linkage import refine_motion, refine_poses
 from synthesis.guided.search import NOTHING_ROUND
 from synthesis.kept import Kept
-from synthesis.ranking import APART, Status, distinct, spread
+from synthesis.ranking import APART, Status, distinct, motion_errors, spread
 from synthesis.search.search import DEFAULT_TOLERANCE, search
 from synthesis.search.seeds import SeedTables
 from synthesis.target import MAX_LENGTH, MIN_LENGTH, MIN_SPAN, TURN, Samples
@@ -96,7 +98,12 @@ SWINGS = (
     "cranks were looked for that can turn fully, but this motion needs no more than half a turn of them: "
     "with `limits.family` 'any' four-bars that only swing are looked at too, and may come nearer"
 )
+HOPELESS = "the best linkage hardly makes this motion: it is {0:.2g} times as far off as a body that stands still"
+_HOPELESS = 0.5
+"""Parts of the error of a body that stands still."""
 _HALF_TURN = np.pi
+_SHIFTED = 1e-9
+"""Radians that a body turns at most which is only shifted."""
 ILL_POSED = (
     "the problem is ill-posed: quite different linkages give this motion to within the resolution; "
     "see `determination` of each solution"
@@ -124,6 +131,9 @@ _SHARE = 0.35
 """Part of what is allowed at which a search ends: the largest error of a linkage is some two to three times its mean."""
 FAR = 1e6
 """Largest ratio of a given linkage's lengths and distances to one another and to the motion's extent."""
+SAME_LENGTHS = (
+    "{0} linkages in place of {1}: others come to the same lengths, and each is shown once, where it is best"
+)
 LOCAL = (
     "refined from the given linkage to the nearest optimum that the descent came to: linkages elsewhere were not looked at, "
     "and may be better"
@@ -356,9 +366,14 @@ def synthesize(
     cut_short, refines = course.stopped_by == "budget", isinstance(source, Start)
     status = status_of(solutions, tolerance, wanted.tolerances is not None, cut_short or refines)
     if question.rounds:
+        reported = min(len(solutions), top)
         found, solutions = found[:top], by_rounded(solutions, top, question.sizes is not None)
+        if same := reported - len(solutions):
+            found = found[:-same]
+            notes.append(SAME_LENGTHS.format(len(solutions), reported))
     if kinds.four_bars_alone and solutions and solutions[0].determination.ill_posed:
         notes.append(ILL_POSED)
+    notes += _hopeless_notes(solutions)
     notes += _unasked_notes(question, solutions)
     notes += _swing_notes(solutions, wanted, limits, tolerance)
     notes += study_notes(studies.manufacture, solutions)
@@ -452,6 +467,8 @@ def _best_four_bars(question: _Question, source: SeedTables | Scan | Start, begu
     if question.sizes:
         work = question.searching(wish)
         found, course = _with_fair(found, course, source, wanted, question.sizes, many, goal, work)
+    if isinstance(source, SeedTables):
+        found = [_drawn_near(one, wanted, kept) for one in found]
     if not found:
         pass
     elif prefers == "layers":
@@ -503,6 +520,20 @@ def _best_of_kinds(question: _Question, kinds: Kinds) -> Answered:
         chosen = front(found, motion, limits, prefers, tolerance, top)
         course = course.ended_by(searching.expired())
     return chosen, course, studies, look
+
+
+def _hopeless_notes(solutions: Sequence[Any]) -> list[str]:
+    """That the best linkage hardly makes the motion, and the limits it stands at."""
+    if not solutions or solutions[0].verdict.within_tolerance:
+        return []
+    best, target = solutions[0], solutions[0].origin.motion.target
+    place = None if target.position is None else np.full((1, target.samples), target.middle)
+    (still,) = motion_errors(target, np.zeros((1, target.samples)), place)[1]
+    if not still.objective or (share := best.errors.objective / still.objective) <= _HOPELESS:
+        return []
+    limits = best.determination.at_limits if best.kind == "four_bar" else ()
+    said = HOPELESS.format(share)
+    return [f"{said}; at its limits: {', '.join(limits)}" if limits else said]
 
 
 def _unasked_notes(question: _Question, solutions: Sequence[Any]) -> list[str]:
@@ -597,6 +628,32 @@ def _sizes(given: Mapping[str, Any] | None, motion: Motion, limits: Limits, sour
         return None
     angles = limits.transmission_angle_min, limits.transmission_angle_min_turn
     return replace(practical, transmission_angle_min=angles[0], transmission_angle_min_turn=angles[1])
+
+
+def _drawn_near(one: Solution, motion: Motion, limits: Limits) -> Solution:
+    """A linkage whose body is only shifted, as a parallelogram's, beside the motion: any of its points goes the same way.
+
+    As it was where that breaks a limit or saves nothing.
+    """
+    samples, linkage = motion.samples, one.linkage
+    if samples.position is None or one.family is not Family.CHANGE_POINT:
+        return one
+    target = target_of(one, motion)
+    at = linkage.joints(target.crank)
+    assert at.body_point is not None
+    if not np.ptp(at.coupler_angle) <= _SHIFTED:
+        return one
+    # the crank pin's way to the body point, and either pivot's to the motion's middle, are to be short
+    ways = at.body_point[0] - at.crank_pin[0], samples.middle - at.pivot_a, samples.middle - at.pivot_b
+    moved = complex(np.mean(ways))
+    arm = (ways[0] - moved) * np.exp(-1j * at.coupler_angle[0])
+    point = float(abs(arm)), wrap(float(np.angle(arm)))
+    near = assess(target, [linkage.placed(linkage.pivot_a + moved, linkage.ground_angle, point)])
+    for other in within(target, limits, near):
+        gained = (size_of(other.linkage, samples) or 0.0) < (size_of(linkage, samples) or 0.0)
+        if gained and abs(other.errors.objective - one.errors.objective) <= _SHIFTED:
+            return replace(other, crank=one.crank)
+    return one
 
 
 def _as_it_is(_: object) -> int:

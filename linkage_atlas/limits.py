@@ -146,9 +146,12 @@ def what_excludes(
     names = [name for name in limits.given if name != "family"]
     if limits.family != "any":  # also where it is the default, and nobody thought of it
         names.insert(0, "family")
-    names.sort(key=lambda name: name not in (own or {}))
+    if given := all(limits.links):  # which keep the limits of lengths; that others would do is no news
+        idle = ["link_min", "link_max", "link_ratio_max", *["transmission_angle_min_turn"] * limits.swings]
+        names = [name for name in names if name not in idle]
+    names.sort(key=lambda name: (given and name == "links", name not in (own or {})))
     notes: list[str] = []
-    if all(limits.links) and not in_family(limits.family, np.array([limits.links], dtype=float))[0]:
+    if given and not in_family(limits.family, np.array([limits.links], dtype=float))[0]:
         made = Family(family(np.array(limits.links, dtype=float)).item()).value
         return [f"the given lengths are those of a {made}, which family '{limits.family}' excludes; 'any' takes them"]
     for name in names:

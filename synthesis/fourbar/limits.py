@@ -17,7 +17,7 @@ import numpy as np
 from synthesis import kernel
 from synthesis.arrays import Flags, Floats
 from synthesis.errors import FieldError
-from synthesis.fourbar.kinematics import grashof_excesses
+from synthesis.fourbar.kinematics import FULL_CRANK, family, grashof_excesses
 from synthesis.mechanism import Box, Constrained, Placed
 from synthesis.target import Samples
 
@@ -260,6 +260,11 @@ class Limits:
         """Whether they are, beside others, the practical ones of `practical_limits`."""
         return self.pivot_reach is not None
 
+    @property
+    def swings(self) -> bool:
+        """Whether all lengths are given, and the crank does not turn fully: at a change point rounding alone would say so."""
+        return None not in self.links and family(np.array(self.links, dtype=float)).item() not in FULL_CRANK
+
     @cached_property
     def only_family(self) -> bool:
         """Whether nothing but the family is limited."""
@@ -398,7 +403,7 @@ class Constraints:
             table.add("transmission_angle_min", kernel.USED, np.cos(limits.transmission_angle_min))
         if every:
             table.add("family", kernel.FAMILY, _SIGNS.get(limits.family, 0.0))
-        if least := limits.transmission_angle_min_turn:
+        if (least := limits.transmission_angle_min_turn) and not limits.swings:
             table.add("transmission_angle_min_turn", kernel.OVER_TURN, np.cos(least), every)
         for name, bound, sign in (("link_min", limits.link_min, 1.0), ("link_max", limits.link_max, -1.0)):
             if bound is not None:

@@ -33,7 +33,7 @@ from synthesis.fourbar.kinematics import close_loop, wrap
 from synthesis.fourbar.limits import BEGIN, COUPLER, END, PIVOT, TURNED, Constraints, Limits
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.solution import Solution, assess, four, keeps, within
-from synthesis.least_squares import Evaluation, minimise
+from synthesis.least_squares import Evaluation, Minima, minimise
 from synthesis.mechanism import Placed
 from synthesis.pose import rotation_residual
 from synthesis.target import TURN, Target
@@ -74,6 +74,9 @@ _ROUNDS = 7
 """Of the multipliers."""
 _WEIGHT, _GROWTH = 1.0, 10.0
 """Of a broken limit against the square of the objective, and its growth with each round."""
+NONE_CLOSES = "none of the lengths tried closes at all crank angles of this solution within the limits of shape"
+NO_PLACE = "none of the lengths tried has a place within the limits at the crank angles of this solution"
+NO_TIME = "the time was up before a linkage of lengths that can be had was in its place"
 _MARGIN = 1e-8
 """How far inside the limits the refinement aims: what rounding leaves of it is inside too."""
 
@@ -85,13 +88,14 @@ class Rounding(Generic[One]):
     ``solution``: the best; None where no combination that was tried has a place within the limits. ``tried``: how many
     combinations were fitted. ``combinations``: how many there are; None for a grid, which has no end. ``exhaustive``:
     whether the choice is the best of all combinations: every one was scanned over the whole turn of the start, and
-    refined unless the scan shows it to be worse. None for a grid.
+    refined unless the scan shows it to be worse. None for a grid. ``reason``: why there is no solution.
     """
 
     solution: One | None
     tried: int
     combinations: int | None = None
     exhaustive: bool | None = None
+    reason: str | None = None
 
 
 def round_to_grid(
@@ -114,11 +118,11 @@ def round_to_grid(
     if (found := place(target, links, old.branch, starts, old, limits, work)[0]) is not None:
         return Rounding(found, 1)
     if work.expired():
-        return Rounding(None, 0)
+        return Rounding(None, 0, reason=NO_TIME)
     near = [np.arange(max(1.0, step - AROUND), step + AROUND + 1) * grid for step in steps]
     near = [values if np.isnan(length) else np.array([length]) for values, length in zip(near, given)]
     best = _best_of(target, solution, near, limits, min(tries, GRID_TRIES), work)
-    return Rounding(best.solution, best.tried)
+    return Rounding(best.solution, best.tried, reason=best.reason)
 
 
 def best_from_stock(
@@ -171,7 +175,8 @@ def _best_of(
         if work.expired():  # perhaps before the last was in its place
             tried, refined_all = tried if best is not None else 0, False
             break
-    return Rounding(best, tried, every, tried == every and refined_all)
+    why = NONE_CLOSES if not ranked.size else NO_TIME if work.expired() else NO_PLACE
+    return Rounding(best, tried, every, tried == every and refined_all, None if best is not None else why)
 
 
 def _nearest_first(target: Target, solution: Solution, choices: Sequence[Floats]) -> Iterator[Floats]:
@@ -292,11 +297,11 @@ def scan(target: Target, links: Floats, branch: int, limits: Limits) -> tuple[Fl
     step = TURN / _STARTS
     for _ in range(_HALVINGS):
         step /= 2
-        for side in (-step, step):
-            trial = best[:, :1] + side
-            found = _scanned(target, few, links, branch, trial, limits)
-            better = found < least[:, :1]
-            best[:, :1], least[:, :1] = np.where(better, trial, best[:, :1]), np.where(better, found, least[:, :1])
+        trial = best[:, :1] + np.array([-step, 0.0, step])
+        beside = _scanned(target, few, links, branch, trial[:, ::2], limits)
+        found = np.insert(beside, 1, least[:, 0], axis=1)
+        nearest = np.argmin(found, axis=1)[:, None]
+        best[:, :1], least[:, :1] = (np.take_along_axis(column, nearest, axis=1) for column in (trial, found))
     return least[:, 0], np.where(np.isfinite(least), best, np.nan)
 
 
@@ -364,13 +369,15 @@ def place(
     begin = np.concatenate([starts[rows, columns], np.full(len(links), old.start)])
     own, around = links[tried], _best_pose(target, links[tried], branch, begin)[1]
     best: list[Solution | None] = [None] * len(links)
-    refined = _refined(target, own, branch, around.unknowns(target), work)
+    refined, cost = _refined(target, own, branch, around.unknowns(target), work)
     kept = _offer(best, target, own, branch, tried, Places.of(target, refined), limits)
-    open_rows = np.flatnonzero(~kept)
-    if open_rows.size and not limits.only_family:
-        same = Places.of_linkage(old, len(links))
+    known = np.array([np.inf if one is None else one.errors.objective**2 for one in best])
+    open_rows = np.flatnonzero(~kept & (cost < known[tried]))  # limits make none of them better
+    lacking = np.union1d(np.flatnonzero(np.isinf(known)), tried[open_rows])
+    if lacking.size and not limits.only_family:
+        same = Places.of_linkage(old, len(lacking))
         unknowns = np.concatenate([refined[open_rows], same.unknowns(target)])
-        tried = np.concatenate([tried[open_rows], np.arange(len(links))])
+        tried = np.concatenate([tried[open_rows], lacking])
         limited = Places.of(target, _held_back(target, links[tried], branch, unknowns, limits, work))
         _offer(best, target, links[tried], branch, tried, limited.snapped(limits, links[tried, 3]), limits)
     return best
@@ -390,32 +397,36 @@ def _offer(
     good = np.all(np.isfinite(np.stack([np.abs(column) for column in places])), axis=0)
     crank = places.start[:, None] + target.crank
     good &= np.all(close_loop(links, crank).closed, axis=1)
-    for k in np.flatnonzero(good):
-        point = float(abs(places.point[k])), wrap(float(np.angle(places.point[k])))
-        linkage = Linkage(
+    some = np.flatnonzero(good)
+    linkages = [
+        Linkage(
             four(links[k]),
             branch,
             float(places.start[k] % TURN),
             complex(places.pivot[k]),
             wrap(float(places.turn[k])),
-            point,
+            (float(abs(places.point[k])), wrap(float(np.angle(places.point[k])))),
         )
-        found = within(target, limits, assess(target, [linkage]))
-        if not found:
+        for k in some
+    ]
+    found = assess(target, linkages)
+    inside = set(map(id, within(target, limits, found)))
+    for k, one in zip(some, found):
+        if id(one) not in inside:
             continue
         kept[k] = True
         now = best[tried[k]]
-        if now is None or found[0].errors.objective < now.errors.objective:
-            best[tried[k]] = found[0]
+        if now is None or one.errors.objective < now.errors.objective:
+            best[tried[k]] = one
     return kept
 
 
-def _refined(target: Target, links: Floats, branch: int, unknowns: Floats, work: Work) -> Floats:
+def _refined(target: Target, links: Floats, branch: int, unknowns: Floats, work: Work) -> Minima:
     def evaluate(some: Floats, which: Floats) -> Evaluation:
         return _evaluation(_rows(target, links[which.astype(int)], branch, some))
 
     which = np.arange(len(links), dtype=float)
-    return minimise(evaluate, unknowns, which, _STEPS, work=work, stall=0.0, damping=1e-6).unknowns
+    return minimise(evaluate, unknowns, which, _STEPS, work=work, stall=1e-12, damping=1e-6)
 
 
 def _held_back(target: Target, links: Floats, branch: int, unknowns: Floats, limits: Limits, work: Work) -> Floats:

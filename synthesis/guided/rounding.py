@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from synthesis.arrays import Floats
-from synthesis.fourbar.rounding import Rounding
+from synthesis.fourbar.rounding import NO_TIME, Rounding
 from synthesis.free.poses import Poses
 from synthesis.guided.linkage import Circle, Guide, GuidedLinkage, Rail, Slot
 from synthesis.guided.solution import GuidedSolution, assess, nearest_travel
@@ -23,6 +23,7 @@ from synthesis.work import Work
 
 AROUND = 2
 """Of each length the nearest so many are combined."""
+NONE_KEEPS = "none of the lengths tried closes at every sample and keeps the limits"
 _ROUNDS = 15
 _DAMPED = 1e-3
 _STEP = 1e-6
@@ -63,7 +64,8 @@ def rounded(
         if best is None or found.errors.objective < best.errors.objective:
             best = found
     exhaustive = None if combinations is None else tried == combinations and not work.expired()
-    return Rounding(best, tried, combinations, exhaustive)
+    why = None if best is not None else NO_TIME if work.expired() else NONE_KEEPS
+    return Rounding(best, tried, combinations, exhaustive, why)
 
 
 def on_grid(grid: float) -> Callable[[float], Sequence[float]]:

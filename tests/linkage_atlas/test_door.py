@@ -468,6 +468,56 @@ def test_the_reason_names_the_family_that_lengths_exclude() -> None:
     assert la.synthesize(motion, la.Limits(links=lengths, family="any")).status == "reached"
 
 
+TURNED, PLACES = [0, 10, 25, 45, 70, 90], [[0, 0], [20, 10], [40, 25], [60, 50], [70, 80], [70, 110]]
+BENT = la.Motion(TURNED, PLACES, timing="free")
+
+
+def lengths(*links: float) -> dict[str, float]:
+    return dict(zip(("crank", "coupler", "rocker", "ground"), links))
+
+
+def test_lengths_at_a_change_point_that_are_given_only_swing() -> None:
+    """60 + 95 = 80 + 75: over the whole turn, which such a crank does not make, nothing is asked of the transmission angle."""
+    found = la.synthesize(BENT, la.Limits(family="any", links=lengths(60, 80, 75, 95)), top=3)
+    assert found[0].errors.objective < 0.1161
+    assert {one.family for one in found} == {"change_point"}
+    assert all(one.transmission_angle_min_turn is None and one.transmission_angle_min > 34.999 for one in found)
+
+
+def test_lengths_that_are_given_are_not_said_to_break_limits_of_lengths() -> None:
+    """60 + 90 = 80 + 70: of the preset only the transmission angle over the used interval concerns them."""
+    found = la.synthesize(BENT, la.Limits(family="any", links=lengths(60, 80, 70, 90), transmission_angle_min=60))
+    assert found.status == "infeasible" and found.report.notes
+    assert found.report.notes[0].startswith("transmission_angle_min excludes every linkage")
+    assert not any("turn" in note or "ratio" in note for note in found.report.notes)
+
+
+def test_a_parallelogram_stands_beside_the_way_that_its_body_is_shifted_along() -> None:
+    """Any point of a body that does not turn goes the same way: once this one lay 605 from the crank pin."""
+    places = np.array([[0, 0], [10, 40], [30, 75], [60, 100]])
+    asked = {"rotation": [0, 0, 0, 0], "position": places, "timing": "free"}
+    given = {"family": "any", "links": lengths(100, 150, 100, 150)}
+    found = la.synthesize(**asked, limits=given, top=1)
+    assert found.best.errors.objective < 0.03287
+    assert found.best.size < 2.6
+    off = np.linalg.norm(found.best.linkage.joints(found.best.crank_angle).body_point - places, axis=1)
+    assert off.max() == pytest.approx(found.best.errors.position_max)
+    box = [500, -400, 700, 900]
+    far = la.synthesize(**asked, limits=given | {"pivot_box": box}, top=1).best
+    assert all(box[0] <= x <= box[2] and box[1] <= y <= box[3] for x, y in (far.mount.pivot_a, far.mount.pivot_b))
+
+
+def test_that_a_linkage_hardly_moves_the_body_is_said_with_its_limits() -> None:
+    """Pivots some twenty extents away leave a body that all but stands still."""
+    found = la.synthesize(BENT, la.Limits(pivot_box=[1000, 1000, 1001, 1001], link_max=50), top=1)
+    (note,) = [note for note in found.report.notes if "stands still" in note]
+    square = np.radians(TURNED).var() + np.var(PLACES, axis=0).sum() / found.report.length_scale**2
+    share = found.best.errors.objective / np.sqrt(square)
+    assert 0.9 < share < 1 and f"{share:.2g} times" in note and "pivot_box" in note.split("at its limits: ")[1]
+    near = la.synthesize(BENT, top=1)
+    assert not any("stands still" in note for note in near.report.notes)
+
+
 def test_the_reason_is_a_family_too_where_it_is_the_default() -> None:
     """A crank longer than the ground turns fully in a double-crank alone, whose ground is shortest: here the rocker is."""
     motion = la.Motion(None, [[0, 0], [10, 2], [30, 3], [40, 10]], timing="free")

@@ -108,3 +108,28 @@ def test_what_can_be_had_ranks_by_its_own_error(rounding, kinds, paths) -> None:
         if kinds == ["four_bar"]:
             single = la.synthesize(**asked, top=1)
             assert len(single) == 1 and single.best.rounded.errors.objective <= 1.1 * errors[0]
+
+
+MOTION = la.Motion(
+    [0, 10, 25, 45, 70, 90], [[0, 0], [20, 10], [40, 25], [60, 50], [70, 80], [70, 110]], timing="free"
+)
+
+
+@pytest.mark.parametrize("rounding", [{"lengths_from": [40, 60, 100]}, {"round_to": 100}], ids=str)
+def test_each_linkage_that_can_be_had_is_listed_once(rounding) -> None:
+    """Of ten linkages several come to the same lengths."""
+    found = la.synthesize(MOTION, la.Limits(family="any"), **rounding)
+    made = [(one.branch, one.rounded.links) for one in found if one.rounded.closes]
+    assert len(set(made)) == len(made) and [one.rank for one in found] == list(range(1, len(found) + 1))
+    (note,) = [note for note in found.report.notes if "the same lengths" in note]
+    assert note.startswith(f"{len(found)} linkages in place of ")
+    assert not any("the time was up" in note for note in found.report.notes)
+
+
+def test_why_no_lengths_do_is_said() -> None:
+    """A rhombus folds flat between samples of most solutions."""
+    found = la.synthesize(MOTION, la.Limits(family="any"), lengths_from=[60])
+    assert {one.rounded.closes for one in found} == {True, False}
+    for one in found:
+        assert (one.rounded.reason is None) == one.rounded.closes
+        assert one.rounded.closes or "closes at all crank angles of this solution" in one.rounded.reason

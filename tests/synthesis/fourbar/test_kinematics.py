@@ -96,7 +96,8 @@ def test_angles_agree_within_1e_12_of_a_change_point(kind, gap) -> None:
             Family.ROCKER_CRANK: (longer, middle, short, longest),
         }[kind]
         lengths = np.array([crank, coupler, rocker, ground])
-        assert family(lengths)[()] == kind and np.abs(grashof_excesses(lengths)).min() == gap
+        told = kind if gap > 1e-12 * lengths.max() else Family.CHANGE_POINT
+        assert family(lengths)[()] == told and np.abs(grashof_excesses(lengths)).min() == gap
         near_fold = rng.choice([0.0, np.pi]) + rng.choice([-1, 1]) * 10.0 ** rng.uniform(-9, 0)
         closed += assert_as_naive(lengths, near_fold, rng.choice([1, -1]), exact_input=kind in FULL_CRANK)
     assert closed >= (10 if kind in FULL_CRANK else 3)  # the others close near one fold at most
@@ -203,6 +204,17 @@ def test_family_changes_as_its_law_says(lengths) -> None:
 
 def test_each_pairing_of_the_links_has_its_change_point() -> None:
     assert set(family([[1, 2, 3, 4], [2, 1, 3, 4], [2, 3, 1, 4]])) == {Family.CHANGE_POINT}
+
+
+@pytest.mark.parametrize("scale", [1e-6, 0.1, 1 / 3, 1e7])
+def test_rounding_leaves_a_change_point_one(scale) -> None:
+    """Lengths that a user writes as decimals, or to which an answer keeps to a few digits less."""
+    random = np.random.default_rng(3)
+    lengths = scale * np.array([[60, 80, 75, 95], [100, 60, 100, 60], [80, 60, 80, 60], [60, 60, 60, 60]])
+    moved = lengths * (1 + 1e-13 * random.uniform(-1, 1, (50, 1, 4)))
+    assert set(family(moved).ravel()) == {Family.CHANGE_POINT}
+    lengths[:, 0] *= 1 + 1e-10
+    assert Family.CHANGE_POINT not in family(lengths)
 
 
 def test_coupler_angle_is_continuous_over_turns() -> None:

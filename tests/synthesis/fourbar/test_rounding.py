@@ -130,7 +130,8 @@ def test_where_no_lengths_do_there_is_none() -> None:
     target, solution = exact_case(3)
     limits = Limits(link_max=1.0)
     assert on_grid(target, solution, 5.0, limits) is None
-    assert best_from_stock(target, solution, [20, 50, 70], limits, 100, Work()).solution is None
+    found = best_from_stock(target, solution, [20, 50, 70], limits, 100, Work())
+    assert found.solution is None and found.reason.startswith("none of the lengths tried")
 
 
 # -- stock ------------------------------------------------------------------------------------------------------------
