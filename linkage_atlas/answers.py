@@ -57,7 +57,7 @@ from synthesis.guided.linkage import of_four_bar
 from synthesis.guided.passage import verdict as guided_verdict
 from synthesis.guided.rounding import from_stock, on_grid, rounded
 from synthesis.guided.solution import broken_limits
-from synthesis.ranking import Errors, Status
+from synthesis.ranking import PROPORTION, Errors, Status
 from synthesis.target import Target
 from synthesis.work import OutOfTime, Work
 
@@ -69,8 +69,6 @@ StoppedBy = Annotated[str, Literal["tolerance", "converged", "budget"]]
 
 FINISHING = 0.1
 """Part of its budget that an answer may take beyond it, to finish what the search has found."""
-PROPORTION = 100.0
-"""Extents of the motion, or shortest links: a part as many times as long is out of all proportion."""
 _AT_ONCE, _SAMPLES_AT_ONCE = 8, 2048
 """Solutions, and samples of all of them, finished between two looks at the time; one solution where each is rounded."""
 ROUNDINGS, MOST_ROUNDINGS, FEWEST_ROUNDINGS = 40, 8, 2
