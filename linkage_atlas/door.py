@@ -86,7 +86,10 @@ OUT_OF_PROPORTION = (
     "motion's extent or the shortest link: linkages within {fair:g} times come before it; "
     "with `limits.preset` 'none' the error alone counts"
 )
-FIRST_OUT_OF_PROPORTION = "the {which} linkage is out of all proportion, its largest part {times:.2g} times the motion's extent or the shortest link: "
+FIRST_OUT_OF_PROPORTION = (
+    "the {which} linkage is out of all proportion, its largest part {times:.2g} times the motion's extent or the shortest "
+    "link: "
+)
 FAIR_FOUND = "the best that was found of fair size has the objective {:.2g}", "none of fair size was found"
 """Where there is one, and where there is none."""
 SWINGS = (
@@ -490,10 +493,8 @@ def _best_of_kinds(question: _Question, kinds: Kinds) -> Answered:
     found, course = look(motion, limits, tolerance, question.searching(_FOR_LAYERS if layered else 0.0))
     many = max(_LAYERED * top, _LAYERED_LEAST) if layered else top
     if fair and found:
-        best, found = (
-            smaller_first(found, motion.samples)[0],
-            proportionate(found, motion.samples, tolerance, fair.most),
-        )
+        best = smaller_first(found, motion.samples)[0]
+        found = proportionate(found, motion.samples, tolerance, fair.most)
         if found[0] is not best:
             found = [one for one in found if proportion_of(one, motion.samples) <= fair.most]
     chosen = front(found, motion, limits, prefers, tolerance, many)
@@ -663,6 +664,8 @@ def _with_fair(
         said = FIRST_OUT_OF_PROPORTION.format(which="exact" if error < exact else "best", times=times)
         said += FAIR_FOUND[0].format(least) if least < np.inf else FAIR_FOUND[1]
     chosen = distinct(ranked, top, APART, _as_it_is, tolerance)
+    if top > 1 and all(one is not best for one in chosen):  # left out, for it looks like those before it
+        chosen[1:] = [best, *chosen[1:]][: top - 1]
     return chosen, course._replace(notes=[*course.notes, said] if said else course.notes)
 
 

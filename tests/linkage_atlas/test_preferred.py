@@ -337,6 +337,16 @@ def test_the_least_error_is_among_the_first_two_though_it_is_out_of_all_proporti
     assert any("out of all proportion" in note for note in found.report.notes)
 
 
+def test_the_least_error_is_second_though_it_looks_like_the_first() -> None:
+    # once left out for that: 119 times its shortest link long, it is one of 30 times in a picture
+    y = [0, -8, -15, -22, -28, -33, -36, -38, -38, -37, -34, -30, -25, -18, -11, -4]
+    asked = {"position": np.column_stack([4 * np.arange(16), y]), "crank_span": 71}
+    asked["rotation"] = [0, -1, -2, -2, -3, -4, -4, -4, -4, -4, -4, -3, -3, -2, -1, -1]
+    least = la.synthesize(**asked, limits={"preset": "none"}, top=1).best.errors.objective
+    second = la.synthesize(**asked).solutions[1]
+    assert second.errors.objective == pytest.approx(least, rel=1e-6)
+
+
 def test_far_from_the_origin_an_exact_linkage_stays_first() -> None:
     # once positions a million times their size away, exact to their rounding, were answered by one that is off by 6 %
     found = la.synthesize(**make_case("offset 1e6", 79).request)
