@@ -57,7 +57,7 @@ from synthesis.guided.linkage import of_four_bar
 from synthesis.guided.passage import verdict as guided_verdict
 from synthesis.guided.rounding import from_stock, on_grid, rounded
 from synthesis.guided.solution import broken_limits
-from synthesis.ranking import PROPORTION, Errors, Status
+from synthesis.ranking import FAIR, PROPORTION, Errors, Status
 from synthesis.target import Target
 from synthesis.work import OutOfTime, Work
 
@@ -582,21 +582,21 @@ def merit(one: AnySolution) -> tuple[bool, ...]:
 def by_rounded(solutions: Sequence[S], top: int, fair: bool) -> list[S]:
     """Solutions whose lengths were rounded, by the error of what can be had: those that do not close so come last.
 
-    ``fair``: those out of all proportion, which a grid hardly moves, come behind others.
+    ``fair``: those above fair size, which a grid hardly moves, come behind others.
     """
 
     def place(one: S) -> tuple[Any, ...]:
         found = one.rounded
         error = np.inf if found is None or found.errors is None else found.errors.objective
-        return *merit(one), fair and out_of_proportion(one), error
+        return *merit(one), fair and out_of_proportion(one, FAIR), error
 
     return [replace(one, rank=rank) for rank, one in enumerate(sorted(solutions, key=place)[:top], 1)]
 
 
-def out_of_proportion(one: AnySolution) -> bool:
-    """Whether a part is longer than anybody would build it."""
+def out_of_proportion(one: AnySolution, most: float = PROPORTION) -> bool:
+    """Whether a part is longer than anybody would build it, or more than so many extents of the motion or shortest links."""
     ratio = max(one.links) / min(one.links) if isinstance(one, Solution) else 1.0
-    return max(one.size or 0.0, ratio) > PROPORTION
+    return max(one.size or 0.0, ratio) > most
 
 
 def _worth(one: Solution, motion: Motion, tolerance: float) -> tuple[float, ...]:
