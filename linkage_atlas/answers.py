@@ -57,7 +57,7 @@ from synthesis.guided.linkage import of_four_bar
 from synthesis.guided.passage import verdict as guided_verdict
 from synthesis.guided.rounding import from_stock, on_grid, rounded
 from synthesis.guided.solution import broken_limits
-from synthesis.ranking import Errors, Status
+from synthesis.ranking import FAIR, PROPORTION, Errors, Status
 from synthesis.target import Target
 from synthesis.work import OutOfTime, Work
 
@@ -69,8 +69,6 @@ StoppedBy = Annotated[str, Literal["tolerance", "converged", "budget"]]
 
 FINISHING = 0.1
 """Part of its budget that an answer may take beyond it, to finish what the search has found."""
-PROPORTION = 100.0
-"""Extents of the motion, or shortest links: a part as many times as long is out of all proportion."""
 _AT_ONCE, _SAMPLES_AT_ONCE = 8, 2048
 """Solutions, and samples of all of them, finished between two looks at the time; one solution where each is rounded."""
 ROUNDINGS, MOST_ROUNDINGS, FEWEST_ROUNDINGS = 40, 8, 2
@@ -590,13 +588,13 @@ def by_rounded(solutions: Sequence[S], top: int, fair: bool) -> list[S]:
 
     Of four-bars of the same branch and lengths, or others of the same error too, only the first is left.
 
-    ``fair``: those out of all proportion, which a grid hardly moves, come behind others.
+    ``fair``: those above fair size, which a grid hardly moves, come behind others.
     """
 
     def place(one: S) -> tuple[Any, ...]:
         found = one.rounded
         error = np.inf if found is None or found.errors is None else found.errors.objective
-        return *merit(one), fair and out_of_proportion(one), error
+        return *merit(one), fair and out_of_proportion(one, FAIR), error
 
     first: dict[Any, S] = {}
     for one in sorted(solutions, key=place):
@@ -616,10 +614,10 @@ def _as_it_can_be_had(one: AnySolution) -> Any:
     return one.kind, one.driver, found.branch, lengths, f"{found.errors.objective:.4g}"
 
 
-def out_of_proportion(one: AnySolution) -> bool:
-    """Whether a part is longer than anybody would build it."""
+def out_of_proportion(one: AnySolution, most: float = PROPORTION) -> bool:
+    """Whether a part is longer than anybody would build it, or more than so many extents of the motion or shortest links."""
     ratio = max(one.links) / min(one.links) if isinstance(one, Solution) else 1.0
-    return max(one.size or 0.0, ratio) > PROPORTION
+    return max(one.size or 0.0, ratio) > most
 
 
 def _worth(one: Solution, motion: Motion, tolerance: float) -> tuple[float, ...]:

@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike
 
 from linkage_atlas.answers import (
     FINISHING,
-    PROPORTION,
     Continued,
     Report,
     Result,
@@ -31,7 +30,6 @@ from linkage_atlas.assemblies import read_assembly
 from linkage_atlas.atlases import Atlas, default_atlas
 from linkage_atlas.driving import check_asked
 from linkage_atlas.kinds import (
-    FAIR,
     UNRANKED,
     Course,
     Found,
@@ -73,7 +71,7 @@ from synthesis.free.search import path_screens, search_free
 from synthesis.from_linkage import refine_motion, refine_poses
 from synthesis.guided.search import NOTHING_ROUND
 from synthesis.kept import Kept
-from synthesis.ranking import APART, Status, distinct, motion_errors, spread
+from synthesis.ranking import APART, FAIR, PROPORTION, Status, distinct, motion_errors, spread
 from synthesis.search.search import DEFAULT_TOLERANCE, search
 from synthesis.search.seeds import SeedTables
 from synthesis.target import MAX_LENGTH, MIN_LENGTH, MIN_SPAN, TURN, Samples
@@ -87,13 +85,15 @@ UNASKED = (
 )
 OUT_OF_PROPORTION = (
     "the linkage of least error (objective {error:.2g}) is out of all proportion, its largest part {times:.2g} times the "
-    "motion's extent or the shortest link: linkages within 30 times come before it; "
+    "motion's extent or the shortest link: linkages within {fair:g} times come before it; "
     "with `limits.preset` 'none' the error alone counts"
 )
 FIRST_OUT_OF_PROPORTION = (
-    "the {which} linkage is out of all proportion, its largest part {times:.2g} times the motion's extent or the shortest link: "
-    "the best that was found of fair size has the objective {error:.2g}"
+    "the {which} linkage is out of all proportion, its largest part {times:.2g} times the motion's extent or the shortest "
+    "link: "
 )
+FAIR_FOUND = "the best that was found of fair size has the objective {:.2g}", "none of fair size was found"
+"""Where there is one, and where there is none."""
 SWINGS = (
     "cranks were looked for that can turn fully, but this motion needs no more than half a turn of them: "
     "with `limits.family` 'any' four-bars that only swing are looked at too, and may come nearer"
@@ -116,6 +116,8 @@ _LAYERED, _LAYERED_LEAST, _FOR_LAYERS = 3, 20, 0.3
 that is left for them."""
 _ROUNDED_LEAST = 5
 """Linkages at least that are rounded, of which the best are answered: the nearest is seldom that of whole lengths."""
+_POOL = 2
+"""Times as many linkages among which those in proportion are chosen."""
 _VARIETY = 6
 """Times as many solutions among which diverse ones are chosen."""
 Prefer = Literal["error", "size", "transmission", "crank_span", "layers"]
@@ -346,7 +348,7 @@ def synthesize(
         top,
         diverse and kinds.four_bars_alone,
         studies,
-        _sizes(limits, wanted, kept, source),
+        _fair_within(limits, wanted, kept, source),
         watch,
         FINISHING if live is None else LIVE_FINISHING + LIVE_FINISHING_EACH * min(top, 10),
     )
@@ -367,7 +369,7 @@ def synthesize(
     status = status_of(solutions, tolerance, wanted.tolerances is not None, cut_short or refines)
     if question.rounds:
         reported = min(len(solutions), top)
-        found, solutions = found[:top], by_rounded(solutions, top, question.sizes is not None)
+        found, solutions = found[:top], by_rounded(solutions, top, question.fair is not None)
         if same := reported - len(solutions):
             found = found[:-same]
             notes.append(SAME_LENGTHS.format(len(solutions), reported))
@@ -426,8 +428,8 @@ class _Question:
     top: int
     diverse: bool
     studies: Studies
-    sizes: Limits | None
-    """See `_sizes`."""
+    fair: _Fair | None
+    """See `_fair_within`."""
     watch: Work
     spare: float
     """Part of the budget beyond it that is left for finishing."""
@@ -463,10 +465,11 @@ def _best_four_bars(question: _Question, source: SeedTables | Scan | Start, begu
     ) -> tuple[list[Solution], Course]:
         return _search(source, asked, within, most, near, work, rounds)
 
-    found, course = _search(source, wanted, kept, many, goal, question.searching(wish), begun=begun)
-    if question.sizes:
+    pool = _POOL * many if question.fair else many
+    found, course = _search(source, wanted, kept, pool, goal, question.searching(wish), begun=begun)
+    if question.fair:
         work = question.searching(wish)
-        found, course = _with_fair(found, course, source, wanted, question.sizes, many, goal, work)
+        found, course = _with_fair(found, course, source, wanted, question.fair, many, goal, work)
     if isinstance(source, SeedTables):
         found = [_drawn_near(one, wanted, kept) for one in found]
     if not found:
@@ -490,7 +493,7 @@ def _best_four_bars(question: _Question, source: SeedTables | Scan | Start, begu
 def _best_of_kinds(question: _Question, kinds: Kinds) -> Answered:
     """The best linkages of several kinds, or of others than four-bars, side by side."""
     motion, limits, prefers, top = question.motion, question.limits, question.prefers, question.top
-    tolerance, sizes = question.tolerance, question.sizes
+    tolerance, fair = question.tolerance, question.fair
     studies, searching, layered = question.studies, question.searching(), prefers == "layers"
 
     def look(
@@ -498,15 +501,19 @@ def _best_of_kinds(question: _Question, kinds: Kinds) -> Answered:
     ) -> tuple[list[Found], Course]:
         def four_bars(within: Limits, work: Work, rounds: int | None) -> tuple[list[Solution], Course]:
             found, course = _search(seed_tables(), asked, within, top, goal, work, rounds)
-            if sizes and within is limits:
-                return _with_fair(found, course, seed_tables(), asked, sizes, top, goal, work)
+            if fair and within is limits:
+                return _with_fair(found, course, seed_tables(), asked, fair, top, goal, work)
             return found, course
 
         return search_kinds(kinds, asked, within, goal, four_bars, work, rounds)
 
     found, course = look(motion, limits, tolerance, question.searching(_FOR_LAYERS if layered else 0.0))
     many = max(_LAYERED * top, _LAYERED_LEAST) if layered else top
-    found = proportionate(found, motion.samples, tolerance)[0] if sizes else found
+    if fair and found:
+        best = smaller_first(found, motion.samples)[0]
+        found = proportionate(found, motion.samples, tolerance, fair.most)
+        if found[0] is not best:
+            found = [one for one in found if proportion_of(one, motion.samples) <= fair.most]
     chosen = front(found, motion, limits, prefers, tolerance, many)
     if not chosen:
         pass
@@ -618,16 +625,35 @@ def _search(
     return found, Course(stages, report.trace, report.stopped_by.value, counts, report.kept, report.unseen)
 
 
-def _sizes(given: Mapping[str, Any] | None, motion: Motion, limits: Limits, source: Any) -> Limits | None:
-    """The limits with the practical ones of lengths and places, where a search keeps none because nobody said which."""
+class _Fair(NamedTuple):
+    """Within what linkages of fair size are looked for."""
+
+    limits: Limits
+    most: float
+    """Extents of the motion, or shortest links, that their longest part is at most."""
+
+
+def _fair_within(given: Mapping[str, Any] | None, motion: Motion, limits: Limits, source: Any) -> _Fair | None:
+    """Limits within which linkages are of fair size, where a search keeps none because nobody said which.
+
+    Where a length or ratio that is given allows more, all that is in proportion is fair: what is wider gives nothing worse.
+    """
     if motion.free or "preset" in (given or {}) or not isinstance(source, SeedTables):
         return None
+    samples, units = motion.samples, {"link_ratio_max": 1.0}
+    if samples.position is not None:
+        units |= dict.fromkeys(("link_max", "coupler_radius_max"), samples.extent)
+    allowed = {name: getattr(limits, name) for name in units}
+    wider = any(allowed[name] is not None and allowed[name] > FAIR * unit for name, unit in units.items())
+    most = PROPORTION if wider else FAIR
+    lengths: dict[str, Any] = {name: min(most * unit, allowed[name] or np.inf) for name, unit in units.items()}
+    if samples.position is not None:
+        far = most * samples.extent
+        lengths["pivot_reach"] = Reach(complex(samples.position_mean(samples.position)), far, far)
     try:
-        practical = read_limits({**(given or {}), "preset": "practical"}, motion)
+        return _Fair(replace(limits, **lengths), most)
     except FieldError:  # a limit of its own excludes them
         return None
-    angles = limits.transmission_angle_min, limits.transmission_angle_min_turn
-    return replace(practical, transmission_angle_min=angles[0], transmission_angle_min_turn=angles[1])
 
 
 def _drawn_near(one: Solution, motion: Motion, limits: Limits) -> Solution:
@@ -666,39 +692,37 @@ def _with_fair(
     course: Course,
     source: SeedTables | Scan | Start,
     motion: Motion,
-    sizes: Limits,
+    fair: _Fair,
     top: int,
     tolerance: float,
     work: Work,
 ) -> tuple[list[Solution], Course]:
-    """What a search found; where its best is out of all proportion, linkages of fair size before it, or behind an exact one.
-
-    Law: an exact answer stays first, and the one of least error is among the first two.
-    """
+    """What a search found, as `proportionate` orders it; where the best is out of all proportion, with linkages of fair size."""
     if not found:
         return found, course
-    times, best = proportion_of(found[0], motion.samples), found[0].errors.objective
-    exact = exact_below(motion.samples, tolerance)
-    is_exact = best < exact
-    if times <= PROPORTION or (is_exact and any(proportion_of(one, motion.samples) <= FAIR for one in found)):
-        return found, course
-    more, again = _search(source, motion, sizes, top, tolerance, work)
-    least = min((one.errors.objective for one in more), default=0.0)
-    if is_exact:
-        found = [one for one in found if one.errors.objective < exact]
-        first, behind = smaller_first(found + more, motion.samples), found[:0]
-    else:
-        first, behind = proportionate(smaller_first(found + more, motion.samples), motion.samples, tolerance)
-    said = ""
-    if behind:
-        said = OUT_OF_PROPORTION.format(error=best, times=times)
+    samples, exact, again = motion.samples, exact_below(motion.samples, tolerance), course
+
+    def least_fair() -> float:
+        """The least error of those of fair size."""
+        errors = [one.errors.objective for one in found if proportion_of(one, samples) <= fair.most]
+        return min(errors, default=np.inf)
+
+    if proportion_of(found[0], samples) > PROPORTION and (
+        found[0].errors.objective >= exact or least_fair() == np.inf
+    ):
+        more, again = _search(source, motion, fair.limits, top, tolerance, work)
+        found = smaller_first(found + more, samples)
+    best, ranked = found[0], proportionate(found, samples, tolerance, fair.most)
+    error, times, least, said = best.errors.objective, proportion_of(best, samples), least_fair(), ""
+    if ranked[0] is not best:
+        said = OUT_OF_PROPORTION.format(error=error, times=times, fair=fair.most)
         course = course._replace(unseen=again.unseen, stopped_by=again.stopped_by)
-        first.insert(1, found[0])  # the least error there is, to choose from
-    elif least >= tolerance:
-        which = "exact" if is_exact else "best"
-        said = FIRST_OUT_OF_PROPORTION.format(which=which, times=times, error=least)
-    chosen = distinct(first, top, APART, _as_it_is, tolerance)
-    chosen += distinct(behind, top - len(chosen), APART, _as_it_is)
+    elif times > PROPORTION and least >= tolerance:
+        said = FIRST_OUT_OF_PROPORTION.format(which="exact" if error < exact else "best", times=times)
+        said += FAIR_FOUND[0].format(least) if least < np.inf else FAIR_FOUND[1]
+    chosen = distinct(ranked, top, APART, _as_it_is, tolerance)
+    if top > 1 and all(one is not best for one in chosen):  # left out, for it looks like those before it
+        chosen[1:] = [best, *chosen[1:]][: top - 1]
     return chosen, course._replace(notes=[*course.notes, said] if said else course.notes)
 
 

@@ -44,7 +44,7 @@ from synthesis.fourbar.passage import faults_of, practical_faults, verdicts
 from synthesis.from_linkage import refine_function
 from synthesis.function.answers import FunctionErrors as Errors
 from synthesis.function.answers import Generator, exchanged, rocker_angles, to_csv, turns_back
-from synthesis.function.search import LOPSIDED, generate, link_ratio, refit
+from synthesis.function.search import generate, link_ratio, refit
 from synthesis.function.travel_search import (
     ANGLE,
     LAWS,
@@ -58,7 +58,7 @@ from synthesis.function.travel_search import (
 )
 from synthesis.function.wanted import Wanted
 from synthesis.guided.passage import verdict as passing_of
-from synthesis.ranking import Status
+from synthesis.ranking import PROPORTION, Status
 from synthesis.search.search import DEFAULT_TOLERANCE, SearchReport
 from synthesis.sheet import csv_text
 from synthesis.target import MAX_LENGTH, MAX_SAMPLES, MIN_SAMPLES, Interval, Target, make_target
@@ -183,12 +183,13 @@ def _proportion_notes(found: Sequence[Generator], tolerance: float) -> list[str]
         return []
     best = min(found, key=lambda one: one.errors.objective)
     ratio, error = link_ratio(best), best.errors.objective
-    fair = next((one for one in found if link_ratio(one) <= LOPSIDED), None)
-    if ratio <= LOPSIDED or fair is None or fair.errors.objective < tolerance:
+    least = min((one.errors.objective for one in found if link_ratio(one) <= PROPORTION), default=np.inf)
+    if ratio <= PROPORTION or least < tolerance:
         return []
-    if error < tolerance:
-        return [EXACT_OUT_OF_PROPORTION.format(ratio=ratio, error=fair.errors.objective)]
-    return [OUT_OF_PROPORTION.format(ratio=ratio, error=error)] if found[0] is fair else []
+    if error >= tolerance and link_ratio(found[0]) <= PROPORTION:
+        return [OUT_OF_PROPORTION.format(ratio=ratio, error=error)]
+    said = FIRST_OUT_OF_PROPORTION.format(which="exact" if error < tolerance else "best", ratio=ratio)
+    return [said + (FOUND_WITHIN[0].format(least) if least < np.inf else FOUND_WITHIN[1])]
 
 
 # -- what comes back --------------------------------------------------------------------------------------------------
@@ -330,10 +331,11 @@ OUT_OF_PROPORTION = (
     "the linkage of least error (objective {error:.2g}) is out of all proportion, its longest link {ratio:.2g} times the "
     "shortest: linkages within 100 times come before it"
 )
-EXACT_OUT_OF_PROPORTION = (
-    "the exact linkage is out of all proportion, its longest link {ratio:.2g} times the shortest: the best that was found "
-    "within 100 times has the objective {error:.2g}"
+FIRST_OUT_OF_PROPORTION = (
+    "the {which} linkage is out of all proportion, its longest link {ratio:.2g} times the shortest: "
 )
+FOUND_WITHIN = "the best that was found within 100 times has the objective {:.2g}", "none within 100 times was found"
+"""Where there is one, and where there is none."""
 _STILL = 1e-12
 """Radians by which an output must move to be one."""
 
@@ -517,8 +519,8 @@ def function(
         with pointing_to_start():
             found, course = refine_function(wanted, kept, largest, tables.linkage, tables.offset, tolerance, watch)
     else:
-        found, course = generate(tables, wanted, kept, largest, top, tolerance, watch.extended(-FINISHING))
-    searched = watch.elapsed
+        found, course = generate(tables, wanted, kept, largest, max(top, 2), tolerance, watch.extended(-FINISHING))
+    searched, told, found = watch.elapsed, _proportion_notes(found, tolerance), found[:top]
     radian = radians_in(degrees)
     solutions: list[Any] = described(asked, found, kept, sensitivity, curves)
     if round_to is not None:
@@ -539,7 +541,7 @@ def function(
             f"between the samples the wanted curve is a spline, in doubt by up to {wanted.doubt / radian:.2g}: "
             "with more samples the largest error would mean more"
         )
-    notes += _proportion_notes(found, tolerance)
+    notes += told if begin is None else []
     if solutions and solutions[0].determination.ill_posed:
         notes.append("the problem is ill-posed: quite different linkages make this function to within the resolution")
     return asked.result(found, solutions, limits, course, searched, watch, notes, begin is not None)

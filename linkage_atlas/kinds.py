@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, TypeVar, get_args
 
 import numpy as np
 
-from linkage_atlas.answers import PROPORTION, AnySolution, finished, finished_guided, merit
+from linkage_atlas.answers import AnySolution, finished, finished_guided, merit
 from linkage_atlas.arguments import kinds_among, one_of
 from linkage_atlas.assemblies import AskedAssembly, Assembly, assembled
 from linkage_atlas.linkages import KindName
@@ -32,7 +32,7 @@ from synthesis.guided.linkage import Driver, Kind
 from synthesis.guided.search import NOTHING_ROUND, search_guided
 from synthesis.guided.solution import broken_limits
 from synthesis.kept import Kept
-from synthesis.ranking import APART, NEAR, STANDS_BACK, behind, distinct
+from synthesis.ranking import APART, FAIR, behind, by_proportion, distinct
 from synthesis.search.search import StoppedBy
 from synthesis.target import Samples, Target
 from synthesis.work import OutOfTime, Work
@@ -62,9 +62,6 @@ _ROUNDING = 1e-6
 """Part by which errors of two linkages differ at most that make the same motion."""
 _SAME = 1e-3
 """Part by which all measures of two linkages differ at most that are shown once."""
-FAIR = 30.0
-"""A linkage whose parts are so many times as long at most is of fair size: within the practical lengths, 10 extents, a body point
-may lie some 20 from its crank pin."""
 _STEP = np.deg2rad(5.0)
 """Exact linkages are ordered by their transmission angle in steps."""
 
@@ -421,22 +418,14 @@ def exact_below(samples: Samples, tolerance: float) -> float:
     return max(tolerance, 2 * float(np.finfo(float).eps * np.abs(samples.position).max() / samples.length_scale))
 
 
-def proportionate(found: Sequence[One], samples: Samples, tolerance: float) -> tuple[list[One], list[One]]:
-    """Answers in two: those to show first, and those behind them, each in the order they come in.
-
-    Where the best is not exact and out of all proportion, those of fair size that are near go before all others.
-    """
+def proportionate(found: Sequence[One], samples: Samples, tolerance: float, fair: float = FAIR) -> list[One]:
+    """Answers in the order in which they are shown, see `by_proportion`."""
     if not found:
-        return [], []
-    best = smaller_first(found, samples)[0]
-    least = best.errors.objective
-    if least < exact_below(samples, tolerance) or proportion_of(best, samples) <= PROPORTION:
-        return list(found), []
-    near = max(NEAR, STANDS_BACK * least)
-    fair = {id(one) for one in found if proportion_of(one, samples) <= FAIR and one.errors.objective <= near}
-    if not fair:
-        return list(found), []
-    return [one for one in found if id(one) in fair], [one for one in found if id(one) not in fair]
+        return []
+    ranked = smaller_first(found, samples)
+    objective = np.array([one.errors.objective for one in ranked])
+    times = np.array([proportion_of(one, samples) for one in ranked])
+    return [ranked[k] for k in by_proportion(objective, times, exact_below(samples, tolerance), fair).tolist()]
 
 
 def _staying(found: Sequence[Found], samples: Samples, tolerance: float) -> list[Found]:

@@ -39,7 +39,7 @@ from synthesis.function.wanted import Wanted
 from synthesis.least_squares import Evaluation, minimise
 from synthesis.mechanism import Placed
 from synthesis.pose import whole_turns
-from synthesis.ranking import APART, Status, distinct
+from synthesis.ranking import APART, PROPORTION, Status, by_proportion, distinct
 from synthesis.search.search import SEARCH_SAMPLES, SearchReport, search, stopped_by
 from synthesis.search.seeds import SeedTables
 from synthesis.target import TURN
@@ -64,10 +64,9 @@ _LEVELS = (1, 200, 21, 7)
 _STARTS = 24
 _TOGETHER = 1 << 13
 """Candidates of the grid whose conditions are computed at once: some megabytes."""
-LOPSIDED, EVEN = 100.0, 20.0
-"""Longest link over shortest: above the first nobody makes them, and within the second others are looked for."""
-_TIMES_LESS, _NO_ANSWER = 10.0, 0.01
-"""What can be made comes before what nobody makes unless its error is so many times as large, and above so many radians."""
+_EVEN, _TIMES_LESS = 20.0, 10.0
+"""Where the best is out of all proportion, others are looked for whose longest link is so many times the shortest; what is in
+proportion is near unless its error is so many times as large."""
 _RANKED = 10
 """Answers that are known at least, of which exact ones are then ordered by what one would build."""
 _TRANSMISSION_STEP = np.deg2rad(5.0)
@@ -572,13 +571,13 @@ def generate(
         mechanism = Generators(wanted, ground)
         found, report = search(tables, wanted.target, Limits(family=limits.family), many, tolerance, work, mechanism)
         given = wanted.start is not None or wanted.offset is not None
-        lopsided = not found or link_ratio(min(found, key=lambda one: _build(one, tolerance))) > LOPSIDED
+        lopsided = not found or link_ratio(min(found, key=lambda one: _build(one, tolerance))) > PROPORTION
         reached = Status.of(found, tolerance) is Status.REACHED
         if work.expired() or not (lopsided or (given and not reached)):
             return best_built(found, top, tolerance), report
         # with given zeros the search for motions ends with full cranks; and where its answer is of lengths that nobody makes,
         # as for a parallelogram's function, others may do as well
-        within = replace(limits, link_ratio_max=EVEN) if lopsided and not (given and not reached) else limits
+        within = replace(limits, link_ratio_max=_EVEN) if lopsided and not (given and not reached) else limits
         run = FunctionSearch(wanted, within, False, many, tolerance, work)
         found = best_built(distinct(found + run.run(), 2 * many, APART), top, tolerance)
         trace = report.trace + [
@@ -602,23 +601,17 @@ def _build(generator: Generator, tolerance: float) -> tuple[float, ...]:
     if generator.errors.objective >= tolerance:
         return 1.0, generator.errors.objective
     ratio, step = link_ratio(generator), generator.transmission_angle_min // _TRANSMISSION_STEP
-    return 0.0, float(ratio > LOPSIDED), -step, ratio
+    return 0.0, float(ratio > PROPORTION), -step, ratio
 
 
 def best_built(found: list[Generator], top: int, tolerance: float) -> list[Generator]:
-    """The first of answers, best first: exact ones by what one would build, others by error.
-
-    An inexact one of lengths that nobody makes comes after those that can be made and are answers at all.
-    """
+    """The first of answers: exact ones by what one would build, others by error; in the order of `by_proportion`."""
+    if not found:
+        return []
     ranked = sorted(found, key=lambda one: _build(one, tolerance))
     objective = np.array([one.errors.objective for one in ranked])
-    lopsided = np.array([link_ratio(one) > LOPSIDED for one in ranked], dtype=bool)
-    exact = objective < tolerance
-    even = ~lopsided & ~exact
-    poor = max(_NO_ANSWER, _TIMES_LESS * np.min(objective, initial=np.inf, where=~exact))
-    near = even & (objective <= poor)
-    groups = np.where(exact, 0, np.where(near, 1, 2))
-    return [ranked[k] for k in np.argsort(groups, kind="stable").tolist()][:top]
+    ratio = np.array([link_ratio(one) for one in ranked])
+    return [ranked[k] for k in by_proportion(objective, ratio, tolerance, PROPORTION, _TIMES_LESS).tolist()][:top]
 
 
 def refit(

