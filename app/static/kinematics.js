@@ -31,7 +31,7 @@ export function family(links) {
   const unit = scaled(links);
   if (!unit) return "triple_rocker";
   const [a, b, c] = grashofExcesses(unit);
-  if (a === 0 || b === 0 || c === 0) return "change_point";
+  if (Math.min(...[a, b, c].map(Math.abs)) <= 1e-12 * Math.max(...unit)) return "change_point";
   if (a > 0 && b > 0 && c > 0) return "crank_rocker";
   if (a < 0 && b < 0 && c > 0) return "double_crank";
   if (a > 0 && b < 0 && c < 0) return "rocker_crank";

@@ -35,7 +35,7 @@ def linkages(rng: np.random.Generator) -> list[list[float]]:
         total, difference = l1 + l4 + np.exp(u), abs(l4 - l1) * np.tanh(w)
         rows.append([l1, (total + difference) / 2, (total - difference) / 2, l4])
     rows += [list(rng.uniform(0.2, 2, 4)) for _ in range(40)]
-    for gap in (1e-3, 1e-6, 1e-9, 1e-12):
+    for gap in (1e-3, 1e-6, 1e-9, 1e-11):
         rows += [[1, 2, 3 + gap, 4], [2, 3.5, 2.5 + gap, 4], [4, 3, 2 + gap, 1]]
     rows += [[k * v for v in (19, 72, 144, 165)] for k in (1e-140, 1e140, 1 / 3)]
     return [[float(value) for value in row] for row in rows]
