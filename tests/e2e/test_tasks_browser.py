@@ -388,9 +388,9 @@ def test_a_drag_of_a_pose_adds_none(opened) -> None:
     after = opened.table()
     assert len(after) == len(before) and after[3] != before[3]
     middle = opened.view()
-    opened.drag(opened.find("canvas"), 40, 0, (150, -120))
+    opened.drag(opened.find("canvas"), 40, 0, (220, 120))
     assert len(opened.table()) == len(before) and opened.view() != middle, "a drag beside the poses moves the view"
-    opened.click_canvas((150, -100))
+    opened.click_canvas((220, 140))
     assert len(opened.table()) == len(before) + 1
 
 
