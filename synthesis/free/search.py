@@ -545,7 +545,7 @@ class _Search:
             self._go_on()
             if self.found.reached or self.work.expired():
                 return self.found.reached
-        if family != "any":
+        if family != "any" or self.limits.swings:
             return self._among(family)
         # what turns fully first, so that the larger family is never worse; but an exact one of any family is seen at once
         if self.dyads and not self._sampled:
@@ -581,7 +581,7 @@ class _Search:
         if work.expired():
             return False
         if pool is not None and pool.cost.size:
-            if family == "any":
+            if family == "any" and None in self.limits.links:
                 guesses = islice(guesses, _GUESSES_BESIDE)
             begin.append(near.thinned(pool.best(_BEFORE).timed))
         exact: Iterator[FreeRounds] = iter(())
@@ -606,7 +606,7 @@ class _Search:
         if family not in self._near:
             samples = _SAMPLES if self.poses.samples <= _SAMPLES else _FEWER
             self._near[family] = self._rounds(chart_of(family), samples)
-            if family == "any":  # after those whose crank turns fully
+            if family == "any" and not self.limits.swings:  # after those whose crank turns fully
                 self._near[family].idle_at_first = _BEYOND_FULL_CRANKS
         return self._near[family]
 
@@ -700,12 +700,17 @@ class _Search:
 
     def _guesses(self, run: FreeRounds, family: str) -> Iterator[Timed]:
         """Windows at guessed crank angles, in poses within the limits; the best are looked at as answers."""
-        if family == "any":
-            for one in guessed_windows(self.poses, self.limits, self.windows(family)):
-                run.keep(run.plain.measured(one, posed=False), rounds=4)
-                yield run.thinned(one)
-            return
         limits = self.limits
+        tables = [self.windows(family)] if family == "any" else []
+        if None not in limits.links:  # the linkage that has them is in no table
+            tables.append(Windows(FOURBAR, np.array([limits.links], dtype=float)))
+        within = replace(limits, family=family)
+        for some in zip(*(guessed_windows(self.poses, within, table) for table in tables)):
+            for one in some:
+                run.keep(run.plain.measured(one, posed=False), rounds=4)
+            yield run.thinned(some[0].joined(*some[1:]))
+        if family == "any":
+            return
         missing = None
         if limits.transmission_angle_min:
 

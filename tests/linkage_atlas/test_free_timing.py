@@ -642,3 +642,16 @@ def test_what_turns_on_sliders_is_told_alike() -> None:
         gone = np.unwrap(gone, period=360)
         assert told == (abs(gone[-1] - gone[0] - 150) > 180)
         assert not (told and one.verdict.practical)
+
+
+@pytest.mark.parametrize(
+    ("family", "lengths", "least"),
+    [("any", (60, 80, 70, 92), 30), ("any", (60, 80, 70, 90), 24), ("full_crank", (60, 80, 70, 88), 30)],
+)
+def test_given_lengths_that_keep_a_limit_are_found(family: str, lengths: tuple[int, ...], least: float) -> None:
+    links = dict(zip(("crank", "coupler", "rocker", "ground"), lengths))
+    limits = {"family": family, "links": links, "transmission_angle_min": least, "transmission_angle_min_turn": 0}
+    place = [[0, 0], [20, 10], [40, 25], [60, 50], [70, 80], [70, 110]]
+    found = la.synthesize(rotation=[0, 10, 25, 45, 70, 90], position=place, timing="free", limits=limits, top=1)
+    assert tuple(found.best.links) == pytest.approx(lengths)
+    assert found.best.transmission_angle_min >= least - 1e-6 and found.best.errors.objective < 0.13
