@@ -586,15 +586,16 @@ def merit(one: AnySolution) -> tuple[bool, ...]:
 def by_rounded(solutions: Sequence[S], top: int, fair: bool) -> list[S]:
     """Solutions whose lengths were rounded, by the error of what can be had: those that do not close so come last.
 
-    Of four-bars of the same branch and lengths, or others of the same error too, only the first is left.
+    Of four-bars of the same branch and lengths, or others of the same error too, only the first is left: that of least error
+    before its lengths were rounded.
 
     ``fair``: those above fair size, which a grid hardly moves, come behind others.
     """
 
     def place(one: S) -> tuple[Any, ...]:
         found = one.rounded
-        error = np.inf if found is None or found.errors is None else found.errors.objective
-        return *merit(one), fair and out_of_proportion(one, FAIR), error
+        error = np.inf if found is None or found.errors is None else float(f"{found.errors.objective:.4g}")
+        return *merit(one), fair and out_of_proportion(one, FAIR), error, one.errors.objective
 
     first: dict[Any, S] = {}
     for one in sorted(solutions, key=place):

@@ -133,9 +133,7 @@ _SHARE = 0.35
 """Part of what is allowed at which a search ends: the largest error of a linkage is some two to three times its mean."""
 FAR = 1e6
 """Largest ratio of a given linkage's lengths and distances to one another and to the motion's extent."""
-SAME_LENGTHS = (
-    "{0} linkages in place of {1}: others come to the same lengths, and each is shown once, where it is best"
-)
+SAME_LENGTHS = "{0} of {1} linkages: the others come to the same lengths, and each is shown once, where it is best"
 LOCAL = (
     "refined from the given linkage to the nearest optimum that the descent came to: linkages elsewhere were not looked at, "
     "and may be better"

@@ -122,8 +122,15 @@ def test_each_linkage_that_can_be_had_is_listed_once(rounding) -> None:
     made = [(one.branch, one.rounded.links) for one in found if one.rounded.closes]
     assert len(set(made)) == len(made) and [one.rank for one in found] == list(range(1, len(found) + 1))
     (note,) = [note for note in found.report.notes if "the same lengths" in note]
-    assert note.startswith(f"{len(found)} linkages in place of ")
+    assert note.startswith(f"{len(found)} of ")
     assert not any("the time was up" in note for note in found.report.notes)
+
+
+def test_of_linkages_that_come_to_the_same_lengths_the_best_is_shown() -> None:
+    found = la.synthesize(
+        EXAMPLE["rotation"], EXAMPLE["position"], crank_span=70, lengths_from=[20, 70, 72.5, 144, 165]
+    )
+    assert tuple(found.best.links) == pytest.approx((19, 72, 144, 165)), "exact, where others are only near"
 
 
 def test_why_no_lengths_do_is_said() -> None:
