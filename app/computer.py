@@ -29,8 +29,9 @@ SHARE_OF_BUDGET = 1.2
 _LEAST_SECONDS = 0.5
 _SHARE_OF_SEARCH = 0.8
 """Of the longest budget: so long a search goes on; the rest is for the step in which its time ends, and for finishing."""
-_NICE, _NICE_OF_LONG = 2, 15
-"""How far processes stand back from those that talk to the clients: the quick one a little, long requests behind all."""
+_NICE_QUICK, _NICE, _NICE_IN_CROWD = 2, 5, 15
+"""How far processes stand back from those that talk to the clients: the quick one a little, others behind it, and further while
+requests wait: then short ones have their answers sooner. Where none does, other work on the machine is no reason to wait."""
 _LOST_MEMORY = 1 << 25
 """Bytes that a request may leave behind; after more of them another process takes over."""
 
@@ -43,6 +44,8 @@ class Task(NamedTuple):
     queued: float
     makes: bool
     """Whether a part of the index that is missing may be made for this answer alone."""
+    crowded: bool = False
+    """Whether other requests wait."""
     state: bytes = b""
     """What the last answer under the body's `live` left."""
 
@@ -73,13 +76,14 @@ class Computer:
         self, connection: socket.socket, questions: Mapping[str, Question], resources: ServiceResources, quick: bool
     ) -> None:
         self._socket, self._questions, self._resources = connection, questions, resources
+        self._may_stand_back, self._back = not quick, False
         self._seconds = processor_seconds(resources.max_budget_ms)
         resources.alone = True
         resources.max_budget_ms *= _SHARE_OF_SEARCH
         for ignored in (signal.SIGINT, signal.SIGTERM):  # meant for the service; this ends with its socket
             signal.signal(ignored, signal.SIG_IGN)
         signal.signal(signal.SIGPROF, signal.SIG_DFL)
-        os.nice(_NICE if quick else _NICE_OF_LONG)
+        os.nice(_NICE_QUICK if quick else _NICE)
         with contextlib.suppress(OSError):
             # where the system lacks memory, this goes and not the service
             Path("/proc/self/oom_score_adj").write_text("500")
@@ -95,10 +99,14 @@ class Computer:
         with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):
             while not last:
                 task = Task(*connection.recv())
+                if task.crowded and self._may_stand_back:
+                    os.nice(_NICE_IN_CROWD - _NICE)
+                    self._may_stand_back, self._back = False, True
                 signal.setitimer(signal.ITIMER_PROF, self._seconds)
                 head, pieces = self._replied(task)
                 signal.setitimer(signal.ITIMER_PROF, 0)
-                last = self._left_behind()
+                # who stands back never comes forward again: another takes its place
+                last = self._left_behind() or (self._back and not task.crowded)
                 connection.send(tuple(head._replace(last=last)))
                 pieces.reverse()
                 while pieces:

@@ -136,7 +136,7 @@ class Processes:
         body = None if len(content) > SMALL else bodies.read_request(content, question.model)
         long = body is None or question.is_long(body)
         async with self._lives.turn(None if body is None else live_of(body)) as kept:
-            task, waited = Task(question.path, content, 0.0, False, kept.state), set[str]()
+            task, waited = Task(question.path, content, 0.0, False, state=kept.state), set[str]()
             head, *reply = await self._asked(request, task, long, kept.begin)
             kept.state = head.state
         while not head.status and not task.makes:
@@ -159,7 +159,8 @@ class Processes:
                 with anyio.CancelScope(shield=not long) as stays:
                     loop.call_later(_SHORT_SECONDS, setattr, stays, "shield", False)
                     async with asyncio.timeout(_PATIENCE * self._seconds):
-                        reply = await process.ask(task._replace(queued=queued))
+                        crowded = self._turnstile.waiting > 0
+                        reply = await process.ask(task._replace(queued=queued, crowded=crowded))
                 if process.fresh and reply[0].missing == INDEX:
                     self._wish(INDEX)  # whoever was making it has ended
                 kept = process.fresh and not reply[0].last

@@ -247,10 +247,32 @@ def test_a_client_that_leaves_takes_its_process_with_it(running) -> None:
     assert len(before & running.computing) == 1
 
 
-def test_one_process_goes_before_the_others_and_is_never_given_a_long_request(running) -> None:
-    def nice(number: int) -> int:
-        return os.getpriority(os.PRIO_PROCESS, number)
+def nice(number: int) -> int:
+    return os.getpriority(os.PRIO_PROCESS, number)
 
+
+def test_long_requests_stand_back_further_while_others_wait(tmp_path) -> None:
+    with serving(tmp_path, metrics=True) as running:
+
+        def waiting() -> bool:
+            with closing(http.client.HTTPConnection("127.0.0.1", running.port, timeout=PATIENCE)) as connection:
+                connection.request("GET", "/metrics")
+                return b"linkage_atlas_waiting 2.0" in connection.getresponse().read()
+
+        until(lambda: len(running.computing) == 2)
+        usual = max(map(nice, running.computing))
+        with busy(running), closing(running.sent("/v1/lift/batch")), closing(running.sent("/v1/lift/batch")):
+            until(waiting)
+            first = max(running.computing, key=nice)
+            assert nice(first) == usual, "it began while nobody waited"
+            os.kill(first, signal.SIGKILL)  # its place goes to the second, while the third waits
+            until(
+                lambda: first not in running.computing and max(map(nice, running.computing), default=0) == usual + 10
+            )
+        until(lambda: len(running.computing) == 2 and max(map(nice, running.computing)) == usual)
+
+
+def test_one_process_goes_before_the_others_and_is_never_given_a_long_request(running) -> None:
     for _ in range(2):  # also the one that takes its place
         until(lambda: len(running.computing) == 2)
         quick, other = sorted(running.computing, key=nice)
