@@ -38,10 +38,6 @@ from linkage_atlas.tables import function_from_csv, match_from_csv, request_from
 # -- how long an answer takes -----------------------------------------------------------------------------------------
 # By a table that was measured: `python -m benchmarks.durations` makes it, `durations.json`.
 
-FEW_SAMPLES = 5
-"""Samples with free timing that a four-bar nearly always meets exactly, within milliseconds."""
-
-
 REFERENCE_SAMPLES = 12
 """Samples of the requests that the table is of; others take in proportion to a power of theirs, which is measured too."""
 
@@ -52,15 +48,27 @@ def kind_of(request: Any) -> str:
         words = ["function", request.objective]
     else:
         given = [name for name in ("rotation", "position") if getattr(request, name) is not None]
-        known = request.rotation is not None and request.position is not None
-        partial = known and (None in request.rotation or None in request.position)
-        words = ["free" if request.timing else "timed", *given, *["partial"] * partial]
-        words += ["few"] * (request.timing is not None and samples_of(request) <= FEW_SAMPLES)
+        words = ["free" if request.timing else "timed", *given]
+        if request.timing is not None:
+            left = freedom_of(request)
+            words += ["few"] * (left >= 2) + ["determined"] * (0 <= left < 2)
         words += [request.order] * (request.order != "given") + ["closed"] * request.closed
     limits = request.limits.model_fields_set - {"family", "preset"}
     practical = request.limits.preset == "practical"
     words += [request.limits.family] * (request.limits.family == "any") + ["limits"] * bool(limits)
     return " ".join([*words, *["practical"] * practical])
+
+
+def freedom_of(request: Any) -> int:
+    """Unknowns of a four-bar that samples with free timing leave free: nine points or five poses leave none.
+
+    It has nine for the path of a point and one more for the angle of its body; each sample gives an equation for each number
+    that it states, and takes one for its crank angle.
+    """
+    blank = [None] * samples_of(request)
+    rows = zip(request.position or blank, request.rotation or blank)
+    stated = [2 * (place is not None) + (angle is not None) for place, angle in rows]
+    return 9 + (request.rotation is not None) - sum(max(count - 1, 0) for count in stated)
 
 
 def samples_of(request: Any) -> int:

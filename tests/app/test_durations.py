@@ -52,6 +52,21 @@ def test_what_takes_little_is_short(more, long) -> None:
     assert is_long_search(request) is long
 
 
+@pytest.mark.parametrize(
+    ("position", "rotation", "left"),
+    [
+        ([[k, k * k] for k in range(9)], None, 0),
+        ([[k, k * k] for k in range(5)], [5.0 * k for k in range(5)], 0),
+        ([[k, k * k] for k in range(3)], [0.0, 5.0, 15.0], 4),
+        ([[0, 0], None, [2, 4], [3, 9], [4, 16]], [0.0, 5.0, None, 9.0, 20.0], 3),
+        ([[k, k * k] for k in range(20)], None, -11),
+    ],
+)
+def test_nine_points_or_five_poses_leave_no_unknown_free(position, rotation, left) -> None:
+    request = SynthesizeRequest(position=position, rotation=rotation, angle_unit="deg", timing="free")
+    assert answers.freedom_of(request) == left
+
+
 def test_no_request_is_said_to_take_longer_than_its_budget() -> None:
     request = SynthesizeRequest(**{**worked_example(), "timing": "free", "crank_span": None, "budget_ms": 5})
     assert answers.seconds_of(request) == 0.005
