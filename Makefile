@@ -11,13 +11,13 @@ PORT ?= 8000
 export PIP_CONSTRAINT := constraints.txt
 export PIP_BUILD_CONSTRAINT := constraints.txt
 
-.PHONY: help run test tests fault audit parts lock wheel lint style types map report accept everyday engine poses function limits stability studies drives assembly solids bench figures docs scenes clean setup
+.PHONY: help run test fault audit parts lock wheel lint style types map report accept everyday engine poses function limits stability studies drives assembly solids bench figures docs scenes clean setup
 .DELETE_ON_ERROR:
 
 help:
 	@echo "make run        build the atlas if there is none, answer the example, serve on $(HOST):$(PORT)"
 	@echo "make lint       style of Python (ruff) and JavaScript (oxlint), types (mypy)"
-	@echo "make test       style and the default tests (about five minutes), the slowest fifty listed"
+	@echo "make test       the default tests (about five minutes), the slowest fifty listed"
 	@echo "make map        the packages by floor and who imports whom; fails on an arrow up or a circle"
 	@echo "make fault      what it withstands: kills, bit flips, changed bodies, hostile clients: docs/reliability.md (hours)"
 	@echo "make audit      known weaknesses of the locked parts (asks a database over the network)"
@@ -65,10 +65,7 @@ run: $(READY) $(ATLAS)
 	@echo
 	@$(BIN)/linkage-atlas serve --atlas $(ATLAS) --host $(HOST) --port $(PORT)
 
-test: style
-	@$(MAKE) --no-print-directory -j 2 tests types  # types are checked beside the tests
-
-tests: $(READY)  # compiled modules are kept, whatever the environment says: the tests start many processes
+test: $(READY)  # compiled modules are kept, whatever the environment says: the tests start many processes
 	OMP_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n 3 --no-loadscope-reorder --durations=50
 
 fault: $(READY) $(ATLAS)

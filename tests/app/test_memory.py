@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import http.client
-import os
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -67,12 +66,8 @@ def service(tmp_path_factory) -> Iterator[Running]:
 @pytest.fixture(scope="module")
 def service_with_atlas(atlas_path, tmp_path_factory) -> Iterator[Running]:
     """With the default atlas, its index beside it, and all that is prepared of it."""
-    folder = tmp_path_factory.mktemp("memory")
-    os.link(atlas_path, folder / "atlas.h5")
-    subprocess.run(
-        [sys.executable, "-m", "app.start", "index", "--atlas", str(folder / "atlas.h5")], cwd=ROOT, check=True
-    )
-    with serving(folder, "--atlas", str(folder / "atlas.h5")) as running:
+    subprocess.run([sys.executable, "-m", "app.start", "index", "--atlas", str(atlas_path)], cwd=ROOT, check=True)
+    with serving(tmp_path_factory.mktemp("memory"), "--atlas", str(atlas_path)) as running:
         assert running.ask(LARGEST[NEEDS_ROCKERS].path, LARGEST[NEEDS_ROCKERS].content)[0] == 200
         yield running
 

@@ -23,6 +23,7 @@ OPTIONS = (
     "--disable-background-networking",
     "--disable-component-update",
     "--disable-sync",
+    "--disable-features=BackForwardCache",  # it keeps every page that was left
     "--no-first-run",
     "--hide-scrollbars",
     "--force-prefers-reduced-motion",  # a linkage that runs takes a processor of its own
