@@ -39,14 +39,13 @@ from synthesis.free.joint import JointProblem
 from synthesis.free.limited import refined_within
 from synthesis.free.poses import Poses
 from synthesis.free.search import solutions_of, within_limits
-from synthesis.function.answers import Generator, exchanged
+from synthesis.function.answers import Generator
 from synthesis.function.search import FunctionSearch
 from synthesis.function.wanted import Wanted
 from synthesis.mechanism import Bounded
-from synthesis.pose import whole_turns
 from synthesis.ranking import Answer, Status
 from synthesis.search.problems import GivenProblem, given, problem_of
-from synthesis.search.search import SEARCH_SAMPLES, SearchReport, stopped_by
+from synthesis.search.search import SearchReport, stopped_by
 from synthesis.target import TURN, Target
 from synthesis.work import Work
 
@@ -443,23 +442,9 @@ def refine_function(
     for one in (linkage, turning_fully(linkage, limits.family)):
         if found:
             break
-        begin = _unknowns(run, one, offset)
+        begin = run.candidate(one, offset)
         as_it_is = run.kept(*begin)
         if one is linkage:
             given, seconds = as_it_is, work.elapsed
         found = sorted(run.led(*begin) + as_it_is, key=lambda each: each.errors.objective)[:1]
     return found, report_of(found, given, seconds, tolerance, work)
-
-
-def _unknowns(run: FunctionSearch, linkage: Linkage, offset: float | None) -> tuple[Floats, Floats]:
-    """A linkage as a candidate of the search, with coupler and rocker exchanged: unknowns (1, 5) and its branch."""
-    wanted, problem, one = run.wanted, run.problem, exchanged(linkage)
-    lengths, branch = np.array(one.links), np.array([float(one.branch)])
-    ratios = np.where(np.isnan(problem.given), np.log(lengths[:3] / lengths[3]), problem.given)
-    start = one.start if wanted.start is None else wanted.start
-    places, root = run.places(SEARCH_SAMPLES)
-    begin = problem.with_offset(np.array([[*ratios, start, 0.0]]), branch, places, root)
-    if offset is not None and wanted.offset is None:
-        own = offset + np.pi
-        begin[:, 4] = own + whole_turns(begin[:, 4] - own)
-    return begin, branch

@@ -158,9 +158,8 @@ def extremes(error: Callable[[Floats], Floats], crank: Floats, most: int) -> Ext
         # a parabola through three places, closer and closer together
         a, c = at + shrink * (left - at), at + shrink * (right - at)
         here, before, after = (np.abs(error(place)) for place in (at, a, c))
-        up, down = (after - here) * (a - at), (before - here) * (c - at)
-        bend = up - down
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore"):  # a candidate that does not close is infinitely far off
+            bend = (after - here) * (a - at) - (before - here) * (c - at)
             vertex = at + 0.5 * ((after - here) * (a - at) ** 2 - (before - here) * (c - at) ** 2) / bend
         inside = (vertex > np.minimum(a, c)) & (vertex < np.maximum(a, c))
         moved = np.where(inside, vertex, at)

@@ -25,8 +25,8 @@ from synthesis.work import Work
 
 Ints = NDArray[np.intp]
 
-PENALTY = 10.0
-"""nu: what leaving a condition by one radian, or by one in a logarithm, costs."""
+PENALTY = 1000.0
+"""nu: what leaving a condition by one radian, or by one in a logarithm, costs; more than an error can gain there by it."""
 FIRST_RADIUS = 0.2
 _LARGEST_RADIUS, _LEAST_RADIUS = 1.0, 1e-12
 

@@ -4,7 +4,8 @@ Data flow::
 
     wanted --(clockwise: mirrored)--> the coupler of the linkage with coupler and rocker exchanged turns as wanted
       -> least squares, nothing limited but the family: `search.search`
-      -> else: a coarse grid of all ratios -> least squares, limits as penalties, all at once
+      -> else: the answers of that search, and a coarse grid of all ratios
+      -> least squares, limits as penalties, all at once
       -> sequential quadratic steps over fixed places -> different ones, best first
       -> steps over the extremes of each candidate's own error curve, until they are level
       -> coupler and rocker exchanged back -> errors recomputed from the linkage's numbers, within the limits, different
@@ -312,6 +313,22 @@ class FunctionSearch:
         crank, root = self.places(_FIRST_PLACES)
         return self.screened_from(unknowns, crank, root, (1.0, -1.0), _SEEDS // 2, [0.5, 0.5, 0.5, 0.4])
 
+    def candidate(self, linkage: Linkage, offset: float | None = None) -> tuple[Floats, Floats]:
+        """A linkage with coupler and rocker exchanged: unknowns (1, 5) and its branch; numbers that are given replace its own.
+
+        ``offset``: output = theta3 + offset, theta3 in (-pi, pi] at the first sample; default: the best.
+        """
+        wanted, problem, one = self.wanted, self.problem, exchanged(linkage)
+        lengths, branch = np.array(one.links), np.array([float(one.branch)])
+        ratios = np.where(np.isnan(problem.given), np.log(lengths[:3] / lengths[3]), problem.given)
+        start = one.start if wanted.start is None else wanted.start
+        places, root = self.places(SEARCH_SAMPLES)
+        begin = problem.with_offset(np.array([[*ratios, start, 0.0]]), branch, places, root)
+        if offset is not None and wanted.offset is None:
+            own = offset + np.pi
+            begin[:, 4] = own + whole_turns(begin[:, 4] - own)
+        return begin, branch
+
     def screened_from(
         self, unknowns: Floats, crank: Floats, root: Floats, branches: Sequence[float], most: int, cell: Any = None
     ) -> tuple[Floats, Floats]:
@@ -391,9 +408,10 @@ class FunctionSearch:
             moved=self.moved,
         )
 
-    def run(self) -> list[Generator]:
-        """The best candidates, different ones, within the limits."""
-        unknowns, branch = self.grid()
+    def run(self, near: Sequence[Linkage] = ()) -> list[Generator]:
+        """The best candidates, different ones, within the limits. ``near``: linkages with which to begin beside the grid."""
+        begin = [*(self.candidate(one) for one in near), self.grid()]
+        unknowns, branch = (np.concatenate(one) for one in zip(*begin))
         self.screened, self.seeds = self.work.elapsed, len(branch)
         return self.led(unknowns, branch)
 
@@ -586,7 +604,9 @@ def generate(
         stopped = stopped_by(found, tolerance, work)
         return found, SearchReport(stopped, trace, report.screen_seconds, report.seeds + run.seeds, run.settled)
     run = FunctionSearch(wanted, limits, largest, many, tolerance, work)
-    found = best_built(run.run(), top, tolerance)
+    mechanism = Generators(wanted, ground)
+    near, _ = search(tables, wanted.target, Limits(family=limits.family), many, tolerance, work, mechanism)
+    found = best_built(run.run([one.linkage for one in near]), top, tolerance)
     stopped = stopped_by(found, tolerance, work)
     return found, SearchReport(stopped, run.trace, run.screened, run.seeds, run.settled or not found)
 

@@ -270,3 +270,27 @@ def test_an_exact_generator_that_nobody_builds_is_told_of() -> None:
     assert found.status == "reached"
     assert any("the exact linkage is out of all proportion" in note for note in found.report.notes)
     assert any(max(one.links) <= 100 * min(one.links) and one.errors.max < 0.1 for one in found.solutions)
+
+
+@pytest.mark.parametrize(
+    ("name", "x", "span", "crank", "limits"),
+    [
+        ("tan", [0, 36.669], -84.73, 116.17, {"family": "full_crank"}),
+        ("exp", [0, 2.03], 112.56, 90.53, {"family": "crank_rocker"}),
+        ("log10", [1, 8.48], 87.74, 95.42, {"family": "crank_rocker", "preset": "practical"}),
+        ("cos", [0, 60.9], -88.11, 71.01, {"family": "double_crank"}),
+        ("sin", [0, 72.01], -68.92, 142.67, {}),
+    ],
+)
+def test_the_least_largest_error_is_no_larger_than_that_of_the_least_squares(name, x, span, crank, limits) -> None:
+    """Where the best linkage stands at the edge of its family its neighbours were all lost, and it was called infeasible."""
+    asked = {"function": {"name": name, "x": x, "output_span": span}, "crank_span": crank, "limits": limits}
+    found = [la.function(**asked, objective=objective).solutions[0] for objective in ("max", "rms")]
+    assert found[0].errors.max <= 1.0001 * found[1].errors.max
+    assert found[1].errors.rms <= 1.0001 * found[0].errors.rms
+
+
+def test_least_squares_within_limits_find_a_valley_that_the_grid_lacks() -> None:
+    wanted = {"name": "exp", "x": [0, 1.91], "output_span": -108.29}
+    asked = {"function": wanted, "crank_span": 83.31, "limits": {"family": "full_crank", "preset": "practical"}}
+    assert la.function(**asked, objective="rms").solutions[0].errors.rms < 12
