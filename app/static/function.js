@@ -375,9 +375,7 @@ $("request").addEventListener("toggle", showRequest);
 $("form").addEventListener("submit", (event) => { event.preventDefault(); solve(); });
 $("link").addEventListener("click", copyLink);
 addEventListener("hashchange", addressChanged);
-openLink().catch((error) => { say(error.message, true); return false; }).then((found) => {
-  if (!found) draft.restore();
-  document.body.dataset.ready = "true";
-});
+// a page that opens without a question of one's own shows the answer to its first one
+openLink().then((found) => { if (!found && !draft.restore()) solve(); }, (error) => { say(error.message, true); draft.restore(); }).then(() => { document.body.dataset.ready = "true"; });
 for (const button of $("exports").children) button.addEventListener("click", () => save(button.dataset.format));
 redrawOn($("curves"), () => answer && showCurves());
