@@ -179,6 +179,12 @@ def test_the_chains_pins_wheels_and_slot_are_drawn_and_follow_the_phase(at) -> N
         lowest[theta] = float(page.one(f"{window} circle.point").get_attribute("cy"))
         assert page.one(f"{chain} .link.thin").get_attribute("d").count("L") == 15
     assert lowest[74.6] > lowest[29.6] + 20  # the free pin hangs deepest in the middle of the window
+    # the angles have a chart of the card's whole width, in the colours of the parts of the track
+    wide, high = page.run(
+        "const f = document.querySelector('#curves .curves-list:last-child canvas'); return [f.clientWidth, f.clientHeight]"
+    )
+    assert wide > 800 and high > 300 and "upper arc (red)" in page.text("curves")
+    assert "All lengths are in the unit of the pitch." in page.text("facts")
     # a roller adds the groove's walls
     page.select("example", "roller")
     page.wait("document.querySelectorAll('#picture .wall').length === 4")
