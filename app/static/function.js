@@ -80,7 +80,10 @@ function toRequest() {
   if (number("offset") !== null && asks.mechanisms?.[0] === "slider_crank") limits.offset = number("offset");
   const request = { ...wanted, objective: $("objective").value, limits, top: number("top"), curves: true };
   if ($("one-way").checked) request.one_way = true;
-  if (number("round") !== null && !travels) request.round_to = number("round");
+  if (number("round") !== null && !travels) {
+    if (number("ground") === null) throw new Error("To round links, give the distance of the pivots: it says how long they are.");
+    request.round_to = number("round");
+  }
   return request;
 }
 

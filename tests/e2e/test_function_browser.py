@@ -135,6 +135,15 @@ def test_numbers_take_a_decimal_comma_and_say_what_is_wrong(page) -> None:
         page.type_into(name, before or Keys.BACKSPACE)
 
 
+def test_rounded_links_need_a_length(page) -> None:
+    page.type_into("round", "0,5")
+    solve(page)
+    assert page.text("status") == "To round links, give the distance of the pivots: it says how long they are."
+    page.type_into("ground", "120")
+    solve(page)
+    assert "Rounded links" in page.text("numbers")
+
+
 def test_rows_that_are_no_table_of_a_function_are_named(page) -> None:
     ask_table(page, "0, 0\n1, a")
     solve(page)
