@@ -524,6 +524,16 @@ def test_a_linkage_near_a_change_point_is_not_called_sure_of_its_circuit(standin
     assert "one circuit, but near a change point" in standing.text("numbers")
 
 
+def test_the_limits_that_hold_the_best_linkage_are_listed(standing) -> None:
+    angles = -np.array([0, 20, 55, 100, 160, 200])
+    request = path_request(angles)
+    standing.take(request)
+    standing.stub(request, angles, VERDICTS[:1])
+    standing.run("window.stub.solutions[0].determination.at_limits = ['link_min', 'link_max', 'pivot_box']")
+    standing.solve()
+    assert "held by links at least, links at most and the pivot box." in standing.text("status")
+
+
 def test_samples_in_any_order_are_marked_where_they_are_passed(standing) -> None:
     angles = np.array([0, 340, 30, 355, 60])
     joints = FREE.joints(angles)
