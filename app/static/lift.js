@@ -100,6 +100,9 @@ function motionFacts(host, reply) {
 
 const UNITS = { extension: "", dead_point: "", acceleration: "mm/s²", jerk: "mm/s³", rise_time: "s", transmission_angle: "°", force_ratio: "" };
 
+/** Limits that hold a design, in words: `jerk<=max` is "jerk at most". */
+const held = (names) => names?.map((name) => name.replace("<=max", " at most").replace(">=min", " at least").replaceAll("_", " "));
+
 /** What an optimum has beside each limit, those that hold it first. */
 function limits(host, reply, unit) {
   const rows = reply.constraints.toSorted((one, two) => two.active - one.active);
@@ -120,13 +123,13 @@ export const lift = {
       return motion(reply, hosts, request.pneumatics);
     }
     if (query.path === "/v1/lift/batch") {
-      table(hosts.tables, "An optimum for each cylinder", [{ name: "l1′", unit: "mm" }, { name: "speed", unit: "mm/s" }, ...LENGTHS.map((name) => ({ name, unit: "mm" })), "f", "f published", { name: "rise time", unit: "s" }, "held by"], reply.rows.map((row) => [row.cylinder.length, row.cylinder.speed, ...LENGTHS.map((name) => row.design?.[name]), row.objective, row.objective_of_published, row.motion?.rise_time, row.active ?? row.detail]));
+      table(hosts.tables, "An optimum for each cylinder", [{ name: "l1′", unit: "mm" }, { name: "speed", unit: "mm/s" }, ...LENGTHS.map((name) => ({ name, unit: "mm" })), "f", "f published", { name: "rise time", unit: "s" }, "held by"], reply.rows.map((row) => [row.cylinder.length, row.cylinder.speed, ...LENGTHS.map((name) => row.design?.[name]), row.objective, row.objective_of_published, row.motion?.rise_time, held(row.active) ?? row.detail]));
       return null;
     }
     const beside = reply.published ? [[`published (${reply.published.source})`, reply.published]] : reply.unconstrained ? [["the source's problem", reply.unconstrained]] : [];
     const columns = [["optimum", reply], ...beside];
     table(hosts.facts, "Design", ["", ...columns.map(([name]) => name)], [...LENGTHS.map((name) => [`${name}, mm`, ...columns.map(([, one]) => one.design[name])]), ["closed l1′, mm", reply.closed_length, ...beside.map(() => request.cylinder.length)], ["objective", ...columns.map(([, one]) => one.objective)]]);
-    facts(hosts.facts, [["time of the rise", reply.motion.rise_time, "s"], ["speed at the start", reply.motion.velocity_start, "mm/s"], ["mean speed over height", reply.motion.velocity_mean, "mm/s"], ["cylinder at the dead point", reply.motion.dead_point_length, "mm"], ["held by", reply.active], ["evaluations", reply.evaluations]]);
+    facts(hosts.facts, [["time of the rise", reply.motion.rise_time, "s"], ["speed at the start", reply.motion.velocity_start, "mm/s"], ["mean speed over height", reply.motion.velocity_mean, "mm/s"], ["cylinder at the dead point", reply.motion.dead_point_length, "mm"], ["held by", held(reply.active)], ["evaluations", reply.evaluations]]);
     if (reply.published) note(hosts.facts, `Published design: ${reply.published.reason}.`);
     note(hosts.facts, reply.note);
     if (reply.constraints) limits(hosts.tables, reply, request.angle_unit);

@@ -219,6 +219,12 @@ def test_names_of_the_lift_do_not_lie_on_one_another(at, width) -> None:
         assert shown == 12, "all find room"
 
 
+def test_what_holds_the_lifts_optimum_is_said_in_words(at) -> None:
+    page = at("lift")
+    asked(page, lambda: Select(page.find("query")).select_by_index(1))
+    assert "dead point at least, jerk at most" in page.text("facts")
+
+
 def test_the_knotter_shows_entries_and_verdicts_and_can_be_turned(at) -> None:
     page = at("knotter")
     verdict = page.read(".verdicts-list")
