@@ -1,12 +1,14 @@
 // The chain's page: the chain in motion on its track with wheels and slot, the slot enlarged, and what wear does to it.
 
-import { curves, facts, table } from "./answer.js";
+import { curves, facts, note, table } from "./answer.js";
 import { make, put } from "./drawing.js";
 import { seldom } from "./play.js";
 import { dot, grid, line, stage, symbol } from "./stage.js";
 
 const MOST_PINS = 60_000; // listed in an answer to a drawing
 const STEPS = 2; // steps of a turn of a period, in degrees of P1, at most
+const PARTS = { left_wheel: ["crank", "orange"], lower_arc: ["body", "blue"], right_wheel: ["path", "green"], upper_arc: ["pose", "red"] };
+const UNIT = "All lengths are in the unit of the pitch.";
 
 /** SVG path data of a closed contour of rows x, y, bulge: the tangent of a quarter of the turn to the next row. */
 function contour(rows, view) {
@@ -122,14 +124,17 @@ function slot({ reply }, hosts) {
   facts(hosts.facts, [["status", reply.status], ["depth of the slot", made.depth_max], ["smallest curvature radius", made.radius_min], ["step at the slot's ends", made.end_step], ["largest slack", Math.max(...made.slack)], ["largest chord error", checks.chord_error_max], ["stretched", checks.stretched], ["roller fits", checks.roller_fits]]);
   if (geometry) facts(hosts.facts, [["R0", geometry.wheel_radius], ["R1", geometry.upper_radius], ["R2", geometry.lower_radius], ["b", geometry.eccentricity], ["ξ", geometry.xi, angle], ["α", geometry.alpha, angle], ["start of the window", geometry.phase_start, angle], ["wheels out of phase by", reply.wheel_phase_conflict, angle]], "Layout");
   if (reply.fit) facts(hosts.facts, [["kind", `${reply.fit.kind}, order ${reply.fit.order}`], ["error square to the slot", reply.fit.max_normal], ["error of a link", reply.fit.max_chord], ["error by powers", reply.fit.power?.max_normal]], "Fit");
+  note(hosts.facts, UNIT);
   table(hosts.tables, "Pins that pass a joint: the slot's curvature jumps", [{ name, unit }, "pin", "onto"], reply.crossings.map((one) => [one.theta1 ?? one.position, `P${one.pin}`, one.to ? clip(one.to) : `segment ${one.to_segment}`]));
   powers(hosts.tables, reply.fit, unit);
-  const list = [{ title: "Slack at the free pin", values: made.slack, colour: "path" }];
+  const marks = [curves(hosts.curves, { x: phases, xUnit: unit, list: [{ title: "Slack at the free pin", values: made.slack, colour: "path" }] })];
   if (pins?.theta) {
-    const colours = ["crank", "body", "path", "pose"];
-    list.push({ title: `Angles θ1 … θ${reply.links} of the pins, each on its part of the track`, unit: angle, series: pins.theta[0].map((_, k) => ({ values: pins.theta.map((row, j) => (j && pins.segment[j][k] !== pins.segment[j - 1][k] ? null : row[k])), colour: colours[k % 4], width: k + 1 === made.free_pin ? 3 : 1.4 })) });
+    const of = (pin, part) => pins.theta.map((row, j) => (pins.segment[j][pin] === part ? row[pin] : null));
+    const series = pins.theta[0].flatMap((_, k) => pins.segments.map((part, n) => ({ values: of(k, n), colour: PARTS[part][0], width: k + 1 === made.free_pin ? 3 : 1.4 })));
+    const title = `Angles θ1 … θ${reply.links} of the pins on the ${pins.segments.map((part) => `${clip(part)} (${PARTS[part][1]})`).join(", ")}, ${angle}; thick: P${made.free_pin}`;
+    marks.push(curves(hosts.curves, { x: phases, xUnit: unit, list: [{ title, height: 320, series: series.filter(({ values }) => values.some((value) => value !== null)) }] }));
   }
-  const mark = curves(hosts.curves, { x: phases, xUnit: unit, list });
+  const mark = (phase) => marks.forEach((one) => one(phase));
   if (!pins) return null;
   const at = pinsAt(phases, pins.xy), draw = machine(reply, phases, at), extent = [...pins.xy[0], ...(reply.outline?.right ?? reply.outline?.path ?? [])];
   const follow = [seldom(mark)];
@@ -147,6 +152,7 @@ function slot({ reply }, hosts) {
 function tolerance({ reply }, hosts) {
   const { tolerance: made } = reply, errors = reply.wear.map((row) => row.pitch_error), column = (name) => reply.wear.map((row) => row[name]);
   facts(hosts.facts, [["layout within its tolerances", reply.status], ["just stretched at a pitch error of", reply.pitch_error_min], ["least slack over the corners", made.slack_min], ["largest slack over the corners", made.slack_max], ["corners", made.corners], ["nominal slack", [reply.slack_min, reply.slack_max]]]);
+  note(hosts.facts, UNIT);
   if (errors.length > 1 && errors.every((error, k) => !k || error > errors[k - 1])) curves(hosts.curves, { x: errors, list: [
     { title: "Slack over the pitch error, least and largest", series: [{ values: column("slack_max"), colour: "path" }, { values: column("slack_min"), colour: "crank" }] },
     { title: "Free pin past the slot, at most", values: column("beyond_slot"), colour: "body" },

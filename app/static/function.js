@@ -80,7 +80,10 @@ function toRequest() {
   if (number("offset") !== null && asks.mechanisms?.[0] === "slider_crank") limits.offset = number("offset");
   const request = { ...wanted, objective: $("objective").value, limits, top: number("top"), curves: true };
   if ($("one-way").checked) request.one_way = true;
-  if (number("round") !== null && !travels) request.round_to = number("round");
+  if (number("round") !== null && !travels) {
+    if (number("ground") === null) throw new Error("To round links, give the distance of the pivots: it says how long they are.");
+    request.round_to = number("round");
+  }
   return request;
 }
 
@@ -375,9 +378,7 @@ $("request").addEventListener("toggle", showRequest);
 $("form").addEventListener("submit", (event) => { event.preventDefault(); solve(); });
 $("link").addEventListener("click", copyLink);
 addEventListener("hashchange", addressChanged);
-openLink().catch((error) => { say(error.message, true); return false; }).then((found) => {
-  if (!found) draft.restore();
-  document.body.dataset.ready = "true";
-});
+// a page that opens without a question of one's own shows the answer to its first one
+openLink().then((found) => { if (!found && !draft.restore()) solve(); }, (error) => { say(error.message, true); draft.restore(); }).then(() => { document.body.dataset.ready = "true"; });
 for (const button of $("exports").children) button.addEventListener("click", () => save(button.dataset.format));
 redrawOn($("curves"), () => answer && showCurves());

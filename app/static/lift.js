@@ -5,6 +5,7 @@ import { text } from "./drawing.js";
 import { dot, line, stage, symbol } from "./stage.js";
 
 const LENGTHS = ["l2", "l3", "l4", "l5", "b"];
+const NAME = 18; // pixels between two names; of names that would be nearer only the first is shown
 const SMOOTH = 201; // times of a drawing's motion: curves through fewer have kinks
 
 const between = ([x, y], [u, v], share = 0.5) => [x + share * (u - x), y + share * (v - y)];
@@ -48,8 +49,16 @@ function drawing(host, moved, follow) {
         rod([O, B], view);
         link([D, C], view);
         platform([[A[0] - wide, A[1]], [A[0] + wide, A[1]]], view);
-        for (const [name, place] of Object.entries({ O, A, B, C, D })) { pins[name](place, view); names[name](place, view); }
-        for (const [name, place] of [["l1", between(O, B)], ["l2", between(A, B)], ["l3", between(A, C)], ["l4", between(B, C)], ["l5", between(D, C)], ["b", between(O, D)], ["s", between(D, A)]]) names[name](place, view, 6, name === "b" ? 16 : -5);
+        const taken = [];
+        const name = (word, place, dx = 9, dy = -8) => {
+          const [x, y] = [view.x(place[0]) + dx, view.y(place[1]) + dy], clear = taken.every(([u, v]) => Math.hypot(x - u, y - v) > NAME);
+          if (clear) taken.push([x, y]);
+          names[word](place, view, dx, dy, clear);
+        };
+        for (const [word, place] of Object.entries({ O, D, A, B, C })) { pins[word](place, view); name(word, place); }
+        for (const [word, place] of [["l1", between(O, B)], ["l2", between(A, B)], ["l3", between(A, C)], ["l4", between(B, C)], ["l5", between(D, C, 0.2)]]) name(word, place, 6, -5);
+        name("b", between(O, D), 6, 16);
+        name("s", between(D, A), -16, -5);
       };
     },
   });
@@ -91,6 +100,9 @@ function motionFacts(host, reply) {
 
 const UNITS = { extension: "", dead_point: "", acceleration: "mm/s²", jerk: "mm/s³", rise_time: "s", transmission_angle: "°", force_ratio: "" };
 
+/** Limits that hold a design, in words: `jerk<=max` is "jerk at most". */
+const held = (names) => names?.map((name) => name.replace("<=max", " at most").replace(">=min", " at least").replaceAll("_", " "));
+
 /** What an optimum has beside each limit, those that hold it first. */
 function limits(host, reply, unit) {
   const rows = reply.constraints.toSorted((one, two) => two.active - one.active);
@@ -111,13 +123,13 @@ export const lift = {
       return motion(reply, hosts, request.pneumatics);
     }
     if (query.path === "/v1/lift/batch") {
-      table(hosts.tables, "An optimum for each cylinder", [{ name: "l1′", unit: "mm" }, { name: "speed", unit: "mm/s" }, ...LENGTHS.map((name) => ({ name, unit: "mm" })), "f", "f published", { name: "rise time", unit: "s" }, "held by"], reply.rows.map((row) => [row.cylinder.length, row.cylinder.speed, ...LENGTHS.map((name) => row.design?.[name]), row.objective, row.objective_of_published, row.motion?.rise_time, row.active ?? row.detail]));
+      table(hosts.tables, "An optimum for each cylinder", [{ name: "l1′", unit: "mm" }, { name: "speed", unit: "mm/s" }, ...LENGTHS.map((name) => ({ name, unit: "mm" })), "f", "f published", { name: "rise time", unit: "s" }, "held by"], reply.rows.map((row) => [row.cylinder.length, row.cylinder.speed, ...LENGTHS.map((name) => row.design?.[name]), row.objective, row.objective_of_published, row.motion?.rise_time, held(row.active) ?? row.detail]));
       return null;
     }
     const beside = reply.published ? [[`published (${reply.published.source})`, reply.published]] : reply.unconstrained ? [["the source's problem", reply.unconstrained]] : [];
     const columns = [["optimum", reply], ...beside];
     table(hosts.facts, "Design", ["", ...columns.map(([name]) => name)], [...LENGTHS.map((name) => [`${name}, mm`, ...columns.map(([, one]) => one.design[name])]), ["closed l1′, mm", reply.closed_length, ...beside.map(() => request.cylinder.length)], ["objective", ...columns.map(([, one]) => one.objective)]]);
-    facts(hosts.facts, [["time of the rise", reply.motion.rise_time, "s"], ["speed at the start", reply.motion.velocity_start, "mm/s"], ["mean speed over height", reply.motion.velocity_mean, "mm/s"], ["cylinder at the dead point", reply.motion.dead_point_length, "mm"], ["held by", reply.active], ["evaluations", reply.evaluations]]);
+    facts(hosts.facts, [["time of the rise", reply.motion.rise_time, "s"], ["speed at the start", reply.motion.velocity_start, "mm/s"], ["mean speed over height", reply.motion.velocity_mean, "mm/s"], ["cylinder at the dead point", reply.motion.dead_point_length, "mm"], ["held by", held(reply.active)], ["evaluations", reply.evaluations]]);
     if (reply.published) note(hosts.facts, `Published design: ${reply.published.reason}.`);
     note(hosts.facts, reply.note);
     if (reply.constraints) limits(hosts.tables, reply, request.angle_unit);

@@ -77,7 +77,7 @@ function sentenceOf({ reply: { status, solutions, report }, request, motion, sto
     return [proved, why || "Loosen a limit, allow any family, or let the pivots lie elsewhere.", ""].join(" ").trim();
   }
   const held = solutions[0].determination?.at_limits ?? [], near = howNear({ reply: { solutions, report }, motion });
-  const limited = held.length && status !== "reached" ? `, held by ${held.map(limitName).join(" and ")}` : "";
+  const limited = held.length && status !== "reached" ? `, held by ${new Intl.ListFormat("en-GB").format(held.map(limitName))}` : "";
   const kept = status === "reached" && request.tolerances ? "Within the allowed errors at every pose" : !request.tolerances && request.prefer && "Near the least error", first = FIRST[preferred(request)];
   const parts = [`${kept && first ? `${kept}, ${first}` : kept || "Best found"}: ${near}${limited}.`];
   if (report.stopped_by === "budget" && !stored && !live) parts.push(`The time was up after ${seconds.toFixed(1)} s: there may be better ones.`);

@@ -13,7 +13,7 @@ export function symbol(layer, name) {
   word.append(letter);
   if (index) make("tspan", { class: "index", dy: "3" }, word).textContent = index;
   if (name.endsWith("′")) make("tspan", { dy: index ? "-3" : "0" }, word).textContent = "′";
-  return (at, view, dx = 9, dy = -8) => put(word, { x: view.x(at[0]) + dx, y: view.y(at[1]) + dy });
+  return (at, view, dx = 9, dy = -8, shown = true) => put(word, { x: view.x(at[0]) + dx, y: view.y(at[1]) + dy, visibility: shown ? "visible" : "hidden" });
 }
 
 /** A grid of round steps behind a drawing, with the step in words. */

@@ -46,12 +46,12 @@ export function mark(verdict) {
 
 /** Rows [what was judged, true | false | null, in words] for a solution of a motion. */
 export function judged(verdict, motion, drive = "crank", turns = true) {
-  const free = motion.timing === "free";
+  const free = motion.timing === "free", near = (verdict.reasons ?? []).some((one) => one.includes("near a change point"));
   const passes = !free ? `the ${drive} passes the samples at the ${turns ? "angles" : "places"} given` : motion.anyOrder ? `a ${drive} that ${turns ? "turns" : "moves"} one way passes all samples` : `a ${drive} that ${turns ? "turns" : "moves"} one way passes the samples in the order given`;
   const rows = [
     ["Order", verdict.order, verdict.order ? passes : passes.replace("passes", "does not pass")],
     ["Branch", verdict.branch, verdict.branch ? "all samples lie on one branch" : "samples lie on different branches: a dead position comes between"],
-    ["Circuit", verdict.circuit, verdict.circuit ? "all samples, and all between, lie on one circuit" : "samples lie on different circuits: it would have to be taken apart"],
+    ["Circuit", verdict.circuit, verdict.circuit ? `all samples, and all between, lie on one circuit${near ? ", but near a change point" : ""}` : "samples lie on different circuits: it would have to be taken apart"],
   ];
   if (verdict.within_tolerance !== null) rows.push(["Tolerance", verdict.within_tolerance, verdict.within_tolerance ? "every sample keeps it" : "not every sample keeps it"]);
   if (verdict.assembly) rows.push(["Layers", verdict.assembly.status === "free", verdict.assembly.status === "free" ? `nothing collides in ${verdict.assembly.count}` : "parts collide in all"]);

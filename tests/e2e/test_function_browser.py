@@ -26,6 +26,17 @@ def solve(page) -> None:
     page.wait("!document.getElementById('status').textContent.startsWith('Searching')")
 
 
+def test_the_page_opens_with_an_answer_to_its_own_question(page) -> None:
+    """Which is no draft, and moves neither focus nor page; a link that cannot be read is said, and not asked over."""
+    page.wait(CARDS)
+    assert page.text("status").startswith("Best found") and page.shown("picture-card")
+    assert not page.shown("draft") and page.run("return localStorage.getItem('linkage-atlas-function')") is None
+    assert page.run("return [document.activeElement.tagName, scrollY, location.hash]") == ["BODY", 0, ""]
+    page.forget()
+    page.go("/function#j=damaged")
+    assert "bad" in page.find("status").get_attribute("class") and not page.count("#solutions li")
+
+
 def test_a_chosen_function_shows_linkage_and_error_and_is_saved(page) -> None:
     solve(page)
     assert re.fullmatch(r"Best found: off by at most 0\.0\d+°\.", page.text("status"))
@@ -124,6 +135,15 @@ def test_numbers_take_a_decimal_comma_and_say_what_is_wrong(page) -> None:
         page.type_into(name, before or Keys.BACKSPACE)
 
 
+def test_rounded_links_need_a_length(page) -> None:
+    page.type_into("round", "0,5")
+    solve(page)
+    assert page.text("status") == "To round links, give the distance of the pivots: it says how long they are."
+    page.type_into("ground", "120")
+    solve(page)
+    assert "Rounded links" in page.text("numbers")
+
+
 def test_rows_that_are_no_table_of_a_function_are_named(page) -> None:
     ask_table(page, "0, 0\n1, a")
     solve(page)
@@ -144,6 +164,7 @@ def test_a_question_of_ones_own_is_kept_and_a_link_is_answered(page) -> None:
     page.back()
     page.reload()
     assert page.value("table") == PAIRS and page.ticked("one-way")
+    assert not page.text("status"), "a draft is shown, and asked when the user says so"
     solve(page)
     page.click("link")
     page.wait("location.hash.length > 10")
@@ -153,11 +174,11 @@ def test_a_question_of_ones_own_is_kept_and_a_link_is_answered(page) -> None:
     page.wait(CARDS)
     assert page.value("table") == PAIRS and not page.shown("draft")
     page.go("/function")
-    page.wait(f"!{CARDS}")
+    page.wait(CARDS)
     assert page.value("name") == "log10"
     page.find("x1").send_keys(Keys.END, "0")
     page.run("location.hash = arguments[0]", link.partition("#")[2])
-    page.wait(CARDS)
+    page.wait("document.getElementById('name').value === 'pairs'")
     assert page.value("table") == PAIRS and "replaced once" in page.text("draft-text")
     page.back()
     page.wait("document.getElementById('name').value === 'log10'")

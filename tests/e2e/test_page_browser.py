@@ -23,7 +23,7 @@ from selenium.webdriver.support.ui import Select
 
 import linkage_atlas as la
 from tests.conftest import some_of, until
-from tests.e2e.page import CARDS, EXAMPLES, FREE, READY, ROOT, VERDICTS, keep, path_request
+from tests.e2e.page import CARDS, EXAMPLES, FREE, READY, ROOT, VERDICTS, WORKS, keep, path_request
 
 DEG = np.pi / 180
 FIRST_RESULT_MS = 300
@@ -514,6 +514,24 @@ def test_a_path_is_solved_and_its_samples_are_passed(standing) -> None:
     assert "different branches" in details and "dead position" in details
     standing.pick("#numbers summary").click()
     assert "-160°" in standing.text("numbers")
+
+
+def test_a_linkage_near_a_change_point_is_not_called_sure_of_its_circuit(standing) -> None:
+    angles = -np.array([0, 20, 55, 100, 160, 200])
+    reason = "the linkage is so near a change point that it may pass from one circuit to the other"
+    standing.answered(path_request(angles), angles, [WORKS | {"reasons": [reason]}])
+    assert standing.texts("#solutions .verdict") == [f"! {reason}"]
+    assert "one circuit, but near a change point" in standing.text("numbers")
+
+
+def test_the_limits_that_hold_the_best_linkage_are_listed(standing) -> None:
+    angles = -np.array([0, 20, 55, 100, 160, 200])
+    request = path_request(angles)
+    standing.take(request)
+    standing.stub(request, angles, VERDICTS[:1])
+    standing.run("window.stub.solutions[0].determination.at_limits = ['link_min', 'link_max', 'pivot_box']")
+    standing.solve()
+    assert "held by links at least, links at most and the pivot box." in standing.text("status")
 
 
 def test_samples_in_any_order_are_marked_where_they_are_passed(standing) -> None:

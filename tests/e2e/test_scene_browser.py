@@ -179,11 +179,50 @@ def test_the_chains_pins_wheels_and_slot_are_drawn_and_follow_the_phase(at) -> N
         lowest[theta] = float(page.one(f"{window} circle.point").get_attribute("cy"))
         assert page.one(f"{chain} .link.thin").get_attribute("d").count("L") == 15
     assert lowest[74.6] > lowest[29.6] + 20  # the free pin hangs deepest in the middle of the window
+    # the angles have a chart of the card's whole width, in the colours of the parts of the track
+    wide, high = page.run(
+        "const f = document.querySelector('#curves .curves-list:last-child canvas'); return [f.clientWidth, f.clientHeight]"
+    )
+    assert wide > 800 and high > 300 and "upper arc (red)" in page.text("curves")
+    assert "All lengths are in the unit of the pitch." in page.text("facts")
     # a roller adds the groove's walls
     page.select("example", "roller")
     page.wait("document.querySelectorAll('#picture .wall').length === 4")
     assert "52.09" in page.text("facts")
     assert "t^0" in page.text("tables")
+
+
+NEAR = """
+    const slider = document.querySelector('.player input'), met = new Set(), shown = [];
+    for (let k = 0; k <= 40; k++) {
+      slider.value = Number(slider.min) + (slider.max - slider.min) * k / 40;
+      slider.dispatchEvent(new Event('input'));
+      const names = [...document.querySelectorAll('#picture .symbol:not([visibility=hidden])')];
+      const boxes = names.map((one) => one.getBoundingClientRect());
+      boxes.forEach((a, i) => boxes.slice(0, i).forEach((b, j) => {
+        const wide = Math.min(a.right, b.right) - Math.max(a.left, b.left);
+        const high = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
+        if (wide > 4 && high > 4) met.add(names[j].textContent + names[i].textContent);
+      }));
+      shown.push(names.length);
+    }
+    return [shown[0], [...met]]"""
+"""How many names a drawing shows at first, and which lie on one another at some time; boxes are larger than the letters."""
+
+
+@pytest.mark.parametrize("width", [1440, 360])
+def test_names_of_the_lift_do_not_lie_on_one_another(at, width) -> None:
+    page = at("lift", width)
+    shown, met = page.run(NEAR)
+    assert met == []
+    if width > 400:
+        assert shown == 12, "all find room"
+
+
+def test_what_holds_the_lifts_optimum_is_said_in_words(at) -> None:
+    page = at("lift")
+    asked(page, lambda: Select(page.find("query")).select_by_index(1))
+    assert "dead point at least, jerk at most" in page.text("facts")
 
 
 def test_the_knotter_shows_entries_and_verdicts_and_can_be_turned(at) -> None:
