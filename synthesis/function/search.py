@@ -296,8 +296,11 @@ class FunctionSearch:
 
     # -- beginnings ---------------------------------------------------------------------------------------------------
 
-    def grid(self) -> tuple[Floats, Floats]:
-        """The most promising of a grid of all ratios, starts and branches: unknowns (n, 5) and branches."""
+    def grid(self, within: bool = False) -> tuple[Floats, Floats]:
+        """The most promising of a grid of all ratios, starts and branches: unknowns (n, 5) and branches.
+
+        ``within``: only those that keep the limits.
+        """
         problem = self.problem
         low, high = problem.box[0][:3], problem.box[1][:3]
         low, high = np.maximum(low, np.minimum(high, -_FARTHEST)), np.minimum(high, np.maximum(low, _FARTHEST))
@@ -311,6 +314,8 @@ class FunctionSearch:
         unknowns = np.zeros((len(shapes) * starts.size, 5))
         unknowns[:, :3], unknowns[:, 3] = np.repeat(shapes, starts.size, axis=0), np.tile(starts, len(shapes))
         crank, root = self.places(_FIRST_PLACES)
+        if within:
+            unknowns = unknowns[(self.problem.conditions(unknowns)[0] >= 0).all(axis=1)]
         return self.screened_from(unknowns, crank, root, (1.0, -1.0), _SEEDS // 2, [0.5, 0.5, 0.5, 0.4])
 
     def candidate(self, linkage: Linkage, offset: float | None = None) -> tuple[Floats, Floats]:
@@ -413,7 +418,8 @@ class FunctionSearch:
         begin = [*(self.candidate(one) for one in near), self.grid()]
         unknowns, branch = (np.concatenate(one) for one in zip(*begin))
         self.screened, self.seeds = self.work.elapsed, len(branch)
-        return self.led(unknowns, branch)
+        # what comes near the function may all lie beyond the limits: what keeps them is led nearer to it
+        return self.led(unknowns, branch) or self.led(*self.grid(within=True))
 
     def led(self, unknowns: Floats, branch: Floats) -> list[Generator]:
         """The best of what beginnings lead to."""

@@ -294,3 +294,17 @@ def test_least_squares_within_limits_find_a_valley_that_the_grid_lacks() -> None
     wanted = {"name": "exp", "x": [0, 1.91], "output_span": -108.29}
     asked = {"function": wanted, "crank_span": 83.31, "limits": {"family": "full_crank", "preset": "practical"}}
     assert la.function(**asked, objective="rms").solutions[0].errors.rms < 12
+
+
+@pytest.mark.parametrize("objective", ["max", "rms"])
+@pytest.mark.parametrize(
+    ("name", "x", "span", "crank", "family"),
+    [("exp", [0, 1.8], 71.76, 63.38, "crank_rocker"), ("exp", [0, 0.85], -65.17, 85.99, "double_crank")],
+)
+def test_what_linkages_within_the_limits_make_badly_is_not_infeasible(
+    name, x, span, crank, family, objective
+) -> None:
+    wanted = {"name": name, "x": x, "output_span": span}
+    limits = {"family": family, "preset": "practical"}
+    found = la.function(function=wanted, crank_span=crank, limits=limits, objective=objective)
+    assert found.status == "closest" and found.best.verdict.practical
