@@ -70,14 +70,15 @@ class Parameters(RequestModel):
     """Sizes of the machine; each has the published value or else an assumed one."""
 
     alpha2: Bounded | None = Field(
-        None, description="Angle between the bill's axis k0 and k1 in the plane i1 o1 k1; published 8 degrees."
+        None,
+        description="Turn about j from k1 to the bill's axis k0, after that of alpha3 about i; published 8 degrees.",
     )
     d1: Bounded | None = Field(
         None, description="Along k1, from o1 to where the disc's axis crosses the plane i1 o1 k1; assumed 136."
     )
     D: Bounded | None = Field(None, description="d2 + d4 along the disc's axis, only the sum matters; assumed 20.")
     d5: Bounded | None = Field(None, description="Between o1 and o2 along i1; published 54.")
-    d6: Bounded | None = Field(None, description="From o1 to the plane i0 o0 k0; published 142.")
+    d6: Bounded | None = Field(None, description="From o1 to o0 along k0; published 142.")
     d9: Bounded | None = Field(None, description="Hinge of the jaw: from o4 to o5 along i4; assumed 12.")
     d10: Bounded | None = Field(None, description="Hinge of the jaw: from o4 to o5 along k4; assumed 24.5.")
 
@@ -324,13 +325,13 @@ class NeedleRequest(RequestModel):
     S1y: Bounded = Field(39.0, description="Where the needle lays the rope: from o4 along k4.")
     r0: BoundedPositive = Field(16.0, description="Largest radius of the jaw's cam.")
     D0: BoundedPositive = Field(20.0, description="Thickness of the needle.")
-    d6: Bounded = Field(142.0, description="From o1 to the plane i0 o0 k0.")
+    d6: Bounded = Field(142.0, description="From o1 to o0 along k0.")
     r1: Annotated[Number, Field(ge=0, le=MAX_LENGTH)] = Field(
         30.0, description="Radius of the holding point S0 about the disc's axis."
     )
     beta0: Bounded | None = Field(None, description="Initial phase of the disc; 15 degrees.")
     alpha2: Bounded | None = Field(
-        None, description="Angle between the bill's axis k0 and k1 in the plane i1 o1 k1; 8 degrees."
+        None, description="Turn about j from k1 to the bill's axis k0, after that of alpha3 about i; 8 degrees."
     )
     d5: Bounded = Field(54.0, description="Distance of o1 and o2 along i1 for which an angle is sought.")
     angle_unit: AngleUnit = "deg"

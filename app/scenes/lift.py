@@ -329,7 +329,7 @@ class OptimizeRequest(RequestModel):
     objective: AnyObjective = DiscreteObjective(kind="discrete")
     upper_bound: Length = Field(600.0, description="No length of the design is larger.")
     constraints: ConstraintsModel | None = Field(
-        None, description="Limits that make the design buildable; null: the source's problem as it is."
+        None, description="Limits of what a workshop can build; null: the source's problem as it is."
     )
     angle_unit: AngleUnit = "deg"
 
@@ -356,7 +356,8 @@ class UnconstrainedReply(ReplyModel):
 
 
 class OptimizeReply(ReplyModel):
-    """The optimum. `active` names the inequalities that hold it; `slacks` says how far away the others are.
+    """The best that was found, by a local search. `active` names the inequalities that hold it; `slacks` says how far away the
+    others are.
 
     With constraints a slack is a share of the limit, of a length a share of the top height; else a length.
     """

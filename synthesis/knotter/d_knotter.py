@@ -152,7 +152,7 @@ class Needle:
     """Largest radius of the jaw's cam and thickness of the needle, positive."""
     d6: float = PUBLISHED_LENGTHS["d6"]
     r1: float = PUBLISHED_LENGTHS["r1"]
-    """From o1 to the plane i0 o0 k0, and radius of the holding point S0 about the disc's axis."""
+    """From o1 to o0 along k0, and radius of the holding point S0 about the disc's axis."""
     beta0: float = BETA0
     """Initial phase of the disc, rad."""
 
