@@ -271,6 +271,15 @@ def search_kinds(
             first, (leads, _) = [], four_bars(replace(limits, family="double_crank"), part, rounds)
         if first:
             leads = first + (leads if course.stopped_by != StoppedBy.BUDGET.value else [])
+    by_crank = [kind for kind in asked.sliders if kind in BY_CRANK and asked.driver in (None, Driver.CRANK)]
+    if isinstance(motion.samples, Target) and motion.samples.position is not None:
+        for kind in by_crank:
+            ones_by_crank, by_report = linkages_by_crank(kind, motion.samples, tolerance=tolerance, work=work)
+            kept = [one for one in ones_by_crank if not broken_limits(one, motion.samples, limits)]
+            found, seeds = [*found, *kept], seeds + by_report.seeds
+            least = min((one.errors.objective for one in kept), default=np.inf)
+            trace, sure = _fallen(trace, [(work.elapsed, least)] * bool(kept)), [*sure, (least, None)]
+            stopped.add(by_report.stopped_by.value)
     between = work.elapsed
     if sliders and found and work.expired():
         notes.append(NO_TIME)
@@ -292,14 +301,7 @@ def search_kinds(
                 break
         if _comes_round(motion.samples) and not set(notes) & set(NOTHING_ROUND.values()):
             notes.append(ROUND_AGAIN)
-    by_crank = [kind for kind in asked.sliders if kind in BY_CRANK]
-    if isinstance(motion.samples, Target) and motion.samples.position is not None and by_crank and not sliders:
-        for kind in by_crank:
-            ones_by_crank, by_report = linkages_by_crank(kind, motion.samples, tolerance=tolerance, work=work)
-            found += [one for one in ones_by_crank if not broken_limits(one, motion.samples, limits)]
-            seeds += by_report.seeds
-            stopped.add(by_report.stopped_by.value)
-    elif asked.sliders and not sliders:
+    if asked.sliders and not sliders and not by_crank:
         notes.append(NO_ROTATION)
     worst = (StoppedBy.BUDGET, StoppedBy.CONVERGED, StoppedBy.TOLERANCE)
     stopped_by = next(one.value for one in worst if one.value in stopped)

@@ -263,6 +263,8 @@ class FunctionSearch:
     def begin_with(self, problem: Any) -> None:
         """Know nothing yet of a problem."""
         self.problem: Any = problem
+        self.near: list[Linkage] = []
+        """With which to begin, beside the grid."""
         self.seeds, self.screened = 0, 0.0
         self.settled = False
         self.trace: list[tuple[float, float]] = []
@@ -413,9 +415,9 @@ class FunctionSearch:
             moved=self.moved,
         )
 
-    def run(self, near: Sequence[Linkage] = ()) -> list[Generator]:
-        """The best candidates, different ones, within the limits. ``near``: linkages with which to begin beside the grid."""
-        begin = [*(self.candidate(one) for one in near), self.grid()]
+    def run(self) -> list[Generator]:
+        """The best candidates, different ones, within the limits."""
+        begin = [*(self.candidate(one) for one in self.near), self.grid()]
         unknowns, branch = (np.concatenate(one) for one in zip(*begin))
         self.screened, self.seeds = self.work.elapsed, len(branch)
         # what comes near the function may all lie beyond the limits: what keeps them is led nearer to it
@@ -612,7 +614,8 @@ def generate(
     run = FunctionSearch(wanted, limits, largest, many, tolerance, work)
     mechanism = Generators(wanted, ground)
     near, _ = search(tables, wanted.target, Limits(family=limits.family), many, tolerance, work, mechanism)
-    found = best_built(run.run([one.linkage for one in near]), top, tolerance)
+    run.near = [one.linkage for one in near]
+    found = best_built(run.run(), top, tolerance)
     stopped = stopped_by(found, tolerance, work)
     return found, SearchReport(stopped, run.trace, run.screened, run.seeds, run.settled or not found)
 

@@ -207,7 +207,7 @@ def assess(samples: Poses | Target, linkage: GuidedLinkage, travel: Floats) -> G
     found = linkage.body(linkage.start + travel)
     points = None if target.position is None else found.position[None]
     offsets, errors = motion_errors(target, found.rotation[None], points)
-    if offsets[0] is not None:
+    if offsets[0] is not None and math.isfinite(offsets[0]):
         linkage = turned_frame(linkage, offsets[0] - TURN * round(offsets[0] / TURN))
     used = target.interval if target.closed else Interval(float(travel.min()), float(travel.max()))
     least = linkage.transmission_angle_over(used.after(linkage.start))

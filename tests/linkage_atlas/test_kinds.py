@@ -338,3 +338,27 @@ def test_more_time_only_adds_to_what_sliders_begin_with(points, closed, readings
         one = la.synthesize(asked, limits, mechanisms="all", budget=budget, work=lambda _, work=work: work)
         found.append(one.solutions[0].errors.objective)
     assert all(more <= some * (1 + 1e-6) for some, more in pairwise(found))
+
+
+IN_STEP = [
+    (
+        [[49.5, -23.7], [61.5, 49.5], [-30.2, 84.2], [-82.8, -1.6], [-23.0, -56.8]],
+        [-2.4, -9.1, -11.6, -16.0, -24.8],
+        194.6,
+    ),
+    (
+        [[-90.9, -119.4], [0.6, -155.5], [94.1, -121], [138.6, -37.6], [120.5, 43.6], [68.4, 85.8], [20.5, 91.2]],
+        [-2.1, -9.7, -13.2, -21.9, -27.6, -33.8, -38.5],
+        115.4,
+    ),
+]
+
+
+@pytest.mark.parametrize("kind", ["slider_crank", "swinging_block"])
+@pytest.mark.parametrize(("position", "rotation", "span"), IN_STEP)
+def test_without_limits_a_crank_in_step_is_met_no_worse_than_within_some(position, rotation, span, kind) -> None:
+    """Poses in step with a crank were called infeasible where nothing was limited."""
+    asked = {"position": position, "rotation": rotation, "crank_span": span, "mechanisms": [kind]}
+    free, practical = (la.synthesize(**asked, limits=limits) for limits in ({}, {"preset": "practical"}))
+    assert free.status == practical.status == "closest"
+    assert free.solutions[0].errors.objective <= practical.solutions[0].errors.objective
