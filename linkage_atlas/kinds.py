@@ -28,7 +28,7 @@ from synthesis.free.poses import Poses
 from synthesis.free.search import go_astray, have_tiny_links
 from synthesis.guided import solution as guided
 from synthesis.guided.by_crank import BY_CRANK, linkages_by_crank
-from synthesis.guided.linkage import Driver, Kind
+from synthesis.guided.linkage import Driver, GuidedLinkage, Kind
 from synthesis.guided.search import NOTHING_ROUND, search_guided
 from synthesis.guided.solution import broken_limits
 from synthesis.kept import Kept
@@ -271,12 +271,14 @@ def search_kinds(
             first, (leads, _) = [], four_bars(replace(limits, family="double_crank"), part, rounds)
         if first:
             leads = first + (leads if course.stopped_by != StoppedBy.BUDGET.value else [])
+    beginnings: list[GuidedLinkage] = []
     by_crank = [kind for kind in asked.sliders if kind in BY_CRANK and asked.driver in (None, Driver.CRANK)]
     if isinstance(motion.samples, Target) and motion.samples.position is not None:
         for kind in by_crank:
             ones_by_crank, by_report = linkages_by_crank(kind, motion.samples, tolerance=tolerance, work=work)
             kept = [one for one in ones_by_crank if not broken_limits(one, motion.samples, limits)]
             found, seeds = [*found, *kept], seeds + by_report.seeds
+            beginnings += [one.linkage for one in ones_by_crank]
             least = min((one.errors.objective for one in kept), default=np.inf)
             trace, sure = _fallen(trace, [(work.elapsed, least)] * bool(kept)), [*sure, (least, None)]
             stopped.add(by_report.stopped_by.value)
@@ -290,7 +292,7 @@ def search_kinds(
             notes.append(NO_TIME if work.expired() else NO_LEAD)
         for turned in _rotations(leads, poses) if led else [None]:
             others, report = search_guided(
-                poses, limits, asked.sliders, driver, tolerance, work, given, turned, rounds
+                poses, limits, asked.sliders, driver, tolerance, work, given, turned, rounds, beginnings
             )
             found, trace = [*found, *others], _fallen(trace, report.trace)
             sure.append((_least(report.trace), None if led else report.unseen))

@@ -72,7 +72,7 @@ _RADII, _AROUND = (0.0, 0.35, 0.8, 1.4, 2.2, 3.5), 12
 """Points that circles, rails and slots are begun with: distances from the middle of the motion, and so many around it."""
 _SWEEPS, _AGAIN = 8, 6
 """Newton's steps of the poses of answers, and of those looked at before they are."""
-_SEEDS, _HOPS = 18, 5
+_SEEDS, _HOPS = 40, 5
 """Candidates of each kind and drive that the first round begins with, and each further one."""
 _FAR: Floats = np.array([0.25, 0.25, 0.15, 0.15, 0.3])
 """How far hops go, in the unknowns of a guide."""
@@ -122,12 +122,12 @@ _AS_EXACT = 1e-9
 """J of a rail below which a circle in its place tells nothing."""
 _LONG, _CHANCE = 10.0, 10.0
 """Radius, over the length scale, from which on a circle is compared with a rail; and the F up to which that is as good."""
-_IDLE, _IDLE_LED, _IDLE_GIVEN, _ROUNDS, _WORTH = 10, 5, 4, 60, 0.01
+_IDLE, _IDLE_LED, _IDLE_GIVEN, _ROUNDS, _WORTH = 20, 5, 4, 160, 0.01
 """A drive is left alone after so many rounds that gain nothing, or where rotations are led, or the drive is given; rounds at
 most; and the part of J that is a gain."""
 ODDS = (0.1, 0.9)
 """As of `rounds.Rounds`, fitted to `benchmarks.unseen`."""
-_PATIENCE = 4
+_PATIENCE = 16
 """Rounds more for a drive that nothing was found of."""
 
 
@@ -322,7 +322,7 @@ class Search:
     """One request's search.
 
     ``given`` (N,): the drive from the first sample on, in radians or in the unit of length; None where it is free.
-    ``turned`` (N,): rotations to begin with, where none are asked for.
+    ``turned`` (N,): rotations to begin with, where none are asked for. ``leads``: linkages to begin with at the given drive.
     """
 
     def __init__(
@@ -335,7 +335,9 @@ class Search:
         given: Floats | None = None,
         turned: Floats | None = None,
         rounds: int | None = None,
+        leads: Sequence[GuidedLinkage] = (),
     ) -> None:
+        self.leads = leads
         self.rounds = _ROUNDS if rounds is None else rounds
         self.poses, self.limits, self.ways, self.tolerance, self.work = poses, limits, list(ways), tolerance, work
         self.given = given
@@ -553,6 +555,19 @@ class Search:
         found = found.take(np.concatenate(places))
         return found.take(self._best(found, _SEEDS, thin))
 
+    def led_by(self) -> Candidates | None:
+        """The linkages to begin with, of the drives that are asked for."""
+        found = []
+        for one in self.leads:
+            sorts = type(one.guides[0]), type(one.guides[1])
+            for number, way in enumerate(self.ways):
+                if (way.first, way.second, way.driver) == (*sorts, one.driver):
+                    first, second = (_as_guides(guide, self.poses) for guide in one.guides)
+                    found.append(
+                        self.measured(Pairs(first, second, np.zeros(1, dtype=bool)), np.array([number]), self.all)
+                    )
+        return found[0].joined(*found[1:]) if found else None
+
     def hops(self, pool: Candidates) -> Candidates:
         """Perturbed copies of the best valleys of each drive; of every other one guide alone is moved far."""
         some = []
@@ -617,8 +632,12 @@ class Search:
             self.note()
         idle, pool = 0, None
         begin = self.near()
+        led = self.led_by()
+        if led is not None:
+            begin = begin.joined(led)
         for _ in range(self.rounds):
-            if idle == _IDLE_GIVEN or not self._left.size or (self.work.expired() and self.found is not None):
+            patience = _IDLE_GIVEN + _PATIENCE * np.isinf(self.levels).any()
+            if idle >= patience or not self._left.size or (self.work.expired() and self.found is not None):
                 break
             before = self.levels
             begin = begin.take(np.isin(begin.drive, self._left))
@@ -958,6 +977,21 @@ def _guide(one: Guides, poses: Poses, rotation: float, position: complex) -> Gui
     return Circle(middle + scale * complex(one.centre[0]), scale / abs(float(one.curvature[0])), scale * point)
 
 
+def _as_guides(guide: Guide, poses: Poses) -> Guides:
+    """The other way round: a guide in the lengths of the search."""
+    scale, middle = poses.length_scale, poses.middle
+    if isinstance(guide, Slot):
+        one = (guide.pin - middle) / scale, guide.body_point / scale, guide.body_direction - np.pi / 2, 0.0, True
+    elif isinstance(guide, Rail):
+        one = guide.body_point / scale, (guide.point - middle) / scale, guide.direction - np.pi / 2, 0.0, False
+    else:
+        centre, point, radius = (guide.pivot - middle) / scale, guide.body_point / scale, guide.radius / scale
+        first = poses.full[0]
+        inward = np.angle(centre - poses.scaled[first] - poses.turned[first] * point)
+        one = point, centre - radius * np.exp(1j * inward), inward, 1 / radius, False
+    return Guides(*(np.array([part]) for part in one))
+
+
 def _referred(guide: Guide, other: Guide) -> Guide:
     """A slot measured from the foot of the other guide's body point on it; of two slots from where they meet."""
     if not isinstance(guide, Slot):
@@ -1010,6 +1044,7 @@ def search_guided(
     given: Floats | None = None,
     turned: Floats | None = None,
     rounds: int | None = None,
+    leads: Sequence[GuidedLinkage] = (),
 ) -> tuple[list[GuidedSolution], SearchReport]:
     """The best linkages with sliders for poses whose drive is free, or given.
 
@@ -1033,6 +1068,8 @@ def search_guided(
         Rotations to begin with, where none are asked for: such as those of a four-bar along the same way.
     rounds : int, optional
         At most so many.
+    leads : sequence of GuidedLinkage
+        With which to begin, where the drive is given.
 
     Returns
     -------
@@ -1051,7 +1088,7 @@ def search_guided(
     if not ways:
         notes = [] if round_once is None else [NOTHING_ROUND[turned is not None, round_once]]
         return [], SearchReport(StoppedBy.CONVERGED, [], 0, notes)
-    search = Search(poses, limits, ways, tolerance, work, given, turned, rounds)
+    search = Search(poses, limits, ways, tolerance, work, given, turned, rounds, leads)
     ended = search.run()
     search.further()
     search.straighten()
