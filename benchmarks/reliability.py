@@ -429,7 +429,7 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
         told = ", ".join(f"{count:,} x {status}" for status, count in sorted(after["statuses"].items()))
         count = f"{after['reloads']} times, {after['requests']:,} requests of {after['clients']} clients"
         text = "`systemctl reload` (SIGUSR1) starts the service anew without a refused request"
-        rows.append((text, "`reloads`", count, f"{told}; 99th percentile {after['p99_ms']:.0f} ms"))
+        rows.append((text, "`reloads`", count, f"{told}; 99th percentile {after['p99_ms']:,.0f} ms"))
     for row in found.get("ends", []):
         count, ended = f"with {row['under_way']} under way", f"{row['seconds']:.1f} s, code {row['code']}"
         rows.append(("SIGTERM ends the service within 5 s", "`ends`", count, ended))
