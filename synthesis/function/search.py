@@ -85,6 +85,8 @@ _ROUNDING = 1e-12
 _AROUND = 0.4 * np.array([0.0, 1.0, -1.0])
 """Starts beside a solution's, in radians: rounded links may be at their best in another valley."""
 _LEAST_RADIUS = 1e-5
+_LITTLE_BROKEN, _RESTORING, _ALIKE = 1e-2, 3, 1e-2
+"""By how much a candidate may break a condition that is then led back within it; in how many steps; and how alike conditions are that count as one."""
 _EXCHANGES, _EXCHANGES_BEHIND, _EXCHANGE_STEPS = 16, 4, 8
 
 
@@ -466,8 +468,24 @@ class FunctionSearch:
         More time would lead them elsewhere, and an answer must not be lost by that.
         """
         if branch.size and not (self.known and self.work.expired()):
-            self.known = distinct(self.known + self.kept(unknowns, branch), self.top, APART)
+            self.known = distinct(self.known + self.kept(self.restored(unknowns), branch), self.top, APART)
             self.note(self.known)
+
+    def restored(self, unknowns: Floats) -> Floats:
+        """Candidates (n, 5) that break conditions by little, led back within them by the shortest steps."""
+        problem, out = self.problem, unknowns.copy()
+        free = problem.free
+        for _ in range(_RESTORING if free.size else 0):
+            value, slope = problem.conditions(out)
+            broken = value < 0
+            some = np.flatnonzero(broken.any(axis=1) & (value.min(axis=1, initial=0.0) > -_LITTLE_BROKEN))
+            if not some.size:
+                break
+            rows = np.where(broken[:, :, None], slope, 0.0)[some][:, :, free]
+            missing = np.where(broken, _MARGIN - value, 0.0)[some]
+            out[np.ix_(some, free)] += (np.linalg.pinv(rows, _ALIKE) @ missing[:, :, None])[:, :, 0]
+            out = np.clip(out, *problem.box)
+        return out
 
     def levelled(self, unknowns: Floats, branch: Floats, radii: Floats) -> Floats:
         """Candidates led on over the extremes of their own error curves, which are looked up again after each few steps."""

@@ -286,7 +286,7 @@ def test_the_least_largest_error_is_no_larger_than_that_of_the_least_squares(nam
     """Where the best linkage stands at the edge of its family its neighbours were all lost, and it was called infeasible."""
     asked = {"function": {"name": name, "x": x, "output_span": span}, "crank_span": crank, "limits": limits}
     found = [la.function(**asked, objective=objective).solutions[0] for objective in ("max", "rms")]
-    assert found[0].errors.max <= 1.0001 * found[1].errors.max
+    assert found[0].errors.max <= (0.95 if limits.get("family") == "full_crank" else 1.0001) * found[1].errors.max
     assert found[1].errors.rms <= 1.0001 * found[0].errors.rms
 
 
