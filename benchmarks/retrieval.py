@@ -111,7 +111,9 @@ def file_figures(results: dict[str, Any]) -> str:
         ["positions only", between(list(atlas["position_only"].values()))],
     ]
     if "one_by_one_ratio" in atlas:
-        rows.append(["one window at a time", f"{significant(atlas['one_by_one_ratio'], 1)} times the work of the scan"])
+        rows.append(
+            ["one window at a time", f"{significant(atlas['one_by_one_ratio'], 1)} times the work of the scan"]
+        )
     return report.lines(["what", "figure"], rows, 2)
 
 
