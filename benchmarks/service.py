@@ -207,21 +207,6 @@ def serve_command(port: int) -> list[str]:
     return [sys.executable, "-m", "app.start", "serve", "--host", "127.0.0.1", "--port", str(port)]
 
 
-def uvicorn_command(port: int) -> list[str]:
-    """The application under another server, which is asked although its atlas is missing or refused."""
-    return [
-        sys.executable,
-        "-m",
-        "uvicorn",
-        "--factory",
-        "app.main:create_app",
-        "--host",
-        "127.0.0.1",
-        "--port",
-        str(port),
-    ]
-
-
 def environment(**settings: Any) -> dict[str, str]:
     """This process's environment with the service's settings being those given, all others at their defaults.
 

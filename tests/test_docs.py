@@ -114,6 +114,11 @@ def test_every_link_leads_to_a_file_and_every_fragment_to_a_heading(path) -> Non
             assert not fragment or fragment in anchors(file), f"{names(path)} links to {target}"
 
 
+def test_every_picture_is_shown() -> None:
+    shown = "".join(path.read_text() for path in [*DOCUMENTS, *(ROOT / "docs").glob("*.ipynb")])
+    assert [path.name for path in (ROOT / "docs" / "img").iterdir() if path.name not in shown] == []
+
+
 @pytest.mark.parametrize("path", DOCUMENTS, ids=names)
 def test_every_named_source_file_exists(path) -> None:
     folders = "app|synthesis|linkage_atlas|data_build|benchmarks|tests|docs|deploy"

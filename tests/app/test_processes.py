@@ -40,7 +40,6 @@ from synthesis.fourbar.dimension_types import OrderRule, TypeRule
 from tests.conftest import PATIENCE, make_atlas, some_of, started, until
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="elsewhere threads compute")
-ROOT = Path(__file__).parents[2]
 SERVICE = """
 import os, sys
 from app import cli

@@ -33,12 +33,6 @@ def ask(client, **more):
     return reply.json()
 
 
-def refused(client, **more) -> str:
-    reply = client.post("/v1/synthesize", json={**EXAMPLE, **more})
-    assert reply.status_code == 422
-    return reply.json()["errors"][0]["pointer"]
-
-
 @pytest.mark.parametrize(
     "request_body", [EXAMPLE, {**FREE}, {**FREE, "order": "any"}], ids=["timed", "free", "any order"]
 )

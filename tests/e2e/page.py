@@ -64,8 +64,8 @@ VERDICTS = [
 
 
 def keep(page: Page, name: str) -> None:
-    """A picture of what is shown in docs/img, in few colours, if ``LINKAGE_ATLAS_SCREENSHOTS=1`` asks for it."""
-    if os.environ.get("LINKAGE_ATLAS_SCREENSHOTS"):
+    """A picture of docs/img anew, in few colours, if there is one and ``LINKAGE_ATLAS_SCREENSHOTS=1`` asks for it."""
+    if (ROOT / f"docs/img/{name}.png").exists() and os.environ.get("LINKAGE_ATLAS_SCREENSHOTS"):
         from PIL import Image
 
         picture = Image.open(io.BytesIO(page.browser.get_screenshot_as_png())).convert("RGB")

@@ -171,23 +171,6 @@ class Transfer:
         return self._angle(2 * r1 * (r0 * cos - c), 2 * r0 * r1 * sin, c**2 + r0**2 + r1**2 - 2 * c * r0 * cos)
 
 
-def printed_case_list(relations, xi, theta1):
-    """theta13 by the paper's case list, misprints corrected; NaN where an arccos has no value.
-
-    It knows neither P10 on the lower arc nor P12 on a wheel.
-    """
-    dq, pi, alpha = relations.dq, np.pi, np.pi / 2 - xi
-    with np.errstate(invalid="ignore"):
-        # P1 and, up to 180 deg, P2 on the wheel; the last pin of the wheel goes over to the lower arc.
-        both = theta1 + dq <= pi + xi
-        lower = relations.f_back(pi + xi - np.where(both, theta1 + dq, theta1)) - alpha
-        # P10 is taken to be on the right wheel, P9 the last on the lower arc.
-        lower += (9 - np.where(both, 3, 2)) * relations.dd
-        wheel = pi + xi - relations.f(alpha - lower)
-        # P10, P11 on the wheel, P12 taken to be on the upper arc.
-        return pi / 2 - relations.g_back(wheel - dq) - relations.du
-
-
 def free_pin_at_100_degrees(pitch, r1, r2, digits=50):
     """P14 for P1 at 100 deg on the left wheel, four pins a turn: P3..P9 lower, P10, P11 wheel, P12, P13 upper."""
     with mpmath.workdps(digits):

@@ -40,11 +40,6 @@ def rocker_angles(links: Sequence[Any], branch: int, crank: Sequence[Any]) -> li
         return found
 
 
-def swinging(random: Generator) -> np.ndarray:
-    """Lengths of which the crank need not turn fully."""
-    return random.dirichlet(np.ones(4))
-
-
 @dataclass(frozen=True)
 class Draw:
     """A class of functions: how lengths are drawn, and from which spans in degrees."""

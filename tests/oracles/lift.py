@@ -32,19 +32,6 @@ def pose(design: Design, turn: float) -> dict[str, float]:
     return {"height": s, "length": math.hypot(x, y), "x": x, "y": y}
 
 
-def height_at_length(design: Design, length: float) -> float:
-    """Height of the platform at a cylinder length, by walking down from the top in small steps, then halving."""
-    step = 1e-3
-    turn = 0.0
-    while pose(design, turn)["length"] > length:
-        turn += step
-    low, high = turn - step, turn
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if pose(design, middle)["length"] > length else (low, middle)
-    return pose(design, low)["height"]
-
-
 def arccos_gain(design: Design, height: float) -> float:
     """v_s / v_l with the direction of AC from a plain arccos of the height, the formula as it comes to mind."""
     l2, l3, l4, l5, b = design.as_tuple()

@@ -16,8 +16,6 @@ from numpy.random import Generator
 
 from tests.oracles.classes import Case, generator, make_case
 
-KINDS = ("broken", "boxed", "machine", "kept")
-
 
 def make_limited(kind: str, seed: int, samples: int = 32) -> Case:
     """One case of a kind; the same for the same arguments."""

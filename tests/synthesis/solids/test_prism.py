@@ -14,7 +14,6 @@ from synthesis.solids.solid import FITS, tolerance
 from tests.oracles.surface import euler_characteristic, open_edges
 
 LAW = settings(derandomize=True, deadline=None, max_examples=60)
-TRIANGLE = (0j, 72 + 0j, 10 + 17j)
 LATER = [0j, 60 + 0j, 60 + 20j, 20 + 20j, 20 + 60j, 60j]
 
 
