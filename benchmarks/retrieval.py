@@ -91,23 +91,15 @@ def measure_atlas(file: Path, smallest: float, cores: int) -> dict[str, Any]:
 
 
 def file_figures(results: dict[str, Any]) -> str:
-    """The table of docs/file_format.md; what concerns build and service comes from `growth` and `throughput`."""
-    built = next(row for row in report.load("growth")["rows"] if row["types"] == results["types"])
-    loaded = report.load("throughput")["services"][0]
+    """The table of docs/file_format.md: what no table of docs/scaling.md has."""
     atlas = results["parts"]["atlas"]
 
     def between(seconds: Sequence[float]) -> str:
         ends = dict.fromkeys(significant(1000 * value, 2) for value in (min(seconds), max(seconds)))
         return " to ".join(ends) + " ms"
 
-    faster = ""
-    if "one_by_one_ratio" in atlas:
-        faster = f"; {significant(atlas['one_by_one_ratio'], 1)} times less work than one window at a time"
-    medians = {name: [part["ours"]["median"] for part in results[name].values()] for name in ("spans", "joint")}
-    million = f"scan of {results['windows'] / 1e6:.0f} million windows, exact, spans {SPANS[0]}..{SPANS[-1]} degrees"
+    joint = [part["ours"]["median"] for part in results["joint"].values()]
     rows = [
-        ["build", f"{significant(built['build_s'], 2)} s, largest process {size(built['build_peak_bytes'])}"],
-        ["file", size(built["file_bytes"])],
         ["load and verify", report.duration(atlas["load_s"])],
         [
             "prepare the scan, one thread",
@@ -115,15 +107,13 @@ def file_figures(results: dict[str, Any]) -> str:
             f"the details stay in memory with {size(atlas['details_bytes'])}",
         ],
         ["the series for requests with positions, behind the readiness", f"{size(atlas['positions_bytes'])} more"],
-        [
-            "service with an index: start until ready",
-            f"{significant(built['ready_s'], 2)} s; {size(built['resident_bytes'])} then, "
-            f"{size(built['asked_bytes'])} after requests; {size(loaded['bytes'])} with positions",
-        ],
-        [million, between(medians["spans"]) + faster],
-        ["the same with positions", between(medians["joint"])],
+        [f"scan with positions, exact, spans {SPANS[0]}..{SPANS[-1]} degrees", between(joint)],
         ["positions only", between(list(atlas["position_only"].values()))],
     ]
+    if "one_by_one_ratio" in atlas:
+        rows.append(
+            ["one window at a time", f"{significant(atlas['one_by_one_ratio'], 1)} times the work of the scan"]
+        )
     return report.lines(["what", "figure"], rows, 2)
 
 
