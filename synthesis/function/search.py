@@ -86,7 +86,8 @@ _AROUND = 0.4 * np.array([0.0, 1.0, -1.0])
 """Starts beside a solution's, in radians: rounded links may be at their best in another valley."""
 _LEAST_RADIUS = 1e-5
 _LITTLE_BROKEN, _RESTORING, _ALIKE = 1e-2, 3, 1e-2
-"""By how much a candidate may break a condition that is then led back within it; in how many steps; and how alike conditions are that count as one."""
+"""By how much a candidate may break a condition that is then led back within it, in how many steps, and how alike conditions
+are that count as one."""
 _EXCHANGES, _EXCHANGES_BEHIND, _EXCHANGE_STEPS = 16, 4, 8
 
 
@@ -484,7 +485,7 @@ class FunctionSearch:
             rows = np.where(broken[:, :, None], slope, 0.0)[some][:, :, free]
             missing = np.where(broken, _MARGIN - value, 0.0)[some]
             out[np.ix_(some, free)] += (np.linalg.pinv(rows, _ALIKE) @ missing[:, :, None])[:, :, 0]
-            out = np.clip(out, *problem.box)
+            out[some] = np.clip(out[some], *problem.box)
         return out
 
     def levelled(self, unknowns: Floats, branch: Floats, radii: Floats) -> Floats:
