@@ -88,9 +88,8 @@ def test_no_request_of_the_description_breaks_the_service(label, mode, share, op
     schemathesis.checks.load_all_checks()
     checks = schemathesis.checks.CHECKS.get_by_names(CHECKS)
 
-    @seed(20)
-    @settings(max_examples=-(-EXAMPLES[mode] // share), **SETTINGS)
-    @given(case=operations[label].as_strategy(generation_mode=schemathesis.GenerationMode(mode)))
+    answered = []
+
     def run(case: Any) -> None:
         reply = case.call(session=session)
         # an answer that cannot be cut short within the 20 ms of this service ends with a documented 503
@@ -100,8 +99,13 @@ def test_no_request_of_the_description_breaks_the_service(label, mode, share, op
         if reply.status_code >= 400:
             assert reply.headers["content-type"] == ["application/problem+json"]
             assert reply.json()["status"] == reply.status_code
+        answered.append(not out_of_time)
 
-    run()
+    cases = operations[label].as_strategy(generation_mode=schemathesis.GenerationMode(mode))
+    for part in (share, 1):  # all where none of some was answered in time
+        if not any(answered):
+            seed(20)(settings(max_examples=-(-EXAMPLES[mode] // part), **SETTINGS)(given(case=cases)(run)))()
+    assert any(answered), "some requests must be answered for this to say something"
 
 
 extreme = st.sampled_from([0.0, 1e-320, 1e-300, 1e-50, 1e-9, 1e-3, 90.0, 360.0, 1e6, 1e49, 1e300, 1.7e308])

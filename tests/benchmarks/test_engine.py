@@ -11,7 +11,9 @@ APPROXIMATE = [engine.CLASSES[name] for name in engine.APPROXIMATE]
 
 
 def test_every_reference_belongs_to_a_request_of_today() -> None:
-    for name, some in engine.References().known.items():
+    known = engine.References().known
+    assert set(known) <= set(engine.CLASSES) and all(known.get(name) for name in engine.APPROXIMATE)
+    for name, some in known.items():
         for seed, (mark, cost, seconds) in some.items():
             assert engine.CLASSES[name].case(int(seed)).mark == mark, (name, seed)
             assert cost > 0 and seconds >= 0

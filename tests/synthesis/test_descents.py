@@ -39,6 +39,11 @@ every_chart = pytest.mark.parametrize(
     "chart", [*FOURBARS, *SLIDER_CHARTS], ids=["full crank", "any", "grashof", *SLIDER_NAMES]
 )
 timings = pytest.mark.parametrize("timing", ["free", "given"])
+limited_timings = pytest.mark.parametrize(
+    ("timing", "posed"),
+    [("free", True), ("given", True), ("given", False)],
+    ids=["free", "given", "given, of shape and start"],
+)
 MARGIN = 1e-7
 """By which descents keep limits."""
 LIMITS = Limits(
@@ -308,11 +313,8 @@ def test_a_crank_that_vanishes_is_none() -> None:
 
 
 @fourbars
-@timings
-@pytest.mark.parametrize("posed", [True, False], ids=["posed", "of shape and start"])
+@limited_timings
 def test_rows_of_limits_and_their_derivatives(chart: Any, timing: str, posed: bool) -> None:
-    if timing == "free" and not posed:
-        return
     limits, weight = LIMITS if posed else ON_SHAPE, 3.0
     problem, timed = candidates(chart, limits=limits, timing=timing, posed=posed)
     values, equal = naive_limits(problem, limits, timed, posed)
@@ -453,13 +455,10 @@ def test_descents_never_get_worse_and_keep_the_order(chart: Any, timing: str) ->
 
 
 @fourbars
-@timings
-@pytest.mark.parametrize("posed", [True, False], ids=["posed", "of shape and start"])
+@limited_timings
 def test_within_limits_descents_lower_what_they_say(chart: Any, timing: str, posed: bool) -> None:
     """The rows' squares in one stage."""
     limits = KEPT_LIMITS if posed else replace(ON_SHAPE, link_min=None)
-    if timing == "free" and not posed:
-        return
     problem, timed = candidates(chart, True, limits, timing=timing, posed=posed)
     values, equal = naive_limits(problem, limits, timed, posed)
     squares, largest = problem.lacking(timed)

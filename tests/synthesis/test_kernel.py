@@ -177,13 +177,13 @@ def test_limits_of_every_kind(smooth: bool, posed: bool) -> None:
     same(lambda module: list(limits_of(module, smooth, posed)(lengths, side, *where)))
 
 
-@pytest.mark.parametrize("limited", [False, True])
 @timings
-@every_chart
+@pytest.mark.parametrize(
+    ("chart", "limited"),
+    [(chart, False) for chart in [*CHARTS, *SLIDER_CHARTS]] + [(chart, True) for chart in CHARTS],
+    ids=["grashof", "any", "full", *SLIDER_NAMES, "grashof, limited", "any, limited", "full, limited"],
+)
 def test_rows_and_steps(chart: Any, timing: str, limited: bool) -> None:
-    if limited and isinstance(chart, SliderChart):
-        return  # limits are those of four-bars
-
     def work(module: ModuleType) -> list[Any]:
         told = []
         for damping in (1e-2, 1e-12):  # by normal equations and by reflections

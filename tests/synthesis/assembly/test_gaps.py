@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from synthesis.assembly.gaps import Carried, Gaps, Shape, contains, crosses_itself, disc, distances, hull, signed_area
@@ -87,8 +87,7 @@ def test_no_body_leaves_its_enclosure(links, branch, seed) -> None:
     places = np.linspace(0, TURN, 2000)
     joints = linkage.joints(places)
     closed = np.isfinite(joints.coupler_pin)
-    if not closed.any():
-        return
+    assume(closed.any())
     bodies = movement.bodies(places[closed])
     for body, end, wanted in ((1, crank, "crank_pin"), (2, coupler, "coupler_pin"), (3, rocker, "coupler_pin")):
         found = bodies.point(Place(body, complex(end)))
@@ -146,10 +145,10 @@ def test_a_polygon_in_another_is_at_no_distance() -> None:
 @given(st.lists(st.complex_numbers(max_magnitude=10, allow_nan=False), min_size=1, max_size=8))
 def test_a_hull_holds_its_points(points) -> None:
     corners = hull(points)
-    if len(corners) > 2:
-        assert signed_area(corners) > 0
-        shape = shapely.Polygon([(z.real, z.imag) for z in corners])
-        assert all(shape.distance(shapely.Point(z.real, z.imag)) < 1e-7 for z in points)
+    assume(len(corners) > 2)
+    assert signed_area(corners) > 0
+    shape = shapely.Polygon([(z.real, z.imag) for z in corners])
+    assert all(shape.distance(shapely.Point(z.real, z.imag)) < 1e-7 for z in points)
 
 
 def test_outlines_that_cross_themselves() -> None:

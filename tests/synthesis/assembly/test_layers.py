@@ -101,11 +101,11 @@ def test_of_free_stacks_the_best_by_pins_held_on_both_sides() -> None:
     for machine in random_machines(11, 6):
         search = Search(machine, Asked("both"), Work())
         found = search.answer()
-        if found.status == "free":
-            free = [stack for stack, _ in search.stacks(found.stack.count, search.strict, Free())]
-            assert found.stack.held == max(stack.held for stack in free)
-            alike = [stack for stack in free if stack.held == found.stack.held]
-            assert found.stack.pin_length == min(stack.pin_length for stack in alike)
+        assert found.status == "free"
+        free = [stack for stack, _ in search.stacks(found.stack.count, search.strict, Free())]
+        assert found.stack.held == max(stack.held for stack in free)
+        alike = [stack for stack in free if stack.held == found.stack.held]
+        assert found.stack.pin_length == min(stack.pin_length for stack in alike)
 
 
 def test_a_blocked_machine_is_free_where_it_says_and_stopped_where_it_says() -> None:

@@ -40,7 +40,7 @@ def test_an_exact_motion_is_met_from_nearby(drive) -> None:
 
 @pytest.mark.parametrize("drive", DRIVES, ids=NAMES)
 def test_the_nearest_travel_is_that_of_a_fine_search(drive) -> None:
-    random = np.random.default_rng(32)
+    random, seen = np.random.default_rng(32), 0
     for _ in range(5):
         linkage, travel = _used(random, drive)
         body = linkage.links(travel)[1]
@@ -54,7 +54,9 @@ def test_the_nearest_travel_is_that_of_a_fine_search(drive) -> None:
             square = square + np.abs(there.position - poses.position[k]) ** 2 / poses.length_scale**2
             best = walk[np.argmin(square)]
             if -0.2 < best < 0.8:
+                seen += 1
                 assert found[k] == pytest.approx(best, abs=1e-4)
+    assert seen == 40
 
 
 def test_with_given_timing_travel_is_taken_as_it_is() -> None:

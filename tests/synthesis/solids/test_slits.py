@@ -130,6 +130,7 @@ def test_parts_with_slits_are_apart_everywhere(slides, places) -> None:
 
 
 def test_step_shells_are_closed_and_dxf_contours_too(slides) -> None:
+    plates = cut = 0
     for solids in slides[:6]:
         shells = step_shells(to_step(solids.parts, solids.posed(), "linkage"))
         for shell, part in zip(shells, solids.parts, strict=True):
@@ -142,6 +143,7 @@ def test_step_shells_are_closed_and_dxf_contours_too(slides) -> None:
             found = space.query(f'LWPOLYLINE[layer=="{part.name.upper()}"]')
             if found:
                 assert len(found) == 1 + len(slits)
+                plates, cut = plates + 1, cut + len(slits)
                 for line, hole in zip(found[1:], slits):
                     assert line.closed
                     bulges = [point[4] for point in line.get_points()]
@@ -149,6 +151,7 @@ def test_step_shells_are_closed_and_dxf_contours_too(slides) -> None:
                     corners = [complex(*point[:2]) for point in line.get_points()]
                     assert abs(corners[1] - corners[0]) == pytest.approx(2 * abs(hole.reach))
                     assert abs(corners[2] - corners[1]) == pytest.approx(2 * hole.radius)
+    assert plates > 3 * len(slides[:6]) and cut >= 6
 
 
 def test_reopened_slits_are_where_they_were(slides, tmp_path) -> None:
