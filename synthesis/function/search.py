@@ -469,7 +469,10 @@ class FunctionSearch:
         More time would lead them elsewhere, and an answer must not be lost by that.
         """
         if branch.size and not (self.known and self.work.expired()):
-            self.known = distinct(self.known + self.kept(self.restored(unknowns), branch), self.top, APART)
+            restored = self.restored(unknowns)
+            moved = np.any(restored != unknowns, axis=1)
+            found = self.kept(unknowns, branch) + self.kept(restored[moved], branch[moved])
+            self.known = distinct(self.known + found, self.top, APART)
             self.note(self.known)
 
     def restored(self, unknowns: Floats) -> Floats:
