@@ -4,7 +4,7 @@ Data flow::
 
     wanted --(clockwise: mirrored)--> the coupler of the linkage with coupler and rocker exchanged turns as wanted
       -> least squares, nothing limited but the family: `search.search`
-      -> else: the answers of that search, and a coarse grid of all ratios
+      -> else: a coarse grid of all ratios, then the answers of that search, then linkages within the limits
       -> least squares, limits as penalties, all at once
       -> sequential quadratic steps over fixed places -> different ones, best first
       -> steps over the extremes of each candidate's own error curve, until they are level
@@ -266,8 +266,6 @@ class FunctionSearch:
     def begin_with(self, problem: Any) -> None:
         """Know nothing yet of a problem."""
         self.problem: Any = problem
-        self.near: list[Linkage] = []
-        """With which to begin, beside the grid."""
         self.seeds, self.screened = 0, 0.0
         self.settled = False
         self.trace: list[tuple[float, float]] = []
@@ -420,11 +418,21 @@ class FunctionSearch:
 
     def run(self) -> list[Generator]:
         """The best candidates, different ones, within the limits."""
-        begin = [*(self.candidate(one) for one in self.near), self.grid()]
-        unknowns, branch = (np.concatenate(one) for one in zip(*begin))
+        unknowns, branch = self.grid()
         self.screened, self.seeds = self.work.elapsed, len(branch)
-        # what comes near the function may all lie beyond the limits: what keeps them is led nearer to it
-        return self.led(unknowns, branch) or self.led(*self.grid(within=True))
+        return self.led(unknowns, branch)
+
+    def led_on(self, near: Sequence[Linkage]) -> list[Generator]:
+        """The same with what linkages lead to, and where that is nothing what linkages within the limits do.
+
+        What comes near the function may all lie beyond the limits.
+        """
+        if near and not self.work.expired():
+            unknowns, branch = (np.concatenate(column) for column in zip(*map(self.candidate, near)))
+            self.led(unknowns, branch)
+        if not (self.known or self.work.expired()):
+            self.led(*self.grid(within=True))
+        return self.known
 
     def led(self, unknowns: Floats, branch: Floats) -> list[Generator]:
         """The best of what beginnings lead to."""
@@ -634,10 +642,14 @@ def generate(
         stopped = stopped_by(found, tolerance, work)
         return found, SearchReport(stopped, trace, report.screen_seconds, report.seeds + run.seeds, run.settled)
     run = FunctionSearch(wanted, limits, largest, many, tolerance, work)
-    mechanism = Generators(wanted, ground)
-    near, _ = search(tables, wanted.target, Limits(family=limits.family), many, tolerance, work, mechanism)
-    run.near = [one.linkage for one in near]
-    found = best_built(run.run(), top, tolerance)
+    found = run.run()
+    if Status.of(found, tolerance) is not Status.REACHED:
+        near: list[Generator] = []
+        if not work.expired():
+            only = Limits(family=limits.family)
+            near, _ = search(tables, wanted.target, only, many, tolerance, work, Generators(wanted, ground))
+        found = run.led_on([one.linkage for one in near])
+    found = best_built(found, top, tolerance)
     stopped = stopped_by(found, tolerance, work)
     return found, SearchReport(stopped, run.trace, run.screened, run.seeds, run.settled or not found)
 
