@@ -85,8 +85,6 @@ _ROUNDING = 1e-12
 _AROUND = 0.4 * np.array([0.0, 1.0, -1.0])
 """Starts beside a solution's, in radians: rounded links may be at their best in another valley."""
 _LEAST_RADIUS = 1e-5
-_LED_ON = 3
-"""Least-squares answers from which the search for the least largest error, or within limits, goes on."""
 _LITTLE_BROKEN, _RESTORING, _ALIKE = 1e-2, 3, 1e-2
 """By how much a candidate may break a condition that is then led back within it, in how many steps, and how alike conditions
 are that count as one."""
@@ -649,7 +647,7 @@ def generate(
         near: list[Generator] = []
         if not work.expired():
             only = Limits(family=limits.family)
-            near, _ = search(tables, wanted.target, only, _LED_ON, tolerance, work, Generators(wanted, ground))
+            near, _ = search(tables, wanted.target, only, many, tolerance, work, Generators(wanted, ground))
         found = run.led_on([one.linkage for one in near])
     found = best_built(found, top, tolerance)
     stopped = stopped_by(found, tolerance, work)
