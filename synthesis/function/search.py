@@ -423,7 +423,7 @@ class FunctionSearch:
         return self.led(unknowns, branch)
 
     def led_on(self, near: Sequence[Linkage]) -> list[Generator]:
-        """The same with what linkages lead to, and where that is nothing what linkages within the limits do.
+        """The best of `run` and of what given linkages lead to; where both are nothing, of what linkages within the limits do.
 
         What comes near the function may all lie beyond the limits.
         """
