@@ -68,6 +68,8 @@ _BEGINNINGS, _SEEDS = 6000, 120
 """Of each branch: shapes and zeros that are looked at, and those that descend."""
 _SPARE = 4
 """More than are wanted, of which some turn out to lie in one valley."""
+_LOOKS, _CLOSER = 4, 33
+"""How often one looks closer where the transmission angle is least, and at how many places: then its sine is exact."""
 _FEW, _GO_ON, _STEPS_ON = 40, 8, 300
 """Steps from which on a descent is the last; of its best candidates so many go on, and so far."""
 _OPEN = 1e3
@@ -503,13 +505,14 @@ class TravelProblem(WantedFunction):
     # -- conditions ---------------------------------------------------------------------------------------------------
 
     def conditions(self, unknowns: Floats) -> tuple[Floats, Floats]:
-        """Of transmission angles and the lengths' ratio."""
-        sines = self.law.sines(unknowns, self.places)
+        """Of transmission angles, at some places and where they are least, and of the lengths' ratio."""
+        places = self.lowest(unknowns)
+        sines = self.law.sines(unknowns, places)
         value, slope = [sines - self.least_sine - _MARGIN], [np.zeros((*sines.shape, 5))]
         for k in self.moving:
             aside: Any = unknowns + 0j
             aside[:, k] += 1j * _STEP
-            by = self.law.sines(aside, self.places).imag / _STEP
+            by = self.law.sines(aside, places).imag / _STEP
             slope[0][:, :, k] = np.clip(np.nan_to_num(by), -1e6, 1e6)
         above = np.flatnonzero(self.law.positive)
         if self.limits.link_ratio_max is not None and above.size == 2:
@@ -521,6 +524,17 @@ class TravelProblem(WantedFunction):
             rows[:, 0, a], rows[:, 0, b], rows[:, 1, a], rows[:, 1, b] = -1.0, 1.0, 1.0, -1.0
             slope.append(rows)
         return np.concatenate(value, axis=1), np.concatenate(slope, axis=1)
+
+    def lowest(self, unknowns: Floats) -> Floats:
+        """The places, and that between them where the transmission angle is least, (n, q + 1)."""
+        fixed = np.broadcast_to(self.places, (len(unknowns), self.places.size))
+        some, share, rows = fixed, np.linspace(0.0, 1.0, _CLOSER), np.arange(len(unknowns))
+        for _ in range(_LOOKS):
+            least = np.clip(np.argmin(self.law.sines(unknowns, some), axis=1), 1, some.shape[1] - 2)
+            low, high = some[rows, least - 1, None], some[rows, least + 1, None]
+            some = low + (high - low) * share
+        least = np.argmin(self.law.sines(unknowns, some), axis=1)
+        return np.concatenate([fixed, some[rows, least, None]], axis=1)
 
     # -- errors -------------------------------------------------------------------------------------------------------
 

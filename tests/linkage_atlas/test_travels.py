@@ -93,6 +93,22 @@ def output_of(one: Any, case: dict[str, Any], travel: np.ndarray) -> np.ndarray:
     return np.rad2deg(np.angle(arm) - np.arcsin(size["slot_offset"] / np.abs(arm)))
 
 
+def test_what_stands_at_the_edge_of_a_limit_between_two_places_is_found() -> None:
+    height = [0.0, 156.25, 500.0, 843.75, 1000.0]
+    best = [
+        la.function(
+            output=[way * one for one in height],
+            output_unit="length",
+            crank_span=way * 120,
+            objective="max",
+            limits={"preset": "practical"},
+        ).best
+        for way in (1, -1)
+    ]
+    assert [one.errors.objective for one in best] == pytest.approx([0.00816, 0.00816], rel=0.01)
+    assert best[0].transmission_angle_min == pytest.approx(35.0, abs=1e-4)
+
+
 @pytest.mark.parametrize(
     ("case", "objective"),
     some_of(
