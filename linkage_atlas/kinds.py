@@ -23,7 +23,7 @@ from synthesis.arrays import Flags, Floats
 from synthesis.errors import FieldError
 from synthesis.fourbar import solution as fourbar
 from synthesis.fourbar.limits import FORMS, Limits
-from synthesis.fourbar.passage import size_of
+from synthesis.fourbar.passage import proportion, size_of
 from synthesis.free.poses import Poses
 from synthesis.free.search import go_astray, have_tiny_links
 from synthesis.guided import solution as guided
@@ -398,10 +398,9 @@ def measures_of(one: Found, samples: Samples, tolerance: float, layers: Rank = (
 
 def proportion_of(one: Found, samples: Samples) -> float:
     """How many extents of the motion, or shortest links, the longest part of a linkage is: whichever are more."""
-    size = measures_of(one, samples, 0.0).size
-    links = (1.0,) if isinstance(one, guided.GuidedSolution) else one.linkage.links
-    ratio = max(links) / min(links)
-    return float(max(ratio, size if np.isfinite(size) else 0.0))
+    if isinstance(one, guided.GuidedSolution):
+        return max(1.0, guided.size_of(one, samples) or 0.0)
+    return proportion(one.linkage, samples)
 
 
 def smaller_first(found: Sequence[One], samples: Samples) -> list[One]:

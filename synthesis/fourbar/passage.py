@@ -463,6 +463,11 @@ def size_of(linkage: Linkage, samples: Samples) -> float | None:
     return float(max(*linkage.links, linkage.coupler_point[0], *reach)) / samples.extent
 
 
+def proportion(linkage: Linkage, samples: Samples) -> float:
+    """How many extents of the motion, or shortest links, the longest part is, whichever are more."""
+    return max(max(linkage.links) / min(linkage.links), size_of(linkage, samples) or 0.0)
+
+
 @dataclass(frozen=True)
 class RoundCircuit:
     """A coordinate that runs once round each circuit, 0 to 2 pi; arrays of shape (n, 1).

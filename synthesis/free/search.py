@@ -31,7 +31,7 @@ from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_typ
 from synthesis.fourbar.kinematics import coupler_angle, transmission_angle_over, wrap
 from synthesis.fourbar.limits import Limits, in_family
 from synthesis.fourbar.mechanism import FOURBAR, FullCrankChart, ways
-from synthesis.fourbar.passage import LEAVES_SAMPLES, SHORTEST, SHORTEST_CHORD, excursions
+from synthesis.fourbar.passage import LEAVES_SAMPLES, SHORTEST, SHORTEST_CHORD, excursions, proportion
 from synthesis.fourbar.solution import Solution, assess, keeps
 from synthesis.free.dyads import FEW, chart_of, search_motion
 from synthesis.free.joint import JointProblem
@@ -184,6 +184,10 @@ def within_limits(poses: Poses, limits: Limits, pool: Pool, chart: Chart) -> Fla
     return keeps(poses, limits, _Mounted.of(poses, pool, chart).placed)
 
 
+_COMPARED, _AS_GOOD = 10, 5e-3
+"""So many of the best are compared, and the part by which errors differ that a hand or a caliper would not tell apart."""
+
+
 def go_astray(found: Sequence[Solution], poses: Poses) -> Flags:
     """Whether the body point of each goes elsewhere between samples, or the body turns otherwise than asked for, (n,)."""
     if not found:
@@ -216,7 +220,8 @@ def _apart(found: Sequence[Solution], poses: Poses, limits: Limits, top: int, to
     """The best of solutions that differ, by their own numbers (costs differ in the last digits); exact ones keep their order.
 
     Those whose body point goes elsewhere between samples come last of the exact ones; within the practical limits also of the
-    others, and so do those with a tiny link. Exact ones that stray take a quarter of the places at most where others are left.
+    others, and so do those with a tiny link, and of those about as good as the best the best proportioned comes first. Exact ones
+    that stray take a quarter of the places at most where others are left.
     Law: the first does not depend on ``top``, and where it is not exact, the one of least error is among the first two.
     """
     objective = np.array([one.errors.objective for one in found])
@@ -230,12 +235,23 @@ def _apart(found: Sequence[Solution], poses: Poses, limits: Limits, top: int, to
     groups[np.flatnonzero(groups == 1)[max(1, top // 4) :]] = groups.max(initial=0) + 1
     order = np.lexsort((np.where(exact, 0.0, objective), groups)).tolist()
     place = {id(found[k]): rank for rank, k in enumerate(order)}
-    chosen = distinct(found, top, APART, order=lambda one: place[id(one)], exact=tolerance)
-    if not found or exact.any() or chosen[0] is (least := found[int(objective.argmin())]):
-        return chosen
-    return chosen[:1] + distinct(
-        [least, *chosen[1:]], top - 1, APART, order=lambda one: one is not least, exact=tolerance
-    )
+    chosen = distinct(found, max(top, _COMPARED), APART, order=lambda one: place[id(one)], exact=tolerance)
+    if not found or exact.any():
+        return chosen[:top]
+    least = found[int(objective.argmin())]
+    if chosen[0] is not least:
+        chosen[1:] = distinct(
+            [least, *chosen[1:]], len(chosen), APART, order=lambda one: one is not least, exact=tolerance
+        )
+    elif limits.practical:
+        group = dict(zip(map(id, found), groups.tolist()))
+        most = (1 + _AS_GOOD) * least.errors.objective
+        alike = [
+            one for one in chosen[:_COMPARED] if one.errors.objective <= most and group[id(one)] == group[id(least)]
+        ]
+        first = min(alike, key=lambda one: proportion(one.linkage, poses))
+        chosen.sort(key=lambda one: one is not first)
+    return chosen[:top]
 
 
 def in_turn(crank: Floats, ordered: bool) -> Floats:

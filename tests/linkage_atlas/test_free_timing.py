@@ -12,6 +12,7 @@ import pytest
 import linkage_atlas as la
 from linkage_atlas.limits import read_limits
 from tests.conftest import some_of
+from tests.everyday.battery import drawn
 
 CRANK = [0.0, 10.0, 35.0, 50.0, 80.0, 110.0]
 
@@ -492,10 +493,10 @@ def test_an_exact_answer_that_strays_does_not_end_the_search():
 
 def test_the_first_linkage_is_the_same_however_many_are_asked_for_and_the_least_error_is_among_the_first_two():
     """A drawn S: the first linkages by their error stray, and behind so many of them one that does not was not seen."""
-    drawn = [(60.1, 99.7), (46.1, 103.6), (36.1, 108.3), (21.1, 103.9), (9.3, 94.9), (1.2, 86.7)]
-    drawn += [(6.9, 73.2), (10.8, 64.4), (23.3, 58.8), (37.5, 51.2), (46.7, 46.6), (53.4, 35.3)]
-    drawn += [(59.4, 22.2), (45.6, 11.7), (35.3, 3.8), (27.8, 0.9), (10.5, 6.1), (1.8, 8.9)]
-    found = {top: la.synthesize(position=drawn, timing="free", top=top) for top in (1, 2, 10)}
+    points = [(60.1, 99.7), (46.1, 103.6), (36.1, 108.3), (21.1, 103.9), (9.3, 94.9), (1.2, 86.7)]
+    points += [(6.9, 73.2), (10.8, 64.4), (23.3, 58.8), (37.5, 51.2), (46.7, 46.6), (53.4, 35.3)]
+    points += [(59.4, 22.2), (45.6, 11.7), (35.3, 3.8), (27.8, 0.9), (10.5, 6.1), (1.8, 8.9)]
+    found = {top: la.synthesize(position=points, timing="free", top=top) for top in (1, 2, 10)}
     first, *_ = (one.best for one in found.values())
     assert first.excursion < 2.5 and all(one.best.links == first.links for one in found.values())
     for top in (2, 10):
@@ -516,11 +517,11 @@ def test_a_linkage_for_poses_in_any_order_is_refined_on_the_arc_of_its_crank_tha
 
 def test_samples_that_share_a_position_of_the_crank_are_told():
     """The order is kept to rounding alone: two samples 8 apart, and both ends of an open way, lie at one crank angle."""
-    drawn = [(31, -7), (-18, -15), (-26, -17), (16, -10), (57, -5), (62, -9), (42, -24), (19, -27), (-2, -4)]
-    best = la.synthesize(position=drawn, timing="free").best
+    points = [(31, -7), (-18, -15), (-26, -17), (16, -10), (57, -5), (62, -9), (42, -24), (19, -27), (-2, -4)]
+    best = la.synthesize(position=points, timing="free").best
     said = "samples 1/9 and 2/3 share one crank position, to rounding or a whole turn, though they differ"
     assert best.verdict.order and best.verdict.buildable and best.verdict.reasons == (said,)
-    allowed = la.synthesize(position=drawn, timing="free", tolerances={"position": 40}, prefer="error").best
+    allowed = la.synthesize(position=points, timing="free", tolerances={"position": 40}, prefer="error").best
     assert allowed.links == best.links and allowed.verdict.within_tolerance and not allowed.verdict.reasons
 
 
@@ -655,3 +656,15 @@ def test_given_lengths_that_keep_a_limit_are_found(family: str, lengths: tuple[i
     found = la.synthesize(rotation=[0, 10, 25, 45, 70, 90], position=place, timing="free", limits=limits, top=1)
     assert tuple(found.best.links) == pytest.approx(lengths)
     assert found.best.transmission_angle_min >= least - 1e-6 and found.best.errors.objective < 0.13
+
+
+@pytest.mark.parametrize(("shape", "points", "wobble"), [("line", 60, 3.0), ("line", 24, 1.5), ("hook", 12, 1.5)])
+def test_of_those_about_as_good_the_best_proportioned_comes_first(shape: str, points: int, wobble: float) -> None:
+    asked = drawn(shape, points, wobble)
+    found = la.synthesize(**asked)
+    error = [one.errors.objective for one in found]
+    proportion = [max(max(one.links) / min(one.links), one.size) for one in found]
+    assert sorted(error) != error and error[1] == min(error) >= error[0] / 1.005
+    alike = [mine for mine, j in zip(proportion, error) if j <= 1.005 * min(error)]
+    assert proportion[0] == min(alike)
+    assert la.synthesize(**asked, top=1).best.links == found[0].links
