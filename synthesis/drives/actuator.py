@@ -722,6 +722,7 @@ class _Pivoted:
 
     def __init__(self, question: Question, actuator: Actuator, turned: Floats, way: bool) -> None:
         self.q, self.way, self.turned = question, way, turned
+        self.room = 0.0  # beyond the reach, where nothing is within it
         self.low, self.high = actuator.retracted, actuator.retracted + actuator.stroke
         self.swing = float(turned.max())
         self.rate = np.abs(question.link.rate)
@@ -771,9 +772,7 @@ class _Pivoted:
     def _placed(self, ground: Floats, pin: Floats) -> Flags:
         with np.errstate(invalid="ignore"):
             kept: Flags = (
-                (pin <= self.q.wanted.reach + _HAIR * self.q.size)
-                & (ground >= self.nearest)
-                & (ground <= self.farthest)
+                (pin <= self.q.wanted.reach + self.room) & (ground >= self.nearest) & (ground <= self.farthest)
             )
         return kept
 
@@ -783,6 +782,7 @@ class _Pivoted:
         value, placed, strong, _ = self.worst(alphas)
         good = placed & strong
         if not good.any():
+            self.room = _HAIR * self.q.size
             alphas = self._between()
             value, placed, strong, _ = self.worst(alphas)
             good = placed & strong
