@@ -1233,7 +1233,8 @@ class _Search:
             reach = self._reach(wish, name)
             if link.pivot is not None:
                 radius = wish.get("pin_radius", min(reach, 0.8 * self.machine.reaches.get(name, reach)))
-                found = about_pivot(link, self.torque, ratio, radius, "pin_radius" in wish, wish.get("motor_box"))
+                given, box = "pin_radius" in wish, wish.get("motor_box")
+                found = about_pivot(link, self.torque, ratio, radius, given, box, reach=reach)
             else:
                 radius = wish.get("pin_radius", reach)
                 box = wish.get("motor_box", self.box)

@@ -189,6 +189,8 @@ class Bounded(NamedTuple):
     """Those of the limits that concern shape and start alone."""
     boxes: Boxes | None
     """Where the limits concern the pose or actual lengths; otherwise the best pose of a shape is free."""
+    types: Floats = np.empty((0, 4))
+    """Lengths (T, 4) to begin with where no coarse type is near what the limits give of them."""
 
 
 class Limits(Protocol):

@@ -64,6 +64,8 @@ _BEGIN, _BEGIN_AGAIN, _LOST = 0.999, 0.9, 1
 """Of the least arm over burden where a descent begins, and where it begins once more; so many that led to no placement do."""
 _LOOKS = (33,) * 8
 """Nodes of closer looks between them."""
+_HAIR = 1e-7
+"""Of the size: by so much a placement may be beyond what is wanted, for the rounding of descents."""
 _AROUND = 720
 """Directions in which a circle about a pivot is looked for in a box."""
 
@@ -381,7 +383,7 @@ class Question:
         found = self.placement(ground, pin)
         return found if self.keeps(found) else None
 
-    def keeps(self, found: Placement, hair: float = 1e-7) -> bool:
+    def keeps(self, found: Placement, hair: float = _HAIR) -> bool:
         """Whether a placement is within what is wanted, to a hair."""
         left, bottom, right, top = self.wanted.box
         room = hair * self.size
@@ -404,7 +406,7 @@ class Question:
         turned = np.unwrap(np.angle(link.direction))
         swing = float(np.ptp(turned))
         least = actuator.stroke / (2 * np.sin(min(swing, np.pi) / 2))
-        if least > wanted.reach or swing >= np.pi - 2 * _NEAR_DEAD:
+        if least > wanted.reach + _HAIR * self.size or swing >= np.pi - 2 * _NEAR_DEAD:
             return Refused("reach", float(least))
         steps = np.diff(turned) * np.sign(turned[-1] - turned[0])
         if steps.min() <= 0:
@@ -720,6 +722,7 @@ class _Pivoted:
 
     def __init__(self, question: Question, actuator: Actuator, turned: Floats, way: bool) -> None:
         self.q, self.way, self.turned = question, way, turned
+        self.room = 0.0  # beyond the reach, where nothing is within it
         self.low, self.high = actuator.retracted, actuator.retracted + actuator.stroke
         self.swing = float(turned.max())
         self.rate = np.abs(question.link.rate)
@@ -768,7 +771,9 @@ class _Pivoted:
 
     def _placed(self, ground: Floats, pin: Floats) -> Flags:
         with np.errstate(invalid="ignore"):
-            kept: Flags = (pin <= self.q.wanted.reach) & (ground >= self.nearest) & (ground <= self.farthest)
+            kept: Flags = (
+                (pin <= self.q.wanted.reach + self.room) & (ground >= self.nearest) & (ground <= self.farthest)
+            )
         return kept
 
     def best(self) -> tuple[float, float]:
@@ -776,6 +781,11 @@ class _Pivoted:
         alphas = self.alphas
         value, placed, strong, _ = self.worst(alphas)
         good = placed & strong
+        if not good.any():
+            self.room = _HAIR * self.q.size
+            alphas = self._between()
+            value, placed, strong, _ = self.worst(alphas)
+            good = placed & strong
         if not good.any():
             return np.inf, 0.0
 
@@ -789,6 +799,26 @@ class _Pivoted:
         least, alpha = closer_looks(cost, low, high, _LOOKS)
         return float(least[0]), float(alpha[0])
 
+    def _between(self) -> Floats:
+        """Where reach, box and arm are kept best between the values that are looked at, each between its two neighbours."""
+
+        def lacks(alpha: NDArray[np.floating]) -> Floats:
+            flat = np.asarray(alpha.ravel(), dtype=float)
+            _, _, longer, shorter = self.sizes(flat)
+            least = self.arms(flat).min(axis=1)
+            ways = [
+                np.maximum.reduce([pin - self.q.wanted.reach, self.nearest - ground, ground - self.farthest])
+                for ground, pin in ((longer, shorter), (shorter, longer))
+            ]
+            found = np.maximum(np.minimum(*ways), self.q.wanted.arm - least)
+            return np.where(np.isfinite(found), found, np.inf).reshape(alpha.shape)
+
+        there = np.concatenate([[np.inf], lacks(self.alphas), [np.inf]])
+        k = np.flatnonzero((there[1:-1] <= there[:-2]) & (there[1:-1] <= there[2:]) & np.isfinite(there[1:-1]))
+        step = self.alphas[1] - self.alphas[0]
+        middle = closer_looks(lacks, self.alphas[k] - step, self.alphas[k] + step, _LOOKS)[1]
+        return np.column_stack([middle - step, middle, middle + step]).ravel()
+
     def ends(self, alpha: float) -> tuple[complex, complex]:
         """Ground point and pin, turned about the pivot so that the ground point lies in its box."""
         q, link = self.q, self.q.link
@@ -798,7 +828,7 @@ class _Pivoted:
         ground, pin = first
         rising = np.sign(link.swing())
         angles = np.linspace(0.0, 2 * np.pi, _AROUND, endpoint=False)
-        direction = _within(link.pivot, ground, q.wanted.box, angles)
+        direction = within_box(link.pivot, ground, q.wanted.box, angles)
         # from the ground's direction to the pin's: alpha at the retracted end, growing with the link's turn as it extends
         turn = rising * (alpha if self.way else -(alpha + self.swing))
         at_first = link.pivot + pin * np.exp(1j * (direction + turn))
@@ -818,18 +848,29 @@ class _Pivoted:
         return Refused("arm", float(np.max(np.where(placed, least, -np.inf))))
 
 
-def _within(pivot: complex, radius: float, box: Box, angles: Floats) -> float:
+def within_box(pivot: complex, radius: float, box: Box, angles: Floats) -> float:
     """A direction in which a circle about a pivot lies in a box: the middle of its longest arc there."""
     left, bottom, right, top = box
     places = pivot + radius * np.exp(1j * angles)
     inside = (places.real >= left) & (places.real <= right) & (places.imag >= bottom) & (places.imag <= top)
     if inside.all():
         return 0.0
-    if not inside.any():  # it touches the box only: the nearest point of the box, or its farthest corner
-        corners = [complex(x, y) for x in (left, right) for y in (bottom, top)]
+    if not inside.any():  # between two of them, along an arc that short; or it touches the box only
         near = complex(min(max(pivot.real, left), right), min(max(pivot.imag, bottom), top))
-        best = min([near, *corners], key=lambda place: abs(abs(place - pivot) - radius))
-        return float(np.angle(best - pivot))
+        corners = [complex(x, y) for x in (left, right) for y in (bottom, top)]
+        lines = [(0.0, left - pivot.real), (0.0, right - pivot.real)]
+        lines += [(np.pi / 2, bottom - pivot.imag), (np.pi / 2, top - pivot.imag)]
+        met = [np.angle(place - pivot) for place in (near, *corners)]
+        met += [
+            about + way * np.arccos(away / radius) for about, away in lines if abs(away) <= radius for way in (1, -1)
+        ]
+        ends = np.sort(np.mod(met, 2 * np.pi))
+        ends = np.append(ends, ends[0] + 2 * np.pi)
+        tried = np.concatenate([(ends[1:] + ends[:-1]) / 2, ends])
+        places = pivot + radius * np.exp(1j * tried)
+        off = np.maximum(np.maximum(left - places.real, places.real - right), 0.0)
+        off += np.maximum(np.maximum(bottom - places.imag, places.imag - top), 0.0)
+        return float(tried[np.argmin(off)])
     step = angles[1] - angles[0]
     begin = int(np.argmin(inside))
     run, longest, middle = 0, 0, 0

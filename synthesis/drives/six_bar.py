@@ -23,7 +23,7 @@ rod are in a line and the linkage stands still for a moment while the motor turn
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -31,7 +31,7 @@ from typing import NamedTuple
 import numpy as np
 
 from synthesis.arrays import Complexes, Flags, Floats, angle_at, cross, dot
-from synthesis.drives.actuator import Question, Wanted
+from synthesis.drives.actuator import Question, Wanted, within_box
 from synthesis.drives.links import GROUND, LinkMotions, motions_at
 from synthesis.errors import FieldError
 from synthesis.fourbar.kinematics import grashof_excesses, transmission_angle_over
@@ -46,6 +46,8 @@ _ZETAS = 2000
 """Values of zeta that are looked at before the best is closed in upon."""
 _ROD = 3.0
 """Rod over pin radius for equal times, where any rod will do: at most 1.7 degrees worse than an endless one."""
+_EQUAL = 1e-6
+"""From 1, a time ratio is that of equal times: a reply's own ratio is, to rounding."""
 _LOOSE = 1e-5
 """Of crank and rod together: by so much the ends of the way may differ from the dead centres."""
 _OTHER_RODS = [2.5, 2.0, 1.6, 1.3, 1.1, 0.9, 4.0, 6.0]
@@ -55,6 +57,8 @@ _GRID, _FEW = 14, 19
 """Points of the grid of O, either way, and positions of the motion that are looked at there."""
 _AROUND, _RADII = 12, (0.4, 0.7, 1.0)
 """Directions of pins on their link, and their distances over the reach."""
+_CLOSER = (36, (0.15, 0.3, 0.5, 0.7, 0.85, 1.0))
+"""The same where none of these is a beginning, as with a small box of the motor."""
 _RODS, _LENGTHS = (0.2, 50.0), 16
 """Rods that are tried for given times, the shortest and the longest over half the way of the pin, and how many."""
 _EACH_WAY, _APART, _SAME = 4, 0.3, 0.01
@@ -283,18 +287,20 @@ def about_pivot(
     radius_given: bool,
     box: Box | None,
     rod: float | None = None,
+    reach: float = np.inf,
 ) -> Driven | str:
     """The best motor and rod on a link that turns about a pivot, or why there is none.
 
-    The transmission angle does not depend on the pin's radius nor on where it is around the pivot: these put the motor into its
-    box. Without need the pin lies on the link's line.
+    The transmission angle does not depend on the pin's radius, which is within `reach`, nor on where it is around the pivot:
+    these put the motor into its box. Without need the pin lies on the link's line.
     """
     assert link.pivot is not None
+    pivot = link.pivot
     turned = np.unwrap(np.angle(link.direction))
     swing = abs(float(turned[-1] - turned[0]))
     if np.min(np.diff(turned) * np.sign(turned[-1] - turned[0])) <= 0:
         return "the link turns back within the way: no motor drives it through"
-    ratio = 1.0 if time_ratio is None else max(time_ratio, 1 / time_ratio)
+    ratio = 1.0 if time_ratio is None or abs(time_ratio - 1) < _EQUAL else max(time_ratio, 1 / time_ratio)
     # for equal times any rod will do: others than the usual one where the motor's box asks for them
     rods = [_ROD if rod is None else rod / radius]
     if rod is None and ratio == 1.0 and box is not None:
@@ -308,28 +314,46 @@ def about_pivot(
     radii = (
         [radius] if radius_given else [radius * part for part in (1, 0.8, 1.25, 0.6, 1.6, 0.4, 2.2, 0.25, 3, 0.15)]
     )
+    radii = radii[:1] + [size for size in radii[1:] if size <= reach]
     bisector = link.direction[0] * np.exp(0.5j * rising * swing)
     for found in known:
-        for size in radii:
-            for angle in turns:
-                answers = []
-                for extends in (True, False):
-                    # extending counter-clockwise as it stands; the mirror image for either the other way or the other sense
-                    place = found.motor if (rising > 0) == extends else found.motor.conjugate()
-                    pin = complex(size * np.exp(1j * angle))
-                    motor = complex(link.pivot + bisector * pin * place)
-                    if box is None or _inside(motor, box):
-                        answers.append(
-                            driven(link, torque, motor, pin, size * found.crank, size * found.rod, extends)
-                        )
-                good = [one for one in answers if one is not None]
-                if good:
-                    return min(good, key=lambda one: float(np.abs(one.motor_torque).max()))
+        # extending counter-clockwise as it stands; the mirror image for either the other way or the other sense
+        ways = (True, False) if rising > 0 else (False, True)
+        motors = [bisector * place for place in (found.motor, found.motor.conjugate())]
+        for pin in _pins(radii, turns, pivot, motors, box):
+            answers = []
+            for extends, place in zip(ways, motors):
+                motor, size = complex(pivot + pin * place), abs(pin)
+                if box is None or _inside(motor, box, pivot):
+                    answers.append(driven(link, torque, motor, pin, size * found.crank, size * found.rod, extends))
+            good = [one for one in answers if one is not None]
+            if good:
+                return min(good, key=lambda one: float(np.abs(one.motor_torque).max()))
     return "no place of the pin puts the motor into motor_box"
 
 
-def _inside(place: complex, box: Box) -> bool:
-    return box[0] <= place.real <= box[2] and box[1] <= place.imag <= box[3]
+def _pins(
+    radii: list[float], turns: list[float], pivot: complex, motors: list[complex], box: Box | None
+) -> Iterator[complex]:
+    """Pins on a grid, and for each motor, over its pin, the one that puts it on the middle of an arc in its box."""
+    yield from (complex(size * np.exp(1j * angle)) for size in radii for angle in turns)
+    if box is None:
+        return
+    near = complex(min(max(pivot.real, box[0]), box[2]), min(max(pivot.imag, box[1]), box[3]))
+    far = max(abs(complex(x, y) - pivot) for x in box[::2] for y in box[1::2])
+    away = abs(motors[0])
+    low, high = max(abs(near - pivot) / away, min(radii)), min(far / away, max(radii))
+    if low <= high:
+        size = radii[0] if low <= radii[0] <= high else (low + high) / 2
+        for motor in motors:
+            direction = within_box(pivot, size * away, box, np.sort(turns))
+            yield complex(size * np.exp(1j * (direction - np.angle(motor))))
+
+
+def _inside(place: complex, box: Box, pivot: complex) -> bool:
+    """To the rounding of a motor's distance from the pivot."""
+    hair = 1e-12 * abs(place - pivot)
+    return box[0] - hair <= place.real <= box[2] + hair and box[1] - hair <= place.imag <= box[3] + hair
 
 
 # -- any link ----------------------------------------------------------------------------------------------------------
@@ -351,6 +375,9 @@ def on_any_link(
     some = np.unique(((at.size - 1) * np.sin(np.linspace(0, np.pi / 2, _FEW)) ** 2).round().astype(int))
     rough = Question(link.at(some), at[some], np.zeros(some.size), wanted, _GRID)
     begun = _beginnings(rough, angle)
+    if not begun:
+        closer = Question(rough.link, rough.at, rough.torque, wanted, _GRID // 2)
+        begun = _beginnings(closer, None, *_CLOSER)  # the descents see to the times
     if not begun:
         return "no point of the link has a distance from any point of motor_box that grows or shrinks all the way"
     # short descents over few positions say which valleys are worth a long one over all
@@ -385,11 +412,13 @@ def _least_stroke(question: Question) -> float:
     return float(_LEAST_STROKE * (abs(link.origin[-1] - link.origin[0]) + question.wanted.reach * turned))
 
 
-def _beginnings(question: Question, angle: float | None) -> list[_Begin]:
+def _beginnings(
+    question: Question, angle: float | None, many: int = _AROUND, radii: tuple[float, ...] = _RADII
+) -> list[_Begin]:
     """Motors and pins of a coarse grid that drive the link, the best of each way that lie apart from one another."""
     link, reach = question.link, question.wanted.reach
-    turns = np.exp(2j * np.pi * np.arange(_AROUND) / _AROUND)
-    pins = np.concatenate([[0j], *(reach * part * turns for part in _RADII)])
+    turns = np.exp(2j * np.pi * np.arange(many) / many)
+    pins = np.concatenate([[0j], *(reach * part * turns for part in radii)])
     if angle is None:
         o, q = (one.ravel() for one in np.meshgrid(question.grounds, pins))
     else:

@@ -407,8 +407,9 @@ class Constraints:
             table.add("transmission_angle_min_turn", kernel.OVER_TURN, np.cos(least), every)
         for name, bound, sign in (("link_min", limits.link_min, 1.0), ("link_max", limits.link_max, -1.0)):
             if bound is not None:
-                for k in range(len(LINKS)):
-                    table.add(name, kernel.LENGTH, k, sign, -sign * bound / scale)
+                for k, given in enumerate(limits.links):
+                    if given is None:  # the others are within it
+                        table.add(name, kernel.LENGTH, k, sign, -sign * bound / scale)
         if limits.link_ratio_max is not None:
             table.add("link_ratio_max", kernel.RATIOS if self.smooth else kernel.RATIO, limits.link_ratio_max)
         for k, given in enumerate(limits.links):

@@ -147,6 +147,8 @@ _EDGE = 1e-5
 """An excess of types next to a change point, of the sum of shortest link and excesses."""
 _ANY = (1.0, 1.7, 3.0, 4.5)
 """Length ratios of types of all families."""
+_FREE = (0.05, 4.0), (1, 40, 12)
+"""Range of lengths that are free over the longest that is given, and how many of each: of none, one or two."""
 _EVERYWHERE: Box = (-np.inf, -np.inf, np.inf, np.inf)
 
 
@@ -167,7 +169,10 @@ def ways(target: Samples, limits: Limits, posed: bool | None = None) -> list[Bou
     charts: list[Chart] = [GrashofChart()]
     if limits.family == "any":
         charts.append(AnyChart())
-    return [Bounded(chart, constraints, on_shape, boxes) for chart in charts]
+    types = given_types(limits)
+    families = ("full_crank" if limits.family == "any" else limits.family, "any")
+    own = [types if family == "any" else types[in_family(family, types)] for family in families]
+    return [Bounded(chart, constraints, on_shape, boxes, some) for chart, some in zip(charts, own)]
 
 
 def _boxes(limits: Limits, middle: complex, scale: float) -> Boxes:
@@ -191,6 +196,16 @@ def _boxes(limits: Limits, middle: complex, scale: float) -> Boxes:
     if limits.pivot_a is not None and limits.pivot_b is not None:
         shortest[3] = longest[3] = abs(limits.pivot_b - limits.pivot_a) / scale
     return Boxes(places[0], places[1], shortest, longest)
+
+
+def given_types(limits: Limits) -> Floats:
+    """Lengths (T, 4) that have what is given of them, at least two; those that are free on a grid."""
+    known = [length for length in limits.links if length is not None]
+    if len(known) < 2:
+        return np.empty((0, 4))
+    free = max(known) * np.geomspace(*_FREE[0], _FREE[1][4 - len(known)])
+    lengths = np.array(list(product(*(free if length is None else [length] for length in limits.links))))
+    return lengths[2 * lengths.max(axis=1) < lengths.sum(axis=1)]
 
 
 def bounded_types(family: str) -> Floats:

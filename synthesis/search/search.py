@@ -32,7 +32,7 @@ from synthesis.mechanism import Bounded, Chart, Limits, Mechanism
 from synthesis.ranking import APART, Status, distinct
 from synthesis.rounds import Found, Rounds
 from synthesis.search.problems import GivenProblem, given, problem_of
-from synthesis.search.seeds import SeedTables, Windows, thinned
+from synthesis.search.seeds import FINER, SeedTables, Windows, thinned
 from synthesis.target import TURN, Target
 from synthesis.work import Work
 
@@ -415,6 +415,9 @@ class _Search:
             seeds = run.seeds(windows(family))
             late = self.work.expired() and way.chart in found.pools
             begin = [] if late else list(islice(seeds, 1))
+            if not (begin or late) and len(way.types):
+                seeds = run.seeds(Windows(self.mechanism, way.types, FINER))
+                begin = list(islice(seeds, 1))
             most = 0.0 if late else np.inf
             if not (looked or late):  # one round tells whether an exact answer keeps the limits
                 first, looked = self.look(FIRST_LOOK[:1], top), True

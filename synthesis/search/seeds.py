@@ -39,6 +39,8 @@ _WANTED = 100
 _POSED, _CHECKED = 80, 25
 """Windows for each seed that is wanted: whose pose is fitted within boxes, and of those whose other limits are looked at."""
 _SWEEPS = 12
+FINER = 4
+"""Times the starts and steps of few types."""
 _SPARE = 1.25
 """A type whose ratios exceed those of the limits by more is not looked at."""
 
@@ -46,12 +48,13 @@ _SPARE = 1.25
 class Windows:
     """The windows of a mechanism's coarse types, their angles prepared once (2 MB).
 
-    Single precision is finer than the table, and halves the time of a screen.
+    Single precision is finer than the table, and halves the time of a screen. ``finer``: times the usual starts and steps.
     """
 
-    def __init__(self, mechanism: Mechanism, lengths: Floats) -> None:
+    def __init__(self, mechanism: Mechanism, lengths: Floats, finer: int = 1) -> None:
         self.mechanism, self.lengths = mechanism, lengths
-        grid = np.linspace(0, TURN, _STEPS + 1)
+        self.starts, self.steps = STARTS * finer, _STEPS * finer
+        grid = np.linspace(0, TURN, self.steps + 1)
         tables = np.stack([mechanism.body_angle(lengths, side, grid) for side in mechanism.branches])
         self.wound = np.nan_to_num(tables[:, :, -1] - tables[:, :, 0]).astype(np.float32)
         self.tables = tables.astype(np.float32)
@@ -59,11 +62,11 @@ class Windows:
     def angles(self, side: int, crank: Floats, window: NDArray[np.intp]) -> Singles:
         """theta2 of windows (n,) of one branch at crank angles (N,) after their starts, (n, N)."""
         table, wound = self.tables[side], self.wound[side]
-        place = (np.arange(STARTS)[:, None] * (TURN / STARTS) + crank) * (_STEPS / TURN)
-        turn, rest = np.divmod(place, _STEPS)
-        low = np.minimum(rest.astype(np.intp), _STEPS - 1)
+        place = (np.arange(self.starts)[:, None] * (TURN / self.starts) + crank) * (self.steps / TURN)
+        turn, rest = np.divmod(place, self.steps)
+        low = np.minimum(rest.astype(np.intp), self.steps - 1)
         part, turn = (rest - low).astype(np.float32), turn.astype(np.float32)
-        kind, start = np.divmod(window, STARTS)
+        kind, start = np.divmod(window, self.starts)
         cell = low[start] + (kind * table.shape[1])[:, None]
         before = table.ravel()[cell]
         cell += 1
@@ -86,14 +89,14 @@ class Windows:
             About so many are of use: the fewer, the fewer windows are looked at closely.
         """
         target = problem.target.condensed(_SAMPLES)
-        types = len(self.lengths)
-        start = np.tile(np.arange(STARTS) * (TURN / STARTS), types)
-        lengths = np.repeat(self.lengths, STARTS, axis=0)
+        types, starts = len(self.lengths), self.starts
+        start = np.tile(np.arange(starts) * (TURN / starts), types)
+        lengths = np.repeat(self.lengths, starts, axis=0)
         miss = _missed(on_shape, Placed(lengths, np.ones(len(start)), target.interval.after(start)))
         reach = None
         if boxes is not None:
             least, largest = boxes.reach(self.lengths)
-            reach = np.repeat(least, STARTS), np.repeat(largest, STARTS)
+            reach = np.repeat(least, starts), np.repeat(largest, starts)
             miss = np.where(reach[0] > _SPARE * reach[1], np.inf, miss)
         windows, sides, angles = [], [], []
         for side, sign in enumerate(self.mechanism.branches):

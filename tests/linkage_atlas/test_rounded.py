@@ -140,3 +140,26 @@ def test_why_no_lengths_do_is_said() -> None:
     for one in found:
         assert (one.rounded.reason is None) == one.rounded.closes
         assert one.rounded.closes or "closes at all crank angles of this solution" in one.rounded.reason
+
+
+@pytest.mark.parametrize("given", [LINKS, LINKS[:3], LINKS[2:]], ids=len)
+@pytest.mark.parametrize(
+    ("points", "span", "lengths"),
+    [
+        ([[-88, 163], [-94, 131], [-95, 100], [-87, 78], [-79, 56]], 105, [70, 135, 15, 65]),
+        ([[50, -219], [-26, -205], [-84, -168], [-125, -114], [-144, -50]], -100, [85, 130, 15, 50]),
+        # one as long as link_max
+        ([[263, -20], [284, -91], [267, -165], [218, -214], [151, -240]], -115, [150, 395, 400, 130]),
+    ],
+    ids=["70", "85", "150"],
+)
+def test_what_rounding_found_is_found_when_its_lengths_are_given(points, span, lengths, given) -> None:
+    asked = {"position": points, "crank_span": span, "top": 1}
+    limits = {"family": "any", "link_min": 15, "link_max": 400}
+    rounded = la.synthesize(**asked, limits=limits, lengths_from=lengths).best.rounded
+    assert rounded.closes
+    links = {name: length for name, length in zip(LINKS, rounded.links) if name in given}
+    best = la.synthesize(**asked, limits={**limits, "links": links}).best
+    assert best.errors.objective <= rounded.errors.objective * (1 + 1e-6)
+    for name, length in links.items():
+        assert getattr(best.linkage, name) == pytest.approx(length, rel=1e-12)

@@ -158,6 +158,48 @@ def test_reasons_name_what_binds() -> None:
     assert far.best(Actuator(1.0, 0.5)).reason == "stroke"
 
 
+@pytest.mark.parametrize("low", [-1.2, -0.7, 0.35, 0.9])
+@pytest.mark.parametrize("height", [0.0, 1e-3])
+def test_the_ground_point_lies_in_a_box_as_thin_as_a_line(low: float, height: float) -> None:
+    machine = hinged_at(0j, 0.2, 1.0, np.linspace(0.0, np.deg2rad(50), SAMPLES))
+    for box in ((-3.0, low, 3.0, low + height), (low, -3.0, low + height, 3.0), (low, -0.1, low + height, 0.9)):
+        found = Question(machine.links["rocker"], machine.at, np.ones(61), Wanted(box, 1.0, 0.0)).best(
+            Actuator(0.9, 0.5)
+        )
+        assert isinstance(found, Placement)
+        assert box[0] - 1e-9 <= found.ground.real <= box[2] + 1e-9
+        assert box[1] - 1e-9 <= found.ground.imag <= box[3] + 1e-9
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_placement_is_found_again_within_its_own_reach_arm_and_distance(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    machine = hinged_at(0j, 0.2, 1.0, np.linspace(0.0, rng.uniform(0.3, 2.0), SAMPLES))
+    box, stroke = (-3.0, -3.0, 3.0, 3.0), rng.uniform(0.1, 0.6)
+    actuator = Actuator(stroke * rng.uniform(1.1, 3.0), stroke)
+    asked = Question(machine.links["rocker"], machine.at, np.ones(61), Wanted(box, 1.0, 0.0))
+    found = asked.best(actuator)
+    assert isinstance(found, Placement)
+    x, y, hair = found.ground.real, found.ground.imag, 1e-6
+    for tight in (
+        {"reach": abs(found.pin) * (1 + 1e-9)},
+        {"arm": found.least_arm * (1 - 1e-9)},
+        {"box": (x - hair, y - hair, x + hair, y + hair)},
+    ):
+        again = Question(machine.links["rocker"], machine.at, np.ones(61), asked.wanted._replace(**tight)).best(
+            actuator
+        )
+        assert isinstance(again, Placement)
+        assert again.worst == pytest.approx(found.worst, rel=1e-4)
+    # sizes that a descent chose stand at the reach, to rounding
+    best = asked.best_of_sizes(Sizes(actuator, True, True))
+    assert isinstance(best, Placement)
+    short, long = sorted(best.length[[0, -1]].tolist())
+    again = asked.best(Actuator(short, long - short))
+    assert isinstance(again, Placement)
+    assert again.worst == pytest.approx(best.worst, rel=1e-3)
+
+
 def test_a_catalogue_gives_its_cheapest_row_that_does() -> None:
     machine = hinged_at(0j, 0.0, 1.0, np.linspace(0.0, np.deg2rad(60), SAMPLES))
     asked = Question(

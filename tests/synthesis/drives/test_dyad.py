@@ -194,6 +194,47 @@ def test_times_and_boxes_that_cannot_be_are_refused_in_words() -> None:
     assert -0.6 <= placed.motor.imag <= -0.2
 
 
+@pytest.mark.parametrize("ratio", [None, 1.2])
+@pytest.mark.parametrize("seed", range(6))
+def test_a_motor_is_found_in_a_small_box_and_its_pin_within_reach(seed: int, ratio: float | None) -> None:
+    rng = np.random.default_rng(seed)
+    link = hinged_at(0j, rng.uniform(0, 6), 1.0, np.linspace(0.0, rng.uniform(0.4, 1.2), SAMPLES)).links["rocker"]
+    free = about_pivot(link, np.ones(61), ratio, 0.8, False, None, reach=1.0)
+    assert not isinstance(free, str)
+    for size, turn, hair in ((1.2, 0.003, 1e-3), (0.77, 2.0, 1e-4), (0.5, 4.0, 0.0)):
+        at = free.motor * size * np.exp(1j * turn)
+        box = (at.real - hair, at.imag - hair, at.real + hair, at.imag + hair)
+        found = about_pivot(link, np.ones(61), ratio, 0.8, False, box, reach=1.0)
+        assert not isinstance(found, str)
+        assert abs(found.motor - at) <= 2 * hair + 1e-9
+        assert abs(found.pin) <= 1.0
+        assert found.least_angle == pytest.approx(free.least_angle, abs=1e-6)
+        if ratio is None:  # its own times, which are equal to rounding
+            again = about_pivot(link, np.ones(61), 1 + 1e-9, 0.8, False, box, reach=1.0)
+            assert not isinstance(again, str)
+            assert again.motor == found.motor
+    far = abs(free.motor) / 0.8 * 1.1
+    outside = about_pivot(link, np.ones(61), 1.2, 0.8, False, (far, -far, far + 1, far), reach=1.0)
+    assert "motor_box" in str(outside)
+
+
+@pytest.mark.parametrize(
+    ("seed", "ratio"), [(seed, ratio) for seed in range(10) for ratio in (None, 1.15) if (seed, ratio) != (1, 1.15)]
+)
+def test_a_motor_on_any_link_is_found_in_a_small_box_about_it(seed: int, ratio: float | None) -> None:
+    """Nothing proves it: of these twenty questions the one left out is refused."""
+    linkage, interval = random_linkage(np.random.default_rng(seed))
+    machine = motions_of(linkage, interval)
+    link, torque = machine.links["coupler"], np.ones(SAMPLES)
+    found = on_any_link(link, machine.at, torque, ratio, 1.5, (-4.0, -4.0, 4.0, 4.0))
+    if isinstance(found, str):
+        pytest.skip("none anywhere")
+    x, y, hair = found.motor.real, found.motor.imag, 0.03
+    again = on_any_link(link, machine.at, torque, ratio, 1.5, (x - hair, y - hair, x + hair, y + hair))
+    assert not isinstance(again, str)
+    assert again.least_angle >= found.least_angle - 1e-3
+
+
 @pytest.mark.parametrize("last", [True, False])
 def test_a_knee_goes_over_its_centre_and_holds_what_pushes_it(last: bool) -> None:
     machine = hinged_at(0j, 0.0, 1.0, np.linspace(0.0, np.deg2rad(70), SAMPLES))
