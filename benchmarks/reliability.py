@@ -329,7 +329,9 @@ def _alone(part: Callable[..., Any], atlas: Path, *arguments: Any, **options: An
 
 PARTS: dict[str, Callable[[Path, Callable[[int], int]], Any]] = {
     "budgets": lambda atlas, some: _alone(budgets, atlas, max_budget_ms=BUDGET_MS),
-    "crowds": lambda atlas, some: [_alone(crowd, atlas, some(600), bad) for bad in (False, True)],
+    "crowds": lambda atlas, some: [
+        _alone(crowd, atlas, some(seconds), bad) for seconds, bad in ((120, False), (600, True))
+    ],
     "memory": lambda atlas, some: _alone(memory, atlas, max(5 * EARLY, some(100_000))),
     "bodies": lambda atlas, some: _alone(bodies, atlas, some(100_000), max_budget_ms=20),
     "ends": lambda atlas, some: ends(atlas),
@@ -351,7 +353,7 @@ def measure(
 ) -> Iterator[dict[str, Any]]:
     """The parts in turn; on two idle cores at full scale about two and a half hours.
 
-    Minutes of each: crowds 20, memory 12, bodies, flips, indexes 15, kills, deaths 10, studies 50, budgets, reloads,
+    Minutes of each: crowds 12, memory 12, bodies, flips, indexes 15, kills, deaths 10, studies 50, budgets, reloads,
     disks 2, ends 1.
     """
 
