@@ -66,7 +66,7 @@ run: $(READY) $(ATLAS)
 	@$(BIN)/linkage-atlas serve --atlas $(ATLAS) --host $(HOST) --port $(PORT)
 
 test: $(READY)  # compiled modules are kept, whatever the environment says: the tests start many processes
-	OMP_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n 4 --no-loadscope-reorder --durations=50
+	OMP_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n 3 --no-loadscope-reorder --durations=50
 
 fault: $(READY) $(ATLAS)
 	$(BIN)/python -m pytest -m fault

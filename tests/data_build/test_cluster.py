@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -36,9 +37,18 @@ def command(*words: object) -> subprocess.Popen[str]:
     return subprocess.Popen(arguments, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
 
 
+def bytes_in(folder: Path) -> int:
+    """Of all files; one may go while they are counted."""
+    size = 0
+    for file in folder.glob("**/*"):
+        with contextlib.suppress(FileNotFoundError):
+            size += file.stat().st_size * file.is_file()
+    return size
+
+
 def lose_a_worker(cluster: distributed.LocalCluster, process: subprocess.Popen[str], after: Path, size: int) -> None:
     """Kill the one that computes once so many bytes of a result are there; the command then ends well all the same."""
-    while not sum(file.stat().st_size for file in after.glob("**/*") if file.is_file()) >= size:
+    while bytes_in(after) < size:
         assert process.poll() is None, process.stdout.read()
         time.sleep(0.01)
     os.kill(next(iter(cluster.workers.values())).process.pid, signal.SIGKILL)
