@@ -32,6 +32,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -43,6 +44,7 @@ from synthesis.function.answers import FunctionErrors, errors_of, turning_back
 from synthesis.function.search import Followed, FunctionSearch, WantedFunction
 from synthesis.function.wanted import Wanted
 from synthesis.guided.linkage import Circle, Driver, Guide, GuidedLinkage, Kind, Rail, Slot, through
+from synthesis.one_variable import closer_looks
 from synthesis.pose import whole_turns
 from synthesis.ranking import APART, distinct
 from synthesis.search.search import SearchReport, stopped_by
@@ -68,8 +70,8 @@ _BEGINNINGS, _SEEDS = 6000, 120
 """Of each branch: shapes and zeros that are looked at, and those that descend."""
 _SPARE = 4
 """More than are wanted, of which some turn out to lie in one valley."""
-_LOOKS, _CLOSER = 4, 33
-"""How often one looks closer where the transmission angle is least, and at how many places: then its sine is exact."""
+_LOOKS = (33,) * 4
+"""Nodes of closer looks at where the transmission angle is least: then its sine is exact."""
 _FEW, _GO_ON, _STEPS_ON = 40, 8, 300
 """Steps from which on a descent is the last; of its best candidates so many go on, and so far."""
 _OPEN = 1e3
@@ -528,13 +530,10 @@ class TravelProblem(WantedFunction):
     def lowest(self, unknowns: Floats) -> Floats:
         """The places, and that between them where the transmission angle is least, (n, q + 1)."""
         fixed = np.broadcast_to(self.places, (len(unknowns), self.places.size))
-        some, share, rows = fixed, np.linspace(0.0, 1.0, _CLOSER), np.arange(len(unknowns))
-        for _ in range(_LOOKS):
-            least = np.clip(np.argmin(self.law.sines(unknowns, some), axis=1), 1, some.shape[1] - 2)
-            low, high = some[rows, least - 1, None], some[rows, least + 1, None]
-            some = low + (high - low) * share
-        least = np.argmin(self.law.sines(unknowns, some), axis=1)
-        return np.concatenate([fixed, some[rows, least, None]], axis=1)
+        best = np.argmin(self.law.sines(unknowns, fixed), axis=1)
+        ends = self.places[np.maximum(best - 1, 0)], self.places[np.minimum(best + 1, self.places.size - 1)]
+        _, least = closer_looks(partial(self.law.sines, unknowns), *ends, _LOOKS)
+        return np.concatenate([fixed, least[:, None]], axis=1)
 
     # -- errors -------------------------------------------------------------------------------------------------------
 
