@@ -924,14 +924,20 @@ def locked(
     length = found.length
     whole = float(length[end] / np.sqrt(1 - 4 * share * (1 - share) * np.sin(over_centre / 2) ** 2))
     handle, strut = share * whole, (1 - share) * whole
-    v = link.place(found.pin) - found.ground
+    pin, speed = link.place(found.pin), link.speed(found.pin)
     angle = angle_at(handle, strut, length)
     angle[end] = -angle[end]
-    knee = found.ground + handle * v / length * np.exp(1j * angle)
-    rod = (link.place(found.pin) - knee) / strut
-    with np.errstate(divide="ignore", invalid="ignore"):
-        force = torque / np.real(np.conj(rod) * link.speed(found.pin))
-        turned = force * np.real(np.conj(rod) * 1j * (knee - found.ground))
+    bends = []
+    for side in (1, -1):
+        knee = found.ground + handle * (pin - found.ground) / length * np.exp(1j * side * angle)
+        rod = (pin - knee) / strut
+        arm = np.real(np.conj(rod) * speed)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            turned = torque / arm * np.real(np.conj(rod) * 1j * (knee - found.ground))
+        # where the strut has no arm the handle turns back: of the sides without such a place that of the least torque
+        back, most = bool((arm * arm[end] <= 0).any()), float(np.abs(turned).max())
+        bends.append(((back, most, -float(np.abs(arm).min()), side), knee, turned))
+    _, knee, turned = min(bends, key=lambda bend: bend[0])
     return Knee(
         found,
         handle,

@@ -255,3 +255,21 @@ def test_a_knee_goes_over_its_centre_and_holds_what_pushes_it(last: bool) -> Non
     assert found.holds
     assert not locked(link, machine.at, -push, wanted, last, delta, share, Work()).holds
     assert found.overshoot > 0
+
+
+@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("last", [True, False])
+def test_a_knee_bends_to_the_side_on_which_its_handle_does_not_turn_back(seed: int, last: bool) -> None:
+    linkage, interval = random_linkage(np.random.default_rng(seed))
+    machine = motions_of(linkage, interval)
+    for link in machine.links.values():
+        wanted = Wanted((-4.0, -4.0, 4.0, 4.0), 1.5, 0.02)
+        found = locked(link, machine.at, np.ones(SAMPLES), wanted, last, np.deg2rad(5), 0.5, Work())
+        if isinstance(found, Refused):
+            continue
+        way = link.place(found.placement.pin) - found.placement.ground
+        arm = (found.knee - found.placement.ground) / way
+        free = slice(None, -1) if last else slice(1, None)  # its locked end is bent the other way
+        here, there = (np.diff(np.unwrap(np.angle(way * one))[free]) for one in (arm, np.conj(arm)))
+        one_way = [bool(np.all(steps * steps[0] > 0)) for steps in (here, there)]
+        assert one_way[0] or not one_way[1]
