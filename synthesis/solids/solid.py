@@ -351,7 +351,11 @@ def parts_list(solids: Solids, fit: Fit) -> dict[str, list[object]]:
     """The columns of a parts list, a row a part: lengths in millimetres, masses in grams; None where there is none."""
     rows = []
     for part in solids.parts:
-        prism, low, high = part.prism, *part.prism.extent
+        prism = part.prism
+        if part.link == "ground" and len(prism.holes) > 1:  # it lies as the user's axes do: measured along its pins
+            along = prism.holes[1].centre - prism.holes[0].centre
+            prism = prism.moved(along.conjugate() / abs(along))
+        low, high = prism.extent
         pin = prism.circle is not None and not prism.holes
         diameter = None if prism.circle is None else 2 * prism.circle.radius
         sizes = sorted({2 * hole.radius for hole in prism.holes})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -54,6 +55,22 @@ def test_no_two_parts_overlap_in_manifold(name, boards, heads, body) -> None:
     manifold = pytest.importorskip("manifold3d", reason="the extra [solids] is not installed")
     solids = built(name, boards, heads, "print", body)
     assert overlap(solids, manifold, 50) <= 1e-6
+
+
+@pytest.mark.parametrize(("boards", "name"), [("both", "board_below"), ("both", "board_above"), ("bar", "bar")])
+def test_the_parts_list_measures_a_board_along_its_pins_however_the_ground_lies(boards: str, name: str) -> None:
+    linkage, sizes = (
+        Linkage((30.0, 60.0, 70.0, 50.0), 1, pivot_a=1 + 2j, coupler_point=(2.0, 0.0)),
+        Sizes(6.0, 18.0, 0.2),
+    )
+    for ground_angle in (0.0, 0.3, 2.0):
+        machine = as_plates(
+            replace(linkage, ground_angle=ground_angle), Interval(0.0, 1.0), sizes, bar=boards == "bar"
+        )
+        stack = arrange(machine, Asked(boards), Work()).stack
+        columns = parts_list(solids_of(machine, stack, Made(FITS["H7"], "steel", "steel"), 1.0), FITS["H7"])
+        k = columns["name"].index(name)
+        assert (columns["length"][k], columns["width"][k]) == (pytest.approx(68.0), pytest.approx(18.0))
 
 
 def test_poses_are_those_of_the_linkage() -> None:
