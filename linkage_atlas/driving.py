@@ -626,8 +626,11 @@ def _place_of(linkage: Any, motion: Motion | None, crank_angle: ArrayLike | None
         raise FieldError("/linkage", "wanted a four-bar or a body on guides: this one has a motor already")
     radian, target, four_bar = radians_in(one.degrees), None, isinstance(one, FourBar)
     if motion is not None:
-        if four_bar and motion.free and given is None:
+        turns = isinstance(one, FourBar) or one._linkage.driver.turns
+        if motion.free and given is None and turns:
             raise FieldError("/linkage/crank_angle", "needed: the motion's crank angles are free")
+        if motion.free and given is None and motion.travel is None:
+            raise FieldError("/linkage/travel", "needed: the motion's timing is free")
         target = one.target_of(motion, given)
         way = target.way
     elif given is not None:

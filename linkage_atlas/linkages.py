@@ -967,6 +967,8 @@ class GuidedLinkage(AnyLinkage):
         """A motion with the travel of the drive at its samples; without one the default."""
         if motion is None:
             return self._default_motion()
+        if travel is None and not self._linkage.driver.turns:
+            travel = motion.travel
         if motion.free and travel is None:
             name = "crank_angle" if self._linkage.driver.turns else "travel"
             raise FieldError(f"/{name}", "needed: the motion's timing is free")

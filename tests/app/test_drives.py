@@ -210,6 +210,20 @@ def test_a_solution_in_python() -> None:
     assert solution.studied(drives=[{"kind": "rotary"}]).drives
 
 
+def test_a_body_on_guides_goes_along_the_travel_of_its_request(client: TestClient) -> None:
+    request = {"rotation": [0, 5, 11, 20, 30], "position": [[0, 0], [20, 5], [45, 8], [70, 20], [100, 25]], "top": 1}
+    travelling = request | {"travel_span": 100, "mechanisms": ["slider_crank"]}
+    solution = client.post("/v1/synthesize", json=travelling).json()["solutions"][0]
+    bare = {name: value for name, value in solution.items() if name != "travel"}
+    wanted = client.post("/v1/drives", json={"linkage": solution, "request": travelling}).json()
+    found = client.post("/v1/drives", json={"linkage": bare, "request": travelling}).json()
+    assert len(found["drives"]) == len(wanted["drives"]) > 0
+    assert found["torque"]["crank_angle"] == pytest.approx(wanted["torque"]["crank_angle"])
+    free = request | {"timing": "free"}
+    refused = client.post("/v1/drives", json={"linkage": bare, "request": free}).json()["errors"][0]
+    assert refused == {"pointer": "#/linkage/travel", "detail": "needed: the motion's timing is free"}
+
+
 def test_a_body_on_guides_is_driven_too() -> None:
     crank = {"guide": "circle", "pivot": [0, 0], "radius": 10, "body_point": [0, 0]}
     rail = {"guide": "rail", "point": [0, 3], "direction": 0, "body_point": [20, 0]}
