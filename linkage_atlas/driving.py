@@ -798,6 +798,8 @@ def _drive(
         wish["on"] = wish.get("on", GROUND)
         if wish["on"] not in (GROUND, *machine.links):
             raise FieldError(f"/{at}/on", f"wanted ground or one of {', '.join(machine.links)}, found {wish['on']!r}")
+        if set(wish["links"]) == {wish["on"]}:
+            raise FieldError(f"/{at}/on", f"wanted ground or another link than it moves, found {wish['on']!r}")
         if not isinstance(wish.get("extends", True), bool):
             raise FieldError(f"/{at}/extends", "wanted true or false")
         if "catalogue" in wish:
