@@ -112,7 +112,8 @@ def _gathered(pieces: Iterator[bytes]) -> Iterator[bytes]:
         if size >= PIECE_BYTES:
             yield b"".join(held)
             held, size = [], 0
-    yield b"".join(held)
+    if held:
+        yield b"".join(held)
 
 
 class Held:

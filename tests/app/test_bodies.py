@@ -80,6 +80,15 @@ def test_pieces_are_what_is_written_at_once(value, depth) -> None:
     assert joined == model.model_dump_json().encode()
 
 
+@pytest.mark.parametrize("more", [-1, 0, 1])
+def test_no_piece_of_a_reply_is_empty(more: int) -> None:
+    """An empty one would stay in the process's connection, and be read as the answer to the next request."""
+    content = {"words": "x" * (bodies.PIECE_BYTES - len('{"words":""}') + more)}
+    reply = bodies.Reply(content)
+    assert reply.size == bodies.PIECE_BYTES + more
+    assert all(reply.pieces)
+
+
 def test_a_reply_is_that_of_the_model() -> None:
     """Those of the scenes: tests/app/scenes/test_scenes.py."""
     query = QUERIES["/v1/function"]
