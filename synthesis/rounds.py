@@ -102,7 +102,10 @@ class Found:
         chart = rounds.chart
         if pool.cost.size:
             known = self.pools[chart].joined(pool) if chart in self.pools else pool
-            self.pools[chart] = rounds.valleys(known, _POOL, _APART)
+            kept = rounds.valleys(known, _POOL, _APART)
+            if known.least < kept.least:  # it strays, and stands behind many others
+                kept = kept.joined(known.take([int(known.cost.argmin())]))
+            self.pools[chart] = kept
             self.standing = min(
                 self.standing, np.sqrt(rounds.stood(self.pools[chart].take(slice(0, 1))).min(initial=np.inf))
             )

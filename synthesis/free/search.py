@@ -222,7 +222,8 @@ def _apart(found: Sequence[Solution], poses: Poses, limits: Limits, top: int, to
     Those whose body point goes elsewhere between samples come last of the exact ones; within the practical limits also of the
     others, and so do those with a tiny link, and of those about as good as the best the best proportioned comes first. Exact ones
     that stray take a quarter of the places at most where others are left.
-    Law: the first does not depend on ``top``, and where it is not exact, the one of least error is among the first two.
+    Law: the first does not depend on ``top``, and where it is not exact, the one of least error, or one about as good that stays,
+    is among the first two.
     """
     objective = np.array([one.errors.objective for one in found])
     exact = objective < tolerance
@@ -238,19 +239,21 @@ def _apart(found: Sequence[Solution], poses: Poses, limits: Limits, top: int, to
     chosen = distinct(found, max(top, _COMPARED), APART, order=lambda one: place[id(one)], exact=tolerance)
     if not found or exact.any():
         return chosen[:top]
-    least = found[int(objective.argmin())]
+    best, least = chosen[0], found[int(objective.argmin())]
+    most = (1 + _AS_GOOD) * best.errors.objective
+    if limits.practical:
+        group = dict(zip(map(id, found), groups.tolist()))
+        alike = [
+            one for one in chosen[:_COMPARED] if one.errors.objective <= most and group[id(one)] == group[id(best)]
+        ]
+        first = min(alike, key=lambda one: proportion(one.linkage, poses))
+        chosen.sort(key=lambda one: one is not first)
+    if best.errors.objective <= (1 + _AS_GOOD) * least.errors.objective:
+        least = best  # what is hardly nearer and strays need not be second
     if chosen[0] is not least:
         chosen[1:] = distinct(
             [least, *chosen[1:]], len(chosen), APART, order=lambda one: one is not least, exact=tolerance
         )
-    elif limits.practical:
-        group = dict(zip(map(id, found), groups.tolist()))
-        most = (1 + _AS_GOOD) * least.errors.objective
-        alike = [
-            one for one in chosen[:_COMPARED] if one.errors.objective <= most and group[id(one)] == group[id(least)]
-        ]
-        first = min(alike, key=lambda one: proportion(one.linkage, poses))
-        chosen.sort(key=lambda one: one is not first)
     return chosen[:top]
 
 

@@ -393,6 +393,14 @@ def test_without_the_practical_limits_the_least_error_comes_first_wherever_the_c
     assert found.best.errors.objective == min(one.errors.objective for one in found)
 
 
+def test_an_exact_answer_that_strays_is_not_lost_among_many_that_stay():
+    """A stirrer: those that stay between samples come to 3e-4, more of them than a search keeps."""
+    position = [[0, 0], [50, 20], [80, 70], [70, 130], [20, 160], [-40, 140], [-70, 90], [-50, 30]]
+    best, second, *_ = la.synthesize(position=position, timing="free")
+    assert best.errors.objective < 1e-9 and best.excursion > 2.5
+    assert second.errors.objective < 1e-3 and second.excursion < 2.5
+
+
 def test_no_answer_hangs_a_large_body_on_tiny_links():
     """A hood: linkages with links of 2 to 23 mm for a way of 550 mm come nearest, and hold nothing."""
     rotation = [0, 15, 32, 50, 65]
