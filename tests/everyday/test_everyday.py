@@ -94,6 +94,7 @@ def reply(objective: float | None = 1e-3, budget: int | None = 100, kind: str = 
         ([reply(1e-3), reply(None, 300)], "inf"),
         ([reply(1e-3, 300), reply(1.02e-3, None)], "with 300 ms"),
         ([reply(1e-3), reply(1.02e-3, kind="any")], "among full cranks"),
+        ([reply(1e-3, strays=True), reply(1.02e-3, 300, strays=True)], "with 100 ms"),
     ],
 )
 def test_a_fault_is_seen(replies: list[Reply], word: str) -> None:
@@ -104,4 +105,5 @@ def test_what_is_as_it_should_be_is_no_fault() -> None:
     fine = [reply(None), reply(1e-3, 300), reply(1.005e-3, 1000), reply(0.0, None), reply(1e-3, 300, "any")]
     assert not faults(fine)
     assert not faults([reply(1e-13), reply(EXACT / 2, 300)])
+    assert not faults([reply(1e-3, strays=True), reply(1.9e-3, 300)])
     assert late([reply(seconds=0.13)]) and not late([reply(seconds=0.11), reply(budget=None, seconds=9)])
