@@ -21,7 +21,7 @@ from app.registry import examples_of, queries_named
 from app.terminal import EPILOG, FILE, Exit, Units, add_atlas, exit_of, whole_number
 from linkage_atlas import FieldError
 from linkage_atlas.formats import kind_of
-from linkage_atlas.tables import decoded
+from linkage_atlas.tables import decoded, length_unit_of
 
 NO_PRESET = ((["limits", "preset"], "none"),)
 """Field and value that turn the practical limits off."""
@@ -161,7 +161,8 @@ def _run(options: argparse.Namespace, query: Query) -> int:
     also = [*options.set, *(NO_PRESET if options.no_preset else ())]
     if options.refine_from is not None:
         also = [*also, (["refine_from"], _solution_in(options.refine_from))]
-    request, rank = read_request(query, text_of(options), also, options.unwrap), options.rank
+    text, rank = text_of(options), options.rank
+    request, length_unit = read_request(query, text, also, options.unwrap), _length_unit(options, query, text)
     if options.catalogue is not None:
         rows = decoded(options.catalogue.read_bytes())
         cylinders = ("actuator", "cylinder")
@@ -178,7 +179,7 @@ def _run(options: argparse.Namespace, query: Query) -> int:
     found = len(getattr(reply, "solutions", [None] * rank))
 
     def file(name: str) -> bytes:
-        return _file(query, request, reply, rank, name, options.length_unit or "mm", resources)
+        return _file(query, request, reply, rank, name, length_unit or "mm", resources)
 
     if found < rank and (wanted or options.plot or rank > 1):
         there = "there is 1 solution" if found == 1 else f"there are {found} solutions"
@@ -189,7 +190,7 @@ def _run(options: argparse.Namespace, query: Query) -> int:
         if options.plot:
             _show(file("svg"))
     unit = getattr(request, "angle_unit", "deg")  # a question without angles has none
-    units = (Units(unit, options.length_unit or ""),) if query.shows_units else ()
+    units = (Units(unit, length_unit or ""),) if query.shows_units else ()
     print(json_of(reply, 2).decode() if options.json else query.table(reply, *units))
     return code
 
@@ -297,6 +298,19 @@ def read_request(query: Query, text: bytes, also: Sequence[tuple[list[str], Any]
     return request
 
 
+def _length_unit(options: argparse.Namespace, query: Query, text: bytes) -> str | None:
+    """The unit of lengths that the option names, or the heads of a table of poses."""
+    of_poses = "position" in query.request.model_fields and text.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] not in (
+        b"{",
+        b"[",
+        b"",
+    )
+    named: str | None = length_unit_of(decoded(text)) if of_poses else None
+    if None not in (named, options.length_unit) and named != options.length_unit:
+        raise FieldError("/length_unit", f"the heads of the table say {named}, --length-unit {options.length_unit}")
+    return options.length_unit or named
+
+
 def _takes_linkage(query: Query) -> bool:
     return {"linkage", "request"} <= query.request.model_fields.keys()
 
@@ -393,9 +407,7 @@ def add_export(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--rank", type=whole_number(1, 100), default=1, help="which solution of the request (%(default)s)"
     )
-    parser.add_argument(
-        "--length-unit", choices=get_args(LengthUnit), default="mm", help="the unit of the lengths (%(default)s)"
-    )
+    parser.add_argument("--length-unit", choices=get_args(LengthUnit), help="the unit of the lengths (mm)")
     add_atlas(parser, "the atlas, if one is needed")
     parts = parser.add_argument_group("parts, for step, 3mf, stl, urdf, sdf, parts and the masses in mjcf")
     fits = get_args(SolidsRequest.model_fields["fit"].annotation)
@@ -431,9 +443,7 @@ def _export(options: argparse.Namespace) -> int:
     given = {part: {name: getattr(options, name) for name in names} for part, names in _FIELDS.items()}
     also = [([part, name], value) for part, values in given.items() for name, value in values.items()]
     also = [(field, value) for field, value in also if value is not None]
-    body = with_fields(
-        _body(options), [*also, *options.set, (["format"], kind), (["length_unit"], options.length_unit)]
-    )
+    body = with_fields(_body(options), [*also, *options.set, (["format"], kind)])
     body.setdefault("rank", options.rank)
     try:
         request = ExportRequest.model_validate(body)
@@ -467,6 +477,6 @@ def _body(options: argparse.Namespace) -> dict[str, Any]:
                 "", "this is a reply: wanted its request, or what `synthesize --export FILE.json` writes"
             )
         if "request" in content:
-            return dict(content)
+            return content | ({"length_unit": options.length_unit} if options.length_unit else {})
     (query,) = queries_named("synthesize")
-    return {"request": read_request(query, text)}
+    return {"request": read_request(query, text), "length_unit": _length_unit(options, query, text) or "mm"}

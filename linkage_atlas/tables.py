@@ -75,6 +75,8 @@ _ONE_GROUP = re.compile(r"[+\-\u2212]?[1-9]\d{0,2}[.,]\d{3}(?!\d|[.,])")
 
 _HEAD = re.compile(r"(\w+?)\.?(?:_(mm|cm|m|in|inch|deg|rad))?(|[\s(\[/].*)")
 """The head of a column in small letters: a name, and perhaps a unit, also as in x_mm."""
+_LENGTH = re.compile(r"[\s(\[/]*(?:in\s+)?[(\[]?(mm|cm|m|in)(?:ch|ches)?[)\]]?")
+"""What stands behind the name of a column of lengths, in small letters."""
 _MISSING = re.compile(r"[#(<]?(nan|n/?a|null|none|nil|missing|-+|\.|\?)[)>!]?")
 """What programs write in place of a number that is missing, in small letters."""
 _SEPARATOR = re.compile(r"sep=.")
@@ -114,6 +116,7 @@ def request_from_csv(text: str, also: Mapping[str, Any] | None = None, unwrap: b
     Raises `FieldError`: naming the line, and the column where one cell is wrong.
     """
     columns, rows, unit = _read(text, POSES, unwrap)
+    length_unit_of(text)  # refuses two
     request: dict[str, Any] = {name: columns[name] for name in ("crank_angle", "rotation") if name in columns}
     if ("x" in columns) != ("y" in columns):
         raise FieldError("", "line 1: wanted both x and y, or neither")
@@ -126,6 +129,20 @@ def request_from_csv(text: str, also: Mapping[str, Any] | None = None, unwrap: b
         raise FieldError("", "line 1: wanted x and y, or rotation, or both")
     request |= _shares(columns, request.keys() & {"rotation", "position"}, rows) | unit | dict(also or {})
     return request if request.keys() & {"crank_angle", "crank_span"} else {"timing": "free"} | request
+
+
+def length_unit_of(text: str) -> str | None:
+    """The unit of lengths in the heads of a table of poses; None: they name none. Raises `FieldError` where they name two."""
+    rows, units = _rows(text, POSES), set()
+    for cell in rows[0].cells if rows else []:
+        head = _HEAD.fullmatch(cell.lower())
+        if head is not None and POSES.columns.get(head[1]) in ("x", "y", "tolerance_position"):
+            found = _LENGTH.fullmatch(head[2] or head[3])
+            units |= {found[1]} if found is not None else set()
+    if len(units) > 1:
+        named = " and ".join(sorted(units))
+        raise FieldError("", f"line {rows[0].line}: wanted all lengths in one unit, found {named}")
+    return units.pop() if units else None
 
 
 def _shares(columns: Mapping[str, list[float | None]], parts: Set[str], rows: list[_Row]) -> dict[str, Any]:

@@ -187,6 +187,33 @@ def test_the_unit_of_length_holds_for_table_and_drawing(run, tmp_path) -> None:
     assert extents[1] == pytest.approx(25.4 * extents[0])
 
 
+def test_a_table_says_the_unit_of_its_lengths(run, tmp_path) -> None:
+    """A drawing was a thousand times too small, without a word, where the heads said m."""
+    file, drawn = tmp_path / "one.parts.csv", []
+    rows = "0;0;0\n40;8;15\n75;30;40\n"
+    for heads, option in (("x [m];y (m);phi", ()), ("x_m;y_m;phi", ()), ("x;y;phi", ("--length-unit", "m"))):
+        table = f"{heads}\n{rows}"
+        code, out, _ = run("synthesize", "--set", "top=1", "--export", file, *option, stdin=table)
+        assert code == Exit.OK and "pos. max m" in out
+        drawn.append(file.read_text())
+        assert run("export", "--out", file, *option, stdin=table)[0] == Exit.OK
+        drawn.append(file.read_text())
+    assert len(set(drawn)) == 1
+    for words in (("synthesize",), ("export", "--out", file)):
+        code, _, err = run(*words, "--length-unit", "mm", stdin=f"x [m];y [m];phi\n{rows}")
+        assert code == Exit.USAGE and "length_unit: the heads of the table say m" in err
+
+
+def test_what_a_body_of_export_says_holds_unless_an_option_says_another(run, tmp_path) -> None:
+    """Its unit was taken for mm."""
+    file, body = tmp_path / "one.parts.csv", {"request": worked_example(), "length_unit": "m"}
+    for option in ((), ("--set", "length_unit=m"), ("--length-unit", "m"), ("--length-unit", "mm")):
+        given = body if not option else {"request": body["request"]}
+        assert run("export", "--out", file, *option, stdin=json.dumps(given))[0] == Exit.OK
+        length = float(file.read_text().splitlines()[1].split(",")[4])
+        assert length == pytest.approx(33250 if option[1:] != ("mm",) else 33.25, rel=1e-3)
+
+
 def test_errors_stand_in_the_unit_of_the_request(run) -> None:
     radians = {**RIGHT_ANGLE, "rotation": [0.0, 0.1, 0.4, 0.5, 0.9], "crank_span": 1.5, "angle_unit": "rad"}
     _, out, _ = run("synthesize", "--json", stdin=json.dumps(radians))
