@@ -68,7 +68,7 @@ def minimise(
     Returns
     -------
     Minima
-        The best place of each candidate's way. Law: no candidate is worse than its starting point.
+        The best place of each candidate's way. Law: no candidate is worse than its starting point; without unknowns that is it.
     """
     work = work or Work()
     cost, stack = evaluate(unknowns, labels)
@@ -79,7 +79,7 @@ def minimise(
     here, labels, cost, stack = unknowns[place], labels[place], cost[place], stack[place]
     damped, growth = np.full(place.size, damping), np.full(place.size, 2.0)
     steps = 0
-    while steps < iterations and place.size and least.min() > tolerance**2 and not work.expired():
+    while size and steps < iterations and place.size and least.min() > tolerance**2 and not work.expired():
         steps += 1
         step, predicted = _damped_steps(stack, damped)
         trial = here.copy()

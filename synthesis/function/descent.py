@@ -121,8 +121,8 @@ def descend(
     here = linear(unknowns, np.arange(count))
     merit = _merit(here, largest)
     radii = np.full(count, radius, dtype=float)
-    ended = np.zeros(count, dtype=bool)
-    active = np.flatnonzero(np.isfinite(merit))
+    ended = np.full(count, not free.size)
+    active = np.flatnonzero(np.isfinite(merit) & ~ended)
     for _ in range(steps):
         if not active.size or work.expired():
             break

@@ -94,6 +94,20 @@ def test_what_is_wrong_with_a_callable_is_named(of, more, field, words) -> None:
     assert error.value.field == field
 
 
+@pytest.mark.parametrize("objective", ["rms", "max"])
+def test_with_both_zeros_and_all_lengths_given_nothing_is_left_to_be_found(objective) -> None:
+    """It was a fault of the service: no unknown is none."""
+    zeros = {"input_zero": 40, "output_zero": 30, "objective": objective, "crank_span": 80}
+    asked = [0, 12, 31, 62, 90]
+    best = la.function(asked, limits={"links": {"ground": 100}, "preset": None}, round_to=0.5, **zeros).best
+    assert best.rounded.closes and best.rounded.start_angle == best.start_angle == pytest.approx(40)
+    links = {"crank": 30, "coupler": 100, "rocker": 60, "ground": 100}
+    one = la.function(asked, limits={"links": links}, **zeros).best
+    turned = la.FourBar(*links.values(), one.branch, start_angle=40).joints(np.linspace(0, 80, 5)).rocker_direction
+    assert one.start_angle == pytest.approx(40)
+    assert one.errors.max == pytest.approx(np.abs(turned - 30 - asked).max(), rel=1e-9)
+
+
 def test_a_reply_tells_everything_and_holds_plain_numbers() -> None:
     limits = {"links": {"ground": 100}, "preset": "practical"}
     found = la.function(
