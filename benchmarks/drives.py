@@ -50,7 +50,7 @@ def actuators(cases: int) -> list[dict[str, Any]]:
         again = fine.best(actuator)
         # the grid's own best, also on links with a pivot, where the search needs none
         fine.link = replace(fine.link, pivot=None)
-        grid = fine.screened(actuator)
+        grid = fine.screened([actuator])
         row["cases"] += 1
         row["clockwise"] += int(one.interval.last < 0)
         if isinstance(found, Refused):

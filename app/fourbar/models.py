@@ -416,7 +416,8 @@ class DriveRequest(RequestModel):
     retracted: Above | None = Field(None, description="Retracted length; null: as it is best.")
     stroke: Above | None = Field(None, description="Null: as it is best.")
     dead_length: Size | None = Field(
-        None, description="Retracted length less stroke, at least, where either is free."
+        None,
+        description="Retracted length less stroke, at least, where either is free; no more where that costs at most 5 % force.",
     )
     catalogue: Catalogue | None = Field(
         None, description=f"One of {', '.join(ACTUATORS)}; rows; or a CSV text with a head of the rows' names."

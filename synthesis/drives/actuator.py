@@ -7,9 +7,9 @@ force than the integral of the torque's amount over s, nor a larger least arm th
 
 On a link that turns about a pivot, with alpha the angle there between G and pin, ``L^2 = S - T cos alpha``: S and T follow from
 alpha at the first position, and one unknown is left. On any other link q follows from G: it lies on two circles, one for each
-end of the motion, in the link's frame. So the search is over G, a plane, in four families: extending or retracting, and two
-intersections. A grid that is a product of matrices finds where to begin; a descent on the largest u with ``arm >= u |torque|``
-at every position ends at the optimum.
+end of the motion, in the link's frame. So a grid is over G, a plane, in four families: extending or retracting, and two
+intersections. That grid, a product of matrices, finds where to begin; a descent of G and q on the largest u with
+``arm >= u |torque|`` at every position ends at the optimum.
 
 A knee locks a linkage at one end of its way. Its strut of two links u + v between G and q is placed like an actuator; it is
 straight just before that end and there, on a stop, bent the other way by the over-centre angle delta, with the length
@@ -20,7 +20,7 @@ the stop. The linkage goes beyond its end by a little while the knee passes the 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -38,6 +38,8 @@ BEGINNINGS = 3
 """Placements of each family from which a descent may begin."""
 _APART = 0.06
 """Of the box or the reach: distance of such placements from one another."""
+_NEWTON = 3
+"""Steps to the lengths that are given."""
 _AGAIN, _GAIN = 6, 1e-8
 """Descents from the best end of all, at most, and the part that each must gain for another."""
 DESCENTS = 8
@@ -50,10 +52,12 @@ ROW_GRID = 30
 """Points of the grid of G, either way, for a catalogue: its rows take more from one another than from a finer grid."""
 _STROKES = np.array([0.12, 0.25, 0.4, 0.55, 0.7, 0.85, 0.97])
 """Of the longest way of a pin, where the stroke is free."""
-_RETRACTED = np.array([1.0, 1.5, 2.2])
-"""Of the least retracted length, where it is free."""
-_SIZES = 4
-"""Of these sizes, from how many a descent begins."""
+_RUNG = 1.5
+"""Times the one before: retracted lengths, where they are free, all that fit between box and link."""
+_CLOSER = 4
+"""Times that places around the best ones are looked at, each half as far away as the last."""
+_ABOUT = np.array([complex(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if x or y])
+"""Such places, in steps of the grid."""
 _NEAREST = ("arm", "dead", "reach", "stroke", "box")
 """Reasons, the one first that is nearest to a placement."""
 _ANGLES = 2001
@@ -64,6 +68,8 @@ _BEGIN, _BEGIN_AGAIN, _LOST = 0.999, 0.9, 1
 """Of the least arm over burden where a descent begins, and where it begins once more; so many that led to no placement do."""
 _LOOKS = (33,) * 8
 """Nodes of closer looks between them."""
+_ALMOST = 0.7
+"""Of the arm asked for where a descent begins all the same."""
 _HAIR = 1e-7
 """Of the size: by so much a placement may be beyond what is wanted, for the rounding of descents."""
 _AROUND = 720
@@ -177,11 +183,10 @@ class Question:
         left, bottom, right, top = wanted.box
         x, y = np.meshgrid(np.linspace(left, right, grid), np.linspace(bottom, top, grid))
         self.grounds = (x + 1j * y).ravel()
+        self.grid = grid
         self.ways = (True, False) if wanted.extends is None else (wanted.extends,)
         self.middle = complex(np.mean(link.origin))
         self.size = max(right - left, top - bottom, wanted.reach)
-        turned = np.conj(link.direction)
-        self.first, self.last = (turned[k] * (self.grounds - link.origin[k]) for k in (0, -1))
         self._matrices = forms_of(link, self.middle)
 
     def bound(self, stroke: float) -> float:
@@ -206,109 +211,128 @@ class Question:
         """The placement of an actuator with the least peak force, or why there is none."""
         if self.link.pivot is not None:
             return self._about_pivot(actuator)
-        begin = self.screened(actuator, descents)
-        return begin.refused or self.descend(begin, Sizes(actuator), work)
+        return self._from_grid([actuator], Sizes(actuator), work, descents)
 
     def best_of_sizes(self, sizes: Sizes, work: Work | None = None) -> Placement | Refused:
         """The same where retracted length or stroke may be chosen too."""
-        link = self.link
-        turned = abs(link.direction[-1] - link.direction[0])
-        most = abs(link.origin[-1] - link.origin[0]) + self.wanted.reach * turned
-        first = sizes.begin
-        strokes = _STROKES * most if sizes.stroke_free else np.array([first.stroke])
-        tries: list[tuple[float, Screened, Actuator]] = []
-        refused: list[Refused] = []
-        for stroke in strokes.tolist():
+        return self._from_grid(self._ladder(sizes), sizes, work, DESCENTS)
+
+    def _from_grid(
+        self, actuators: list[Actuator], sizes: Sizes, work: Work | None, descents: int
+    ) -> Placement | Refused:
+        begin = self.screened(actuators, descents)
+        return begin.refused or self.descend(begin, sizes, work)
+
+    def _ladder(self, sizes: Sizes) -> list[Actuator]:
+        """Sizes from which descents may begin: rungs that do not move with the box or the dead length, and the shortest."""
+        link, reach = self.link, self.wanted.reach
+        most = abs(link.origin[-1] - link.origin[0]) + reach * abs(link.direction[-1] - link.direction[0])
+        far = float(np.abs(self.grounds - link.origin[0]).max()) + reach
+        found = []
+        for stroke in (_STROKES * most if sizes.stroke_free else np.array([sizes.begin.stroke])).tolist():
             least = stroke + sizes.dead_length
-            for retracted in least * _RETRACTED if sizes.retracted_free else (first.retracted,):
-                one = Actuator(float(retracted), stroke)
-                if one.retracted < least:
-                    continue
-                found = self.screened(one, 2)
-                if found.refused is None:
-                    tries.append((found.worth, found, one))
-                else:
-                    refused.append(found.refused)
-        if not tries:
-            return min(refused, key=lambda one: _NEAREST.index(one.reason), default=Refused("stroke", most))
-        tries.sort(key=lambda row: -row[0])
-        answers = [self.descend(begin, replace(sizes, begin=one), work) for _, begin, one in tries[:_SIZES]]
-        placed = [one for one in answers if isinstance(one, Placement)]
-        return min(placed, key=lambda one: one.worst) if placed else answers[0]
+            if sizes.retracted_free:
+                first, last = (int(np.ceil(np.log(length / most) / np.log(_RUNG))) for length in (least, far))
+                rungs = [least, *(most * _RUNG ** np.arange(first, last)).tolist()]
+            else:
+                rungs = [sizes.begin.retracted] * (sizes.begin.retracted >= least)
+            found += [Actuator(retracted, stroke) for retracted in rungs]
+        return found
 
     def descend(self, begin: Screened, sizes: Sizes, work: Work | None, closer: bool = True) -> Placement | Refused:
         """The best of the descents from placements of the grid; ``closer``: gone over once more."""
         found, lost = [], []
-        for ground, way, side in zip(begin.grounds.tolist(), begin.ways.tolist(), begin.sides.tolist()):
+        columns = (begin.grounds.tolist(), begin.pins.tolist(), begin.ways.tolist())
+        for actuator, ground, pin, way in zip(begin.actuators, *columns):
             if work is None or not work.expired():
-                one = self._descended(sizes, ground, way, side)
+                here = replace(sizes, begin=Actuator(*actuator.tolist()))
+                one = self._descended(here, ground, pin, way)
                 if one is None:
-                    lost.append((ground, way, side))
+                    lost.append((here, ground, pin, way))
                 else:
                     found.append(one)
-        for ground, way, side in lost[:_LOST]:  # a line search led to where there are no placements
-            one = self._descended(sizes, ground, way, side, _BEGIN_AGAIN)
+        for here, ground, pin, way in lost[:_LOST]:  # a line search led to where there are no placements
+            one = self._descended(here, ground, pin, way, _BEGIN_AGAIN)
             found += [] if one is None else [one]
-        if not found and begin.short is None:  # no descent ended within what is wanted: the grid's best is
-            return self.placement(complex(begin.grounds[0]), complex(begin.pins[0]))
+        if begin.short is None:  # where no descent ended within what is wanted, or none well, the grid's best is
+            found.append(self.placement(complex(begin.grounds[0]), complex(begin.pins[0])))
         if not found:
             return begin.short or Refused("arm", 0.0)
         best = min(found, key=lambda one: one.worst)
         return self.closer(best, sizes) if closer else best
 
     def closer(self, best: Placement, sizes: Sizes) -> Placement:
-        """Descents from the end of one: with the curvature learnt anew, and where that gains nothing with the other intersection.
-
-        A descent can end early along a narrow ridge, and does where the two circles just touch: both intersections become one.
-        """
-        first, last = (np.conj(self.link.direction[k]) * (best.ground - self.link.origin[k]) for k in (0, -1))
-        side = 1.0 if np.imag((best.pin - first) * np.conj(last - first)) >= 0 else -1.0
-        turned = False
+        """Descents from the end of one, with the curvature learnt anew: a descent can end early along a narrow ridge."""
         for _ in range(_AGAIN):
             low, high = sorted(best.length[[0, -1]].tolist())
-            again = self._descended(replace(sizes, begin=Actuator(low, high - low)), best.ground, best.extends, side)
-            gain = -1.0 if again is None else 1 - again.worst / best.worst
+            begin = sizes.begin if not sizes.retracted_free and not sizes.stroke_free else Actuator(low, high - low)
+            again = self._descended(replace(sizes, begin=begin), best.ground, best.pin, best.extends)
+            gain = 0.0 if again is None else 1 - again.worst / best.worst
             if again is not None and gain > 0:
                 best = again
             if gain < _GAIN:
-                if turned:
-                    break
-                side, turned = -side, True
+                break
         return best
 
-    def screened(self, actuator: Actuator, most: int = DESCENTS) -> Screened:
-        """The best placements of the grid, at most so many, with at most `BEGINNINGS` of each family."""
-        grounds, pins, ways, sides, need = self.families(actuator)
-        refused = Refused("stroke", need)
+    def screened(self, actuators: list[Actuator], most: int = DESCENTS) -> Screened:
+        """The best placements of the grid, at most so many, with at most `BEGINNINGS` of each family.
+
+        Where none is within what is wanted, of closer and closer looks around them.
+        """
+        looked = [self._looked(self.grounds, np.array([one])) for one in actuators]
+        refused = [one.refused for one in looked if one.refused is not None]
+        looked = [self._chosen(one) for one in looked if one.refused is None]
+        if not looked:
+            return Screened.none(
+                min(refused, key=lambda one: _NEAREST.index(one.reason), default=Refused("stroke", 0.0))
+            )
+        best = self._chosen(Screened.joined(looked))
+        left, bottom, right, top = self.wanted.box
+        step = complex(right - left, top - bottom) / max(self.grid - 1, 1)
+        for _ in range(_CLOSER):
+            if best.value.max() > 0:
+                break
+            step /= 2
+            about = best.grounds[:, None] + (_ABOUT.real * step.real + 1j * _ABOUT.imag * step.imag)
+            about = np.clip(about.real, left, right) + 1j * np.clip(about.imag, bottom, top)
+            closer = self._looked(about.ravel(), np.repeat(best.actuators, _ABOUT.size, axis=0))
+            if closer.refused is None:
+                best = self._chosen(Screened.joined([best, closer]))
+        best = self._chosen(best, most)
+        least = float(best.least[0])
+        if least <= 0:
+            arm = self.arms(best.grounds[:1], best.pins[:1])[0] * (self.sense if best.ways[0] else -self.sense)
+            low = int(np.argmin(arm))
+            other = low + 1 if low == 0 or (low + 1 < arm.size and arm[low + 1] > 0) else low - 1
+            return Screened.none(Refused("dead", float(self.at[low]), (min(low, other), max(low, other))))
+        if best.value[0] > 0:
+            return best
+        # a little below the arm asked for: the descent may still reach it
+        short = Refused("arm", least)
+        return best._replace(short=short) if least >= _ALMOST * self.wanted.arm else Screened.none(short)
+
+    def _looked(self, grounds: Complexes, actuators: Floats) -> Screened:
+        """All placements of actuators (1, 2) or (m, 2) from ground points (m,) within the reach, or why there are none."""
+        grounds, pins, ways, sides, actuators, need = self.families(grounds, actuators)
         if not grounds.size:
-            return Screened.none(refused)
+            return Screened.none(Refused("stroke", need))
         near = np.abs(pins) <= self.wanted.reach
         if not near.any():
             return Screened.none(Refused("reach", float(np.abs(pins).min())))
         grounds, pins, ways, sides = grounds[near], pins[near], ways[near], sides[near]
         arm = self.arms(grounds, pins) * (self.sense * np.where(ways, 1.0, -1.0))[:, None]
         least = arm.min(axis=1)
-        good = least > 0
-        if not good.any():
-            k = int(np.argmax(least))
-            low = int(np.argmin(arm[k]))
-            other = low + 1 if low == 0 or (low + 1 < arm.shape[1] and arm[k, low + 1] > 0) else low - 1
-            pair = (min(low, other), max(low, other))
-            return Screened.none(Refused("dead", float(self.at[low]), pair))
-        strong = good & (least >= self.wanted.arm)
-        shortfall = not strong.any()
-        # a little below the arm asked for: the descent may still reach it from between the grid's points
-        keep = np.flatnonzero(good & (least >= 0.7 * self.wanted.arm)) if shortfall else np.flatnonzero(strong)
-        if not keep.size:
-            return Screened.none(Refused("arm", float(least.max())))
-        worth = np.min(arm[keep] / np.maximum(self.burden, 1e-300), axis=1)
-        value = np.full(least.size, -np.inf)
-        value[keep] = worth
-        family = 2 * ways.astype(int) + (sides > 0)
-        some = np.concatenate([self._apart(grounds, np.where(family == k, value, -np.inf)) for k in range(4)])
-        some = some[np.argsort(-value[some], kind="stable")][:most]
-        reason = Refused("arm", float(least.max())) if shortfall else None
-        return Screened(grounds[some], pins[some], ways[some], sides[some], None, reason, float(value[some[0]]))
+        strong = (least > 0) & (least >= self.wanted.arm)
+        value = least - self.wanted.arm
+        value[strong] = np.min(arm[strong] / np.maximum(self.burden, 1e-300), axis=1)
+        return Screened(grounds, pins, ways, sides, actuators[near], least, value)
+
+    def _chosen(self, looked: Screened, most: int | None = None) -> Screened:
+        """The best placements of each family that lie apart from one another, and of all of them at most so many."""
+        family = 2 * looked.ways.astype(int) + (looked.sides > 0)
+        apart = [self._apart(looked.grounds, np.where(family == k, looked.value, -np.inf)) for k in range(4)]
+        some = np.concatenate(apart)
+        return looked.taken(some[np.argsort(-looked.value[some], kind="stable")][:most])
 
     def _apart(self, grounds: Complexes, value: Floats) -> Ints:
         """The best placements of a family that lie apart from one another: valleys, not neighbours in one."""
@@ -321,10 +345,18 @@ class Question:
             value[np.abs(grounds - grounds[k]) < _APART * self.size] = -np.inf
         return np.array(found, dtype=np.int64)
 
-    def families(self, actuator: Actuator) -> tuple[Complexes, Complexes, Flags, Floats, float]:
-        """Ground points, pins, ways and intersections of all four families; and by how much the stroke is too long, if it is."""
-        short, long = actuator.retracted, actuator.retracted + actuator.stroke
-        between = self.last - self.first
+    def families(
+        self, grounds: Complexes, actuators: Floats
+    ) -> tuple[Complexes, Complexes, Flags, Floats, Floats, float]:
+        """Ground points, pins, ways, intersections and actuators of all four families; and by how much the stroke is too long.
+
+        ``actuators``: (m, 2) at ground points (m,), or (1, 2).
+        """
+        link = self.link
+        first, last = (np.conj(link.direction[k]) * (grounds - link.origin[k]) for k in (0, -1))
+        actuators = np.broadcast_to(actuators, (grounds.size, 2))
+        short, long = actuators[:, 0], actuators[:, 0] + actuators[:, 1]
+        between = last - first
         distance = np.abs(between)
         parts: list[tuple[Any, ...]] = []
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -336,10 +368,11 @@ class Question:
                 meets = np.flatnonzero(height >= 0)
                 root = np.sqrt(height[meets])
                 for side in (1.0, -1.0):
-                    pin = self.first[meets] + (foot[meets] + 1j * side * root) * along[meets]
-                    parts.append((self.grounds[meets], pin, np.full(meets.size, way), np.full(meets.size, side)))
-        grounds, pins, ways, sides = (np.concatenate(column) for column in zip(*parts))
-        return grounds, pins, ways, sides, float(actuator.stroke - distance.max())
+                    pin = first[meets] + (foot[meets] + 1j * side * root) * along[meets]
+                    same = np.full(meets.size, way), np.full(meets.size, side)
+                    parts.append((grounds[meets], pin, *same, actuators[meets]))
+        grounds, pins, ways, sides, sizes = (np.concatenate(column) for column in zip(*parts))
+        return grounds, pins, ways, sides, sizes, float((actuators[:, 1] - distance).min())
 
     def arms(self, grounds: Complexes, pins: Complexes) -> Floats:
         """dL/dphi of m placements at n positions, (m, n): products of matrices."""
@@ -357,31 +390,25 @@ class Question:
         return np.asarray((basis @ slope) / np.sqrt(np.maximum(squared, 1e-300)))
 
     def _descended(
-        self, sizes: Sizes, ground: complex, way: bool, side: float, share: float = _BEGIN
+        self, sizes: Sizes, ground: complex, pin: complex, way: bool, share: float = _BEGIN
     ) -> Placement | None:
-        """The nearest optimum of a family, by sequential quadratic programs; None where it leaves what is wanted."""
+        """The nearest optimum, by sequential quadratic programs; None where it leaves what is wanted."""
         from scipy.optimize import minimize
 
-        one = _Descent(self, sizes, way, side)
-        try:
-            begin = one.start(ground, share)
-        except ValueError:
-            return None
+        one = _Descent(self, sizes, way)
+        equations = {"type": "eq", "fun": one.off, "jac": one.off_slopes}
         answer = minimize(
             lambda z: -z[-1],
-            begin,
+            one.start(ground, pin, share),
             jac=lambda z: one.gradient,
             bounds=one.bounds,
-            constraints=[{"type": "ineq", "fun": one.rows, "jac": one.slopes}],
+            constraints=[{"type": "ineq", "fun": one.rows, "jac": one.slopes}]
+            + [equations] * (not (sizes.retracted_free and sizes.stroke_free)),
             method="SLSQP",
             options={"ftol": 1e-13, "maxiter": 60},
         )
-        ground = one.ground(answer.x)
-        pin = one.pin(ground, *one.ends(answer.x))
-        if pin is None:
-            return None
-        found = self.placement(ground, pin)
-        return found if self.keeps(found) else None
+        found = self.placement(*one.ends(one.met(answer.x)))
+        return found if found.extends is way and self.keeps(found) else None
 
     def keeps(self, found: Placement, hair: float = _HAIR) -> bool:
         """Whether a placement is within what is wanted, to a hair."""
@@ -475,7 +502,7 @@ def best_of_rows(
     # rows of other forces have the same sizes
     @cache
     def begun(actuator: Actuator) -> Screened | None:
-        return None if question.link.pivot is not None else question.screened(actuator, _ROW_DESCENTS)
+        return None if question.link.pivot is not None else question.screened([actuator], _ROW_DESCENTS)
 
     @cache
     def placed(actuator: Actuator) -> Placement | Refused:
@@ -527,17 +554,37 @@ class Screened(NamedTuple):
     pins: Complexes
     ways: Flags
     sides: Floats
-    refused: Refused | None
+    actuators: Floats
+    """(m, 2)"""
+    least: Floats
+    """Of the arms."""
+    value: Floats
+    """Least of arm over burden; below 0 by how much an arm is less than asked for."""
+    refused: Refused | None = None
     short: Refused | None = None
-    """Where the grid's arms are all a little below what is asked for."""
-    worth: float = 0.0
-    """Of the best: least of arm over burden."""
+    """Where the arms are all a little below what is asked for."""
+
+    @property
+    def worth(self) -> float:
+        """Of the best."""
+        return float(self.value[0])
+
+    def taken(self, some: Ints) -> Screened:
+        """Some of them."""
+        columns: list[Any] = [column[some] for column in list(self)[:7]]  # type: ignore[index]
+        return Screened(*columns)
+
+    @classmethod
+    def joined(cls, parts: list[Screened]) -> Screened:
+        """All of several."""
+        columns: list[Any] = [np.concatenate(column) for column in list(zip(*parts))[:7]]
+        return cls(*columns)
 
     @classmethod
     def none(cls, refused: Refused) -> Screened:
         """No placement."""
         empty, places = np.zeros(0), np.zeros(0, dtype=np.complex128)
-        return cls(places, places, empty > 0, empty, refused)
+        return cls(places, places, empty > 0, empty, np.zeros((0, 2)), empty, empty, refused)
 
 
 def forms_of(link: LinkMotion, middle: complex) -> tuple[Floats, Floats]:
@@ -575,146 +622,127 @@ def forms_of(link: LinkMotion, middle: complex) -> tuple[Floats, Floats]:
 
 
 class _Descent:
-    """Rows and exact derivatives of ``arm >= u burden``, arm, reach and sizes along one family.
+    """Rows and exact derivatives of ``arm >= u burden``, arm, reach and sizes, one way.
 
-    Unknowns: G, then retracted length and stroke where they are free, all over the size; and u.
+    Unknowns: G and q over the size, and u. Lengths that are given are equations: nothing is singular where the circles about
+    both ends of q's way just touch, which is where many optima lie.
     """
 
-    def __init__(self, question: Question, sizes: Sizes, way: bool, side: float) -> None:
-        self.q, self.side, self.way, self.sizes = question, side, way, sizes
+    def __init__(self, question: Question, sizes: Sizes, way: bool) -> None:
+        self.q, self.sizes = question, sizes
         self.sign = question.sense * (1.0 if way else -1.0)
+        self.short, self.long = (0, -1) if way else (-1, 0)
+        self.free = sizes.retracted_free or sizes.stroke_free
         self.size = question.size
-        left, bottom, right, top = question.wanted.box
-        box = [(left / self.size, right / self.size), (bottom / self.size, top / self.size)]
-        free = [sizes.retracted_free, sizes.stroke_free]
-        self.free = [k for k in (0, 1) if free[k]]
-        self.bounds = [*box, *[(1e-6, 1e6)] * len(self.free), (0.0, 1e6)]
-        self.gradient = np.zeros(len(self.bounds))
-        self.gradient[-1] = -1.0
+        left, bottom, right, top = np.array(question.wanted.box) / self.size
+        reach = question.wanted.reach / self.size
+        self.bounds = [(left, right), (bottom, top), (-reach, reach), (-reach, reach), (0.0, 1e6)]
+        self.gradient = np.array([0.0, 0.0, 0.0, 0.0, -1.0])
         # u is told in what a placement at the bound would have, so that all unknowns are of order one
         whole = float(np.trapezoid(question.burden, question.at) * question.sense)
         self.unit = sizes.begin.stroke / max(whole, 1e-300)
         self._seen: _Looked | None = None
 
-    def ground(self, z: Floats) -> complex:
-        return complex(z[0] * self.size, z[1] * self.size)
+    def ends(self, z: Floats) -> tuple[complex, complex]:
+        """Ground point and pin."""
+        return complex(z[0], z[1]) * self.size, complex(z[2], z[3]) * self.size
 
-    def ends(self, z: Floats) -> tuple[float, float]:
-        """Lengths at the first position and at the last."""
-        both = list(self.sizes.begin)
-        for place, k in enumerate(self.free, 2):
-            both[k] = float(z[place]) * self.size
-        short, long = both[0], both[0] + both[1]
-        return (short, long) if self.way else (long, short)
-
-    def pin(self, ground: complex, begin: float, end: float) -> complex | None:
-        """The pin from both circles; None where they do not meet."""
-        link = self.q.link
-        first, last = (np.conj(link.direction[k]) * (ground - link.origin[k]) for k in (0, -1))
-        distance = abs(last - first)
-        if distance == 0:
-            return None
-        foot = ((begin - end) * (begin + end) / distance + distance) / 2
-        height = (begin - foot) * (begin + foot)
-        if height < 0:
-            return None
-        return complex(first + (foot + 1j * self.side * np.sqrt(height)) * (last - first) / distance)
-
-    def start(self, ground: complex, share: float) -> Floats:
-        sizes = self.sizes.begin
-        z = np.array([ground.real, ground.imag, *(sizes[k] for k in self.free), 0.0]) / self.size
-        pin = self.pin(ground, *self.ends(z))
-        if pin is None:
-            raise ValueError
-        arm = self.q.placement(ground, pin).arm * self.sign
-        z[-1] = share * np.min(arm / np.maximum(self.q.burden, 1e-300)) / self.unit
+    def start(self, ground: complex, pin: complex, share: float) -> Floats:
+        z = np.array([ground.real, ground.imag, pin.real, pin.imag, 0.0]) / self.size
+        arm = self._at(z).arm
+        z[-1] = share * np.min(arm / np.maximum(self.q.burden, 1e-300))
         return z
 
     def rows(self, z: Floats) -> Floats:
-        return self._at(z).rows
+        """At least 0."""
+        q, seen = self.q, self._at(z)
+        n, short, long = q.at.size, seen.length[self.short], seen.length[self.long]
+        rows = np.empty(2 * n + 1 + self.free)
+        rows[:n] = seen.arm - z[-1] * q.burden
+        rows[n : 2 * n] = seen.arm - q.wanted.arm / self.unit
+        reach = q.wanted.reach
+        rows[2 * n] = (1 - abs(seen.pin) / reach) * (1 + abs(seen.pin) / reach)
+        if self.free:
+            rows[-1] = (2 * short - long - self.sizes.dead_length) / self.size
+        return rows
 
     def slopes(self, z: Floats) -> Floats:
-        seen = self._at(z)
-        if seen.slopes is None:
-            seen = self._seen = seen._replace(slopes=self._slopes_of(seen))
-        return np.asarray(seen.slopes)
-
-    def _at(self, z: Floats) -> _Looked:
-        """What is known at the unknowns that were looked at last; a line search asks for rows alone."""
-        key = z.tobytes()
-        if self._seen is None or self._seen.key != key:
-            self._seen = self._computed(key, z)
-        return self._seen
-
-    def _computed(self, key: bytes, z: Floats) -> _Looked:
-        q, link, size = self.q, self.q.link, self.size
-        n = q.at.size
-        rows = np.full(2 * n + 1 + bool(self.free), -1.0)
-        flat = np.zeros((rows.size, z.size))
-        ground, ends, pin = 0j, (0.0, 0.0), None
-        if np.all(np.isfinite(z)):
-            ground, ends = self.ground(z), self.ends(z)
-            pin = self.pin(ground, *ends)
-        if pin is None:
-            return _Looked(key, rows, flat)
-        v = link.place(pin) - ground
-        # Re(conj(v_k) R_k dq) = Re(conj(v_k) dG) + L_k dL_k at both ends: two real equations for dq
-        one, other = (complex(np.conj(v[k]) * link.direction[k]) for k in (0, -1))
-        system = (one.real, -one.imag, other.real, -other.imag)
-        if abs(system[0] * system[3] - system[1] * system[2]) < 1e-14 * max(ends) ** 2:
-            return _Looked(key, rows, flat)
-        along, speed = v / np.abs(v), link.speed(pin)
-        arm = np.real(np.conj(along) * speed) * (self.sign / self.unit)
-        rows[:n] = arm - z[-1] * q.burden
-        rows[n : 2 * n] = arm - q.wanted.arm / self.unit
-        reach = q.wanted.reach
-        rows[2 * n] = (1 - abs(pin) / reach) * (1 + abs(pin) / reach)
+        q, seen = self.q, self._at(z)
+        n, arms = q.at.size, seen.slopes.arm
+        slopes = np.zeros((2 * n + 1 + self.free, 5))
+        slopes[:n, :4], slopes[:n, 4] = arms, -q.burden
+        slopes[n : 2 * n, :4] = arms
+        slopes[2 * n, 2:4] = np.array([seen.pin.real, seen.pin.imag]) * (-2 * self.size / q.wanted.reach**2)
         if self.free:
-            rows[-1] = (min(ends) - abs(ends[1] - ends[0]) - self.sizes.dead_length) / size
-        return _Looked(key, rows, None, ends, pin, v, along, speed, system)
-
-    def _slopes_of(self, seen: _Looked) -> Floats:
-        q, link, size = self.q, self.q.link, self.size
-        n, (a, b, c, d) = q.at.size, seen.system
-        slopes = np.zeros((seen.rows.size, len(self.bounds)))
-        right = np.zeros((2, len(self.bounds) - 1))
-        right[:, 0], right[:, 1] = seen.v[[0, -1]].real, seen.v[[0, -1]].imag
-        for place, k in enumerate(self.free, 2):
-            longer = 1 if self.way else 0
-            if k == 0:
-                right[:, place] = seen.ends
-            else:
-                right[longer, place] = seen.ends[longer]
-        right *= size / (a * d - b * c)
-        moved = (d * right[0] - b * right[1]) + 1j * (a * right[1] - c * right[0])
-        changes = np.array([1, 1j, *[0] * len(self.free)]) * size
-        along, speed = seen.along[:, None], seen.speed[:, None]
-        turned = link.direction[:, None] * moved
-        dv = turned - changes
-        back = np.conj(along)
-        dn = (dv - along * np.real(back * dv)) / np.abs(seen.v)[:, None]
-        arms = np.real(np.conj(dn) * speed) + np.real(back * 1j * link.rate[:, None] * turned)
-        arms *= self.sign / self.unit
-        slopes[:n, :-1], slopes[:n, -1] = arms, -q.burden
-        slopes[n : 2 * n, :-1] = arms
-        slopes[2 * n, :-1] = -2 * np.real(np.conj(seen.pin) * moved) / q.wanted.reach**2
-        for place, k in enumerate(self.free, 2):
-            slopes[-1, place] = 1.0 if k == 0 else -1.0
+            slopes[-1, :4] = 2 * seen.slopes.length[self.short] - seen.slopes.length[self.long]
         return slopes
 
+    def off(self, z: Floats) -> Floats:
+        """0 where an actuator has the lengths that are given."""
+        short, long = (self._at(z).length[k] for k in (self.short, self.long))
+        given = [] if self.sizes.retracted_free else [short - self.sizes.begin.retracted]
+        given += [] if self.sizes.stroke_free else [long - short - self.sizes.begin.stroke]
+        return np.array(given) / self.size
 
-class _Looked(NamedTuple):
-    """What a descent knows at one set of unknowns: its rows, and what their slopes are made of."""
+    def off_slopes(self, z: Floats) -> Floats:
+        lengths = self._at(z).slopes.length
+        short, long = lengths[self.short], lengths[self.long]
+        slopes = np.zeros((2, 5))
+        slopes[0, :4], slopes[1, :4] = short, long - short
+        return slopes[[not self.sizes.retracted_free, not self.sizes.stroke_free]]
+
+    def met(self, z: Floats) -> Floats:
+        """The nearest unknowns with the lengths that are given, to rounding."""
+        for _ in range(_NEWTON):
+            off = self.off(z)
+            if off.size:
+                z = z - np.linalg.pinv(self.off_slopes(z)) @ off
+        return z
+
+    def _at(self, z: Floats) -> _Looked:
+        """What is known at the unknowns that were looked at last; the value of u is no part of it."""
+        key = z[:4].tobytes()
+        if self._seen is None or self._seen.key != key:
+            ground, pin = self.ends(z)
+            v, speed = self.q.link.place(pin) - ground, self.q.link.speed(pin)
+            length = np.maximum(np.abs(v), 1e-300)
+            along = v / length
+            arm = np.real(np.conj(along) * speed) * (self.sign / self.unit)
+            self._seen = _Looked(key, self, pin, length, along, speed, arm)
+        return self._seen
+
+
+class _Slopes(NamedTuple):
+    """Derivatives (n, 4) by G and q."""
+
+    length: Floats
+    """Of lengths over the size."""
+    arm: Floats
+
+
+@dataclass(frozen=True)
+class _Looked:
+    """What a descent knows at one set of unknowns; a line search asks for no slopes."""
 
     key: bytes
-    rows: Floats
-    slopes: Floats | None
-    ends: tuple[float, float] = (0.0, 0.0)
-    pin: complex = 0j
-    v: Complexes = np.zeros(0, dtype=np.complex128)
-    along: Complexes = np.zeros(0, dtype=np.complex128)
-    speed: Complexes = np.zeros(0, dtype=np.complex128)
-    system: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    descent: _Descent
+    pin: complex
+    length: Floats
+    along: Complexes
+    speed: Complexes
+    arm: Floats
+    """Over the unit."""
+
+    @cached_property
+    def slopes(self) -> _Slopes:
+        one, link = self.descent, self.descent.q.link
+        turned = link.direction[:, None] * np.array([0, 0, 1, 1j])
+        dv = turned - np.array([1, 1j, 0, 0])
+        back, speed = np.conj(self.along)[:, None], self.speed[:, None]
+        lengths = np.real(back * dv)
+        dn = (dv - self.along[:, None] * lengths) / self.length[:, None]
+        arms = np.real(np.conj(dn) * speed) + np.real(back * 1j * link.rate[:, None] * turned)
+        return _Slopes(lengths, arms * (one.size * one.sign / one.unit))
 
 
 class _Pivoted:

@@ -17,6 +17,9 @@ from synthesis.drives.actuator import (
     best_of_rows,
 )
 from synthesis.drives.links import SAMPLES, hinged_at, motions_of
+from synthesis.fourbar.linkage import Linkage
+from synthesis.guided.analysis import Load
+from synthesis.target import Interval
 from tests.conftest import some_of
 from tests.oracles.driven_cases import Case, loads, random_linkage, straight
 
@@ -42,7 +45,7 @@ def test_no_grid_four_times_as_fine_finds_a_smaller_force(seed: int) -> None:
     found = asked.best(actuator)
     fine, _ = random_question(seed, 240)
     link, fine.link = fine.link, _without_pivot(fine.link)
-    begin = fine.screened(actuator)
+    begin = fine.screened([actuator])
     if isinstance(found, Refused):
         if begin.refused is None:  # the finer grid has a place: only in between the coarse one's points
             assert not isinstance(fine.best(actuator), Refused)
@@ -65,7 +68,7 @@ def test_nor_on_a_linkage_of_any_kind(seed: int) -> None:
     found, fine = case.question().best(case.actuator), case.question(150)
     again = fine.best(case.actuator)
     fine.link = _without_pivot(fine.link)
-    grid = fine.screened(case.actuator)
+    grid = fine.screened([case.actuator])
     if isinstance(found, Refused):
         assert isinstance(again, Refused)
         assert grid.refused is not None or grid.short is not None
@@ -84,17 +87,18 @@ def _without_pivot(link):
 @pytest.mark.parametrize("seed", range(4))
 def test_derivatives_of_the_descent_are_exact(seed: int, free: tuple[bool, bool]) -> None:
     asked, actuator = random_question(3 * seed + 1)
-    begin = asked.screened(actuator)
+    begin = asked.screened([actuator])
     if begin.refused is not None:
         pytest.skip("no place to begin from")
-    one = _Descent(asked, Sizes(actuator, *free), bool(begin.ways[0]), float(begin.sides[0]))
-    z = one.start(complex(begin.grounds[0]), 0.999)
-    slopes, step = one.slopes(z), 1e-6
+    one = _Descent(asked, Sizes(actuator, *free), bool(begin.ways[0]))
+    z = one.start(complex(begin.grounds[0]), complex(begin.pins[0]), 0.999)
+    slopes, step = np.vstack([one.slopes(z), one.off_slopes(z)]), 1e-6
     for k in range(z.size):
         there, here = z.copy(), z.copy()
         there[k] += step
         here[k] -= step
-        measured = (one.rows(there) - one.rows(here)) / (2 * step)
+        rows = [np.append(one.rows(at), one.off(at)) for at in (there, here)]
+        measured = (rows[0] - rows[1]) / (2 * step)
         assert measured == pytest.approx(slopes[:, k], rel=1e-4, abs=1e-4 * max(1, np.abs(slopes[:, k]).max()))
 
 
@@ -129,6 +133,44 @@ def test_free_sizes_are_at_least_as_good_as_given_ones() -> None:
         assert found.worst <= given.worst * (1 + 1e-3)
         low, high = sorted(found.length[[0, -1]])
         assert low >= high - low + dead - 1e-6
+
+
+def test_a_shorter_dead_length_and_a_larger_box_lose_no_answer() -> None:
+    """The first linkage was refused with a dead length of 10, the second in the larger box; the third found a worse place."""
+
+    def asked(
+        links: tuple[float, float, float, float],
+        branch: int,
+        start: float,
+        span: float,
+        half: float,
+        name: str = "coupler",
+    ) -> Question:
+        way = Interval(0.0, float(np.deg2rad(span)))
+        place = (5 + 8j, float(np.deg2rad(10)), (40.0, float(np.deg2rad(30))))
+        machine = motions_of(Linkage(links, branch, float(np.deg2rad(start)), *place), way)
+        torque = machine.torque(Load(3 - 20j, 30.0))
+        wanted = Wanted((-half, -half, half + 50, half + 50), machine.reaches[name], 2.0 / machine.span)
+        return Question(machine.links[name], machine.at, torque, wanted)
+
+    one = asked((87.1, 92.42, 79.71, 46.03), -1, -64.278, 186.1, 100.0)
+    forces = []
+    for dead in (10.0, 30.0, 45.0):
+        found = one.best_of_sizes(Sizes(Actuator(1.0, 20.0), True, False, dead))
+        assert isinstance(found, Placement)
+        forces.append(found.worst)
+    assert forces[0] <= forces[1] * (1 + 1e-6) and forces[1] <= forces[2] * (1 + 1e-6)
+    boxes = [asked((81.17, 70.76, 96.01, 34.97), 1, 131.388, -189.97, half) for half in (100.0, 200.0)]
+    small, large = (box.best(Actuator(50.0, 20.0)) for box in boxes)
+    assert isinstance(small, Placement)
+    assert isinstance(large, Placement)
+    assert large.worst <= small.worst * (1 + 1e-6)
+    third = (30.73, 63.76, 85.49, 65.17), -1, -49.367, -151.36
+    boxes = [asked(*third, half, "crank") for half in (100.0, 200.0)]
+    small, large = (box.best_of_sizes(Sizes(Actuator(1.0, 1.0), True, True)) for box in boxes)
+    assert isinstance(small, Placement)
+    assert isinstance(large, Placement)
+    assert large.worst <= small.worst * (1 + 1e-6)
 
 
 def test_an_actuator_that_must_extend_does() -> None:
