@@ -515,11 +515,15 @@ def drives(
         place = _Place.of_rocker(rocker, radians_in(degrees))
     else:
         place = _place_of(linkage, motion, crank_angle, degrees)
+    own = (load or {}).get("masses") or ()
     if load is not None and load.get("parts"):
         load = {**load, "parts": False, "masses": [*(load.get("masses") or ()), *place.masses_of_parts(length_unit)]}
     asked = read_asked(place.machine, load, drives, springs, hand, place.radian, millimetres)
     check_sizes(asked, place.machine.extent)
-    return found_drives(place, asked, top, watch)
+    found = found_drives(place, asked, top, watch)
+    if not asked.load.speed and any(mass.get("inertia") for mass in own):
+        found.notes.append("load.masses: inertia counts at a speed alone, and load.speed gives none")
+    return found
 
 
 class _Place(NamedTuple):

@@ -307,3 +307,11 @@ def test_a_dead_point_is_told_with_the_unit_of_its_angle(degrees: bool, way: flo
     motor = [{"kind": "rotary", "links": ["rocker"]}]
     (one,) = la.drives(linkage, motor, crank_angle=np.linspace(0, way, 4), degrees=degrees).refused
     assert f"at {words}: the rocker turns back there" in one.reason
+
+
+def test_inertia_without_a_speed_is_told() -> None:
+    flap = {"pivot": [0, 0], "start": 0, "swing": 60, "length": 400}
+    for more, told in (({}, True), ({"speed": 10}, False)):
+        load = {"masses": [{"link": "body", "mass": 1, "inertia": 5}], **more}
+        notes = la.drives(rocker=flap, drives=[{"kind": "rotary"}], load=load).notes
+        assert any("load.speed" in note for note in notes) is told
