@@ -1206,6 +1206,8 @@ class _Search:
                 return f"{what}: even the best place that was found has a dead point {where}at {at}"
             case "arm":
                 return f"{what}: the largest least arm found is {refused.needed:.4g}; arm_min is {wanted.arm:.4g}"
+            case "knee":
+                return f"the handle of the best knee turns back at {self.place.told(refused.needed)}, whichever way it bends"
         most = max(stroke - refused.needed, 0.0)
         if refused.needed > 0 and not free:
             return f"{what} is longer than any pin of the link goes from a point of ground_box: at most {most:.4g}"

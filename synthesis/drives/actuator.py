@@ -138,7 +138,7 @@ class Refused(NamedTuple):
     """Why an actuator finds no place: what binds, with its numbers."""
 
     reason: str
-    """``stroke``, ``reach``, ``box``, ``dead`` or ``arm``."""
+    """``stroke``, ``reach``, ``box``, ``dead`` or ``arm``; ``knee``, whose handle turns back whichever way it bends."""
     needed: float
     """Reach or arm: what would be needed, or what there is at best; the place of a dead point, in the drive's parameter."""
     between: tuple[int, int] | None = None
@@ -963,9 +963,11 @@ def locked(
         with np.errstate(divide="ignore", invalid="ignore"):
             turned = torque / arm * np.real(np.conj(rod) * 1j * (knee - found.ground))
         # where the strut has no arm the handle turns back: of the sides without such a place that of the least torque
-        back, most = bool((arm * arm[end] <= 0).any()), float(np.abs(turned).max())
-        bends.append(((back, most, -float(np.abs(arm).min()), side), knee, turned))
-    _, knee, turned = min(bends, key=lambda bend: bend[0])
+        back, most = arm * arm[end] <= 0, float(np.abs(turned).max())
+        bends.append(((bool(back.any()), most, -float(np.abs(arm).min()), side), knee, turned, back))
+    rank, knee, turned, back = min(bends, key=lambda bend: bend[0])
+    if rank[0]:
+        return Refused("knee", float(at[np.argmax(back)]))
     return Knee(
         found,
         handle,

@@ -315,3 +315,13 @@ def test_inertia_without_a_speed_is_told() -> None:
         load = {"masses": [{"link": "body", "mass": 1, "inertia": 5}], **more}
         notes = la.drives(rocker=flap, drives=[{"kind": "rotary"}], load=load).notes
         assert any("load.speed" in note for note in notes) is told
+
+
+def test_a_knee_whose_handle_turns_back_on_both_sides_is_refused() -> None:
+    links = dict(crank=23.09, coupler=76.16, rocker=56.51, ground=91.82)
+    place = {"ground_angle": 10, "pivot_a": (5, 8), "coupler_point": (40, 30)}
+    linkage = la.FourBar(**links, branch=-1, start_angle=-41.366, **place)
+    asked = [{"kind": "toggle", "links": ["coupler"]}]
+    found = la.drives(linkage, asked, crank_angle=[0, 195.26], load={"force": [3, -20], "torque": 30})
+    assert not found.drives
+    assert "turns back at 78.1" in found.refused[0].reason
