@@ -81,7 +81,7 @@ def grashof_excesses(lengths: ArrayLike) -> tuple[Floats, Floats, Floats]:
     return found[..., 0], found[..., 1], found[..., 2]
 
 
-AT_CHANGE_POINT = 1e-12
+_AT_CHANGE_POINT = 1e-12
 """Part of the longest link up to which a difference of two pairings is none: to so much an answer keeps given lengths."""
 _CHANGE_POINT = 8
 _BY_SIGNS = np.full(9, Family.TRIPLE_ROCKER, dtype=object)
@@ -104,7 +104,7 @@ def family(lengths: ArrayLike) -> NDArray[np.object_]:
     least = np.min(np.abs([a, b, c]), axis=0)
     signs = 4 * (a > 0) + 2 * (b > 0) + (c > 0)
     names = np.empty(np.shape(a), dtype=object)
-    names[...] = _BY_SIGNS[np.where(least <= AT_CHANGE_POINT * scaled.max(axis=-1), _CHANGE_POINT, signs)]
+    names[...] = _BY_SIGNS[np.where(least <= _AT_CHANGE_POINT * scaled.max(axis=-1), _CHANGE_POINT, signs)]
     return names
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from synthesis import kernel
 from synthesis.arrays import Flags, Floats
 from synthesis.errors import FieldError
-from synthesis.fourbar.kinematics import AT_CHANGE_POINT, FULL_CRANK, family, grashof_excesses
+from synthesis.fourbar.kinematics import FULL_CRANK, family, grashof_excesses
 from synthesis.mechanism import Box, Constrained, Placed
 from synthesis.target import Samples
 
@@ -42,14 +42,10 @@ SPARE = 1e-4
 
 
 def in_family(family: str, lengths: Floats) -> Flags:
-    """Which linkages (n, 4) are of one of `FAMILIES`, whatever their interval, shape (n,).
-
-    Law: but for `any` those whose `kinematics.family` is of that name.
-    """
+    """Which linkages (n, 4) are of one of `FAMILIES`, whatever their interval, shape (n,)."""
     a, b, c = grashof_excesses(lengths)
-    none = AT_CHANGE_POINT * np.max(lengths, axis=-1)
-    crank_rocker = (a > none) & (b > none) & (c > none)
-    double_crank = (a < -none) & (b < -none) & (c > none)
+    crank_rocker = (a > 0) & (b > 0) & (c > 0)
+    double_crank = (a < 0) & (b < 0) & (c > 0)
     return {
         "full_crank": crank_rocker | double_crank,
         "crank_rocker": crank_rocker,
