@@ -44,7 +44,9 @@ One = TypeVar("One")
 GRID_TRIES = 300
 """Combinations around the nearest that are tried at most; they come in the order of their estimate."""
 AROUND = 3
-"""Where the nearest lengths of a grid break a limit, so many steps to each side are looked at."""
+"""Where the nearest lengths of a grid break a limit, so many steps to each side are looked at; where they only lose, one."""
+_HARDLY = 1.01
+"""Times the objective of the solution that the nearest lengths may have, for others not to be looked at."""
 MOST_OPEN = 1 << 17
 """Choices of some links whose others are not chosen yet: about 50 MB."""
 _TOGETHER = 64
@@ -104,25 +106,30 @@ def round_to_grid(
     """The solution with its links on a grid and everything else fitted anew, within the limits.
 
     ``target``: with positions: only then are lengths actual. ``grid``: step of the lengths, in the user's unit; a link
-    is at least one step long. ``tries``: at most so many combinations, where the nearest lengths do not do. ``work``:
+    is at least one step long. ``tries``: at most so many combinations beside the nearest. ``work``:
     once it has expired no further combinations are tried than the first few.
 
-    The nearest lengths, or where these break a limit in every place the best combination around them. Law: no length is
-    off the grid but those that the limits give; where the nearest lengths do, none moved by more than half a step (or
-    up to one).
+    The nearest lengths where these hardly lose, otherwise the best of them and of combinations around them.
+    Law: no length is off the grid but those that the limits give, and none has moved by more than one step and a half; where the
+    nearest lengths break a limit in every place, by more than `AROUND` steps and a half.
     """
     old, given = solution.linkage, _given(limits)
     steps = np.maximum(np.round(np.array(old.links) / grid), 1.0)
     links = np.where(np.isnan(given), steps * grid, given)[None]
     starts = scan(target, links, old.branch, limits)[1]
-    if (found := place(target, links, old.branch, starts, old, limits, work)[0]) is not None:
+    found = place(target, links, old.branch, starts, old, limits, work)[0]
+    if found is not None and found.errors.objective <= _HARDLY * solution.errors.objective:
         return Rounding(found, 1)
     if work.expired():
-        return Rounding(None, 0, reason=NO_TIME)
-    near = [np.arange(max(1.0, step - AROUND), step + AROUND + 1) * grid for step in steps]
+        return Rounding(None, 0, reason=NO_TIME) if found is None else Rounding(found, 1)
+    around, most = (AROUND, GRID_TRIES) if found is None else (1, _TOGETHER)
+    near = [np.arange(max(1.0, step - around), step + around + 1) * grid for step in steps]
     near = [values if np.isnan(length) else np.array([length]) for values, length in zip(near, given)]
-    best = _best_of(target, solution, near, limits, min(tries, GRID_TRIES), work)
-    return Rounding(best.solution, best.tried, reason=best.reason)
+    best = _best_of(target, solution, near, limits, min(tries, most), work)
+    if found is None:
+        return Rounding(best.solution, best.tried, reason=best.reason)
+    both = [found] if best.solution is None else [found, best.solution]
+    return Rounding(min(both, key=lambda one: one.errors.objective), 1 + best.tried)
 
 
 def best_from_stock(

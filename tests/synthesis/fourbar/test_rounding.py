@@ -19,6 +19,7 @@ from synthesis.fourbar.rounding import (
     _nearest_first,
     best_from_stock,
     nearest_of,
+    place,
     response_to_lengths,
     round_to_grid,
     scan,
@@ -97,6 +98,20 @@ def test_within_limits_no_small_change_that_keeps_them_is_better(seed, with_rota
     assert rounded is not None and within(target, limits, [rounded]) == [rounded]
     for changed in within(target, limits, assess(target, changes_of(rounded.linkage, target))):
         assert changed.errors.objective >= rounded.errors.objective * (1 - 1e-5)
+
+
+@settings(LAW, max_examples=6)
+@given(st.integers(0, 10_000), st.floats(0.5, 5.0))
+def test_no_combination_beside_the_nearest_is_better_than_what_is_chosen(seed, grid) -> None:
+    """Each link one step shorter or longer than the nearest, alone; many such linkages are better than the nearest lengths."""
+    target, solution = exact_case(seed)
+    found = on_grid(target, solution, grid)
+    steps = np.maximum(np.round(np.array(solution.linkage.links) / grid), 1.0)
+    beside = np.maximum(steps + np.concatenate([np.zeros((1, 4)), np.eye(4), -np.eye(4)]), 1.0) * grid
+    starts = scan(target, beside, solution.linkage.branch, FREE)[1]
+    placed = place(target, beside, solution.linkage.branch, starts, solution.linkage, FREE, Work())
+    best = min(one.errors.objective for one in placed if one is not None)
+    assert found.errors.objective <= best * (1 + 1e-6)
 
 
 def test_links_of_no_length_become_one_step() -> None:
