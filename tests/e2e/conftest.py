@@ -41,16 +41,44 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def kept(app: Any) -> Any:
-    """The service, whose modules of the page the browser need not ask for again; test_page.py looks at their headers."""
+    """The service, whose modules of the page the browser need not ask for again; test_page.py looks at their headers.
+
+    What a page has asked before, to the letter, gets the same reply: each one that opens has its machine's layers looked for.
+    What is asked while a hand moves goes on from the answer before, and is computed each time.
+    """
+    replies: dict[Any, list[Any]] = {}
 
     async def answer(scope: Any, receive: Any, send: Any) -> None:
+        body, sent = [], []
+        if posted := scope["type"] == "http" and scope["method"] == "POST":
+            while not body or body[-1].get("more_body"):
+                body.append(await receive())
+        content = b"".join(message.get("body", b"") for message in body)
+        asked = scope.get("path"), scope.get("query_string"), tuple(scope.get("headers", ())), content
+        for message in replies.get(asked, ()):
+            await send(message)
+        if asked in replies:
+            return
+
+        async def received() -> Any:
+            return body.pop(0) if body else await receive()
+
         async def answered(message: Any) -> None:
             if message["type"] == "http.response.start" and scope["path"].startswith("/static/"):
                 headers = [pair for pair in message["headers"] if pair[0] != b"cache-control"]
                 message = message | {"headers": [*headers, (b"cache-control", b"max-age=3600")]}
             await send(message)
+            sent.append(message)
 
-        await app(scope, receive, answered)
+        await app(scope, received, answered)
+        if (
+            posted
+            and b'"live"' not in content
+            and sent
+            and sent[0]["status"] == 200
+            and not sent[-1].get("more_body")
+        ):
+            replies[asked] = sent
 
     return answer
 
