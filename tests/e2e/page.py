@@ -168,12 +168,16 @@ class Page:
         size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
         self.cdp("Emulation.setDeviceMetricsOverride", size)
 
-    def forget(self) -> None:
-        """Leave the page for a picture of the same service; its browser knows it no longer.
+    def leave(self) -> None:
+        """Leave the page for a picture of the same service.
 
         An address elsewhere would end the browser's process for the page, and the next page would wait for another.
         """
         self.browser.get(f"{self.address}/static/icon.svg")
+
+    def forget(self) -> None:
+        """Leave the page; its browser knows it no longer."""
+        self.leave()
         self.cdp("Storage.clearDataForOrigin", {"origin": self.address, "storageTypes": "local_storage"})
 
     def go(self, path: str = "") -> None:
@@ -278,7 +282,7 @@ class Page:
         self.press("#link")
         self.wait("location.hash.length > 10")
         link = self.browser.current_url
-        self.browser.get("about:blank")
+        self.leave()
         self.browser.get(link)
 
     def listen(self) -> None:

@@ -230,7 +230,7 @@ def test_a_link_holds_the_whole_request(page) -> None:
 
 def test_a_damaged_link_says_so(page) -> None:
     """The first as it is page, the others put into the address bar of the page that is there."""
-    page.browser.get("about:blank")
+    page.leave()
     for fragment in ("z=AAAA", "j=!!!", "z=%00", "j=bm8", "j=e30"):
         page.browser.get(f"{page.address}/#{fragment}")
         page.wait("document.body?.dataset.ready && document.getElementById('status').textContent")

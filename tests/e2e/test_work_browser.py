@@ -57,7 +57,7 @@ def test_a_link_wins_over_the_draft_and_leaves_it(page) -> None:
         "const [body, done] = arguments; import('/static/link.js').then(async (l) => done(await l.toFragment(body)))",
         {"position": [[1, 2], [3, 4], [5, 9]], "crank_span": 50},
     )
-    page.browser.get("about:blank")
+    page.leave()
     page.browser.get(f"{page.address}/#{link}")
     page.wait(f"{READY} && {IDLE}")
     assert page.placed()[0].tolist() == [1, 2] and "is replaced once" in page.text("draft-text")
