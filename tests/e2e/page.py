@@ -37,6 +37,12 @@ IN_SIGHT = (
     "e.scrollIntoView({block: 'center'}); return e"
 )
 """An element, scrolled out from under the bar with Solve, which stays in sight; found and scrolled by one call of the browser."""
+SERIOUS = (
+    "const rules = Object.fromEntries(axe._audit.rules.filter((one) => ['minor', 'moderate'].includes(one.impact))"
+    ".map((one) => [one.id, {enabled: false}]));"
+    "axe.run(arguments[0], {resultTypes: ['violations'], rules}).then(arguments[1])"
+)
+"""What axe-core finds without the rules whose findings would be passed over: each finding has the impact of its rule."""
 ASKED = (
     "window.asked=[];const own=window.fetch;window.fetch=async(...a)=>{"
     "if(a[0]==='/v1/assembly')return window.stub?new Promise(()=>{}):own(...a);"
@@ -270,7 +276,7 @@ class Page:
         """What axe-core calls serious or critical, on the page or within a part of it, where the rest is as it was."""
         if not self.run("return Boolean(window.axe)"):
             self.run((ROOT / "tests/vendor/axe.min.js").read_text())
-        found = self.later("axe.run(arguments[0], {resultTypes: ['violations']}).then(arguments[1])", within)
+        found = self.later(SERIOUS, within)
         return [
             f"{row['id']}: {row['nodes'][0]['html'][:150]} {row['nodes'][0].get('failureSummary', '')[:200]}"
             for row in found["violations"]

@@ -199,7 +199,8 @@ def test_a_link_pasted_into_an_open_tab_is_solved(page) -> None:
 # -- cards belong to what was asked --------------------------------------------------------------------------------------
 
 
-def test_cards_of_an_earlier_request_say_so_or_are_gone(page) -> None:
+def test_cards_of_an_earlier_request_say_so_or_are_gone(opened) -> None:
+    page = opened
     assert page.earlier() is False
     page.click("any-order")
     assert page.earlier() is True, "the motion is another one"
