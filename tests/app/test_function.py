@@ -27,15 +27,24 @@ TRAVEL: dict[str, Any] = {
 }
 
 
-@pytest.fixture(scope="module", params=["pairs", "travel"])
-def asked(request: pytest.FixtureRequest, client: TestClient) -> tuple[dict[str, Any], dict[str, Any]]:
+BODIES = {"pairs": PAIRS, "travel": TRAVEL}
+
+
+@pytest.fixture(scope="module")
+def replies(client: TestClient) -> dict[str, dict[str, Any]]:
+    return {name: client.post("/v1/function", json=body).json() for name, body in BODIES.items()}
+
+
+@pytest.fixture(params=BODIES)
+def asked(
+    request: pytest.FixtureRequest, replies: dict[str, dict[str, Any]]
+) -> tuple[dict[str, Any], dict[str, Any]]:
     """A request, of four-bars or of slider-cranks, and the reply that each of its files begins from."""
-    body = {"pairs": PAIRS, "travel": TRAVEL}[request.param]
-    return body, client.post("/v1/function", json=body).json()
+    return BODIES[request.param], replies[request.param]
 
 
-def test_a_function_with_travel_is_made_by_a_slider_crank(client: TestClient) -> None:
-    reply = client.post("/v1/function", json=TRAVEL).json()
+def test_a_function_with_travel_is_made_by_a_slider_crank(replies: dict[str, dict[str, Any]]) -> None:
+    reply = replies["travel"]
     one = reply["solutions"][1]
     assert one["kind"] == "slider_crank" and one["driver"] == "crank" and one["errors"]["max"] < 1
     assert one["lengths"].keys() == {"crank", "rod", "offset"} and reply["output"][-1] == pytest.approx(40)
