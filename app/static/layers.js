@@ -83,6 +83,7 @@ export class Layers {
     this.control?.abort();
     this.answer = answer;
     this.wrong = new Map();
+    this.asked = new Set();
     $("layers-card").hidden = !answer?.reply.solutions.length;
     if (!answer) return;
     this.control = new AbortController();
@@ -106,7 +107,8 @@ export class Layers {
   }
 
   async #ask(solution, answer, signal) {
-    if (!solution.verdict || solution.verdict.assembly || this.wrong.has(solution)) return;
+    if (!solution.verdict || solution.verdict.assembly || this.asked.has(solution)) return;
+    this.asked.add(solution);
     try {
       const assembly = await (await ask("/v1/assembly", { linkage: solution, request: answer.request, ...this.options(solution, answer.motion) }, signal)).json();
       const { verdict } = solution, free = assembly.status === "free";

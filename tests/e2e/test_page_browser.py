@@ -707,6 +707,12 @@ def test_files_come_from_this_service_alone_and_are_light(page) -> None:
     assert page + sum(size for name, size in entries if not name.startswith(answers)) < 450_000
 
 
+def test_the_layers_of_a_solution_are_asked_for_once(page) -> None:
+    page.wait("[...document.querySelectorAll('#solutions li')].every((one) => /layers/.test(one.textContent))")
+    asked = page.run("return performance.getEntriesByName(`${location.origin}/v1/assembly`).length")
+    assert asked == page.count("#solutions li")
+
+
 def test_the_machine_of_the_readme_is_whole_in_its_picture(page) -> None:
     """With ``LINKAGE_ATLAS_SCREENSHOTS=1`` docs/img/page.png is made anew."""
     page.choose("worked")
