@@ -1030,7 +1030,7 @@ class _Search:
                 return
             link = self._seen(name, wish["on"], self.machine)
             reach = self._reach(wish, name)
-            largest = (wish.get("stroke") or self._longest_way(link, reach)) / self.machine.span
+            largest = (wish.get("stroke") or link.longest_way(reach)) / self.machine.span
             arm = wish.get("arm_min", 0.0)
             wanted = Wanted(wish.get("ground_box", self.box), reach, arm, wish.get("extends"))
             if rows is not None:
@@ -1079,10 +1079,6 @@ class _Search:
                 if isinstance(one, Placement) and (not had or one.worst <= _HARDLY_MORE * best.worst):
                     return one
         return best
-
-    def _longest_way(self, link: LinkMotion, reach: float) -> float:
-        turned = float(abs(link.direction[-1] - link.direction[0]))
-        return float(abs(link.origin[-1] - link.origin[0])) + reach * turned
 
     def _placed(
         self,
@@ -1371,7 +1367,7 @@ class _Search:
             if self.work.expired():
                 return
             link, reach = self.machine.links[name], self._reach(wish, name)
-            least = _LEAST_ARM * self._longest_way(link, reach) / self.machine.span
+            least = _LEAST_ARM * link.longest_way(reach) / self.machine.span
             wanted = Wanted(wish.get("ground_box", self.box), reach, wish.get("arm_min", least))
             last = wish["at"] == "last"
             found = locked(

@@ -75,7 +75,7 @@ _ONE_GROUP = re.compile(r"[+\-\u2212]?[1-9]\d{0,2}[.,]\d{3}(?!\d|[.,])")
 
 _HEAD = re.compile(r"(\w+?)\.?(?:_(mm|cm|m|in|inch|deg|rad))?(|[\s(\[/].*)")
 """The head of a column in small letters: a name, and perhaps a unit, also as in x_mm."""
-_LENGTH = re.compile(r"[\s(\[/]*(?:in\s+)?[(\[]?(mm|cm|m|in)(?:ch|ches)?[)\]]?")
+_LENGTH = re.compile(r"[\s(\[/]*(?:in\s+)?[(\[]?(mm|cm|m|in)(?:(?<=in)ch(?:es)?)?[)\]]?")
 """What stands behind the name of a column of lengths, in small letters."""
 _MISSING = re.compile(r"[#(<]?(nan|n/?a|null|none|nil|missing|-+|\.|\?)[)>!]?")
 """What programs write in place of a number that is missing, in small letters."""

@@ -91,7 +91,7 @@ class Found:
     def __init__(self, tolerance: float, note: Callable[[float], None]) -> None:
         self.tolerance, self.note = tolerance, note
         self.pools: dict[Any, Pool] = {}
-        """By the chart that the candidates are in."""
+        """By the chart that the candidates are in; the best of each valley, best first, but that of least J at least second."""
         self.least = self.standing = np.inf
         """The least J, and the least where those that stray stand back."""
         self.led: list[float] = []
@@ -104,7 +104,8 @@ class Found:
             known = self.pools[chart].joined(pool) if chart in self.pools else pool
             kept = rounds.valleys(known, _POOL, _APART)
             if known.least < kept.least:  # it strays, and stands behind many others
-                kept = kept.joined(known.take([int(known.cost.argmin())]))
+                least = known.take([int(known.cost.argmin())])
+                kept = kept.take(slice(0, 1)).joined(least).joined(kept.take(slice(1, None)))
             self.pools[chart] = kept
             self.standing = min(
                 self.standing, np.sqrt(rounds.stood(self.pools[chart].take(slice(0, 1))).min(initial=np.inf))

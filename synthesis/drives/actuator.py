@@ -215,19 +215,20 @@ class Question:
 
     def best_of_sizes(self, sizes: Sizes, work: Work | None = None) -> Placement | Refused:
         """The same where retracted length or stroke may be chosen too."""
+        if self.link.longest_way(self.wanted.reach) <= _HAIR * self.size:  # the link comes back to where it began
+            return Refused("stroke", 0.0 if sizes.stroke_free else sizes.begin.stroke)
         return self._from_grid(self._ladder(sizes), sizes, work, DESCENTS)
 
     def _from_grid(
         self, actuators: list[Actuator], sizes: Sizes, work: Work | None, descents: int
     ) -> Placement | Refused:
-        begin = self.screened(actuators, descents)
+        begin = self.screened(actuators, descents, work)
         return begin.refused or self.descend(begin, sizes, work)
 
     def _ladder(self, sizes: Sizes) -> list[Actuator]:
         """Sizes from which descents may begin: rungs that do not move with the box or the dead length, and the shortest."""
-        link, reach = self.link, self.wanted.reach
-        most = abs(link.origin[-1] - link.origin[0]) + reach * abs(link.direction[-1] - link.direction[0])
-        far = float(np.abs(self.grounds - link.origin[0]).max()) + reach
+        most = self.link.longest_way(self.wanted.reach)
+        far = float(np.abs(self.grounds - self.link.origin[0]).max()) + self.wanted.reach
         found = []
         for stroke in (_STROKES * most if sizes.stroke_free else np.array([sizes.begin.stroke])).tolist():
             least = stroke + sizes.dead_length
@@ -265,7 +266,10 @@ class Question:
         """Descents from the end of one, with the curvature learnt anew: a descent can end early along a narrow ridge."""
         for _ in range(_AGAIN):
             low, high = sorted(best.length[[0, -1]].tolist())
-            begin = sizes.begin if not sizes.retracted_free and not sizes.stroke_free else Actuator(low, high - low)
+            begin = Actuator(
+                low if sizes.retracted_free else sizes.begin.retracted,
+                high - low if sizes.stroke_free else sizes.begin.stroke,
+            )
             again = self._descended(replace(sizes, begin=begin), best.ground, best.pin, best.extends)
             gain = 0.0 if again is None else 1 - again.worst / best.worst
             if again is not None and gain > 0:
@@ -274,12 +278,17 @@ class Question:
                 break
         return best
 
-    def screened(self, actuators: list[Actuator], most: int = DESCENTS) -> Screened:
+    def screened(self, actuators: list[Actuator], most: int = DESCENTS, work: Work | None = None) -> Screened:
         """The best placements of the grid, at most so many, with at most `BEGINNINGS` of each family.
 
-        Where none is within what is wanted, of closer and closer looks around them.
+        Where none is within what is wanted, of closer and closer looks around them. ``work``: once it has expired no more of the
+        actuators are looked at than one.
         """
-        looked = [self._looked(self.grounds, np.array([one])) for one in actuators]
+        looked = [
+            self._on_grid(self.grounds, np.array([one]))
+            for k, one in enumerate(actuators)
+            if not (k and work is not None and work.expired())
+        ]
         refused = [one.refused for one in looked if one.refused is not None]
         looked = [self._chosen(one) for one in looked if one.refused is None]
         if not looked:
@@ -290,28 +299,28 @@ class Question:
         left, bottom, right, top = self.wanted.box
         step = complex(right - left, top - bottom) / max(self.grid - 1, 1)
         for _ in range(_CLOSER):
-            if best.value.max() > 0:
+            if best.worth > 0:
                 break
             step /= 2
             about = best.grounds[:, None] + (_ABOUT.real * step.real + 1j * _ABOUT.imag * step.imag)
             about = np.clip(about.real, left, right) + 1j * np.clip(about.imag, bottom, top)
-            closer = self._looked(about.ravel(), np.repeat(best.actuators, _ABOUT.size, axis=0))
+            closer = self._on_grid(about.ravel(), np.repeat(best.actuators, _ABOUT.size, axis=0))
             if closer.refused is None:
                 best = self._chosen(Screened.joined([best, closer]))
-        best = self._chosen(best, most)
+        best = best.taken(np.arange(min(most, best.value.size)))
         least = float(best.least[0])
         if least <= 0:
             arm = self.arms(best.grounds[:1], best.pins[:1])[0] * (self.sense if best.ways[0] else -self.sense)
             low = int(np.argmin(arm))
             other = low + 1 if low == 0 or (low + 1 < arm.size and arm[low + 1] > 0) else low - 1
             return Screened.none(Refused("dead", float(self.at[low]), (min(low, other), max(low, other))))
-        if best.value[0] > 0:
-            return best
+        if best.worth > 0:
+            return best.taken(np.flatnonzero(best.value > 0))
         # a little below the arm asked for: the descent may still reach it
         short = Refused("arm", least)
         return best._replace(short=short) if least >= _ALMOST * self.wanted.arm else Screened.none(short)
 
-    def _looked(self, grounds: Complexes, actuators: Floats) -> Screened:
+    def _on_grid(self, grounds: Complexes, actuators: Floats) -> Screened:
         """All placements of actuators (1, 2) or (m, 2) from ground points (m,) within the reach, or why there are none."""
         grounds, pins, ways, sides, actuators, need = self.families(grounds, actuators)
         if not grounds.size:
@@ -327,12 +336,12 @@ class Question:
         value[strong] = np.min(arm[strong] / np.maximum(self.burden, 1e-300), axis=1)
         return Screened(grounds, pins, ways, sides, actuators[near], least, value)
 
-    def _chosen(self, looked: Screened, most: int | None = None) -> Screened:
-        """The best placements of each family that lie apart from one another, and of all of them at most so many."""
+    def _chosen(self, looked: Screened) -> Screened:
+        """The best placements of each family that lie apart from one another, best first."""
         family = 2 * looked.ways.astype(int) + (looked.sides > 0)
         apart = [self._apart(looked.grounds, np.where(family == k, looked.value, -np.inf)) for k in range(4)]
         some = np.concatenate(apart)
-        return looked.taken(some[np.argsort(-looked.value[some], kind="stable")][:most])
+        return looked.taken(some[np.argsort(-looked.value[some], kind="stable")])
 
     def _apart(self, grounds: Complexes, value: Floats) -> Ints:
         """The best placements of a family that lie apart from one another: valleys, not neighbours in one."""
@@ -407,8 +416,11 @@ class Question:
             method="SLSQP",
             options={"ftol": 1e-13, "maxiter": 60},
         )
-        found = self.placement(*one.ends(one.met(answer.x)))
-        return found if found.extends is way and self.keeps(found) else None
+        if not np.isfinite(answer.x).all():
+            return None
+        end = one.met(answer.x)
+        found = self.placement(*one.ends(end))
+        return found if found.extends is way and self.keeps(found) and one.fits(end) else None
 
     def keeps(self, found: Placement, hair: float = _HAIR) -> bool:
         """Whether a placement is within what is wanted, to a hair."""
@@ -698,6 +710,10 @@ class _Descent:
             if off.size:
                 z = z - np.linalg.pinv(self.off_slopes(z)) @ off
         return z
+
+    def fits(self, z: Floats) -> bool:
+        """Whether it has the lengths that are given, and no less dead length, to a hair."""
+        return bool(np.abs(self.off(z)).max(initial=0.0) <= _HAIR and (not self.free or self.rows(z)[-1] >= -_HAIR))
 
     def _at(self, z: Floats) -> _Looked:
         """What is known at the unknowns that were looked at last; the value of u is no part of it."""

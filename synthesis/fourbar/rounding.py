@@ -47,6 +47,8 @@ AROUND = 3
 """Where the nearest lengths of a grid break a limit, so many steps to each side are looked at; where they only lose, one."""
 _HARDLY = 1.01
 """Times the objective of the solution that the nearest lengths may have, for others not to be looked at."""
+_EXACT = 1e-12
+"""Objective of the nearest lengths that is only rounding."""
 MOST_OPEN = 1 << 17
 """Choices of some links whose others are not chosen yet: about 50 MB."""
 _TOGETHER = 64
@@ -109,16 +111,16 @@ def round_to_grid(
     is at least one step long. ``tries``: at most so many combinations beside the nearest. ``work``:
     once it has expired no further combinations are tried than the first few.
 
-    The nearest lengths where these hardly lose, otherwise the best of them and of combinations around them.
-    Law: no length is off the grid but those that the limits give, and none has moved by more than one step and a half; where the
-    nearest lengths break a limit in every place, by more than `AROUND` steps and a half.
+    The nearest lengths where these hardly lose or are exact, otherwise the best of them and of some around them.
+    Law: no length is off the grid but those that the limits give; the choice is no worse than the nearest lengths, and of
+    lengths within one step of these; where they break a limit in every place, within `AROUND` steps.
     """
     old, given = solution.linkage, _given(limits)
     steps = np.maximum(np.round(np.array(old.links) / grid), 1.0)
     links = np.where(np.isnan(given), steps * grid, given)[None]
     starts = scan(target, links, old.branch, limits)[1]
     found = place(target, links, old.branch, starts, old, limits, work)[0]
-    if found is not None and found.errors.objective <= _HARDLY * solution.errors.objective:
+    if found is not None and found.errors.objective <= max(_HARDLY * solution.errors.objective, _EXACT):
         return Rounding(found, 1)
     if work.expired():
         return Rounding(None, 0, reason=NO_TIME) if found is None else Rounding(found, 1)
@@ -126,10 +128,9 @@ def round_to_grid(
     near = [np.arange(max(1.0, step - around), step + around + 1) * grid for step in steps]
     near = [values if np.isnan(length) else np.array([length]) for values, length in zip(near, given)]
     best = _best_of(target, solution, near, limits, min(tries, most), work)
-    if found is None:
+    if found is None or (best.solution is not None and best.solution.errors.objective < found.errors.objective):
         return Rounding(best.solution, best.tried, reason=best.reason)
-    both = [found] if best.solution is None else [found, best.solution]
-    return Rounding(min(both, key=lambda one: one.errors.objective), 1 + best.tried)
+    return Rounding(found, max(best.tried, 1))
 
 
 def best_from_stock(

@@ -248,11 +248,11 @@ def _apart(found: Sequence[Solution], poses: Poses, limits: Limits, top: int, to
         ]
         first = min(alike, key=lambda one: proportion(one.linkage, poses))
         chosen.sort(key=lambda one: one is not first)
-    if best.errors.objective <= (1 + _AS_GOOD) * least.errors.objective:
-        least = best  # what is hardly nearer and strays need not be second
-    if chosen[0] is not least:
+    # what is hardly nearer and strays need not be second
+    second = best if best.errors.objective <= (1 + _AS_GOOD) * least.errors.objective else least
+    if chosen[0] is not second:
         chosen[1:] = distinct(
-            [least, *chosen[1:]], len(chosen), APART, order=lambda one: one is not least, exact=tolerance
+            [second, *chosen[1:]], len(chosen), APART, order=lambda one: one is not second, exact=tolerance
         )
     return chosen[:top]
 

@@ -322,6 +322,11 @@ class LinkMotion:
         """Of its frame, of modulus 1, (n,)."""
         return np.exp(1j * self.angle)
 
+    def longest_way(self, reach: float) -> float:
+        """The longest of a point that is no farther than so from the frame's origin, from the first position to the last."""
+        turned = float(abs(self.direction[-1] - self.direction[0]))
+        return float(abs(self.origin[-1] - self.origin[0])) + reach * turned
+
     def place(self, point: complex) -> Complexes:
         """Where a point of the link goes, (n,)."""
         return self.origin + self.direction * point

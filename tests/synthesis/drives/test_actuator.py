@@ -200,6 +200,15 @@ def test_reasons_name_what_binds() -> None:
     assert far.best(Actuator(1.0, 0.5)).reason == "stroke"
 
 
+@pytest.mark.parametrize("free", [(True, False), (True, True), (False, True)])
+def test_a_link_that_comes_back_to_where_it_began_has_no_stroke(free: tuple[bool, bool]) -> None:
+    whole = Interval(0.0, 2 * np.pi)
+    machine = motions_of(Linkage((1.0, 3.0, 2.5, 3.2), 1, 0.3, 0j, 0.0, (1.5, 0.4)), whole)
+    for link in (machine.links["coupler"], machine.links["crank"]):
+        asked = Question(link, machine.at, np.ones(machine.at.size), Wanted((-3.0, -3.0, 3.0, 3.0), 2.0, 0.0))
+        assert asked.best_of_sizes(Sizes(Actuator(1.0, 0.5), *free)).reason == "stroke"
+
+
 @pytest.mark.parametrize("low", [-1.2, -0.7, 0.35, 0.9])
 @pytest.mark.parametrize("height", [0.0, 1e-3])
 def test_the_ground_point_lies_in_a_box_as_thin_as_a_line(low: float, height: float) -> None:
