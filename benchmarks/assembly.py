@@ -23,7 +23,7 @@ KINDS = {
 ASKED = (Asked("below"), Asked("both"), Asked("bar"), Asked("below", heads=True), Asked("both", heads=True))
 
 
-def measure(cases: Annotated[int, "linkages of each kind"] = 1000) -> Iterator[dict[str, Any]]:
+def measure(cases: Annotated[int, "linkages of each kind"] = 400) -> Iterator[dict[str, Any]]:
     """Each kind, with a board below, on both sides, a bar, and heads in turn."""
     rows: list[dict[str, Any]] = []
     for kind, (machines, part) in KINDS.items():
