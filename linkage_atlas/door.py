@@ -125,7 +125,7 @@ PREFER = get_args(Prefer)
 
 _TRIES = 6
 """Searches at most."""
-TRY_ROUNDS = 2
+TRY_ROUNDS = 5
 """Rounds of each where the crank angles are free."""
 _SMALLEST = 0.5
 """Extents of the motion below which no linkage is looked for."""
