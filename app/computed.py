@@ -28,7 +28,7 @@ from app.live import Lives
 from app.query import RequestModel, Resources
 from app.resources import ServiceResources, give_back_memory
 from app.settings import Settings
-from app.turnstile import Attended, Place, Turnstile
+from app.turns import Attended, Place, Turns
 
 SMALL = 1 << 14
 """Bytes of a body that is parsed in half a millisecond, whatever it holds; a larger one counts as long."""
@@ -83,16 +83,16 @@ def live_of(body: RequestModel) -> str | None:
 class Threads:
     """Answers computed by threads of the process that talks to the clients."""
 
-    def __init__(self, resources: ServiceResources, turnstile: Turnstile) -> None:
-        self._resources, self._turnstile = resources, turnstile
+    def __init__(self, resources: ServiceResources, turns: Turns) -> None:
+        self._resources, self._turns = resources, turns
         self.alive, self.ends, self.preparing = [os.getpid()], Counter[str](), list[str]()
         self._places = resources.settings.max_concurrent
-        turnstile.add(*(Place(quick=k == 0 and self._places > 1) for k in range(self._places)))
-        self.stop = turnstile.stopping.set
+        turns.add(*(Place(quick=k == 0 and self._places > 1) for k in range(self._places)))
+        self.stop = turns.stopping.set
 
     @asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
-        self._turnstile.stopping.clear()  # it may begin again
+        self._turns.stopping.clear()  # it may begin again
         self._resources.load()
         self._resources.prepare_rest()
         self._threads, self._lives = anyio.CapacityLimiter(self._places), Lives()
@@ -126,7 +126,7 @@ class Threads:
                 kept.state = attended.left.state
                 return reply
 
-            return await self._turnstile.turn(request, compute, question.is_long(body))  # type: ignore[no-any-return]
+            return await self._turns.turn(request, compute, question.is_long(body))  # type: ignore[no-any-return]
 
 
 class LargeBodies:

@@ -22,7 +22,7 @@ from typing import NamedTuple
 from app import bodies, problems
 from app.computed import Question
 from app.resources import ServiceResources, Unprepared, give_back_memory, take_working_memory
-from app.turnstile import Attended
+from app.turns import Attended
 
 SHARE_OF_BUDGET = 1.2
 """Of the service's longest budget: so much processor time a request may take, with reading it and writing the reply."""

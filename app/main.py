@@ -19,19 +19,19 @@ from starlette.responses import Response
 
 import linkage_atlas as la
 from app import computed, page, problems
+from app.admission import Admission
 from app.bodies import Reply
-from app.doors import Doors
 from app.query import FILES, MEDIA_TYPES, Files, Query, ReplyModel, RequestModel, Resources, reply_model
 from app.registry import all_queries
 from app.resources import ServiceResources
 from app.settings import Settings
-from app.turnstile import Turnstile
+from app.turns import Turns
 
 
 def create_app(
     settings: Settings | None = None,
     resources: ServiceResources | None = None,
-    make_computing: Callable[[Turnstile], computed.Computing] | None = None,
+    make_computing: Callable[[Turns], computed.Computing] | None = None,
 ) -> FastAPI:
     """The application; settings come from the environment unless given, resources are made from them unless given.
 
@@ -39,8 +39,8 @@ def create_app(
     """
     settings = settings or (resources.settings if resources else Settings())
     resources = resources or ServiceResources(settings)
-    turnstile = Turnstile(settings.max_waiting)
-    computing = make_computing(turnstile) if make_computing else computed.Threads(resources, turnstile)
+    turns = Turns(settings.max_waiting)
+    computing = make_computing(turns) if make_computing else computed.Threads(resources, turns)
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
@@ -56,9 +56,9 @@ def create_app(
         openapi_url=None,  # its own route would make the document on the event loop
     )
     app.add_middleware(problems.BodyLimit, max_body_size=settings.max_body_bytes)
-    app.add_middleware(Doors, hosts=settings.allowed_hosts)
+    app.add_middleware(Admission, hosts=settings.allowed_hosts)
     problems.install(app)
-    app.state.turnstile = turnstile
+    app.state.turns = turns
     computed.install(app, computing, settings)
     for query in all_queries():
         _add_query(app, query)

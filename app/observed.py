@@ -23,7 +23,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.bodies import Held
 from app.settings import MOST_LOGGED, Settings
-from app.turnstile import Turnstile
+from app.turns import Turns
 
 _SECONDS = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 2.5, 5, 10, 30)
 lines = logging.getLogger("linkage_atlas.requests")
@@ -110,7 +110,7 @@ class _Figures:
             buckets=_SECONDS,
             registry=self._registry,
         )
-        self._registry.register(_Now(app.state.turnstile, computing))
+        self._registry.register(_Now(app.state.turns, computing))
 
     def tell(self, scope: Scope, status: int, size: int, seconds: float) -> None:
         """Count a request; addresses that are none are one."""
@@ -126,14 +126,14 @@ class _Figures:
 class _Now(Collector):
     """What holds when it is asked for."""
 
-    def __init__(self, turnstile: Turnstile, computing: Any) -> None:
-        self._turnstile, self._computing = turnstile, computing
+    def __init__(self, turns: Turns, computing: Any) -> None:
+        self._turns, self._computing = turns, computing
 
     def collect(self) -> Iterable[Metric]:
         """Gauges of the moment, and the processes that have ended by how they did."""
         for name, about, value in (
-            ("computing", "Requests that compute now.", self._turnstile.computing),
-            ("waiting", "Requests that wait for their turn.", self._turnstile.waiting),
+            ("computing", "Requests that compute now.", self._turns.computing),
+            ("waiting", "Requests that wait for their turn.", self._turns.waiting),
             ("unread_reply_bytes", "Bytes of replies that clients have not yet taken.", Held.total),
         ):
             yield GaugeMetricFamily(f"linkage_atlas_{name}", about, value)

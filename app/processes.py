@@ -31,7 +31,7 @@ from app.live import Lives
 from app.resources import INDEX
 from app.settings import Settings
 from app.supervisor import MAKE
-from app.turnstile import Place, Turnstile
+from app.turns import Place, Turns
 from linkage_atlas import OutOfTime
 
 _BUFFER = 1 << 20
@@ -100,13 +100,13 @@ def _ending(code: int) -> str:
 
 
 class Processes:
-    """Answers computed by processes, the places of a turnstile; as `app.computed.Computing` describes."""
+    """Answers computed by processes, places in which requests have turns; as `app.computed.Computing` describes."""
 
     supervisor: socket.socket
     """Set before `running`: where the supervisor tells of processes and of parts of the index."""
 
-    def __init__(self, turnstile: Turnstile, settings: Settings) -> None:
-        self._turnstile = turnstile
+    def __init__(self, turns: Turns, settings: Settings) -> None:
+        self._turns = turns
         self._seconds = processor_seconds(settings.max_budget_ms)
         self.alive: dict[int, _Process] = {}
         self.preparing: dict[str, _Making] = {}
@@ -126,7 +126,7 @@ class Processes:
             loop.remove_reader(self.supervisor)
 
     def stop(self) -> None:
-        self._turnstile.stopping.set()
+        self._turns.stopping.set()
         for process in list(self.alive.values()):
             process.kill()
 
@@ -159,7 +159,7 @@ class Processes:
                 with anyio.CancelScope(shield=not long) as stays:
                     loop.call_later(_SHORT_SECONDS, setattr, stays, "shield", False)
                     async with asyncio.timeout(_PATIENCE * self._seconds):
-                        crowded = self._turnstile.waiting > 0
+                        crowded = self._turns.waiting > 0
                         reply = await process.ask(task._replace(queued=queued, crowded=crowded))
                 if process.fresh and reply[0].missing == INDEX:
                     self._wish(INDEX)  # whoever was making it has ended
@@ -176,16 +176,16 @@ class Processes:
                 if not kept:
                     self._end(process)
 
-        return await self._turnstile.turn(request, compute, long)  # type: ignore[no-any-return]
+        return await self._turns.turn(request, compute, long)  # type: ignore[no-any-return]
 
     def _end(self, process: _Process) -> None:
         self.alive.pop(process.number, None)
-        self._turnstile.remove(process)
+        self._turns.remove(process)
         process.close()
 
     async def _how(self, process: _Process, path: str) -> str:
         """How a process ended before its answer; raises `problems.Ending`."""
-        if self._turnstile.stopping.is_set():
+        if self._turns.stopping.is_set():
             raise problems.Ending
         try:
             how = await asyncio.wait_for(process.end, _TOLD_SECONDS)
@@ -222,17 +222,17 @@ class Processes:
         match pickle.loads(told) if told else ():
             case ("computer", number, quick):
                 process = self.alive[number] = _Process(number, socket.socket(fileno=files[0]), quick)
-                self._turnstile.add(process)
+                self._turns.add(process)
                 self._begun.set()
             case ("ended", number, code):
                 self.ends[_ending(code)] += 1
                 if process := self.alive.pop(number, None):
                     process.end.set_result(_ending(code))
-                    if self._turnstile.remove(process):
+                    if self._turns.remove(process):
                         process.close()
             case ("fresh",):
                 for process in list(self.alive.values()):
-                    if self._turnstile.remove(process):
+                    if self._turns.remove(process):
                         self._end(process)
             case ("making", part):
                 self.preparing.setdefault(part, _Making(asyncio.Event(), asyncio.Event())).begun.set()

@@ -15,8 +15,8 @@ from types import FrameType
 import uvicorn
 from fastapi import FastAPI
 
+from app.admission import LOOPBACK
 from app.connections import ACCEPTED_AT_ONCE, BACKLOG, Connection, protocol_of
-from app.doors import LOOPBACK
 from app.main import create_app
 from app.processes import Processes
 from app.resources import ServiceResources
@@ -134,7 +134,7 @@ def _serve_with_processes(
     predecessor: int | None,
 ) -> int:
     settings = settings.model_copy(update={"max_concurrent": workers})  # each computes one request at a time
-    app = create_app(settings, resources, lambda turnstile: Processes(turnstile, settings))
+    app = create_app(settings, resources, lambda turns: Processes(turns, settings))
     protocol = protocol_of(settings)
     server = _server(settings, app, protocol)
     server.predecessor = predecessor

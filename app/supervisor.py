@@ -29,7 +29,7 @@ _LATE_SECONDS = 1.0
 """After the time in which the front ends by itself."""
 _AGAIN_SECONDS = 0.5
 """Before what must be done is tried again."""
-_REBIRTH_SECONDS = 0.2
+_RESTART_SECONDS = 0.2
 """Before another process takes the place of one that could not begin."""
 DRAIN_SECONDS = 60.0
 """For the requests of a service whose successor answers already."""
@@ -132,7 +132,7 @@ class Supervisor:
         self._computers.discard(number)
         self._say("ended", number, code)
         if code > 0:
-            time.sleep(_REBIRTH_SECONDS)
+            time.sleep(_RESTART_SECONDS)
 
     def _front_ended(self, code: int) -> None:
         self._front = None

@@ -384,13 +384,13 @@ def test_requests_whose_clients_have_gone_leave_their_places(more, seconds, monk
                 while not cancelled():
                     await asyncio.sleep(0.01)
 
-            return await self._turnstile.turn(request, compute)
+            return await self._turns.turn(request, compute)
 
     settings = Settings(atlas="none", max_concurrent=1)
     resources = ServiceResources(settings)
-    app = create_app(settings, resources, lambda turnstile: Computing(resources, turnstile))
+    app = create_app(settings, resources, lambda turns: Computing(resources, turns))
     with serving(app) as (port, _):
-        turnstile = app.state.turnstile
+        turns = app.state.turns
         with closing(connected(port)) as first:
             first.sendall(NEEDLE)
             assert begun.wait(PATIENCE)
@@ -398,11 +398,11 @@ def test_requests_whose_clients_have_gone_leave_their_places(more, seconds, monk
             for _ in range(5):
                 with closing(connected(port)) as client:
                     client.sendall(NEEDLE)
-                    until(lambda: turnstile.waiting == 1)
+                    until(lambda: turns.waiting == 1)
                     client.sendall(more)
                     time.sleep(0.05)
-                until(lambda: turnstile.waiting == 0)
-        until(lambda: turnstile.computing == 0)
+                until(lambda: turns.waiting == 0)
+        until(lambda: turns.computing == 0)
 
 
 def test_nothing_is_computed_for_clients_that_ask_and_leave_at_once(monkeypatch) -> None:
@@ -421,7 +421,7 @@ def test_nothing_is_computed_for_clients_that_ask_and_leave_at_once(monkeypatch)
 
     settings = Settings(atlas="none")
     resources = ServiceResources(settings)
-    app = create_app(settings, resources, lambda turnstile: Computing(resources, turnstile))
+    app = create_app(settings, resources, lambda turns: Computing(resources, turns))
     with serving(app) as (port, server):
         server.servers[0].get_loop().call_soon_threadsafe(hold)
         assert held.wait(PATIENCE)

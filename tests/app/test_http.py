@@ -397,7 +397,7 @@ def test_what_takes_milliseconds_is_made_where_answers_are_computed(small_bytes,
     (tmp_path / "small.h5").write_bytes(small_bytes)
     settings = Settings(atlas=tmp_path / "small.h5")
     resources = ServiceResources(settings)
-    app = create_app(settings, resources, lambda turnstile: Computing(resources, turnstile))
+    app = create_app(settings, resources, lambda turns: Computing(resources, turns))
     paths = ["/openapi.json", "/v1/atlas", "/scenes/lift/queries", "/v1/types/3"]
     with TestClient(app) as client:
         for _ in range(2):
@@ -560,7 +560,7 @@ def test_overload_is_refused_at_once_while_health_answers(tmp_path) -> None:
         threads[0].start()
         assert running.wait(PATIENCE)
         threads[1].start()
-        until(lambda: client.app.state.turnstile.waiting)
+        until(lambda: client.app.state.turns.waiting)
         reply, health = client.post("/v1/synthesize", json=EXAMPLE), client.get("/livez")
         release.set()
         for thread in threads:

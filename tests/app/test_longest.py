@@ -54,7 +54,7 @@ def resources() -> ServiceResources:
 
 
 class Limited:
-    """Resources whose work ends with the longest budget, as `app.turnstile.Attended` has it."""
+    """Resources whose work ends with the longest budget, as `app.turns.Attended` has it."""
 
     def __init__(self, resources: ServiceResources) -> None:
         self._resources = resources

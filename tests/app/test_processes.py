@@ -32,7 +32,7 @@ from app.registry import all_queries
 from app.resources import INDEX
 from app.server import default_workers, listening
 from app.settings import Settings
-from app.turnstile import Turnstile
+from app.turns import Turns
 from linkage_atlas import Cancelled
 from synthesis.atlas.file import encode_atlas
 from synthesis.atlas.table import AtlasRule
@@ -602,8 +602,8 @@ def test_a_short_answer_is_finished_though_its_client_has_gone(long, monkeypatch
 
     async def story() -> bool:
         ended: list[bool] = []
-        turnstile = Turnstile(1)
-        computing = processes.Processes(turnstile, Settings())
+        turns = Turns(1)
+        computing = processes.Processes(turns, Settings())
         process = processes._Process(0, None, quick=False)
 
         async def ask(task: Task) -> tuple[Head, list[bytes], Held]:
@@ -612,10 +612,10 @@ def test_a_short_answer_is_finished_though_its_client_has_gone(long, monkeypatch
             return Head(200, [], 0, False), [], Held(0)
 
         process.ask, process.close = ask, lambda: ended.append(True)
-        turnstile.add(process)
+        turns.add(process)
         with contextlib.suppress(Cancelled):
             await computing._asked(_Gone(), Task("", b"", 0.0, False), long)
-        assert turnstile.computing == 0
+        assert turns.computing == 0
         return bool(ended)
 
     assert asyncio.run(story()) == long
@@ -635,7 +635,7 @@ def test_a_part_that_cannot_be_kept_is_made_once_for_all_and_once_for_the_answer
             return Head(200 if task.makes else 0, [], 0, False, part), [], Held(0)
 
     async def story() -> int:
-        computing = Computing(Turnstile(1), Settings())
+        computing = Computing(Turns(1), Settings())
         computing._lives = Lives()
         query = next(query for query in all_queries() if query.path == NEEDLE)
         question = Question(NEEDLE, query.request, query.answer, lambda body: False)

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 from tests.oracles.largest import Largest
 
 _LOOK_SECONDS = 5e-5
-_REBIRTH_SECONDS = 10.0
+_RESTART_SECONDS = 10.0
 Ask = Callable[[str, bytes], tuple[int, bytes]]
 """``ask(path, body)`` gives status and reply."""
 
@@ -70,7 +70,7 @@ def _fresh(service: int) -> int:
     before = _computing(service)
     for process in before:
         os.kill(process, signal.SIGKILL)
-    until = time.monotonic() + _REBIRTH_SECONDS
+    until = time.monotonic() + _RESTART_SECONDS
     while time.monotonic() < until:
         for process in set(_computing(service)).difference(before):
             with contextlib.suppress(OSError):

@@ -24,7 +24,7 @@ def host_of(value: str) -> str:
         return ""
 
 
-class Doors:
+class Admission:
     """Refuses requests not under one of the names ``hosts`` (DNS rebinding), from a foreign page, and of ambiguous length."""
 
     def __init__(self, app: ASGIApp, hosts: Sequence[str]) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from fastapi.testclient import TestClient
 
-from app.doors import HEADERS, LOOPBACK, host_of
+from app.admission import HEADERS, LOOPBACK, host_of
 from app.main import create_app
 from app.page import static_files
 from app.settings import Settings

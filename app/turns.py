@@ -25,7 +25,7 @@ class Place:
         """Whether it takes another request after this one."""
 
 
-class Turnstile:
+class Turns:
     """Lets as many requests compute at a time as there are places, and ``waiting`` more wait; one whose client has gone leaves.
 
     Requests are of two classes, short and long: half of the room to wait is kept free of long ones. A place goes to the class

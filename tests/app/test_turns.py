@@ -22,7 +22,7 @@ from app.problems import Ending, Overloaded
 from app.registry import all_queries, worked_example
 from app.resources import ServiceResources
 from app.settings import Settings
-from app.turnstile import Place, Turnstile
+from app.turns import Place, Turns
 from tests.conftest import PATIENCE, listening, until
 from tests.oracles.largest import requests
 
@@ -55,16 +55,16 @@ class Slow(ServiceResources):
 class Service:
     """A real server in this process, with one place to compute and one to wait."""
 
-    def __init__(self, port: int, turnstile: Turnstile) -> None:
-        self.port, self._turnstile = port, turnstile
+    def __init__(self, port: int, turns: Turns) -> None:
+        self.port, self._turns = port, turns
 
     @property
     def computing(self) -> int:
-        return self._turnstile.computing
+        return self._turns.computing
 
     @property
     def waiting(self) -> int:
-        return self._turnstile.waiting
+        return self._turns.waiting
 
     def post(
         self, path: str, body: dict[str, Any], connection: http.client.HTTPConnection | None = None
@@ -84,7 +84,7 @@ def resources(tmp_path_factory) -> ServiceResources:
 def service(resources) -> Iterator[Service]:
     app = create_app(resources=resources)
     with listening(app) as (port, _):
-        yield Service(port, app.state.turnstile)
+        yield Service(port, app.state.turns)
 
 
 @pytest.mark.parametrize(
@@ -204,11 +204,11 @@ class Patient:
         return {}
 
 
-def turnstile_of(places: int, waiting: int) -> Turnstile:
+def turns_of(places: int, waiting: int) -> Turns:
     """One of whose places, if there are two, none is given to a long request."""
-    turnstile = Turnstile(waiting)
-    turnstile.add(*(Place(quick=k == 0 and places > 1) for k in range(places)))
-    return turnstile
+    turns = Turns(waiting)
+    turns.add(*(Place(quick=k == 0 and places > 1) for k in range(places)))
+    return turns
 
 
 async def steps(length: int) -> None:
@@ -217,21 +217,21 @@ async def steps(length: int) -> None:
         await asyncio.sleep(0)
 
 
-def turns(turnstile: Turnstile, story: Any) -> Any:
+def outcome(turns: Turns, story: Any) -> Any:
     """What a story tells, whose requests compute for so many steps and return as the how manyth they end."""
     ended = count()
 
-    async def told() -> Any:
+    async def tell() -> Any:
         def ask(length: int, long: bool, host: str = "") -> asyncio.Task[Any]:
             async def work(place: Place, queued: float, cancelled: Any) -> int:
                 await steps(length)
                 return next(ended)
 
-            return asyncio.create_task(turnstile.turn(Patient(host), work, long))
+            return asyncio.create_task(turns.turn(Patient(host), work, long))
 
         return await story(ask)
 
-    return asyncio.run(told())
+    return asyncio.run(tell())
 
 
 @pytest.mark.parametrize("places", [2, 3, 5])
@@ -243,7 +243,7 @@ def test_short_requests_do_not_wait_for_long_ones(places) -> None:
         last_short, first_long = max(await asyncio.gather(*short)), min(await asyncio.gather(*long))
         return first_long - last_short
 
-    assert turns(turnstile_of(places, 64), story) > 0
+    assert outcome(turns_of(places, 64), story) > 0
 
 
 def test_long_requests_do_not_wait_for_ever() -> None:
@@ -253,7 +253,7 @@ def test_long_requests_do_not_wait_for_ever() -> None:
         return max(await asyncio.gather(*long)) < max(await asyncio.gather(*short))
 
     for places in (1, 2, 3):
-        assert turns(turnstile_of(places, 64), story)
+        assert outcome(turns_of(places, 64), story)
 
 
 @pytest.mark.parametrize("long", [False, True])
@@ -267,7 +267,7 @@ def test_who_asks_for_much_waits_for_himself(long) -> None:
         few = await asyncio.gather(*few)
         return few, await asyncio.gather(*much, return_exceptions=True)
 
-    few, much = turns(turnstile_of(2, 16), story)
+    few, much = outcome(turns_of(2, 16), story)
     served = [one for one in much if isinstance(one, int)]
     assert sum(one < max(few) for one in served) <= 8
     assert sum(isinstance(one, Overloaded) for one in much) == 60 - len(served) and 4 <= len(served) <= 18
@@ -280,12 +280,12 @@ def test_long_requests_leave_room_to_wait() -> None:
         short = [ask(1, False) for _ in range(5)]
         return await asyncio.gather(*long, return_exceptions=True), await asyncio.gather(*short)
 
-    long, short = turns(turnstile_of(2, 16), story)
+    long, short = outcome(turns_of(2, 16), story)
     assert sum(isinstance(one, Overloaded) for one in long) == 100 - 1 - 8 and len(short) == 5
 
 
 def test_the_end_of_the_service_ends_its_work() -> None:
-    turnstile = turnstile_of(2, 4)
+    turns = turns_of(2, 4)
 
     async def story() -> Any:
         begun = asyncio.Event()
@@ -296,9 +296,9 @@ def test_the_end_of_the_service_ends_its_work() -> None:
                 begun.set()
                 await steps(1)
 
-        task = asyncio.create_task(turnstile.turn(Patient(), work))
+        task = asyncio.create_task(turns.turn(Patient(), work))
         await begun.wait()
-        turnstile.stopping.set()
+        turns.stopping.set()
         return await asyncio.gather(task, return_exceptions=True)
 
     assert isinstance(asyncio.run(story())[0], Ending)
@@ -314,7 +314,7 @@ def test_of_many_that_come_at_once_no_more_than_may_wait_are_let_in() -> None:
         first = await asyncio.gather(*(ask(50, False) for _ in range(50)), return_exceptions=True)
         return [*first, await ask(0, False)]
 
-    *first, later = turns(turnstile_of(2, 4), story)
+    *first, later = outcome(turns_of(2, 4), story)
     assert sum(isinstance(one, int) for one in first) == 6
     assert sum(isinstance(one, Overloaded) for one in first) == 44
     assert isinstance(later, int), "places are given back"
