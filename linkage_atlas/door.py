@@ -116,8 +116,8 @@ _LAYERED, _LAYERED_LEAST, _FOR_LAYERS = 3, 20, 0.3
 that is left for them."""
 _ROUNDED_LEAST = 5
 """Linkages at least that are rounded, of which the best are answered: the nearest is seldom that of whole lengths."""
-_POOL = 2
-"""Times as many linkages among which those in proportion are chosen."""
+_POOL = 20
+"""So many linkages more among which those in proportion are chosen."""
 _VARIETY = 6
 """Times as many solutions among which diverse ones are chosen."""
 Prefer = Literal["error", "size", "transmission", "crank_span", "layers"]
@@ -463,7 +463,7 @@ def _best_four_bars(question: _Question, source: SeedTables | Scan | Start, begu
     ) -> tuple[list[Solution], Course]:
         return _search(source, asked, within, most, near, work, rounds)
 
-    pool = _POOL * many if question.fair else many
+    pool = many + _POOL * bool(question.fair)
     found, course = _search(source, wanted, kept, pool, goal, question.searching(wish), begun=begun)
     if question.fair:
         work = question.searching(wish)

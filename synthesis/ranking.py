@@ -23,9 +23,9 @@ _AS_GOOD, _ALIKE = 0.02, 0.25
 """Parts by which objectives, and numbers of order one, of two answers in one valley differ at most."""
 NEAR, STANDS_BACK = 0.02, 2.0
 """An answer is near if its objective is at most the first, a fiftieth of the motion's extent, or so many times the best."""
-PROPORTION, FAIR, REPRODUCED = 100.0, 30.0, 1e6
+PROPORTION, FAIR = 100.0, 30.0
 """Extents of the motion, or shortest links, that the longest part is: above the first nobody builds it, within the second it is
-of fair size, and above the third the numbers that are written no longer give its motion again."""
+of fair size."""
 
 
 @dataclass(frozen=True)
@@ -182,18 +182,18 @@ def by_proportion(
     """Places of answers (n,), the best of which is the first, in the order in which they are shown.
 
     Law: an exact one stays first, and the best is among the first two. Where it is neither exact nor in proportion, those of
-    fair size that are near come before it. Behind them come others in proportion, then those that are not; and beside any
-    that are, no other one than the best whose numbers do not give its motion again.
+    fair size that are near come before it. Behind them come others in proportion; beside any that are, no other than the best
+    that is not.
 
     >>> by_proportion(np.array([1e-4, 2e-4, 3e-4, 4e-4, 0.3]), np.array([1e9, 1e8, 1e5, 20, 9]), 1e-10)
-    array([3, 0, 4, 2])
+    array([3, 0, 4])
     """
     out = times > PROPORTION
     first = (times <= fair) & (objective <= max(NEAR, back * objective[0])) & out[0] & (objective[0] >= exact)
-    groups = np.where(objective < exact, 0, np.where(first, 2, np.where(out, 4, 3)))
+    groups = np.where(objective < exact, 0, np.where(first, 2, 3))
     groups[0] = first.any()
     groups[first & (np.cumsum(first) == 1)] = 0
-    shown = (times <= REPRODUCED) | out.all()
+    shown = ~out | out.all()
     shown[0] = True
     order = np.argsort(groups, kind="stable")
     return order[shown[order]]

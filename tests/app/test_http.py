@@ -220,8 +220,8 @@ def ticking(**settings: Any) -> TestClient:
     return TestClient(create_app(resources=TickingResources(Settings(atlas=Path("none"), **settings))))
 
 
-ZIGZAG = {"rotation": [10.0 * (k % 2) for k in range(16)], "crank_span": 300, "top": 1}
-"""A motion that no four-bar comes near to."""
+ZIGZAG = {"rotation": [10.0 * (k % 2) for k in range(16)], "crank_span": 300, "top": 2}
+"""A motion that no four-bar comes near to; that of least error may be second."""
 
 
 def test_a_budget_ends_the_search_and_the_trace_falls() -> None:
@@ -236,8 +236,9 @@ def test_a_budget_ends_the_search_and_the_trace_falls() -> None:
     assert list(times) == sorted(times)
     # the last entry is recomputed from the reply's numbers: it may differ by rounding
     assert all(later <= earlier * (1 + 1e-9) for earlier, later in pairwise(objectives))
-    assert objectives[-1] == pytest.approx(reply["solutions"][0]["errors"]["objective"], rel=1e-6)
-    assert longer["solutions"][0]["errors"]["objective"] <= objectives[-1] * (1 + 1e-9)
+    least, later = (min(one["errors"]["objective"] for one in each["solutions"]) for each in (reply, longer))
+    assert objectives[-1] == pytest.approx(least, rel=1e-6)
+    assert later <= objectives[-1] * (1 + 1e-9)
 
 
 def test_no_request_computes_longer_than_the_service_allows() -> None:
