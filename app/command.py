@@ -8,6 +8,7 @@ import os
 import re
 import sys
 import threading
+from codecs import BOM_UTF8
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -241,7 +242,7 @@ def write(files: Mapping[Path, bytes]) -> Exit:
 
 
 def text_of(options: argparse.Namespace) -> bytes:
-    """The text of a file, of a bundled example, or of standard input."""
+    """The text of a file, of a bundled example, or of standard input, without the mark of UTF-8."""
     if options.example and options.file != "-":
         raise FieldError("", "give a file or --example, not both")
     if options.example:
@@ -249,8 +250,8 @@ def text_of(options: argparse.Namespace) -> bytes:
     if options.file == "-":
         if sys.stdin.isatty():
             print("reading the request from this terminal; Ctrl-D ends it", file=sys.stderr)
-        return sys.stdin.buffer.read()
-    return Path(options.file).read_bytes()
+        return sys.stdin.buffer.read().removeprefix(BOM_UTF8)
+    return Path(options.file).read_bytes().removeprefix(BOM_UTF8)
 
 
 def _solution_in(path: Path) -> Any:
@@ -271,8 +272,7 @@ def read_request(query: Query, text: bytes, also: Sequence[tuple[list[str], Any]
 
     Fields in ``also`` go before those of the text; ``unwrap`` takes the angles of a table as continuous.
     """
-    # a table may begin with a name in quotes
-    is_json = text.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"{", b"[", b"" if query.from_csv else b'"', b"")
+    is_json = _is_json(query, text)
     request: RequestModel
     if not text.strip():
         if not also:
@@ -298,13 +298,14 @@ def read_request(query: Query, text: bytes, also: Sequence[tuple[list[str], Any]
     return request
 
 
+def _is_json(query: Query, text: bytes) -> bool:
+    """Whether a text is no table; a table may begin with a name in quotes."""
+    return text.lstrip()[:1] in (b"{", b"[", b"" if query.from_csv else b'"', b"")
+
+
 def _length_unit(options: argparse.Namespace, query: Query, text: bytes) -> str | None:
     """The unit of lengths that the option names, or the heads of a table of poses."""
-    of_poses = "position" in query.request.model_fields and text.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] not in (
-        b"{",
-        b"[",
-        b"",
-    )
+    of_poses = "position" in query.request.model_fields and not _is_json(query, text)
     named: str | None = length_unit_of(decoded(text)) if of_poses else None
     if None not in (named, options.length_unit) and named != options.length_unit:
         raise FieldError("/length_unit", f"the heads of the table say {named}, --length-unit {options.length_unit}")
@@ -400,12 +401,14 @@ def add_export(parser: argparse.ArgumentParser) -> None:
         "(CSV, or pasted from a spreadsheet)",
         "solve a bundled example instead",
     )
-    parser.add_argument("--format", choices=LINKAGE_FILES.formats, help="default: as the ending of --out says")
+    parser.add_argument(
+        "--format", choices=LINKAGE_FILES.formats, help="default: as the ending of --out or the body says"
+    )
     parser.add_argument(
         "--out", type=Path, metavar="FILE", help="the file to write (default: its example's or request's name)"
     ).complete = FILE  # type: ignore[attr-defined]
     parser.add_argument(
-        "--rank", type=whole_number(1, 100), default=1, help="which solution of the request (%(default)s)"
+        "--rank", type=whole_number(1, 100), help="which solution of the request (default: as it says, or 1)"
     )
     parser.add_argument("--length-unit", choices=get_args(LengthUnit), help="the unit of the lengths (mm)")
     add_atlas(parser, "the atlas, if one is needed")
@@ -439,12 +442,11 @@ def _export(options: argparse.Namespace) -> int:
     from app.resources import ServiceResources
     from app.settings import atlas_of, settings_of
 
-    kind, path = _wanted(options)
+    kind = options.format or (None if options.out is None else _kind_of(options.out.name))
     given = {part: {name: getattr(options, name) for name in names} for part, names in _FIELDS.items()}
     also = [([part, name], value) for part, values in given.items() for name, value in values.items()]
-    also = [(field, value) for field, value in also if value is not None]
-    body = with_fields(_body(options), [*also, *options.set, (["format"], kind)])
-    body.setdefault("rank", options.rank)
+    also += [(["rank"], options.rank), (["format"], kind)]
+    body = with_fields(_body(options), [*(one for one in also if one[1] is not None), *options.set])
     try:
         request = ExportRequest.model_validate(body)
     except ValidationError as error:
@@ -452,31 +454,23 @@ def _export(options: argparse.Namespace) -> int:
     resources = ServiceResources(settings_of(options), atlas_of)
     with waiting("computing", resources.max_budget_ms / 1000):
         content = LINKAGE_FILES.render(request, resources)
-    return write({path: content})
-
-
-def _wanted(options: argparse.Namespace) -> tuple[str, Path]:
-    """The kind of the file, and its name: that of the example or request, with the ending of its kind."""
     stem = options.example or ("linkage" if options.file == "-" else Path(options.file).name.partition(".")[0])
-    if options.out is None:
-        kind = options.format or "json"
-        return kind, Path(f"{stem}.{FILES[kind].endings[-1]}")
-    if options.format is not None:
-        return options.format, options.out
-    name = options.out.name
-    return "json" if name.endswith(".json") and not name.endswith(".pylinkage.json") else kind_of(name), options.out
+    return write({options.out or Path(f"{stem}.{FILES[request.format].endings[-1]}"): content})
+
+
+def _kind_of(name: str) -> str:
+    return "json" if name.endswith(".json") and not name.endswith(".pylinkage.json") else kind_of(name)
 
 
 def _body(options: argparse.Namespace) -> dict[str, Any]:
     """What is exported: a body of /v1/export, or the request of one."""
+    (query,) = queries_named("synthesize")
     text = text_of(options)
-    if text.lstrip()[:1] == b"{":
-        content = parsed(text)
+    if text.strip() and _is_json(query, text) and isinstance(content := parsed(text), dict):
         if isinstance(content.get("solutions"), list):
             raise FieldError(
                 "", "this is a reply: wanted its request, or what `synthesize --export FILE.json` writes"
             )
         if "request" in content:
             return content | ({"length_unit": options.length_unit} if options.length_unit else {})
-    (query,) = queries_named("synthesize")
     return {"request": read_request(query, text), "length_unit": _length_unit(options, query, text) or "mm"}

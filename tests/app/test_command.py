@@ -214,6 +214,32 @@ def test_what_a_body_of_export_says_holds_unless_an_option_says_another(run, tmp
         assert length == pytest.approx(33250 if option[1:] != ("mm",) else 33.25, rel=1e-3)
 
 
+def test_an_export_is_of_the_format_and_rank_that_its_body_says_unless_an_option_says_another(
+    run, tmp_path, monkeypatch
+) -> None:
+    """JSON was written, whatever the body said, and --rank was passed over."""
+    monkeypatch.chdir(tmp_path)
+    request = worked_example() | {"top": 2}
+    first, second = json.loads(run("synthesize", "--json", stdin=json.dumps(request))[1])["solutions"]
+    (tmp_path / "one.json").write_text(json.dumps({"request": request, "format": "dxf", "rank": 2}))
+    for options, name, one in (
+        ((), "one.dxf", second),
+        (("--format", "svg"), "one.svg", second),
+        (("--set", "format=svg"), "one.svg", second),
+        (("--out", "two.svg", "--rank", 1), "two.svg", first),
+    ):
+        assert run("export", "one.json", *options)[::2] == (Exit.OK, f"wrote {name}\n")
+        title = f"crank {one['links']['crank']:.6g}, "
+        assert name == "one.dxf" or title in Path(name).read_text(), options
+
+
+def test_json_with_the_mark_of_utf_8_is_read(run, tmp_path) -> None:
+    """Editors on Windows write it."""
+    text = b"\xef\xbb\xbf" + json.dumps(RIGHT_ANGLE).encode()
+    assert run("synthesize", stdin=text)[::2] == (Exit.OK, "")
+    assert run("export", "--out", tmp_path / "one.svg", stdin=text)[0] == Exit.OK
+
+
 def test_errors_stand_in_the_unit_of_the_request(run) -> None:
     radians = {**RIGHT_ANGLE, "rotation": [0.0, 0.1, 0.4, 0.5, 0.9], "crank_span": 1.5, "angle_unit": "rad"}
     _, out, _ = run("synthesize", "--json", stdin=json.dumps(radians))
