@@ -33,6 +33,8 @@ class Kind:
     """What the columns of a table without names hold, by how many there are."""
     angles: tuple[str, ...]
     """What is in the unit of angle."""
+    lengths: tuple[str, ...] = ()
+    """What is in the unit of length."""
     gaps: bool = False
     """Whether a cell may be empty."""
 
@@ -48,6 +50,7 @@ POSES = Kind(
     f"x, y; rotation, angle, phi, theta, gamma; crank_angle, crank, theta1; {', '.join(SHARES)}",
     {1: ("rotation",), 2: ("x", "y"), 3: ("x", "y", "rotation"), 4: ("crank_angle", "x", "y", "rotation")},
     ("crank_angle", "rotation", "tolerance_rotation"),
+    ("x", "y", "tolerance_position"),
     gaps=True,
 )
 TURNS = Kind(
@@ -116,7 +119,6 @@ def request_from_csv(text: str, also: Mapping[str, Any] | None = None, unwrap: b
     Raises `FieldError`: naming the line, and the column where one cell is wrong.
     """
     columns, rows, unit = _read(text, POSES, unwrap)
-    length_unit_of(text)  # refuses two
     request: dict[str, Any] = {name: columns[name] for name in ("crank_angle", "rotation") if name in columns}
     if ("x" in columns) != ("y" in columns):
         raise FieldError("", "line 1: wanted both x and y, or neither")
@@ -133,16 +135,7 @@ def request_from_csv(text: str, also: Mapping[str, Any] | None = None, unwrap: b
 
 def length_unit_of(text: str) -> str | None:
     """The unit of lengths in the heads of a table of poses; None: they name none. Raises `FieldError` where they name two."""
-    rows, units = _rows(text, POSES), set()
-    for cell in rows[0].cells if rows else []:
-        head = _HEAD.fullmatch(cell.lower())
-        if head is not None and POSES.columns.get(head[1]) in ("x", "y", "tolerance_position"):
-            found = _LENGTH.fullmatch(head[2] or head[3])
-            units |= {found[1]} if found is not None else set()
-    if len(units) > 1:
-        named = " and ".join(sorted(units))
-        raise FieldError("", f"line {rows[0].line}: wanted all lengths in one unit, found {named}")
-    return units.pop() if units else None
+    return _names(_rows(text, POSES), POSES)[2]
 
 
 def _shares(columns: Mapping[str, list[float | None]], parts: Set[str], rows: list[_Row]) -> dict[str, Any]:
@@ -191,7 +184,7 @@ def _read(text: str, kind: Kind, unwrap: bool) -> tuple[dict[str, list[float | N
     """The columns of a table, its rows, and the unit of its angles where that is not the degree."""
     rows = _rows(text, kind)
     heads = rows[0].cells if rows and any(map(_is_head, rows[0].cells)) else []
-    names, unit = _names(rows, kind)
+    names, unit, _ = _names(rows, kind)
     if not rows:
         raise FieldError("", "the table has no rows: wanted a line for each sample, perhaps below a line of names")
     columns = _numbers(names, heads, rows, kind.gaps)
@@ -272,10 +265,10 @@ def _words(line: str) -> list[str]:
     return re.sub(r"\s+([(\[])", r"\1", line).split()
 
 
-def _names(rows: list[_Row], kind: Kind) -> tuple[list[str | None], str]:
-    """What each column holds, and the unit of angles; takes the line of names from the rows."""
+def _names(rows: list[_Row], kind: Kind) -> tuple[list[str | None], str, str | None]:
+    """What each column holds, and the units of angles and of lengths; takes the line of names from the rows."""
     if not rows:
-        return [], "deg"
+        return [], "deg", None
     head = rows[0]
     if not any(map(_is_head, head.cells)):
         if len(head.cells) not in kind.by_number:
@@ -283,10 +276,10 @@ def _names(rows: list[_Row], kind: Kind) -> tuple[list[str | None], str]:
             raise FieldError(
                 "", f"line {head.line}: wanted 1 to {most} columns, or names above them, found {len(head.cells)}"
             )
-        return list(kind.by_number[len(head.cells)]), "deg"
+        return list(kind.by_number[len(head.cells)]), "deg", None
     rows.pop(0)
     names: list[str | None] = []
-    units = set()
+    units, lengths = set(), set()
     for cell in _trimmed(head.cells, 1):
         found = _HEAD.fullmatch(cell.lower())
         if found is not None and found[1] in TIME:
@@ -305,9 +298,14 @@ def _names(rows: list[_Row], kind: Kind) -> tuple[list[str | None], str]:
         names.append(name)
         if name in kind.angles:
             units.add("rad" if unit == "rad" or re.search(r"\brad", behind) else "deg")
+        elif name in kind.lengths and (measure := _LENGTH.fullmatch(unit or behind)):
+            lengths.add(measure[1])
     if len(units) > 1:
         raise FieldError("", f"line {head.line}: wanted all angles in one unit, found degrees and radians")
-    return names, units.pop() if units else "deg"
+    if len(lengths) > 1:
+        named = " and ".join(sorted(lengths))
+        raise FieldError("", f"line {head.line}: wanted all lengths in one unit, found {named}")
+    return names, units.pop() if units else "deg", lengths.pop() if lengths else None
 
 
 def _trimmed(cells: list[str], least: int) -> list[str]:
