@@ -26,7 +26,7 @@ from app.query import (
 )
 from linkage_atlas import FieldError, Work
 from synthesis.lift.constraints import ConstraintRow, Constraints, measured, optimize_within, rows_of
-from synthesis.lift.files import columns, design_csv, design_dxf, design_svg
+from synthesis.lift.files import columns, design_csv, design_dxf, design_svg, joint_columns
 from synthesis.lift.motion import (
     Drive,
     Motion,
@@ -142,7 +142,9 @@ class MotionRequest(RequestModel):
     pneumatics: PneumaticsModel | None = Field(
         None, description="Load and piston: forces and pressure over the motion."
     )
-    include: Annotated[list[Extra], Field(max_length=16)] = Field([], description="What else to compute.")
+    include: Annotated[list[Extra], Field(max_length=16)] = Field(
+        [], description="What else to compute; what is over the time stands in the CSV file too."
+    )
     angle_unit: AngleUnit = "deg"
 
 
@@ -735,16 +737,23 @@ def _extras(request: MotionRequest, moved: Motion, work: Work) -> dict[str, Any]
         "assemblies": assemblies,
     }
     found = {}
-    for name in set(request.include):
+    for name in dict.fromkeys(request.include):
         work.go_on()
         found[name] = extras[name]()
     return found
 
 
 def motion_csv(request: MotionRequest, resources: Resources) -> bytes:
-    """The motion as comma-separated values, one time a line, with the forces where they are asked for."""
+    """The motion as comma-separated values, one time a line, with the forces and extras where they are asked for."""
     moved = _move(request)
     rows, found = columns(moved), _forces(request, moved)
+    for name, extra in _extras(request, moved, resources.work()).items():
+        if name == "points":
+            rows |= joint_columns(moved)
+        elif isinstance(extra, dict):
+            rows |= {f"{name}_{link}_{request.angle_unit}": column for link, column in extra.items()}
+        elif name in ("conditions", "instant_centre"):
+            rows[name] = extra
     if found is not None:
         rows |= {f"force_{name}": getattr(found, name) for name in ("weight", "cylinder", "link", "slide")}
         rows["pressure"] = found.pressure

@@ -29,12 +29,18 @@ def columns(moved: Motion) -> dict[str, Floats]:
     }
 
 
+def joint_columns(moved: Motion) -> dict[str, Floats]:
+    """The joints that move, over the time."""
+    places = joints(moved.pose)
+    rows: dict[str, Floats] = {}
+    for name in "ABC":
+        rows |= {f"{name}_x": places[name].real, f"{name}_y": places[name].imag}
+    return rows
+
+
 def design_csv(moved: Motion, closed: float) -> str:
     """The design, once in each line, and its motion with the joints that move."""
-    rows = columns(moved)
-    for name in ("A", "B", "C"):
-        at = joints(moved.pose)[name]
-        rows |= {f"{name}_x": at.real, f"{name}_y": at.imag}
+    rows = columns(moved) | joint_columns(moved)
     lengths = {**moved.pose.design.as_dict(), "closed_length": closed}
     rows |= {name: np.full(len(moved.time), value) for name, value in lengths.items()}
     return csv_text(rows, "\n")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import csv
 import json
 import math
 
@@ -129,6 +130,23 @@ def test_csv_has_a_line_for_each_time(client, tmp_path) -> None:
     request.write_text(json.dumps(MOTION))
     assert cli.main(["lift", "motion", str(request), "--export", str(target)]) == 0
     assert target.read_bytes() == reply.content
+
+
+def test_what_is_included_over_the_time_stands_in_the_csv_too(client) -> None:
+    """It was passed over."""
+    asked = ["angles", "angular_velocities", "angular_accelerations", "points", "conditions", "instant_centre"]
+    body = MOTION | {"include": [*asked, "residual", "assemblies"], "angle_unit": "rad"}
+    reply = client.post("/v1/lift/motion", json=body).json()
+    head, *rows = csv.reader(client.post("/v1/lift/motion.csv", json=body).text.splitlines())
+    found = {name: [float(cell) if cell else None for cell in column] for name, *column in zip(head, *rows)}
+    for name in asked[:3]:
+        for part, values in reply[name].items():
+            assert found.pop(f"{name}_{part}_rad") == values
+    for joint in "ABC":
+        assert list(zip(found.pop(f"{joint}_x"), found.pop(f"{joint}_y"))) == [*map(tuple, reply["points"][joint])]
+    for name in asked[4:]:
+        assert found.pop(name) == reply[name]
+    assert list(found) == ["time", "height", "velocity", "acceleration", "cylinder_length", "cylinder_speed"]
 
 
 # -- nothing is said that was not computed ----------------------------------------------------------------------
