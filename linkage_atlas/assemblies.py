@@ -331,6 +331,10 @@ def machine_of(
     else:
         machine = as_plates(linkage, used, asked.sizes, asked.body, bar)
     check_sizes(machine.lengths, machine.hole, machine.width, f"/{where}".rstrip("/"))
+    fixed = [pin.name for pin in machine.pins if pin.grounded]
+    for pin in asked.arranged.mounts:
+        if pin not in fixed:
+            raise FieldError.no_such(f"/{where}mounts", pin, fixed, "fixed pin")
     return machine
 
 

@@ -31,6 +31,12 @@ FORMATS = {
 """Kinds of files; of two whose ending fits the first."""
 OF_PARTS = ("step", "3mf", "stl", "urdf", "sdf", "parts")
 """Kinds that are written from solid parts."""
+HELD = {
+    "plates": ("plates",),
+    **dict.fromkeys(("assembly", "solids"), (*OF_PARTS, "plates", "mjcf")),
+    "drive": ("csv", "svg", "dxf", "mjcf"),
+}
+"""Kinds that hold what may be asked for beside a linkage."""
 
 
 def kind_of(name: str) -> str:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from linkage_atlas.arguments import check_names, column, millimetres_in, number, one_of, pair, radians_in
 from linkage_atlas.assemblies import Assembly, assembled, read_assembly
-from linkage_atlas.formats import FORMATS, OF_PARTS, kind_of
+from linkage_atlas.formats import FORMATS, HELD, OF_PARTS, kind_of
 from linkage_atlas.motions import Motion
 from linkage_atlas.records import plain, plane, xy
 from linkage_atlas.solids import SLIDES, AskedSolids, SolidParts, read_solids, solids_in, split
@@ -273,6 +273,8 @@ class AnyLinkage(ABC):
             A drive of `linkage_atlas.drives` as plain values: further columns of a CSV file, a layer of a DXF file, and the drive
             of an MJCF model.
         """
+        one_of("kind", kind, FORMATS)
+        check_held(kind, plates=plates, assembly=assembly, solids=solids, drive=drive)
         target = self.target_of(motion, crank_angle if travel is None else travel)
         assembly, drive = with_motor(kind, assembly, drive)
 
@@ -1048,6 +1050,14 @@ def check_format(kind: str, mechanisms: Sequence[str]) -> None:
         raise FieldError("/format", _FOUR_BARS_ONLY[kind])
 
 
+def check_held(kind: str, **given: Any) -> None:
+    """FieldError for what a file of a kind does not hold."""
+    given["assembly"], given["drive"] = with_motor(kind, given["assembly"], given["drive"])
+    for name, kinds in HELD.items():
+        if given[name] and kind not in kinds:
+            raise FieldError(f"/{name}", f"a file of the kind {kind!r} holds none: ask for {' or '.join(kinds)}")
+
+
 def content_of(
     linkage: Linkage | guided.GuidedLinkage,
     target: Target,
@@ -1066,10 +1076,9 @@ def content_of(
     ``parts``: makes the `SolidParts` of a four-bar, with an error where they collide, or (True) nevertheless.
     ``arranged``: plates are those of an assembly, not the links alone. ``more``: further columns of a CSV file.
     """
-    one_of("kind", kind, FORMATS)
     if isinstance(linkage, guided.GuidedLinkage) and kind == "pylinkage":
         raise FieldError("/format", _FOUR_BARS_ONLY[kind])
-    attached = drive_on(linkage, target, drive, kind)
+    attached = drive_on(linkage, target, drive)
     layer = None if attached is None else More(LAYER, COLOUR, attached.draw)
     on_guides = isinstance(linkage, guided.GuidedLinkage)
     files: Any = of_guided if on_guides else of_four_bars
@@ -1120,13 +1129,11 @@ def _analysis_columns(
 
 
 def drive_on(
-    linkage: Linkage | guided.GuidedLinkage, target: Target, drive: Mapping[str, Any] | None, kind: str
+    linkage: Linkage | guided.GuidedLinkage, target: Target, drive: Mapping[str, Any] | None
 ) -> Attached | None:
     """A drive of a reply on a linkage at the samples of a motion."""
     if drive is None:
         return None
-    if kind not in ("csv", "svg", "dxf", "mjcf"):
-        raise FieldError("/drive", f"a file of the kind {kind!r} holds no drive: ask for csv, svg, dxf or mjcf")
     found = _attached(drive, motions_at(linkage, target.crank))
     if found.kind != "dyad":
         return found

@@ -32,6 +32,7 @@ from app.query import (
 )
 from linkage_atlas.arguments import pointing
 from linkage_atlas.assemblies import ASSEMBLY
+from linkage_atlas.formats import HELD
 from linkage_atlas.studies import DRIVE_STUDIES
 from linkage_atlas.tables import function_from_csv, match_from_csv, request_from_csv
 
@@ -211,8 +212,9 @@ def ranked(request: SynthesizeRequest, rank: int, resources: Resources) -> la.So
 
 def _best_linkage(request: SynthesizeRequest, resources: Resources, kind: str) -> bytes:
     best = ranked(request, 1, resources)
+    asked = ("analysis", "assembly") if kind in HELD["assembly"] else ("analysis",)
     with pointing(lambda field: field if field == "/format" else ""):
-        return best.linkage.file(kind, **request.given("analysis", "assembly"), work=resources.work())
+        return best.linkage.file(kind, **request.given(*asked), work=resources.work())
 
 
 def exports_of(
@@ -242,10 +244,12 @@ def _in_export(field: str) -> str:
 
 
 def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
-    request, given = body.request, body.solution
-    if given is None:
-        from linkage_atlas.linkages import check_format  # a command that writes no file does not load it
+    from linkage_atlas.linkages import check_format, check_held  # a command that writes no file does not load it
 
+    request, given = body.request, body.solution
+    held = body.given("plates", "assembly", "solids", "drive")
+    check_held(body.format, **held)
+    if given is None:
         check_format(body.format, request.mechanisms or ("four_bar",))
     with pointing(lambda field: field if field == "/rank" else "/request" + field):
         motion = motion_of(request)
@@ -257,8 +261,8 @@ def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
     one = found or given
     place = one.crank_angle if one.crank_angle is not None else getattr(one, "travel", None)
     with pointing(_in_export):
-        asked = request.given("analysis") | body.given("plates", "assembly", "solids", "drive", "length_unit")
-        if body.assembly is None and body.format != "plates":
+        asked = request.given("analysis") | held | body.given("length_unit")
+        if body.assembly is None and body.format in HELD["assembly"] and body.format != "plates":
             asked |= request.given("assembly")
         return linkage.file(body.format, motion, crank_angle=place, **asked, work=resources.work())
 

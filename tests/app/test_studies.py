@@ -152,6 +152,29 @@ def test_sizes_of_plates_are_checked_where_they_are_given(client) -> None:
     assert wrong.status_code == 422 and wrong.json()["errors"][0]["pointer"] == "#/plates/hole"
 
 
+@pytest.mark.parametrize(
+    ("kind", "names"),
+    [
+        ("json", "plates assembly solids drive"),
+        *((kind, "plates assembly solids") for kind in ("csv", "svg", "dxf")),
+        ("pylinkage", "plates assembly solids drive"),
+        ("mjcf", "plates"),
+        ("plates", "drive"),
+        ("step", "plates drive"),
+    ],
+)
+def test_what_a_file_does_not_hold_is_refused(kind, names, client) -> None:
+    """It was passed over."""
+    motor = {"kind": "rotary", "link": "crank", "motor": [0, 0]}
+    values = {"plates": {"hole": 4}, "assembly": {"heads": True}, "solids": {"fit": "print"}, "drive": motor}
+    for name in names.split():
+        wrong = client.post("/v1/export", json={"request": EXAMPLE, "format": kind, name: values[name]})
+        assert wrong.status_code == 422 and wrong.json()["errors"][0]["pointer"] == f"#/{name}", name
+    if kind != "step":  # what the request asks for is of its reply
+        body = {"request": {**EXAMPLE, "assembly": True}, "format": kind}
+        assert client.post("/v1/export", json=body).status_code == 200
+
+
 def test_the_command_line_prints_what_was_asked_for(tmp_path, capsys) -> None:
     file = tmp_path / "request.json"
     wishes = {"analysis": ANALYSIS, "tolerance_study": STUDY, "lengths_from": [20, 70, 145, 165]}
