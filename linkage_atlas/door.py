@@ -55,7 +55,7 @@ from linkage_atlas.kinds import (
 from linkage_atlas.limits import QUICK, QUICK_ROUNDS, read_limits, what_excludes
 from linkage_atlas.linkages import DriverName, FourBar, KindName
 from linkage_atlas.motions import Motion
-from linkage_atlas.studies import STUDIES, Studies, check_rows, read_studies, study_notes
+from linkage_atlas.studies import STUDIES, Studies, check_lengths, check_rows, read_studies, study_notes
 from synthesis.arrays import Floats
 from synthesis.atlas.scan import Scan, best_rows
 from synthesis.errors import FieldError
@@ -352,6 +352,7 @@ def synthesize(
     )
     if kinds.four_bars_alone:
         check_sliders_alone(kept)
+        check_lengths(studies, kept)
         found, course, studies, look = _best_four_bars(question, source, begun)
     else:
         found, course, studies, look = _best_of_kinds(question, kinds)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, NamedTuple, TypedDict
@@ -26,7 +27,9 @@ from linkage_atlas.motions import MOST_STOCK, Motion
 from linkage_atlas.records import Record, Values, Vectors, plain, plane
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
+from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.linkage import Linkage, Mass
+from synthesis.fourbar.rounding import given_lengths
 from synthesis.fourbar.tolerance_study import SOURCES, Spread, Study, Tolerances, simulate
 from synthesis.guided import manufacture as of_guides
 from synthesis.guided.analysis import Load, forces, on_links
@@ -594,6 +597,15 @@ def read_studies(given: Mapping[str, Any], motion: Motion) -> Studies:
         if values[name] is not None and not positions:
             raise FieldError(f"/{name}", "needs `position`: without it no length is actual")
     return asked
+
+
+def check_lengths(asked: Studies, limits: Limits) -> None:
+    """FieldError where the limits leave a four-bar no length that it can have."""
+    low, high, grid = limits.link_min or 0.0, limits.link_max or math.inf, asked.round_to
+    lengths = asked.lengths_from or () if grid is None else (grid * max(1, math.ceil(low / grid)),)
+    if lengths and np.isnan(given_lengths(limits)).any() and not any(low <= length <= high for length in lengths):
+        name = "lengths_from" if grid is None else "round_to"
+        raise FieldError(f"/{name}", "has no length from `limits.link_min` to `link_max`")
 
 
 def _drives(values: Mapping[str, Any]) -> Mapping[str, Any] | None:

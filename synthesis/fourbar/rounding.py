@@ -115,7 +115,7 @@ def round_to_grid(
     Law: no length is off the grid but those that the limits give; the choice is no worse than the nearest lengths, and of
     lengths within one step of these; where they break a limit in every place, within `AROUND` steps.
     """
-    old, given = solution.linkage, _given(limits)
+    old, given = solution.linkage, given_lengths(limits)
     steps = np.maximum(np.round(np.array(old.links) / grid), 1.0)
     links = np.where(np.isnan(given), steps * grid, given)[None]
     starts = scan(target, links, old.branch, limits)[1]
@@ -140,11 +140,11 @@ def best_from_stock(
 
     Law: each length is one of the stock; where it is exhaustive no combination is better.
     """
-    choices = [np.unique(stock) if np.isnan(length) else np.array([length]) for length in _given(limits)]
+    choices = [np.unique(stock) if np.isnan(length) else np.array([length]) for length in given_lengths(limits)]
     return _best_of(target, solution, choices, limits, tries, work)
 
 
-def _given(limits: Limits) -> Floats:
+def given_lengths(limits: Limits) -> Floats:
     """Lengths that the limits give, which are no choice, (4,); NaN for the others."""
     given = np.array([np.nan if length is None else length for length in limits.links])
     if limits.pivot_a is not None and limits.pivot_b is not None:

@@ -133,6 +133,16 @@ def test_of_linkages_that_come_to_the_same_lengths_the_best_is_shown() -> None:
     assert tuple(found.best.links) == pytest.approx((19, 72, 144, 165)), "exact, where others are only near"
 
 
+def test_lengths_outside_of_the_limits_are_refused_where_a_link_is_to_be_of_them() -> None:
+    """Linkages were looked for that cannot be."""
+    limits = {"link_min": 18, "links": dict(zip(LINKS, (19, 72, 144, 165)))}
+    found = la.synthesize(**EXAMPLE | {"top": 1, "limits": limits, "lengths_from": [10]})
+    assert found.best.rounded.closes, "all lengths are given"
+    with pytest.raises(la.FieldError) as error:
+        la.synthesize(**EXAMPLE | {"limits": {"link_min": 18}, "lengths_from": [10]})
+    assert error.value.field == "/lengths_from"
+
+
 def test_why_no_lengths_do_is_said() -> None:
     """A rhombus folds flat between samples of most solutions."""
     found = la.synthesize(MOTION, la.Limits(family="any"), lengths_from=[60])
