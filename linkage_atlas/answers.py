@@ -46,7 +46,7 @@ from synthesis.fourbar.determination import Sensitivity, determinations, determi
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.passage import Verdict as Passing
-from synthesis.fourbar.passage import excursions, practical_faults, shared_positions, size_of, verdicts
+from synthesis.fourbar.passage import excursions, practical_faults, proportion, shared_positions, size_of, verdicts
 from synthesis.fourbar.rounding import best_from_stock, round_to_grid
 from synthesis.free.poses import Poses, spin_faults
 from synthesis.free.search import in_turn, rotations_of
@@ -58,7 +58,7 @@ from synthesis.guided.passage import verdict as guided_verdict
 from synthesis.guided.rounding import from_stock, on_grid, rounded
 from synthesis.guided.solution import broken_limits
 from synthesis.ranking import FAIR, PROPORTION, Errors, Status
-from synthesis.target import Target
+from synthesis.target import Samples, Target
 from synthesis.work import OutOfTime, Work
 
 One = TypeVar("One")
@@ -615,10 +615,16 @@ def _as_it_can_be_had(one: AnySolution) -> Any:
     return one.kind, one.driver, found.branch, lengths, f"{found.errors.objective:.4g}"
 
 
+def proportion_of(one: search.Solution | guided.GuidedSolution, samples: Samples) -> float:
+    """How many extents of the motion, or shortest links, the longest part of a linkage is: whichever are more."""
+    if isinstance(one, guided.GuidedSolution):
+        return max(1.0, guided.size_of(one, samples) or 0.0)
+    return proportion(one.linkage, samples)
+
+
 def out_of_proportion(one: AnySolution, most: float = PROPORTION) -> bool:
     """Whether a part is longer than anybody would build it, or more than so many extents of the motion or shortest links."""
-    ratio = max(one.links) / min(one.links) if isinstance(one, Solution) else 1.0
-    return max(one.size or 0.0, ratio) > most
+    return proportion_of(one.origin.found, one.origin.motion.samples) > most
 
 
 def _worth(one: Solution, motion: Motion, tolerance: float) -> tuple[float, ...]:
@@ -626,7 +632,7 @@ def _worth(one: Solution, motion: Motion, tolerance: float) -> tuple[float, ...]
     if motion.free or one.errors.objective >= tolerance:
         return 1.0, 0.0, 0.0, 0.0
     step = 5 if motion.degrees else np.deg2rad(5)
-    size = max(one.links) / min(one.links) if one.size is None else one.size
+    size = one.origin.found.linkage.link_ratio if one.size is None else one.size
     return 0.0, float(out_of_proportion(one)), -(one.transmission_angle_min // step), size
 
 

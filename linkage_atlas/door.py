@@ -23,6 +23,7 @@ from linkage_atlas.answers import (
     by_rounded,
     cognate_notes,
     finished,
+    proportion_of,
     status_of,
 )
 from linkage_atlas.arguments import check_above_zero, check_top, column, number, pointing
@@ -43,7 +44,6 @@ from linkage_atlas.kinds import (
     layers_of,
     measures_of,
     near_enough,
-    proportion_of,
     proportionate,
     read_kinds,
     search_kinds,

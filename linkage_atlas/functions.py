@@ -44,7 +44,7 @@ from synthesis.fourbar.passage import faults_of, practical_faults, verdicts
 from synthesis.from_linkage import refine_function
 from synthesis.function.answers import FunctionErrors as Errors
 from synthesis.function.answers import Generator, exchanged, rocker_angles, to_csv, turns_back
-from synthesis.function.search import generate, link_ratio, refit
+from synthesis.function.search import generate, refit
 from synthesis.function.travel_search import (
     ANGLE,
     LAWS,
@@ -182,11 +182,11 @@ def _proportion_notes(found: Sequence[Generator], tolerance: float) -> list[str]
     if not found:
         return []
     best = min(found, key=lambda one: one.errors.objective)
-    ratio, error = link_ratio(best), best.errors.objective
-    least = min((one.errors.objective for one in found if link_ratio(one) <= PROPORTION), default=np.inf)
+    ratio, error = best.linkage.link_ratio, best.errors.objective
+    least = min((one.errors.objective for one in found if one.linkage.link_ratio <= PROPORTION), default=np.inf)
     if ratio <= PROPORTION or least < tolerance:
         return []
-    if error >= tolerance and link_ratio(found[0]) <= PROPORTION:
+    if error >= tolerance and found[0].linkage.link_ratio <= PROPORTION:
         return [OUT_OF_PROPORTION.format(ratio=ratio, error=error)]
     said = FIRST_OUT_OF_PROPORTION.format(which="exact" if error < tolerance else "best", ratio=ratio)
     return [said + (FOUND_WITHIN[0].format(least) if least < np.inf else FOUND_WITHIN[1])]

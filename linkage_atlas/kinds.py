@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, TypeVar, get_args
 
 import numpy as np
 
-from linkage_atlas.answers import AnySolution, finished, finished_guided, merit
+from linkage_atlas.answers import AnySolution, finished, finished_guided, merit, proportion_of
 from linkage_atlas.arguments import kinds_among, one_of
 from linkage_atlas.assemblies import AskedAssembly, Assembly, assembled
 from linkage_atlas.linkages import KindName
@@ -23,7 +23,7 @@ from synthesis.arrays import Flags, Floats
 from synthesis.errors import FieldError
 from synthesis.fourbar import solution as fourbar
 from synthesis.fourbar.limits import FORMS, Limits
-from synthesis.fourbar.passage import proportion, size_of
+from synthesis.fourbar.passage import size_of
 from synthesis.free.poses import Poses
 from synthesis.free.search import go_astray, have_tiny_links
 from synthesis.guided import solution as guided
@@ -394,13 +394,6 @@ def measures_of(one: Found, samples: Samples, tolerance: float, layers: Rank = (
     else:
         size, driver = size_of(one.linkage, samples), Driver.CRANK.value
     return Measures(error, np.inf if size is None else size, -one.transmission_angle_min, driver, layers)
-
-
-def proportion_of(one: Found, samples: Samples) -> float:
-    """How many extents of the motion, or shortest links, the longest part of a linkage is: whichever are more."""
-    if isinstance(one, guided.GuidedSolution):
-        return max(1.0, guided.size_of(one, samples) or 0.0)
-    return proportion(one.linkage, samples)
 
 
 def smaller_first(found: Sequence[One], samples: Samples) -> list[One]:

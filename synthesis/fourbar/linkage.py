@@ -102,6 +102,11 @@ class Linkage:
         return self.coupler_point is not None
 
     @property
+    def link_ratio(self) -> float:
+        """The longest link over the shortest."""
+        return float(max(self.links) / min(self.links))
+
+    @property
     def family(self) -> Family:
         """How it can turn."""
         return Family(family(np.array(self.links)).item())

@@ -465,7 +465,7 @@ def size_of(linkage: Linkage, samples: Samples) -> float | None:
 
 def proportion(linkage: Linkage, samples: Samples) -> float:
     """How many extents of the motion, or shortest links, the longest part is, whichever are more."""
-    return max(max(linkage.links) / min(linkage.links), size_of(linkage, samples) or 0.0)
+    return max(linkage.link_ratio, size_of(linkage, samples) or 0.0)
 
 
 @dataclass(frozen=True)

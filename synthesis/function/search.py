@@ -627,7 +627,7 @@ def generate(
         mechanism = Generators(wanted, ground)
         found, report = search(tables, wanted.target, Limits(family=limits.family), many, tolerance, work, mechanism)
         given = wanted.start is not None or wanted.offset is not None
-        lopsided = not found or link_ratio(min(found, key=lambda one: _build(one, tolerance))) > PROPORTION
+        lopsided = not found or min(found, key=lambda one: _build(one, tolerance)).linkage.link_ratio > PROPORTION
         reached = Status.of(found, tolerance) is Status.REACHED
         if work.expired() or not (lopsided or (given and not reached)):
             return best_built(found, top, tolerance), report
@@ -654,16 +654,11 @@ def generate(
     return found, SearchReport(stopped, run.trace, run.screened, run.seeds, run.settled or not found)
 
 
-def link_ratio(generator: Generator) -> float:
-    """The longest link over the shortest."""
-    return float(max(generator.linkage.links) / min(generator.linkage.links))
-
-
 def _build(generator: Generator, tolerance: float) -> tuple[float, ...]:
     """The place of an answer: exact ones by what one would build, even links first, others by error."""
     if generator.errors.objective >= tolerance:
         return 1.0, generator.errors.objective
-    ratio, step = link_ratio(generator), generator.transmission_angle_min // _TRANSMISSION_STEP
+    ratio, step = generator.linkage.link_ratio, generator.transmission_angle_min // _TRANSMISSION_STEP
     return 0.0, float(ratio > PROPORTION), -step, ratio
 
 
@@ -673,7 +668,7 @@ def best_built(found: list[Generator], top: int, tolerance: float) -> list[Gener
         return []
     ranked = sorted(found, key=lambda one: _build(one, tolerance))
     objective = np.array([one.errors.objective for one in ranked])
-    ratio = np.array([link_ratio(one) for one in ranked])
+    ratio = np.array([one.linkage.link_ratio for one in ranked])
     return [ranked[k] for k in by_proportion(objective, ratio, tolerance, PROPORTION, _TIMES_LESS).tolist()][:top]
 
 
