@@ -63,7 +63,7 @@ from synthesis.fourbar.kinematics import Family, wrap
 from synthesis.fourbar.limits import Limits, Reach
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.mechanism import FOURBAR
-from synthesis.fourbar.passage import size_of
+from synthesis.fourbar.passage import proportion, size_of
 from synthesis.fourbar.solution import Solution, assess, within
 from synthesis.free.poses import Poses
 from synthesis.free.screen import PathScreen
@@ -458,6 +458,7 @@ def _best_four_bars(question: _Question, source: SeedTables | Scan | Start, begu
     wish = 0.0
     if prefers == "layers":
         many, wish = max(many, _LAYERED * top, _LAYERED_LEAST), _FOR_LAYERS
+    many = 1 if isinstance(source, Start) else many
 
     def look(
         asked: Motion, within: Limits, near: float, work: Work, rounds: int | None = None, most: int = many
@@ -637,7 +638,7 @@ def _fair_within(given: Mapping[str, Any] | None, motion: Motion, limits: Limits
 
     Where a length or ratio that is given allows more, all that is in proportion is fair: what is wider gives nothing worse.
     """
-    if motion.free or "preset" in (given or {}) or not isinstance(source, SeedTables):
+    if motion.free or "preset" in (given or {}) or isinstance(source, Scan):
         return None
     samples, units = motion.samples, {"link_ratio_max": 1.0}
     if samples.position is not None:
@@ -645,6 +646,8 @@ def _fair_within(given: Mapping[str, Any] | None, motion: Motion, limits: Limits
     allowed = {name: getattr(limits, name) for name in units}
     wider = any(allowed[name] is not None and allowed[name] > FAIR * unit for name, unit in units.items())
     most = PROPORTION if wider else FAIR
+    if isinstance(source, Start) and proportion(source.linkage, samples) > most:  # it comes back no worse
+        return None
     lengths: dict[str, Any] = {name: min(most * unit, allowed[name] or np.inf) for name, unit in units.items()}
     if samples.position is not None:
         far = most * samples.extent

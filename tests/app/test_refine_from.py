@@ -57,6 +57,20 @@ def test_a_linkage_a_solution_and_its_values_are_the_same_beginning(exact) -> No
     assert found.status == "reached" and found.linkage.links == pytest.approx(links[0])
 
 
+@pytest.mark.parametrize("more", [{}, {"round_to": 1}], ids=["exact", "rounded"])
+def test_what_is_refined_keeps_its_proportion(more) -> None:
+    """Poses on a line led to a coupler of 2e4 times their extent."""
+    line = {"position": [[10 * k, 0] for k in range(6)], "crank_span": 60, **more}
+    begin = la.FourBar(30, 80, 60, 70, pivot_a=(10, -40), coupler_point=(50, 20))
+    anyhow = la.synthesize(**line, refine_from=begin, limits={"preset": "none"})
+    assert anyhow.best.size > 1e4, "the error alone counts"
+    found = la.synthesize(**line, refine_from=begin)
+    assert len(found.solutions) == 1 and found.best.size <= 30 * (1 + 1e-9)
+    assert found.best.errors.objective < 0.02 and any("out of all proportion" in one for one in found.report.notes)
+    again = la.synthesize(**line, refine_from=anyhow.best)
+    assert again.best.errors.objective <= anyhow.best.errors.objective, "one that is given so is not made worse"
+
+
 def test_a_free_answer_is_refined_from_its_own_crank_angles() -> None:
     wanted = {"position": [[0, 0], [30, 10], [50, 35], [40, 60], [10, 70]], "rotation": [0, 10, 30, 50, 80]}
     first = la.synthesize(**wanted, timing="free", top=1, limits={"link_max": 90})
