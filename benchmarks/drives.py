@@ -55,13 +55,13 @@ def actuators(cases: int) -> list[dict[str, Any]]:
         row["clockwise"] += int(one.interval.last < 0)
         if isinstance(found, Refused):
             row["refused"] += 1
-            row["missed"] += not isinstance(again, Refused) or (grid.refused is None and grid.short is None)
+            row["missed"] += not isinstance(again, Refused) or (not isinstance(grid, Refused) and grid.short is None)
             continue
         best = found.worst
         if not isinstance(again, Refused):
             row["gap"] = float(max(row["gap"], best / again.worst - 1))
             row["worse"] += int(best > again.worst * (1 + BETTER))
-        if grid.refused is None and grid.short is None:
+        if not isinstance(grid, Refused) and grid.short is None:
             row["worse_than_grid"] += int(best > asked.scale_of_burden / grid.worth * (1 + BETTER))
         row["equilibrium"] = float(max(row["equilibrium"], equilibrium(one, found)))
     return [

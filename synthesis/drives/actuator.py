@@ -223,7 +223,7 @@ class Question:
         self, actuators: list[Actuator], sizes: Sizes, work: Work | None, descents: int
     ) -> Placement | Refused:
         begin = self.screened(actuators, descents, work)
-        return begin.refused or self.descend(begin, sizes, work)
+        return begin if isinstance(begin, Refused) else self.descend(begin, sizes, work)
 
     def _ladder(self, sizes: Sizes) -> list[Actuator]:
         """Sizes from which descents may begin: rungs that do not move with the box or the dead length, and the shortest."""
@@ -278,23 +278,23 @@ class Question:
                 break
         return best
 
-    def screened(self, actuators: list[Actuator], most: int = DESCENTS, work: Work | None = None) -> Screened:
-        """The best placements of the grid, at most so many, with at most `BEGINNINGS` of each family.
+    def screened(
+        self, actuators: list[Actuator], most: int = DESCENTS, work: Work | None = None
+    ) -> Screened | Refused:
+        """The best placements of the grid, at most so many, with at most `BEGINNINGS` of each family, or why there are none.
 
         Where none is within what is wanted, of closer and closer looks around them. ``work``: once it has expired no more of the
         actuators are looked at than one.
         """
-        looked = [
+        found = [
             self._on_grid(self.grounds, np.array([one]))
             for k, one in enumerate(actuators)
             if not (k and work is not None and work.expired())
         ]
-        refused = [one.refused for one in looked if one.refused is not None]
-        looked = [self._chosen(one) for one in looked if one.refused is None]
+        looked = [self._chosen(one) for one in found if not isinstance(one, Refused)]
         if not looked:
-            return Screened.none(
-                min(refused, key=lambda one: _NEAREST.index(one.reason), default=Refused("stroke", 0.0))
-            )
+            refused = [one for one in found if isinstance(one, Refused)]
+            return min(refused, key=lambda one: _NEAREST.index(one.reason), default=Refused("stroke", 0.0))
         best = self._chosen(Screened.joined(looked))
         left, bottom, right, top = self.wanted.box
         step = complex(right - left, top - bottom) / max(self.grid - 1, 1)
@@ -305,7 +305,7 @@ class Question:
             about = best.grounds[:, None] + (_ABOUT.real * step.real + 1j * _ABOUT.imag * step.imag)
             about = np.clip(about.real, left, right) + 1j * np.clip(about.imag, bottom, top)
             closer = self._on_grid(about.ravel(), np.repeat(best.actuators, _ABOUT.size, axis=0))
-            if closer.refused is None:
+            if not isinstance(closer, Refused):
                 best = self._chosen(Screened.joined([best, closer]))
         best = best.taken(np.arange(min(most, best.value.size)))
         least = float(best.least[0])
@@ -313,21 +313,21 @@ class Question:
             arm = self.arms(best.grounds[:1], best.pins[:1])[0] * (self.sense if best.ways[0] else -self.sense)
             low = int(np.argmin(arm))
             other = low + 1 if low == 0 or (low + 1 < arm.size and arm[low + 1] > 0) else low - 1
-            return Screened.none(Refused("dead", float(self.at[low]), (min(low, other), max(low, other))))
+            return Refused("dead", float(self.at[low]), (min(low, other), max(low, other)))
         if best.worth > 0:
             return best.taken(np.flatnonzero(best.value > 0))
         # a little below the arm asked for: the descent may still reach it
         short = Refused("arm", least)
-        return best._replace(short=short) if least >= _ALMOST * self.wanted.arm else Screened.none(short)
+        return best._replace(short=short) if least >= _ALMOST * self.wanted.arm else short
 
-    def _on_grid(self, grounds: Complexes, actuators: Floats) -> Screened:
+    def _on_grid(self, grounds: Complexes, actuators: Floats) -> Screened | Refused:
         """All placements of actuators (1, 2) or (m, 2) from ground points (m,) within the reach, or why there are none."""
         grounds, pins, ways, sides, actuators, need = self.families(grounds, actuators)
         if not grounds.size:
-            return Screened.none(Refused("stroke", need))
+            return Refused("stroke", need)
         near = np.abs(pins) <= self.wanted.reach
         if not near.any():
-            return Screened.none(Refused("reach", float(np.abs(pins).min())))
+            return Refused("reach", float(np.abs(pins).min()))
         grounds, pins, ways, sides = grounds[near], pins[near], ways[near], sides[near]
         arm = self.arms(grounds, pins) * (self.sense * np.where(ways, 1.0, -1.0))[:, None]
         least = arm.min(axis=1)
@@ -513,7 +513,7 @@ def best_of_rows(
 
     # rows of other forces have the same sizes
     @cache
-    def begun(actuator: Actuator) -> Screened | None:
+    def begun(actuator: Actuator) -> Screened | Refused | None:
         return None if question.link.pivot is not None else question.screened([actuator], _ROW_DESCENTS)
 
     @cache
@@ -521,7 +521,7 @@ def best_of_rows(
         begin = begun(actuator)
         if begin is None:
             return question.best(actuator)
-        return question.descend(begin, Sizes(actuator), work, False)
+        return begin if isinstance(begin, Refused) else question.descend(begin, Sizes(actuator), work, False)
 
     @cache
     def gone_over(actuator: Actuator) -> Placement | Refused:
@@ -537,8 +537,8 @@ def best_of_rows(
                 unfit.append(Unfit(row, question.bound(row.actuator.stroke)))
                 continue
             begin = begun(row.actuator)
-            if begin is not None and begin.refused is not None:
-                unfit.append(Unfit(row, begin.refused))
+            if isinstance(begin, Refused):
+                unfit.append(Unfit(row, begin))
             else:
                 tries.append((-row.actuator.stroke if begin is None else -begin.worth, row, begin))
         tries.sort(key=lambda one: one[0])
@@ -560,7 +560,7 @@ def best_of_rows(
 
 
 class Screened(NamedTuple):
-    """Placements from which descents begin, the best first, or why there are none."""
+    """Placements from which descents begin, the best first."""
 
     grounds: Complexes
     pins: Complexes
@@ -572,7 +572,6 @@ class Screened(NamedTuple):
     """Of the arms."""
     value: Floats
     """Least of arm over burden; below 0 by how much an arm is less than asked for."""
-    refused: Refused | None = None
     short: Refused | None = None
     """Where the arms are all a little below what is asked for."""
 
@@ -591,12 +590,6 @@ class Screened(NamedTuple):
         """All of several."""
         columns: list[Any] = [np.concatenate(column) for column in list(zip(*parts))[:7]]
         return cls(*columns)
-
-    @classmethod
-    def none(cls, refused: Refused) -> Screened:
-        """No placement."""
-        empty, places = np.zeros(0), np.zeros(0, dtype=np.complex128)
-        return cls(places, places, empty > 0, empty, np.zeros((0, 2)), empty, empty, refused)
 
 
 def forms_of(link: LinkMotion, middle: complex) -> tuple[Floats, Floats]:
