@@ -756,8 +756,8 @@ def _preference(prefer: str | None, motion: Motion, searches: bool) -> Prefer:
             raise FieldError("/prefer", "linkages are not searched for here, so that only 'error' has a meaning")
         if name == "size" and not positions:
             raise FieldError("/prefer", "'size' needs `position`: without it no length is actual")
-        if name == "crank_span" and not motion.free:
-            raise FieldError("/prefer", "the crank angles are given: all linkages turn alike far")
+        if name == "crank_span" and (not motion.free or motion.travel is not None):
+            raise FieldError("/prefer", "the crank angles or the travel are given: all linkages turn alike far")
         return name
     raise FieldError("/prefer", f"wanted one of {', '.join(PREFER)}, found {prefer!r}")
 

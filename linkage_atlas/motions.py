@@ -193,11 +193,12 @@ class Motion:
             span = None if crank_span is None else number("crank_span", crank_span) * radian
             angles = None if crank_angle is None else column("crank_angle", crank_angle) * radian
             if travel is not None or travel_span is not None:
-                _check_travel(timing, order, closed, span is not None or angles is not None)
+                _check_travel(timing, span is not None or angles is not None)
+                _check_given("travel is", order, closed, crank_span_max)
                 self.samples = make_poses(**part)
                 self.travel = _travel(travel, travel_span, self.samples)
             elif timing is None:
-                _check_timed(order, closed, crank_span_max)
+                _check_given("crank angles are", order, closed, crank_span_max)
                 if span is None and angles is None and not (turns is None and points is None):
                     raise FieldError("/crank_span", HOW_TURNED + OR_FREE)
                 self.samples = make_target(**part, crank_span=span, crank_angle=angles)
@@ -437,15 +438,12 @@ def _check_free(timing: str, order: str, span: bool, angles: bool) -> None:
         raise FieldError("/order", f"wanted 'given' or 'any', found {order!r}")
 
 
-def _check_travel(timing: str | None, order: str, closed: bool, turned: bool) -> None:
+def _check_travel(timing: str | None, turned: bool) -> None:
     """FieldError for what cannot stand beside travel."""
     if timing is not None:
         raise FieldError("/timing", "the travel is given: give either this or `timing`")
     if turned:
         raise FieldError("/travel", "a motion is driven by crank angles or by travel, not by both")
-    for name, asked in (("order", order != "given"), ("closed", closed)):
-        if asked:
-            raise FieldError(f"/{name}", "needs `timing` 'free': here the travel is given")
 
 
 def _travel(travel: ArrayLike | None, span: float | None, samples: Poses) -> Floats:
@@ -470,7 +468,7 @@ def _travel(travel: ArrayLike | None, span: float | None, samples: Poses) -> Flo
     return found - found[0]
 
 
-def _check_timed(order: str, closed: bool, crank_span_max: float | None) -> None:
+def _check_given(what: str, order: str, closed: bool, crank_span_max: float | None) -> None:
     """FieldError for what only free crank angles can have."""
     for name, asked in (
         ("order", order != "given"),
@@ -478,7 +476,7 @@ def _check_timed(order: str, closed: bool, crank_span_max: float | None) -> None
         ("crank_span_max", crank_span_max is not None),
     ):
         if asked:
-            raise FieldError(f"/{name}", "needs `timing` 'free': here the crank angles are given")
+            raise FieldError(f"/{name}", f"needs `timing` 'free': here the {what} given")
 
 
 def _points(position: ArrayLike) -> Any:
