@@ -393,6 +393,8 @@ def sample_phases(slot: Slot, samples: int) -> Any:
 
 
 def _fit(slot: Slot, request: SlotOptions, axis: PhaseAxis) -> FitReply | None:
+    if request.power_decimals is not None and getattr(request.fit, "kind", None) not in ("chebyshev", "polynomial"):
+        raise FieldError("/power_decimals", "needs a `fit` of kind 'chebyshev' or 'polynomial'")
     if request.fit is None:
         return None
     fit = fit_slot(slot, request.fit.kind, request.fit.order, sample_phases(slot, request.samples))

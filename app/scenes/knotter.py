@@ -381,7 +381,11 @@ def _law(name: str, model: LawModel, angles: Angles) -> Any:
     kinds = [model.lead is not None or model.ratio is not None, model.table is not None, model.dwell is not None]
     if sum(kinds) != 1:
         raise FieldError(field, "a law is exactly one of: lead and ratio, table, dwell")
-    if model.lead is not None or model.ratio is not None:
+    if model.outside is not None and model.table is None:
+        raise FieldError(f"{field}/outside", "only a table has rows outside of which it says something")
+    if kinds[0]:
+        if model.kind != "linear":
+            raise FieldError(f"{field}/kind", "a lead and a ratio are linear: other laws are tables")
         return Linear(angles.inward(model.lead or 0.0), model.ratio or 0.0)
     outside = model.outside or ("hold" if name == "alpha4" else "error")
     rows = model.table
