@@ -510,8 +510,8 @@ def drives(
     watch = work(budget)
     millimetres = millimetres_in(length_unit)
     if rocker is not None:
-        if linkage is not None:
-            raise FieldError("/rocker", "give either a linkage or this")
+        if any(one is not None for one in (linkage, motion, crank_angle)):
+            raise FieldError("/rocker", "stands for a linkage and its way: give either these or this")
         place = _Place.of_rocker(rocker, radians_in(degrees))
     else:
         place = _place_of(linkage, motion, crank_angle, degrees)
@@ -658,13 +658,16 @@ def read_asked(
     millimetres: float,
 ) -> AskedDrives:
     """A checked request."""
+    held = None if hand is None else pair("hand", hand, MAX_LENGTH)
+    if held is not None and not springs:
+        raise FieldError("/hand", "needs `springs`, which tell the force of a hand there")
     return AskedDrives(
         _load(machine, load or {}, radian, millimetres),
         tuple(
             _drive(f"drives/{k}", one, machine, radian, millimetres) for k, one in enumerate(_list("drives", wanted))
         ),
         tuple(_spring(f"springs/{k}", one, machine, millimetres) for k, one in enumerate(_list("springs", springs))),
-        None if hand is None else pair("hand", hand, MAX_LENGTH),
+        held,
         millimetres,
     )
 
