@@ -162,11 +162,15 @@ def _run(options: argparse.Namespace, query: Query) -> int:
     also = [*options.set, *(NO_PRESET if options.no_preset else ())]
     if options.refine_from is not None:
         also = [*also, (["refine_from"], _solution_in(options.refine_from))]
+    if options.length_unit is not None and "length_unit" in query.request.model_fields:
+        also = [*also, (["length_unit"], options.length_unit)]
     text, rank = text_of(options), options.rank
     request, length_unit = read_request(query, text, also, options.unwrap), _length_unit(options, query, text)
     if options.catalogue is not None:
         rows = decoded(options.catalogue.read_bytes())
         cylinders = ("actuator", "cylinder")
+        if not any(one.kind in cylinders for one in request.drives):
+            raise FieldError("/catalogue", "is for actuators, and none is asked for")
         given = [
             one.model_copy(update={"catalogue": rows} if one.kind in cylinders else {}) for one in request.drives
         ]

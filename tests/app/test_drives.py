@@ -114,6 +114,20 @@ def test_units_change_numbers_and_nothing_else(client: TestClient) -> None:
     assert other["buckling"]["critical_force"] == pytest.approx(first["buckling"]["critical_force"], rel=1e-6)
 
 
+def test_options_of_the_command_hold_for_its_question(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The unit was that of the heads alone, and a catalogue was passed over where nothing is of it."""
+    replies, file = [], tmp_path / "asked.json"
+    asked = EXAMPLES["cylinder_of_a_catalogue"]
+    for unit, option in ((None, ()), ("cm", ()), (None, ("--length-unit", "cm"))):
+        file.write_text(json.dumps(asked | ({"length_unit": unit} if unit else {})))
+        assert main(["drive", str(file), *option, "--json"]) == 0
+        replies.append(json.loads(capsys.readouterr().out))
+    assert replies[0] != replies[1] == replies[2]
+    file.write_text(json.dumps(asked | {"drives": [{"kind": "rotary"}]}))
+    assert main(["drive", str(file), "--catalogue", str(file)]) == 2
+    assert "catalogue: " in capsys.readouterr().err
+
+
 def test_a_catalogue_of_ones_own(client: TestClient, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     table = "name,retracted,stroke,force,price\nsmall,255,150,60,10\ngood,255,150,900,30\ndear,255,150,9000,80\n"
     asked = EXAMPLES["window_opener"]
