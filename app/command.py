@@ -166,6 +166,7 @@ def _run(options: argparse.Namespace, query: Query) -> int:
         also = [*also, (["length_unit"], options.length_unit)]
     text, rank = text_of(options), options.rank
     request, length_unit = read_request(query, text, also, options.unwrap), _length_unit(options, query, text)
+    request = _in_unit(request, length_unit)
     if options.catalogue is not None:
         rows = decoded(options.catalogue.read_bytes())
         cylinders = ("actuator", "cylinder")
@@ -314,6 +315,13 @@ def _length_unit(options: argparse.Namespace, query: Query, text: bytes) -> str 
     if None not in (named, options.length_unit) and named != options.length_unit:
         raise FieldError("/length_unit", f"the heads of the table say {named}, --length-unit {options.length_unit}")
     return options.length_unit or named
+
+
+def _in_unit(request: Any, length_unit: str | None) -> Any:
+    """A request whose analysis, if any, has its lengths in a unit that is named."""
+    if length_unit is None or getattr(request, "analysis", None) is None:
+        return request
+    return request.model_copy(update={"analysis": request.analysis.model_copy(update={"length_unit": length_unit})})
 
 
 def _takes_linkage(query: Query) -> bool:
@@ -477,4 +485,5 @@ def _body(options: argparse.Namespace) -> dict[str, Any]:
             )
         if "request" in content:
             return content | ({"length_unit": options.length_unit} if options.length_unit else {})
-    return {"request": read_request(query, text), "length_unit": _length_unit(options, query, text) or "mm"}
+    request, length_unit = read_request(query, text), _length_unit(options, query, text)
+    return {"request": _in_unit(request, length_unit), "length_unit": length_unit or "mm"}

@@ -24,6 +24,13 @@ from linkage_atlas import atlases
 from tests.conftest import PATIENCE, until
 
 QUERIES = {query.command: query for query in all_queries()}
+SOLUTION = {
+    "links": {"crank": 19, "coupler": 72, "rocker": 144, "ground": 165},
+    "branch": 1,
+    "start_angle": 30,
+    "body_offset": -75.9054,
+    "mount": {"ground_angle": 30, "pivot_a": [7.07, 7.07], "coupler_point": {"radius": 20, "angle": 60}},
+}
 RIGHT_ANGLE = {"rotation": [0, 8, 19, 31, 40, 44], "crank_span": 90, "top": 2, "budget_ms": 400}
 
 
@@ -202,6 +209,20 @@ def test_a_table_says_the_unit_of_its_lengths(run, tmp_path) -> None:
     for words in (("synthesize",), ("export", "--out", file)):
         code, _, err = run(*words, "--length-unit", "mm", stdin=f"x [m];y [m];phi\n{rows}")
         assert code == Exit.USAGE and "length_unit: the heads of the table say m" in err
+
+
+def test_forces_of_inertia_are_of_the_unit_that_the_option_names(run, tmp_path) -> None:
+    """They were those of millimetres."""
+    weights = {"crank_speed": 90, "load": {"masses": [{"link": "body", "mass": 2}]}}
+    request = worked_example() | {"top": 1, "refine_from": SOLUTION}
+    torques, files = [], []
+    for more, option in (({}, ()), ({"length_unit": "cm"}, ()), ({}, ("--length-unit", "cm"))):
+        given = json.dumps(request | {"analysis": weights | more})
+        torques.append(json.loads(run("synthesize", "--json", *option, stdin=given)[1])["solutions"][0]["analysis"])
+        run("export", "--out", tmp_path / "one.csv", *option, stdin=given)
+        files.append((tmp_path / "one.csv").read_text())
+    assert torques[0] != torques[1] == torques[2]
+    assert files[0] != files[1] == files[2]
 
 
 def test_what_a_body_of_export_says_holds_unless_an_option_says_another(run, tmp_path) -> None:
