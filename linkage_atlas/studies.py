@@ -29,7 +29,7 @@ from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.linkage import Linkage, Mass
-from synthesis.fourbar.rounding import given_lengths
+from synthesis.fourbar.rounding import given_lengths, multiples
 from synthesis.fourbar.tolerance_study import SOURCES, Spread, Study, Tolerances, simulate
 from synthesis.guided import manufacture as of_guides
 from synthesis.guided.analysis import Load, forces, on_links
@@ -602,7 +602,9 @@ def read_studies(given: Mapping[str, Any], motion: Motion) -> Studies:
 def check_lengths(asked: Studies, limits: Limits) -> None:
     """FieldError where the limits leave a four-bar no length that it can have."""
     low, high, grid = limits.link_min or 0.0, limits.link_max or math.inf, asked.round_to
-    lengths = asked.lengths_from or () if grid is None else (grid * max(1, math.ceil(low / grid)),)
+    lengths: Iterable[float] = asked.lengths_from or ()
+    if grid is not None:  # the shortest that is long enough is one of these
+        lengths = multiples(np.maximum(1.0, np.round(low / grid) + np.arange(2.0)), grid).tolist()
     if lengths and np.isnan(given_lengths(limits)).any() and not any(low <= length <= high for length in lengths):
         name = "lengths_from" if grid is None else "round_to"
         raise FieldError(f"/{name}", "has no length from `limits.link_min` to `link_max`")

@@ -117,7 +117,7 @@ def round_to_grid(
     """
     old, given = solution.linkage, given_lengths(limits)
     steps = np.maximum(np.round(np.array(old.links) / grid), 1.0)
-    links = np.where(np.isnan(given), steps * grid, given)[None]
+    links = np.where(np.isnan(given), multiples(steps, grid), given)[None]
     starts = scan(target, links, old.branch, limits)[1]
     found = place(target, links, old.branch, starts, old, limits, work)[0]
     if found is not None and found.errors.objective <= max(_HARDLY * solution.errors.objective, _EXACT):
@@ -125,7 +125,7 @@ def round_to_grid(
     if work.expired():
         return Rounding(None, 0, reason=NO_TIME) if found is None else Rounding(found, 1)
     around, most = (AROUND, GRID_TRIES) if found is None else (1, _TOGETHER)
-    near = [np.arange(max(1.0, step - around), step + around + 1) * grid for step in steps]
+    near = [multiples(np.arange(max(1.0, step - around), step + around + 1), grid) for step in steps]
     near = [values if np.isnan(length) else np.array([length]) for values, length in zip(near, given)]
     best = _best_of(target, solution, near, limits, min(tries, most), work)
     if found is None or (best.solution is not None and best.solution.errors.objective < found.errors.objective):
@@ -142,6 +142,11 @@ def best_from_stock(
     """
     choices = [np.unique(stock) if np.isnan(length) else np.array([length]) for length in given_lengths(limits)]
     return _best_of(target, solution, choices, limits, tries, work)
+
+
+def multiples(steps: Floats, grid: float) -> Floats:
+    """Whole numbers of steps of a grid as one writes them: three tenths are 0.3, and no more."""
+    return np.array([float(f"{length:.15g}") for length in (steps * grid).tolist()])
 
 
 def given_lengths(limits: Limits) -> Floats:

@@ -143,6 +143,15 @@ def test_lengths_outside_of_the_limits_are_refused_where_a_link_is_to_be_of_them
     assert error.value.field == "/lengths_from"
 
 
+def test_a_length_of_the_grid_that_is_the_longest_allowed_is_had() -> None:
+    """Three tenths are a little more than 0.3 in a computer."""
+    exact = la.FourBar(0.1, 0.3, 0.2, 0.3, start_angle=30, coupler_point=(0.1, 30)).joints(np.linspace(0, 120, 10))
+    for limits in ({"link_max": 0.3}, {"link_min": 0.1, "link_max": 0.3, "links": {"crank": 0.1, "rocker": 0.2}}):
+        asked = {"crank_span": 120, "round_to": 0.1, "top": 1, "limits": {"family": "any"} | limits}
+        found = la.synthesize(exact.rotation, exact.body_point, **asked)
+        assert found.best.rounded.links == pytest.approx((0.1, 0.3, 0.2, 0.3))
+
+
 def test_why_no_lengths_do_is_said() -> None:
     """A rhombus folds flat between samples of most solutions."""
     found = la.synthesize(MOTION, la.Limits(family="any"), lengths_from=[60])
