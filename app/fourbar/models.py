@@ -668,7 +668,8 @@ class SynthesizeRequest(CrankMotion):
     )
     diverse: Flag = Field(
         False,
-        description="Solutions spread over families, branches and places, J at most twice the best, in place of the best ones.",
+        description="Of four-bars alone: solutions spread over families, branches and places, J at most twice the best, in place "
+        "of the best ones.",
     )
     refine_from: GivenSolution | None = Field(
         None,
