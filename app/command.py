@@ -117,7 +117,7 @@ def add_query(parser: argparse.ArgumentParser, query: Query) -> None:
         parser.add_argument(
             "--length-unit",
             choices=get_args(LengthUnit),
-            help="the unit of the request's lengths, for heads of tables and for DXF and MJCF files (mm)",
+            help="the unit of the request's lengths, for heads of tables and for files that know a unit (mm)",
         )
     parser.set_defaults(run=lambda options: _run(options, query), examples=examples, **_LACKING)
 

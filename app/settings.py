@@ -101,7 +101,9 @@ class Settings(BaseSettings):
         False, description="Whether `GET /metrics` tells Prometheus of requests, times and processes."
     )
     ending_seconds: float = Field(
-        5.0, gt=1, description="Time in which the service ends after SIGTERM or SIGINT, whatever is being computed."
+        5.0,
+        gt=1,
+        description="Time in which the service ends after SIGTERM, SIGINT or SIGHUP, whatever is being computed.",
     )
     allowed_hosts: tuple[str, ...] = Field(
         ("*",),

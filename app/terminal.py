@@ -55,7 +55,7 @@ MEANINGS = {
     Exit.USAGE: "bad input: the request, the command line or a file's name",
     Exit.DAMAGED: "an atlas file is damaged",
     Exit.CLOSEST: "closest, though the request says what is good enough (tolerance or tolerances): it is not reached",
-    Exit.INFEASIBLE: "infeasible: the search ran to its end and found nothing within the limits",
+    Exit.INFEASIBLE: "infeasible, never or blocked: the search ran to its end and found nothing within the limits",
     Exit.UNKNOWN: "unknown: nothing was found before the time was up",
     Exit.INTERRUPTED: "interrupted",
 }
