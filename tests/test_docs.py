@@ -76,6 +76,17 @@ def test_no_setting_is_documented_that_does_not_exist() -> None:
     assert {name.lower() for name in documented} == set(Settings.model_fields)
 
 
+FIELDS = [
+    ("MatchRequest", "http", "POST /v1/match"),
+    ("SynthesizeRequest", "http", "POST /v1/synthesize"),
+    ("LimitsRequest", "http", "POST /v1/synthesize"),
+    ("ExportRequest", "http", "POST /v1/export"),
+    ("AssemblyRequest", "assembly", "POST /v1/assembly"),
+    ("FunctionRequest", "function", "POST /v1/function"),
+    ("ChainSlotRequest", "chain", "Requests"),
+]
+
+
 def test_every_route_and_field_is_documented() -> None:
     document = described(create_app(Settings.model_construct()))
     every = "".join(path.read_text() for path in DOCUMENTS)
@@ -83,9 +94,11 @@ def test_every_route_and_field_is_documented() -> None:
         text = HTTP if path in ("/v1/match", "/v1/synthesize") or "get" in methods else every
         route = f"{next(iter(methods)).upper()} {path}"
         assert re.search(rf"{re.escape(route)}(?![\w/])", text), f"{route} is documented nowhere"
-    for model in ("MatchRequest", "SynthesizeRequest", "LimitsRequest"):
+    for model, page, heading in FIELDS:
+        text = (ROOT / "docs" / f"{page}.md").read_text()
+        (section,) = re.findall(rf"^## .*{heading}$(.*?)(?=^## |\Z)", text, re.MULTILINE | re.DOTALL)
         for field in document["components"]["schemas"][model]["properties"]:
-            assert re.search(rf"`(limits\.)?{field}`", HTTP), f"{model}.{field}"
+            assert re.search(rf"`(limits\.)?{field}`", section), f"{model}.{field}"
 
 
 def test_the_documented_bounds_are_those_of_the_description() -> None:
