@@ -415,8 +415,8 @@ class Result(Record, Ranked[AnySolution]):
 
     ``result[0]``, ``len(result)`` and ``for solution in result`` are those of ``solutions``; a result without any is false.
 
-    ``status`` is "reached" (the best objective is below the tolerance), "closest", "infeasible" (none within the limits) or
-    "unknown" (none was found before the time was up).
+    ``status`` is "reached" (the best keeps the tolerances of every sample or, without any, its objective is below the tolerance),
+    "closest", "infeasible" (none within the limits) or "unknown" (none was found before the time was up).
     """
 
     status: StatusName
