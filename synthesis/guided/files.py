@@ -278,6 +278,9 @@ def to_mjcf(
     size = found.size * metre
     thick = 0.02 * size
     heaviest = 1.0 if masses is None else max(one.mass for one in masses.values())
+    # radians and metres of a joint by a radian or a metre of the drive, of a derivative in the user's unit
+    turning = 1.0 if linkage.driver.turns else 1 / metre
+    sliding = turning * metre
     links = linkage.links(np.zeros(1))
     names = linkage.link_names
     body, rates = links[1], {link.name: link for link in links}
@@ -327,25 +330,25 @@ def to_mjcf(
                 f"{inertial(name, complex(long / 2), long)}{rod(f'{name}_rod', 0j, complex(long), colour)}\n      {inner}\n"
                 "    </body>"
             )
-            return text, [float(link.rate[0])]
+            return text, [float(link.rate[0]) * turning]
         if isinstance(guide, Rail):
             axis = xy0(complex(np.exp(1j * guide.direction)))
             text = (
                 f'<body name="{name}" pos="{xy0(at[place])}">\n      <joint name="{name}" type="slide" axis="{axis}"/>\n      '
                 f"{inertial(name, 0j, _SLIDER * size)}{box(name, guide.direction)}\n      {inner}\n    </body>"
             )
-            along = np.real(np.exp(-1j * guide.direction) * link.velocity[0]) * (metre if linkage.driver.turns else 1)
+            along = np.real(np.exp(-1j * guide.direction) * link.velocity[0]) * sliding
             return text, [float(along)]
         direction = float(link.angle[0])
         text = (
             f'<body name="{name}" pos="{xy0(at[place])}" euler="0 0 {direction!r}">\n      <joint name="{name}"/>\n      '
             f"{inertial(name, 0j, _SLIDER * size)}{box(name, 0.0)}\n      {inner}\n    </body>"
         )
-        return text, [float(link.rate[0])]
+        return text, [float(link.rate[0]) * turning]
 
     def slot_rate(place: int) -> float:
         """Metres by the drive's coordinate in radians or metres."""
-        return float(linkage.along_rate(place, np.zeros(1))[0]) * (metre if linkage.driver.turns else 1.0)
+        return float(linkage.along_rate(place, np.zeros(1))[0]) * sliding
 
     # the coupler, carried by the driven link
     driven, other = linkage.guides
@@ -369,7 +372,7 @@ def to_mjcf(
         where = 0j
     else:
         joint = '<joint name="coupler"/>'
-        speed = float(body.rate[0]) - (float(carrier.rate[0]) if isinstance(driven, Circle) else 0)
+        speed = (float(body.rate[0]) - (float(carrier.rate[0]) if isinstance(driven, Circle) else 0)) * turning
         where = complex(driven.radius * metre) if isinstance(driven, Circle) else 0j
     coupler = (
         f'<body name="{BODY}" pos="{xy0(where)}" euler="0 0 {gamma - turned!r}">\n        '

@@ -111,6 +111,19 @@ def test_a_model_has_a_joint_of_every_sort_and_one_loop(drive) -> None:
 
 
 @pytest.mark.parametrize("drive", DRIVES, ids=NAMES)
+def test_a_model_begins_as_fast_in_every_unit(drive) -> None:
+    linkage, target = drawn(drive)
+
+    def speeds(unit_mm: float) -> list[float]:
+        model = ElementTree.fromstring(to_mjcf(linkage, target, unit_mm))
+        slides = [one.get("type") == "slide" for one in model.iter("joint") if one.get("name")]
+        given = map(float, model.find("keyframe/key").get("qvel").split())
+        return [speed / unit_mm if slide else speed for slide, speed in zip(slides, given, strict=True)]
+
+    assert speeds(10.0) == pytest.approx(speeds(1000.0), rel=1e-12)
+
+
+@pytest.mark.parametrize("drive", DRIVES, ids=NAMES)
 def test_a_model_runs_in_mujoco_as_the_kinematics_say(drive) -> None:
     mujoco = pytest.importorskip("mujoco", reason="the extra [mujoco] is not installed")
     linkage, target = drawn(drive)
