@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import combinations
 from typing import Annotated, Any, Literal, NamedTuple, TypedDict
 
 import numpy as np
@@ -325,16 +326,23 @@ def machine_of(
     bar = asked.arranged.boards == "bar"
     if asked.body and isinstance(linkage, Linkage) and not linkage.mounted:
         raise FieldError(f"/{where}body", "needs `position`: without it nothing says where the body is")
-    if asked.motor is not None:
-        with pointing(lambda field: f"/{where}{field.lstrip('/')}" if field.startswith("/drive") else field):
+    with pointing(lambda field: f"/{where}{field.lstrip('/')}" if field.startswith(("/drive", "/body")) else field):
+        if asked.motor is not None:
             machine = motor_driven(linkage, used, asked.motor, asked.sizes, asked.body, bar)
-    else:
-        machine = as_plates(linkage, used, asked.sizes, asked.body, bar)
+        else:
+            machine = as_plates(linkage, used, asked.sizes, asked.body, bar)
     check_sizes(machine.lengths, machine.hole, machine.width, f"/{where}".rstrip("/"))
     fixed = [pin.name for pin in machine.pins if pin.grounded]
     for pin in asked.arranged.mounts:
         if pin not in fixed:
             raise FieldError.no_such(f"/{where}mounts", pin, fixed, "fixed pin")
+    for plate in machine.plates:
+        for one, other in combinations(plate.holes, 2):
+            if not abs(one.at - other.at) > machine.hole:
+                pins = f"{one.pin} and {other.pin}"
+                raise FieldError(
+                    f"/{where}hole", f"the holes for {pins} would run into one another in the {plate.name}"
+                )
     return machine
 
 

@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from heapq import heappop, heappush
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +27,8 @@ from synthesis.work import Work
 
 FLAT = 1e-9
 """A polygon less high than this part of its longest side is a line."""
+ROOM = 1e-3
+"""Of half a polygon's extent: how near a place with room is to the nearest, and how much room is overlooked."""
 OVERLAP = 1e-6
 """Of the size: how deep sharp outlines count as lying in one another; `distances` is 0 there, whatever the depth."""
 
@@ -117,6 +120,42 @@ def nearest_on(corners: Sequence[complex], point: complex) -> complex:
         (_foot(a, b, point) for a, b in zip(corners, [*corners[1:], corners[0]])), key=lambda foot: abs(foot - point)
     )
     return complex(best)
+
+
+def nearest_room(
+    corners: Sequence[complex], kept: Sequence[Sequence[complex]], rim: float, apart: float, point: complex
+) -> complex | None:
+    """The place nearest to a point, to `ROOM`, that lies `rim` within a polygon and `apart` from lines that are kept; or None.
+
+    Squares are looked at from the point on: room changes by no more than the way, so that one without any is left out as a whole.
+    """
+    sides = np.asarray(corners, dtype=complex)[None]
+
+    def room(at: complex) -> float:
+        depth = float(_to_sides(np.array([[at]]), sides)[0]) * (1 if contains(corners, at) else -1)
+        return min([depth - rim, *(abs(nearest_on(line, at) - at) - apart for line in kept)])
+
+    if room(point) >= 0:
+        return point
+    low, high = (complex(of(sides.real), of(sides.imag)) for of in (np.min, np.max))
+    half = max((high - low).real, (high - low).imag) / 2
+    least, best, far = ROOM * half, None, np.inf
+    squares, number = [(0.0, 0, (low + high) / 2, half)], 0
+    while squares and squares[0][0] < far - least:
+        _, _, at, half = heappop(squares)
+        here, reach = room(at), np.sqrt(2) * half
+        way = abs(point - at)
+        if here >= 0 and way - here < far:
+            # all within its room has some
+            best, far = at + (point - at) / way * here, way - here
+        if -reach <= here < reach and half > least:
+            for step in (-1 - 1j, 1 - 1j, -1 + 1j, 1 + 1j):
+                number += 1
+                within = at + step * half / 2
+                off = point - within
+                outside = complex(max(abs(off.real) - half / 2, 0.0), max(abs(off.imag) - half / 2, 0.0))
+                heappush(squares, (abs(outside), number, within, half / 2))
+    return best
 
 
 def _foot(first: complex, last: complex, point: complex) -> complex:

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.arrays import Flags, Floats
-from synthesis.assembly.gaps import Shape, contains, hull, nearest_on
+from synthesis.assembly.gaps import Shape, hull, nearest_on, nearest_room
 from synthesis.assembly.movement import GROUND, Between, Bodies, Crank, Dyad, Movement, Place, Step, turn_over
 from synthesis.drives.six_bar import MOTOR_CRANK, ROD, Motor, SixBar
 from synthesis.errors import FieldError
@@ -168,9 +168,9 @@ def as_plates(
     lies along its coupler.
 
     ``body``: corners of a plate that the coupler carries, counter-clockwise, from P in axes that turn with the coupler and lie as
-    the user's do where the body's rotation is 0; a post joins it, at P where P lies in it. ``bar``: the ground is a plate too.
+    the user's do where the body's rotation is 0; a post joins it, at P if there is room. ``bar``: the ground is a plate too.
 
-    Raises `FieldError`: for a loop that does not close over the interval.
+    Raises `FieldError`: for a loop that does not close over the interval, and a body without room for its post.
     """
     first, last = min(used), max(used)
     four_bar = isinstance(linkage, Linkage)
@@ -249,7 +249,8 @@ def as_plates(
     if four_bar:
         pins.sort(key=lambda pin: not pin.grounded)
     if point is not None:
-        sash, post = carried_by(body, point, turn)
+        kept = [*((at, at) for at, _ in holes), *((one.first, one.last) for one in slits)]
+        sash, post = carried_by(body, point, turn, kept, hole, width)
         if sash:
             corners.append(post)
             plates.append(Plate("body", carrier, Shape(sash, 0.0), (Hole(post, "P"),)))
@@ -383,15 +384,29 @@ def _slit_end(
     return found
 
 
-def carried_by(body: Sequence[complex], point: complex, turn: float) -> tuple[tuple[complex, ...], complex]:
-    """A body's outline in the frame of the link that carries it, and where its post stands: at the body point, or nearest to it.
+def carried_by(
+    body: Sequence[complex],
+    point: complex,
+    turn: float,
+    kept: Sequence[tuple[complex, complex]],
+    hole: float,
+    width: float,
+) -> tuple[tuple[complex, ...], complex]:
+    """A body's outline in the frame of the link that carries it, and where its post stands: at the body point, or near it.
 
-    ``point``, ``turn``: the body's frame in the link's. Without an outline the post's place is the body point.
+    Around its hole the outline, and the link's other holes and slits, which are ``kept``, leave as much as a plate of the width
+    does, or where they cannot a half or a quarter of that. ``point``, ``turn``: the body's frame in the link's. Without an
+    outline the post's place is the body point.
     """
     corners = tuple(complex(point + np.exp(1j * turn) * z) for z in body)
-    if not corners or contains(corners, point):
+    if not corners:
         return corners, point
-    return corners, nearest_on(corners, point)
+    for share in (1.0, 0.5, 0.25):
+        rim = share * (width - hole) / 2
+        post = nearest_room(corners, kept, hole / 2 + rim, hole + rim, point)
+        if post is not None:
+            return corners, post
+    raise FieldError("/body", f"leaves no room for a post with a hole of {hole:g} that joins it to the coupler")
 
 
 def body_turn(linkage: Linkage) -> float:

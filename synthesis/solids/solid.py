@@ -174,7 +174,7 @@ def solids_of(machine: Machine, stack: Stack, made: Made, unit_mm: float) -> Sol
 
     Law: in a free stack no two parts overlap anywhere in the used interval.
 
-    Raises `FieldError`: where a plate has no room for the hole of one of its pins.
+    Raises `FieldError`: where a hole leaves no material.
     """
     unit = unit_mm * made.scale
     heights = _heights(machine, made, unit)
@@ -200,7 +200,6 @@ def solids_of(machine: Machine, stack: Stack, made: Made, unit_mm: float) -> Sol
     for part in parts:
         low = part.z[0] * unit
         if part.kind in ("plate", "board"):
-            _check_holes(part, machine, stack)
             holes = _holes(part, unit, turning, held, carriers)
             prism = Prism(_outline(part, made.fillet) * np.array([unit, unit, 1.0]), 0.0, thick, holes)
             if not prism.thinnest_wall > 1e-9 * unit:
@@ -233,13 +232,6 @@ def _outline(part: Part, fillet: float) -> Floats:
     if part.shape.radius == 0:
         return filleted(part.shape.core, fillet)
     return rounded(part.shape.core, part.shape.radius)
-
-
-def _check_holes(part: Part, machine: Machine, stack: Stack) -> None:
-    has = {one.pin for one in part.holes} | {one.pin for one in part.slits}
-    for pin in machine.pins:
-        if part.name in pin.joins and pin.name not in has:
-            raise FieldError("/assembly/hole", f"the hole for {pin.name} would run into another one of {part.name}")
 
 
 class _Washers:

@@ -210,6 +210,39 @@ def test_parts_that_would_collide_are_refused_with_the_reason(tmp_path) -> None:
     assert len(list(tmp_path.iterdir())) == 2
 
 
+OUTLINES = {
+    "a corner at the body point": [[0, 0], [90, 0], [90, 60], [0, 60]],
+    "a side through it": [[-40, 0], [90, 0], [90, 60], [-40, 60]],
+    "beside it": [[30, 20], [120, 20], [120, 80], [30, 80]],
+    "slimmer than the plates": [[-60, -5], [60, -5], [60, 5], [-60, 5]],
+    "an angle with the point within": [[-50, -50], [80, -50], [80, -20], [-20, -20], [-20, 80], [-50, 80]],
+}
+
+
+@pytest.mark.parametrize("outline", OUTLINES.values(), ids=OUTLINES)
+@pytest.mark.parametrize("point", [(20, 60), (0, 0), (70, 0)], ids=["arm", "at D", "beside C"])
+def test_a_body_that_has_layers_can_be_made(outline, point) -> None:
+    linkage = la.FourBar(19, 72, 144, 165, start_angle=30, coupler_point=point)
+    sizes = linkage.assembly(body=outline, **BOTH).sizes
+    parts = linkage.solids(body=outline, nevertheless=True, **BOTH)
+    rim = min(one.prism.thinnest_wall for one in parts.solids.parts if one.name in ("body", "coupler"))
+    assert rim >= min(sizes.thickness, (sizes.width - sizes.hole) / 8) * (1 - 1e-9)
+
+
+def test_what_no_plate_has_room_for_is_refused_with_the_layers(client) -> None:
+    with pytest.raises(la.FieldError, match="no room for a post") as refused:
+        WORKED.assembly(body=[[-60, -3], [60, -3], [60, 3], [-60, 3]])
+    assert refused.value.field == "/body"
+    four_bar = la.FourBar(51, 47, 82, 56, start_angle=40, coupler_point=(40, 30))
+    six = la.drives(four_bar, [{"kind": "dyad", "links": ["coupler"]}], crank_angle=[0, 60]).drives[0].linkage
+    assert six.assembly(hole=9).sizes.hole == 9
+    with pytest.raises(la.FieldError, match="D and Q would run into one another in the coupler") as refused:
+        six.assembly(hole=10)
+    assert refused.value.field == "/hole"
+    asked = {"linkage": WORKED.to_dict(), "body": [[-60, -3], [60, -3], [60, 3], [-60, 3]]}
+    assert client.post("/v1/assembly", json=asked).json()["errors"][0]["pointer"] == "#/body"
+
+
 def test_a_list_of_parts_has_a_row_a_part(linkage) -> None:
     parts = linkage.solids(heads=True, boards="both")
     rows = list(csv.DictReader(io.StringIO(parts.file("parts").decode())))

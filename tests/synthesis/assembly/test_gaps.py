@@ -8,7 +8,18 @@ import shapely
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from synthesis.assembly.gaps import Carried, Gaps, Shape, contains, crosses_itself, disc, distances, hull, signed_area
+from synthesis.assembly.gaps import (
+    Carried,
+    Gaps,
+    Shape,
+    contains,
+    crosses_itself,
+    disc,
+    distances,
+    hull,
+    nearest_room,
+    signed_area,
+)
 from synthesis.assembly.machine import Sizes, as_plates
 from synthesis.assembly.movement import GROUND, Crank, Dyad, Movement, Place
 from synthesis.fourbar.linkage import Linkage
@@ -149,6 +160,35 @@ def test_a_hull_holds_its_points(points) -> None:
     assert signed_area(corners) > 0
     shape = shapely.Polygon([(z.real, z.imag) for z in corners])
     assert all(shape.distance(shapely.Point(z.real, z.imag)) < 1e-7 for z in points)
+
+
+def test_the_nearest_room_is_that_of_shapely() -> None:
+    rng, found = np.random.default_rng(SEED), 0
+    for _ in range(60):
+        count = int(rng.integers(3, 12))
+        turns = np.sort(rng.uniform(0, 2 * np.pi, count))
+        corners = rng.uniform(0.2, 1.0, count) * np.exp(1j * turns)
+        if np.ptp(turns) < np.pi or crosses_itself(corners) or signed_area(corners) < 0.1:
+            continue
+        kept = [tuple(rng.uniform(-1, 1, 2) + 1j * rng.uniform(-1, 1, 2)) for _ in range(2)]
+        kept[0] = kept[0][:1] * 2
+        rim, apart, point = 0.05, 0.1, complex(*rng.uniform(-1.5, 1.5, 2))
+        here = nearest_room(corners, kept, rim, apart, point)
+        free = shapely.Polygon([(z.real, z.imag) for z in corners]).buffer(-rim, 256)
+        for a, b in kept:
+            free = free.difference(shapely.LineString([(a.real, a.imag), (b.real, b.imag)]).buffer(apart, 256))
+        if free.is_empty:
+            assert here is None
+            continue
+        # that of which less than `ROOM` is left may be overlooked
+        wide = free.buffer(-2e-3)
+        assert here is not None or wide.is_empty
+        if here is not None and not wide.is_empty:
+            found += 1
+            assert free.distance(shapely.Point(here.real, here.imag)) < 2e-5
+            least, most = (one.distance(shapely.Point(point.real, point.imag)) for one in (free, wide))
+            assert least - 1e-4 < abs(here - point) < most + 1e-3
+    assert found > 20
 
 
 def test_outlines_that_cross_themselves() -> None:

@@ -159,16 +159,25 @@ def test_what_leaves_no_material_is_refused() -> None:
     machine, found = arranged("E4", "below")
     with pytest.raises(FieldError, match="play of this fit"):
         solids_of(machine, found.stack, Made(FITS["print"], "PLA", "PLA", scale=0.05), 1.0)
-    # a body whose edge passes through the post's hole
-    edge = [-20 - 15j, 0j, 25 + 0j, 25 + 30j, -20 + 30j]
-    machine, found = arranged("E2", "both", body=edge)
+    # a body whose fillet cuts into the post's hole
+    machine, found = arranged("E2", "both", body=[-4 - 4j, 200 - 4j, -4 + 200j])
+    solids_of(machine, found.stack, Made(FITS["H7"], "steel", "steel", fillet=20.0), 1.0)
     with pytest.raises(FieldError, match="leaves no material") as refused:
-        solids_of(machine, found.stack, Made(FITS["H7"], "steel", "steel"), 1.0)
+        solids_of(machine, found.stack, Made(FITS["H7"], "steel", "steel", fillet=40.0), 1.0)
     assert refused.value.field == "/assembly/body"
-    linkage = Linkage((30.0, 60.0, 70.0, 50.0), 1, coupler_point=(2.0, 0.0))
-    machine = as_plates(linkage, Interval(0.0, 1.0), Sizes(6.0, 18.0, 0.2), body=SASH)
-    with pytest.raises(FieldError, match="would run into another"):
-        solids_of(machine, arrange(machine, Asked("both"), Work()).stack, Made(FITS["H7"], "steel", "steel"), 1.0)
+
+
+def test_a_post_keeps_away_from_the_pins_and_the_outline() -> None:
+    # the outline's side, and the hole for D, pass through the body point's
+    for point, body in ((2.0, SASH), (30.0, [-20 - 15j, 0j, 25 + 0j, 25 + 30j, -20 + 30j])):
+        linkage = Linkage((30.0, 60.0, 70.0, 50.0), 1, coupler_point=(point, 0.0))
+        machine = as_plates(linkage, Interval(0.0, 1.0), Sizes(6.0, 18.0, 0.2), body=body)
+        solids = solids_of(
+            machine, arrange(machine, Asked("both"), Work()).stack, Made(FITS["H7"], "steel", "steel"), 1.0
+        )
+        # as much as a plate has
+        walls = {part.name: part.prism.thinnest_wall for part in solids.parts}
+        assert min(walls["body"], walls["coupler"]) == pytest.approx(min(3.0, (18.0 - 6.0) / 2))
 
 
 def test_the_parts_list_says_what_a_workshop_asks() -> None:
