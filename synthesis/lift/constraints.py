@@ -68,8 +68,8 @@ LAST = 3
 """Descents that are finished on `FINE_NODES` poses."""
 STEP = 1e-6
 """Of the differences that slopes are taken by, in units of the ranges."""
-MARGIN = 5e-5
-"""Share of a limit by which a design stays inside, so that poses between the nodes do too."""
+MARGIN, SINGLE_MARGIN = 5e-5, 1e-5
+"""Share of a limit by which a design stays inside, so that poses between the nodes do too; of a limit that no pose is about."""
 REACH, LEAST_REACH = 0.15, 1e-8
 """First and last length of a step, in units of the ranges."""
 WEIGHT = 30.0
@@ -79,7 +79,7 @@ ACTIVE = 2e-3
 REACHES = 1 + 1e-6
 """Share by which l3 stays above half of the stroke, where A would only just come down to the start."""
 CLOSED = 1e-12
-"""Share of its end below which a range is one value."""
+"""Share of its end below which a range is one value, and of a limit that rounding may break."""
 
 Range = tuple[float | None, float | None]
 
@@ -254,10 +254,10 @@ def _duration(travel: Any, drive: Cylinder) -> Any:
 
 
 def _envelope(found: dict[str, Any], pose: Pose, limits: Constraints, high: float) -> None:
-    """The joints that move, A, B and C, within the box; the pivot D is below A, and O is a fact (`check_constraints`)."""
+    """A, B and C within the box; the pivot D is below A, and O and how high A is are facts (`check_constraints`)."""
     places = joints(pose)
     moving = np.stack([places[name] for name in "ABC"], axis=-1)
-    x, y = moving.real, moving.imag
+    x, y = moving.real, moving.imag[..., 1:]
     names = ("x_min>=min", "y_min>=min", "x_max<=max", "y_max<=max")
     for name, bound, values, side in zip(names, limits.envelope, (x, y, x, y), (1, 1, -1, -1)):
         if bound is not None:
@@ -269,8 +269,8 @@ def least(found: dict[str, Floats]) -> dict[str, Floats]:
     return {name: np.min(values, axis=1) for name, values in found.items()}
 
 
-def check_constraints(limits: Constraints) -> None:
-    """Refuse constraints that no design can keep: empty ranges, or a box without the cylinder's pivot.
+def check_constraints(limits: Constraints, top: float) -> None:
+    """Refuse constraints that no design can keep: empty ranges, or a box without the cylinder's pivot or the top height.
 
     Raises `FieldError`: with ``constraint`` the field's name.
     """
@@ -279,11 +279,11 @@ def check_constraints(limits: Constraints) -> None:
         if low is not None and high is not None and low > high:
             message = f"the range must not be empty: {low:.9g} is above {high:.9g}"
             raise refusal(name, f"/constraints/{name}", low - high, message)
-    left, bottom, right, top = limits.envelope
-    for k, (bound, side) in enumerate(zip((left, bottom, right, top), (1, 1, -1, -1))):
-        if bound is not None and side * bound > 0:
-            message = f"the box must hold the cylinder's pivot at (0, 0), found {bound:.9g}"
-            raise refusal("envelope", f"/constraints/envelope/{k}", abs(bound), message)
+    for k, (bound, side, held) in enumerate(zip(limits.envelope, (1, 1, -1, -1), (0.0, 0.0, 0.0, top))):
+        if bound is not None and side * (bound - held) > 0:
+            what = f"the top of the stroke at {held:.9g}" if held else "the cylinder's pivot at (0, 0)"
+            message = f"the box must hold {what}, found {bound:.9g}"
+            raise refusal("envelope", f"/constraints/envelope/{k}", abs(bound - held), message)
 
 
 def measured(built: Built, task: Task) -> dict[str, float]:
@@ -417,11 +417,20 @@ class _Search:
         value = self.evaluator.moments(built.design, built.gamma, built.closed)[0]
         return np.log(np.where(value > 0, value, np.inf))
 
-    def rows(self, built: Built, nodes: int, margin: float = 0.0) -> Floats:
-        """All slacks of each design, (n, m); very negative where it cannot be assembled."""
+    def rows(self, built: Built, nodes: int) -> Floats:
+        """All slacks of each design less a margin, (n, m); very negative where it cannot be assembled.
+
+        In a range the margins meet in the middle at most: one that is a single value has none.
+        """
         self.work.go_on()
         found = slacks(built, self.space.task, self.space.limits, nodes)
-        together = np.concatenate(list(found.values()), axis=1) - margin
+        less: dict[str, Any] = {
+            name: MARGIN if values.shape[1] > 1 else SINGLE_MARGIN for name, values in found.items()
+        }
+        for low, most in ((name, name.replace(">=min", "<=max")) for name in found):
+            if low != most and most in found:
+                less[low] = less[most] = np.minimum(less[low], 0.5 * (found[low] + found[most]))
+        together = np.concatenate([found[name] - less[name] for name in found], axis=1)
         return np.where(np.isfinite(together), np.clip(together, -10.0, 10.0), -10.0)
 
     def spread(self) -> tuple[Floats, Floats]:
@@ -458,7 +467,7 @@ class _Search:
         around = np.concatenate([place[:, None], place[:, None] + steps, place[:, None] - steps], axis=1)
         built = self.space.designs(around.reshape(-1, k), np.repeat(side, 2 * k + 1))
         value = self.objective(built).reshape(n, 2 * k + 1)
-        rows = self.rows(built, nodes, MARGIN).reshape(n, 2 * k + 1, -1)
+        rows = self.rows(built, nodes).reshape(n, 2 * k + 1, -1)
         with np.errstate(invalid="ignore"):
             slope = (value[:, 1 : k + 1] - value[:, k + 1 :]) / (2 * STEP)
             matrix = (rows[:, 1 : k + 1] - rows[:, k + 1 :]).transpose(0, 2, 1) / (2 * STEP)
@@ -549,10 +558,10 @@ def optimize_within(task: Task, limits: Constraints, work: Work | None = None) -
         Where no design was found that keeps to all: ``constraint`` names the one that the nearest breaks most, and
         ``amount`` by how much, in units of the limit.
 
-    Law: every slack is at least 0 at any pose.
+    Law: every slack is at least 0 at any pose, to rounding.
     """
     check_task(task)
-    check_constraints(limits)
+    check_constraints(limits, task.high)
     search = _Search(task, limits, work or Work())
     place, side = search.spread()
     place, merit = search.descend(place, side, SEARCH_NODES, ROUNDS, REACH)
@@ -563,7 +572,7 @@ def optimize_within(task: Task, limits: Constraints, work: Work | None = None) -
     found = least(slacks(built, task, limits, 2 * FINE_NODES))
     worst = np.min([np.where(np.isfinite(one), one, -1.0) for one in found.values()], axis=0)
     worst = np.where(np.isfinite(merit) & _lifts(built), worst, -1.0)
-    admissible = np.nonzero(worst >= 0)[0]
+    admissible = np.nonzero(worst >= -CLOSED)[0]
     if not admissible.size:
         raise _none_found({name: float(one[int(np.argmax(worst))]) for name, one in found.items()})
     values = search.objective(built)

@@ -93,6 +93,43 @@ def test_a_braking_cylinder_keeps_the_constraints_too() -> None:
 
 
 @pytest.mark.parametrize(
+    ("stroke", "change", "name", "value"),
+    [
+        ((200.0, 510.0), {"lengths": {"b": (600.0, 600.0)}}, "b", 600.0),
+        ((200.0, 510.0), {"lengths": {"l4": (200.0, 200.0)}}, "l4", 200.0),
+        ((200.0, 510.0), {"rise_time": (3.0, 3.0)}, "rise_time", 3.0),
+        (
+            (300.0, 350.0),
+            {"closed_length": (320.0, 320.0), "envelope": (-1000.0, 0.0, 200.0, 350.035)},
+            "closed_length",
+            320.0,
+        ),
+    ],
+)
+def test_a_range_may_be_one_value(stroke, change, name, value) -> None:
+    """A frame that is there, a cylinder of a catalogue; no other limit is broken for it."""
+    low, high = stroke
+    task = replace(CASES["default"][0], low=low, high=high, upper_bound=800.0)
+    wide = limits(high, 800.0, (220.0, 800.0))
+    wanted = replace(wide, **{**change, "lengths": wide.lengths | change.get("lengths", {})})
+    one = optimize_within(task, wanted)
+    values = measured(one.built, task)
+    assert values[name] == pytest.approx(value, rel=1e-12)
+    assert [row.name for row in rows_of(wanted, values) if not row.kept and row.name != name] == []
+
+
+def test_a_box_may_end_at_the_top_of_the_stroke_and_not_below() -> None:
+    task, wanted = CASES["default"]
+    low, high = (
+        optimize_within(task, replace(wanted, envelope=(None, 0.0, None, top))).objective for top in (510.0, 510.001)
+    )
+    assert low == pytest.approx(high, rel=1e-4)
+    with pytest.raises(FieldError) as caught:
+        optimize_within(task, replace(wanted, envelope=(None, 0.0, None, 509.0)))
+    assert caught.value.details == {"constraint": "envelope", "amount": 1.0}
+
+
+@pytest.mark.parametrize(
     ("change", "constraint"),
     [
         ({"jerk_max": 1e-3}, "jerk<=max"),
