@@ -72,8 +72,8 @@ MARGIN, SINGLE_MARGIN = 5e-5, 1e-5
 """Share of a limit by which a design stays inside, so that poses between the nodes do too; of a limit that no pose is about."""
 REACH, LEAST_REACH = 0.15, 1e-8
 """First and last length of a step, in units of the ranges."""
-WEIGHT = 30.0
-"""Of the worst broken constraint beside the logarithm of the objective."""
+WEIGHTS = 30.0, 300.0
+"""Of the worst broken constraint beside the logarithm of the objective; the larger one where nothing is found by the other."""
 ACTIVE = 2e-3
 """Slack, in units of the limit, below which a constraint holds a design."""
 REACHES = 1 + 1e-6
@@ -411,6 +411,7 @@ class _Search:
     def __init__(self, task: Task, limits: Constraints, work: Work) -> None:
         self.space, self.work = Space(task, limits), work
         self.evaluator = Evaluator(task, work)
+        self.weight = WEIGHTS[0]
 
     def objective(self, built: Built) -> Floats:
         """The logarithm of the objective; infinite where there is none."""
@@ -448,7 +449,7 @@ class _Search:
         found = least(slacks(built, self.space.task, self.space.limits, COARSE_NODES))
         missing = np.sum([np.where(np.isfinite(one), np.clip(-one, 0.0, 1.0), 1.0) for one in found.values()], axis=0)
         near = np.argsort(missing, kind="stable")[:NEAR]
-        value = self.objective(built.taken(near)) + WEIGHT * missing[near] / 10
+        value = self.objective(built.taken(near)) + self.weight * missing[near] / 10
         chosen: list[int] = []
         for at in near[np.argsort(value, kind="stable")]:
             apart = (
@@ -478,18 +479,24 @@ class _Search:
         n, k = place.shape
         reaches, hessian = np.full(n, reach), np.tile(np.eye(k), (n, 1, 1))
         value, slope, rows, matrix = self.linear(place, side, nodes)
-        merit = _merit(value, rows)
+        merit = self.merit(value, rows)
         for _ in range(rounds):
             running = np.nonzero((reaches > LEAST_REACH) & np.isfinite(merit))[0]
             if not running.size:
                 break
             self.work.go_on()
             step, multipliers = _program(
-                hessian[running], slope[running], rows[running], matrix[running], place[running], reaches[running]
+                hessian[running],
+                slope[running],
+                rows[running],
+                matrix[running],
+                place[running],
+                reaches[running],
+                self.weight,
             )
             there = np.clip(place[running] + step, 2 * STEP, 1 - 2 * STEP)
             tried = self.linear(there, side[running], nodes)
-            new = _merit(tried[0], tried[2])
+            new = self.merit(tried[0], tried[2])
             better = new < merit[running] - 1e-13
             size = np.abs(step).max(axis=1)
             grown = np.where(size > 0.9 * reaches[running], 2 * reaches[running], reaches[running])
@@ -505,14 +512,13 @@ class _Search:
                 held[at] = fresh[better]
         return place, merit
 
-
-def _merit(value: Floats, rows: Floats) -> Floats:
-    """What a descent lowers: the objective's logarithm and the worst broken slack."""
-    return np.asarray(value + WEIGHT * np.maximum(0.0, -rows.min(axis=1)))
+    def merit(self, value: Floats, rows: Floats) -> Floats:
+        """What a descent lowers: the objective's logarithm and the worst broken slack."""
+        return np.asarray(value + self.weight * np.maximum(0.0, -rows.min(axis=1)))
 
 
 def _program(
-    hessian: Floats, slope: Floats, rows: Floats, matrix: Floats, place: Floats, reach: Floats
+    hessian: Floats, slope: Floats, rows: Floats, matrix: Floats, place: Floats, reach: Floats, weight: float
 ) -> tuple[Floats, Floats]:
     """The step within a reach that lowers the model most, its worst broken slack weighed like in the merit; multipliers."""
     n, k = place.shape
@@ -529,7 +535,7 @@ def _program(
     bound = np.concatenate([rows, np.zeros((n, 1)), low, high], axis=1)
     inside = np.zeros((n, k + 1))
     inside[:, k] = np.maximum(0.0, -rows.min(axis=1)) + 0.1
-    gradient = np.concatenate([slope, np.full((n, 1), WEIGHT)], axis=1)
+    gradient = np.concatenate([slope, np.full((n, 1), weight)], axis=1)
     found, multipliers = minimise_quadratics(wide, gradient, full, bound, inside, 1e-10)
     return found[:, :k], multipliers[:, :m]
 
@@ -563,17 +569,20 @@ def optimize_within(task: Task, limits: Constraints, work: Work | None = None) -
     check_task(task)
     check_constraints(limits, task.high)
     search = _Search(task, limits, work or Work())
-    place, side = search.spread()
-    place, merit = search.descend(place, side, SEARCH_NODES, ROUNDS, REACH)
-    order = np.argsort(merit, kind="stable")[:LAST]
-    place, side = place[order], side[order]
-    place, merit = search.descend(place, side, FINE_NODES, FINE_ROUNDS, 0.02)
-    built = search.space.designs(place, side)
-    found = least(slacks(built, task, limits, 2 * FINE_NODES))
-    worst = np.min([np.where(np.isfinite(one), one, -1.0) for one in found.values()], axis=0)
-    worst = np.where(np.isfinite(merit) & _lifts(built), worst, -1.0)
-    admissible = np.nonzero(worst >= -CLOSED)[0]
-    if not admissible.size:
+    for search.weight in WEIGHTS:
+        place, side = search.spread()
+        place, merit = search.descend(place, side, SEARCH_NODES, ROUNDS, REACH)
+        order = np.argsort(merit, kind="stable")[:LAST]
+        place, side = place[order], side[order]
+        place, merit = search.descend(place, side, FINE_NODES, FINE_ROUNDS, 0.02)
+        built = search.space.designs(place, side)
+        found = least(slacks(built, task, limits, 2 * FINE_NODES))
+        worst = np.min([np.where(np.isfinite(one), one, -1.0) for one in found.values()], axis=0)
+        worst = np.where(np.isfinite(merit) & _lifts(built), worst, -1.0)
+        admissible = np.nonzero(worst >= -CLOSED)[0]
+        if admissible.size:
+            break
+    else:
         raise _none_found({name: float(one[int(np.argmax(worst))]) for name, one in found.items()})
     values = search.objective(built)
     at = int(admissible[np.argmin(values[admissible])])

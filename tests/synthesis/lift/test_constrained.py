@@ -118,6 +118,17 @@ def test_a_range_may_be_one_value(stroke, change, name, value) -> None:
     assert [row.name for row in rows_of(wanted, values) if not row.kept and row.name != name] == []
 
 
+def test_what_one_value_allows_a_range_about_it_does_too() -> None:
+    """An objective that falls far outside of the limits does not draw the search out of them."""
+    task = replace(CASES["default"][0], upper_bound=800.0)
+    wide = limits(510.0, 800.0, (220.0, 800.0))
+    one, near = (
+        optimize_within(task, replace(wide, lengths=wide.lengths | {"l4": (300.0 - room, 300.0 + room)}))
+        for room in (0.0, 0.5)
+    )
+    assert near.objective < one.objective
+
+
 def test_a_box_may_end_at_the_top_of_the_stroke_and_not_below() -> None:
     task, wanted = CASES["default"]
     low, high = (
