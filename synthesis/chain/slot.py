@@ -421,13 +421,18 @@ def report(slot: Slot, phases: Floats, work: Work | None = None) -> Report:
     most = highest(slot.slack, slot.start, slot.end, cells)
     slack_max = Extreme(polished(slot, most.phase, -1), most.value)
     grid = np.concatenate([np.linspace(a, b, 33) for a, b in _smooth_pieces(slot)])
-    points, velocity, _ = slot.motion(grid)
+    _, velocity, _ = slot.motion(grid)
     known = velocity[np.isfinite(velocity)]
     speed = np.abs(known)
     work.go_on()
     _, direction = slot.frame
     replaced = {segment for segment, _ in slot.base}
-    others = [track.distance(index, points).min() for index in range(track.count) if index not in replaced]
+    others = [index for index in range(track.count) if index not in replaced]
+
+    def room(phase: Floats) -> Floats:
+        points = slot.path(phase)
+        return np.min([track.distance(index, points) for index in others], axis=0)
+
     return Report(
         slack_min=lowest(slot.slack, slot.start, slot.end, cells).value,
         slack_max=slack_max,
@@ -436,7 +441,7 @@ def report(slot: Slot, phases: Floats, work: Work | None = None) -> Report:
         radius_min=smallest_radius(slot),
         single_valued=bool(np.all((known / direction).real < 0)),
         condition=_condition(slot, np.concatenate([[slot.start], grid, [slot.end]])),
-        clearance=float(min(others, default=np.inf)),
+        clearance=lowest(room, slot.start, slot.end, cells).value if others else np.inf,
         chord_error=chord_error(slot, phases, work),
         free_speed=(float(speed.min()), float(speed.max())),
         held_chord_error=_held_chord_error(slot, slack_max.phase, cells),

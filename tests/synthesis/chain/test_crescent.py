@@ -135,6 +135,9 @@ def test_defect_and_checks(canonical, facts) -> None:
     assert facts.single_valued
     assert facts.free_speed == pytest.approx(CANONICAL["free_pin_speed"], abs=0.001)
     assert facts.clearance == pytest.approx(CANONICAL["clearance"], abs=0.01)
+    points, track = slot.path(np.linspace(slot.start, slot.end, 20_001)), slot.chain.track
+    nearest = min(track.distance(part, points).min() for part in range(4) if part != chain.UPPER_ARC)
+    assert facts.clearance == pytest.approx(nearest, abs=1e-7)
     conflict = 90 * wheel_conflict(slot, chain.RIGHT_WHEEL).value
     assert conflict == pytest.approx(CANONICAL["wheel_phase_conflict_deg"], abs=0.005)
 
