@@ -36,6 +36,7 @@ from linkage_atlas.six_bars import SixBarLinkage, on_hinge
 from linkage_atlas.studies import read_load
 from synthesis.arrays import Complexes, Floats, cross, dot
 from synthesis.drives.actuator import (
+    GRID,
     ROW_GRID,
     Actuator,
     Knee,
@@ -107,23 +108,16 @@ FINE = 961
 _DRIVE_FIELDS: dict[str, tuple[str, ...]] = {
     "rotary": ("links", "transmission_angle_min"),
     "actuator": (
-        "retracted",
-        "stroke",
-        "catalogue",
-        "pressure",
-        "links",
-        "on",
-        "ground_box",
-        "reach_max",
-        "arm_min",
-        "dead_length",
-        "rod",
-        "extends",
+        "retracted", "stroke", "catalogue", "pressure", "links", "on", "ground_box", "reach_max", "arm_min", "dead_length",
+        "rod", "extends",
     ),
     "dyad": ("links", "time_ratio", "motor_box", "pin_radius", "reach_max", "transmission_angle_min"),
     "toggle": ("links", "at", "over_centre", "knee", "ground_box", "reach_max", "arm_min"),
-}
-_SPRING_FIELDS = ("kind", "between", "catalogue", "stiffness", "ground_box", "reach_max", "clear")
+}  # fmt: skip
+_SPRING_FIELDS = ("between", "catalogue", "stiffness", "ground_box", "reach_max", "clear")
+_ABOVE_ZERO = (
+    "retracted", "stroke", "reach_max", "pin_radius", "time_ratio", "pressure", "rod", "stiffness", "clear"
+)  # fmt: skip
 _STEEL = 210_000.0
 """Newtons a square millimetre, of a rod that buckles."""
 _LEAST_ARM = 0.1
@@ -569,12 +563,12 @@ class _Place(NamedTuple):
     @property
     def unit(self) -> float:
         """Of the drive's parameter: radians in the user's angle, or 1 for a length."""
-        return 1.0 if self.machine.drive in ("slider", "cylinder") else self.radian
+        return self.radian if self.machine.turns else 1.0
 
     def told(self, at: float) -> str:
         """A place of the drive, in words."""
-        lengths = self.machine.drive in ("slider", "cylinder")
-        return f"{at / self.unit:.6g}" + ("" if lengths else " radians" if self.radian == 1 else " degrees")
+        angle = " radians" if self.radian == 1 else " degrees"
+        return f"{at / self.unit:.6g}" + angle * self.machine.turns
 
     def check(self) -> None:
         """FieldError where the linkage has no velocities at some place of its way, or lies too far from the origin."""
@@ -758,7 +752,7 @@ def _load(machine: LinkMotions, given: Mapping[str, Any], radian: float, millime
     if parts:
         raise FieldError("/load/parts", "for one linkage only: /v1/drives, or `linkage_atlas.drives`")
     speed = 0.0 if given.get("speed") is None else bounded("load/speed", given["speed"])
-    unit = 1.0 if machine.drive in ("slider", "cylinder") else radian
+    unit = radian if machine.turns else 1.0
     return load._replace(speed=speed * unit, metre=millimetres / 1000)
 
 
@@ -768,41 +762,25 @@ def _drive(
     """One entry of `drives`, with what it does not say filled in."""
     kind = one_of(f"{at}/kind", given.get("kind") if isinstance(given, Mapping) else None, KINDS)
     kind = "actuator" if kind == "cylinder" else kind
-    known_fields(at, given, ("kind", *_DRIVE_FIELDS[kind]))
-    wish = {name: value for name, value in given.items() if value is not None} | {"kind": kind}
+    wish = _wish(at, given, _DRIVE_FIELDS[kind], radian) | {"kind": kind}
     pivoted = [name for name, one in machine.links.items() if one.pivot is not None]
     wish["links"] = _links(
         f"{at}/links", wish.get("links"), machine, pivoted if kind == "rotary" else list(machine.links)
     )
-    for name in ("retracted", "stroke", "reach_max", "pin_radius", "time_ratio", "pressure", "rod"):
-        if name in wish:
-            check_above_zero(**{f"{at}/{name}": wish[name]})
-            wish[name] = float(wish[name])
-            if wish[name] > MAX_LENGTH:
-                raise FieldError(f"/{at}/{name}", f"wanted at most {MAX_LENGTH:g}")
-    for name in ("arm_min", "dead_length"):
-        if name in wish:
-            wish[name] = number(f"{at}/{name}", wish[name], 0.0)
-    for name in ("transmission_angle_min", "over_centre"):
-        if name in wish:
-            wish[name] = number(f"{at}/{name}", wish[name], 0.0) * radian
-    for name in ("ground_box", "motor_box"):
-        if name in wish:
-            wish[name] = box(f"{at}/{name}", wish[name], flat=True)
-    if wish.get("time_ratio", 1.0) > LARGEST_RATIO or wish.get("time_ratio", 1.0) < 1 / LARGEST_RATIO:
+    if not 1 / LARGEST_RATIO <= wish.get("time_ratio", 1.0) <= LARGEST_RATIO:
         raise FieldError(f"/{at}/time_ratio", f"wanted a ratio from {1 / LARGEST_RATIO:g} to {LARGEST_RATIO:g}")
     if kind == "toggle":
-        wish["at"] = wish.get("at", "last")
+        defaults: dict[str, Any] = {"at": "last", "over_centre": np.deg2rad(_OVER_CENTRE), "knee": 0.5}
+        wish = defaults | wish
         if wish["at"] not in ("first", "last"):
             raise FieldError(f"/{at}/at", f"wanted 'first' or 'last', found {wish['at']!r}")
-        wish["over_centre"] = wish.get("over_centre", np.deg2rad(_OVER_CENTRE))
         if wish["over_centre"] > np.pi / 3:
             raise FieldError(f"/{at}/over_centre", "wanted at most 60 degrees")
-        wish["knee"] = number(f"{at}/knee", wish.get("knee", 0.5))
+        wish["knee"] = number(f"{at}/knee", wish["knee"])
         if not 0.1 <= wish["knee"] <= 0.9:
             raise FieldError(f"/{at}/knee", "wanted the handle's part of both links, from 0.1 to 0.9")
     if kind == "actuator":
-        wish["on"] = wish.get("on", GROUND)
+        wish.setdefault("on", GROUND)
         if wish["on"] not in (GROUND, *machine.links):
             raise FieldError(f"/{at}/on", f"wanted ground or one of {', '.join(machine.links)}, found {wish['on']!r}")
         if set(wish["links"]) == {wish["on"]}:
@@ -821,23 +799,34 @@ def _drive(
     return wish
 
 
+def _wish(at: str, given: Mapping[str, Any], fields: tuple[str, ...], radian: float) -> dict[str, Any]:
+    """What an entry says, its numbers and boxes checked."""
+    known_fields(at, given, ("kind", *fields))
+    wish = {name: value for name, value in given.items() if value is not None}
+    for name, value in wish.items():
+        field_ = f"{at}/{name}"
+        if name in _ABOVE_ZERO:
+            check_above_zero(**{field_: value})
+            wish[name] = bounded(field_, value, MAX_LENGTH)
+        elif name in ("arm_min", "dead_length"):
+            wish[name] = number(field_, value, 0.0)
+        elif name in ("transmission_angle_min", "over_centre"):
+            wish[name] = number(field_, value, 0.0) * radian
+        elif name in ("ground_box", "motor_box"):
+            wish[name] = box(field_, value, flat=True)
+    return wish
+
+
 def _spring(at: str, given: Mapping[str, Any], machine: LinkMotions, millimetres: float) -> dict[str, Any]:
     """One entry of `springs`, checked."""
     kind = one_of(f"{at}/kind", given.get("kind") if isinstance(given, Mapping) else None, SPRING_KINDS)
-    known_fields(at, given, _SPRING_FIELDS)
-    wish = {name: value for name, value in given.items() if value is not None}
+    wish = _wish(at, given, _SPRING_FIELDS, 1.0)
     names = (GROUND, *machine.links)
     if "between" in wish:
         both = wish["between"]
         if isinstance(both, str) or len(both) != 2 or both[0] == both[1] or any(one not in names for one in both):
             raise FieldError(f"/{at}/between", f"wanted two different ones of {', '.join(names)}")
         wish["between"] = (both[1], both[0]) if both[1] == GROUND else (both[0], both[1])
-    for name in ("stiffness", "reach_max", "clear"):
-        if name in wish:
-            check_above_zero(**{f"{at}/{name}": wish[name]})
-            wish[name] = float(wish[name])
-    if "ground_box" in wish:
-        wish["ground_box"] = box(f"{at}/ground_box", wish["ground_box"], flat=True)
     if kind == "gas" or "catalogue" in wish:
         wish["kinds"] = read_springs(f"{at}/catalogue", wish.get("catalogue"), kind, millimetres)
         if "stiffness" in wish:
@@ -906,23 +895,15 @@ class _Search:
         self.refused: list[Refusal] = []
         self.springs: list[Spring] = []
         self.notes: list[str] = []
-        origins = np.stack([one.origin for one in [*self.machine.links.values(), *self._bodies()]])
+        bodies = [] if self.machine.body is None else [self.machine.body]
         pivots = [one.pivot for one in self.machine.links.values() if one.pivot is not None]
-        every = np.append(origins.ravel(), pivots)
-        size = max(float(np.ptp(every.real)), float(np.ptp(every.imag)), self.machine.extent)
-        self.box: Box = (
-            float(every.real.min() - size / 2),
-            float(every.imag.min() - size / 2),
-            float(every.real.max() + size / 2),
-            float(every.imag.max() + size / 2),
-        )
+        left, low, right, high = _envelope(*(one.origin for one in [*self.machine.links.values(), *bodies]), *pivots)
+        room = max(right - left, high - low, self.machine.extent) / 2
+        self.box: Box = (left - room, low - room, right + room, high + room)
         if asked.drives and not self.loaded and any(one["kind"] != "rotary" for one in asked.drives):
             self.notes.append(
                 "no load was given: each has the best leverage that was found, and there are no forces to tell"
             )
-
-    def _bodies(self) -> list[LinkMotion]:
-        return [] if self.machine.body is None else [self.machine.body]
 
     def _reach(self, wish: Mapping[str, Any], name: str) -> float:
         """How far a pin may be from its link's origin: what is asked, or the link's own size."""
@@ -1019,9 +1000,11 @@ class _Search:
 
     # -- actuators -----------------------------------------------------------------------------------------------------
 
-    def _seen(self, name: str, on: str, machine: LinkMotions) -> LinkMotion:
-        link = machine.links[name]
-        return link if on == GROUND else link.seen_from(machine.links[on])
+    def _wanted(self, wish: Mapping[str, Any], name: str, link: LinkMotion, stroke: float | None = None) -> Wanted:
+        """What a placement keeps to, with a least arm for a stroke (default: the longest) where none is asked for."""
+        reach = self._reach(wish, name)
+        least = _LEAST_ARM * (stroke or link.longest_way(reach)) / self.machine.span
+        return Wanted(wish.get("ground_box", self.box), reach, wish.get("arm_min", least), wish.get("extends"))
 
     def actuator(self, wish: Mapping[str, Any]) -> None:
         """An actuator or cylinder between a link and the ground, or another link."""
@@ -1031,16 +1014,11 @@ class _Search:
                 continue
             if self.work.expired():
                 return
-            link = self._seen(name, wish["on"], self.machine)
-            reach = self._reach(wish, name)
-            largest = (wish.get("stroke") or link.longest_way(reach)) / self.machine.span
-            arm = wish.get("arm_min", 0.0)
-            wanted = Wanted(wish.get("ground_box", self.box), reach, arm, wish.get("extends"))
+            link = self.machine.seen(name, wish["on"])
+            shortest = wish.get("stroke") if rows is None else min(row.actuator.stroke for row in rows)
+            wanted, grid = self._wanted(wish, name, link, shortest), GRID if rows is None else ROW_GRID
+            question = Question(link, self.machine.at, self.torque, wanted, grid, self.amount)
             if rows is not None:
-                if "arm_min" not in wish:
-                    least = _LEAST_ARM * min(row.actuator.stroke for row in rows) / self.machine.span
-                    wanted = wanted._replace(arm=least)
-                question = Question(link, self.machine.at, self.torque, wanted, ROW_GRID, self.amount)
                 bought, unfit = best_of_rows(question, rows, self.top, self.work)
                 for place, one in enumerate(bought):
                     self._placed(wish, name, question, one.placement, one.row.actuator, one.row, place)
@@ -1049,9 +1027,6 @@ class _Search:
                 elif unfit:
                     self.notes.append(f"actuator on the {name}: {self._unfit(unfit)}")
                 continue
-            if "arm_min" not in wish:
-                wanted = wanted._replace(arm=_LEAST_ARM * largest)
-            question = Question(link, self.machine.at, self.torque, wanted, amount=self.amount)
             retracted, stroke = wish.get("retracted"), wish.get("stroke")
             dead = wish.get("dead_length", 0.0)
             if retracted is not None and stroke is not None:
@@ -1102,12 +1077,7 @@ class _Search:
                 "actuator", name, f"needs a force of {most.peak:.4g} between the positions looked at", row.name
             )
             return
-        link = self.machine.links[name]
-        other = self.machine.links.get(wish["on"])
-        ground: Complexes = np.full(self.machine.at.size, found.ground, dtype=np.complex128)
-        if other is not None:
-            ground = other.place(other.point_at(found.ground))
-        pin = link.place(found.pin)
+        ground, pin = self._ends(self.machine, wish["on"], name, found)
         bound = self._told(question.bound(sizes.stroke))
         priced = math.inf if row is None or row.price is None else row.price
         worth = (priced, max(row.push, row.pull), found.worst) if row is not None else (found.worst,)
@@ -1138,9 +1108,7 @@ class _Search:
 
     def _turns_back(self, wish: Mapping[str, Any], name: str, found: Placement) -> bool:
         """Whether between the positions looked at the arm vanishes after all; then it is refused."""
-        link = self._seen(name, wish["on"], self.fine)
-        v = link.place(found.pin) - found.ground
-        arm = np.real(np.conj(v) * link.speed(found.pin)) / np.abs(v)
+        _, arm = self.fine.seen(name, wish["on"]).leverage(found.ground, found.pin)
         bad = arm * found.arm[0] <= 0
         if bad.any():
             at = self.place.told(self.fine.at[int(np.argmax(bad))])
@@ -1153,16 +1121,16 @@ class _Search:
         """Length, arm and force of an actuator or a knee at places of the drive."""
         # the frame of a link that carries the other end lies as the plane does at the first position
         machine = self.place.poses(np.append(self.machine.at[0], at))
-        link = self._seen(name, on, machine)
-        v, speed = link.place(found.pin) - found.ground, link.speed(found.pin)
-        length = np.abs(v)
-        arm = dot(v, speed) / length
+        length, arm = machine.seen(name, on).leverage(found.ground, found.pin)
         return length[1:], arm[1:], (machine.torque(self.asked.load) / arm)[1:]
+
+    def _ends(self, machine: LinkMotions, on: str, name: str, found: Placement) -> tuple[Complexes, Complexes]:
+        """Where both ends of an actuator go."""
+        return machine.end(on, machine.point_on(on, found.ground)), machine.end(name, found.pin)
 
     def _pulls(self, on: str, name: str, found: Placement) -> list[Pull]:
         """What an actuator does to both links, at the fine positions."""
-        pin, other = self.fine.links[name].place(found.pin), self.fine.links.get(on)
-        ground = np.full(FINE, found.ground) if other is None else other.place(other.point_at(found.ground))
+        ground, pin = self._ends(self.fine, on, name, found)
         length, _, force = self._along(on, name, found, self.fine.at)
         push = force * (pin - ground) / length
         return [Pull(name, pin, push), Pull(on, ground, -push)]
@@ -1252,7 +1220,8 @@ class _Search:
             if isinstance(found, str):
                 self.refuse("dyad", name, found)
                 continue
-            whole = self._finer(fine, found)
+            torque = self.fine.torque(self.asked.load)
+            whole = driven(fine, torque, found.motor, found.pin, found.crank, found.rod, found.extends)
             if whole is None:
                 self.refuse("dyad", name, "the best motor's rod turns back between the positions looked at")
                 continue
@@ -1264,11 +1233,6 @@ class _Search:
                 )
                 continue
             self._motor(name, whole)
-
-    def _finer(self, link: LinkMotion, found: Driven) -> Driven | None:
-        """A motor and rod at the fine positions."""
-        torque = self.fine.torque(self.asked.load)
-        return driven(link, torque, found.motor, found.pin, found.crank, found.rod, found.extends)
 
     def _motor(self, name: str, whole: Driven) -> None:
         coarse = slice(None, None, (FINE - 1) // (self.machine.at.size - 1))
@@ -1369,9 +1333,8 @@ class _Search:
         for name in wish["links"]:
             if self.work.expired():
                 return
-            link, reach = self.machine.links[name], self._reach(wish, name)
-            least = _LEAST_ARM * link.longest_way(reach) / self.machine.span
-            wanted = Wanted(wish.get("ground_box", self.box), reach, wish.get("arm_min", least))
+            link = self.machine.links[name]
+            wanted = self._wanted(wish, name, link)
             last = wish["at"] == "last"
             found = locked(
                 link, self.machine.at, self.torque, wanted, last, wish["over_centre"], wish["knee"], self.work
@@ -1502,21 +1465,15 @@ class _Search:
         words = ["stays" if abs(one) <= quiet else "falls back" if one > 0 else "goes on" for one in signs]
         first = {"stays": "stays", "falls back": "is pressed onto its stop", "goes on": "opens by itself"}[words[0]]
         last = {"stays": "stays", "falls back": "closes by itself", "goes on": "is held open"}[words[1]]
+        both = [[*map(self.machine.end, spring.between, spring.points)] for spring in found.springs]
         pulls: list[Pull] = []
-        for spring, length in zip(found.springs, found.lengths):
-            one, other = (self._end(name, point) for name, point in zip(spring.between, spring.points))
+        for spring, length, (one, other) in zip(found.springs, found.lengths, both):
             # over a length of 0 a spring of zero free length has no force either
-            pull = (spring.preload + spring.stiffness * (length - spring.free_length)) / np.maximum(length, 1e-300)
-            pulls += [
-                Pull(spring.between[0], one, pull * (other - one)),
-                Pull(spring.between[1], other, pull * (one - other)),
-            ]
+            pull = spring.force(length) / np.maximum(length, 1e-300) * (other - one)
+            pulls += [Pull(spring.between[0], one, pull), Pull(spring.between[1], other, -pull)]
         pins = self._pins(self.machine, pulls)
-        for spring, row, length in zip(found.springs, found.kinds, found.lengths):
-            ends = np.stack(
-                [plane(self._end(name, point)) for name, point in zip(spring.between, spring.points)], axis=1
-            )
-            force = spring.preload + spring.stiffness * (length - spring.free_length)
+        for spring, row, length, places in zip(found.springs, found.kinds, found.lengths, both):
+            ends = plane(np.stack(places, axis=1))
             self.springs.append(
                 Spring(
                     kind=kind,
@@ -1533,14 +1490,9 @@ class _Search:
                     exact=exact,
                     pin_forces=pins,
                     stays=f"first position: {first}; last: {last}",
-                    curve=SpringCurve(self.curve_at, length, force, found.torque, hand, ends),
+                    curve=SpringCurve(self.curve_at, length, spring.force(length), found.torque, hand, ends),
                 )
             )
-
-    def _end(self, name: str, point: complex) -> Complexes:
-        if name == GROUND:
-            return np.full(self.machine.at.size, point, dtype=complex)
-        return self.machine.links[name].place(point)
 
     LOOKS: ClassVar = {"rotary": rotary, "actuator": actuator, "dyad": dyad, "toggle": toggle}
     """What looks for each kind, in the order of a reply."""

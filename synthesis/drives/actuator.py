@@ -19,6 +19,7 @@ the stop. The linkage goes beyond its end by a little while the knee passes the 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from typing import Any, NamedTuple
@@ -26,7 +27,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.arrays import Complexes, Flags, Floats, Ints, angle_at
+from synthesis.arrays import Complexes, Flags, Floats, Ints, angle_at, dot
 from synthesis.guided.linkage import LinkMotion
 from synthesis.mechanism import Box
 from synthesis.one_variable import closer_looks
@@ -187,7 +188,6 @@ class Question:
         self.ways = (True, False) if wanted.extends is None else (wanted.extends,)
         self.middle = complex(np.mean(link.origin))
         self.size = max(right - left, top - bottom, wanted.reach)
-        self._matrices = forms_of(link, self.middle)
 
     def bound(self, stroke: float) -> float:
         """The peak force that no placement is below: the integral of |torque| over the stroke; without a load that of 1."""
@@ -197,9 +197,7 @@ class Question:
 
     def placement(self, ground: complex, pin: complex) -> Placement:
         """What follows from its two ends."""
-        v = self.link.place(pin) - ground
-        length = np.abs(v)
-        arm = np.real(np.conj(v) * self.link.speed(pin)) / length
+        length, arm = self.link.leverage(ground, pin)
         with np.errstate(divide="ignore", invalid="ignore"):
             force = self.torque / arm
             worst = float(np.max(self.burden / np.abs(arm))) * self.scale_of_burden
@@ -385,40 +383,18 @@ class Question:
 
     def arms(self, grounds: Complexes, pins: Complexes) -> Floats:
         """dL/dphi of m placements at n positions, (m, n): products of matrices."""
-        slope, square = self._matrices
-        shifted = grounds - self.middle
-        product = np.conj(shifted) * pins
-        basis = np.empty((grounds.size, 8))
-        basis[:, 0] = 1.0
-        basis[:, 1], basis[:, 2] = shifted.real, shifted.imag
-        basis[:, 3], basis[:, 4] = pins.real, pins.imag
-        basis[:, 5], basis[:, 6] = product.real, product.imag
-        basis[:, 7] = np.abs(shifted) ** 2 + np.abs(pins) ** 2
-        squared = basis @ square
-        # the expanded square can round below 0 only where the actuator is as good as without a length
-        return np.asarray((basis @ slope) / np.sqrt(np.maximum(squared, 1e-300)))
+        return lengths_and_arms(self.link, self.middle, grounds, pins)[1]
 
     def _descended(
         self, sizes: Sizes, ground: complex, pin: complex, way: bool, share: float = _BEGIN
     ) -> Placement | None:
         """The nearest optimum, by sequential quadratic programs; None where it leaves what is wanted."""
-        from scipy.optimize import minimize
-
         one = _Descent(self, sizes, way)
-        equations = {"type": "eq", "fun": one.off, "jac": one.off_slopes}
-        answer = minimize(
-            lambda z: -z[-1],
-            one.start(ground, pin, share),
-            jac=lambda z: one.gradient,
-            bounds=one.bounds,
-            constraints=[{"type": "ineq", "fun": one.rows, "jac": one.slopes}]
-            + [equations] * (not (sizes.retracted_free and sizes.stroke_free)),
-            method="SLSQP",
-            options={"ftol": 1e-13, "maxiter": 60},
-        )
-        if not np.isfinite(answer.x).all():
+        given = not (sizes.retracted_free and sizes.stroke_free)
+        end = one.end(one.start(ground, pin, share), given, 1e-13, 60)
+        if not np.isfinite(end).all():
             return None
-        end = one.met(answer.x)
+        end = one.met(end)
         found = self.placement(*one.ends(end))
         return found if found.extends is way and self.keeps(found) and one.fits(end) else None
 
@@ -592,44 +568,93 @@ class Screened(NamedTuple):
         return cls(*columns)
 
 
-def forms_of(link: LinkMotion, middle: complex) -> tuple[Floats, Floats]:
-    """Coefficients (8, n) of L dL/dphi and of L^2 in 1, G, q, conj(G) q and |G|^2 + |q|^2; G from the middle.
+def lengths_and_arms(link: LinkMotion, middle: complex, grounds: Complexes, pins: Complexes) -> tuple[Floats, Floats]:
+    """L and dL/dphi of m placements at n positions, (m, n): products of matrices.
 
-    ``conj(v) Q'`` with v = X + R q - G and Q' = X' + i w R q, multiplied out.
+    L^2 and L dL/dphi, which is the real part of ``conj(v) Q'`` with v = X + R q - G and Q' = X' + i w R q, are multiplied out to
+    coefficients (8, n) of 1, G, q, conj(G) q and |G|^2 + |q|^2; G from the middle.
     """
     x, r, speed, rate = link.origin - middle, link.direction, link.velocity, link.rate
     zero = np.zeros(x.size)
+
+    def coefficients(one: Floats, ground: Complexes, pin: Complexes, both: Complexes, squares: Floats) -> Floats:
+        return np.array([one, ground.real, ground.imag, pin.real, -pin.imag, both.real, -both.imag, squares])
+
     of_pin = np.conj(speed) * r + 1j * rate * np.conj(x) * r
-    of_both = -1j * rate * r
-    slope = [
-        np.real(np.conj(x) * speed),
-        -speed.real,
-        -speed.imag,
-        of_pin.real,
-        -of_pin.imag,
-        of_both.real,
-        -of_both.imag,
-        zero,
-    ]
-    pin = 2 * np.conj(x) * r
-    both = -2 * r
-    square = [
-        np.abs(x) ** 2,
-        -2 * x.real,
-        -2 * x.imag,
-        pin.real,
-        -pin.imag,
-        both.real,
-        -both.imag,
-        zero + 1,
-    ]
-    return np.array(slope), np.array(square)
+    slope = coefficients(dot(x, speed), -speed, of_pin, -1j * rate * r, zero)
+    square = coefficients(np.abs(x) ** 2, -2 * x, 2 * np.conj(x) * r, -2 * r, zero + 1)
+    g = grounds - middle
+    both, squares = np.conj(g) * pins, np.abs(g) ** 2 + np.abs(pins) ** 2
+    basis = np.stack([np.ones(g.size), g.real, g.imag, pins.real, pins.imag, both.real, both.imag, squares], axis=1)
+    # the expanded square can round below 0 only where there is as good as no length
+    length = np.sqrt(np.maximum(basis @ square, 1e-300))
+    return length, (basis @ slope) / length
 
 
-class _Descent:
-    """Rows and exact derivatives of ``arm >= u burden``, arm, reach and sizes, one way.
+def slopes_of_leverage(
+    link: LinkMotion, along: Complexes, length: Floats, speed: Complexes, size: float
+) -> tuple[Floats, Floats]:
+    """Derivatives (n, 4) of L and dL/dphi by G and q over a size; ``along`` (n,): direction from G to the pin."""
+    turned = link.direction[:, None] * np.array([0, 0, 1, 1j]) * size
+    dv = turned - np.array([1, 1j, 0, 0]) * size
+    back = np.conj(along)[:, None]
+    lengths = np.real(back * dv)
+    dn = (dv - along[:, None] * lengths) / length[:, None]
+    return lengths, np.real(np.conj(dn) * speed[:, None]) + np.real(back * 1j * link.rate[:, None] * turned)
 
-    Unknowns: G and q over the size, and u. Lengths that are given are equations: nothing is singular where the circles about
+
+class Descent:
+    """The largest u for which `rows` of the unknowns are at least 0 and `off` is 0, by sequential quadratic programs.
+
+    Unknowns: two points over the ``size``, and u. ``slopes`` and ``off_slopes`` are the exact derivatives; what all of them take
+    from the points is worked out once, by ``_looked``.
+    """
+
+    size: float
+    bounds: list[tuple[float, float]]
+    rows: Callable[[Floats], Floats]
+    slopes: Callable[[Floats], Floats]
+    off: Callable[[Floats], Floats]
+    off_slopes: Callable[[Floats], Floats]
+    _looked: Callable[[complex, complex], Any]
+    _seen: tuple[bytes, Any] = b"", None
+
+    def ends(self, z: Floats) -> tuple[complex, complex]:
+        """Both points: ground point or motor, and pin."""
+        return complex(z[0], z[1]) * self.size, complex(z[2], z[3]) * self.size
+
+    def unknowns(self, one: complex, pin: complex) -> Floats:
+        """With u 0."""
+        return np.array([one.real, one.imag, pin.real, pin.imag, 0.0]) / self.size
+
+    def end(self, begin: Floats, equations: bool, ftol: float, steps: int) -> Floats:
+        """Where a descent from some unknowns ends; ``equations``: whether `off` counts."""
+        from scipy.optimize import minimize
+
+        upwards = np.array([0.0, 0.0, 0.0, 0.0, -1.0])
+        limits = [{"type": "ineq", "fun": self.rows, "jac": self.slopes}]
+        answer: Any = minimize(
+            lambda z: -z[-1],
+            begin,
+            jac=lambda z: upwards,
+            bounds=self.bounds,
+            constraints=limits + [{"type": "eq", "fun": self.off, "jac": self.off_slopes}] * equations,
+            method="SLSQP",
+            options={"ftol": ftol, "maxiter": steps},
+        )
+        return np.asarray(answer.x)
+
+    def _at(self, z: Floats) -> Any:
+        key = z[:4].tobytes()
+        if self._seen[0] != key:
+            self._seen = key, self._looked(*self.ends(z))
+        return self._seen[1]
+
+
+class _Descent(Descent):
+    """Rows and exact derivatives of ``arm >= u burden``, arm, reach and sizes, one way, of G and q.
+
+    Lengths that are given are equations: nothing is singular where the circles about
     both ends of q's way just touch, which is where many optima lie.
     """
 
@@ -642,18 +667,12 @@ class _Descent:
         left, bottom, right, top = np.array(question.wanted.box) / self.size
         reach = question.wanted.reach / self.size
         self.bounds = [(left, right), (bottom, top), (-reach, reach), (-reach, reach), (0.0, 1e6)]
-        self.gradient = np.array([0.0, 0.0, 0.0, 0.0, -1.0])
         # u is told in what a placement at the bound would have, so that all unknowns are of order one
         whole = float(np.trapezoid(question.burden, question.at) * question.sense)
         self.unit = sizes.begin.stroke / max(whole, 1e-300)
-        self._seen: _Looked | None = None
-
-    def ends(self, z: Floats) -> tuple[complex, complex]:
-        """Ground point and pin."""
-        return complex(z[0], z[1]) * self.size, complex(z[2], z[3]) * self.size
 
     def start(self, ground: complex, pin: complex, share: float) -> Floats:
-        z = np.array([ground.real, ground.imag, pin.real, pin.imag, 0.0]) / self.size
+        z = self.unknowns(ground, pin)
         arm = self._at(z).arm
         z[-1] = share * np.min(arm / np.maximum(self.q.burden, 1e-300))
         return z
@@ -673,13 +692,13 @@ class _Descent:
 
     def slopes(self, z: Floats) -> Floats:
         q, seen = self.q, self._at(z)
-        n, arms = q.at.size, seen.slopes.arm
+        n, (lengths, arms) = q.at.size, seen.slopes
         slopes = np.zeros((2 * n + 1 + self.free, 5))
         slopes[:n, :4], slopes[:n, 4] = arms, -q.burden
         slopes[n : 2 * n, :4] = arms
         slopes[2 * n, 2:4] = np.array([seen.pin.real, seen.pin.imag]) * (-2 * self.size / q.wanted.reach**2)
         if self.free:
-            slopes[-1, :4] = 2 * seen.slopes.length[self.short] - seen.slopes.length[self.long]
+            slopes[-1, :4] = 2 * lengths[self.short] - lengths[self.long]
         return slopes
 
     def off(self, z: Floats) -> Floats:
@@ -690,7 +709,7 @@ class _Descent:
         return np.array(given) / self.size
 
     def off_slopes(self, z: Floats) -> Floats:
-        lengths = self._at(z).slopes.length
+        lengths, _ = self._at(z).slopes
         short, long = lengths[self.short], lengths[self.long]
         slopes = np.zeros((2, 5))
         slopes[0, :4], slopes[1, :4] = short, long - short
@@ -708,32 +727,17 @@ class _Descent:
         """Whether it has the lengths that are given, and no less dead length, to a hair."""
         return bool(np.abs(self.off(z)).max(initial=0.0) <= _HAIR and (not self.free or self.rows(z)[-1] >= -_HAIR))
 
-    def _at(self, z: Floats) -> _Looked:
-        """What is known at the unknowns that were looked at last; the value of u is no part of it."""
-        key = z[:4].tobytes()
-        if self._seen is None or self._seen.key != key:
-            ground, pin = self.ends(z)
-            v, speed = self.q.link.place(pin) - ground, self.q.link.speed(pin)
-            length = np.maximum(np.abs(v), 1e-300)
-            along = v / length
-            arm = np.real(np.conj(along) * speed) * (self.sign / self.unit)
-            self._seen = _Looked(key, self, pin, length, along, speed, arm)
-        return self._seen
-
-
-class _Slopes(NamedTuple):
-    """Derivatives (n, 4) by G and q."""
-
-    length: Floats
-    """Of lengths over the size."""
-    arm: Floats
+    def _looked(self, ground: complex, pin: complex) -> _Leverage:
+        v, speed = self.q.link.place(pin) - ground, self.q.link.speed(pin)
+        length = np.maximum(np.abs(v), 1e-300)
+        along = v / length
+        return _Leverage(self, pin, length, along, speed, dot(along, speed) * (self.sign / self.unit))
 
 
 @dataclass(frozen=True)
-class _Looked:
-    """What a descent knows at one set of unknowns; a line search asks for no slopes."""
+class _Leverage:
+    """Lengths and arms of a placement; a line search asks for no slopes."""
 
-    key: bytes
     descent: _Descent
     pin: complex
     length: Floats
@@ -743,15 +747,11 @@ class _Looked:
     """Over the unit."""
 
     @cached_property
-    def slopes(self) -> _Slopes:
-        one, link = self.descent, self.descent.q.link
-        turned = link.direction[:, None] * np.array([0, 0, 1, 1j])
-        dv = turned - np.array([1, 1j, 0, 0])
-        back, speed = np.conj(self.along)[:, None], self.speed[:, None]
-        lengths = np.real(back * dv)
-        dn = (dv - self.along[:, None] * lengths) / self.length[:, None]
-        arms = np.real(np.conj(dn) * speed) + np.real(back * 1j * link.rate[:, None] * turned)
-        return _Slopes(lengths, arms * (one.size * one.sign / one.unit))
+    def slopes(self) -> tuple[Floats, Floats]:
+        """Derivatives (n, 4) by G and q, of lengths over the size and of arms."""
+        one = self.descent
+        lengths, arms = slopes_of_leverage(one.q.link, self.along, self.length, self.speed, 1.0)
+        return lengths, arms * (one.size * one.sign / one.unit)
 
 
 class _Pivoted:
@@ -908,15 +908,11 @@ def within_box(pivot: complex, radius: float, box: Box, angles: Floats) -> float
         off = np.maximum(np.maximum(left - places.real, places.real - right), 0.0)
         off += np.maximum(np.maximum(bottom - places.imag, places.imag - top), 0.0)
         return float(tried[np.argmin(off)])
-    step = angles[1] - angles[0]
     begin = int(np.argmin(inside))
-    run, longest, middle = 0, 0, 0
-    for k in range(angles.size + 1):
-        here = inside[(begin + k) % angles.size]
-        run = run + 1 if here else 0
-        if run > longest:
-            longest, middle = run, 2 * (begin + k) - run + 1
-    return float(step * middle / 2)
+    ends = np.flatnonzero(np.diff(np.roll(inside, -begin), append=False))
+    first, last = ends[::2] + 1, ends[1::2]
+    k = int(np.argmax(last - first))
+    return float((angles[1] - angles[0]) * (begin + (first[k] + last[k]) / 2))
 
 
 # -- a knee -----------------------------------------------------------------------------------------------------------

@@ -28,7 +28,7 @@ _BODY_WIDTH = 0.08
 
 @dataclass(frozen=True)
 class Attached:
-    """A drive at its place on a self.machine.
+    """A drive at its place on a linkage.
 
     ``kind``: rotary, actuator, dyad or toggle. ``ground``: its other end, the motor, or the pivot of a rotary drive, in the
     plane at the first sample; on the link ``on``. ``pin``: in the frame of ``link``. ``sizes``: retracted length and stroke,
@@ -52,12 +52,8 @@ class Attached:
         for name in (self.link, self.on):
             if name not in (*self.machine.links, GROUND):
                 raise FieldError("/drive/link", f"this linkage has no {name}")
-        still = np.full(self.machine.at.size, self.ground, dtype=complex)
-        pin = still if self.kind == "rotary" else self.machine.links[self.link].place(self.pin)
-        if self.on == GROUND:
-            return still, pin
-        other = self.machine.links[self.on]
-        return other.place(other.point_at(self.ground)), pin
+        ground = self.machine.end(self.on, self.machine.point_on(self.on, self.ground))
+        return ground, ground if self.kind == "rotary" else self.machine.end(self.link, self.pin)
 
     def knees(self) -> Complexes | None:
         """Where motor crank and rod meet on the way forwards, or handle and strut, (n,); None where there is no such place."""
@@ -82,14 +78,8 @@ class Attached:
         ground, pin = self.ends()
         found: dict[str, Any] = {}
         if self.kind != "rotary":
-            length = np.abs(pin - ground)
-            link = self.machine.links[self.link]
-            speed = link.speed(self.pin)
-            if self.on != GROUND:
-                other = self.machine.links[self.on]
-                speed = speed - other.speed(other.point_at(self.ground))
-            found["drive_length"] = length
-            found["drive_arm"] = np.real(np.conj(pin - ground) * speed) / length
+            link = self.machine.seen(self.link, self.on)
+            found["drive_length"], found["drive_arm"] = link.leverage(self.ground, self.pin)
         knees = self.knees()
         places = {"ground": ground, "pin": pin} | ({} if knees is None else {"knee": knees})
         for name, place in places.items():
@@ -150,7 +140,7 @@ class Attached:
             site = f'    <site name="drive_ground" pos="{xy0(self.ground * metre)}"/>\n  </worldbody>'
             model = model.replace("  </worldbody>", site)
         else:
-            point = self.machine.links[self.on].point_at(self.ground)
+            point = self.machine.point_on(self.on, self.ground)
             model = self._with_site(model, self.on, "drive_ground", point, metre)
         tendon = (
             '  <tendon>\n    <spatial name="drive" width="0.005" rgba="0.8 0.2 0.6 1">\n'

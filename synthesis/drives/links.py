@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from synthesis.arrays import Floats, dot
+from synthesis.arrays import Complexes, Floats, dot
 from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.analysis import Load
 from synthesis.guided.linkage import Circle, GuidedLinkage, LinkMotion, of_four_bar
@@ -49,6 +49,11 @@ class LinkMotions:
         return 1.0 if self.at[-1] >= self.at[0] else -1.0
 
     @property
+    def turns(self) -> bool:
+        """Whether the parameter is an angle."""
+        return self.drive not in ("slider", "cylinder")
+
+    @property
     def span(self) -> float:
         """How far it runs."""
         return float(abs(self.at[-1] - self.at[0]))
@@ -59,6 +64,18 @@ class LinkMotions:
             assert self.body is not None
             return self.body
         return self.links[name]
+
+    def seen(self, name: str, on: str) -> LinkMotion:
+        """A link as an observer on the ground, or on another link, has it."""
+        return self.link(name) if on == GROUND else self.link(name).seen_from(self.link(on))
+
+    def end(self, name: str, point: complex) -> Complexes:
+        """Where a point goes that is told in a link's frame, of the ground in the plane, (n,)."""
+        return np.full(self.at.size, point, dtype=complex) if name == GROUND else self.link(name).place(point)
+
+    def point_on(self, name: str, place: complex) -> complex:
+        """The point, as of `end`, that lies at a place of the plane at the first sample."""
+        return place if name == GROUND else self.link(name).point_at(place)
 
     def torque(self, load: Load) -> Floats:
         """What the drive must give, (n,): force times length per radian of the parameter.

@@ -31,7 +31,7 @@ from typing import NamedTuple
 import numpy as np
 
 from synthesis.arrays import Complexes, Flags, Floats, angle_at, cross, dot
-from synthesis.drives.actuator import Question, Wanted, within_box
+from synthesis.drives.actuator import Descent, Question, Wanted, within_box
 from synthesis.drives.links import GROUND, LinkMotions, motions_at
 from synthesis.errors import FieldError
 from synthesis.fourbar.kinematics import grashof_excesses, transmission_angle_over
@@ -495,10 +495,10 @@ class _Begin(NamedTuple):
         return self.way == other.way and abs(self.motor - other.motor) + abs(self.pin - other.pin) < length
 
 
-class _Descent:
+class _Descent(Descent):
     """Rows and exact derivatives of ``sine of the transmission angle >= u``, reach and times, of motor O and pin q.
 
-    Unknowns: O and q over the size, and u. With psi the angle from the line OQ to the pin's path and beta that at the pin
+    With psi the angle from the line OQ to the pin's path and beta that at the pin
     between rod and line, the sines are ``cos(psi -+ beta)``; crank and rod follow from ``|OQ|`` at both ends.
     """
 
@@ -511,12 +511,6 @@ class _Descent:
         box = [part / self.size for part in question.wanted.box]
         room = self.reach / self.size
         self.bounds = [(box[0], box[2]), (box[1], box[3]), (-room, room), (-room, room), (-1.0, 1.0)]
-        self._seen: _Looked | None = None
-
-    def places(self, z: Floats) -> tuple[complex, complex]:
-        """Motor and pin."""
-        x, y, along, beside = (z[:4] * self.size).tolist()
-        return complex(x, y), complex(along, beside)
 
     def rows(self, z: Floats) -> Floats:
         """Sines less u, (2 n - 2,), the pin's least speed, room of the reach, and how far the line grows or shrinks."""
@@ -526,7 +520,7 @@ class _Descent:
 
     def slopes(self, z: Floats) -> Floats:
         """Of `rows`, by the unknowns."""
-        found = self._slopes(z)[:-1]
+        found = self._at(z).slopes[:-1]
         return np.column_stack([found, np.append(np.full(found.shape[0] - 3, -1.0), np.zeros(3))])
 
     def off(self, z: Floats) -> Floats:
@@ -535,11 +529,11 @@ class _Descent:
 
     def off_slopes(self, z: Floats) -> Floats:
         """Of `off`."""
-        return np.append(self._slopes(z)[-1], 0.0)[None]
+        return np.append(self._at(z).slopes[-1], 0.0)[None]
 
     def start(self, begin: _Begin) -> Floats:
         """The unknowns at a place, with u the smallest sine there."""
-        z = np.array([begin.motor.real, begin.motor.imag, begin.pin.real, begin.pin.imag, 0.0]) / self.size
+        z = self.unknowns(begin.motor, begin.pin)
         z[4] = self._at(z).rows[:-4].min()
         return z
 
@@ -548,20 +542,7 @@ class _Descent:
         z = self.start(begin)
         return float(z[4] - (0.0 if self.angle is None else abs(self.off(z)[0])))
 
-    def _at(self, z: Floats) -> _Looked:
-        key = z[:4].tobytes()
-        if self._seen is None or self._seen.key != key:
-            self._seen = self._computed(key, z)
-        return self._seen
-
-    def _slopes(self, z: Floats) -> Floats:
-        seen = self._at(z)
-        if seen.slopes is None:
-            seen = self._seen = seen._replace(slopes=self._slopes_of(seen))
-        return np.asarray(seen.slopes)
-
-    def _computed(self, key: bytes, z: Floats) -> _Looked:
-        motor, pin = self.places(z)
+    def _looked(self, motor: complex, pin: complex) -> _Angles:
         v, moved = self.link.place(pin) - motor, self.link.speed(pin)
         length = np.abs(v)
         part = np.conj(v) * moved
@@ -583,9 +564,10 @@ class _Descent:
         rows[-2] = (long - short - self.stroke) / self.size
         turned = float(np.angle(v[-1] * np.conj(v[0])))
         rows[-1] = abs(turned) - (self.angle or 0.0)
-        return _Looked(key, rows, None, pin, v, moved, part, cosine, sine, turned)
+        return _Angles(self, rows, pin, v, moved, part, cosine, sine, turned)
 
-    def _slopes_of(self, seen: _Looked) -> Floats:
+    def slopes_of(self, seen: _Angles) -> Floats:
+        """Derivatives of its rows by both points."""
         link, v, part = self.link, seen.v, seen.part
         along = link.direction[:, None]
         dv = along * _PINS - _MOTORS
@@ -615,17 +597,16 @@ class _Descent:
         return slopes * self.size
 
 
-_LAST = np.array([0.0, 0.0, 0.0, 0.0, -1.0])
 _MOTORS, _PINS = np.array([1, 1j, 0, 0]), np.array([0, 0, 1, 1j])
 """Of both by the unknowns."""
 
 
-class _Looked(NamedTuple):
-    """What a descent knows at one set of unknowns: its rows, and what their slopes are made of."""
+@dataclass(frozen=True)
+class _Angles:
+    """Psi and beta with motor and pin at their places, the rows that they make, and what the slopes are made of."""
 
-    key: bytes
+    descent: _Descent
     rows: Floats
-    slopes: Floats | None
     pin: complex
     v: Complexes
     moved: Complexes
@@ -635,25 +616,16 @@ class _Looked(NamedTuple):
     sine: Floats
     turned: float
 
+    @cached_property
+    def slopes(self) -> Floats:
+        """Of the rows."""
+        return self.descent.slopes_of(self)
+
 
 def _improved(question: Question, begin: _Begin, angle: float | None, steps: int) -> _Begin:
     """Towards the nearest optimum from one place, by sequential quadratic programs."""
-    from scipy.optimize import minimize
-
     one = _Descent(question, begin.way, angle)
-    limits = [{"type": "ineq", "fun": one.rows, "jac": one.slopes}]
-    if angle is not None:
-        limits.append({"type": "eq", "fun": one.off, "jac": one.off_slopes})
-    answer = minimize(
-        lambda z: -z[4],
-        one.start(begin),
-        jac=lambda z: _LAST,
-        bounds=one.bounds,
-        constraints=limits,
-        method="SLSQP",
-        options={"ftol": 1e-10, "maxiter": steps},
-    )
-    return _Begin(*one.places(answer.x), begin.way)
+    return _Begin(*one.ends(one.end(one.start(begin), angle is not None, 1e-10, steps)), begin.way)
 
 
 def _closed(question: Question, torque: Floats, begin: _Begin, angle: float | None) -> Driven | None:
@@ -667,7 +639,7 @@ def _closed(question: Question, torque: Floats, begin: _Begin, angle: float | No
         if abs(off) > 1e-3:
             return None
         z[:2] -= off * slope / np.dot(slope, slope)
-    motor, pin = one.places(z)
+    motor, pin = one.ends(z)
     first, last = np.abs(question.link.place(pin)[[0, -1]] - motor).tolist()
     return driven(question.link, torque, motor, pin, abs(last - first) / 2, (first + last) / 2, begin.way)
 

@@ -18,17 +18,17 @@ between the shortest and the longest.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from synthesis.arrays import Complexes, Floats
-from synthesis.drives.actuator import forms_of
+from synthesis.drives.actuator import lengths_and_arms, slopes_of_leverage
 from synthesis.drives.links import GROUND, LinkMotions
 from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.analysis import Load
-from synthesis.guided.linkage import Circle, GuidedLinkage, LinkMotion, Rail
+from synthesis.guided.linkage import Circle, GuidedLinkage, Rail
 from synthesis.mechanism import Box
 from synthesis.work import Work
 
@@ -50,6 +50,10 @@ class Spring:
     stiffness: float
     free_length: float = 0.0
     preload: float = 0.0
+
+    def force(self, length: Floats) -> Floats:
+        """Its pull at some lengths."""
+        return self.preload + self.stiffness * (length - self.free_length)
 
 
 @dataclass(frozen=True)
@@ -293,14 +297,15 @@ class Fitted:
 
 def spring_torque(machine: LinkMotions, spring: Spring) -> tuple[Floats, Floats]:
     """Lengths of a spring over the way, and what the drive must give because of it, (n,) each."""
-    first, second = (_end(machine, name, point) for name, point in zip(spring.between, spring.points))
-    v, speed = second[0] - first[0], second[1] - first[1]
-    length = np.abs(v)
+    ends = list(zip(spring.between, spring.points))
+    first, second = (machine.end(*one) for one in ends)
+    v = second - first
+    speeds = [0j if name == GROUND else machine.link(name).speed(point) for name, point in ends]
+    speed, length = speeds[1] - speeds[0], np.abs(v)
     if spring.free_length == 0 and spring.preload == 0:
         return length, spring.stiffness * np.real(np.conj(v) * speed)
-    force = spring.preload + spring.stiffness * (length - spring.free_length)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return length, force * np.real(np.conj(v) * speed) / length
+        return length, spring.force(length) * np.real(np.conj(v) * speed) / length
 
 
 def fitted(
@@ -313,14 +318,6 @@ def fitted(
     return Fitted(tuple(springs), names, tuple(length for length, _ in both), left)
 
 
-def _end(machine: LinkMotions, name: str, point: complex) -> tuple[Complexes, Complexes]:
-    if name == GROUND:
-        still = np.zeros(machine.at.size, dtype=complex)
-        return still + point, still
-    link = machine.link(name)
-    return link.place(point), link.speed(point)
-
-
 def best_spring(
     machine: LinkMotions,
     torque: Floats,
@@ -331,25 +328,9 @@ def best_spring(
 ) -> Fitted | str:
     """The spring of a catalogue, and its places on two links, that leave the least rms torque; or why there is none."""
     first, second = between
-    link = _seen(machine, first, second)
+    link = machine.seen(second, first)
     grounds, pins = _grid(machine, first, second, room)
-    slope, square = forms_of(link, 0j)
-    product = np.conj(grounds) * pins
-    basis = np.stack(
-        [
-            np.ones(grounds.size),
-            grounds.real,
-            grounds.imag,
-            pins.real,
-            pins.imag,
-            product.real,
-            product.imag,
-            np.abs(grounds) ** 2 + np.abs(pins) ** 2,
-        ],
-        axis=1,
-    )
-    length = np.sqrt(np.maximum(basis @ square, 1e-300))
-    arm = (basis @ slope) / length
+    length, arm = lengths_and_arms(link, 0j, grounds, pins)
     shortest, longest = length.min(axis=1), length.max(axis=1)
     tries: list[tuple[float, SpringRow, list[int]]] = []
     for kind in kinds:
@@ -384,18 +365,9 @@ def best_spring(
     return fitted(machine, torque, [_named(machine, spring)], [kind])
 
 
-def _seen(machine: LinkMotions, first: str, second: str) -> LinkMotion:
-    link = machine.link(second)
-    return link if first == GROUND else link.seen_from(machine.link(first))
-
-
 def _named(machine: LinkMotions, spring: Spring) -> Spring:
     """A spring whose first point is told in the plane at the first sample, with it in its link's frame."""
-    first = spring.between[0]
-    if first == GROUND:
-        return spring
-    point = machine.link(first).point_at(spring.points[0])
-    return Spring(spring.between, (point, spring.points[1]), spring.stiffness, spring.free_length, spring.preload)
+    return replace(spring, points=(machine.point_on(spring.between[0], spring.points[0]), spring.points[1]))
 
 
 def _grid(machine: LinkMotions, first: str, second: str, room: Room) -> tuple[Complexes, Complexes]:
@@ -423,7 +395,7 @@ class _Placing:
 
     def __init__(self, machine: LinkMotions, between: tuple[str, str], kind: SpringRow, room: Room) -> None:
         first, second = between
-        self.link, self.kind, self.room = _seen(machine, first, second), kind, room
+        self.link, self.kind, self.room = machine.seen(second, first), kind, room
         left, bottom, right, top = room.box
         self.size = max(right - left, top - bottom, room.reach)
         self.origin = None if first == GROUND else complex(machine.link(first).origin[0])
@@ -451,12 +423,7 @@ class _Placing:
         along = v / length
         speed = link.speed(other)
         arm = np.real(np.conj(along) * speed)
-        turned = np.stack([np.zeros_like(v), np.zeros_like(v), link.direction, 1j * link.direction], axis=1) * size
-        dv = turned + np.array([-1, -1j, 0, 0]) * size
-        back = np.conj(along)[:, None]
-        change = np.real(back * dv)
-        dn = (dv - along[:, None] * change) / length[:, None]
-        arms = np.real(np.conj(dn) * speed[:, None]) + np.real(back * 1j * link.rate[:, None] * turned)
+        change, arms = slopes_of_leverage(link, along, length, speed, size)
         force = kind.preload + kind.stiffness * (length - kind.free_length)
         return length, change, force * arm, kind.stiffness * change * arm[:, None] + force[:, None] * arms
 
@@ -549,20 +516,13 @@ def best_pair(
     chosen = [one.kinds[0] for one in placed if one is not None]
     rows = [kind for kind in chosen if kind is not None]
     parts = [_Placing(machine, between, kind, room) for between, kind in zip(betweens, rows)]
-    begin = [part.start(*_level(machine, spring)) for part, spring in zip(parts, springs)]
+    # unknowns have the first end in the plane at the first sample
+    levels = [complex(machine.end(one.between[0], one.points[0])[0]) for one in springs]
+    begin = [part.start(level, one.points[1]) for part, level, one in zip(parts, levels, springs)]
     _, z = _together(parts, torque, np.concatenate(begin))
     for k, (part, spring) in enumerate(zip(parts, springs)):
-        moved = Spring(
-            spring.between, part.ends(z[4 * k : 4 * k + 4]), spring.stiffness, spring.free_length, spring.preload
-        )
-        springs[k] = _named(machine, moved)
+        springs[k] = _named(machine, replace(spring, points=part.ends(z[4 * k : 4 * k + 4])))
     return fitted(machine, torque, springs, rows)
-
-
-def _level(machine: LinkMotions, spring: Spring) -> tuple[complex, complex]:
-    """Both ends as unknowns have them: the first in the plane at the first sample."""
-    first, (one, other) = spring.between[0], spring.points
-    return (one if first == GROUND else complex(machine.link(first).place(one)[0])), other
 
 
 def _rms(values: Floats) -> float:

@@ -339,6 +339,12 @@ class LinkMotion:
         """Its second derivative by the drive, (n,)."""
         return self.acceleration + (1j * self.rate_change - self.rate**2) * self.direction * point
 
+    def leverage(self, ground: complex, point: complex) -> tuple[Floats, Floats]:
+        """Length of the line from a place of the plane to a point of the link, and its derivative by the drive, (n,)."""
+        v = self.place(point) - ground
+        length = np.abs(v)
+        return length, dot(v, self.speed(point)) / length
+
     def point_at(self, place: complex) -> complex:
         """The point of the link that lies at a place of the plane at the first sample."""
         return complex(np.conj(self.direction[0]) * (place - self.origin[0]))
@@ -497,7 +503,7 @@ class GuidedLinkage:
 
     def scaled(self, scale: float) -> GuidedLinkage:
         """The linkage with all lengths times a scale, about the origin."""
-        return self._mapped(lambda z: z * scale, scale, 0.0)
+        return self._mapped(lambda z: z * scale, scale)
 
     def moved(self, turn: float, shift: complex) -> GuidedLinkage:
         """The linkage turned about the origin, then shifted; the body's frame goes with it."""
@@ -515,19 +521,19 @@ class GuidedLinkage:
 
     def mirrored(self) -> GuidedLinkage:
         """The linkage in a mirror (the x axis): places, directions and rotations change their sign of y."""
-        mirrored = self._mapped(lambda z: z.conjugate(), 1.0, -2.0)
+        mirrored = self._mapped(lambda z: z.conjugate(), way=-1.0)
         # a cross product changes its sign in a mirror, and so does a normal
         flips = (self.driver is Driver.HINGE) != isinstance(self.guides[1], Circle)
         start = -self.start if self.driver.turns else self.start
         return replace(mirrored, branch=-self.branch if flips else self.branch, start=start)
 
-    def _mapped(self, point: Callable[[complex], complex], scale: float, turns: float) -> GuidedLinkage:
+    def _mapped(self, point: Callable[[complex], complex], scale: float = 1.0, way: float = 1.0) -> GuidedLinkage:
         def guide(one: Guide) -> Guide:
             if isinstance(one, Circle):
                 return Circle(point(one.pivot), one.radius * scale, point(one.body_point))
             if isinstance(one, Rail):
-                return Rail(point(one.point), one.direction * (1 + turns), point(one.body_point))
-            return Slot(point(one.pin), point(one.body_point), one.body_direction * (1 + turns))
+                return Rail(point(one.point), one.direction * way, point(one.body_point))
+            return Slot(point(one.pin), point(one.body_point), one.body_direction * way)
 
         first, second = self.guides
         start = self.start if self.driver.turns else self.start * scale

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from synthesis.arrays import Complexes, Floats
+from synthesis.arrays import Complexes, Floats, dot
 from synthesis.fourbar.tolerance_study import Study, Tolerances, compared
 from synthesis.guided.linkage import Circle, Driver, Guide, GuidedLinkage, Rail, Slot
 from synthesis.target import TURN
@@ -124,31 +124,28 @@ def made(linkage: GuidedLinkage, coordinate: Floats, first: Deviation, second: D
                 break
         turned = np.exp(1j * rotation)
         value, slope = _beyond(other, pin, turned, held)
-        good = (np.abs(value) < _CLOSED * size) & (np.sign(slope) == np.sign(_beyond_sign(other)) * linkage.branch)
+        good = (np.abs(value) < _CLOSED * size) & (np.sign(slope) == linkage.branch)
         position = pin - turned * held
     good = good & np.isfinite(nominal.rotation)
     return np.where(good, position, np.nan), np.where(good, rotation, np.nan)
 
 
-def _beyond_sign(other: _Guide) -> int:
-    """The sign of the slope of `_beyond` on branch +1."""
-    return -1 if other.sort is Slot else 1
+def _off(other: _Guide, at: Complexes, turned: Complexes) -> tuple[Floats, Complexes]:
+    """How far the other guide is from being kept with its body point at some place, and the direction in which that is."""
+    spoke = at - other.fixed
+    if other.sort is Circle:
+        push = spoke / np.abs(spoke)
+        return np.abs(spoke) - other.radius, push
+    push = 1j * np.exp(1j * other.direction) * (turned if other.sort is Slot else 1.0)
+    return dot(push, spoke), push
 
 
 def _beyond(other: _Guide, pin: Complexes, turned: Complexes, held: Complexes) -> tuple[Floats, Floats]:
-    """How far the other guide is from being kept where the body is turned about the pin, and its derivative by the rotation."""
-    if other.sort is Slot:
-        seen = np.conj(turned) * (other.fixed - pin) * np.exp(-1j * other.direction)
-        beside = np.imag((other.body_point - held) * np.exp(-1j * other.direction))
-        return np.imag(seen) - beside, -np.real(seen)
+    """The same where the body is turned about the pin, and its derivative by the rotation."""
     arm = turned * (other.body_point - held)
-    at = pin + arm
-    if other.sort is Circle:
-        spoke = at - other.fixed
-        push = spoke / np.abs(spoke)
-        return np.abs(spoke) - other.radius, np.real(np.conj(push) * 1j * arm)
-    push = 1j * np.exp(1j * other.direction)
-    return np.real(np.conj(push) * (at - other.fixed)), np.real(np.conj(push) * 1j * arm)
+    value, push = _off(other, pin + arm, turned)
+    # a slot turns with the body: its fixed pin is what moves in it
+    return value, dot(push, 1j * (other.fixed - pin if other.sort is Slot else arm))
 
 
 def _by_hinge(
@@ -175,18 +172,8 @@ def _by_hinge(
 
 def _slid(other: _Guide, position: Complexes, turned: Complexes, along: Complexes) -> tuple[Floats, Floats]:
     """How far the other guide is from being kept, and its derivative by the extension of the slot."""
-    at = position + turned * other.body_point
-    if other.sort is Circle:
-        spoke = at - other.fixed
-        push = spoke / np.abs(spoke)
-        value = np.abs(spoke) - other.radius
-    elif other.sort is Rail:
-        push = 1j * np.exp(1j * other.direction) + 0 * at
-        value = np.real(np.conj(push) * (at - other.fixed))
-    else:
-        push = 1j * turned * np.exp(1j * other.direction)
-        value = np.real(np.conj(push) * (at - other.fixed))
-    return value, -np.real(np.conj(push) * along)
+    value, push = _off(other, position + turned * other.body_point, turned)
+    return value, -dot(push, along)
 
 
 # -- to first order ---------------------------------------------------------------------------------------------------

@@ -98,6 +98,7 @@ class Motion(NamedTuple):
     turned: Complexes
     rotation_root: Floats
     position_root: Floats
+    inverted: bool = False
 
     @classmethod
     def of(cls, body: Body) -> Self:
@@ -108,7 +109,7 @@ class Motion(NamedTuple):
     def inverse(self) -> Motion:
         """The motion of the ground as the body sees it."""
         turned = np.conj(self.turned)
-        return self._replace(position=-turned * self.position, turned=turned)
+        return self._replace(position=-turned * self.position, turned=turned, inverted=not self.inverted)
 
     def places(self, points: Complexes) -> Complexes:
         """Where points (n,) are, (n, N)."""
@@ -119,18 +120,9 @@ class Motion(NamedTuple):
         """Square roots of the weights of a distance."""
         return np.minimum(self.rotation_root, self.position_root)
 
-
-class Lines(NamedTuple):
-    """Points (n,) and the lines that they run on."""
-
-    point: Complexes
-    foot: Complexes
-    normal: Floats
-
-    def as_guides(self, inverse: bool) -> Guides:
-        """Them as rails, or as slots where they are of the inverse motion."""
-        count = self.point.size
-        return Guides(self.point, self.foot, self.normal, np.zeros(count), np.full(count, inverse))
+    def lines(self, point: Complexes, foot: Complexes, normal: Floats) -> Guides:
+        """Points (n,) and the lines that they run on as rails, or as slots where the motion is inverted."""
+        return Guides(point, foot, normal, np.zeros(point.size), np.full(point.size, self.inverted))
 
 
 class Straight:
@@ -152,12 +144,12 @@ class Straight:
             rest = rest - basis @ (basis.T @ rest)
         self._rest = rest
 
-    def stationary(self) -> tuple[Lines, Floats]:
+    def stationary(self) -> tuple[Guides, Floats]:
         """The best line and, square to it, the worst of its kind; and their rms distances (2,)."""
         _, size, across = np.linalg.svd(self._rest, full_matrices=False)  # eigenvectors of the form, to full accuracy
         return self.along(np.arctan2(across[::-1, 1], across[::-1, 0])), size[::-1]
 
-    def along(self, normals: Floats) -> Lines:
+    def along(self, normals: Floats) -> Guides:
         """The best points and lines of given normals (n,), that is with the least rms distance."""
         motion, root = self.motion, self.motion.root
         n = np.exp(1j * normals)
@@ -169,17 +161,17 @@ class Straight:
         middle = motion.places(point).mean(axis=1)
         # the foot of the places' mean on the line
         foot = middle + n * (height - (np.conj(n) * middle).real)
-        return Lines(point, foot, normals)
+        return motion.lines(point, foot, normals)
 
 
-def lines_of(motion: Motion, points: Complexes) -> Lines:
+def lines_of(motion: Motion, points: Complexes) -> Guides:
     """The line that each point (n,) comes nearest to, by the least rms distance of its places."""
     places = motion.places(points)
     weight = motion.root**2 / np.sum(motion.root**2)
     middle = places @ weight
     rest = places - middle[:, None]
     along = np.angle((rest**2) @ weight) / 2  # the direction of the largest spread
-    return Lines(points, middle, along + np.pi / 2)
+    return motion.lines(points, middle, along + np.pi / 2)
 
 
 def as_circles(body: Body, dyads: Dyads) -> Guides:

@@ -42,7 +42,6 @@ from synthesis.guided.pairs import (
     OWN,
     Chart,
     Guides,
-    Lines,
     Looked,
     Motion,
     Pairs,
@@ -227,7 +226,7 @@ def exact_guides(body: Body, sorts: set[Any], drive: Floats | None = None) -> So
     straight = [none, none]
     for k, (sort, seen) in enumerate(((Rail, motion), (Slot, motion.inverse))):
         if sort in sorts:
-            straight[k] = _exact_lines(seen, drive).as_guides(k == 1)
+            straight[k] = _exact_lines(seen, drive)
     if Circle not in sorts:
         return Sorts(none, *straight)
     if few <= FEW:
@@ -243,16 +242,15 @@ def exact_guides(body: Body, sorts: set[Any], drive: Floats | None = None) -> So
     return Sorts(found[0].joined(*found[1:]), *straight)
 
 
-def _exact_lines(motion: Motion, drive: Floats | None) -> Lines:
+def _exact_lines(motion: Motion, drive: Floats | None) -> Guides:
     if motion.position.size <= 2:  # any point has a line through two places
-        return lines_of(motion, _points(1.0))
+        return lines_of(motion, _points())
     lines = Straight(motion)
     best, error = lines.stationary()
     if motion.position.size == 3 or error[1] < _EXACT:  # a pencil: one in every direction
         ways = _ALL_WAYS if motion.position.size == 3 else _ALL_WAYS[::_FEWER_WAYS]
         return lines.along(ways if drive is None else np.concatenate([_timely(lines, drive), ways]))
-    fits = error < _EXACT
-    return Lines(best.point[fits], best.foot[fits], best.normal[fits])
+    return best.take(error < _EXACT)
 
 
 def _timely(lines: Straight, drive: Floats) -> Floats:
@@ -273,14 +271,13 @@ def near_guides(body: Body, sorts: set[Any]) -> Sorts:
     for k, (sort, seen) in enumerate(((Rail, motion), (Slot, motion.inverse))):
         if sort not in sorts:
             continue
-        lines = Straight(seen) if seen.position.size > 2 else None
-        found = [lines_of(seen, _points(1.0))]
-        if lines is not None:
-            found += [lines.stationary()[0], lines.along(_ALL_WAYS)]
-        straight[k] = found[0].as_guides(k == 1).joined(*(one.as_guides(k == 1) for one in found[1:]))
+        straight[k] = lines_of(seen, _points())
+        if seen.position.size > 2:
+            lines = Straight(seen)
+            straight[k] = straight[k].joined(lines.stationary()[0], lines.along(_ALL_WAYS))
     if Circle not in sorts:
         return Sorts(_no_guides(), *straight)
-    rough = circles(body, _points(1.0))
+    rough = circles(body, _points())
     if body.position.size > FEW:
         fine, error = landscape(body, 10, 24)
         fine, _ = distinct_dyads(fine, error, 24)
@@ -289,9 +286,9 @@ def near_guides(body: Body, sorts: set[Any]) -> Sorts:
     return Sorts(as_circles(body, rough.take(proper)), *straight)
 
 
-def _points(scale: float) -> Any:
+def _points() -> Any:
     radius, angle = np.meshgrid(_RADII[1:], np.arange(_AROUND) * (2 * np.pi / _AROUND), indexing="ij")
-    return scale * np.concatenate([[0j], (radius * np.exp(1j * angle)).ravel()])
+    return np.concatenate([[0j], (radius * np.exp(1j * angle)).ravel()])
 
 
 def _no_guides() -> Guides:
