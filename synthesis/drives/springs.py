@@ -257,6 +257,10 @@ _TURNS = 2
 """Of placing springs one after the other, before all are placed together."""
 _ROWS = 6
 """Rows of a catalogue that descents are made for: those that are best on the grid."""
+_STEPS = 500
+"""Of a descent at most."""
+_DIGITS, _GAIN = 9, 1e-6
+"""Of sums of squares on the grid, over those without a spring; and the part of the rms torque that counts as better."""
 _HAIR = 1e-6
 """Of the largest length: by so much lengths stay inside their range at the positions looked at."""
 
@@ -338,7 +342,8 @@ def best_spring(
         if not some.size:
             continue
         left = torque + (kind.preload + kind.stiffness * (length[some] - kind.free_length)) * arm[some]
-        cost = np.einsum("mn,mn->m", left, left)
+        # of equal ones the first, whatever rounding makes of them
+        cost = np.round(np.einsum("mn,mn->m", left, left) / (np.dot(torque, torque) or 1.0), _DIGITS)
         order = np.argsort(cost, kind="stable")[:_DESCENTS]
         tries.append((float(cost[order[0]]), kind, some[order].tolist()))
         if work is not None and work.expired():
@@ -357,7 +362,7 @@ def best_spring(
                 break
             part = _Placing(machine, between, kind, room)
             rms, z = _together([part], torque, part.start(complex(grounds[k]), complex(pins[k])))
-            if best is None or rms < best[0]:
+            if best is None or rms < best[0] * (1 - _GAIN):
                 best = (rms, kind, *part.ends(z))
     assert best is not None
     _, kind, ground, pin = best
@@ -478,7 +483,7 @@ def _together(parts: list[_Placing], torque: Floats, begin: Floats) -> tuple[flo
         bounds=[bound for one in parts for bound in one.bounds],
         constraints=[{"type": "ineq", "fun": rows, "jac": slopes}],
         method="SLSQP",
-        options={"ftol": 1e-12, "maxiter": 80},
+        options={"ftol": 1e-12, "maxiter": _STEPS},
     )
     z = answer.x
     if not np.all(np.isfinite(z)) or rows(z).min() < -_HAIR / 2 or cost(z)[0] > cost(begin)[0]:
