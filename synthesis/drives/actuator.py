@@ -205,23 +205,21 @@ class Question:
 
     # -- the search ---------------------------------------------------------------------------------------------------
 
-    def best(self, actuator: Actuator, work: Work | None = None, descents: int = DESCENTS) -> Placement | Refused:
+    def best(self, actuator: Actuator, work: Work | None = None) -> Placement | Refused:
         """The placement of an actuator with the least peak force, or why there is none."""
         if self.link.pivot is not None:
             return self._about_pivot(actuator)
-        return self._from_grid([actuator], Sizes(actuator), work, descents)
+        return self.descend(self.screened([actuator], DESCENTS, work), Sizes(actuator), work)
 
     def best_of_sizes(self, sizes: Sizes, work: Work | None = None) -> Placement | Refused:
         """The same where retracted length or stroke may be chosen too."""
+        return self.descend(self.begun(sizes, work), sizes, work)
+
+    def begun(self, sizes: Sizes, work: Work | None = None) -> Screened | Refused:
+        """Where its descents begin, or why there are none."""
         if self.link.longest_way(self.wanted.reach) <= _HAIR * self.size:  # the link comes back to where it began
             return Refused("stroke", 0.0 if sizes.stroke_free else sizes.begin.stroke)
-        return self._from_grid(self._ladder(sizes), sizes, work, DESCENTS)
-
-    def _from_grid(
-        self, actuators: list[Actuator], sizes: Sizes, work: Work | None, descents: int
-    ) -> Placement | Refused:
-        begin = self.screened(actuators, descents, work)
-        return begin if isinstance(begin, Refused) else self.descend(begin, sizes, work)
+        return self.screened(self._ladder(sizes), DESCENTS, work)
 
     def _ladder(self, sizes: Sizes) -> list[Actuator]:
         """Sizes from which descents may begin: rungs that do not move with the box or the dead length, and the shortest."""
@@ -238,8 +236,19 @@ class Question:
             found += [Actuator(retracted, stroke) for retracted in rungs]
         return found
 
-    def descend(self, begin: Screened, sizes: Sizes, work: Work | None, closer: bool = True) -> Placement | Refused:
+    def descend(
+        self, begin: Screened | Refused, sizes: Sizes, work: Work | None, closer: bool = True
+    ) -> Placement | Refused:
         """The best of the descents from placements of the grid; ``closer``: gone over once more."""
+        if isinstance(begin, Refused):
+            return begin
+        found = self.descended(begin, sizes, work)
+        if not found:
+            return begin.short or Refused("arm", 0.0)
+        return self.closer(found[0], sizes) if closer else found[0]
+
+    def descended(self, begin: Screened, sizes: Sizes, work: Work | None) -> list[Placement]:
+        """Where the descents from placements of the grid end, the best first."""
         found, lost = [], []
         columns = (begin.grounds.tolist(), begin.pins.tolist(), begin.ways.tolist())
         for actuator, ground, pin, way in zip(begin.actuators, *columns):
@@ -255,10 +264,7 @@ class Question:
             found += [] if one is None else [one]
         if begin.short is None:  # where no descent ended within what is wanted, or none well, the grid's best is
             found.append(self.placement(complex(begin.grounds[0]), complex(begin.pins[0])))
-        if not found:
-            return begin.short or Refused("arm", 0.0)
-        best = min(found, key=lambda one: one.worst)
-        return self.closer(best, sizes) if closer else best
+        return sorted(found, key=lambda one: one.worst)
 
     def closer(self, best: Placement, sizes: Sizes) -> Placement:
         """Descents from the end of one, with the curvature learnt anew: a descent can end early along a narrow ridge."""
@@ -495,9 +501,7 @@ def best_of_rows(
     @cache
     def placed(actuator: Actuator) -> Placement | Refused:
         begin = begun(actuator)
-        if begin is None:
-            return question.best(actuator)
-        return begin if isinstance(begin, Refused) else question.descend(begin, Sizes(actuator), work, False)
+        return question.best(actuator) if begin is None else question.descend(begin, Sizes(actuator), work, False)
 
     @cache
     def gone_over(actuator: Actuator) -> Placement | Refused:
@@ -947,13 +951,25 @@ def locked(
     share: float,
     work: Work,
 ) -> Knee | Refused:
-    """The knee with the least force along it that locks the last position, or the first."""
+    """The knee with the least force along it that locks the last position, or the first, and whose handle does not turn back."""
     question = Question(link, at, torque, wanted._replace(extends=last))
-    size = question.size
-    found = question.best_of_sizes(Sizes(Actuator(size, size), True, True), work)
-    if isinstance(found, Refused):
-        return found
-    end = -1 if last else 0
+    sizes = Sizes(Actuator(question.size, question.size), True, True)
+    begin = question.begun(sizes, work)
+    if isinstance(begin, Refused):
+        return begin
+    knees = (
+        _bent(question, question.closer(one, sizes), over_centre, share)
+        for one in question.descended(begin, sizes, work)
+    )
+    first = next(knees, None)
+    if first is None:
+        return begin.short or Refused("arm", 0.0)
+    return first if isinstance(first, Knee) else next((one for one in knees if isinstance(one, Knee)), first)
+
+
+def _bent(question: Question, found: Placement, over_centre: float, share: float) -> Knee | Refused:
+    """A placement as a knee, bent to the better side, or refused where its handle turns back on both."""
+    link, at, torque, end = question.link, question.at, question.torque, -1 if found.extends else 0
     length = found.length
     whole = float(length[end] / np.sqrt(1 - 4 * share * (1 - share) * np.sin(over_centre / 2) ** 2))
     handle, strut = share * whole, (1 - share) * whole

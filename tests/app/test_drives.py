@@ -339,3 +339,13 @@ def test_a_knee_whose_handle_turns_back_on_both_sides_is_refused() -> None:
     found = la.drives(linkage, asked, crank_angle=[0, 195.26], load={"force": [3, -20], "torque": 30})
     assert not found.drives
     assert "turns back at 78.1" in found.refused[0].reason
+
+
+def test_of_knees_the_next_best_is_taken_where_the_best_ones_handle_turns_back() -> None:
+    crank = {"guide": "circle", "pivot": [40, -292], "radius": 844, "body_point": [-257, 8]}
+    rail = {"guide": "rail", "point": [-2388, -2366], "direction": 337.15, "body_point": [-2711, -1889]}
+    linkage = la.GuidedLinkage([crank, rail], "crank", -1, start=147.7)
+    asked = [{"kind": "toggle", "links": ["crank"], "over_centre": 12.7, "knee": 0.8}]
+    masses = [{"link": name, "mass": 1} for name in ("slider", "body")]
+    found = la.drives(linkage, asked, crank_angle=[0, 40.8], load={"masses": masses})
+    assert [one.link for one in found.drives] == ["crank"]
