@@ -36,8 +36,8 @@ from linkage_atlas.six_bars import SixBarLinkage, on_hinge
 from linkage_atlas.studies import read_load
 from synthesis.arrays import Complexes, Floats, cross, dot
 from synthesis.drives.actuator import (
+    COARSE_GRID,
     GRID,
-    ROW_GRID,
     Actuator,
     Knee,
     Placement,
@@ -1016,8 +1016,12 @@ class _Search:
                 return
             link = self.machine.seen(name, wish["on"])
             shortest = wish.get("stroke") if rows is None else min(row.actuator.stroke for row in rows)
-            wanted, grid = self._wanted(wish, name, link, shortest), GRID if rows is None else ROW_GRID
-            question = Question(link, self.machine.at, self.torque, wanted, grid, self.amount)
+            retracted, stroke = wish.get("retracted"), wish.get("stroke")
+            wanted = self._wanted(wish, name, link, shortest)
+            fine, question = (
+                Question(link, self.machine.at, self.torque, wanted, grid, self.amount)
+                for grid in (GRID, COARSE_GRID)
+            )
             if rows is not None:
                 bought, unfit = best_of_rows(question, rows, self.top, self.work)
                 for place, one in enumerate(bought):
@@ -1027,16 +1031,14 @@ class _Search:
                 elif unfit:
                     self.notes.append(f"actuator on the {name}: {self._unfit(unfit)}")
                 continue
-            retracted, stroke = wish.get("retracted"), wish.get("stroke")
             dead = wish.get("dead_length", 0.0)
-            if retracted is not None and stroke is not None:
-                sizes = Actuator(retracted, stroke)
-                found = question.best(sizes, self.work)
+            sizes = Actuator(retracted or question.size, stroke or question.size)
+            if retracted and stroke:
+                found = fine.best(sizes, self.work)
             else:
-                sizes = Actuator(retracted or question.size, stroke or question.size)
                 found = question.best_of_sizes(Sizes(sizes, retracted is None, stroke is None, dead), self.work)
                 if retracted is None and isinstance(found, Placement):
-                    found = self._usual(question, found, dead, stroke is None)
+                    found = self._usual(fine, found, dead, stroke is None)
             if isinstance(found, Refused):
                 self.refuse("actuator", name, self._sentence(found, question, sizes, stroke is None))
             else:

@@ -49,8 +49,8 @@ _ROW_DESCENTS = 3
 """Descents for a row of a catalogue."""
 _NEARLY = 1.1
 """Times its force that a row may lack before its place is gone over once more."""
-ROW_GRID = 30
-"""Points of the grid of G, either way, for a catalogue: its rows take more from one another than from a finer grid."""
+COARSE_GRID = 30
+"""The same for a catalogue and for free sizes: many actuators take more from one another than from a finer grid."""
 _STROKES = np.array([0.12, 0.25, 0.4, 0.55, 0.7, 0.85, 0.97])
 """Of the longest way of a pin, where the stroke is free."""
 _RUNG = 1.5
@@ -321,8 +321,8 @@ class Question:
         if best.worth > 0:
             return best.taken(np.flatnonzero(best.value > 0))
         # a little below the arm asked for: the descent may still reach it
-        short = Refused("arm", least)
-        return best._replace(short=short) if least >= _ALMOST * self.wanted.arm else short
+        short, few = Refused("arm", least), best.taken(np.arange(min(BEGINNINGS, best.value.size)))
+        return few._replace(short=short) if least >= _ALMOST * self.wanted.arm else short
 
     def _on_grid(self, grounds: Complexes, actuators: Floats) -> Screened | Refused:
         """All placements of actuators (1, 2) or (m, 2) from ground points (m,) within the reach, or why there are none."""
