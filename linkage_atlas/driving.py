@@ -863,19 +863,6 @@ def found_drives(place: _Place, asked: AskedDrives, top: int, work: Work) -> Dri
     return Drives(kept, search.refused, search.springs, torque, search.notes, place.machine)
 
 
-class _Extremes(NamedTuple):
-    """Of an actuator over its whole way: the least moment arm, and the largest forces that it pushes and pulls with."""
-
-    arm: float
-    push: float
-    pull: float
-
-    @property
-    def peak(self) -> float:
-        """Of either sign."""
-        return max(self.push, self.pull)
-
-
 class _Search:
     """All that is looked for on one linkage, and what was found."""
 
@@ -921,6 +908,14 @@ class _Search:
     def refuse(self, kind: str, link: str, reason: str, name: str | None = None) -> None:
         self.refused.append(Refusal(kind, link, name, reason))
 
+    def _too_flat(self, kind: str, wish: Mapping[str, Any], link: str, words: str, angle: float | None) -> bool:
+        """Whether a transmission angle is less than asked for; then it is refused."""
+        least = wish.get("transmission_angle_min", 0.0)
+        if angle is None or angle >= least:
+            return False
+        self.refuse(kind, link, f"{words} {np.rad2deg(angle):.4g}, below {np.rad2deg(least):.4g} degrees")
+        return True
+
     def _keep(self, rank: tuple[float, ...], kind: Any, link: str, holds: str | None = None, **more: Any) -> None:
         """Keep a drive that was found; the least ``rank`` is the best."""
         swing = abs(self.machine.links[link].swing()) / self.place.radian
@@ -931,16 +926,16 @@ class _Search:
         """What is null without a load."""
         return value if self.loaded else None
 
-    def _ends_of(self, found: Placement, pin: Complexes, most: _Extremes) -> dict[str, Any]:
-        """Where an actuator or a knee is, and what it gives."""
+    def _ends_of(self, found: Placement, pin: Complexes, arm: float, push: float, pull: float) -> dict[str, Any]:
+        """Where an actuator or a knee is, and its `_extremes`."""
         return {
             "ground_point": xy(found.ground),
             "pin": xy(pin[0]),
             "pin_on_link": xy(found.pin),
             "length": _both_ends(found.length),
             "extends": found.extends,
-            "arm_min": most.arm,
-            "peak_force": self._told(most.peak),
+            "arm_min": arm,
+            "peak_force": self._told(max(push, pull)),
             "holding": self._told(_both_ends(found.force)),
         }
 
@@ -958,14 +953,7 @@ class _Search:
                 self.refuse("rotary", name, f"dead point {where}at {at}: the {name} turns back there")
                 continue
             angle = self._pressure(name)
-            least = wish.get("transmission_angle_min", 0.0)
-            if angle is not None and angle < least:
-                degrees = [np.rad2deg(one) for one in (angle, least)]
-                self.refuse(
-                    "rotary",
-                    name,
-                    f"its transmission angle falls to {degrees[0]:.4g}, below {degrees[1]:.4g} degrees",
-                )
+            if self._too_flat("rotary", wish, name, "its transmission angle falls to", angle):
                 continue
             torque = self.torque / link.rate
             peak = None
@@ -1073,16 +1061,16 @@ class _Search:
         if self._turns_back(wish, name, found):
             return
         rod = wish.get("rod") if row is None else wish["rods"].get(row.name, wish.get("rod"))
-        most = self._extremes(wish["on"], name, found)
-        if row is not None and self.loaded and (most.push > row.push or most.pull > row.pull):
-            self.refuse(
-                "actuator", name, f"needs a force of {most.peak:.4g} between the positions looked at", row.name
-            )
+        most = _, push, pull = self._extremes(wish["on"], name, found)
+        peak = max(push, pull)
+        if row is not None and self.loaded and (push > row.push or pull > row.pull):
+            self.refuse("actuator", name, f"needs a force of {peak:.4g} between the positions looked at", row.name)
             return
         ground, pin = self._ends(self.machine, wish["on"], name, found)
         bound = self._told(question.bound(sizes.stroke))
-        priced = math.inf if row is None or row.price is None else row.price
-        worth = (priced, max(row.push, row.pull), found.worst) if row is not None else (found.worst,)
+        worth: tuple[float, ...] = (found.worst,)
+        if row is not None:
+            worth = (math.inf if row.price is None else row.price, max(row.push, row.pull), found.worst)
         self._keep(
             (*worth, float(rank)),
             "actuator",
@@ -1090,11 +1078,11 @@ class _Search:
             on=wish["on"],
             name=None if row is None else row.name,
             price=None if row is None else row.price,
-            **self._ends_of(found, pin, most),
+            **self._ends_of(found, pin, *most),
             retracted=sizes.retracted,
             stroke=sizes.stroke,
             bound=bound,
-            over_bound=None if bound is None else most.peak / bound,
+            over_bound=None if bound is None else peak / bound,
             buckling=None if rod is None or not self.loaded else self._buckling(wish["on"], name, found, rod),
             envelope=_envelope(ground, pin),
             pin_forces=self._pins(self.fine, self._pulls(wish["on"], name, found)),
@@ -1141,8 +1129,9 @@ class _Search:
         """The largest value over the whole way of something that length, arm and force make."""
         return largest(lambda at: of(*self._along(on, name, found, at)), self.machine.at)
 
-    def _extremes(self, on: str, name: str, found: Placement) -> _Extremes:
-        return _Extremes(
+    def _extremes(self, on: str, name: str, found: Placement) -> tuple[float, float, float]:
+        """Over the whole way the least moment arm, and the largest forces that an actuator pushes and pulls with."""
+        return (
             -self._most(on, name, found, lambda length, arm, force: -np.abs(arm)),
             self._most(on, name, found, lambda length, arm, force: force),
             self._most(on, name, found, lambda length, arm, force: -force),
@@ -1177,23 +1166,21 @@ class _Search:
                 return f"{what}: the largest least arm found is {refused.needed:.4g}; arm_min is {wanted.arm:.4g}"
             case "knee":
                 return f"the handle of the best knee turns back at {self.place.told(refused.needed)}, whichever way it bends"
-        most = max(stroke - refused.needed, 0.0)
         if refused.needed > 0 and not free:
+            most = max(stroke - refused.needed, 0.0)
             return f"{what} is longer than any pin of the link goes from a point of ground_box: at most {most:.4g}"
         return f"{what} from {sizes.retracted:.6g} on fits no point of ground_box: no pin is so near, or so far, at both ends"
 
     def _none_fits(self, name: str, question: Question, unfit: list[Unfit]) -> None:
         """A line for the row that comes nearest, and how many others there are."""
-        by_force = [one for one in unfit if isinstance(one.why, float)]
-        if by_force:
-            best = min(by_force, key=lambda one: one.why / max(one.row.push, one.row.pull))  # type: ignore[operator]
-            most = max(best.row.push, best.row.pull)
-            self.refuse("actuator", name, f"needs a force of {best.why:.4g}, and it gives {most:.4g}", best.row.name)
-        placeless = [one for one in unfit if isinstance(one.why, Refused)]
+        weak = [(why, max(row.push, row.pull), row.name) for row, why in unfit if isinstance(why, float)]
+        if weak:
+            force, most, called = min(weak, key=lambda one: one[0] / one[1])
+            self.refuse("actuator", name, f"needs a force of {force:.4g}, and it gives {most:.4g}", called)
+        placeless = [(row, why) for row, why in unfit if isinstance(why, Refused)]
         if placeless:
-            best = min(placeless, key=lambda one: one.row.actuator.stroke)
-            assert isinstance(best.why, Refused)
-            self.refuse("actuator", name, self._sentence(best.why, question, best.row.actuator, False), best.row.name)
+            row, why = min(placeless, key=lambda one: one[0].actuator.stroke)
+            self.refuse("actuator", name, self._sentence(why, question, row.actuator, False), row.name)
         if len(unfit) > 2:
             self.notes.append(f"actuator on the {name}: {self._unfit(unfit)}")
 
@@ -1227,14 +1214,8 @@ class _Search:
             if whole is None:
                 self.refuse("dyad", name, "the best motor's rod turns back between the positions looked at")
                 continue
-            least = wish.get("transmission_angle_min", 0.0)
-            if whole.least_angle < least:
-                degrees = [float(np.rad2deg(one)) for one in (whole.least_angle, least)]
-                self.refuse(
-                    "dyad", name, f"the best transmission angle is {degrees[0]:.4g}, below {degrees[1]:.4g} degrees"
-                )
-                continue
-            self._motor(name, whole)
+            if not self._too_flat("dyad", wish, name, "the best transmission angle is", whole.least_angle):
+                self._motor(name, whole)
 
     def _motor(self, name: str, whole: Driven) -> None:
         coarse = slice(None, None, (FINE - 1) // (self.machine.at.size - 1))
@@ -1368,7 +1349,7 @@ class _Search:
             "toggle",
             name,
             held if self.loaded else "where the load pushes the strut together",
-            **self._ends_of(place, pin, self._extremes(GROUND, name, place)),
+            **self._ends_of(place, pin, *self._extremes(GROUND, name, place)),
             peak_torque=lock.handle_torque_max,
             envelope=_envelope(still, pin, found.knee),
             curve=DriveCurve(

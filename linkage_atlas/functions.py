@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from linkage_atlas.answers import FINISHING, Ranked, StatusName, StoppedBy, Verdict, verdict_of
 from linkage_atlas.arguments import (
+    bounded,
     check_above_zero,
     check_names,
     check_top,
@@ -42,7 +43,6 @@ from synthesis.fourbar.determination import determinations, sensitivities
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.passage import faults_of, practical_faults, verdicts
 from synthesis.from_linkage import refine_function
-from synthesis.function.answers import FunctionErrors as Errors
 from synthesis.function.answers import Generator, exchanged, rocker_angles, to_csv, turns_back
 from synthesis.function.search import generate, refit
 from synthesis.function.travel_search import (
@@ -141,15 +141,12 @@ def read_travel_limits(
         if _LINKS.get(name) not in {known for law in laws for known in law.lengths}:
             kinds = ", ".join(dict.fromkeys(law.kind.value for law in laws))
             raise FieldError(f"/limits/links/{name}", f"there is none in {kinds}")
-        lengths[_LINKS[name]] = number(f"limits/links/{name}", value)
-        if not lengths[_LINKS[name]] > 0:
-            raise FieldError(f"/limits/links/{name}", "wanted a number above 0")
+        check_above_zero(**{f"limits/links/{name}": value})
+        lengths[_LINKS[name]] = float(value)
     if "offset" in given:
         if not any("offset" in law.lengths for law in laws):
             raise FieldError("/limits/offset", "belongs to slider-cranks")
-        lengths["offset"] = number("limits/offset", given["offset"])
-        if abs(lengths["offset"]) > MAX_LENGTH:
-            raise FieldError("/limits/offset", f"wanted at most {MAX_LENGTH:g}, either way")
+        lengths["offset"] = bounded("limits/offset", given["offset"], MAX_LENGTH)
     return TravelLimits(kept, lengths)
 
 
@@ -210,18 +207,6 @@ class FunctionErrors(Record):
     max_y: float | None
     objective: float
     """What was made least: in radians, or of a travel as a part of the largest travel that is wanted."""
-
-    @classmethod
-    def of(cls, errors: Errors, unit: float, y_of_unit: float | None) -> FunctionErrors:
-        """A generator's errors in the user's unit of the output; ``y_of_unit``: size of y that one unit of the search's is."""
-        return cls(
-            errors.rms / unit,
-            errors.max / unit,
-            errors.alternations,
-            None if y_of_unit is None else errors.rms * y_of_unit,
-            None if y_of_unit is None else errors.max * y_of_unit,
-            errors.objective,
-        )
 
 
 class ErrorCurve(NamedTuple):
@@ -595,7 +580,14 @@ def read_wanted(
             raise FieldError(f"/{called}", f"give either `{called}` or `input`")
         if function is not None and span is None:
             raise FieldError(f"/{called}", "needed for a `function`")
-        scales = Scales.of(dial, degrees, _way(called, span, input), _output_way(output, function))
+        way = number(called, span) if input is None else float(np.diff(_finite("input", input)[[0, -1]])[0])
+        if function is None:
+            output_way = float(np.ptp(_finite("output", output)))
+        elif function.get("output_span") is None:
+            raise FieldError("/function/output_span", "needed: how far the output goes")
+        else:
+            output_way = number("function/output_span", function["output_span"])
+        scales = Scales.of(dial, degrees, way, output_way)
     with pointing(lambda field: field.replace("/crank_span", f"/{called}")):
         return *_in_radians(output, span, input, function, input_zero, output_zero, weights, degrees, scales), scales
 
@@ -649,26 +641,12 @@ def _in_radians(
     return Wanted(target.crank, target.rotation, target.rotation_weights, start, offset, exact), dials
 
 
-def _way(name: str, span: float | None, input: ArrayLike | None) -> float:
-    """How far the input goes, from the first sample to the last."""
-    if input is None:
-        return number(name, span)
-    values = column("input", input)
+def _finite(name: str, given: ArrayLike | None) -> Floats:
+    """Samples that tell how far an input or output goes."""
+    values: Floats = column(name, given)  # type: ignore[arg-type]
     if values.ndim != 1 or values.size < 2 or not np.isfinite(values).all():
-        raise FieldError("/input", "wanted at least 3 finite numbers")
-    return float(values[-1] - values[0])
-
-
-def _output_way(output: ArrayLike | None, function: Mapping[str, Any] | None) -> float:
-    """How far the output goes, from its least to its largest."""
-    if function is not None:
-        if function.get("output_span") is None:
-            raise FieldError("/function/output_span", "needed: how far the output goes")
-        return number("function/output_span", function["output_span"])
-    values = column("output", output)  # type: ignore[arg-type]
-    if values.ndim != 1 or values.size < 2 or not np.isfinite(values).all():
-        raise FieldError("/output", "wanted at least 3 finite numbers")
-    return float(np.ptp(values))
+        raise FieldError(f"/{name}", "wanted at least 3 finite numbers")
+    return values
 
 
 def _check_one_way(wanted: Wanted, where: str) -> None:
@@ -854,9 +832,10 @@ class AskedFunction:
 
     def errors(self, one: Generator | TravelGenerator) -> FunctionErrors:
         """A generator's errors in the user's units."""
-        return FunctionErrors.of(
-            one.errors, self.scales.output, None if self.dials is None else self.dials.y_of_radian
-        )
+        found, unit = one.errors, self.scales.output
+        y = None if self.dials is None else self.dials.y_of_radian
+        rms_y, max_y = (None if y is None else error * y for error in (found.rms, found.max))
+        return FunctionErrors(found.rms / unit, found.max / unit, found.alternations, rms_y, max_y, found.objective)
 
     def result(
         self,
@@ -1014,11 +993,8 @@ LARGEST = 1e100
 _RANGE = 8193
 _OF_ANGLES: dict[str, Callable[[Floats], Floats]] = {"sin": np.sin, "cos": np.cos, "tan": np.tan}
 _PLAIN: dict[str, Callable[[Floats], Floats]] = {
-    "log10": np.log10,
-    "ln": np.log,
-    "exp": np.exp,
-    "reciprocal": lambda x: 1 / x,
-}
+    "log10": np.log10, "ln": np.log, "exp": np.exp, "reciprocal": lambda x: 1 / x
+}  # fmt: skip
 NAMES = (*_PLAIN, *_OF_ANGLES, "power")
 """Functions that have a name."""
 FIELDS = ("name", "table", "x", "exponent", "output_span", "samples")
@@ -1085,14 +1061,6 @@ def read_dials(function: Mapping[str, Any], crank_span: float | None, degrees: b
     return Dials(x, y, crank, scale * (y - first), (high - low) / abs(span), exact)
 
 
-def _power(exponent: float, x: Floats) -> Floats:
-    return np.asarray(np.power(x, exponent))
-
-
-def _of_angle(of: Callable[[Floats], Floats], radian: float, x: Floats) -> Floats:
-    return of(x * radian)
-
-
 def _table(table: Any) -> tuple[Floats, Floats]:
     rows = column("function/table", table)
     if rows.ndim != 2 or rows.shape[1] != 2 or not MIN_SAMPLES <= len(rows) <= MAX_SAMPLES:
@@ -1152,19 +1120,10 @@ def _named(given: Mapping[str, Any], ends: Floats, degrees: bool) -> Callable[[F
     name = given["name"]
     if (name == "power") != ("exponent" in given):
         raise FieldError("/function/exponent", "belongs to the function 'power', which needs it")
-    of: Callable[[Floats], Floats]
-    if name == "power":
-        exponent = number("function/exponent", given["exponent"])
-
-        of = partial(_power, exponent)
-    elif name in _OF_ANGLES:
-        angle, radian = _OF_ANGLES[name], radians_in(degrees)
-        if name == "tan" and np.floor(ends[0] * radian / np.pi - 0.5) != np.floor(ends[1] * radian / np.pi - 0.5):
-            raise FieldError("/function/x", "tan has a pole between these ends")
-
-        of = partial(_of_angle, angle, radian)
-    else:
-        of = _PLAIN[name]
+    exponent, radian = number("function/exponent", given.get("exponent", 0.0)), radians_in(degrees)
+    turns = np.floor(ends * radian / np.pi - 0.5)
+    if name == "tan" and turns[0] != turns[1]:
+        raise FieldError("/function/x", "tan has a pole between these ends")
     low, high = sorted(ends)
     if name in ("log10", "ln") and low <= 0:
         raise FieldError("/function/x", f"{name} needs x above 0")
@@ -1172,4 +1131,6 @@ def _named(given: Mapping[str, Any], ends: Floats, degrees: bool) -> Callable[[F
         raise FieldError("/function/x", "the function has a pole at 0, between these ends")
     if low < 0 and name == "power" and exponent != np.round(exponent):
         raise FieldError("/function/x", "a power that is no whole number needs x of at least 0")
-    return of
+    if name == "power":
+        return lambda x: np.asarray(np.power(x, exponent))
+    return (lambda x: _OF_ANGLES[name](x * radian)) if name in _OF_ANGLES else _PLAIN[name]

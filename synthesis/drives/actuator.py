@@ -129,11 +129,6 @@ class Placement:
         """The largest force, of either sign."""
         return float(np.max(np.abs(self.force)))
 
-    @property
-    def least_arm(self) -> float:
-        """The smallest moment arm."""
-        return float(np.min(np.abs(self.arm)))
-
 
 class Refused(NamedTuple):
     """Why an actuator finds no place: what binds, with its numbers."""

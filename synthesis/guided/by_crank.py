@@ -32,18 +32,6 @@ from synthesis.work import Work
 Family = Literal["full_crank", "any"]
 
 
-def lengths_of(linkage: GuidedLinkage) -> Floats:
-    """Crank, rod or ground, and offset of a linkage with a crank, (3,)."""
-    circle, other = linkage.guides
-    assert isinstance(circle, Circle)
-    if isinstance(other, Rail):
-        beside = (other.point - circle.pivot) * np.exp(-1j * other.direction)
-        return np.array([circle.radius, abs(other.body_point - circle.body_point), beside.imag])
-    assert isinstance(other, Slot)
-    across = (other.body_point - circle.body_point) * np.exp(-1j * other.body_direction)
-    return np.array([circle.radius, abs(other.pin - circle.pivot), across.imag])
-
-
 class _NoLimits:
     """No limits: solutions are checked afterwards."""
 

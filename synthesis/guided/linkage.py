@@ -503,41 +503,43 @@ class GuidedLinkage:
 
     def scaled(self, scale: float) -> GuidedLinkage:
         """The linkage with all lengths times a scale, about the origin."""
-        return self._mapped(lambda z: z * scale, scale)
+        scaled = self.mapped(lambda z: z * scale, lambda z: z * scale, scale)
+        return scaled if self.driver.turns else replace(scaled, start=self.start * scale)
 
     def moved(self, turn: float, shift: complex) -> GuidedLinkage:
         """The linkage turned about the origin, then shifted; the body's frame goes with it."""
-        factor = np.exp(1j * turn)
-        guides: list[Guide] = []
-        for one in self.guides:
-            if isinstance(one, Circle):
-                guides.append(one._replace(pivot=complex(one.pivot * factor + shift)))
-            elif isinstance(one, Rail):
-                guides.append(one._replace(point=complex(one.point * factor + shift), direction=one.direction + turn))
-            else:
-                guides.append(one._replace(pin=complex(one.pin * factor + shift)))
-        start = self.start + turn if self.driver.turns else self.start
-        return replace(self, guides=(guides[0], guides[1]), start=start)
+        factor = complex(np.exp(1j * turn))
+        moved = self.mapped(lambda z: z * factor + shift, lambda z: z, turn=turn)
+        return replace(moved, start=self.start + turn) if self.driver.turns else moved
 
     def mirrored(self) -> GuidedLinkage:
         """The linkage in a mirror (the x axis): places, directions and rotations change their sign of y."""
-        mirrored = self._mapped(lambda z: z.conjugate(), way=-1.0)
+        mirrored = self.mapped(complex.conjugate, complex.conjugate, way=-1.0)
         # a cross product changes its sign in a mirror, and so does a normal
         flips = (self.driver is Driver.HINGE) != isinstance(self.guides[1], Circle)
         start = -self.start if self.driver.turns else self.start
         return replace(mirrored, branch=-self.branch if flips else self.branch, start=start)
 
-    def _mapped(self, point: Callable[[complex], complex], scale: float = 1.0, way: float = 1.0) -> GuidedLinkage:
-        def guide(one: Guide) -> Guide:
-            if isinstance(one, Circle):
-                return Circle(point(one.pivot), one.radius * scale, point(one.body_point))
-            if isinstance(one, Rail):
-                return Rail(point(one.point), one.direction * way, point(one.body_point))
-            return Slot(point(one.pin), point(one.body_point), one.body_direction * way)
+    def mapped(
+        self,
+        ground: Callable[[complex], complex],
+        body: Callable[[complex], complex],
+        scale: float = 1.0,
+        way: float = 1.0,
+        turn: float = 0.0,
+        turn_in_body: float = 0.0,
+    ) -> GuidedLinkage:
+        """The guides with the places of ground and body elsewhere, radii scaled, directions times a way and turned."""
 
-        first, second = self.guides
-        start = self.start if self.driver.turns else self.start * scale
-        return replace(self, guides=(guide(first), guide(second)), start=start)
+        def guide(one: Guide) -> Guide:
+            fixed, point = complex(ground(one[0])), complex(body(one.body_point))
+            if isinstance(one, Circle):
+                return Circle(fixed, one.radius * scale, point)
+            if isinstance(one, Rail):
+                return Rail(fixed, one.direction * way + turn, point)
+            return Slot(fixed, point, one.body_direction * way + turn_in_body)
+
+        return replace(self, guides=(guide(self.guides[0]), guide(self.guides[1])))
 
     def driven_by(self, place: int, driver: Driver, rotation: float, position: complex) -> GuidedLinkage:
         """The same guides driven at ``place`` (0 or 1) by another drive, started and on the branch where the body has a pose."""

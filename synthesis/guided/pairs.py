@@ -400,13 +400,6 @@ class Problem:
         cost, closed, worst, merit, excess, sines, gone, extension = table.T
         return Looked(cost, closed > 0, worst, merit, excess, sines, gone, extension, poses, drive)
 
-    def gradient(
-        self, chart: Chart, labels: Floats, weight: float, sweeps: int, start: Floats | None = None
-    ) -> Floats:
-        """Derivatives of the cost by the unknowns, (n, 10 or 11); ``weight`` of broken limits."""
-        x, own = _with(chart, start), _joined(chart, labels)
-        return np.array([self._kernel.gradient(x[n], own[n], weight, sweeps) for n in range(len(x))])
-
     def descended(
         self, chart: Chart, labels: Floats, stage: Stage, work: Work, start: Floats | None = None
     ) -> tuple[Pairs, Floats, Floats]:

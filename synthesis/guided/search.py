@@ -203,16 +203,8 @@ class Candidates(NamedTuple):
 # -- guides ----------------------------------------------------------------------------------------------------------
 
 
-class Sorts(NamedTuple):
-    """Guides of each sort, the best first."""
-
-    circle: Guides
-    rail: Guides
-    slot: Guides
-
-    def of(self, sort: Any) -> Guides:
-        """Those of one sort."""
-        return {Circle: self.circle, Rail: self.rail, Slot: self.slot}[sort]
+Sorts = dict[Any, Guides]
+"""Guides of each sort, the best first."""
 
 
 def exact_guides(body: Body, sorts: set[Any], drive: Floats | None = None) -> Sorts:
@@ -221,25 +213,25 @@ def exact_guides(body: Body, sorts: set[Any], drive: Floats | None = None) -> So
     ``drive`` (N,): the way along a rail or slot, where it is given.
     """
     motion = Motion.of(body)
-    none = _no_guides()
-    few = body.position.size
-    straight = [none, none]
-    for k, (sort, seen) in enumerate(((Rail, motion), (Slot, motion.inverse))):
-        if sort in sorts:
-            straight[k] = _exact_lines(seen, drive)
+    straight = {sort: _exact_lines(seen, drive) for sort, seen in _lines_seen(motion) if sort in sorts}
     if Circle not in sorts:
-        return Sorts(none, *straight)
-    if few <= FEW:
-        return Sorts(as_circles(body, sampled_dyads(body, 90, np.random.default_rng(20))), *straight)
+        return straight
+    if body.position.size <= FEW:
+        return {Circle: as_circles(body, sampled_dyads(body, 90, np.random.default_rng(20)))} | straight
     dyads = linear_dyads(body)
     if dyads.radius.size:
         dyads, error = polished(body, dyads)
         dyads = dyads.take(error < _EXACT)
     found = [as_circles(body, dyads)]
-    for guides in straight:  # a pencil of rails: the point in its middle goes round
+    for guides in straight.values():  # a pencil of rails: the point in its middle goes round
         if guides.point.size > 2 and not guides.inverse[0]:
             found.append(as_circles(body, circles(body, np.array([guides.point.mean()]))))
-    return Sorts(found[0].joined(*found[1:]), *straight)
+    return {Circle: found[0].joined(*found[1:])} | straight
+
+
+def _lines_seen(motion: Motion) -> tuple[tuple[Any, Motion], ...]:
+    """Of rails and slots the motion in which their points run on lines."""
+    return (Rail, motion), (Slot, motion.inverse)
 
 
 def _exact_lines(motion: Motion, drive: Floats | None) -> Guides:
@@ -267,23 +259,20 @@ def _timely(lines: Straight, drive: Floats) -> Floats:
 def near_guides(body: Body, sorts: set[Any]) -> Sorts:
     """Guides of points all over the body, or the ground, and of all directions."""
     motion = Motion.of(body)
-    straight = [_no_guides(), _no_guides()]
-    for k, (sort, seen) in enumerate(((Rail, motion), (Slot, motion.inverse))):
-        if sort not in sorts:
-            continue
-        straight[k] = lines_of(seen, _points())
-        if seen.position.size > 2:
+    found = {sort: lines_of(seen, _points()) for sort, seen in _lines_seen(motion) if sort in sorts}
+    for sort, seen in _lines_seen(motion):
+        if sort in sorts and seen.position.size > 2:
             lines = Straight(seen)
-            straight[k] = straight[k].joined(lines.stationary()[0], lines.along(_ALL_WAYS))
+            found[sort] = found[sort].joined(lines.stationary()[0], lines.along(_ALL_WAYS))
     if Circle not in sorts:
-        return Sorts(_no_guides(), *straight)
+        return found
     rough = circles(body, _points())
     if body.position.size > FEW:
         fine, error = landscape(body, 10, 24)
         fine, _ = distinct_dyads(fine, error, 24)
         rough = fine.joined(rough)
     proper = (np.abs(rough.fixed) < FARTHEST) & (rough.radius > 1e-6)
-    return Sorts(as_circles(body, rough.take(proper)), *straight)
+    return {Circle: as_circles(body, rough.take(proper))} | found
 
 
 def _points() -> Any:
@@ -291,16 +280,11 @@ def _points() -> Any:
     return np.concatenate([[0j], (radius * np.exp(1j * angle)).ravel()])
 
 
-def _no_guides() -> Guides:
-    nothing, nowhere = np.zeros(0), np.zeros(0, dtype=complex)
-    return Guides(nowhere, nowhere, nothing, nothing, nothing > 0)
-
-
 def pairs_of(sorts: Sorts, ways: Sequence[Drive]) -> tuple[Pairs, Ints]:
     """All pairs for some drives, and which drive each is for."""
     firsts, seconds, hinges, numbers = [], [], [], []
     for number, way in enumerate(ways):
-        one, other = sorts.of(way.first), sorts.of(way.second)
+        one, other = sorts[way.first], sorts[way.second]
         i, j = (index.ravel() for index in np.indices((one.point.size, other.point.size)))
         if way.first is way.second:
             i, j = i[i != j], j[i != j]
@@ -534,11 +518,10 @@ class Search:
         """
         numbers = np.arange(len(self.ways)) if lacking is None else lacking
         ways, motion = [self.ways[number] for number in numbers], Motion.of(self.thin)
-        best = []
-        for guides in near_guides(self.thin, {sort for way in ways for sort in (way.first, way.second)}):
-            error = _errors(guides, motion)
-            best.append(guides.take(np.argsort(error, kind="stable")[:_LOOKED_AT]))
-        pairs, drive = pairs_of(Sorts(*best), ways)
+        best = near_guides(self.thin, {sort for way in ways for sort in (way.first, way.second)})
+        for sort, guides in best.items():
+            best[sort] = guides.take(np.argsort(_errors(guides, motion), kind="stable")[:_LOOKED_AT])
+        pairs, drive = pairs_of(best, ways)
         thin = self._problem(_some(self.samples, 10, 8))
         found = self.measured(pairs, numbers[drive], thin, 2)
         self.seeds += _SEEDS * len(ways)

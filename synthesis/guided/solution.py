@@ -217,15 +217,8 @@ def assess(samples: Poses | Target, linkage: GuidedLinkage, travel: Floats) -> G
 
 def turned_frame(linkage: GuidedLinkage, angle: float) -> GuidedLinkage:
     """The same linkage with the body's frame turned in the body: rotations are more by the angle, places as they were."""
-    factor = np.exp(-1j * angle)
-    guides: list[Guide] = []
-    for one in linkage.guides:
-        point = complex(one.body_point * factor)
-        if isinstance(one, Slot):
-            guides.append(one._replace(body_point=point, body_direction=one.body_direction - angle))
-        else:
-            guides.append(one._replace(body_point=point))
-    return replace(linkage, guides=(guides[0], guides[1]))
+    factor = complex(np.exp(-1j * angle))
+    return linkage.mapped(lambda z: z, lambda z: z * factor, turn_in_body=-angle)
 
 
 # -- as a machine -----------------------------------------------------------------------------------------------------

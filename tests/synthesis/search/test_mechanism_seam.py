@@ -13,8 +13,8 @@ from synthesis.atlas.scan import Scan
 from synthesis.atlas.table import make_table
 from synthesis.atlas.windows import Windows, best_of, joined
 from synthesis.fourbar.mechanism import FOURBAR
-from synthesis.guided.by_crank import BY_CRANK, lengths_of, linkages_by_crank
-from synthesis.guided.linkage import Kind
+from synthesis.guided.by_crank import BY_CRANK, linkages_by_crank
+from synthesis.guided.linkage import Kind, Rail
 from synthesis.mechanism import Mechanism
 from synthesis.pose import objective
 from synthesis.slider import SLIDER_CRANK_TYPES
@@ -26,6 +26,16 @@ from tests.oracles.slider_crank import body_angle, random_lengths, random_motion
 KINDS = list(BY_CRANK)
 every_kind = pytest.mark.parametrize("kind", KINDS)
 WHAT = ("rotation", "position", "both")
+
+
+def lengths_of(linkage):
+    """Crank, rod or ground, and offset of a linkage with a crank."""
+    circle, other = linkage.guides
+    if isinstance(other, Rail):
+        beside = (other.point - circle.pivot) * np.exp(-1j * other.direction)
+        return np.array([circle.radius, abs(other.body_point - circle.body_point), beside.imag])
+    across = (other.body_point - circle.body_point) * np.exp(-1j * other.body_direction)
+    return np.array([circle.radius, abs(other.pin - circle.pivot), across.imag])
 
 
 def points_of(linkage: Any, target: Target) -> tuple[np.ndarray, np.ndarray]:
