@@ -584,14 +584,17 @@ class _Place(NamedTuple):
     @classmethod
     def of_rocker(cls, given: Mapping[str, Any], radian: float) -> _Place:
         check_names("/rocker", given, ("pivot", "start", "swing", "length"))
+        given = {"pivot": (0, 0), "start": 0, "length": 1} | {
+            name: value for name, value in given.items() if value is not None
+        }
         swing = number("rocker/swing", given.get("swing")) * radian
         if not 1e-3 <= abs(swing) < np.pi:
             raise FieldError("/rocker/swing", "wanted an angle of less than half a turn, and not of nothing")
-        length = number("rocker/length", 1.0 if given.get("length") is None else given["length"])
+        length = number("rocker/length", given["length"])
         if not 0 < length <= MAX_LENGTH:
             raise FieldError("/rocker/length", "wanted a length above 0")
-        pivot = pair("rocker/pivot", given["pivot"], MAX_LENGTH) if given.get("pivot") is not None else 0j
-        start = number("rocker/start", 0.0 if given.get("start") is None else given["start"]) * radian
+        pivot = pair("rocker/pivot", given["pivot"], MAX_LENGTH)
+        start = number("rocker/start", given["start"]) * radian
 
         def poses(at: Floats) -> LinkMotions:
             return hinged_at(pivot, start, length, at)
@@ -670,18 +673,12 @@ def check_sizes(asked: AskedDrives, extent: float) -> None:
     """FieldError for lengths and places that are out of all proportion to the linkage."""
     lengths = ("retracted", "stroke", "reach_max", "pin_radius", "dead_length", "clear", "arm_min", "rod")
     for name, wishes in (("drives", asked.drives), ("springs", asked.springs)):
-        for k, wish in enumerate(wishes):
-            for field_ in lengths:
-                if wish.get(field_) and not extent / FAR <= wish[field_] <= extent * FAR:
-                    raise FieldError(
-                        f"/{name}/{k}/{field_}",
-                        f"wanted a length within {FAR:g} times the linkage's size of {extent:.4g}, either way",
-                    )
-            for field_ in ("ground_box", "motor_box"):
-                if field_ in wish and max(map(abs, wish[field_])) > extent * FAR:
-                    raise FieldError(
-                        f"/{name}/{k}/{field_}", f"lies farther than {FAR:g} times the linkage's size from the origin"
-                    )
+        for k, field_, value in ((k, field_, wish[field_]) for k, wish in enumerate(wishes) for field_ in wish):
+            at, size = f"/{name}/{k}/{field_}", f"{FAR:g} times the linkage's size"
+            if field_ in lengths and value and not extent / FAR <= value <= extent * FAR:
+                raise FieldError(at, f"wanted a length within {size} of {extent:.4g}, either way")
+            if field_ in ("ground_box", "motor_box") and max(map(abs, value)) > extent * FAR:
+                raise FieldError(at, f"lies farther than {size} from the origin")
 
 
 def check_asked(given: Mapping[str, Any], radian: float) -> None:
@@ -751,9 +748,8 @@ def _load(machine: LinkMotions, given: Mapping[str, Any], radian: float, millime
     load, parts = read_load("load", given, links, mounted, MOST_MASSES, "speed", link="body", middles=machine.middles)
     if parts:
         raise FieldError("/load/parts", "for one linkage only: /v1/drives, or `linkage_atlas.drives`")
-    speed = 0.0 if given.get("speed") is None else bounded("load/speed", given["speed"])
-    unit = radian if machine.turns else 1.0
-    return load._replace(speed=speed * unit, metre=millimetres / 1000)
+    speed = bounded("load/speed", given.get("speed") or 0.0) * (radian if machine.turns else 1.0)
+    return load._replace(speed=speed, metre=millimetres / 1000)
 
 
 def _drive(

@@ -184,7 +184,7 @@ class AskedAnalysis(NamedTuple):
 
 LINKS_WITH_MASS = ("crank", "coupler", "rocker", "body", "slider", "block", "second_slider", "second_block")
 MOST_LINK_MASSES = 64
-GRAVITY = -9.81j
+GRAVITY = 0, -9.81
 """Of masses unless a load says otherwise, m/s^2."""
 
 
@@ -222,14 +222,13 @@ def read_load(
     that names none. ``middles``: where those masses are, by link, that have no place; default: where the link's frame begins.
     """
     known_fields(field, given, ("force", "torque", "masses", "parts", "gravity", *also))
-    force = 0j if given.get("force") is None else pair(f"{field}/force", given["force"], words="[fx, fy]")
+    given = {name: value for name, value in given.items() if value is not None}
+    force = pair(f"{field}/force", given.get("force", (0, 0)), words="[fx, fy]")
     if force and not mounted:
         raise FieldError(f"/{field}/force", "acts at the body point, but without `position` there is none")
-    torque = 0.0 if given.get("torque") is None else bounded(f"{field}/torque", given["torque"])
-    gravity = GRAVITY
-    if given.get("gravity") is not None:
-        gravity = pair(f"{field}/gravity", given["gravity"], words="[gx, gy]")
-    masses = given.get("masses") or ()
+    torque = bounded(f"{field}/torque", given.get("torque", 0))
+    gravity = pair(f"{field}/gravity", given.get("gravity", GRAVITY), words="[gx, gy]")
+    masses = given.get("masses", ())
     if not isinstance(masses, Sequence) or isinstance(masses, str) or len(masses) > most:
         raise FieldError(f"/{field}/masses", f"wanted a list of at most {most} masses")
     read = tuple(
@@ -242,20 +241,20 @@ def _mass(
     field: str, given: Any, links: Sequence[str], mounted: bool, default: str | None, middles: Mapping[str, complex]
 ) -> Mass:
     known_fields(field, given, ("link", "mass", "at", "inertia"))
-    link: Any = one_of(f"{field}/link", default if given.get("link") is None else given["link"], links)
+    given = {name: value for name, value in given.items() if value is not None}
+    link: Any = one_of(f"{field}/link", given.get("link", default), links)
     if link == "body" and not mounted:
         raise FieldError(
             f"/{field}/link", "without `position` there is no body point that the body's frame begins in"
         )
-    if given.get("mass") is None:
+    if "mass" not in given:
         raise FieldError(f"/{field}/mass", "needed: in kg")
-    mass = bounded(f"{field}/mass", given["mass"])
-    inertia = 0.0 if given.get("inertia") is None else bounded(f"{field}/inertia", given["inertia"])
-    if mass < 0 or inertia < 0:
-        name, found = ("mass", mass) if mass < 0 else ("inertia", inertia)
-        raise FieldError(f"/{field}/{name}", f"wanted at least 0, found {found:g}")
-    at = middles.get(link, 0j) if given.get("at") is None else pair(f"{field}/at", given["at"], MAX_LENGTH)
-    return Mass(link, mass, at, inertia)
+    sizes = {name: bounded(f"{field}/{name}", given.get(name, 0)) for name in ("mass", "inertia")}
+    for name, found in sizes.items():
+        if found < 0:
+            raise FieldError(f"/{field}/{name}", f"wanted at least 0, found {found:g}")
+    at = pair(f"{field}/at", given["at"], MAX_LENGTH) if "at" in given else middles.get(link, 0j)
+    return Mass(link, sizes["mass"], at, sizes["inertia"])
 
 
 def analysed(
@@ -268,14 +267,12 @@ def analysed(
     """An `Analysis` or `GuidedAnalysis` at travel (n,) of the drive from the first sample, and over an interval."""
     asked = asked.weighed(linkage, over or Interval(float(travel.min()), float(travel.max())))
     record: tuple[Any, Any] = (Analysis, Rates) if isinstance(linkage, Linkage) else (GuidedAnalysis, GuidedRates)
-    curve = None if over is None else record[1](**_rates(linkage, asked, curve_over(linkage, over), radian))
+    curve = None
+    if over is not None:
+        turns = isinstance(linkage, Linkage) or linkage.driver.turns
+        along = over.by_degrees() if turns else np.linspace(*over, STEPS + 1)
+        curve = record[1](**_rates(linkage, asked, along, radian))
     return record[0](**_rates(linkage, asked, travel, radian), crank_speed=asked.crank_speed, curve=curve)
-
-
-def curve_over(linkage: Linkage | GuidedLinkage, over: Interval) -> Floats:
-    """Travel over an interval, both ends included, in even steps: of at most a degree for angles."""
-    turns = isinstance(linkage, Linkage) or linkage.driver.turns
-    return over.by_degrees() if turns else np.linspace(*over, STEPS + 1)
 
 
 def _rates(linkage: Linkage | GuidedLinkage, asked: AskedAnalysis, travel: Floats, radian: float) -> dict[str, Any]:

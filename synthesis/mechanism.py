@@ -27,6 +27,12 @@ Box = tuple[float, float, float, float]
 """xmin, ymin, xmax, ymax"""
 
 
+def outside(places: Any, box: Box) -> Floats:
+    """How far places lie outside of a box; negative inside: how far from its nearest side."""
+    x, y = np.real(places), np.imag(places)
+    return np.asarray(np.maximum(np.maximum(box[0] - x, x - box[2]), np.maximum(box[1] - y, y - box[3])))
+
+
 class BodyAngles(NamedTuple):
     """How the body of candidates turns."""
 

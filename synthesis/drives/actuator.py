@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from synthesis.arrays import Complexes, Flags, Floats, Ints, angle_at, dot
 from synthesis.guided.linkage import LinkMotion
-from synthesis.mechanism import Box
+from synthesis.mechanism import Box, outside
 from synthesis.one_variable import closer_looks
 from synthesis.work import Work
 
@@ -401,12 +401,10 @@ class Question:
 
     def keeps(self, found: Placement, hair: float = _HAIR) -> bool:
         """Whether a placement is within what is wanted, to a hair."""
-        left, bottom, right, top = self.wanted.box
         room = hair * self.size
-        inside = left - room <= found.ground.real <= right + room and bottom - room <= found.ground.imag <= top + room
         signed = found.arm * self.sense * (1.0 if found.extends else -1.0)
         return bool(
-            inside
+            outside(found.ground, self.wanted.box) <= room
             and abs(found.pin) <= self.wanted.reach + room
             and np.all(np.isfinite(signed))
             and signed.min() >= self.wanted.arm - room
@@ -448,14 +446,9 @@ class Row:
     pull: float = np.inf
     price: float | None = None
 
-    def bears(self, found: Placement) -> bool:
-        """Whether a placement asks no more of it than it can."""
-        return bool(found.force.max() <= self.push and -found.force.min() <= self.pull)
-
-
-def _nearly(row: Row, found: Placement) -> bool:
-    """Whether a row bears a placement, or one that is a little better."""
-    return bool(found.force.max() <= _NEARLY * row.push and -found.force.min() <= _NEARLY * row.pull)
+    def bears(self, found: Placement, times: float = 1.0) -> bool:
+        """Whether a placement asks no more of it than it can, or so many times as much."""
+        return bool(found.force.max() <= times * self.push and -found.force.min() <= times * self.pull)
 
 
 class Bought(NamedTuple):
@@ -522,7 +515,7 @@ def best_of_rows(
             if len(found) + len(here) >= most or (work is not None and work.expired()):
                 break
             one = placed(row.actuator)
-            if begin is not None and isinstance(one, Placement) and (not question.loaded or _nearly(row, one)):
+            if begin is not None and isinstance(one, Placement) and (not question.loaded or row.bears(one, _NEARLY)):
                 one = gone_over(row.actuator)
             if isinstance(one, Refused):
                 unfit.append(Unfit(row, one))
@@ -887,8 +880,7 @@ class _Pivoted:
 def within_box(pivot: complex, radius: float, box: Box, angles: Floats) -> float:
     """A direction in which a circle about a pivot lies in a box: the middle of its longest arc there."""
     left, bottom, right, top = box
-    places = pivot + radius * np.exp(1j * angles)
-    inside = (places.real >= left) & (places.real <= right) & (places.imag >= bottom) & (places.imag <= top)
+    inside = outside(pivot + radius * np.exp(1j * angles), box) <= 0
     if inside.all():
         return 0.0
     if not inside.any():  # between two of them, along an arc that short; or it touches the box only
@@ -903,10 +895,7 @@ def within_box(pivot: complex, radius: float, box: Box, angles: Floats) -> float
         ends = np.sort(np.mod(met, 2 * np.pi))
         ends = np.append(ends, ends[0] + 2 * np.pi)
         tried = np.concatenate([(ends[1:] + ends[:-1]) / 2, ends])
-        places = pivot + radius * np.exp(1j * tried)
-        off = np.maximum(np.maximum(left - places.real, places.real - right), 0.0)
-        off += np.maximum(np.maximum(bottom - places.imag, places.imag - top), 0.0)
-        return float(tried[np.argmin(off)])
+        return float(tried[np.argmin(np.maximum(outside(pivot + radius * np.exp(1j * tried), box), 0.0))])
     begin = int(np.argmin(inside))
     ends = np.flatnonzero(np.diff(np.roll(inside, -begin), append=False))
     first, last = ends[::2] + 1, ends[1::2]

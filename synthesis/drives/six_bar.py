@@ -38,7 +38,7 @@ from synthesis.fourbar.kinematics import grashof_excesses, transmission_angle_ov
 from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.analysis import Load
 from synthesis.guided.linkage import Circle, GuidedLinkage, LinkMotion, Rail, along_coupler
-from synthesis.mechanism import Box
+from synthesis.mechanism import Box, outside
 from synthesis.target import TURN, Interval
 from synthesis.work import Work
 
@@ -106,7 +106,7 @@ def proportions(swing: float, time_ratio: float = 1.0, rod: float = _ROD) -> Pro
             return None
         # on the line of the two ends, b - a from the nearer one
         return Proportions(chord, rod, float(ground), complex(np.cos(half), -rod), float(angle), None)
-    e = np.pi * (time_ratio - 1) / (time_ratio + 1)
+    e = _angle_of(time_ratio)
 
     def worth(zeta: Floats) -> tuple[Floats, Complexes, Floats, Floats]:
         crank = chord * np.sin(zeta) / np.cos(e / 2)
@@ -352,8 +352,7 @@ def _pins(
 
 def _inside(place: complex, box: Box, pivot: complex) -> bool:
     """To the rounding of a motor's distance from the pivot."""
-    hair = 1e-12 * abs(place - pivot)
-    return box[0] - hair <= place.real <= box[2] + hair and box[1] - hair <= place.imag <= box[3] + hair
+    return bool(outside(place, box) <= 1e-12 * abs(place - pivot))
 
 
 # -- any link ----------------------------------------------------------------------------------------------------------
@@ -458,13 +457,11 @@ def _in_time(question: Question, pins: Complexes, angle: float) -> tuple[Complex
     # from the middle of the chord, along it and beside it, by the two distances b - a and b + a from its ends
     along = cranks * rods
     beside = np.sqrt(np.maximum((rods - cranks) ** 2 - (along - 1) ** 2, 0.0))
-    left, bottom, right, top = question.wanted.box
     places, of = [], []
     for way in (1, -1):
         for side in (1, -1):
             motors = middle + half * (way * along + 1j * side * beside)
-            inside = (motors.real >= left) & (motors.real <= right) & (motors.imag >= bottom) & (motors.imag <= top)
-            inside &= (rods > cranks) & (size > 0)
+            inside = (outside(motors, question.wanted.box) <= 0) & (rods > cranks) & (size > 0)
             places.append(motors[inside])
             of.append(np.broadcast_to(pins[:, None], motors.shape)[inside])
     return np.concatenate(places), np.concatenate(of)

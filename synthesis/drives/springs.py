@@ -500,26 +500,20 @@ def best_pair(
     work: Work | None = None,
 ) -> Fitted | str:
     """Springs on several pairs of links: one after the other, each against what the others leave, some turns; then together."""
-    placed: list[Fitted | None] = [None] * len(betweens)
-    left = torque
+    placed: dict[int, Fitted] = {}
+    gives, left = [0 * torque for _ in betweens], torque
     for _ in range(_TURNS):
         for k, between in enumerate(betweens):
-            others = sum(
-                (one.torque - torque for j, one in enumerate(placed) if one and j != k), np.zeros(torque.size)
-            )
-            found = best_spring(machine, torque + others, between, kinds, room, work)
+            others = torque + sum(gives[:k] + gives[k + 1 :])
+            found = best_spring(machine, others, between, kinds, room, work)
             if isinstance(found, str):
                 return found
-            before = placed[k]
-            mine = fitted(machine, torque, list(found.springs), [kind for kind in found.kinds if kind is not None])
-            if before is None or _rms(torque + others + mine.torque - torque) < _rms(left):
-                placed[k] = mine
-                left = mine.torque + others
+            if k not in placed or _rms(found.torque) < _rms(left):
+                placed[k], gives[k], left = found, found.torque - others, found.torque
         if work is not None and work.expired():
             break
-    springs = [one.springs[0] for one in placed if one is not None]
-    chosen = [one.kinds[0] for one in placed if one is not None]
-    rows = [kind for kind in chosen if kind is not None]
+    springs = [one.springs[0] for one in placed.values()]
+    rows = [kind for one in placed.values() for kind in one.kinds if kind is not None]
     parts = [_Placing(machine, between, kind, room) for between, kind in zip(betweens, rows)]
     # unknowns have the first end in the plane at the first sample
     levels = [complex(machine.end(one.between[0], one.points[0])[0]) for one in springs]

@@ -200,6 +200,8 @@ def places_within(places: Iterable[float], first: float, last: float, period: fl
 # -- linkages -------------------------------------------------------------------------------------------------------------
 
 
+_PLACES = 181
+"""Over an interval, at least."""
 _LOOKS, _NODES = 4, 33
 """Looks, each between two nodes of the one before, at where a travel turns back: to 2e-8 radians, its end to all digits."""
 
@@ -431,10 +433,6 @@ class _Triangle(NamedTuple):
         return 2 * np.arctan2(np.sqrt(np.minimum(one, other)), np.sqrt(np.maximum(one, other)))
 
 
-def _acute(sine: Floats, cosine: Floats) -> Floats:
-    return np.arctan2(np.abs(sine), np.abs(cosine))
-
-
 @dataclass(frozen=True)
 class GuidedLinkage:
     """A body on two guides with actual lengths; angles in radians.
@@ -540,13 +538,6 @@ class GuidedLinkage:
             return Slot(fixed, point, one.body_direction * way + turn_in_body)
 
         return replace(self, guides=(guide(self.guides[0]), guide(self.guides[1])))
-
-    def driven_by(self, place: int, driver: Driver, rotation: float, position: complex) -> GuidedLinkage:
-        """The same guides driven at ``place`` (0 or 1) by another drive, started and on the branch where the body has a pose."""
-        guides = self.guides if place == 0 else self.guides[::-1]
-        other = GuidedLinkage(guides, driver)
-        q, sine = other.configuration(np.array([rotation]), np.array([position]))
-        return replace(other, branch=1 if sine[0] >= 0 else -1, start=float(q[0]))
 
     # -- the loop -----------------------------------------------------------------------------------------------------
 
@@ -681,9 +672,8 @@ class GuidedLinkage:
         position = driven.pin - np.exp(1j * rotation) * (
             driven.body_point + extension * np.exp(1j * driven.body_direction)
         )
-        return BodyPoses(
-            position, np.where(np.isfinite(sine), rotation, np.nan), sine, np.abs(sine), _acute(sine, cosine)
-        )
+        rotation, push = np.where(np.isfinite(sine), rotation, np.nan), np.abs(sine)
+        return BodyPoses(position, rotation, sine, push, np.arctan2(push, np.abs(cosine)))
 
     def _extension(self, q: Floats, side: int) -> tuple[Floats, Floats, Floats]:
         """With a hinge: place of the pin along the slot, and sine and cosine of the other guide's push against it."""
@@ -920,12 +910,12 @@ class GuidedLinkage:
         """Whether the drive turns, and turns fully."""
         return self.driver.turns and self.closes_over(Interval(self.start, self.start + TURN))
 
-    def over(self, interval: Interval, least: int = 181) -> Floats:
+    def over(self, interval: Interval) -> Floats:
         """Coordinates over an interval of travel from the first sample, in even steps, of at most a degree for angles."""
         first, last = interval
-        steps = least
+        steps = _PLACES
         if self.driver.turns:
-            steps = min(max(least, int(np.ceil(np.rad2deg(abs(last - first)))) + 1), 7201)
+            steps = min(max(steps, int(np.ceil(np.rad2deg(abs(last - first)))) + 1), 7201)
         return np.linspace(first, last, steps)
 
     def along(self, place: int, travel: ArrayLike) -> Floats:
@@ -990,7 +980,9 @@ def _turned(vector: complex, angle: float) -> complex:
 
 def through(guides: tuple[Guide, Guide], driver: Driver, rotation: float, position: complex) -> GuidedLinkage:
     """The linkage that the guides make, started and on the branch where the body has a pose."""
-    return GuidedLinkage(guides, driver).driven_by(0, driver, rotation, position)
+    one = GuidedLinkage(guides, driver)
+    q, sine = one.configuration(np.array([rotation]), np.array([position]))
+    return replace(one, branch=1 if sine[0] >= 0 else -1, start=float(q[0]))
 
 
 def of_four_bar(linkage: Linkage) -> GuidedLinkage:

@@ -8,6 +8,7 @@ Directions of rails and slots are exact but for what their body points do.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -115,19 +116,25 @@ def made(linkage: GuidedLinkage, coordinate: Floats, first: Deviation, second: D
         held = driven.body_point + 0 * coordinate
         if driven.sort is Slot:
             held = held + coordinate * np.exp(1j * driven.direction)
-        rotation = nominal.rotation + 0 * np.real(pin)
-        for _ in range(_STEPS):
-            value, slope = _beyond(other, pin, np.exp(1j * rotation), held)
-            step = np.clip(np.nan_to_num(value / slope), -0.3, 0.3)
-            rotation = rotation - step
-            if np.abs(step).max() < _SMALL:
-                break
+        begin = nominal.rotation + 0 * np.real(pin)
+        rotation, value, slope = _met(lambda turn: _beyond(other, pin, np.exp(1j * turn), held), begin, 1.0)
         turned = np.exp(1j * rotation)
-        value, slope = _beyond(other, pin, turned, held)
         good = (np.abs(value) < _CLOSED * size) & (np.sign(slope) == linkage.branch)
         position = pin - turned * held
     good = good & np.isfinite(nominal.rotation)
     return np.where(good, position, np.nan), np.where(good, rotation, np.nan)
+
+
+def _met(off: Callable[[Floats], tuple[Floats, Floats]], begin: Floats, size: float) -> tuple[Floats, Floats, Floats]:
+    """Where something vanishes by Newton's method, what is left of it, and its slope; ``size``: of its argument."""
+    at = begin
+    for _ in range(_STEPS):
+        value, slope = off(at)
+        step = np.clip(np.nan_to_num(value / slope), -0.3 * size, 0.3 * size)
+        at = at - step
+        if np.abs(step).max() < _SMALL * size:
+            break
+    return at, *off(at)
 
 
 def _off(other: _Guide, at: Complexes, turned: Complexes) -> tuple[Floats, Complexes]:
@@ -155,17 +162,11 @@ def _by_hinge(
     along = np.exp(1j * coordinate)
     rotation = coordinate - driven.direction
     turned = np.exp(1j * rotation)
-    begin = driven.fixed - turned * driven.body_point
+    origin = driven.fixed - turned * driven.body_point
     nominal = linkage.body(coordinate)
-    extension = np.real(np.conj(along) * (begin - nominal.position)) + 0 * np.real(begin)
-    for _ in range(_STEPS):
-        value, slope = _slid(other, begin - extension * along, turned, along)
-        step = np.clip(np.nan_to_num(value / slope), -0.3 * size, 0.3 * size)
-        extension = extension - step
-        if np.abs(step).max() < _SMALL * size:
-            break
-    position = begin - extension * along
-    value, slope = _slid(other, position, turned, along)
+    begin = np.real(np.conj(along) * (origin - nominal.position)) + 0 * np.real(origin)
+    extension, value, slope = _met(lambda far: _slid(other, origin - far * along, turned, along), begin, size)
+    position = origin - extension * along
     good = (np.abs(value) < _CLOSED * size) & (np.sign(-slope) == np.sign(nominal.sine)) & np.isfinite(nominal.sine)
     return np.where(good, position, np.nan), np.where(good, rotation + 0 * np.real(position), np.nan)
 

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from synthesis.arrays import Flags, Floats, Ints
 from synthesis.fourbar.passage import DEAD, NEAR_CHANGE_POINT, TIE, Passage, Verdict, one_way, reasons_of
-from synthesis.guided.linkage import DRIVERS, Driver, GuidedLinkage, Rail
+from synthesis.guided.linkage import DRIVERS, Driver, GuidedLinkage, Rail, through
 from synthesis.target import TURN
 
 
@@ -141,7 +141,8 @@ def verdict(
         poses = [linkage.body(q, way) for way in (1, -1)]
         rotation, position = (np.where(side > 0, *pair) for pair in zip(*((p.rotation, p.position) for p in poses)))
         for name, (place, other) in others.items():
-            redriven = linkage.driven_by(place, other, float(rotation[0]), complex(position[0]))
+            guides = linkage.guides[::-1] if place else linkage.guides
+            redriven = through(guides, other, float(rotation[0]), complex(position[0]))
             found, sine = redriven.configuration(rotation, position)
             if passage(redriven, found, np.where(sine >= 0, 1, -1), ordered=ordered, closed=closed).driven[0]:
                 driver = name

@@ -889,7 +889,9 @@ class Search:
             linkage = replace(linkage, guides=turned)
             drive, sine = linkage.configuration(rotation, position)
         if not poses.ordered:
-            drive, holds = _in_any_order(drive, poses.span_max) if way.driver.turns else (drive, True)
+            holds = True
+            if way.driver.turns:
+                (drive,), (holds,) = in_any_order(drive[None], poses.span_max)
         else:
             drive, holds = _in_order(drive, way.driver.turns, poses.span_max)
         if not holds:
@@ -912,12 +914,6 @@ class Search:
 def _key(one: Candidates) -> tuple[int, float]:
     """A single candidate by its drive and J squared."""
     return int(one.drive[0]), float(one.cost[0])
-
-
-def _in_any_order(drive: Floats, span_max: float) -> tuple[Floats, bool]:
-    """Directions (N,) on the shortest arc that holds all, and whether that is short enough."""
-    along, holds = in_any_order(drive[None], span_max)
-    return along[0], bool(holds[0])
 
 
 def _in_order(drive: Floats, turns: bool, span_max: float) -> tuple[Floats, bool]:

@@ -17,7 +17,7 @@ from synthesis.fourbar.limits import REACH, Limits
 from synthesis.fourbar.passage import LEAVES_SAMPLES, SHORTEST_CHORD, faults_of
 from synthesis.free.poses import Poses
 from synthesis.guided.linkage import Circle, Driver, Guide, GuidedLinkage, Rail, Slot
-from synthesis.mechanism import Box
+from synthesis.mechanism import outside
 from synthesis.ranking import Errors, motion_errors
 from synthesis.target import TURN, Interval, Samples, Target
 
@@ -140,15 +140,14 @@ def nearest_travel(samples: Samples, linkage: GuidedLinkage, begin: Floats) -> F
 
 def _weights(samples: Samples) -> tuple[Floats, Floats]:
     """What a square of an error of rotation, and of position, counts at each sample, (N,)."""
-    turning = np.zeros(samples.samples) if samples.rotation is None else samples.rotation_mean.root**2
-    placing = (
-        np.zeros(samples.samples)
-        if samples.position is None
-        else samples.position_mean.root**2 / samples.length_scale**2
-    )
-    both = np.stack(np.broadcast_arrays(turning, placing, np.zeros(samples.samples))[:2])
     # a sample on its own: only the ratio of both counts
-    return both[0], both[1]
+    turning: Floats = np.zeros(samples.samples)
+    placing = turning
+    if samples.rotation is not None:
+        turning = turning + samples.rotation_mean.root**2
+    if samples.position is not None:
+        placing = placing + samples.position_mean.root**2 / samples.length_scale**2
+    return turning, placing
 
 
 def _gaps(samples: Samples, linkage: GuidedLinkage, travel: Floats) -> tuple[Floats, Complexes]:
@@ -386,24 +385,23 @@ def _broken(solution: GuidedSolution, samples: Samples, limits: Limits, ends: tu
         if (given := getattr(limits, name)) is not None:
             least(name, abs(place - given) / extent)
         elif (box := limits.box(f"{name}_box")) is not None:
-            least("pivot_box", _outside(place, box) / extent)
+            least("pivot_box", float(outside(place, box)) / extent)
         reach = limits.pivot_reach
         if reach is not None and (far := getattr(reach, name)) is not None:
             least("pivot_reach", (abs(place - reach.middle) - far) / extent)
         for out in limits.keep_out:
-            least("keep_out", -_outside(place, out) / extent)
+            least("keep_out", -float(outside(place, out)) / extent)
     for guide, used in zip(linkage.guides, ends):
         if used is None:
             continue
         if limits.stroke_max is not None:
             least("stroke_max", (used[1] - used[0] - limits.stroke_max) / extent)
         if isinstance(guide, Rail):
-            for end in used:
-                place = complex(guide.point + end * np.exp(1j * guide.direction))
-                if limits.rail_box is not None:
-                    least("rail_box", _outside(place, limits.rail_box) / extent)
-                if limits.pivot_reach is not None:
-                    least("pivot_reach", abs(place - middle) / extent - REACH)
+            places = guide.point + np.array(used) * np.exp(1j * guide.direction)
+            if limits.rail_box is not None:
+                least("rail_box", float(outside(places, limits.rail_box).max()) / extent)
+            if limits.pivot_reach is not None:
+                least("pivot_reach", float(np.abs(places - middle).max()) / extent - REACH)
     if linkage.driver is Driver.CYLINDER:
         used = ends[0]
         assert used is not None
@@ -419,8 +417,7 @@ def _broken(solution: GuidedSolution, samples: Samples, limits: Limits, ends: tu
     if limits.envelope is not None:
         q = linkage.start + linkage.over(solution.interval)
         for way in _traced(linkage, q):
-            box = limits.envelope
-            least("envelope", float(np.max([_outside(one, box) for one in way])) / extent)
+            least("envelope", float(outside(way, limits.envelope).max()) / extent)
     return missing
 
 
@@ -461,8 +458,3 @@ def _traced(linkage: GuidedLinkage, q: Floats) -> list[Complexes]:
         if isinstance(guide, Circle):
             found.append(np.array([guide.pivot]))
     return found
-
-
-def _outside(place: complex, box: Box) -> float:
-    """How far a place lies outside of a box; negative inside: how far from its nearest side."""
-    return max(box[0] - place.real, box[1] - place.imag, place.real - box[2], place.imag - box[3])
