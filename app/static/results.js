@@ -267,7 +267,7 @@ export class Results {
 
   /** Fits the selected solution, and those beside it that leave the motion large enough to be looked at. */
   #fitAll(solutions) {
-    const { board, answer: { motion } } = this, { width, height } = board.view, jointsOf = (used) => used.filter(Boolean).flatMap((j) => [j.a, j.b, j.c, j.d, j.p]);
+    const { board, answer: { motion } } = this, { width, height } = board.view, jointsOf = (used) => used.filter(Boolean).flatMap((j) => [j.a, j.b, j.c, j.d, j.p]).filter(Boolean);
     const extent = (points) => Math.max(...[width, height].map((pixels, i) => { const all = points.map((p) => p[i]); return (Math.max(...all) - Math.min(...all)) / pixels; }));
     const own = jointsOf(this.player.shown.used), wanted = board.hasPlaces ? motion.poses.filter(({ x }) => x !== null).map(({ x, y }) => [x, y]) : [];
     if (!own.length) return;

@@ -385,6 +385,12 @@ def test_a_motion_that_cannot_be_solved_says_why(standing) -> None:
     assert "positions are needed" in standing.text("status")
 
 
+def test_a_motion_of_angles_alone_is_solved(standing) -> None:
+    standing.take({"rotation": [0, 10, 25, 30], "crank_span": 90})
+    standing.solve()
+    assert standing.text("status").startswith("Best found: ") and standing.cards()
+
+
 def test_the_linkage_runs_and_stops(standing) -> None:
     standing.choose("worked")
     standing.solve()
