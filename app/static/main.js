@@ -151,7 +151,8 @@ function motionChanged() {
   $("suggestions").hidden ||= editor.board.stale;
   if (running) return;
   follow();
-  if (answer && (editor.board.stale || !passed)) sayAnswer();
+  if (!answer) say("");
+  else if (editor.board.stale || !passed) sayAnswer();
 }
 
 /** Whether a pose or a point is being dragged. */

@@ -383,6 +383,8 @@ def test_a_motion_that_cannot_be_solved_says_why(standing) -> None:
         standing.click("add-row")
     standing.click("solve")
     assert "positions are needed" in standing.text("status")
+    standing.select("wanted", "position")
+    assert standing.text("status") == "", "what was wrong is said no longer than it is"
 
 
 def test_a_motion_of_angles_alone_is_solved(standing) -> None:
