@@ -104,7 +104,7 @@ export function drawCurves(curves, targets, { linkage, stale, view, unit }) {
   const longest = Math.max(0, ...linkage.errors.filter(Boolean).map(([from, to]) => Math.hypot(to[0] - from[0], to[1] - from[1])));
   const pixels = longest * view.scale;
   if (!(pixels > 1e-7)) return;
-  const factor = pixels >= 3 ? 1 : 10 ** Math.min(9, Math.ceil(Math.log10(12 / pixels)));
+  const factor = pixels >= 3 ? 1 : roundStep(12 / pixels);
   for (const pair of linkage.errors) {
     if (!pair) continue;
     const [x, y] = view.at(pair[0]), go = [0, 1].map((i) => (pair[1][i] - pair[0][i]) * view.scale * factor);

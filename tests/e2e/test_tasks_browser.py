@@ -51,6 +51,10 @@ def test_nothing_is_cut_off_at_any_size(opened) -> None:
     page.resize(360, 740)
     page.run("for (const one of document.querySelectorAll('#solutions dd')) one.textContent = '0.0001234 mm (12)'")
     assert page.width <= 360, "long numbers stay within a phone"
+    page.resize(390, 844)
+    page.choose("casement")
+    longest = "return Math.max(...[...document.querySelectorAll('#canvas .miss')].map((one) => one.getTotalLength()))"
+    assert 10 < page.run(longest) < 35, "errors are seen, and hide neither poses nor linkage"
 
 
 def test_the_gallery_has_eight_machines_with_their_errors(standing) -> None:
