@@ -236,8 +236,9 @@ function showNumbers() {
 
 function showLinkage() {
   const span = answer.reply.input.at(-1) * RAD, linkage = drawnOf(shown), [into, out] = answer.signs;
-  const view = new View(640, 360), used = linkage.over(0, span, 120).filter(Boolean);
+  const { clientWidth: width, clientHeight: height } = $("canvas"), view = new View(width, height), used = linkage.over(0, span, 120).filter(Boolean);
   $("canvas").replaceChildren();
+  put($("canvas"), { viewBox: `0 0 ${width} ${height}` });
   if (!used.length) return;
   view.fit([used[0].a, used[0].b, ...used.flatMap(({ c, d }) => [c, d])], 28);
   const arc = (key) => make("path", { class: "curve", d: used.map((joints, k) => `${k ? "L" : "M"}${view.at(joints[key]).map((v) => v.toFixed(2)).join(" ")}`).join("") }, $("canvas"));
@@ -273,7 +274,6 @@ function errorAt(share) {
 }
 
 function showCurves() {
-  if (!shown) return;
   const { error } = shown.error_curve, { x, y, output } = answer.reply, out = answer.signs[1];
   const [input, samples] = [shown.error_curve.input, answer.reply.input].map((angles) => angles.map((angle) => angle + answer.from));
   const turn = answer.reply.input.at(-1) < 0 ? (values) => values.slice().reverse() : (values) => values;
@@ -381,4 +381,4 @@ addEventListener("hashchange", addressChanged);
 // a page that opens without a question of one's own shows the answer to its first one
 openLink().then((found) => { if (!found && !draft.restore()) solve(); }, (error) => { say(error.message, true); draft.restore(); }).then(() => { document.body.dataset.ready = "true"; });
 for (const button of $("exports").children) button.addEventListener("click", () => save(button.dataset.format));
-redrawOn($("curves"), () => answer && showCurves());
+redrawOn($("canvas"), () => shown && showLinkage());

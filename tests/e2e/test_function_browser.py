@@ -32,6 +32,8 @@ def test_the_page_opens_with_an_answer_to_its_own_question(page) -> None:
     assert page.text("status").startswith("Best found") and page.shown("picture-card")
     assert not page.shown("draft") and page.run("return localStorage.getItem('linkage-atlas-function')") is None
     assert page.run("return [document.activeElement.tagName, scrollY, location.hash]") == ["BODY", 0, ""]
+    page.resize(390, 844)
+    page.wait("document.querySelector('#canvas .joint-name').getBoundingClientRect().height > 12")
     page.forget()
     page.go("/function#j=damaged")
     assert "bad" in page.find("status").get_attribute("class") and not page.count("#solutions li")
