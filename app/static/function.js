@@ -274,17 +274,17 @@ function errorAt(share) {
 }
 
 function showCurves() {
-  const { error } = shown.error_curve, { x, y, output } = answer.reply, out = answer.signs[1];
+  const { error } = shown.error_curve, { x, y, output } = answer.reply, [into, out] = answer.signs, degreesX = Boolean(into);
   const [input, samples] = [shown.error_curve.input, answer.reply.input].map((angles) => angles.map((angle) => angle + answer.from));
   const turn = answer.reply.input.at(-1) < 0 ? (values) => values.slice().reverse() : (values) => values;
   $("curves").replaceChildren();
-  charts = [titledChart($("curves"), `Error ${shown.links ? "in degrees of the rocker" : out ? "in degrees" : "of the travel"}`, { x: turn(input), degreesY: Boolean(out), series: [{ values: turn(error), colour: "accent" }] })];
+  charts = [titledChart($("curves"), `Error ${shown.links ? "in degrees of the rocker" : out ? "in degrees" : "of the travel"}`, { x: turn(input), degreesX, degreesY: Boolean(out), series: [{ values: turn(error), colour: "accent" }] })];
   const range = (values) => Math.max(...values) - Math.min(...values);
   if (y && range(output)) {
     const unit = range(y) / range(output);
-    charts.push(titledChart($("curves"), "Error in units of y", { x: turn(input), series: [{ values: turn(error.map((value) => value * unit)), colour: "path" }] }));
+    charts.push(titledChart($("curves"), "Error in units of y", { x: turn(input), degreesX, series: [{ values: turn(error.map((value) => value * unit)), colour: "path" }] }));
   }
-  charts.push(titledChart($("curves"), shown.links ? "Wanted angle of the rocker" : "Wanted output", { x: turn(samples), degreesY: Boolean(out), series: [{ values: turn(output), colour: "ink" }] }));
+  charts.push(titledChart($("curves"), shown.links ? "Wanted angle of the rocker" : "Wanted output", { x: turn(samples), degreesX, degreesY: Boolean(out), series: [{ values: turn(output), colour: "ink" }] }));
   const ends = x ? `x from ${text(x[0])} to ${text(x.at(-1))} over this interval. ` : "";
   $("error-note").textContent = ends + answer.reply.report.notes.map(plainNote).join(" ");
 }
