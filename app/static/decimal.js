@@ -15,8 +15,9 @@ export function wrong(value, entry, { range: [low, high], needed, whole }) {
   if (!Number.isFinite(value)) return `“${entry.trim().slice(0, 20)}” is not a number`;
   if (whole && !Number.isInteger(value)) return `${text(value)} is not a whole number`;
   if (value >= low && value <= high) return null;
-  if (low === Number.MIN_VALUE) return `${text(value)} is not above 0`;
-  return high >= 1e50 ? `${text(value)} is less than ${text(low)}` : `${text(value)} is not from ${text(low)} to ${text(high)}`;
+  if (high < 1e50) return `${text(value)} is not from ${text(low)} to ${text(high)}`;
+  if (value > high) return `${text(value)} is more than ${text(high)}`;
+  return low === Number.MIN_VALUE ? `${text(value)} is not above 0` : `${text(value)} is less than ${text(low)}`;
 }
 
 /** The number in a field; what is wrong with it the browser says as of its own fields: in red, and when the form is sent. */

@@ -1,14 +1,16 @@
 // The motion editor: canvas, pose table and form fields show one motion and change it, with undo and redo.
 
 import { Board } from "./board.js";
-import { typed } from "./decimal.js";
+import { typed, wrong } from "./decimal.js";
 import { Fields } from "./fields.js";
 import { History, emptyMotion, nextPose, travels, wantsAngles, wantsPlaces } from "./motion.js";
 import { $ } from "./shell.js";
 
 const COLUMNS = [["t", "crank angle"], ["x", "x"], ["y", "y"], ["angle", "angle"]];
+const ANY = [-1e50, 1e50];
 const KEYS = { ArrowUp: [-1, 0], ArrowDown: [1, 0], Enter: [1, 0] };
 
+const cellOf = (k, name) => `pose-${k}-${name}`;
 const modeButtons = () => [...document.querySelectorAll("[data-mode]:not(svg)")];
 
 export class Editor {
@@ -39,8 +41,8 @@ export class Editor {
 
   /** The first entry of table or form that cannot be used, as [sentence, id of the element]; null if there is none. */
   get fault() {
-    for (const sentence of this.cellFaults.values()) return [sentence, "poses"];
-    return this.fields.fault;
+    const [first] = this.cellFaults;
+    return first?.toReversed() ?? this.fields.fault;
   }
 
   /**
@@ -110,7 +112,7 @@ export class Editor {
         const input = row.cells[column + 1].firstChild;
         const value = name === "t" ? angles[k] : pose[name];
         const asked = name === "angle" ? wantsAngles(motion) : wantsPlaces(motion);
-        const bad = this.cellFaults.has(`${k} ${name}`);
+        const bad = this.cellFaults.has(cellOf(k, name));
         input.classList.toggle("invalid", bad);
         if (!bad && input !== document.activeElement) input.value = value === null ? "" : Number(value.toPrecision(6));
         input.placeholder = value === null && asked ? "none" : "";
@@ -144,26 +146,28 @@ export class Editor {
   }
 
   #makeCell(k, name, label) {
-    const input = document.createElement("input"), key = `${k} ${name}`;
-    input.type = "text";
+    const input = document.createElement("input"), key = cellOf(k, name);
+    let before = null; // what holds until the entry is good: of 1.234,5 the 1.234 does not count
+    input.id = key;
     input.inputMode = "decimal";
     input.setAttribute("aria-label", `Pose ${k + 1}, ${label}`);
     input.addEventListener("focus", () => {
       this.#choose(k);
+      before = this.motion.poses[k][name];
       // the table shows 6 digits; a number that is being edited has them all
       if (!this.cellFaults.has(key)) input.value = name === "t" ? Number(travels(this.motion)[k].toPrecision(14)) : this.motion.poses[k][name];
     });
     input.addEventListener("input", () => {
       if (input.readOnly) return;
       // an empty cell is a place or an angle that is not asked for
-      const value = typed(input.value), good = value === null ? name !== "t" : Number.isFinite(value);
-      if (good) this.cellFaults.delete(key);
-      else this.cellFaults.set(key, `Pose ${k + 1}, ${label}: “${input.value.trim().slice(0, 20)}” is not a number${name === "t" || this.motion.poses[k][name] === null ? "" : `; ${this.motion.poses[k][name]} is still in use`}.`);
-      input.classList.toggle("invalid", !good);
+      const value = typed(input.value), fault = wrong(value, input.value, { range: ANY, needed: name === "t" }), used = fault ? before : value;
+      if (fault) this.cellFaults.set(key, `Pose ${k + 1}, ${label}: ${fault}${before === null ? "" : `; ${before} is still in use`}.`);
+      else this.cellFaults.delete(key);
+      input.classList.toggle("invalid", Boolean(fault));
       $("table-error").textContent = [...this.cellFaults.values()][0] ?? "";
-      if (good) this.history.change((motion) => {
-        motion.poses[k][name] = value;
-        if (name === "t" && k === motion.poses.length - 1) motion.span = value;
+      if (!fault || used !== this.motion.poses[k][name]) this.history.change((motion) => {
+        motion.poses[k][name] = used;
+        if (name === "t" && k === motion.poses.length - 1) motion.span = used;
       }, `cell ${key}`);
     });
     input.addEventListener("change", () => this.history.settle());

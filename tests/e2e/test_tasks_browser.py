@@ -215,6 +215,13 @@ def test_nothing_that_is_typed_is_changed_silently(opened) -> None:
     opened.cell("Pose 3, x", "abc", Keys.TAB)
     assert opened.pick("#poses [aria-label='Pose 3, x']").get_attribute("value") == "abc"
     assert "“abc” is not a number" in opened.text("table-error")
+    opened.click("solve")
+    assert opened.focus == "pose-2-x"
+    for entry, said in (("1.234,5", "“1.234,5” is not a number"), ("1e60", "1e+60 is more than 1e+50")):
+        opened.cell("Pose 3, x", entry, Keys.TAB)
+        assert opened.text("table-error") == f"Pose 3, x: {said}; 287 is still in use."
+    opened.cell("Pose 3, x", "1,5", Keys.TAB)
+    assert opened.request()["position"][2][0] == 1.5 and opened.text("table-error") == ""
 
 
 def test_lengths_of_links_that_exclude_each_other_are_said_before_they_are_asked_for(standing) -> None:
