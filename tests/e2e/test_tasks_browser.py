@@ -222,6 +222,8 @@ def test_nothing_that_is_typed_is_changed_silently(opened) -> None:
         assert opened.text("table-error") == f"Pose 3, x: {said}; 287 is still in use."
     opened.cell("Pose 3, x", "1,5", Keys.TAB)
     assert opened.request()["position"][2][0] == 1.5 and opened.text("table-error") == ""
+    opened.type_into("stock", "100, 150,5; 200" + Keys.TAB)
+    assert opened.value("stock") == "100 150.5 200"
 
 
 def test_lengths_of_links_that_exclude_each_other_are_said_before_they_are_asked_for(standing) -> None:
