@@ -6,8 +6,8 @@ import { make, put } from "./drawing.js";
 export const PATH_POINTS = 24;
 
 const TAP = 12; // pixels: a shorter trace is a tap
-const NEAR = 16; // pixels between the ends of a way that counts as closed, or this share of its length
-const NEAR_SHARE = 0.06;
+const NEAR = 16; // pixels between the ends of a way that counts as closed, or this share of how far it goes
+const NEAR_SHARE = 0.2;
 
 /** The length of the way up to each point. */
 function lengths(points) {
@@ -45,9 +45,9 @@ export class Pen {
   /** {points, closed} of the finished trace: one point for a tap. */
   end() {
     this.line.remove();
-    const { points } = this, length = lengths(points).at(-1), [first, last] = [points[0], points.at(-1)];
+    const { points } = this, length = lengths(points).at(-1), [first] = points, away = points.map(([x, y]) => Math.hypot(x - first[0], y - first[1]));
     if (length < TAP) return { points: [first], closed: false };
-    const closed = length > 8 * NEAR && Math.hypot(last[0] - first[0], last[1] - first[1]) < Math.max(NEAR, NEAR_SHARE * length);
+    const closed = length > 8 * NEAR && away.at(-1) < Math.max(NEAR, NEAR_SHARE * Math.max(...away));
     return { points: thin(points, PATH_POINTS, closed), closed };
   }
 }

@@ -463,6 +463,9 @@ def test_a_path_is_drawn_by_hand(standing) -> None:
     assert standing.placed() == pytest.approx(places)
     standing.click("undo")
     assert standing.table() == before and standing.value("timing") == "even"
+    standing.trace([(round(r * np.cos(7 * r / 30)), round(r * np.sin(7 * r / 30))) for r in np.linspace(60, 140, 40)])
+    assert not standing.ticked("closed"), "a long way whose ends are apart"
+    standing.click("undo")
 
 
 def test_a_path_is_made_of_single_points_by_click_and_by_key(standing) -> None:
