@@ -676,10 +676,15 @@ def test_an_empty_cell_is_a_missing_value(standing) -> None:
     assert standing.text("at-sample") == "sample 1"
 
 
-def test_a_motion_is_saved_as_rows(standing) -> None:
+def test_a_motion_is_saved_as_rows(standing, tmp_path) -> None:
     standing.choose("casement")
     rows = standing.saved("motion.csv", "#save").decode().splitlines()
     assert rows[0] == "x,y,angle" and rows[2] == "296,-43,-8.3" and len(rows) == 9
+    file = tmp_path / f"{'long' * 50}.csv"
+    file.write_text("\n".join(rows[:4]))
+    standing.find("file").send_keys(str(file))
+    standing.wait("document.querySelectorAll('#poses tbody tr').length === 3")
+    assert "longlong" in standing.text("example-note") and standing.width <= 1280
 
 
 SIZES_AND_THEMES = [(1280, "dark"), (1280, "light"), (360, "dark"), (360, "light")]
