@@ -8,7 +8,7 @@ import { fromRequest, requestText, toPage, toRequest } from "./formats.js";
 import { Gallery } from "./gallery.js";
 import { fromHere, nearby } from "./hand.js";
 import { Live } from "./live.js";
-import { fault, wantsAngles } from "./motion.js";
+import { fault, itemOf, wantsAngles } from "./motion.js";
 import { Results, note } from "./results.js";
 import { STAGES, preferred, refine, solve, together } from "./service.js";
 import { fillSheet } from "./sheet.js";
@@ -78,10 +78,11 @@ function sentenceOf({ reply: { status, solutions, report }, request, motion, sto
   }
   const held = solutions[0].determination?.at_limits ?? [], near = howNear({ reply: { solutions, report }, motion });
   const limited = held.length && status !== "reached" ? `, held by ${new Intl.ListFormat("en-GB").format(held.map(limitName))}` : "";
-  const kept = status === "reached" && request.tolerances ? "Within the allowed errors at every pose" : !request.tolerances && request.prefer && "Near the least error", first = FIRST[preferred(request)];
+  const kept = status === "reached" && request.tolerances ? `Within the allowed errors at every ${itemOf(motion)}` : !request.tolerances && request.prefer && "Near the least error", first = FIRST[preferred(request)];
   const parts = [`${kept && first ? `${kept}, ${first}` : kept || "Best found"}: ${near}${limited}.`];
   if (report.stopped_by === "budget" && !stored && !live) parts.push(`The time was up after ${seconds.toFixed(1)} s: there may be better ones.`);
   if (stored) parts.push("Searched beforehand.");
+  if (request.tolerances && status !== "reached") parts.push(`The allowed errors are not kept at every ${itemOf(motion)}.`);
   if (live) parts.push("Found while dragging, among four-bars: Solve searches on.");
   if (defects(solutions[0].verdict).length) parts.push("But none is free of defects: see the verdicts.");
   return parts.join(" ");

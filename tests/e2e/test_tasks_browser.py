@@ -14,7 +14,7 @@ from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import Select
 
 import linkage_atlas as la
-from tests.e2e.page import CARDS, EXAMPLES, GOOD, IDLE, ROOT, path_request
+from tests.e2e.page import CARDS, EXAMPLES, GOOD, IDLE, ROOT, VERDICTS, path_request
 
 
 def good_dxf(content: bytes) -> set[str]:
@@ -320,6 +320,11 @@ def test_with_allowed_errors_the_first_card_is_the_smallest_linkage(opened) -> N
     )
     assert len(sizes) > 1 and min(sizes) == sizes[0] < 0.8 * stored["size"]
     assert opened.text("status").startswith("Within the allowed errors at every pose, the smallest found: off by")
+
+
+def test_an_answer_outside_the_allowed_errors_says_so(standing) -> None:
+    standing.answered(path_request([0, 60, 120], tolerances={"position": 0.1}), [0, 60, 120], VERDICTS[2:3])
+    assert standing.text("status").endswith("The allowed errors are not kept at every point.")
 
 
 def test_a_limit_of_ones_own_that_is_kept_is_no_fault(standing) -> None:
