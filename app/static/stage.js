@@ -6,6 +6,7 @@ import { player } from "./play.js";
 const GRID_PIXELS = 60;
 const SHARE = 0.56; // height over width, within the pixels below
 const [LEAST, MOST] = [240, 520];
+const LETTERS = 30; // pixels that a name takes
 
 /** A name beside a place of the drawing, in the symbols of the documents: `l2` and `theta_1` get their index. */
 export function symbol(layer, name) {
@@ -13,7 +14,7 @@ export function symbol(layer, name) {
   word.append(letter);
   if (index) make("tspan", { class: "index", dy: "3" }, word).textContent = index;
   if (name.endsWith("′")) make("tspan", { dy: index ? "-3" : "0" }, word).textContent = "′";
-  return (at, view, dx = 9, dy = -8, shown = true) => put(word, { x: view.x(at[0]) + dx, y: view.y(at[1]) + dy, visibility: shown ? "visible" : "hidden" });
+  return (at, view, dx = 9, dy = -8, shown = true) => put(word, { x: Math.max(4, Math.min(view.x(at[0]) + dx, view.width - LETTERS)), y: view.y(at[1]) + dy, visibility: shown ? "visible" : "hidden" });
 }
 
 /** A grid of round steps behind a drawing, with the step in words. */
