@@ -59,7 +59,7 @@ def _no_boolean(value: object) -> object:
 Bounded = Annotated[Number, Field(ge=-MAX_LENGTH, le=MAX_LENGTH)]
 BoundedPositive = Annotated[PositiveNumber, Field(le=MAX_LENGTH)]
 Point3 = Annotated[list[Bounded], Field(min_length=3, max_length=3)]
-Range = Annotated[list[Bounded], Field(min_length=2, max_length=2)]
+Range = Annotated[list[Bounded], Field(min_length=2, max_length=2, json_schema_extra={"parts": ["from", "to"]})]
 GridValues = Annotated[list[Bounded], Field(min_length=1, max_length=MAX_GRID_VALUES)]
 Sense = Annotated[Literal[-1, 1], BeforeValidator(_no_boolean)]
 ConditionName = Literal["wrap", "clearance", "bite"]
