@@ -4,7 +4,7 @@ import { redrawOn, titledChart } from "./charts.js";
 import { numberIn } from "./decimal.js";
 import { element, make, namedRows, put, text } from "./drawing.js";
 import { driveTurns } from "./drive.js";
-import { fitOf } from "./fit.js";
+import { fitOf, settled } from "./fit.js";
 import { ask } from "./service.js";
 import { $ } from "./shell.js";
 
@@ -187,7 +187,7 @@ export class Driving {
     if (drive.springs) {
       return [...drive.springs.flatMap((one) => [
         [`${one.kind} spring`, `${one.name ?? `${force(one.stiffness)} per ${unit}`}, ${one.between.join(" to ")}`], ["its ends", one.points.map(place).join(" and ")], ["its length", `${number(one.length[0])} to ${number(one.length[1])} ${unit}`],
-        ["torque left (rms)", `${torque(one.torque.after.rms)} of ${torque(one.torque.before.rms)}`], ["by itself", one.stays],
+        ["torque left (rms)", `${torque(settled(one.torque.after.rms, one.torque.before.rms))} of ${torque(one.torque.before.rms)}`], ["by itself", one.stays],
       ]), ...units];
     }
     const turns = driveTurns(this.solution), rows = [["drive", `${drive.name ?? KINDS[drive.kind]} on the ${drive.link}${drive.byHand ? ", by hand" : ""}`]];

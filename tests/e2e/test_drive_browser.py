@@ -136,6 +136,7 @@ def test_other_kinds_are_found_and_drawn(opened, kind) -> None:
     fill(opened, kind=kind, **{"force-y": 100})
     found(opened)
     assert opened.run("return document.querySelectorAll('#drive-numbers tr').length") >= 3
+    assert not re.search(r"e-\d", opened.text("drive-numbers")), "what is rounding alone is nothing"
     assert opened.run("return document.querySelectorAll('[data-layer=drive] *').length") >= 1
     assert opened.run("return document.querySelectorAll('#drive-curves .chart').length") >= 1
 
