@@ -2,7 +2,7 @@
 
 import { element, signed, text, thumbnail } from "./drawing.js";
 import { fitOf, worstRows } from "./fit.js";
-import { placeOf, wantsPlaces } from "./motion.js";
+import { placeOf, unitOf, wantsPlaces } from "./motion.js";
 import { mark } from "./verdict.js";
 
 const RAD = Math.PI / 180;
@@ -43,7 +43,7 @@ export function card(solution, motion, size, choose) {
   button.type = "button";
   button.append(thumbnail(fit.linkage, [sense * low * RAD, sense * high * RAD], wantsPlaces(motion) ? motion.poses.map(placeOf).filter(Boolean) : []));
   const worst = worstRows(fit, motion, size).map(([name, error, pose]) => [name, pose === null ? error : `${error} (${pose})`]);
-  const figures = [["transmission", `${text(solution.transmission_angle_min, 3)}°`], [solution.links ? "longest link" : "longest guide", `${text(longest(solution), 4)} ${motion.unit}`]];
+  const figures = [["transmission", `${text(solution.transmission_angle_min, 3)}°`], [solution.links ? "longest link" : "longest guide", `${text(longest(solution), 4)} ${unitOf(motion)}`]];
   if (Number.isFinite(solution.size)) figures.push(["size", `${text(solution.size, 3)} × motion`]);
   button.append(element("span", "name", nameOf(solution)), facts([...worst, ...figures]));
   button.append(sign(solution.verdict));

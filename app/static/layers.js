@@ -4,6 +4,7 @@ import { numberIn } from "./decimal.js";
 import { element, make, put, text } from "./drawing.js";
 import { driveTurns } from "./drive.js";
 import { fitOf } from "./fit.js";
+import { unitOf } from "./motion.js";
 import { ask } from "./service.js";
 import { $ } from "./shell.js";
 import { layersOf } from "./verdict.js";
@@ -146,7 +147,7 @@ export class Layers {
       words.textContent = this.wrong.get(this.solution) ?? (this.solution?.verdict ? "Looking for layers…" : "Layers are looked for where the service has found the linkage.");
       return;
     }
-    const { status, count, least_gap: gap } = assembly, { unit } = this.answer.motion;
+    const { status, count, least_gap: gap } = assembly, unit = unitOf(this.answer.motion);
     const state = { free: `Nothing collides in ${layersOf(count)}`, touching: `In ${layersOf(count)} parts may just touch`, blocked: assembly.exhaustive ? "Cannot be built so: parts collide in every order of the layers allowed" : "Parts collide in every order of layers that was tried" }[status];
     words.textContent = `${state}${gap ? `; least gap ${text(gap.value, 4)} ${unit} beyond the clearance, ${inWords(gap.pair)} at ${placeText(gap.crank_angle, this.#sign)}` : ""}.`;
     host.removeAttribute("hidden");

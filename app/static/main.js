@@ -39,7 +39,8 @@ function pathDrawn(places, closed) {
 }
 
 function jointDragged(joint, place) {
-  results.drag(joint, place);
+  const hinders = results.drag(joint, place);
+  if (hinders) editor.board.tell(hinders);
 }
 
 /** The answer that is shown, and its linkage as it is by hand. */

@@ -32,6 +32,9 @@ export const emptyMotion = (wanted = "both") => ({
 export const wantsPlaces = (motion) => motion.wanted !== "rotation";
 export const wantsAngles = (motion) => motion.wanted !== "position";
 
+/** The unit of a linkage's lengths: without places its ground is 1. */
+export const unitOf = (motion) => (wantsPlaces(motion) ? motion.unit : "× ground");
+
 /** What a row of the motion is called. */
 export const itemOf = (motion) => (wantsAngles(motion) ? "pose" : "point");
 

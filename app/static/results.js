@@ -10,7 +10,7 @@ import { alike, errorText, fitOf, guideRows, settled, worstRows, worstWords } fr
 import { assessed, fromJoints } from "./hand.js";
 import { JointFields } from "./joints.js";
 import { Layers } from "./layers.js";
-import { itemOf } from "./motion.js";
+import { itemOf, unitOf } from "./motion.js";
 import { Player, trajectory } from "./player.js";
 import { ask, download } from "./service.js";
 import { $, copy } from "./shell.js";
@@ -28,7 +28,7 @@ const NEAR = 2.5; // views of the motion, or of the selected linkage if that nee
 
 /** Rows [name, value] of a solution, its lengths and angles with `digits` digits. */
 function numberRows(solution, { motion, size }, digits) {
-  const { links, mount, rounded } = solution, { unit } = motion, { places, turns, worst } = fitOf(solution, motion);
+  const { links, mount, rounded } = solution, unit = unitOf(motion), { places, turns, worst } = fitOf(solution, motion);
   const number = (value) => text(value, digits), place = (value) => number(settled(value, size)), length = (value) => `${place(value)} ${unit}`;
   const rows = links ? LINKS.map((name) => [name[0].toUpperCase() + name.slice(1), length(links[name])]) : guideRows(solution, number, place, length);
   rows.push(["Branch", solution.branch > 0 ? "+1" : "−1"]);
@@ -193,7 +193,7 @@ export class Results {
    */
   drag(name, place, kind = `joint ${name}`) {
     const { motion, reply } = this.answer ?? {};
-    if (!(this.solution?.mount || this.solution?.guides) || !this.board.joints) return "there is no linkage in the plane.";
+    if (!(this.solution?.mount || this.solution?.guides) || !this.board.joints) return "without positions a linkage has no place.";
     this.player.stop();
     const joints = { ...this.board.joints, [name]: place }, made = fromJoints(joints, this.player.travel, this.solution);
     if (!made) return "two joints would coincide there.";

@@ -5,7 +5,7 @@ import { driveName } from "./drive.js";
 import { drawStack } from "./layers.js";
 import { fitOf, guideRows, settled } from "./fit.js";
 import { nameOf } from "./cards.js";
-import { itemOf, placeOf, wantsAngles, wantsPlaces } from "./motion.js";
+import { itemOf, placeOf, unitOf, wantsAngles, wantsPlaces } from "./motion.js";
 import { $ } from "./shell.js";
 import { limitName, mark, reasons } from "./verdict.js";
 
@@ -86,7 +86,7 @@ export function fillSheet(answer, solution, drive, parts = null) {
   sheet.replaceChildren();
   document.body.classList.toggle("has-sheet", Boolean(solution));
   if (!solution) return;
-  const { motion, request, size } = answer, { unit } = motion, fit = fitOf(solution, motion), { mount, links } = solution, verdict = mark(solution.verdict);
+  const { motion, request, size } = answer, unit = unitOf(motion), fit = fitOf(solution, motion), { mount, links } = solution, verdict = mark(solution.verdict);
   const head = element("header", "");
   head.append(element("h2", "", links ? "Four-bar linkage" : nameOf(solution).replace(/^\S+ /, "")), element("p", "", `Lengths in ${unit}, angles in degrees, counter-clockwise. ${verdict ? `${verdict.sign} ${verdict.text}.` : "Not judged by the service."}`));
   const place = (value) => number(settled(value, size));

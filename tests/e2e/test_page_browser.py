@@ -391,6 +391,11 @@ def test_a_motion_of_angles_alone_is_solved(standing) -> None:
     standing.take({"rotation": [0, 10, 25, 30], "crank_span": 90})
     standing.solve()
     assert standing.text("status").startswith("Best found: ") and standing.cards()
+    lengths = standing.text("solutions") + standing.text("numbers") + standing.text("layers-note")
+    assert "1 × ground" in lengths and "mm" not in lengths, "a linkage without a place has no size"
+    standing.mode("hand")
+    standing.drag(standing.one("#canvas [data-joint=c]"), 30, 20)
+    assert standing.text("canvas-note") == "without positions a linkage has no place."
 
 
 def test_the_linkage_runs_and_stops(standing) -> None:
