@@ -223,7 +223,10 @@ export class Editor {
   }
 
   #bindButtons() {
-    $("add-row").addEventListener("click", () => this.#add());
+    $("add-row").addEventListener("click", ({ detail }) => {
+      this.#add();
+      if (!detail) this.board.poses.focus(-1); // pressed by a key: arrows move it
+    });
     $("undo").addEventListener("click", () => this.#step(true));
     $("redo").addEventListener("click", () => this.#step(false));
     document.addEventListener("keydown", (event) => {
