@@ -1,6 +1,6 @@
 // Typed numbers, with a decimal comma or point. A browser's own fields of numbers may drop the comma and keep the digits: 1,5 as 15.
 
-import { text } from "./drawing.js";
+import { capital, text } from "./drawing.js";
 import { $ } from "./shell.js";
 
 /** A typed number, decimal comma or point; null for an empty entry, NaN for what is none. */
@@ -25,7 +25,7 @@ function check(field) {
   const { least, most, whole } = field.dataset, range = [least === "above 0" ? Number.MIN_VALUE : Number(least ?? -1e50), Number(most ?? 1e50)];
   const value = typed(field.value), asked = !field.disabled && !field.closest("[hidden]");
   const fault = asked ? wrong(value, field.value, { range, needed: field.required, whole: whole !== undefined }) : null;
-  field.setCustomValidity(fault ? `${fault[0].toUpperCase()}${fault.slice(1)}.` : "");
+  field.setCustomValidity(fault ? `${capital(fault)}.` : "");
   return fault || Number.isNaN(value) ? null : value;
 }
 

@@ -2,7 +2,7 @@
 
 import { redrawOn, titledChart } from "./charts.js";
 import { numberIn } from "./decimal.js";
-import { element, make, namedRows, put, text } from "./drawing.js";
+import { capital, element, make, namedRows, put, text } from "./drawing.js";
 import { driveTurns } from "./drive.js";
 import { fitOf, settled } from "./fit.js";
 import { ask } from "./service.js";
@@ -139,7 +139,7 @@ export class Driving {
       const found = reply.drives.length + reply.springs.length;
       this.#use(reply);
       this.#reveal();
-      this.#say([found ? "" : "None was found.", ...reply.notes.map((one) => `${one[0].toUpperCase()}${one.slice(1)}.`)].join(" ").trim(), !found);
+      this.#say([found ? "" : "None was found.", ...reply.notes.map((one) => `${capital(one)}.`)].join(" ").trim(), !found);
       this.#compare();
     } catch (error) {
       if (error.name !== "AbortError") this.#say(error.message, true);

@@ -2,8 +2,9 @@
 
 import { Board } from "./board.js";
 import { typed, wrong } from "./decimal.js";
+import { capital } from "./drawing.js";
 import { Fields } from "./fields.js";
-import { History, emptyMotion, nextPose, travels, wantsAngles, wantsPlaces } from "./motion.js";
+import { History, emptyMotion, itemOf, nextPose, travels, wantsAngles, wantsPlaces } from "./motion.js";
 import { $ } from "./shell.js";
 
 const COLUMNS = [["t", "crank angle"], ["x", "x"], ["y", "y"], ["angle", "angle"]];
@@ -161,7 +162,7 @@ export class Editor {
       if (input.readOnly) return;
       // an empty cell is a place or an angle that is not asked for
       const value = typed(input.value), fault = wrong(value, input.value, { range: ANY, needed: name === "t" }), used = fault ? before : value;
-      if (fault) this.cellFaults.set(key, `Pose ${k + 1}, ${label}: ${fault}${before === null ? "" : `; ${before} is still in use`}.`);
+      if (fault) this.cellFaults.set(key, `${capital(itemOf(this.motion))} ${k + 1}, ${label}: ${fault}${before === null ? "" : `; ${before} is still in use`}.`);
       else this.cellFaults.delete(key);
       input.classList.toggle("invalid", Boolean(fault));
       $("table-error").textContent = [...this.cellFaults.values()][0] ?? "";

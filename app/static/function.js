@@ -3,7 +3,7 @@
 import { redrawOn, titledChart } from "./charts.js";
 import { numberIn as number, startNumbers } from "./decimal.js";
 import { Draft } from "./draft.js";
-import { LinkageShape, View, element, make, namedRows, put, text, thumbnail } from "./drawing.js";
+import { LinkageShape, View, capital, element, make, namedRows, put, text, thumbnail } from "./drawing.js";
 import { linkageOf } from "./guided.js";
 import { Linkage } from "./kinematics.js";
 import { fromFragment, toFragment } from "./link.js";
@@ -218,7 +218,7 @@ function startPad() {
 function rows(solution) {
   if (solution.guides && solution.lengths) return travelRows(solution, answer.signs);
   const { errors, rounded } = solution;
-  const list = LINKS.map((name) => [name[0].toUpperCase() + name.slice(1), text(solution.links[name], 8)]);
+  const list = LINKS.map((name) => [capital(name), text(solution.links[name], 8)]);
   list.push(["Branch", solution.branch > 0 ? "+1" : "−1"], ["Crank at the first x", `${text(solution.start_angle, 8)}°`], ["Output less rocker angle", `${text(solution.output_offset, 8)}°`]);
   list.push(["Largest error", `${text(errors.max, 4)}°`], ["Root mean square error", `${text(errors.rms, 4)}°`]);
   if (errors.max_y !== null) list.push(["Largest error in y", text(errors.max_y, 4)]);

@@ -1,7 +1,7 @@
 // Layers of the plates of a linkage: asked for after an answer, drawn from the side, plates and collisions on the canvas.
 
 import { numberIn } from "./decimal.js";
-import { element, make, put, text } from "./drawing.js";
+import { capital, element, make, put, text } from "./drawing.js";
 import { driveTurns } from "./drive.js";
 import { fitOf } from "./fit.js";
 import { unitOf } from "./motion.js";
@@ -152,7 +152,7 @@ export class Layers {
     words.textContent = `${state}${gap ? `; least gap ${text(gap.value, 4)} ${unit} beyond the clearance, ${inWords(gap.pair)} at ${placeText(gap.crank_angle, this.#sign)}` : ""}.`;
     host.removeAttribute("hidden");
     drawStack(host, assembly);
-    list.append(...assembly.reasons.filter((_, k) => status === "blocked" || k > 0).map((one) => element("li", "", `${one[0].toUpperCase()}${one.slice(1)}.`.replaceAll(/(\d) degrees/g, "$1°"))));
+    list.append(...assembly.reasons.filter((_, k) => status === "blocked" || k > 0).map((one) => element("li", "", `${capital(one)}.`.replaceAll(/(\d) degrees/g, "$1°"))));
     this.#offerJumps(assembly, jumps);
   }
 

@@ -3,7 +3,7 @@
 import { card, sign, sorted } from "./cards.js";
 import { chart, redrawOn } from "./charts.js";
 import { numberIn } from "./decimal.js";
-import { element, namedRows, signed, text } from "./drawing.js";
+import { capital, element, namedRows, signed, text } from "./drawing.js";
 import { Driving } from "./driving.js";
 import { driveName, drivePlaces, driveTurns } from "./drive.js";
 import { alike, errorText, fitOf, guideRows, settled, worstRows, worstWords } from "./fit.js";
@@ -30,7 +30,7 @@ const NEAR = 2.5; // views of the motion, or of the selected linkage if that nee
 function numberRows(solution, { motion, size }, digits) {
   const { links, mount, rounded } = solution, unit = unitOf(motion), { places, turns, worst } = fitOf(solution, motion);
   const number = (value) => text(value, digits), place = (value) => number(settled(value, size)), length = (value) => `${place(value)} ${unit}`;
-  const rows = links ? LINKS.map((name) => [name[0].toUpperCase() + name.slice(1), length(links[name])]) : guideRows(solution, number, place, length);
+  const rows = links ? LINKS.map((name) => [capital(name), length(links[name])]) : guideRows(solution, number, place, length);
   rows.push(["Branch", solution.branch > 0 ? "+1" : "−1"]);
   if (links) rows.push(["Start angle", `${number(solution.start_angle)}°`]);
   else rows.push(["Drive at the first sample", driveTurns(solution) ? `${number(solution.start)}°` : length(solution.start)]);

@@ -1,9 +1,10 @@
 // Where a motion comes from: an example, pasted rows, a file or a link; and the links to a request.
 
 import { fromCsv, toCsv } from "./csv.js";
+import { capital } from "./drawing.js";
 import { fromPage, fromRequest, toPage, toRequest } from "./formats.js";
 import { fromFragment, toFragment } from "./link.js";
-import { emptyMotion, jump, repeated, unwrapped } from "./motion.js";
+import { emptyMotion, itemOf, jump, repeated, unwrapped } from "./motion.js";
 import { download } from "./service.js";
 import { $, say } from "./shell.js";
 
@@ -96,7 +97,7 @@ export class Sources {
   say(motion) {
     const twice = motion.note && repeated(motion), other = this.isOwn(motion) && this.examples.some(({ title }) => motion.note?.startsWith(`${title}. `));
     const note = other ? "" : motion.note; // an example's words are of its own poses and limits
-    $("example-note").textContent = twice ? `${note} Poses ${twice.join(" and ")} are the same: a crank that turns on cannot meet both exactly.`.trim() : note;
+    $("example-note").textContent = twice ? `${note} ${capital(itemOf(motion))}s ${twice.join(" and ")} are the same: a crank that turns on cannot meet both exactly.`.trim() : note;
     $("unwrap").hidden ||= !jump(motion);
   }
 

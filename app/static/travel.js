@@ -1,6 +1,6 @@
 // Functions with travel on their page: what each drive asks for and is called, and the numbers of a linkage with a slider or cylinder.
 
-import { text } from "./drawing.js";
+import { capital, text } from "./drawing.js";
 
 const TRAVEL = "length";
 /** What a drive asks for, and what goes in and comes out. */
@@ -18,7 +18,7 @@ export const DRIVES = {
 export const sign = (unit) => (unit === TRAVEL ? "" : "°");
 /** Rows of the numbers of a solution; what stands behind input and output. */
 export function travelRows({ lengths, kind, driver, branch, input_zero, output_offset, errors, transmission_angle_min }, [into, out]) {
-  const named = (name) => name[0].toUpperCase() + name.slice(1).replaceAll("_", " ");
+  const named = (name) => capital(name).replaceAll("_", " ");
   const list = [["Kind", `${kind.replaceAll("_", "-")}, driven by its ${driver}`]];
   for (const [name, value] of Object.entries(lengths)) list.push([named(name), text(value, 8) + (name === "angle" ? "°" : "")]);
   list.push(["Branch", branch > 0 ? "+1" : "−1"], ["Input at the first x", text(input_zero, 8) + into], ["Output less the linkage's own", text(output_offset, 8) + out]);

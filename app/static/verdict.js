@@ -1,5 +1,7 @@
 // The verdict of a solution in words: a mark for the list, and what was judged, with all reasons, for the details.
 
+import { capital } from "./drawing.js";
+
 const DEFECTS = ["order", "branch", "circuit"];
 const LIMITS = {
   transmission_angle_min: "the transmission angle in use", transmission_angle_min_turn: "the transmission angle over the turn",
@@ -18,7 +20,7 @@ export const layersOf = (count) => `${count} layer${count === 1 ? "" : "s"}`;
 /** A reason as a sentence of its own. */
 const sentence = (reason) => {
   const short = reason.replaceAll(/(\d) degrees/g, "$1°");
-  return `${short[0].toUpperCase()}${short.slice(1)}${/[.!?]$/.test(short) ? "" : "."}`;
+  return `${capital(short)}${/[.!?]$/.test(short) ? "" : "."}`;
 };
 
 /** A reason as short as a card has room for. */
