@@ -1,11 +1,9 @@
 """Descents, crank angles free and given: rows and steps against naive twins, differences and dense least squares."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from itertools import combinations_with_replacement, pairwise
+from itertools import combinations_with_replacement, pairwise, product
 from typing import Any
 
 import numpy as np
@@ -70,13 +68,11 @@ def poses(rotation: bool = True, position: bool = True, samples: int = 11) -> Po
     place = np.cumsum(random.standard_normal(samples) + 1j * random.standard_normal(samples))
     turned = np.cumsum(random.uniform(0, 0.3, samples)) if rotation else None
     weights = random.uniform(0.5, 2.0, (2, samples))
-    return Poses(
-        turned,
-        place if position else None,
-        length_scale=2.0,
-        rotation_weights=weights[0] if rotation else None,
-        position_weights=weights[1] if position else None,
-    )
+    weighed = {
+        "rotation_weights": weights[0] if rotation else None,
+        "position_weights": weights[1] if position else None,
+    }
+    return Poses(turned, place if position else None, length_scale=2.0, **weighed)
 
 
 def candidates(
@@ -95,23 +91,27 @@ def candidates(
     asked = poses(rotation, position)
     angles = np.cumsum(np.random.default_rng(8).uniform(0.1, 0.8, (2, asked.samples)), axis=1)
     lengths, branch = (SLIDERS, np.ones(2)) if isinstance(chart, SliderChart) else (LENGTHS, np.array([1.0, -1]))
-    timed = Timed(chart.unknowns(lengths), np.zeros((2, 3), dtype=complex), np.zeros(2), angles, branch)
+    timed = unposed(chart.unknowns(lengths), angles, branch)
     if timing == "free":
         plain: Problem = JointProblem(asked, chart)
         problem = plain if limits is None else limited_problem(asked, chart, limits)
         return problem, plain.measured(timed, facing=True).timed
-    target = Target(
-        *(vars(asked)[name] for name in Samples.__dataclass_fields__), crank=angles[0] - angles[0, 0], **fixed
-    )
+    samples = (vars(asked)[name] for name in Samples.__dataclass_fields__)
+    target = Target(*samples, crank=angles[0] - angles[0, 0], **fixed)
     middle, scale = (asked.middle, asked.length_scale) if posed else (0j, 1.0)
-    plain = GivenProblem(target, chart)
-    problem = (
-        plain
-        if limits is None
-        else GivenProblem(target, chart, Constraints(limits, middle, scale, exact=False), posed)
-    )
+    problem = plain = GivenProblem(target, chart)
+    if limits is not None:
+        problem = GivenProblem(target, chart, Constraints(limits, middle, scale, exact=False), posed)
     start = np.full((2, 1), fixed.get("start", 0.9))
     return problem, plain.measured(timed._replace(angles=start)).timed
+
+
+def unposed(shape: np.ndarray, angles: np.ndarray, branch: Any = 1.0) -> Timed:
+    """Candidates (n, m) at crank angles (n, N), in no pose yet."""
+    count = len(shape)
+    return Timed(
+        shape, np.zeros((count, 3), dtype=complex), np.zeros(count), angles, np.broadcast_to(branch, count) + 0.0
+    )
 
 
 def wide(columns: np.ndarray) -> np.ndarray:
@@ -240,9 +240,8 @@ def test_a_start_and_an_offset_that_are_given_are_no_unknowns(fixed: dict[str, f
     done = problem.descended(timed, [Stage(20)])
     np.testing.assert_allclose(done.cost, naive_cost(problem, done.timed), rtol=1e-9)
     assert np.all(done.cost < 0.9 * naive_cost(problem, timed))
-    assert np.all(done.timed.angles == 0.4) == ("start" in fixed) and np.all(done.timed.offset == 0.0) == (
-        "offset" in fixed
-    )
+    assert np.all(done.timed.angles == 0.4) == ("start" in fixed)
+    assert np.all(done.timed.offset == 0.0) == ("offset" in fixed)
 
 
 @settings(max_examples=150)
@@ -264,13 +263,7 @@ def test_the_loop_closes_as_in_the_general_kinematics(
     wanted = closure.coupler_angle(np.array([branch]))[:, 0]
     # one sample, so that each crank angle is a candidate of its own, turned back by the angle that is expected
     problem = JointProblem(Poses(np.zeros(1), None), chart)
-    timed = Timed(
-        np.repeat(unknowns, 5, axis=0),
-        np.zeros((5, 3), dtype=complex),
-        -np.nan_to_num(wanted),
-        turns[:, None],
-        np.full(5, branch),
-    )
+    timed = unposed(np.repeat(unknowns, 5, axis=0), turns[:, None], branch)._replace(offset=-np.nan_to_num(wanted))
     found = np.sqrt(problem.measured(timed, posed=False).cost)
     # what rounding of the lengths makes of theta2, which has no slope where the loop folds
     size = closure.lengths.sum(axis=-1)[:, 0] ** 2
@@ -492,19 +485,15 @@ def test_from_stage_to_stage_less_is_broken(chart: Any, timing: str) -> None:
     turned = chart.at(shape, angles, np.ones(1)).angle[0]
     place = 3 - 4j + 2 * (0.5 * np.exp(1j * angles[0]) + np.exp(1j * (turned + 0.3)))
     limits = Limits(pivot_a=3.1 - 4.1j, link_max=1.9, coupler_radius_max=1.8, transmission_angle_min=0.5)
-    timed = Timed(shape, np.zeros((1, 3), dtype=complex), np.zeros(1), angles, np.ones(1)).take(
-        np.zeros(20, dtype=int)
-    )
+    timed = unposed(shape, angles).take(np.zeros(20, dtype=int))
     timed = timed._replace(shape=timed.shape + 0.02 * random.standard_normal(timed.shape.shape) * timed.shape)
     if timing == "free":
         asked: Any = Poses(turned, place, length_scale=2.0)
         problem, other = limited_problem(asked, chart, limits), limited_problem(asked, chart, limits)
         plain: Any = JointProblem(asked, chart)
     else:
-        asked, timed = (
-            Target(turned, place, 2.0, crank=angles[0] - angles[0, 0]),
-            timed._replace(angles=timed.angles[:, :1]),
-        )
+        asked = Target(turned, place, 2.0, crank=angles[0] - angles[0, 0])
+        timed = timed._replace(angles=timed.angles[:, :1])
         limits_of = Constraints(limits, asked.middle, 2.0, exact=False)
         problem, other = GivenProblem(asked, chart, limits_of, True), GivenProblem(asked, chart, limits_of, True)
         plain = GivenProblem(asked, chart)
@@ -626,10 +615,8 @@ def test_any_step_of_the_crank_angles_keeps_their_order(size: float) -> None:
 @given(st.integers(0, 10**6), st.floats(0.01, 3.0))
 def test_angles_are_cut_to_the_nearest_in_order(seed: int, size: float) -> None:
     problem, timed = candidates(GrashofChart(), False)
-    way = np.array([1.0, -1.0])[:, None]
-    timed = timed._replace(
-        angles=way * np.sort(np.random.default_rng(seed).uniform(0, 3, timed.angles.shape), axis=1)
-    )
+    way, random = np.array([1.0, -1.0])[:, None], np.random.default_rng(seed)
+    timed = timed._replace(angles=way * np.sort(random.uniform(0, 3, timed.angles.shape), axis=1))
     turn = np.clip(size * np.random.default_rng(seed + 1).standard_normal(timed.angles.shape), -0.2, 0.2)
     moved = problem.moved(timed, np.zeros((2, 10)), turn).angles
     for side, before, wanted, after in zip(way[:, 0], timed.angles, timed.angles + turn, moved):
@@ -657,9 +644,8 @@ def test_descents_end_where_no_step_in_order_lowers_the_cost(exchanged: list[int
         return problem.measured(done.timed._replace(angles=angles[None]), posed=False).cost[0]
 
     angles, size = done.timed.angles[0], 1e-6
-    slope = (
-        np.array([cost(angles + size * one) - cost(angles - size * one) for one in np.eye(angles.size)]) / 2 / size
-    )
+    rise = [cost(angles + size * one) - cost(angles - size * one) for one in np.eye(angles.size)]
+    slope = np.array(rise) / 2 / size
     blocks = np.split(slope, 1 + np.flatnonzero(np.diff(angles) > 1e-6))
     assert len(blocks) == angles.size - len(exchanged)
     for block in blocks:
@@ -710,13 +696,8 @@ def test_a_curved_valley_is_followed_to_its_end() -> None:
     position = 0.2 * np.exp(1j * angles[0]) + 1.1 * np.exp(1j * (coupler + 0.4))
     scale = float(np.max(np.abs(position - position.mean())))
     problem = JointProblem(Poses(None, position, length_scale=scale), chart)
-    start = Timed(
-        chart.hopped(np.repeat(shape, count, axis=0), random.standard_normal((count, 4))),
-        np.zeros((count, 3), dtype=complex),
-        np.zeros(count),
-        angles + 0.5 * random.standard_normal((count, 1)),
-        np.ones(count),
-    )
+    hopped = chart.hopped(np.repeat(shape, count, axis=0), random.standard_normal((count, 4)))
+    start = unposed(hopped, angles + 0.5 * random.standard_normal((count, 1)))
     done = problem.descended(start, [Stage(60)], 1e-10, others=np.inf)
     assert np.mean(done.cost < 1e-18) > 0.4
 
@@ -729,13 +710,7 @@ def test_samples_that_lack_a_part_get_the_crank_angles_that_fit(order) -> None:
         case = free_case(seed, 12)
         poses = Poses(rotation=case.rotation, position=case.position, ordered=order == "given", length_scale=1.0)
         problem = JointProblem(poses, FullCrankChart())
-        true = Timed(
-            problem.chart.unknowns(case.lengths[None]),
-            np.zeros((1, 3), dtype=complex),
-            np.zeros(1),
-            case.theta1[None],
-            np.array([float(case.branch)]),
-        )
+        true = unposed(problem.chart.unknowns(case.lengths[None]), case.theta1[None], float(case.branch))
         true = problem.measured(problem.facing(true)).timed
         known = np.array([2, 5, 6, 9])
         found = dyads.aligned(problem, true._replace(angles=true.angles[:, known]), known)
@@ -769,12 +744,8 @@ def test_aligned_angles_are_the_best_of_all_on_a_grid(rotation: bool, span_max: 
     total = np.take_along_axis(error, at[:, :, None], 2)[:, :, 0].sum(axis=1)
     if ordered:
         most = range(int(span_max / step))
-        ways = [
-            (begin + sense * np.array([0, *ahead])) % places
-            for ahead in combinations_with_replacement(most, samples - 1)
-            for begin in range(places)
-            for sense in (1, -1)
-        ]
+        passed = product(combinations_with_replacement(most, samples - 1), range(places), (1, -1))
+        ways = [(begin + sense * np.array([0, *ahead])) % places for ahead, begin, sense in passed]
         least = np.min([sum(error[:, i, way[i]] for i in range(samples)) for way in ways], axis=0)
         steps = np.diff(found, axis=1)
         assert np.all((steps[moved] > 0).all(axis=1) | (steps[moved] < 0).all(axis=1))

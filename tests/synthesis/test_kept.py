@@ -1,7 +1,5 @@
 """What a search leaves for the next one: the same numbers after a journey as bytes, and in a mirror."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

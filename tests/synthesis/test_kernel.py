@@ -1,7 +1,5 @@
 """The compiled kernel against its own source run as Python; what it computes is checked at its door (`descents`)."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from collections.abc import Callable
@@ -35,9 +33,8 @@ def test_the_library_runs_without_cython() -> None:
 
 
 CHARTS = [GrashofChart(), AnyChart(), FullCrankChart()]
-every_chart = pytest.mark.parametrize(
-    "chart", [*CHARTS, *SLIDER_CHARTS], ids=["grashof", "any", "full", *SLIDER_NAMES]
-)
+NAMES = ["grashof", "any", "full", *SLIDER_NAMES]
+every_chart = pytest.mark.parametrize("chart", [*CHARTS, *SLIDER_CHARTS], ids=NAMES)
 
 
 @every_chart
@@ -55,12 +52,8 @@ def test_shapes_and_angles(chart: Any) -> None:
 
 
 LENGTHS = np.array([[0.15, 0.3, 0.25, 0.3], [0.4, 0.25, 0.28, 0.07]])
-TIMINGS: dict[str, dict[str, Any]] = {
-    "free": {},
-    "given": {},
-    "start given": {"fixed": (True, False)},
-    "offset given": {"fixed": (False, True)},
-}
+FIXED = {"start given": {"fixed": (True, False)}, "offset given": {"fixed": (False, True)}}
+TIMINGS: dict[str, dict[str, Any]] = {"free": {}, "given": {}, **FIXED}
 timings = pytest.mark.parametrize("timing", TIMINGS)
 EVERY_KIND = Limits(
     transmission_angle_min=0.6,
@@ -163,26 +156,23 @@ def same(work: Callable[[ModuleType], list[Any]], tolerance: float = 1e-12) -> N
 @pytest.mark.parametrize("posed", [False, True])
 def test_limits_of_every_kind(smooth: bool, posed: bool) -> None:
     random = np.random.default_rng(2)
-    lengths = np.concatenate(
-        [LENGTHS, [[0.3, 0.1, 0.2, 0.3], [1.0, 0.1, 0.1, 5.0]]]
-    )  # of part of a turn; that never closes
+    # also of part of a turn, and that never closes
+    lengths = np.concatenate([LENGTHS, [[0.3, 0.1, 0.2, 0.3], [1.0, 0.1, 0.1, 5.0]]])
     first, pivot = random.uniform(0, 6, 4), random.normal(size=(4, 2))
     where = first, first + random.uniform(-3, 3, 4), pivot, random.uniform(-3, 3, 4), random.normal(size=(4, 2))
     side = np.array([1.0, -1.0, 1.0, 1.0])
     kinds = {int(row[0]) for row in Constraints(EVERY_KIND, smooth=smooth)._table(posed).rows}
-    ours = {kernel.USED, kernel.OVER_TURN, kernel.LENGTH} | (
-        {kernel.FAMILY, kernel.RATIOS} if smooth else {kernel.RATIO}
-    )
+    ours = {kernel.USED, kernel.OVER_TURN, kernel.LENGTH}
+    ours |= {kernel.FAMILY, kernel.RATIOS} if smooth else {kernel.RATIO}
     assert kinds == ours | (set(range(kernel.AT, kernel.ENVELOPE + 1)) if posed else set())
     same(lambda module: list(limits_of(module, smooth, posed)(lengths, side, *where)))
 
 
+ROWS = [(chart, False) for chart in [*CHARTS, *SLIDER_CHARTS]] + [(chart, True) for chart in CHARTS]
+
+
 @timings
-@pytest.mark.parametrize(
-    ("chart", "limited"),
-    [(chart, False) for chart in [*CHARTS, *SLIDER_CHARTS]] + [(chart, True) for chart in CHARTS],
-    ids=["grashof", "any", "full", *SLIDER_NAMES, "grashof, limited", "any, limited", "full, limited"],
-)
+@pytest.mark.parametrize(("chart", "limited"), ROWS, ids=NAMES + [f"{name}, limited" for name in NAMES[:3]])
 def test_rows_and_steps(chart: Any, timing: str, limited: bool) -> None:
     def work(module: ModuleType) -> list[Any]:
         told = []
@@ -293,10 +283,8 @@ def test_rows_that_are_apart() -> None:
     for n, row in enumerate(rows):
         if all(np.abs(rows[k] - row).max() >= reach[n] for k in kept):
             kept.append(n)
-    assert (
-        kernel.apart(rows, reach, (), 0, 100).tolist() == kept
-        and kernel.apart(rows, reach, (), 0, 3).tolist() == kept[:3]
-    )
+    assert kernel.apart(rows, reach, (), 0, 100).tolist() == kept
+    assert kernel.apart(rows, reach, (), 0, 3).tolist() == kept[:3]
     assert kernel.apart(rows, reach, (7, 9), 60, 100).tolist() == [7, 9]
 
 
@@ -311,14 +299,8 @@ def test_pairs_of_guides(driven: bool) -> None:
          0.3 * along], axis=1,
     )  # fmt: skip
     samples[2, [3, 5]] = 1e10, 1.0
-    limits = replace(
-        EVERY_KIND,
-        arm_min=0.3,
-        stroke_max=0.2,
-        rail_box=(-1.0, -0.2, 0.4, 0.3),
-        cylinder_dead_length=0.9,
-        cylinder_extended_max=1.0,
-    )
+    slid = {"arm_min": 0.3, "stroke_max": 0.2, "rail_box": (-1.0, -0.2, 0.4, 0.3)}
+    limits = replace(EVERY_KIND, **slid, cylinder_dead_length=0.9, cylinder_extended_max=1.0)
     numbers = numbers_of(limits, poses, driven)
     sort = np.arange(count)
     labels = np.zeros((count, 15))

@@ -1,7 +1,5 @@
 """Levenberg and Marquardt on problems whose answers are known."""
 
-from __future__ import annotations
-
 from itertools import count
 
 import numpy as np

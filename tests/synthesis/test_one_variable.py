@@ -1,7 +1,5 @@
 """Minima of functions of one variable: against places that are known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The linear part: pose and actual dimensions from positions, and the worked example on the default atlas."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """The batched quadratic programs against a solver that takes them one by one."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.optimize import linprog, minimize
@@ -49,14 +47,8 @@ def test_quadratic_programs_against_scipy() -> None:
             return float(0.5 * x @ hessian[k] @ x + gradient[k] @ x)
 
         limits = {"type": "ineq", "fun": lambda x, k=k: matrix[k] @ x + bound[k], "jac": lambda x, k=k: matrix[k]}
-        naive = minimize(
-            cost,
-            inside[k],
-            jac=lambda x, k=k: hessian[k] @ x + gradient[k],
-            constraints=[limits],
-            method="SLSQP",
-            options={"ftol": 1e-14, "maxiter": 500},
-        )
+        slope, options = lambda x, k=k: hessian[k] @ x + gradient[k], {"ftol": 1e-14, "maxiter": 500}
+        naive = minimize(cost, inside[k], jac=slope, constraints=[limits], method="SLSQP", options=options)
         assert cost(z[k]) <= naive.fun + 1e-8
 
 

@@ -1,7 +1,5 @@
 """What a search says of itself."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -22,9 +20,8 @@ def test_the_more_rounds_lead_elsewhere_the_likelier_a_better_valley_was_missed(
     assert all(0 < one < 1 for one in said) and np.all(np.diff(said) < 0)
     assert found(0.5, 0.504).unseen(Rounds.odds) == found(0.5, 0.5).unseen(Rounds.odds)
     assert found(0.5, 0.6, least=1e-11).unseen(Rounds.odds) is None
-    assert found().unseen(Rounds.odds) == pytest.approx(
-        1 / (1 + np.exp(-Rounds.odds[0] - Rounds.odds[1] * np.log(0.5)))
-    )
+    odds = np.exp(-Rounds.odds[0] - Rounds.odds[1] * np.log(0.5))
+    assert found().unseen(Rounds.odds) == pytest.approx(1 / (1 + odds))
 
 
 def test_a_reply_carries_it_unless_it_is_exact() -> None:
@@ -33,9 +30,8 @@ def test_a_reply_carries_it_unless_it_is_exact() -> None:
     given = la.synthesize(rotation=[0, 30, 0, 30, 0, 30], crank_span=200, limits={"preset": "practical"})
     assert given.status == "closest" and 0 < given.report.unseen < 1
     cut = la.synthesize(position=PATH, timing="free", closed=True, budget=0.02)
-    assert cut.report.stopped_by == "budget" and cut.report.unseen is None, (
-        "nothing is known of what it did not come to"
-    )
+    assert cut.report.stopped_by == "budget"
+    assert cut.report.unseen is None, "nothing is known of what it did not come to"
     poses = {"rotation": [0, 33, 40], "position": [[0, 0], [-39, -32], [-39, 36]], "mechanisms": "all"}
     for exact in ({"position": PATH[:5]}, poses):
         reply = la.synthesize(**exact, timing="free")

@@ -1,7 +1,5 @@
 """Shapes of slider-cranks and swinging blocks: closure, checkpoints of the design note, derivatives, and the kernel's own."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

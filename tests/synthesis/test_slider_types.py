@@ -1,7 +1,5 @@
 """Types of slider-cranks: each once, against a plain double loop."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

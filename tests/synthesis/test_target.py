@@ -1,7 +1,5 @@
 """Targets: what is checked, and which field is named."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -40,21 +38,16 @@ anything = st.lists(st.floats(-1e5, 1e5), min_size=SAMPLES, max_size=SAMPLES)
 def motion() -> dict[str, np.ndarray]:
     """Curves that no linkage performs, and their crank angles."""
     crank = np.linspace(0, 2, SAMPLES)
-    return {
-        "rotation": 0.3 * np.sin(3 * crank) + crank**2 / 9,
-        "position": crank + 1j * np.cos(2 * crank),
-        "crank_angle": crank,
-    }
+    rotation, position = 0.3 * np.sin(3 * crank) + crank**2 / 9, crank + 1j * np.cos(2 * crank)
+    return {"rotation": rotation, "position": position, "crank_angle": crank}
 
 
 def with_gaps(weights: list[float], others: list[float]) -> tuple[Target, Target]:
     """The motion with weights, and with other numbers where the weight is 0."""
     given, missing = motion(), np.array(weights) == 0
     options = {"rotation_weights": np.array(weights), "position_weights": np.array(weights[::-1])}
-    changed = given | {
-        "rotation": np.where(missing, others, given["rotation"]),
-        "position": np.where(missing[::-1], np.array(others) * (1 - 2j), given["position"]),
-    }
+    changed = given | {"rotation": np.where(missing, others, given["rotation"])}
+    changed["position"] = np.where(missing[::-1], np.array(others) * (1 - 2j), given["position"])
     return make_target(**given, **options), make_target(**changed, **options)
 
 
@@ -72,9 +65,8 @@ def test_the_value_of_a_sample_of_weight_0_does_not_matter(weights, others) -> N
     angle = coupler_angle([19.0, 72, 144, 165], [[1], [-1]], [1 + plain.crank]).reshape(2, -1)
     assert objective(changed, angle) == pytest.approx(objective(plain, angle), rel=1e-13 * size)
     random = np.random.default_rng(1)
-    timed = problems.given(
-        random.uniform(-1.5, 1.5, (20, 3)), random.choice([-1.0, 1.0], 20), random.uniform(-1.5, 1.5, 20)
-    )
+    drawn = random.uniform(-1.5, 1.5, (20, 3)), random.choice([-1.0, 1.0], 20), random.uniform(-1.5, 1.5, 20)
+    timed = problems.given(*drawn)
     ours, theirs = (GivenProblem(one, FullCrankChart()) for one in (plain, changed))
     np.testing.assert_allclose(theirs.measured(timed).cost, ours.measured(timed).cost, rtol=1e-13 * size)
     for one, other in zip(ours.linearised(timed, 1e-3), theirs.linearised(timed, 1e-3)):

@@ -1,7 +1,5 @@
 """Budgets of time and cancellation, with a clock that counts its readings."""
 
-from __future__ import annotations
-
 from itertools import count
 
 import pytest

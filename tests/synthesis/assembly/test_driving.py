@@ -1,7 +1,5 @@
 """A motor and its rod on a linkage: they swing it from end to end, and all their parts pass one another."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

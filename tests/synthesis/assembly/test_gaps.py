@@ -246,12 +246,8 @@ def test_proofs_agree_with_shapely_at_many_places() -> None:
 def test_shapes_that_touch_by_design_are_not_decided() -> None:
     """A disc on a crank that just reaches a disc of the ground all the way, and one that would only for an instant."""
     movement = Movement(("ground", "crank"), (Crank(1, Place(GROUND, 0j), 0.0),))
-    shapes = [
-        Carried(GROUND, disc(0j, 1.0)),
-        Carried(1, disc(3 + 0j, 2.0)),
-        Carried(GROUND, disc(6 + 0j, 1.0)),
-        Carried(1, disc(3 + 0j, 1.9)),
-    ]
+    discs = [(GROUND, 0j, 1.0), (1, 3 + 0j, 2.0), (GROUND, 6 + 0j, 1.0), (1, 3 + 0j, 1.9)]
+    shapes = [Carried(body, disc(at, radius)) for body, at, radius in discs]
     gaps = Gaps(movement, shapes, [(0, 1), (1, 2), (0, 3)], 0.0, 6.0)
     around, once, clear = gaps.prove(Interval(-1.0, 2.0), Work())
     assert not around.hits

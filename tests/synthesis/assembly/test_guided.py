@@ -1,7 +1,5 @@
 """Bodies on two guides: enclosures of every kind and drive, plates with slits, and shapely at many places."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -36,9 +34,8 @@ def test_no_body_leaves_its_enclosure(way) -> None:
     one, other, drive = way
     rng, seen, worst = np.random.default_rng(WAYS.index(way)), 0, 0.0
     while seen < 25:
-        linkage = GuidedLinkage(
-            (guide(rng, one), guide(rng, other)), drive, int(rng.choice([-1, 1])), rng.uniform(-3, 3)
-        )
+        guides = guide(rng, one), guide(rng, other)
+        linkage = GuidedLinkage(guides, drive, int(rng.choice([-1, 1])), rng.uniform(-3, 3))
         half = 10 ** rng.uniform(-6, -0.3)
         with np.errstate(all="ignore"):
             if not linkage.closes_over(Interval(linkage.start - half, linkage.start + half)):
@@ -48,9 +45,8 @@ def test_no_body_leaves_its_enclosure(way) -> None:
         driven, last = linkage.guides
         if isinstance(last, Circle):
             names.append("rocker")
-            steps.append(
-                Between(2, Place(GROUND, last.pivot), Place(1, last.body_point - driven.body_point), last.radius)
-            )
+            ends = Place(GROUND, last.pivot), Place(1, last.body_point - driven.body_point)
+            steps.append(Between(2, *ends, last.radius))
         movement = Movement(names, steps)
         cell = movement.bodies(np.array([0.0]), np.array([half]))
         moved = movement.bodies(half * np.linspace(-1, 1, 65))
@@ -123,11 +119,8 @@ def test_the_motion_ends_where_a_slit_or_the_loop_does() -> None:
         if machine.whole_turn:
             assert machine.slit_ends == (None, None)
             continue
-        spans = {
-            place: linkage.used(place, machine.used)
-            for place, one in enumerate(linkage.guides)
-            if not isinstance(one, Circle)
-        }
+        slid = [place for place, one in enumerate(linkage.guides) if not isinstance(one, Circle)]
+        spans = {place: linkage.used(place, machine.used) for place in slid}
         for begin, way, end, k in ((first, -1, machine.slit_ends[0], 0), (last, 1, machine.slit_ends[1], 1)):
             bound = None if machine.loop is None else machine.loop[k]
             if bound is not None and np.isfinite(bound):

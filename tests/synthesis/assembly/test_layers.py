@@ -1,7 +1,5 @@
 """Layers of plates: the acceptance table, facts that hold for every linkage, and a search without any pruning."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
@@ -59,15 +57,8 @@ def test_layers_and_stops_are_those_of_the_table(name) -> None:
 def random_machines(seed, count, **more):
     rng = np.random.default_rng(seed)
     while count:
-        links = tuple(10 ** rng.uniform(-0.6, 0, 4))
-        linkage = Linkage(
-            links,
-            int(rng.choice([-1, 1])),
-            rng.uniform(0, TURN),
-            0j,
-            0.0,
-            (rng.uniform(0, 0.6), rng.uniform(0, TURN)),
-        )
+        mount = tuple(10 ** rng.uniform(-0.6, 0, 4)), int(rng.choice([-1, 1])), rng.uniform(0, TURN), 0j, 0.0
+        linkage = Linkage(*mount, (rng.uniform(0, 0.6), rng.uniform(0, TURN)))
         span = float(rng.choice([TURN, rng.uniform(0.2, 3.0)]))
         if linkage.joints(np.linspace(0, span, 200)).closed:
             count -= 1
@@ -173,9 +164,8 @@ def test_parts_of_one_layer_stand_between_its_faces() -> None:
         assert part.z[1] - part.z[0] >= 3.0
     assert {part.name for part in parts if part.kind == "board"} == {"board_below", "board_above"}
     below = next(part for part in parts if part.name == "board_below")
-    assert {hole.pin for hole in below.holes} == {
-        pin for pin, mount in found.stack.mounts.items() if "below" in mount
-    }
+    held = {pin for pin, mount in found.stack.mounts.items() if "below" in mount}
+    assert {hole.pin for hole in below.holes} == held
 
 
 def test_a_loop_that_opens_has_no_layers() -> None:

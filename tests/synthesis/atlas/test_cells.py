@@ -1,7 +1,5 @@
 """Cells of alike types: what their radii promise, and the scan that rests on them against the one that does without."""
 
-from __future__ import annotations
-
 from itertools import count, pairwise
 from typing import Any
 

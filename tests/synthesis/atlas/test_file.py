@@ -1,7 +1,5 @@
 """The atlas file: what it holds, and everything that must be refused."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import json
@@ -70,9 +68,8 @@ def test_arrays_are_those_that_hdf5_reads_however_they_are_packed(how, rows) -> 
 
     def pack(file: h5py.File) -> None:
         for name in ARRAYS:
-            values = file[name][()]
+            values = taken(file, name)
             chunks = (min(rows, len(values)), *values.shape[1:])
-            del file[name]
             file.create_dataset(name, data=values, chunks=chunks, **PACKED[how])
 
     data = edited(encode_atlas(atlas), pack)
@@ -87,12 +84,7 @@ def test_arrays_are_those_that_hdf5_reads_however_they_are_packed(how, rows) -> 
 def test_chunks_of_parts_of_rows_are_put_together(whole) -> None:
     atlas = make_atlas(AtlasRule(TypeRule(60, 6), 16))
 
-    def pack(file: h5py.File) -> None:
-        values = file["details"][()]
-        del file["details"]
-        chunks = (13, 15 if whole else 4)
-        file.create_dataset("details", data=values, chunks=chunks, **PACKED["as_written"])
-
+    pack = stored(name="details", chunks=(13, 15 if whole else 4), **PACKED["as_written"])
     assert np.array_equal(decode_atlas(edited(encode_atlas(atlas), pack)).details, atlas.details)
 
 
@@ -105,12 +97,8 @@ def test_any_hdf5_reader_opens_it(small_bytes, small_atlas, tmp_path) -> None:
     with h5py.File(tmp_path / "atlas.h5") as file:
         assert file.userblock_size == HEADER_BYTES and set(file) == set(ARRAYS)
         attributes = dict(file.attrs)
-        assert json.loads(attributes["rule"]) == {
-            "perimeter": 60,
-            "smallest": 2,
-            "order": "full_crank",
-            "samples": 32,
-        }
+        rule = {"perimeter": 60, "smallest": 2, "order": "full_crank", "samples": 32}
+        assert json.loads(attributes["rule"]) == rule
         assert (attributes["schema"], attributes["samples"], attributes["levels"]) == (1, 32, 5)
         assert attributes["normalisation"] == "mean"
         assert attributes["content_sha256"] == small_atlas.content_hash()
@@ -258,15 +246,25 @@ def edited(data: bytes, edit) -> bytes:
     return with_header(image.getvalue())
 
 
-def swap(name: str, make):
+def swap(make, name: str = "average"):
     """An edit that puts ``make(file, values)`` in place of a dataset."""
+    return lambda file: make(file, taken(file, name))
 
-    def edit(file: h5py.File) -> None:
-        values = file[name][()]
-        del file[name]
-        make(file, values)
 
-    return edit
+def taken(file: h5py.File, name: str) -> np.ndarray:
+    """The values of a dataset, which the file no longer has."""
+    values = file[name][()]
+    del file[name]
+    return values
+
+
+def stored(change=lambda values: {"data": values}, name: str = "average", **options):
+    """An edit that stores a dataset in another way: ``change(values)`` says of which values or which shape."""
+    return swap(lambda file, values: file.create_dataset(name, **change(values), **options), name)
+
+
+def linked(to):
+    return swap(lambda file, _: file.__setitem__("average", to))
 
 
 def set_attribute(name: str, value):
@@ -278,17 +276,16 @@ def set_attribute(name: str, value):
 
 
 def set_rule(**changes):
-    def edit(file: h5py.File) -> None:
-        file.attrs["rule"] = json.dumps(json.loads(file.attrs["rule"]) | changes)
-
-    return edit
+    return lambda file: set_attribute("rule", json.dumps(json.loads(file.attrs["rule"]) | changes))(file)
 
 
 def set_value(name: str, value):
-    def edit(file: h5py.File) -> None:
-        file[name][0] = value
+    return lambda file: file[name].__setitem__(0, value)
 
-    return edit
+
+def empty(values: np.ndarray) -> dict[str, object]:
+    """The shape of a dataset alone."""
+    return {"shape": values.shape, "dtype": values.dtype}
 
 
 def virtual(file: h5py.File, values: np.ndarray) -> None:
@@ -298,46 +295,38 @@ def virtual(file: h5py.File, values: np.ndarray) -> None:
 
 
 def deflate_bomb(file: h5py.File, values: np.ndarray, **filters: bool) -> None:
-    chunks = file.create_dataset(
-        "average", values.shape, values.dtype, chunks=values.shape, compression="gzip", **filters
-    )
+    chunks = file.create_dataset("average", **empty(values), chunks=values.shape, compression="gzip", **filters)
     squeeze = zlib.compressobj(9)
     block = bytes(1 << 24)
     bomb = b"".join(squeeze.compress(block) for _ in range(8)) + squeeze.flush()  # 128 MiB in 128 KiB
     chunks.id.write_direct_chunk((0,), bomb)
 
 
+INFINITE = '{"perimeter": 1e999, "smallest": 2, "order": "increasing", "samples": 16}'
 BOMBS = {
-    "deflate_bomb": swap("average", deflate_bomb),
-    "deflate_bomb_as_written": swap("average", lambda f, v: deflate_bomb(f, v, shuffle=True, fletcher32=True)),
+    "deflate_bomb": swap(deflate_bomb),
+    "deflate_bomb_as_written": swap(lambda f, v: deflate_bomb(f, v, shuffle=True, fletcher32=True)),
 }
 HOSTILE = {
-    "external_link": swap(
-        "average", lambda f, _: f.__setitem__("average", h5py.ExternalLink("other.h5", "/average"))
-    ),
-    "soft_link": swap("average", lambda f, _: f.__setitem__("average", h5py.SoftLink("/curve_error"))),
-    "hard_link_to_another": swap("average", lambda f, _: f.__setitem__("average", f["curve_error"])),
-    "group": swap("average", lambda f, _: f.create_group("average")),
-    "named_type": swap("average", lambda f, _: f.__setitem__("average", np.dtype("f8"))),
-    "external_storage": swap(
-        "average",
-        lambda f, v: f.create_dataset("average", v.shape, v.dtype, external=[("/etc/hostname", 0, v.nbytes)]),
-    ),
-    "virtual": swap("average", virtual),
-    "wrong_type": swap("average", lambda f, v: f.create_dataset("average", data=v.astype("f4"))),
-    "big_endian": swap("average", lambda f, v: f.create_dataset("average", data=v.astype(">f8"))),
-    "objects": swap("average", lambda f, v: f.create_dataset("average", v.shape, h5py.string_dtype())),
-    "references": swap("average", lambda f, v: f.create_dataset("average", v.shape, h5py.ref_dtype)),
-    "sequences": swap("average", lambda f, v: f.create_dataset("average", v.shape, h5py.vlen_dtype(np.float64))),
-    "huge_shape": swap("average", lambda f, v: f.create_dataset("average", (1 << 50,), "f8", chunks=(1 << 16,))),
-    "huge_chunk": swap(
-        "average", lambda f, v: f.create_dataset("average", v.shape, "f8", chunks=(1 << 28,), maxshape=(None,))
-    ),
-    "scalar": swap("average", lambda f, v: f.create_dataset("average", data=1.0)),
-    "nothing": swap("average", lambda f, v: f.create_dataset("average", data=h5py.Empty("f8"))),
-    "one_row_less": swap("average", lambda f, v: f.create_dataset("average", data=v[1:])),
-    "foreign_filter": swap("average", lambda f, v: f.create_dataset("average", data=v, compression="lzf")),
-    "scale_offset": swap("lengths", lambda f, v: f.create_dataset("lengths", data=v, scaleoffset=8)),
+    "external_link": linked(h5py.ExternalLink("other.h5", "/average")),
+    "soft_link": linked(h5py.SoftLink("/curve_error")),
+    "hard_link_to_another": swap(lambda f, _: f.__setitem__("average", f["curve_error"])),
+    "group": swap(lambda f, _: f.create_group("average")),
+    "named_type": linked(np.dtype("f8")),
+    "external_storage": stored(lambda v: {**empty(v), "external": [("/etc/hostname", 0, v.nbytes)]}),
+    "virtual": swap(virtual),
+    "wrong_type": stored(lambda v: {"data": v.astype("f4")}),
+    "big_endian": stored(lambda v: {"data": v.astype(">f8")}),
+    "objects": stored(lambda v: {"shape": v.shape}, dtype=h5py.string_dtype()),
+    "references": stored(lambda v: {"shape": v.shape}, dtype=h5py.ref_dtype),
+    "sequences": stored(lambda v: {"shape": v.shape}, dtype=h5py.vlen_dtype(np.float64)),
+    "huge_shape": stored(lambda v: {"shape": (1 << 50,)}, dtype="f8", chunks=(1 << 16,)),
+    "huge_chunk": stored(lambda v: {"shape": v.shape}, dtype="f8", chunks=(1 << 28,), maxshape=(None,)),
+    "scalar": stored(lambda v: {"data": 1.0}),
+    "nothing": stored(lambda v: {"data": h5py.Empty("f8")}),
+    "one_row_less": stored(lambda v: {"data": v[1:]}),
+    "foreign_filter": stored(compression="lzf"),
+    "scale_offset": stored(name="lengths", scaleoffset=8),
     "missing_dataset": lambda f: f.__delitem__("winding"),
     "extra_dataset": lambda f: f.create_dataset("extra", data=1),
     "extra_group": lambda f: f.create_group("extra"),
@@ -349,9 +338,7 @@ HOSTILE = {
     "rule_is_no_json": set_attribute("rule", "{"),
     "rule_is_a_list": set_attribute("rule", "[]"),
     "rule_is_deep": set_attribute("rule", "[" * 30_000),
-    "rule_has_infinity": set_attribute(
-        "rule", '{"perimeter": 1e999, "smallest": 2, "order": "increasing", "samples": 16}'
-    ),
+    "rule_has_infinity": set_attribute("rule", INFINITE),
     "rule_of_huge_perimeter": set_rule(perimeter=10**30),
     "rule_of_no_order": set_rule(order="any"),
     "rule_of_odd_samples": set_rule(samples=17),
@@ -374,10 +361,8 @@ def renewed(change):
     def edit(file: h5py.File) -> None:
         change(file)
         arrays = {name: file[name][()] for name in COLUMNS}
-        rule = make_atlas(AtlasRule(TypeRule(60, 6), 16)).rule
-        changed = Atlas(rule=rule, generator={}, **arrays)
-        del file.attrs["content_sha256"]
-        file.attrs["content_sha256"] = changed.content_hash()
+        changed = Atlas(rule=AtlasRule(TypeRule(60, 6), 16), generator={}, **arrays)
+        set_attribute("content_sha256", changed.content_hash())(file)
 
     return edit
 
@@ -396,8 +381,8 @@ HOSTILE_CONTENT = {
     "renewed_error_too_small": scaled("curve_error", 0.5),
     "renewed_error_too_large": scaled("curve_error", 2.0),
     "renewed_winding": renewed(lambda f: f["winding"].__setitem__(0, 1 - f["winding"][0])),
-    "missing_chunks": swap("average", lambda f, v: f.create_dataset("average", v.shape, v.dtype, chunks=(7,))),
-    "never_written": swap("average", lambda f, v: f.create_dataset("average", v.shape, v.dtype)),
+    "missing_chunks": stored(empty, chunks=(7,)),
+    "never_written": stored(empty),
     "nan": set_value("average", np.nan),
     "infinite_details": set_value("details", np.inf),
     "large": set_value("average", 1e300),

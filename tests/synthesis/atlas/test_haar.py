@@ -1,7 +1,5 @@
 """Haar features against explicit block means, and their laws."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

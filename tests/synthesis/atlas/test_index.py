@@ -1,7 +1,5 @@
 """The index of an atlas: the same answers as a scan prepared in memory, whatever happens to its files."""
 
-from __future__ import annotations
-
 import gc
 import hashlib
 import json
@@ -109,9 +107,8 @@ def target(seed: int, positions: bool = False) -> Target:
 def same(found: Any, wanted: Any) -> bool:
     """The same answers; how many windows were evaluated for them depends on whether short spans have their index yet."""
     (windows, report), (others, other) = found, wanted
-    return report._replace(evaluated=other.evaluated) == other and all(
-        np.array_equal(one, two) for one, two in zip(windows, others)
-    )
+    alike = all(np.array_equal(one, two) for one, two in zip(windows, others))
+    return alike and report._replace(evaluated=other.evaluated) == other
 
 
 def damage(place: Path, offset: int) -> None:
@@ -320,11 +317,9 @@ def test_limits_hold_with_an_index_too(ready, limits) -> None:
 # -- damage -----------------------------------------------------------------------------------------------------------
 
 
-DAMAGED = [
-    (PARTS[(j + shift) % 3], change)
-    for shift in range(3)
-    for j, change in enumerate(("cut off", "longer", "missing", "header", "manifest"))
-]
+CUT = ("cut off", "longer")
+CHANGES = (*CUT, "missing", "header", "manifest")
+DAMAGED = [(PARTS[(j + shift) % 3], change) for shift in range(3) for j, change in enumerate(CHANGES)]
 """The first five have each change and each part: all parts are opened by the same lines."""
 
 
@@ -344,12 +339,7 @@ def test_a_part_that_is_not_what_was_written_is_made_anew(ready, in_memory, part
     atlas = opened(ready)
     atlas.prepare()
     assert same(atlas.scan.best(target(2, True), 7), in_memory.best(target(2, True), 7))
-    said = {
-        "cut off": "cut off, or longer",
-        "longer": "cut off, or longer",
-        "missing": "",
-        "manifest": "manifest.json is not",
-    }
+    said = {"missing": "", "manifest": "manifest.json is not"} | dict.fromkeys(CUT, "cut off, or longer")
     assert f"{array.name} is" in caplog.text or change in ("missing", "manifest")
     assert said.get(change, "is not what was written") in caplog.text
     assert batch(["verify", str(ready)]) == 0
@@ -495,9 +485,8 @@ print(Index(Path(sys.argv[1]), "x").part("some", fill).arrays["values"].sum(), f
 
 
 def making(folder: Path, seconds: float) -> subprocess.Popen[str]:
-    return subprocess.Popen(
-        [sys.executable, "-c", MAKING, str(folder), str(seconds)], stdout=subprocess.PIPE, text=True
-    )
+    command = [sys.executable, "-c", MAKING, str(folder), str(seconds)]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
 
 
 def test_of_several_processes_one_makes_a_part(tmp_path) -> None:

@@ -1,7 +1,5 @@
 """The published digits: `tests/reference`."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import product
+from itertools import count, product
 
 import numpy as np
 import pytest
@@ -273,15 +273,16 @@ def test_no_pass_forgets_the_ceiling(scans, monkeypatch) -> None:
     monkeypatch.setattr(scan_module, "_COUNT_BELOW", 8)
     limits: list[float] = []
     batches = Descent.batches
-    monkeypatch.setattr(
-        Descent, "batches", lambda part, limit, *more: limits.append(limit) or batches(part, limit, *more)
-    )
-    wanted, everything = naive_scan(scan, target, 1)
+    seen = lambda part, limit, *more: limits.append(limit) or batches(part, limit, *more)  # noqa: E731
+    monkeypatch.setattr(Descent, "batches", seen)
+
+    def of_few(windows: Windows) -> np.ndarray:
+        return np.where(windows.row % 5 == 2, scan.errors(target, windows), np.inf)
+
+    _, everything = naive_scan(scan, target, 1)
     rare = everything.take(np.flatnonzero(everything.row % 5 == 2))
     wanted = rare.take(np.argsort(np.round(rare.error / TIE), kind="stable")[:12])
-    found, report = scan.best(
-        target, 12, lambda windows: np.where(windows.row % 5 == 2, scan.errors(target, windows), np.inf)
-    )
+    found, report = scan.best(target, 12, of_few)
     assert report.exhaustive and all(np.array_equal(*pair) for pair in zip(found[:3], wanted[:3]))
     assert len(limits) > 1 and np.all(np.diff(limits) <= 0)
 
@@ -315,23 +316,13 @@ def test_objectives_of_any_size_are_scanned(scans, scale) -> None:
 def test_a_scan_without_time_says_so(scans, patience) -> None:
     scan = scans["increasing"]
     target = random_target(scan, np.random.default_rng(3), "both", False)
-    clock = Counting()
-    found, report = scan.best(target, 10, work=Work(patience + 0.5, clock=clock))
-    assert report.exhaustive == (clock.readings <= patience + 1)  # the first reading is the work's beginning
+    readings = count()
+    found, report = scan.best(target, 10, work=Work(patience + 0.5, clock=readings.__next__))
+    assert report.exhaustive == (next(readings) <= patience + 1)  # the first reading is the work's beginning
     assert found.row.size == 10 and np.all(np.isfinite(found.error))
     same = np.array_equal(found.error, scan.best(target, 10)[0].error)
     assert same or not report.exhaustive
     assert report.exhaustive == (patience == 10**6)
-
-
-class Counting:
-    """A clock that goes on by a second at every reading."""
-
-    readings = 0
-
-    def __call__(self) -> float:
-        self.readings += 1
-        return self.readings - 1
 
 
 @pytest.mark.parametrize("short_spans", [False, True])

@@ -1,7 +1,5 @@
 """The atlas of slider-cranks: the same file, index and scan as of four-bars, against all windows one by one."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import h5py
@@ -93,9 +91,8 @@ def test_the_scan_is_the_sort_of_all_windows(atlas: Atlas, span: float, what: st
     if what == "noise":
         angle = np.cumsum(random.normal(size=11))
     position = np.array([1, 0.3, -0.8]) @ [np.ones(11), np.exp(1j * crank), np.exp(1j * angle)]
-    target = make_target(
-        None if what == "position" else angle, position if what in ("position", "both") else None, crank_angle=crank
-    )
+    asked = None if what == "position" else angle, position if what in ("position", "both") else None
+    target = make_target(*asked, crank_angle=crank)
     windows = every_window(atlas.lengths, target)
     for by_index in (False, True):
         if by_index:

@@ -1,7 +1,5 @@
 """Requests that many windows, or all, meet alike: answered in order, without evaluating them, in bounded memory and time."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -86,16 +84,14 @@ def test_more_windows_than_may_be_held_are_evaluated_one_by_one(kind, held, scan
     monkeypatch.setattr(scan_module, "_FIRST_COUNT", 64)
     most = []
     plain = windows_module.lowest
-    monkeypatch.setattr(
-        descent_module, "lowest", lambda numbering, ids, *more: most.append(ids.size) or plain(numbering, ids, *more)
-    )
+    sized = lambda numbering, ids, *more: most.append(ids.size) or plain(numbering, ids, *more)  # noqa: E731
+    monkeypatch.setattr(descent_module, "lowest", sized)
     # next to no motion at all, which no bound of a series resolves
     crank = np.linspace(0, np.deg2rad(0.2), 6)
     path = 1e-3 * np.exp(3j * crank)
     rotation = 1e-9 * np.cos(5000 * crank)
-    target = make_target(
-        rotation if kind != "position" else None, path if kind != "rotation" else None, crank_angle=crank
-    )
+    asked = rotation if kind != "position" else None, path if kind != "rotation" else None
+    target = make_target(*asked, crank_angle=crank)
     found, report = scan.best(target, 12)
     assert report.exhaustive
     assert_best(scan, target, found, 12)
@@ -131,32 +127,18 @@ def test_the_search_stops_where_as_many_as_are_wanted_are_good_enough(scan) -> N
     assert whole.exhaustive and report.evaluated <= whole.evaluated
 
 
-class Ticking:
-    """A clock that goes on by a second at every reading."""
-
-    readings = 0
-
-    def __call__(self) -> float:
-        self.readings += 1
-        return float(self.readings)
-
-
 @pytest.mark.parametrize("kind", ["rotation", "position"])
 @pytest.mark.parametrize("budget", [1.5, 3.5, 9.5])
 def test_little_more_is_evaluated_once_the_time_is_up(kind, budget, scan) -> None:
     """Whatever it is about, between two looks at the clock lies at most one evaluation of some 100,000 samples."""
     random = np.random.default_rng(4)
     noise = random.normal(size=500)
-    target = make_target(
-        noise if kind == "rotation" else None,
-        noise + 1j * random.normal(size=500) if kind == "position" else None,
-        5.0,
-    )
-    after: list[int] = []
-    work = Work(budget, clock=Ticking())
+    asked = (noise, None) if kind == "rotation" else (None, noise + 1j * random.normal(size=500))
+    target, after, readings = make_target(*asked, 5.0), [], []
+    work = Work(budget, clock=lambda: readings.append(1) or float(len(readings)))
 
     def exact(windows: Windows) -> np.ndarray:
-        if work._clock.readings > budget + 1:
+        if len(readings) > budget + 1:
             after.append(windows.row.size)
         return objective(target, scan.angles(target, windows))
 

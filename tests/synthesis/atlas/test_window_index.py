@@ -1,7 +1,5 @@
 """The index of windows of short spans: its bounds against every window, and the scan that asks it against the plain scan."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The crescent and its slot: published numbers, an independent implementation's values, laws, extremes."""
 
-from __future__ import annotations
-
 import json
 import math
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Slots as files: read back by other programs' eyes, and compared with the exact path; the groove as closed contours."""
 
-from __future__ import annotations
-
 import csv
 import io
 import math
@@ -160,12 +158,10 @@ def test_the_contour_follows_slot_and_track_and_not_the_arc_under_the_slot(slot,
 @pytest.mark.parametrize("seed", some_of(range(8), 3))
 def test_arcs_of_any_slot_stay_within_the_tolerance(seed) -> None:
     random = np.random.default_rng(seed)
-    links = int(random.integers(12, 40))
-    radius = float(random.uniform(0.9, 2.5))
-    track = chain.critical_stadium(1.0, max(links, int(7 * radius) + 8), radius)
-    slot = find_slot(
-        Chain(track, 1.0, max(links, int(7 * radius) + 8)), float(track.joints[2] + 0.5 * track.length[2])
-    )
+    links, radius = int(random.integers(12, 40)), float(random.uniform(0.9, 2.5))
+    links = max(links, int(7 * radius) + 8)
+    track = chain.critical_stadium(1.0, links, radius)
+    slot = find_slot(Chain(track, 1.0, links), float(track.joints[2] + 0.5 * track.length[2]))
     points = np.concatenate([bend.at(np.linspace(0, 1, 5)) for bend in slot_run(slot)])
     assert nearest(points, slot.path(np.linspace(slot.start, slot.end, 8001))).max() < 3e-7
 
@@ -217,12 +213,9 @@ def test_svg_is_xml_and_shows_track_slot_walls_and_pins(slot) -> None:
 def test_dxf_without_a_roller_is_the_pins_path_with_the_exact_radii(slot) -> None:
     document = ezdxf.read(io.StringIO(to_dxf(slot, None)))
     (entity,) = document.modelspace().query("LWPOLYLINE")
-    rows = [tuple(row) for row in entity.get_points("xyb")]
-    radii = [
-        abs(complex(x1 - x, y1 - y)) / (2 * math.sin(2 * math.atan(abs(bulge))))
-        for (x, y, bulge), (x1, y1, _) in zip(rows, [*rows[1:], rows[0]])
-        if abs(complex(x1 - x, y1 - y)) > 50
-    ]
+    x, y, bulge = np.array(entity.get_points("xyb")).T
+    chords = np.abs(np.roll(x + 1j * y, -1) - (x + 1j * y))
+    radii = chords[chords > 50] / (2 * np.sin(2 * np.arctan(np.abs(bulge[chords > 50]))))
     for segment in slot.chain.track.segments:
         assert min(abs(radius - 1 / abs(segment.curvature)) for radius in radii) < 1e-9
     assert entity.dxf.layer == "PATH" and not document.audit().errors

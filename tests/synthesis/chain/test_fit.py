@@ -1,7 +1,5 @@
 """Fits of the slot: the errors that were found independently, conditioning, and what cannot be fitted."""
 
-from __future__ import annotations
-
 import json
 import math
 from fractions import Fraction
@@ -103,9 +101,8 @@ def test_an_origin_far_away_costs_no_digits_but_those_of_the_drawing(slot, phase
     moved = find_slot(Chain(far, 131.0, 16), float(near.joints[3] + 0.5 * near.length[3]))
     for kind, order in (("chebyshev", 8), ("polynomial", 16), ("spline", 90)):
         here = fit_error(slot, fit_slot(slot, kind, order), exact_slot(slot, phases[::9]))
-        there = fit_error(
-            moved, fit_slot(moved, kind, order), exact_slot(moved, phases[::9] - slot.start + moved.start)
-        )
+        exact = exact_slot(moved, phases[::9] - slot.start + moved.start)
+        there = fit_error(moved, fit_slot(moved, kind, order), exact)
         assert there.normal == pytest.approx(here.normal, abs=1e-8)
 
 

@@ -1,7 +1,5 @@
 """Tracks: what is a track, stepping along it, and what large radii and far origins do to it."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -162,14 +160,9 @@ def test_large_radii_do_not_cost_digits(radius) -> None:
     bend, cap = 150 / radius, 40.0
     turn = math.pi - 2 * bend
     half, top = radius * math.sin(bend), cap * math.cos(bend)
-    track = Track(
-        [
-            Segment(-half, top, math.pi + bend, 1 / cap, cap * turn),
-            Segment(-half, -top, -bend, 1 / radius, 2 * bend * radius),
-            Segment(half, -top, bend, 1 / cap, cap * turn),
-            Segment(half, top, math.pi - bend, 1 / radius, 2 * bend * radius),
-        ]
-    )
+    caps, arcs = (1 / cap, cap * turn), (1 / radius, 2 * bend * radius)
+    halves = [Segment(-half, top, math.pi + bend, *caps), Segment(-half, -top, -bend, *arcs)]
+    track = Track([*halves, Segment(half, -top, bend, *caps), Segment(half, top, math.pi - bend, *arcs)])
     place = track.place(np.linspace(0, track.total, 400))
     for pitch in (7.0, 50.0):
         link = track.points(track.step(place, pitch)) - track.points(place)

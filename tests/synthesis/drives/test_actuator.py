@@ -1,7 +1,5 @@
 """Places of actuators: optima against a finer grid, exact derivatives, closed forms, and what is refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -56,9 +54,8 @@ def test_no_grid_four_times_as_fine_finds_a_smaller_force(seed: int) -> None:
     assert isinstance(begin, Refused) or found.worst <= (1 + 1e-6) * asked.scale_of_burden / begin.worth
     again = fine.best(actuator)
     assert isinstance(again, Refused) or found.worst <= again.worst * (1 + 1e-6)
-    assert found.length[[0, -1]] == pytest.approx(
-        [actuator.retracted, actuator.retracted + actuator.stroke][:: 1 if found.extends else -1], abs=1e-9
-    )
+    ends = [actuator.retracted, actuator.retracted + actuator.stroke][:: 1 if found.extends else -1]
+    assert found.length[[0, -1]] == pytest.approx(ends, abs=1e-9)
     assert found.worst >= asked.bound(actuator.stroke) * (1 - 1e-3)
 
 
@@ -214,9 +211,8 @@ def test_a_link_that_comes_back_to_where_it_began_has_no_stroke(free: tuple[bool
 def test_the_ground_point_lies_in_a_box_as_thin_as_a_line(low: float, height: float) -> None:
     machine = hinged_at(0j, 0.2, 1.0, np.linspace(0.0, np.deg2rad(50), SAMPLES))
     for box in ((-3.0, low, 3.0, low + height), (low, -3.0, low + height, 3.0), (low, -0.1, low + height, 0.9)):
-        found = Question(machine.links["rocker"], machine.at, np.ones(61), Wanted(box, 1.0, 0.0)).best(
-            Actuator(0.9, 0.5)
-        )
+        asked = Question(machine.links["rocker"], machine.at, np.ones(61), Wanted(box, 1.0, 0.0))
+        found = asked.best(Actuator(0.9, 0.5))
         assert isinstance(found, Placement)
         assert box[0] - 1e-9 <= found.ground.real <= box[2] + 1e-9
         assert box[1] - 1e-9 <= found.ground.imag <= box[3] + 1e-9
@@ -237,9 +233,8 @@ def test_a_placement_is_found_again_within_its_own_reach_arm_and_distance(seed: 
         {"arm": np.abs(found.arm).min() * (1 - 1e-9)},
         {"box": (x - hair, y - hair, x + hair, y + hair)},
     ):
-        again = Question(machine.links["rocker"], machine.at, np.ones(61), asked.wanted._replace(**tight)).best(
-            actuator
-        )
+        closer = asked.wanted._replace(**tight)
+        again = Question(machine.links["rocker"], machine.at, np.ones(61), closer).best(actuator)
         assert isinstance(again, Placement)
         assert again.worst == pytest.approx(found.worst, rel=1e-4)
     # sizes that a descent chose stand at the reach, to rounding
@@ -253,15 +248,10 @@ def test_a_placement_is_found_again_within_its_own_reach_arm_and_distance(seed: 
 
 def test_a_catalogue_gives_its_cheapest_row_that_does() -> None:
     machine = hinged_at(0j, 0.0, 1.0, np.linspace(0.0, np.deg2rad(60), SAMPLES))
-    asked = Question(
-        machine.links["rocker"], machine.at, 100 * np.ones(61), Wanted((-3.0, -3.0, 3.0, 3.0), 2.0, 0.0), 30
-    )
-    rows = [
-        Row("dear", Actuator(1.0, 0.6), 500, 500, 90),
-        Row("weak", Actuator(1.0, 0.6), 150, 150, 10),
-        Row("cheap", Actuator(1.0, 0.5), 500, 500, 40),
-        Row("long", Actuator(6.0, 5.0), 5000, 5000, 5),
-    ]
+    wanted = Wanted((-3.0, -3.0, 3.0, 3.0), 2.0, 0.0)
+    asked = Question(machine.links["rocker"], machine.at, 100 * np.ones(61), wanted, 30)
+    rows = [Row("dear", Actuator(1.0, 0.6), 500, 500, 90), Row("weak", Actuator(1.0, 0.6), 150, 150, 10)]
+    rows += [Row("cheap", Actuator(1.0, 0.5), 500, 500, 40), Row("long", Actuator(6.0, 5.0), 5000, 5000, 5)]
     found, unfit = best_of_rows(asked, rows, 1)
     assert [one.row.name for one in found] == ["cheap"]
     assert {one.row.name for one in unfit} == {"weak", "long"}

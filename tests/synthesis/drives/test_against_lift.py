@@ -1,7 +1,5 @@
 """The lift's cylinder on the lift's triangle: the scene and the drives answer the same question alike."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The checked examples of drives and springs, to the digits of tests/reference/drives.json."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path
@@ -24,15 +22,8 @@ DEGREE = np.pi / 180
 
 def linkage_of(row: dict) -> Linkage:
     radius, angle = row["coupler_point"]
-    return Linkage(
-        tuple(row["links"]),
-        row.get("branch", 1),
-        row["start"] * DEGREE,
-        complex(*row["pivot_a"]),
-        row["ground_angle"] * DEGREE,
-        (radius, angle * DEGREE),
-        0.0,
-    )
+    mount = complex(*row["pivot_a"]), row["ground_angle"] * DEGREE, (radius, angle * DEGREE), 0.0
+    return Linkage(tuple(row["links"]), row.get("branch", 1), row["start"] * DEGREE, *mount)
 
 
 def machine(row: dict, samples: int = 61) -> LinkMotions:
@@ -43,9 +34,8 @@ def question(row: dict, link: str) -> Question:
     one = machine(row)
     torque = one.torque(Load(complex(*row["force"])))
     amount = row.get("amount", row.get("work"))
-    return Question(
-        one.links[link], one.at, torque, Wanted(tuple(row["box"]), row["reach"], row["arm"]), amount=amount
-    )
+    wanted = Wanted(tuple(row["box"]), row["reach"], row["arm"])
+    return Question(one.links[link], one.at, torque, wanted, amount=amount)
 
 
 CASEMENT, WHOLE = REFERENCE["casement"], REFERENCE["whole_numbers"]
@@ -172,9 +162,8 @@ def test_best_transmission_angles(swing: int) -> None:
 
 
 def test_the_documented_angles_are_these() -> None:
-    rows = re.findall(
-        r"^\| (\d+) \| ([\d. |]+) \|$", (Path(__file__).parents[3] / "docs" / "drives.md").read_text(), re.M
-    )
+    page = (Path(__file__).parents[3] / "docs" / "drives.md").read_text()
+    rows = re.findall(r"^\| (\d+) \| ([\d. |]+) \|$", page, re.M)
     assert [int(swing) for swing, _ in rows] == [20, 30, 45, 60, 90, 120, 150]
     ratios = [1.0, *REFERENCE["angles"]["ratios"]]
     for swing, told in rows:
@@ -189,9 +178,8 @@ GRAVITY = -9.81j
 
 def masses(row: dict) -> Load:
     links = row["links"]
-    parts = [
-        Mass(name, m, size / 2) for name, m, size in zip(("crank", "coupler", "rocker"), (0.05, 0.2, 0.3), links)
-    ]
+    weights = {"crank": 0.05, "coupler": 0.2, "rocker": 0.3}
+    parts = [Mass(name, mass, size / 2) for (name, mass), size in zip(weights.items(), links)]
     return Load(masses=(*parts, Mass("body", 1.5, 0j)), gravity=GRAVITY)
 
 
@@ -208,9 +196,8 @@ def test_two_springs_balance(name: str) -> None:
     assert np.sqrt(np.mean(torque**2)) == pytest.approx(row["rms"], abs=1e-6)
     crank, rocker = row["links"][0], row["links"][2] / 2
     anchors = [complex(*row["s1"]), complex(*row["s3"])]
-    springs = [
-        Spring(("ground", link), (at, p), 0.5) for link, at, p in zip(("crank", "rocker"), anchors, (crank, rocker))
-    ]
+    ends = zip(("crank", "rocker"), anchors, (crank, rocker))
+    springs = [Spring(("ground", link), (at, pin), 0.5) for link, at, pin in ends]
     assert np.abs(fitted(one, torque, springs).torque).max() < 1e-5  # the anchors are given to seven decimals
     for mine, want in zip(two_springs(found, 0.5), anchors):
         assert mine.points[0] == pytest.approx(want, abs=1e-7)

@@ -1,7 +1,5 @@
 """Motors that turn on: swing and times by simulation with circles, angles by definition, on any link; and knees."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

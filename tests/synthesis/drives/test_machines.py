@@ -1,7 +1,5 @@
 """Poses, torques and forces of links against joints by circles and the equilibrium of every link; laws of motion."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -20,16 +18,9 @@ from tests.oracles.newton_euler import bodies
 
 def poses(linkage: Linkage, machine: LinkMotions, some: list[int]) -> list[Moving]:
     a, b = linkage.pivot_a, linkage.pivot_b
-    return [
-        Moving(
-            linkage.links,
-            linkage.branch,
-            (a.real, a.imag),
-            (b.real, b.imag),
-            linkage.start + linkage.ground_angle + machine.at[k],
-        )
-        for k in some
-    ]
+    pivots = (a.real, a.imag), (b.real, b.imag)
+    begin = linkage.start + linkage.ground_angle
+    return [Moving(linkage.links, linkage.branch, *pivots, begin + machine.at[k]) for k in some]
 
 
 @pytest.mark.parametrize("seed", range(30))
@@ -66,21 +57,18 @@ def test_torques_and_forces_hold_every_link_in_equilibrium(seed: int) -> None:
         rod = drive_force(at, *held, ("rod", link, pin, (ground.real, ground.imag)))
         assert rod == pytest.approx(torque[k] / arm[k], rel=1e-9, abs=1e-9 * size)
         pivot, torque_there = machine.links["rocker"].origin, torque / machine.links["rocker"].rate
+        rod = ("rod", link, pin, (ground.real, ground.imag))
         for drive, pulls in (
             (("torque", "crank"), []),
             (("torque", "rocker"), [Pull("rocker", pivot, 0 * pivot, torque_there)]),
-            (
-                ("rod", link, pin, (ground.real, ground.imag)),
-                [Pull(link, moving.place(pin), torque / arm * v / np.abs(v))],
-            ),
+            (rod, [Pull(link, moving.place(pin), torque / arm * v / np.abs(v))]),
         ):
             found = forces(of_four_bar(linkage), machine.at, on_links(load, linkage), pulls)
             pins = found.driven_ground, found.driven, found.other, found.other_ground
             wanted = equilibrium(at, *held, drive)
             scale = 1 + np.abs(wanted).max()
-            assert [part for one in pins for part in (one[k].real, one[k].imag)] == pytest.approx(
-                wanted[:8].tolist(), abs=1e-9 * scale
-            )
+            told = [part for one in pins for part in (one[k].real, one[k].imag)]
+            assert told == pytest.approx(wanted[:8].tolist(), abs=1e-9 * scale)
 
 
 @pytest.mark.parametrize("seed", some_of(range(32), 16))
@@ -96,9 +84,8 @@ def test_all_kinds_hold_three_bodies_in_equilibrium(seed: int) -> None:
         for row, part in enumerate((link.origin, link.velocity, link.acceleration)):
             wanted = [complex(*one[row][3 * k : 3 * k + 2]) for one in states]
             assert part == pytest.approx(np.array(wanted), rel=1e-10, abs=1e-10 * (1 + np.abs(wanted).max()))
-        assert link.direction == pytest.approx(
-            np.array([np.exp(1j * one.at[3 * k + 2]) for one in states]), abs=1e-12
-        )
+        turned = np.array([np.exp(1j * one.at[3 * k + 2]) for one in states])
+        assert link.direction == pytest.approx(turned, abs=1e-12)
         assert link.rate == pytest.approx(np.array([one.rate[3 * k + 2] for one in states]), rel=1e-10, abs=1e-10)
     name, on = three.names[seed % 3], ("ground", three.names[(seed + 1) % 3])[seed // 3 % 2]
     link = machine.links[name] if on == "ground" else machine.links[name].seen_from(machine.links[on])

@@ -1,7 +1,5 @@
 """A motor on a linkage as one mechanism: poses against circles, rates against differences, forces against balance."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -102,9 +100,8 @@ def test_poses_and_forces_are_those_of_circles_and_of_every_link() -> None:
         assert min(abs(place - pin) for place in places) < 1e-10 * motor.rod
         at = Moving(WATT.links, 1, (3, -2), (b.real, b.imag), float(np.angle(pin - (3 - 2j))))
         assert abs(complex(*at.c) - machine.links["rocker"].place(70 + 0j)[k]) < 1e-11 * 70
-        found = equilibrium(
-            at, WATT.arm, (2, -5), 3.0, (), (0, 0), 0.0, ("rod", "crank", motor.pin, (knee.real, knee.imag))
-        )
+        rod = ("rod", "crank", motor.pin, (knee.real, knee.imag))
+        found = equilibrium(at, WATT.arm, (2, -5), 3.0, (), (0, 0), 0.0, rod)
         size = np.abs(found).max()
         for name, column in (("A", 0), ("D", 2), ("B", 6)):
             assert abs(held.forces[name][k] - complex(*found[column : column + 2])) < 1e-9 * size
@@ -114,9 +111,8 @@ def test_poses_and_forces_are_those_of_circles_and_of_every_link() -> None:
 
 
 def test_a_link_on_a_hinge_is_driven_too() -> None:
-    found = about_pivot(
-        hinged_at(0j, 0.5, 400.0, np.linspace(0.0, 1.1, SAMPLES)).links["rocker"], np.ones(61), 1.1, 320.0, True, None
-    )
+    rocker = hinged_at(0j, 0.5, 400.0, np.linspace(0.0, 1.1, SAMPLES)).links["rocker"]
+    found = about_pivot(rocker, np.ones(61), 1.1, 320.0, True, None)
     assert not isinstance(found, str)
     motor = Motor("rocker", found.motor, found.crank, found.rod, found.pin)
     six = SixBar(lambda at: hinged_at(0j, 0.5, 400.0, at), Interval(0.0, 1.1), motor)
@@ -129,14 +125,9 @@ def test_a_link_on_a_hinge_is_driven_too() -> None:
 
 def test_a_motor_that_swings_nothing_is_refused() -> None:
     six = watt()
-    for wrong in (
-        six.motor._replace(crank=13.0),
-        six.motor._replace(pin=30 + 5j),
-        six.motor._replace(link="slider"),
-        six.motor._replace(at=complex(np.nan, 0)),
-    ):
+    for wrong in ({"crank": 13.0}, {"pin": 30 + 5j}, {"link": "slider"}, {"at": complex(np.nan, 0)}):
         with pytest.raises(FieldError, match="do not move"):
-            SixBar.of(WATT, USED, wrong)
+            SixBar.of(WATT, USED, six.motor._replace(**wrong))
     for used in (Interval(0.0, 0.5), Interval(0.0, TURN), Interval(0.0, 0.0)):
         with pytest.raises(FieldError, match="do not move"):
             SixBar.of(WATT, used, six.motor)

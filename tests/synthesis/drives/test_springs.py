@@ -1,7 +1,5 @@
 """Springs: balance in every position, fits that keep their lengths, and the torque as a derivative of energy."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

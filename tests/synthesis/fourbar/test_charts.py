@@ -1,7 +1,5 @@
 """Charts of linkages: round trips, closure constants without cancellation, derivatives."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Roberts' cognates draw the same curve, and are recognised among the answers to a path."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -41,9 +41,8 @@ def placed(seed: int, count: int = 30) -> Placed:
     """Random full cranks in random poses."""
     random = np.random.default_rng(seed)
     chart = GrashofChart()
-    unknowns = random.uniform(0.1, 1.0, (count, 4)) * np.column_stack(
-        [random.choice([-1, 1], count), np.ones((count, 3))]
-    )
+    unknowns = random.uniform(0.1, 1.0, (count, 4))
+    unknowns[:, 0] *= random.choice([-1, 1], count)
     first = random.uniform(0, 6, count)
     return Placed(
         chart.shape(unknowns).lengths,
@@ -59,16 +58,12 @@ def moved(one: Placed, column: int, step: float) -> Placed:
     """The linkages with one of the unknowns of `Constrained.slopes` changed."""
     if column < 4:
         return one._replace(lengths=one.lengths + step * np.eye(4)[column])
-    first, last = one.used
-    return [
-        lambda: one._replace(used=Interval(first + step, last)),
-        lambda: one._replace(used=Interval(first, last + step)),
-        lambda: one._replace(pivot=one.pivot + step),
-        lambda: one._replace(pivot=one.pivot + 1j * step),
-        lambda: one._replace(turned=one.turned + step),
-        lambda: one._replace(coupler=one.coupler + step),
-        lambda: one._replace(coupler=one.coupler + 1j * step),
-    ][column - 4]()
+    if column < 6:
+        return one._replace(
+            used=Interval(one.used.first + step * (column == 4), one.used.last + step * (column == 5))
+        )
+    name, way = {6: ("pivot", 1), 7: ("pivot", 1j), 8: ("turned", 1), 9: ("coupler", 1), 10: ("coupler", 1j)}[column]
+    return one._replace(**{name: getattr(one, name) + way * step})
 
 
 @pytest.mark.parametrize("name", EVERY)
@@ -234,7 +229,6 @@ def test_kept_is_what_keeps_its_limits_and_is_no_point() -> None:
         assert keeps(turned, Limits(link_max=0.9), one, rounding) == kept
     moving = Target(crank, crank + 1j * crank**2, crank=crank)
     for size, kept in ((1.0, True), (1e-3, True), (1e-7, False)):
-        small = one._replace(
-            lengths=size * lengths, pivot=np.zeros(1, complex), turned=np.zeros(1), coupler=np.ones(1) + 0j
-        )
+        pose = {"pivot": np.zeros(1, complex), "turned": np.zeros(1), "coupler": np.ones(1) + 0j}
+        small = one._replace(lengths=size * lengths, **pose)
         assert keeps(moving, Limits(link_max=10), small) == kept

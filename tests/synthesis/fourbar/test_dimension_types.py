@@ -1,7 +1,5 @@
 """Enumeration of dimension types against three loops."""
 
-from __future__ import annotations
-
 from itertools import permutations
 
 import numpy as np
@@ -57,16 +55,11 @@ def test_counting_makes_no_types() -> None:
     assert count_types(TypeRule(MAX_PERIMETER, 1)) == pytest.approx(MAX_PERIMETER**3 / 576, rel=1e-2)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "field"),
-    [
-        ((400, 0), "/smallest"),
-        ((400, -3), "/smallest"),
-        ((3, 2), "/perimeter"),
-        ((-400, 2), "/perimeter"),
-        ((MAX_PERIMETER + 1, 2), "/perimeter"),
-    ],
-)
+BAD = [((400, 0), "/smallest"), ((400, -3), "/smallest")]
+BAD += [((perimeter, 2), "/perimeter") for perimeter in (3, -400, MAX_PERIMETER + 1)]
+
+
+@pytest.mark.parametrize(("arguments", "field"), BAD)
 def test_bad_values_are_refused_by_name(arguments, field) -> None:
     with pytest.raises(FieldError) as caught:
         TypeRule(*arguments)

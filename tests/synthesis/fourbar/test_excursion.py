@@ -1,7 +1,5 @@
 """Excursions against fine polylines, laws, and a curve with a loop between two samples."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """Files of a linkage: they open again, and hold the linkage that the reply says."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json
@@ -234,16 +232,9 @@ def test_rotation_only_has_no_path_but_a_linkage(client) -> None:
 
 def test_radians_say_the_same_as_degrees(client, solved) -> None:
     request, _ = solved
-    turned = {
-        **request,
-        "rotation": [v * DEG for v in request["rotation"]],
-        "crank_span": 70 * DEG,
-        "angle_unit": "rad",
-    }
-    rows = [
-        list(csv.DictReader(io.StringIO(client.post("/v1/synthesize.csv", json=body).text)))
-        for body in (request, turned)
-    ]
+    turned = {**request, "rotation": [v * DEG for v in request["rotation"]], "crank_span": 70 * DEG}
+    texts = [client.post("/v1/synthesize.csv", json=body).text for body in (request, turned | {"angle_unit": "rad"})]
+    rows = [list(csv.DictReader(io.StringIO(text))) for text in texts]
     for one, two in zip(*rows):
         assert float(one["coupler_direction"]) == pytest.approx(float(two["coupler_direction"]) / DEG, abs=1e-6)
 

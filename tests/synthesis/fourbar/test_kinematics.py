@@ -1,7 +1,5 @@
 """Kinematics against 50-digit arithmetic, laws, and what must be refused quietly."""
 
-from __future__ import annotations
-
 import mpmath
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Links that can be had: laws of the grid, of the stock, and of the place that is fitted anew."""
 
-from __future__ import annotations
-
 import heapq
 import itertools
 from dataclasses import replace
@@ -90,10 +88,8 @@ def test_the_rest_is_fitted_anew(seed, with_rotation) -> None:
 def test_within_limits_no_small_change_that_keeps_them_is_better(seed, with_rotation, transmission, moved) -> None:
     target, solution = exact_case(seed, with_rotation)
     pivot, far = solution.linkage.pivot_a, 1e3
-    limits = Limits(
-        transmission_angle_min=transmission * solution.transmission_angle_min,
-        pivot_box=(pivot.real + moved, -far, far, far),
-    )
+    least, box = transmission * solution.transmission_angle_min, (pivot.real + moved, -far, far, far)
+    limits = Limits(transmission_angle_min=least, pivot_box=box)
     rounded = on_grid(target, solution, 1.0, limits)
     assert rounded is not None and within(target, limits, [rounded]) == [rounded]
     for changed in within(target, limits, assess(target, changes_of(rounded.linkage, target))):

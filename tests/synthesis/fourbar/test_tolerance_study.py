@@ -1,7 +1,5 @@
 """Tolerances of manufacture: against linkages put together pin by pin, and against their own laws."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

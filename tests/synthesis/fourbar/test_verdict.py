@@ -1,7 +1,5 @@
 """Verdicts against a tracker that follows each linkage round its circuit, laws, and cases whose answer one can see."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import numpy as np

@@ -1,18 +1,17 @@
 """Motion without crank angles: exact motions are recovered, all of them for five poses, many for fewer; laws of the request."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 import linkage_atlas as la
-from synthesis.descents import Stage, Timed
+from synthesis.descents import Stage
 from synthesis.fourbar.mechanism import FullCrankChart
 from synthesis.free.dyads import Body, evaluate_dyads, linear_dyads, polished
 from synthesis.free.joint import JointProblem
 from synthesis.free.poses import Poses, make_poses
 from tests.conftest import some_of
 from tests.oracles.free_classes import burmester_dyads, free_case, recompute_free
+from tests.synthesis.test_descents import unposed
 
 EXACT = 1e-9
 
@@ -189,19 +188,12 @@ def test_noisy_poses_are_fitted_no_worse_than_by_the_truth() -> None:
     for seed in range(3):
         case = free_case(seed, 20)
         poses = make_poses(case.rotation, case.position)
-        noise = (
-            1e-3 * poses.length_scale * (random.standard_normal(20) + 1j * random.standard_normal(20)) / np.sqrt(2)
-        )
+        noise = random.standard_normal(20) + 1j * random.standard_normal(20)
+        noise *= 1e-3 * poses.length_scale / np.sqrt(2)
         rotation = case.rotation + 1e-3 * random.standard_normal(20)
         noisy = Poses(rotation, case.position + noise, length_scale=poses.length_scale)
         problem = JointProblem(noisy, FullCrankChart())
-        truth = Timed(
-            problem.chart.unknowns(case.lengths[None]),
-            np.zeros((1, 3), dtype=complex),
-            np.zeros(1),
-            case.theta1[None],
-            np.array([float(case.branch)]),
-        )
+        truth = unposed(problem.chart.unknowns(case.lengths[None]), case.theta1[None], float(case.branch))
         polished_truth = problem.descended(problem.facing(truth), [Stage(200)])
         found = free(noisy.rotation, noisy.position, degrees=False, length_scale=poses.length_scale)
         assert found.best.errors.objective <= 1.01 * polished_truth.least, seed

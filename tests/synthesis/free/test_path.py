@@ -1,7 +1,5 @@
 """The search for paths without crank angles: seeded linkages are found again, in order, mirrored and reversed alike."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 from functools import cache
@@ -192,9 +190,8 @@ def test_candidates_that_stray_are_told_as_answers_are(closed: bool) -> None:
     )
     mounted = _Mounted.of(poses, Pool(timed, np.zeros(count)), run.chart)
     side = np.broadcast_to(timed.branch[:, None], timed.angles.shape)
-    linkages = FOURBAR.posed(
-        mounted.links, mounted.branch, mounted.start, (mounted.pivot, mounted.turn, mounted.coupler)
-    )
+    pose = mounted.pivot, mounted.turn, mounted.coupler
+    linkages = FOURBAR.posed(mounted.links, mounted.branch, mounted.start, pose)
     exact = np.array(excursions(linkages, timed.angles, side, poses.length_scale, closed=closed), dtype=float)
     told, _ = run.problem.excursions(timed, SHORTEST_CHORD, _PANEL)
     assert np.median(np.abs(told / exact - 1)) < 1e-4

@@ -1,7 +1,5 @@
 """By how much bodies turn between samples without crank angles."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
@@ -25,9 +23,8 @@ def test_a_body_that_turns_as_its_angles_say_spins_nowhere(
     for asked in (angles, np.angle(np.exp(1j * angles)), angles + TURN * wraps):
         if np.all(np.abs(np.abs(np.diff(asked)) - np.pi) > 1e-6):
             wanted = np.unwrap(asked)
-            assert np.all(np.isnan(poses_of(asked).spins(wanted + offset)[2])) and not spin_faults(
-                poses_of(asked), wanted
-            )
+            assert np.all(np.isnan(poses_of(asked).spins(wanted + offset)[2]))
+            assert not spin_faults(poses_of(asked), wanted)
     literal = poses_of(angles + TURN * wraps).spins(angles + TURN * wraps + offset)[2]
     assert np.all(np.isnan(literal))
 

@@ -1,7 +1,5 @@
 """Rocker curves, extremes of error curves, and errors that are recomputed."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import assume, given

@@ -1,7 +1,5 @@
 """The limits of function generators as conditions on length ratios: derivatives, and the check on the kinematics, agree."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

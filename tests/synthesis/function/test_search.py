@@ -1,7 +1,5 @@
 """The search for function generators: exact ones, given zeros and lengths, limits, and the least largest error."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -90,9 +88,8 @@ def test_the_least_largest_error_is_a_minimum_with_alternating_extremes() -> Non
     problem = Problem(wanted, Limits("any"), True)
     crank, coupler, rocker, ground = best.linkage.links
     x = np.append(np.log(np.array([crank, rocker, coupler]) / ground), [best.linkage.start, best.offset + np.pi])
-    steps = np.random.default_rng(0).normal(size=(400, 5)) * 10.0 ** np.random.default_rng(1).uniform(
-        -6, -2, (400, 1)
-    )
+    steps = np.random.default_rng(0).normal(size=(400, 5))
+    steps *= 10.0 ** np.random.default_rng(1).uniform(-6, -2, (400, 1))
     places = np.linspace(0, wanted.crank[-1], 4001)[None]
     side = np.full(401, -float(best.linkage.branch))
     gap = problem.gap(np.vstack([x, x + steps]), side, np.broadcast_to(places, (401, 4001)))
@@ -112,14 +109,8 @@ def test_a_mirrored_function_gives_the_mirrored_linkages() -> None:
 
 @pytest.mark.parametrize("objective", ["rms", "max"])
 def test_limits_are_kept(objective: str) -> None:
-    limits = {
-        "family": "full_crank",
-        "transmission_angle_min": 32,
-        "transmission_angle_min_turn": 12,
-        "link_ratio_max": 5,
-        "links": {"ground": 80},
-        "link_min": 25,
-    }
+    limits = {"family": "full_crank", "transmission_angle_min": 32, "transmission_angle_min_turn": 12}
+    limits |= {"link_ratio_max": 5, "links": {"ground": 80}, "link_min": 25}
     found = la.function(function=LOGARITHM, crank_span=60, objective=objective, limits=limits, top=4)
     assert found.solutions
     for one in found.solutions:
@@ -174,15 +165,8 @@ def test_a_pair_of_weight_zero_does_not_count() -> None:
 
 def test_no_time_is_no_error() -> None:
     clock = iter(np.arange(0, 1e6, 10.0))
-    found, report = generate(
-        seed_tables(),
-        wanted_of(np.exp, 0, 1, 90, 90),
-        Limits("any", transmission_angle_min=0.5),
-        True,
-        3,
-        1e-10,
-        Work(1.0, clock=lambda: float(next(clock))),
-    )
+    work, limits = Work(1.0, clock=lambda: float(next(clock))), Limits("any", transmission_angle_min=0.5)
+    found, report = generate(seed_tables(), wanted_of(np.exp, 0, 1, 90, 90), limits, True, 3, 1e-10, work)
     assert report.stopped_by == "budget" and isinstance(found, list)
 
 

@@ -1,7 +1,5 @@
 """Functions with travel: laws against the linkages that they are, derivatives against differences, exact searches."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -33,11 +31,8 @@ def test_the_output_is_that_of_the_linkage(law: Law) -> None:
     for one, side, row, least in zip(unknowns, branch, value, sine):
         linkage = law.linkage(law.of(one[None])[0], int(side), float(one[3]))
         assert linkage.kind is law.kind and linkage.driver is law.driver
-        start = (
-            np.mod(linkage.start - one[3] + np.pi, 2 * np.pi) - np.pi
-            if law.input == ANGLE
-            else linkage.start - one[3]
-        )
+        start = linkage.start - one[3]
+        start = np.mod(start + np.pi, 2 * np.pi) - np.pi if law.input == ANGLE else start
         assert start == pytest.approx(0, abs=1e-9)
         body = linkage.body(linkage.start + travel)
         other = linkage.guides[1]

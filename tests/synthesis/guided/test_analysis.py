@@ -1,7 +1,5 @@
 """Forces on bodies on two guides: balance of every link, and of power."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

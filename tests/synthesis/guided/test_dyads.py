@@ -1,7 +1,5 @@
 """Rails and slots in closed form: the checkpoints of the design, and that nothing near them is better."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

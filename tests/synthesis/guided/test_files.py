@@ -1,7 +1,5 @@
 """Files of linkages on two guides: drawings that hold the geometry, tables, and models that MuJoCo runs."""
 
-from __future__ import annotations
-
 import csv
 import io
 from xml.etree import ElementTree
@@ -50,13 +48,10 @@ def test_a_drawing_for_cad_holds_the_geometry(drive) -> None:
     document = ezdxf.read(io.StringIO(to_dxf(linkage, target, 10.0)))
     assert not document.audit().errors
     space = document.modelspace()
-    lines = {
-        layer: [
-            (complex(one.dxf.start.x, one.dxf.start.y), complex(one.dxf.end.x, one.dxf.end.y))
-            for one in space.query(f'LINE[layer=="{layer}"]')
-        ]
-        for layer in ("GROUND", "LINKS", "BODY")
-    }
+    lines = {}
+    for layer in ("GROUND", "LINKS", "BODY"):
+        ends = [(one.dxf.start, one.dxf.end) for one in space.query(f'LINE[layer=="{layer}"]')]
+        lines[layer] = [tuple(complex(end.x, end.y) for end in both) for both in ends]
     pose = linkage.links(0.0)[1]
     turned = np.exp(1j * pose.angle[0])
     for guide in linkage.guides:

@@ -1,7 +1,5 @@
 """Bodies on two guides: checkpoints of published closed forms, and laws of poses, derivatives, mirrors and scales."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Made linkages on two guides: Newton's poses are the closed form's, slopes are right, and studies keep their laws."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -40,15 +38,10 @@ def test_made_linkages_are_the_closed_forms(drive) -> None:
     travel = np.linspace(0.0, 0.4, 5)
     for _ in range(10):
         linkage = _good(random, drive)
-        offs = [
-            Deviation(
-                *(
-                    0.02 * value
-                    for value in (*random.normal(size=1), *_plane(random), *_plane(random), *random.normal(size=1))
-                )
-            )
-            for _ in range(2)
-        ]
+        offs = []
+        for _ in range(2):
+            off = (*random.normal(size=1), *_plane(random), *_plane(random), *random.normal(size=1))
+            offs.append(Deviation(*(0.02 * value for value in off)))
         place, rotation = made(linkage, linkage.start + travel, *offs)
         other = linkage
         for guide, off in enumerate(offs):

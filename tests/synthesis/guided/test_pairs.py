@@ -1,7 +1,5 @@
 """Pairs of guides as the compiled descents see them: poses by the kinds' own equations, slopes by differences, huge circles."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

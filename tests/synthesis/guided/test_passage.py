@@ -1,7 +1,5 @@
 """Verdicts on linkages on two guides: against following them step by step, and laws. ``benchmarks.guided`` has 2,000 cases."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Lengths that can be had for linkages on two guides: they are kept, and the rest is at its best."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.optimize import least_squares

@@ -1,7 +1,5 @@
 """Linkages on two guides against requests: the drive's best place at each sample, errors, and size."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

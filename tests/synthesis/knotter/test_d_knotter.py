@@ -1,7 +1,5 @@
 """The knotter's published and reference figures, at their tolerances (tests/reference/knotter.README.md)."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -29,11 +27,8 @@ def reference_print():
     data = FIGURES["REF_PRINT"]
     law = data["laws"]["beta"]
     points = {name: tuple(map(float, xyz)) for name, xyz in data["points"].items()}
-    return {
-        "parameters": data["parameters"],
-        "laws": {"beta": Linear(np.radians(law["lead"]), law["ratio"])},
-        "points": points,
-    }
+    laws = {"beta": Linear(np.radians(law["lead"]), law["ratio"])}
+    return {"parameters": data["parameters"], "laws": laws, "points": points}
 
 
 def run(**others):
@@ -224,9 +219,8 @@ def test_crossings_are_those_of_the_equations_typed_out() -> None:
         (y, z), share, corners = exact.wrap(float(np.radians(at)))
         assert curve.point[row, 1:] == pytest.approx([float(y), float(z)], abs=1e-9)
         assert curve.on_rope[row] == (0 < share < 1)
-        assert curve.triangle[:, row, 1:] == pytest.approx(
-            np.array([[float(x) for x in c] for c in corners]), abs=1e-12
-        )
+        wanted = np.array([[float(x) for x in c] for c in corners])
+        assert curve.triangle[:, row, 1:] == pytest.approx(wanted, abs=1e-12)
 
 
 @pytest.mark.parametrize("name", ["wrap", "bite"])

@@ -1,7 +1,5 @@
 """No root missed, none invented: against known roots, 40 digits, and windows narrower than any scan's step."""
 
-from __future__ import annotations
-
 import mpmath as mp
 import numpy as np
 import pytest
@@ -33,9 +31,8 @@ def roots_of(function, first: float, last: float, rate: float = 1.0, breakpoints
 def test_all_zeros_of_a_product_of_sines(zeros) -> None:
     zeros = np.sort(zeros)
     zeros = zeros[np.append(True, np.diff(zeros) > 1e-3)]
-    found = roots_of(
-        lambda x: np.prod([np.sin((x - zero) / 2) for zero in zeros], axis=0), 0.0, 3.1, 0.5 * len(zeros)
-    )
+    waves = lambda x: np.prod([np.sin((x - zero) / 2) for zero in zeros], axis=0)  # noqa: E731
+    found = roots_of(waves, 0.0, 3.1, 0.5 * len(zeros))
     assert len(found) == len(zeros)
     assert found == pytest.approx(zeros, abs=1e-8)
 
@@ -70,9 +67,8 @@ def test_a_rate_that_was_promised_too_low_is_made_good_by_halving() -> None:
 
 def test_a_zero_at_a_common_end_of_two_pieces_is_found_once() -> None:
     assert roots_of(lambda x: np.sin(x - 1.0), 0.0, 2.0, 1.0, [1.0]) == pytest.approx([1.0], abs=1e-15)
-    assert roots_of(lambda x: np.abs(x - 1.0) - 1e-9, 0.0, 2.0, 1.0, [1.0]) == pytest.approx(
-        [1 - 1e-9, 1 + 1e-9], abs=1e-15
-    )
+    found = roots_of(lambda x: np.abs(x - 1.0) - 1e-9, 0.0, 2.0, 1.0, [1.0])
+    assert found == pytest.approx([1 - 1e-9, 1 + 1e-9], abs=1e-15)
 
 
 def test_rounding_that_differs_between_two_looks_at_one_place_makes_no_root() -> None:
@@ -158,9 +154,8 @@ def test_windows_where_the_rope_only_grazes_the_edge(degrees: float, width: floa
     if bend < 0:
         normal, bend = -normal, -bend
     centre = middle + normal * bend * np.radians(width) ** 2 / 8
-    s3, s4, s5 = (
-        (0.0, *map(float, point)) for point in (centre + 9.3 * tangent, centre - 11.1 * tangent, centre - 20 * normal)
-    )
+    corners = centre + 9.3 * tangent, centre - 11.1 * tangent, centre - 20 * normal
+    s3, s4, s5 = ((0.0, *map(float, point)) for point in corners)
     found = d_knotter.wrap().evaluate(d_knotter.mechanism(PAIR, points={"S3": s3, "S4": s4, "S5": s5}), 1)
 
     exact = Exact(10, 25, {"S3": s3, "S4": s4, "S5": s5})

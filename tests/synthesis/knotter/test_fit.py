@@ -1,7 +1,5 @@
 """Fit of unknown dimensions: the published patterns from seeded starts, checked by the study, and what is free by the report."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -106,9 +104,8 @@ def test_margins_of_many_are_those_of_each(pattern) -> None:
     together = pattern.margins(shares, Work())
     for share, row in zip(shares, together):
         assert pattern.margins(share[None], Work())[0] == pytest.approx(row, abs=1e-9)
-        result = d_knotter.wrap().evaluate(
-            varied(machine_at(pattern, share), pattern.wanted[0].items), len(pattern.wanted[0].holds)
-        )
+        first = pattern.wanted[0]
+        result = d_knotter.wrap().evaluate(varied(machine_at(pattern, share), first.items), len(first.holds))
         assert (row[:9] > 0).tolist() == (result.holds == pattern.wanted[0].holds).tolist()
 
 

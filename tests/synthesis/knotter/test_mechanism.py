@@ -1,7 +1,5 @@
 """Laws and chains: against matrices and scipy, and what a chain must keep."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """Does a segment cross a triangle: against rational arithmetic, and in every named case."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import numpy as np
@@ -30,11 +28,7 @@ def naive_classify(p, q, a, b, c) -> Crossing:
         return [x - y for x, y in zip(u, v)]
 
     def determinant(u, v, w):
-        return (
-            u[0] * (v[1] * w[2] - v[2] * w[1])
-            - u[1] * (v[0] * w[2] - v[2] * w[0])
-            + u[2] * (v[0] * w[1] - v[1] * w[0])
-        )
+        return sum(u[k] * (v[(k + 1) % 3] * w[(k + 2) % 3] - v[(k + 2) % 3] * w[(k + 1) % 3]) for k in range(3))
 
     ab, ac, pq, ap = minus(b, a), minus(c, a), minus(q, p), minus(p, a)
     normal = [ab[1] * ac[2] - ab[2] * ac[1], ab[2] * ac[0] - ab[0] * ac[2], ab[0] * ac[1] - ab[1] * ac[0]]

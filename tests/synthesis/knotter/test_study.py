@@ -1,7 +1,5 @@
 """Verdicts, margins and limits: against a naive twin of matrices and a fine scan, and the laws they obey."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 
@@ -77,16 +75,10 @@ def test_entry_is_where_the_naive_twin_finds_it(name: str, cases) -> None:
         alpha, inside, starts = scanned(seed, name)
         low, high = alpha[starts[0] - 1], alpha[starts[0]]
         # The share that becomes positive last is the one that opens the window.
-        roots = {
-            share: brentq(
-                lambda at, share=share, twin=twin: twin.shares(name, np.float64(at))[share],
-                low,
-                high,
-                xtol=1e-15,
-                rtol=1e-15,
-            )
-            for share in np.flatnonzero(twin.shares(name, low) <= 0)
-        }
+        roots = {}
+        for share in np.flatnonzero(twin.shares(name, low) <= 0):
+            value = lambda at, share=share, twin=twin: twin.shares(name, np.float64(at))[share]  # noqa: E731
+            roots[share] = brentq(value, low, high, xtol=1e-15, rtol=1e-15)
         opened, enter = max(roots.items(), key=lambda row: row[1])
         assert np.degrees(found.enter[0] - enter) == pytest.approx(0.0, abs=1e-9)
         assert found.opened_by[0] == (2, 3, 4, 0, 1)[opened]
@@ -125,9 +117,8 @@ def test_worst_clearance_is_no_better_than_a_fine_scan(seed: int, radius: float,
         if np.isinf(radius):
             return y
         across = np.hypot(x, z) - radius
-        return np.where(
-            (across < 0) & (y > 0), np.minimum(y, -across), -np.hypot(np.maximum(across, 0), np.maximum(-y, 0))
-        )
+        outside = np.hypot(np.maximum(across, 0), np.maximum(-y, 0))
+        return np.where((across < 0) & (y > 0), np.minimum(y, -across), -outside)
 
     scanned = depth(alpha).max()
     assert scanned - 1e-9 <= found.worst[0] <= scanned + 1e-2
@@ -138,9 +129,8 @@ def test_worst_clearance_is_no_better_than_a_fine_scan(seed: int, radius: float,
 
 def test_deepest_place_in_a_disc_may_be_a_corner() -> None:
     """A point on a circle beside the rim: deeper past the plane and nearer to the rim at once; solved by hand."""
-    arm = Mechanism(
-        {}, {}, (Chain("arm", "disc", (Turn("k", "driver"), Shift(i=15.0))),), {"tip": ("arm", (10.0, 0.0, 0.0))}
-    )
+    chains = (Chain("arm", "disc", (Turn("k", "driver"), Shift(i=15.0))),)
+    arm = Mechanism({}, {}, chains, {"tip": ("arm", (10.0, 0.0, 0.0))})
     condition = Clearance("clear", "tip", "disc", 1, -1, 0.0, (0.0, np.pi), radius=20.0)
     found = condition.evaluate(arm, 1)
     # The tip is 10 sin behind the plane and 5 - 10 cos inside the rim: equal where sin + cos = 1/2.

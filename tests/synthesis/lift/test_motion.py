@@ -1,7 +1,5 @@
 """The lift's poses and motions: published and independently checked numbers, laws, naive twins and extremes."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json
@@ -167,9 +165,8 @@ def test_smallest_condition_is_the_smallest() -> None:
         limits = checked_stroke(DESIGNS[name], CYLINDER)
         found, turn = lift_loops.smallest_condition(DESIGNS[name], limits)
         assert found == pytest.approx(least, abs=0.01)
-        assert found <= np.min(lift_loops.condition(DESIGNS[name], np.linspace(0, limits.turn_bottom, 2000))) * (
-            1 + 1e-9
-        )
+        along = lift_loops.condition(DESIGNS[name], np.linspace(0, limits.turn_bottom, 2000))
+        assert found <= np.min(along) * (1 + 1e-9)
         assert lift_loops.condition(DESIGNS[name], turn) == found
 
 
@@ -239,9 +236,8 @@ def test_rates_are_time_derivatives(lift) -> None:
     slope = (after.pose.height - before.pose.height) / (2 * step)
     np.testing.assert_allclose(slope, at.velocity, rtol=0, atol=1e-5 * scale)
     slope = (after.velocity - before.velocity) / (2 * step)
-    np.testing.assert_allclose(
-        slope, at.acceleration, rtol=0, atol=1e-5 * np.max(np.abs(at.acceleration)) + 1e-5 * scale / duration
-    )
+    near = 1e-5 * np.max(np.abs(at.acceleration)) + 1e-5 * scale / duration
+    np.testing.assert_allclose(slope, at.acceleration, rtol=0, atol=near)
     rates = (lift_loops.link_angles(after.pose) - lift_loops.link_angles(before.pose)) / (2 * step)
     own = lift_loops.angular_velocities(at.pose, at.cylinder_speed)
     np.testing.assert_allclose(rates, own, rtol=0, atol=1e-5 * np.max(np.abs(own)))
@@ -500,9 +496,8 @@ def test_files_show_the_design() -> None:
     rows = list(csv.DictReader(io.StringIO(design_csv(moved, 482.2))))
     # the slide is left of O by b; the other joints are those of the motion, first and last
     still = {"O": (0.0, 0.0), "D": (-560.3, 0.0)}
-    start, top = (
-        still | {n: (float(row[f"{n}_x"]), float(row[f"{n}_y"])) for n in "ABC"} for row in (rows[0], rows[-1])
-    )
+    moved = [{n: (float(row[f"{n}_x"]), float(row[f"{n}_y"])) for n in "ABC"} for row in (rows[0], rows[-1])]
+    start, top = (still | places for places in moved)
     drawn: dict[str, list[list[float]]] = {}
     for one in document.modelspace().query("LWPOLYLINE"):
         drawn.setdefault(one.dxf.layer, []).append([place for point in one.get_points("xy") for place in point])
@@ -513,9 +508,8 @@ def test_files_show_the_design() -> None:
     assert drawn["TRIANGLE"] + drawn["LINK"] + drawn["CYLINDER"] == through(start, "ABC", "DC", "OB")
     assert drawn["TOP"] == through(top, "ABC", "DC", "OB")
     assert drawn["GROUND"] == through(start | {"A": top["A"]}, "DO", "DA")
-    assert [[*path[:2], *path[-2:]] for path in drawn["PATHS"]] == [
-        pytest.approx([*start[name], *top[name]], abs=1e-6) for name in "BC"
-    ]
+    ends = [pytest.approx([*start[name], *top[name]], abs=1e-6) for name in "BC"]
+    assert [[*path[:2], *path[-2:]] for path in drawn["PATHS"]] == ends
     circles = [tuple(one.dxf.center)[:2] for one in document.modelspace().query("CIRCLE")]
     for one in document.modelspace().query("TEXT"):
         pin = start[one.dxf.text]
@@ -524,6 +518,5 @@ def test_files_show_the_design() -> None:
     assert len(circles) == len(document.modelspace().query("TEXT")) == 5
     assert len(rows) == 51 and float(rows[0]["closed_length"]) == 482.2 and float(rows[7]["l4"]) == 223.5
     for row in rows:
-        assert math.hypot(float(row["B_x"]), float(row["B_y"])) == pytest.approx(
-            float(row["cylinder_length"]), rel=1e-12
-        )
+        length = math.hypot(float(row["B_x"]), float(row["B_y"]))
+        assert length == pytest.approx(float(row["cylinder_length"]), rel=1e-12)

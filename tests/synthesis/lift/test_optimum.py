@@ -1,7 +1,5 @@
 """The lift's optimum: published and independently found optima, an independent search, laws, refusals."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import replace
@@ -34,12 +32,8 @@ from tests.oracles import lift as oracle
 
 REFERENCE = json.loads((Path(__file__).parents[2] / "reference/lift_acceptance.json").read_text())
 DESIGNS = {name: Design(*map(float, lengths)) for name, lengths in REFERENCE["designs"].items()}
-OBJECTIVES = {
-    "discrete": Objective("discrete"),
-    "printed": Objective("discrete", include_start=False),
-    "continuous": Objective("continuous"),
-    "normalized": Objective("normalized"),
-}
+OBJECTIVES = {kind: Objective(kind) for kind in ("discrete", "continuous", "normalized")}
+OBJECTIVES["printed"] = Objective("discrete", include_start=False)
 CYLINDER = Cylinder(220.0, 100.0)
 
 
@@ -234,12 +228,8 @@ def test_an_optimum_at_a_flat_triangle_says_so() -> None:
 
 
 def test_batch_is_one_by_one() -> None:
-    tasks = [
-        task(cylinder=Cylinder(220.0, 100.0)),
-        task(cylinder=Cylinder(220.0, 70.0)),
-        task(cylinder=Cylinder(220.0, 0.0)),
-        task(cylinder=Cylinder(900.0, 100.0)),
-    ]
+    cylinders = (220.0, 100.0), (220.0, 70.0), (220.0, 0.0), (900.0, 100.0)
+    tasks = [task(cylinder=Cylinder(*one)) for one in cylinders]
     together = optimize_batch(tasks)
     for wanted, found in zip(tasks, together):
         if isinstance(found, FieldError):

@@ -1,7 +1,5 @@
 """A given linkage refined: back to the exact one it was moved from, never worse than it began, within the limits."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import product
 

@@ -1,7 +1,5 @@
 """The search within limits: its seeds, its descents, and that what it finds keeps what was asked."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any

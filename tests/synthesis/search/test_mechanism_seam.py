@@ -1,7 +1,5 @@
 """Other mechanisms through the same search and scan: what `synthesis.mechanism` asks for is all that both need to know."""
 
-from __future__ import annotations
-
 from itertools import count
 from typing import Any
 
@@ -94,9 +92,8 @@ def test_a_mirrored_motion_gives_the_mirrored_linkages(kind: Kind) -> None:
     plain, mirrored = (linkages_by_crank(kind, one, "any", 2)[0] for one in (target, target.mirrored()))
     for one, other in zip(plain, mirrored, strict=True):
         assert one.errors.objective == pytest.approx(other.errors.objective, rel=1e-12)
-        assert one.linkage == other.linkage.mirrored() or np.allclose(
-            one.identity, other.mirrored().identity, rtol=1e-9, atol=1e-9
-        )
+        alike = np.allclose(one.identity, other.mirrored().identity, rtol=1e-9, atol=1e-9)
+        assert alike or one.linkage == other.linkage.mirrored()
 
 
 @every_kind
@@ -182,10 +179,8 @@ def test_the_scan_finds_the_best_windows_of_all_branches_that_there_are(mechanis
     # nearly what a second branch would do
     wanted = -body_angle(lengths[:1] * [1, 1.02, 1], 0.3 - crank, mechanism.guide)[0]
     position = np.array([1, 0.3, -0.8]) @ [np.ones(13), np.exp(1j * crank), np.exp(1j * wanted)]
-    targets = [
-        make_target(turned, points, crank_angle=crank)
-        for turned, points in ((wanted, None), (None, position), (wanted, position), (np.zeros(13), None))
-    ]
+    asked = (wanted, None), (None, position), (wanted, position), (np.zeros(13), None)
+    targets = [make_target(*one, crank_angle=crank) for one in asked]
     every = [every_window(mechanism, lengths, target) for target in targets]
     for by_index in (False, True):
         if by_index:

@@ -1,7 +1,5 @@
 """Motions whose crank angles are given: J of candidates, and that descents lose nothing and come back to what is exact."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -30,13 +28,9 @@ def random_target(seed: int, kind: str = "both", samples: int = 16, weighted: bo
     rotation = None if kind == "position" else wave[0]
     position = None if kind == "rotation" else wave[1] + 1j * wave[2] + complex(*random.uniform(-3, 3, 2))
     weights = random.uniform(0.2, 3, (2, samples)) * (np.arange(samples) % 4 != [[1], [2]])
-    return make_target(
-        rotation,
-        position,
-        crank_angle=crank,
-        rotation_weights=weights[0] if weighted and kind != "position" else None,
-        position_weights=weights[1] if weighted and kind != "rotation" else None,
-    )
+    turns, places = (weighted and kind != other for other in ("position", "rotation"))
+    weighed = {"rotation_weights": weights[0] if turns else None, "position_weights": weights[1] if places else None}
+    return make_target(rotation, position, crank_angle=crank, **weighed)
 
 
 def drawn(chart: AnyChart | FullCrankChart | GrashofChart, seed: int, count: int, reach: float) -> Timed:
@@ -71,9 +65,8 @@ def test_cost_is_the_square_of_the_objective(chart, kind, weighted) -> None:
 def test_linkages_are_in_the_pose_that_limits_leave_them(posed) -> None:
     target, chart = random_target(5), GrashofChart()
     limits = Limits(pivot_a=target.middle + 2) if posed else Limits(transmission_angle_min=0.6)
-    constraints = Constraints(
-        limits, target.middle if posed else 0j, target.length_scale if posed else 1.0, exact=False
-    )
+    frame = (target.middle, target.length_scale) if posed else (0j, 1.0)
+    constraints = Constraints(limits, *frame, exact=False)
     problem = GivenProblem(target, chart, constraints, posed)
     start = GivenProblem(target, chart).measured(drawn(chart, 6, 40, 1.5)).timed
     found = problem.descended(start, [Stage(20, weight=weight) for weight in (3.0, 30.0, 300.0)])

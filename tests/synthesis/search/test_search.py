@@ -1,7 +1,5 @@
 """The search as a user meets it: laws of requests and replies, small samples of every class."""
 
-from __future__ import annotations
-
 import json
 import time
 from dataclasses import replace
@@ -112,7 +110,7 @@ def test_few_and_many_samples(kind, samples, resources) -> None:
         assert any("ill-posed" in note for note in reply["report"]["notes"])
 
 
-@pytest.mark.parametrize("scale", [1e-9, 1e9])
+@pytest.mark.parametrize("scale", [1e-9, 1e9, 1e-45, 1e45])
 def test_any_unit_of_length(scale, resources) -> None:
     case = make_case("any order", 5200)
     scaled = case.request | {"position": (scale * np.array(case.request["position"])).tolist()}
@@ -181,12 +179,10 @@ def test_a_moved_request_gives_the_moved_linkage(mirror, seed, resources) -> Non
         return shift + scale * np.exp(1j * np.deg2rad(turn)) * (np.conj(point) if mirror < 0 else point)
 
     points = moved(np.array(case.request["position"]) @ [1, 1j])
-    request = {
-        "rotation": np.deg2rad(mirror * np.array(case.request["rotation"]) + turn).tolist(),
-        "position": np.column_stack([points.real, points.imag]).tolist(),
-        "crank_span": float(np.deg2rad(mirror * case.request["crank_span"])),
-        "angle_unit": "rad",
-    }
+    rotation = np.deg2rad(mirror * np.array(case.request["rotation"]) + turn).tolist()
+    position = np.column_stack([points.real, points.imag]).tolist()
+    span = np.deg2rad(mirror * case.request["crank_span"])
+    request = {"rotation": rotation, "position": position, "crank_span": float(span), "angle_unit": "rad"}
     old, new = (ask(one, resources)["solutions"][0] for one in (case.request, request))
     np.testing.assert_allclose(links_of(new), scale * links_of(old), rtol=1e-6)
     assert new["branch"] == mirror * old["branch"]
@@ -397,10 +393,8 @@ def test_sensitivity_is_that_of_finite_differences(kind, tables) -> None:
             change = np.sqrt(np.mean(((ahead - behind) / (2 * step[k])) ** 2))
             assert mine.rotation[k] == pytest.approx(change, rel=1e-5)
         if mine.position is not None:
-            points = [
-                replace(linkage, links=tuple(links + sign * step)).body_point(crank, angle)
-                for sign, angle in ((1, ahead), (-1, behind))
-            ]
+            longer, shorter = (replace(linkage, links=tuple(links + sign * step)) for sign in (1, -1))
+            points = longer.body_point(crank, ahead), shorter.body_point(crank, behind)
             change = np.sqrt(np.mean(np.abs((points[0] - points[1]) / (2 * step[k])) ** 2))
             assert mine.position[k] == pytest.approx(change, rel=1e-5)
     assert (mine.rotation is None) == (kind == "position only")

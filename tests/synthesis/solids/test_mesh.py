@@ -1,7 +1,5 @@
 """Triangles of parts: closed, within the exact solid; 3MF and STL as their readers see them."""
 
-from __future__ import annotations
-
 import io
 import time
 import zipfile
@@ -64,9 +62,8 @@ def test_many_random_plates_are_closed() -> None:
 def test_straight_corners_of_a_body_leave_no_gap() -> None:
     corners = [0j, 10 + 0j, 30 + 0j, 60 + 0j, 60 + 40j, 60 + 60j, 30 + 60j, 60j, 30j]
     for fillet in (0.0, 3.0):
-        mesh = mesh_of(
-            Prism(filleted(corners, fillet), 0, 4, (Hole(30 + 30j, 5), Hole(10 + 30j, 5), Hole(50 + 30j, 5)))
-        )
+        holes = tuple(Hole(x + 30j, 5) for x in (30, 10, 50))
+        mesh = mesh_of(Prism(filleted(corners, fillet), 0, 4, holes))
         assert open_edges(mesh) == 0 and euler_characteristic(mesh) == -4
 
 

@@ -1,7 +1,5 @@
 """Flat parts: closed forms, Monte-Carlo-free counterparts by polygons, and rigid bodies of several parts."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -78,9 +76,8 @@ def test_a_rounded_triangle_is_what_fine_polygons_tend_to(base, x, y, radius) ->
     assert prism.moments.centre == pytest.approx(((ring + on) * cross).sum() / 6 / area, rel=1e-5, abs=1e-5)
     xx = ((ring.real**2 + ring.real * on.real + on.real**2) * cross).sum() / 12
     assert prism.moments.xx + area * prism.moments.centre.real**2 == pytest.approx(xx, rel=1e-5)
-    xy = np.sum(
-        cross * (2 * ring.real * ring.imag + ring.real * on.imag + on.real * ring.imag + 2 * on.real * on.imag)
-    )
+    both = 2 * ring.real * ring.imag + ring.real * on.imag + on.real * ring.imag + 2 * on.real * on.imag
+    xy = np.sum(cross * both)
     mixed = prism.moments.xy + area * prism.moments.centre.real * prism.moments.centre.imag
     assert mixed == pytest.approx(xy / 24, rel=1e-5, abs=1e-5 * xx)
 
@@ -99,9 +96,7 @@ def test_an_arc_ends_where_its_bulge_says(start, way, bulge) -> None:
     for sign in (1, -1):
         arc = arc_between(start, start + way, sign * bulge)
         ends = arc.at(np.array([0.0, 1.0]))
-        assert abs(ends[0] - start) < 1e-9 * max(1, arc.radius) and abs(ends[1] - start - way) < 1e-9 * max(
-            1, arc.radius
-        )
+        assert max(abs(ends[0] - start), abs(ends[1] - start - way)) < 1e-9 * max(1, arc.radius)
         middle = arc.at(np.array([0.5]))[0]
         # the sagitta is the bulge times half the chord, to the right of the way where the bulge is positive
         assert (start + way / 2 - 1j * way / 2 * sign * bulge) == pytest.approx(middle, abs=1e-8 * max(1, arc.radius))
@@ -142,17 +137,8 @@ def _octahedron(part):
     ixx, izz = part.inertia[0, 0] / part.mass, part.inertia[2, 2] / part.mass
     xx = izz / 2
     zz = ixx - xx
-    return [
-        np.array(off) * np.sqrt(3)
-        for off in (
-            (np.sqrt(xx), 0, 0),
-            (-np.sqrt(xx), 0, 0),
-            (0, np.sqrt(xx), 0),
-            (0, -np.sqrt(xx), 0),
-            (0, 0, np.sqrt(zz)),
-            (0, 0, -np.sqrt(zz)),
-        )
-    ]
+    axes = np.diag(np.sqrt(3 * np.array([xx, xx, zz])))
+    return [*axes, *-axes]
 
 
 @pytest.mark.parametrize(

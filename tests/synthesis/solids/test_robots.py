@@ -1,7 +1,5 @@
 """URDF and SDF: trees and joints, frames that meet, masses; and turned once around by MuJoCo where it is installed."""
 
-from __future__ import annotations
-
 from xml.etree import ElementTree
 
 import numpy as np
@@ -85,11 +83,9 @@ def test_urdf_has_the_masses_of_the_parts(named) -> None:
     found = {}
     for link in root.iter("link"):
         if (inertial := link.find("inertial")) is not None:
-            found[link.get("name")] = (
-                float(inertial.find("mass").get("value")),
-                numbers(inertial.find("origin").get("xyz")),
-                np.array([float(inertial.find("inertia").get(key)) for key in INERTIA]),
-            )
+            mass, origin = inertial.find("mass").get("value"), inertial.find("origin").get("xyz")
+            inertia = np.array([float(inertial.find("inertia").get(key)) for key in INERTIA])
+            found[link.get("name")] = float(mass), numbers(origin), inertia
     check_masses(named[1], found)
 
 
@@ -101,11 +97,9 @@ def test_sdf_closes_the_loop_by_a_fourth_joint(named) -> None:
     for link in model.findall("link"):
         pose, inertial = numbers(link.find("pose").text), link.find("inertial")
         poses[link.get("name")] = complex(pose[0], pose[1]), np.exp(1j * pose[5])
-        found[link.get("name")] = (
-            float(inertial.find("mass").text),
-            numbers(inertial.find("pose").text)[:3],
-            np.array([float(inertial.find("inertia").find(key).text) for key in INERTIA]),
-        )
+        inertia = np.array([float(inertial.find("inertia").find(key).text) for key in INERTIA])
+        origin = numbers(inertial.find("pose").text)[:3]
+        found[link.get("name")] = float(inertial.find("mass").text), origin, inertia
     check_masses(solids, found)
     wanted = {"A": joints.pivot_a, "B": joints.pivot_b, "D": joints.crank_pin[0], "C": joints.coupler_pin[0]}
     turning = [joint for joint in model.findall("joint") if joint.get("type") == "revolute"]
@@ -144,9 +138,8 @@ def test_pybullet_turns_a_urdf_once_around(name, tmp_path) -> None:
             pybullet.setJointMotorControl2(body, k, pybullet.VELOCITY_CONTROL, force=0)
         first, size = linkage.joints(np.zeros(1)), max(linkage.links) / 1000
         for travel in np.linspace(0, 2 * np.pi, 3000):
-            pybullet.setJointMotorControl2(
-                body, links["crank"], pybullet.POSITION_CONTROL, targetPosition=travel, force=100
-            )
+            motor = {"controlMode": pybullet.POSITION_CONTROL, "targetPosition": travel, "force": 100}
+            pybullet.setJointMotorControl2(body, links["crank"], **motor)
             pybullet.stepSimulation()
             at = [np.array(pybullet.getLinkState(body, k, computeForwardKinematics=1)[4]) for k in ends]
             assert np.linalg.norm(at[0] - at[1]) < 1e-4 * size

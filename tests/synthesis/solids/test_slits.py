@@ -1,7 +1,5 @@
 """Parts with slits: areas against shapely, files against their readers; parts of rails, slots and six-bars apart everywhere."""
 
-from __future__ import annotations
-
 import io
 import re
 from contextlib import suppress
