@@ -1,7 +1,5 @@
 """What many tests share: the default atlas, built once a session, a small one, and the service without any."""
 
-from __future__ import annotations
-
 import copy
 import fcntl
 import gc

@@ -1,7 +1,5 @@
 """Assemblies over HTTP and on the command line: as in Python, and what is wrong is named where it stands."""
 
-from __future__ import annotations
-
 import json
 
 import linkage_atlas as la
@@ -36,13 +34,8 @@ def test_the_command_shows_layers_from_the_top_down(capsys, tmp_path) -> None:
     assert cli.main(["assembly", "--example", "double_crank"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "free: 3 layers"
-    assert [line.split()[:2] for line in lines[4:9]] == [
-        ["4", "board_above"],
-        ["3", "rocker"],
-        ["2", "coupler"],
-        ["1", "crank"],
-        ["0", "board_below"],
-    ]
+    stack = ["4 board_above", "3 rocker", "2 coupler", "1 crank", "0 board_below"]
+    assert [" ".join(line.split()[:2]) for line in lines[4:9]] == stack
     assert cli.main(["assembly", "--example", "double_crank", "--set", "boards=below"]) == 5
     assert "with boards on both sides" in capsys.readouterr().out
     path = tmp_path / "poses.csv"

@@ -1,7 +1,5 @@
 """Bodies are bounded before they are parsed; replies are written piece by piece, and are the same bytes."""
 
-from __future__ import annotations
-
 import asyncio
 
 import numpy as np
@@ -21,21 +19,23 @@ MODEL = {query.path: query.request for query in all_queries()}
 QUERIES = {query.path: query for query in all_queries()}
 
 
-@pytest.mark.parametrize(
-    "content",
-    [
-        "{" + ",".join(f'"k{k}":1' for k in range(MAX_KEYS + 1)) + "}",
-        '{"position":[' + ",".join(["[]"] * (MAX_CONTAINERS + 1)) + "]}",
-        '{"times":[' + ",".join("1" * (MAX_VALUES + 1)) + "]}",
-        '{"rotation":' + "[" * 5000 + "]" * 5000 + "}",
-        '{"rotation":[1,2,' + "9" * 100_000 + "]}",
-        '{"rotation":[1,2,3],"crank_span":70,"rotation":[1,2,4]}',
-        '{"limits":{"family":"any","family":"full_crank"}}',
-        "{",
-    ],
-    ids=["keys", "arrays", "values", "depth", "digits", "key twice", "key twice within", "no JSON"],
-)
-def test_what_cannot_be_read_is_malformed(content, client) -> None:
+MALFORMED = {
+    "keys": "{" + ",".join(f'"k{k}":1' for k in range(MAX_KEYS + 1)) + "}",
+    "arrays": '{"position":[' + ",".join(["[]"] * (MAX_CONTAINERS + 1)) + "]}",
+    "values": '{"times":[' + ",".join("1" * (MAX_VALUES + 1)) + "]}",
+    "depth": '{"rotation":' + "[" * 5000 + "]" * 5000 + "}",
+    "depth of objects without an end": '{"rotation":' * 10_000,
+    "digits": '{"rotation":[1,2,' + "9" * 5000 + "]}",
+    "very many digits": '{"rotation":[1,2,' + "9" * 100_000 + "]}",
+    "key twice": '{"rotation":[1,2,3],"crank_span":70,"rotation":[1,2,4]}',
+    "key twice within": '{"limits":{"family":"any","family":"full_crank"}}',
+    "no JSON": "{",
+}
+
+
+@pytest.mark.parametrize("why", MALFORMED)
+def test_what_cannot_be_read_is_malformed(why, client) -> None:
+    content = MALFORMED[why]
     with pytest.raises(Malformed):
         read_request(content.encode(), MODEL["/v1/match"])
     reply = client.post("/v1/match", content=content, headers={"content-type": "application/json"})
@@ -130,9 +130,8 @@ def test_of_all_large_replies_one_piece_is_sent_at_a_time() -> None:
 
     async def story() -> None:
         nonlocal most
-        replies = [
-            asyncio.create_task(bodies.Reply(b"x" * (4 * bodies.PIECE_BYTES))({}, None, send)) for _ in range(50)
-        ]
+        large = b"x" * (4 * bodies.PIECE_BYTES)
+        replies = [asyncio.create_task(bodies.Reply(large)({}, None, send)) for _ in range(50)]
         while not all(map(asyncio.Task.done, replies)):
             before = sent
             await asyncio.sleep(0)

@@ -1,7 +1,5 @@
 """What a question on the command line gives beside its table: files, pictures, exit codes, units; and requests to begin with."""
 
-from __future__ import annotations
-
 import io
 import json
 import os
@@ -9,6 +7,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import ezdxf
@@ -98,9 +97,8 @@ def test_a_rank_beyond_the_solutions_found_is_an_error_that_says_how_many_there_
     more, run, monkeypatch, tmp_path
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    request = json.dumps(
-        {"timing": "free", "position": [[0, 0], [40, 8], [75, 30]], "rotation": [0, 15, 40], "budget_ms": 100}
-    )
+    poses = {"position": [[0, 0], [40, 8], [75, 30]], "rotation": [0, 15, 40]}
+    request = json.dumps({**poses, "timing": "free", "budget_ms": 100})
     code, out, err = run("synthesize", "--rank", 100, *more, stdin=request)
     assert code == Exit.USAGE and "no solution of rank 100: there are " in err and out
     assert not (tmp_path / "one.svg").exists()
@@ -300,12 +298,8 @@ def test_fields_are_set_beside_a_table_or_a_request(run, tmp_path) -> None:
     replies.append(run("synthesize", "--json", *fields, "--set", "top=2", stdin=body))
     solutions = [json.loads(out)["solutions"] for _, out, _ in replies]
     assert len(solutions[0]) == 2 and solutions[0] == solutions[1] == solutions[2]
-    for wrong, words in (
-        ("top", "FIELD=VALUE"),
-        ("tip=3", "tip: "),
-        ("top=many", "top: "),
-        ("limits..top=1", "FIELD=VALUE"),
-    ):
+    refused = {"top": "FIELD=VALUE", "tip=3": "tip: ", "top=many": "top: ", "limits..top=1": "FIELD=VALUE"}
+    for wrong, words in refused.items():
         code, out, err = run("synthesize", "--set", wrong, stdin=table)
         assert (code, out) == (Exit.USAGE, "") and words in err
     for text in ("[1]", '{"top": NaN}', "{"):
@@ -315,24 +309,14 @@ def test_fields_are_set_beside_a_table_or_a_request(run, tmp_path) -> None:
 # -- exit codes -------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("status", "fields", "code"),
-    [
-        ("reached", {}, 0),
-        ("closest", {}, 0),
-        ("closest", {"tolerance": 1e-3}, 4),
-        ("closest", {"tolerances": {"rotation": 0.1}}, 4),
-        ("infeasible", {}, 5),
-        ("unknown", {}, 6),
-    ],
-)
-def test_each_status_has_its_code(status, fields, code) -> None:
-    class Reply:
-        pass
+CODES = [("reached", {}, 0), ("closest", {}, 0), ("infeasible", {}, 5), ("unknown", {}, 6)]
+CODES += [("closest", fields, 4) for fields in ({"tolerance": 1e-3}, {"tolerances": {"rotation": 0.1}})]
 
-    Reply.status = status
+
+@pytest.mark.parametrize(("status", "fields", "code"), CODES)
+def test_each_status_has_its_code(status, fields, code) -> None:
     request = SynthesizeRequest(rotation=[0, 8, 19, 31], crank_span=90, **fields)
-    assert exit_of(request, Reply) == code
+    assert exit_of(request, SimpleNamespace(status=status)) == code
 
 
 def test_the_codes_come_out_of_the_command(run) -> None:
@@ -378,19 +362,9 @@ def test_a_machine_of_the_page_is_answered_as_the_request_that_is_printed_for_it
 
 def test_examples_are_laid_out_for_editing() -> None:
     shown = cli._pretty({"position": [[0, 1.5], None, [2, 3]], "limits": {"family": "any"}, "top": 3})
-    assert shown.splitlines() == [
-        "{",
-        '  "position": [',
-        "    [0, 1.5],",
-        "    null,",
-        "    [2, 3]",
-        "  ],",
-        '  "limits": {',
-        '    "family": "any"',
-        "  },",
-        '  "top": 3',
-        "}",
-    ]
+    position = '"position": [\n    [0, 1.5],\n    null,\n    [2, 3]\n  ]'
+    limits = '"limits": {\n    "family": "any"\n  }'
+    assert shown.rstrip("\n") == f'{{\n  {position},\n  {limits},\n  "top": 3\n}}'
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
@@ -463,14 +437,9 @@ def test_the_service_without_an_atlas_starts_and_says_what_needs_one(tmp_path) -
 
 
 def test_what_is_set_is_json_or_words() -> None:
-    for text, wanted in {
-        "top=3": 3,
-        "prefer=size": "size",
-        "limits.pivot_box=[0, 0, 9, 9]": [0, 0, 9, 9],
-        "mechanisms=[slider_crank, rail_slot]": ["slider_crank", "rail_slot"],
-        "mechanisms=[four_bar]": ["four_bar"],
-        "lengths_from=[1,2": "[1,2",
-    }.items():
+    words = {"prefer=size": "size", "mechanisms=[slider_crank, rail_slot]": ["slider_crank", "rail_slot"]}
+    numbers = {"top=3": 3, "limits.pivot_box=[0, 0, 9, 9]": [0, 0, 9, 9], "lengths_from=[1,2": "[1,2"}
+    for text, wanted in {**words, "mechanisms=[four_bar]": ["four_bar"], **numbers}.items():
         assert command.setting(text) == (text.partition("=")[0].split("."), wanted)
 
 

@@ -1,26 +1,20 @@
 """The commands as a first-time user meets them: requests from file and standard input, exit codes, signals, pipes."""
 
-from __future__ import annotations
-
 import json
-import os
 import re
 import signal
 import socket
 import subprocess
 import sysconfig
-import time
 import urllib.error
 import urllib.request
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
 import linkage_atlas
 from app.registry import all_queries, queries_named, worked_example
-from tests.conftest import PATIENCE, some_of
+from tests.conftest import PATIENCE, some_of, started
 
 ROOT = Path(__file__).parents[2]
 COMMAND = [str(Path(sysconfig.get_path("scripts")) / "linkage-atlas")]
@@ -47,13 +41,10 @@ def request_file(tmp_path: Path) -> Path:
 # -- requests ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    "query",
-    [*queries_named("match"), *queries_named("synthesize"), *queries_named("function")],
-    ids=lambda query: query.command,
-)
-def test_every_query_prints_a_table(query, run, small_path) -> None:
+@pytest.mark.parametrize("command", ["match", "synthesize", "function"])
+def test_every_query_prints_a_table(command, run, small_path) -> None:
     """Those of the scenes: tests/app/scenes/test_scenes.py."""
+    (query,) = queries_named(command)
     name = sorted(query.examples)[0]
     atlas = ["--atlas", small_path] if query.reads_atlas else []
     code, out, err = run(*query.command.split(), "--example", name, *atlas)
@@ -125,10 +116,8 @@ def test_examples_with_one_sentence_have_it_once(run) -> None:
 
 def test_what_is_no_request_is_told_in_words(run) -> None:
     assert run("synthesize", stdin="x,y,angle\n1,2,3\n")[2] == "request: wanted at least 2 rows, found 1\n"
-    assert run("function")[::2] == (
-        USAGE,
-        "request: it is empty: name a file or an --example, or give it on standard input\n",
-    )
+    said = "request: it is empty: name a file or an --example, or give it on standard input\n"
+    assert run("function")[::2] == (USAGE, said)
     code, _, err = run("drive", stdin="x,y,angle\n0,0,0\n1,2,3\n")
     assert code == USAGE and "wanted JSON: tables are read where the samples" in err
 
@@ -215,59 +204,25 @@ def test_a_closed_pipe_is_no_error(small_path) -> None:
     assert messages == ""
 
 
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
-
-
-@contextmanager
-def serving(atlas: Path, port: int) -> Iterator[subprocess.Popen[bytes]]:
-    """The running service; killed at the end if it has not ended by itself."""
-    arguments = [*COMMAND, "serve", "--atlas", str(atlas), "--port", str(port)]
-    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
-    process = subprocess.Popen(arguments, cwd=ROOT, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
-    try:
-        yield process
-    finally:
-        process.kill()
-        process.wait(PATIENCE)
-        process.stdout.close()
-
-
-def get(port: int, path: str, patience: float = PATIENCE) -> tuple[int, object]:
-    """Status and JSON of a GET, once the service listens."""
-    end = time.monotonic() + patience
-    while True:
-        try:
-            with urllib.request.urlopen(f"http://127.0.0.1:{port}{path}", timeout=PATIENCE) as reply:
-                return reply.status, json.load(reply)
-        except urllib.error.URLError:
-            if time.monotonic() > end:
-                raise
-            time.sleep(0.05)
-
-
 @pytest.mark.parametrize("name", some_of(["SIGINT", "SIGTERM"], 1))  # SIGTERM ends each service of `started`
-def test_serve_answers_and_ends_cleanly(name, small_path) -> None:
-    port = free_port()
-    with serving(small_path, port) as process:
-        status, told = get(port, "/readyz")
-        assert (status, told["status"]) == (200, "ready")
+def test_serve_answers_and_ends_cleanly(name, small_path, tmp_path) -> None:
+    command = ("-m", "app.start", "serve", "--atlas", str(small_path), "--port", "0")
+    with started(tmp_path, *command) as (process, port, log):
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}/readyz", timeout=PATIENCE) as reply:
+            assert (reply.status, json.load(reply)["status"]) == (200, "ready")
         process.send_signal(getattr(signal, name))
-        output = process.communicate(timeout=PATIENCE)[0].decode()
-        assert process.returncode == OK, output
-    assert "Traceback" not in output and "Finished server process" in output
+        assert process.wait(PATIENCE) == OK, log.read_text()
+    assert "Traceback" not in log.read_text() and "Finished server process" in log.read_text()
 
 
 def test_a_port_in_use_is_said(small_path) -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
-        with serving(small_path, taken.getsockname()[1]) as process:
-            output = process.communicate(timeout=PATIENCE)[0].decode()
-            assert process.returncode not in (OK, None)
-    assert "address already in use" in output and "Traceback" not in output
+        command = [*COMMAND, "serve", "--atlas", small_path, "--port", str(taken.getsockname()[1])]
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE)
+    output = done.stdout + done.stderr
+    assert done.returncode != OK and "address already in use" in output and "Traceback" not in output
 
 
 def test_an_index_is_made_by_a_command_and_used_by_the_others(

@@ -1,7 +1,5 @@
 """Samples as people have them: CSV of any country, columns pasted from a spreadsheet, names or none."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json
@@ -51,15 +49,9 @@ def test_a_table_with_names_in_quotes_is_no_json(tmp_path, capsys) -> None:
 
 
 @pytest.mark.parametrize("name", ["t", "T", "time", "Time [s]"])
-@pytest.mark.parametrize(
-    ("read", "other", "left_out"),
-    [
-        (request_from_csv, "x;y", "free, or even over a crank_span"),
-        (match_from_csv, "phi", "even over a crank_span"),
-        (function_from_csv, "output", "even over a crank_span"),
-    ],
-)
-def test_a_time_is_no_crank_angle(name, read, other, left_out) -> None:
+@pytest.mark.parametrize(("question", "other"), [("synthesize", "x;y"), ("match", "phi"), ("function", "output")])
+def test_a_time_is_no_crank_angle(name, question, other) -> None:
+    read, left_out = READ[question], "free, or " * (question == "synthesize") + "even over a crank_span"
     with pytest.raises(FieldError) as error:
         read(f"{name};{other}\n0;1;2\n1;2;3\n")
     assert error.value.message == (
@@ -71,23 +63,15 @@ def test_a_time_is_no_crank_angle(name, read, other, left_out) -> None:
 def test_what_is_asked_beside_a_table_joins_it() -> None:
     assert match_from_csv("5\n6,5\n", {"top": 2}) == {"rotation": [5.0, 6.5], "top": 2}
     dials = {"function": {"output_span": 90}, "crank_span": 60}
-    assert function_from_csv("x,y\n1,2\n3,4\n", dials) == {
-        "function": {"table": [[1.0, 2.0], [3.0, 4.0]], "output_span": 90},
-        "crank_span": 60,
-    }
+    function = {"table": [[1.0, 2.0], [3.0, 4.0]], "output_span": 90}
+    assert function_from_csv("x,y\n1,2\n3,4\n", dials) == {"function": function, "crank_span": 60}
 
 
 def test_angles_are_unwrapped_where_that_is_asked_for() -> None:
-    assert request_from_csv("x,y,phi\n0,0,350\n1,1,\n2,2,10\n3,3,-320\n", {}, True)["rotation"] == [
-        350,
-        None,
-        370,
-        400,
-    ]
-    assert match_from_csv("crank,phi\n350,170\n10,-170\n", {}, True) == {
-        "crank_angle": [350, 370],
-        "rotation": [170, 190],
-    }
+    gap = request_from_csv("x,y,phi\n0,0,350\n1,1,\n2,2,10\n3,3,-320\n", {}, True)
+    assert gap["rotation"] == [350, None, 370, 400]
+    both = match_from_csv("crank,phi\n350,170\n10,-170\n", {}, True)
+    assert both == {"crank_angle": [350, 370], "rotation": [170, 190]}
     turned = match_from_csv("phi [rad]\n3\n-3\n", {}, True)["rotation"]
     assert turned == pytest.approx([3, 2 * math.pi - 3])
 
@@ -122,12 +106,8 @@ def test_what_a_spreadsheet_writes_is_what_is_read(rows, separator, comma, names
         writer.writerow(("x", "y", "phi"))
     for row in rows:
         writer.writerow([f"{value:.4f}".replace(".", "," if comma else ".") for value in row])
-    request = request_from_csv(file.getvalue())
-    assert request == {
-        "position": [[x, y] for x, y, _ in rows],
-        "rotation": [angle for _, _, angle in rows],
-        "timing": "free",
-    }
+    places, angles = [[x, y] for x, y, _ in rows], [angle for _, _, angle in rows]
+    assert request_from_csv(file.getvalue()) == {"position": places, "rotation": angles, "timing": "free"}
 
 
 @given(st.text(max_size=60))

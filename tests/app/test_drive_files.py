@@ -1,7 +1,5 @@
 """Drives in files: columns, a layer of a drawing, and the drive of a model, as a reply has them."""
 
-from __future__ import annotations
-
 import csv
 import io
 import xml.etree.ElementTree as ElementTree
@@ -11,22 +9,17 @@ import numpy as np
 import pytest
 
 import linkage_atlas as la
+from tests.app.test_drives import POSES
 
-ROTATION = [0, 12, 27, 45, 66]
-POSITION = [[0, 0], [22, 5], [41, 17], [52, 36], [50, 58]]
 KINDS = ["rotary", "actuator", "dyad", "toggle"]
 
 
 @pytest.fixture(scope="module")
 def found(client):
-    request = {"timing": "free", "position": POSITION, "rotation": ROTATION, "top": 1}
+    request = {**POSES, "top": 1}
     solution = client.post("/v1/synthesize", json=request).json()["solutions"][0]
-    asked = {
-        "linkage": solution,
-        "request": request,
-        "load": {"force": [0, -10]},
-        "drives": [{"kind": one} for one in KINDS],
-    }
+    asked = {"linkage": solution, "request": request, "load": {"force": [0, -10]}}
+    asked["drives"] = [{"kind": one} for one in KINDS]
     return request, solution, client.post("/v1/drives", json=asked).json()["drives"]
 
 
@@ -57,10 +50,12 @@ def test_a_table_has_the_drive_at_each_sample(client, found, kind) -> None:
     if kind in ("dyad", "toggle"):
         sizes = (drive["six_bar"]["crank"], drive["six_bar"]["coupler"]) if kind == "dyad" else ()
         sizes = sizes or (drive["lock"]["handle"], drive["lock"]["strut"])
+
+        def place(row, part: str) -> complex:
+            return complex(*(float(row[f"drive_{part}_{axis}"]) for axis in "xy"))
+
         for row in rows:
-            ground, pin, knee = (
-                complex(*(float(row[f"drive_{part}_{axis}"]) for axis in "xy")) for part in ("ground", "pin", "knee")
-            )
+            ground, pin, knee = (place(row, part) for part in ("ground", "pin", "knee"))
             assert (abs(knee - ground), abs(pin - knee)) == pytest.approx(sizes, rel=1e-6)
         knees = np.array([[float(row[f"drive_knee_{axis}"]) for axis in "xy"] for row in rows])
         wanted = np.array(curve["knee"])[order]
@@ -129,10 +124,8 @@ def test_a_model_is_moved_by_the_drive(client, found, kind) -> None:
         assert servo.get("joint") == drive["link"]
     elif kind == "actuator":
         assert servo.get("tendon") == "drive"
-        low, high = map(float, servo.get("ctrlrange").split())
-        assert (low, high) == pytest.approx(
-            (drive["retracted"] / 1000, (drive["retracted"] + drive["stroke"]) / 1000)
-        )
+        low, high = (1000 * float(end) for end in servo.get("ctrlrange").split())
+        assert (low, high) == pytest.approx((drive["retracted"], drive["retracted"] + drive["stroke"]))
         assert float(model.find("keyframe/key").get("ctrl")) == pytest.approx(drive["length"][0] / 1000)
         body = next(one for one in model.iter("body") if one.get("name") == drive["link"])
         site = next(one for one in body.findall("site") if one.get("name") == "drive_pin")

@@ -1,7 +1,5 @@
 """Drives over HTTP and on the command line, and in the solutions of a search."""
 
-from __future__ import annotations
-
 import json
 from functools import cache
 from pathlib import Path
@@ -44,9 +42,8 @@ def test_the_window_opener_is_the_designs(client: TestClient) -> None:
         (torques, {"crank": 61227.275531, "rocker": 20666.310442}),
     ):
         assert found == pytest.approx(design, rel=2e-5) and all(found[name] >= design[name] - 1e-5 for name in design)
-    assert [one["reason"] for one in body["refused"]] == [
-        "stroke 150 needs a pin at 258.6 from the pivot; reach_max is 250"
-    ]
+    said = "stroke 150 needs a pin at 258.6 from the pivot; reach_max is 250"
+    assert [one["reason"] for one in body["refused"]] == [said]
     coupler = next(one for one in body["drives"] if one["link"] == "coupler")
     curve = coupler["curve"]
     away = np.subtract(curve["pin"], curve["ground"])
@@ -98,14 +95,10 @@ def test_units_change_numbers_and_nothing_else(client: TestClient) -> None:
     """Degrees and radians, millimetres and metres: the same drive of a bundled catalogue."""
     asked = EXAMPLES["cylinder_of_a_catalogue"]
     first = client.post("/v1/drives", json={**asked, "top": 1}).json()["drives"][0]
-    metres = {
-        "rocker": {"pivot": [0, 0], "start": 0, "swing": np.deg2rad(55), "length": 0.9},
-        "load": {"masses": [{"link": "body", "mass": 8, "at": [-0.4, 0]}]},
-        "drives": [asked["drives"][0] | {"ground_box": [0, -0.5, 0.5, -0.15], "reach_max": 0.4}],
-        "angle_unit": "rad",
-        "length_unit": "m",
-        "top": 1,
-    }
+    metres = {"angle_unit": "rad", "length_unit": "m", "top": 1}
+    metres["rocker"] = {"pivot": [0, 0], "start": 0, "swing": np.deg2rad(55), "length": 0.9}
+    metres["load"] = {"masses": [{"link": "body", "mass": 8, "at": [-0.4, 0]}]}
+    metres["drives"] = [asked["drives"][0] | {"ground_box": [0, -0.5, 0.5, -0.15], "reach_max": 0.4}]
     other = client.post("/v1/drives", json=metres).json()["drives"][0]
     assert other["name"] == first["name"]
     assert other["peak_force"] == pytest.approx(first["peak_force"], rel=1e-6)
@@ -138,19 +131,15 @@ def test_a_catalogue_of_ones_own(client: TestClient, tmp_path: Path, capsys: pyt
     (tmp_path / "asked.json").write_text(json.dumps({**asked, "drives": [wish], "top": 1}))
     assert main(["drive", str(tmp_path / "asked.json"), "--catalogue", str(tmp_path / "own.csv"), "--json"]) == 0
     assert json.loads(capsys.readouterr().out) == body
-    weak = client.post(
-        "/v1/drives", json={**asked, "drives": [{**wish, "catalogue": table.split("good")[0], "links": ["coupler"]}]}
-    ).json()
+    small = {**wish, "catalogue": table.split("good")[0], "links": ["coupler"]}
+    weak = client.post("/v1/drives", json={**asked, "drives": [small]}).json()
     assert weak["refused"][0]["name"] == "small"
     assert "needs a force of 198, and it gives 60" in weak["refused"][0]["reason"]
 
 
-POSES = {
-    "timing": "free",
-    "position": [[0, 0], [22, 5], [41, 17], [52, 36], [50, 58]],
-    "rotation": [0, 12, 27, 45, 66],
-    "top": 2,
-}
+PLACES = [[0, 0], [22, 5], [41, 17], [52, 36], [50, 58]]
+POSES = {"timing": "free", "position": PLACES, "rotation": [0, 12, 27, 45, 66], "top": 2}
+FLAP = {"pivot": [0, 0], "start": 0, "swing": 60, "length": 400}
 
 
 def test_each_solution_of_a_search_gets_its_drives(client: TestClient) -> None:
@@ -190,13 +179,8 @@ def test_solutions_without_a_drive_come_last(client: TestClient) -> None:
 
 def test_the_drive_that_decides_stands_before_the_best_of_each_kind(client: TestClient) -> None:
     wish = {"kind": "cylinder", "catalogue": "iso_6432"}
-    asked = {
-        **POSES,
-        "top": 1,
-        "drives": [{"kind": "rotary"}, {"kind": "actuator"}],
-        "drive": wish,
-        "load": {"force": [0, -10]},
-    }
+    asked = {**POSES, "top": 1, "drive": wish, "load": {"force": [0, -10]}}
+    asked["drives"] = [{"kind": "rotary"}, {"kind": "actuator"}]
     for more, kind in (({}, None), ({"mechanisms": ["slider_crank"]}, "slider_crank")):
         (one,) = client.post("/v1/synthesize", json={**asked, **more}).json()["solutions"]
         assert kind is None or one["kind"] == kind
@@ -244,9 +228,8 @@ def test_a_body_on_guides_is_driven_too() -> None:
     pump = la.GuidedLinkage([crank, rail], "crank", start=30)
     found = la.drives(pump, crank_angle=[0, 60], load={"force": [0, -10]})
     assert {one.kind for one in found.drives} == {"rotary", "actuator", "dyad"}
-    slid = la.drives(
-        la.GuidedLinkage([rail, crank], "slider", start=24), crank_angle=[0, -4], load={"force": [0, -10]}
-    )
+    slider = la.GuidedLinkage([rail, crank], "slider", start=24)
+    slid = la.drives(slider, crank_angle=[0, -4], load={"force": [0, -10]})
     assert any(one.kind == "actuator" and one.link == "coupler" for one in slid.drives)
 
 
@@ -289,17 +272,15 @@ def test_drives_in_python_are_told_in_a_line_each() -> None:
 
 @pytest.mark.parametrize(("wish", "usual"), [({}, 1.4), ({"dead_length": 60}, None), ({"stroke": 100}, 1.4)])
 def test_an_actuator_of_free_length_is_no_longer_than_it_must_be(wish: dict, usual: float | None) -> None:
-    flap = {"pivot": [0, 0], "start": 0, "swing": 60, "length": 400}
-    found = la.drives(rocker=flap, drives=[{"kind": "actuator", **wish}], load={"force": [0, -100]}).drives[0]
+    found = la.drives(rocker=FLAP, drives=[{"kind": "actuator", **wish}], load={"force": [0, -100]}).drives[0]
     assert found.stroke and found.retracted and found.over_bound
     assert found.retracted == pytest.approx(found.stroke * usual if usual else found.stroke + 60, rel=1e-6)
     assert found.over_bound < 1.16
 
 
 def test_no_actuator_of_free_sizes_is_shorter_than_can_be_had() -> None:
-    linkage = la.FourBar(
-        240, 100, 84, 155, start_angle=18, ground_angle=-25, pivot_a=(-100, 22), coupler_point=(160, 116)
-    )
+    mount = {"ground_angle": -25, "pivot_a": (-100, 22), "coupler_point": (160, 116)}
+    linkage = la.FourBar(240, 100, 84, 155, start_angle=18, **mount)
     for wish in ({}, {"stroke": 100}):
         asked = [{"kind": "actuator", **wish}]
         found = la.drives(linkage, asked, load={"force": [0, -100]}, crank_angle=[0, -34]).drives
@@ -308,14 +289,14 @@ def test_no_actuator_of_free_sizes_is_shorter_than_can_be_had() -> None:
 
 
 def test_a_refused_row_is_named_in_words() -> None:
-    flap = {"pivot": [0, 0], "start": 0, "swing": 60, "length": 400}
     asked = [{"kind": "cylinder", "catalogue": "iso_6432"}]
-    assert "no actuator (ISO 6432" in repr(la.drives(rocker=flap, drives=asked, load={"force": [0, -1e6]}))
+    assert "no actuator (ISO 6432" in repr(la.drives(rocker=FLAP, drives=asked, load={"force": [0, -1e6]}))
 
 
-@pytest.mark.parametrize(
-    ("degrees", "way", "words"), [(True, 270, "32.3438 degrees"), (False, 4.7, "0.567917 radians")]
-)
+TOLD = [(True, 270, "32.3438 degrees"), (False, 4.7, "0.567917 radians")]
+
+
+@pytest.mark.parametrize(("degrees", "way", "words"), TOLD)
 def test_a_dead_point_is_told_with_the_unit_of_its_angle(degrees: bool, way: float, words: str) -> None:
     linkage = la.FourBar(crank=40, coupler=100, rocker=80, ground=90, degrees=degrees)
     motor = [{"kind": "rotary", "links": ["rocker"]}]
@@ -324,10 +305,9 @@ def test_a_dead_point_is_told_with_the_unit_of_its_angle(degrees: bool, way: flo
 
 
 def test_inertia_without_a_speed_is_told() -> None:
-    flap = {"pivot": [0, 0], "start": 0, "swing": 60, "length": 400}
     for more, told in (({}, True), ({"speed": 10}, False)):
         load = {"masses": [{"link": "body", "mass": 1, "inertia": 5}], **more}
-        notes = la.drives(rocker=flap, drives=[{"kind": "rotary"}], load=load).notes
+        notes = la.drives(rocker=FLAP, drives=[{"kind": "rotary"}], load=load).notes
         assert any("load.speed" in note for note in notes) is told
 
 

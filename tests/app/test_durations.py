@@ -1,7 +1,5 @@
 """What a search will take, by the measured table: known for every everyday question, and a guess for all others."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -42,14 +40,17 @@ def test_every_kind_of_everyday_question_has_been_measured() -> None:
         ({"crank_span": None, "timing": "free", "order": "any"}, True),
         ({"crank_span": None, "timing": "free", "order": "any", "budget_ms": 150}, False),
         ({"mechanisms": "all"}, True),
+        *(({name: asked}, True) for name, asked in (("tolerance_study", {}), ("diverse", True), ("prefer", "size"))),
+        ({"lengths_from": [1, 2]}, True),
         ({"crank_span": None, "timing": "free", "live": "a client's own"}, False),
         ({"lengths_from": [1, 2, 3], "live": "a client's own"}, True),
         ({"rotation": [0.5 * k for k in range(100)], "position": None, "live": "a client's own"}, True),
     ],
 )
 def test_what_takes_little_is_short(more, long) -> None:
-    request = SynthesizeRequest(**{**worked_example(), **more})
-    assert is_long_search(request) is long
+    asked = {**worked_example(), **more}
+    assert is_long_search(SynthesizeRequest(**asked)) is long
+    assert not is_long_search(SynthesizeRequest(**asked | {"budget_ms": 100}))
 
 
 @pytest.mark.parametrize(
@@ -72,12 +73,8 @@ def test_no_request_is_said_to_take_longer_than_its_budget() -> None:
     assert answers.seconds_of(request) == 0.005
 
 
-LINKAGE = {
-    "links": {"crank": 30, "coupler": 80, "rocker": 70, "ground": 100},
-    "branch": 1,
-    "start_angle": 28,
-    "mount": {"ground_angle": 0, "pivot_a": [0, 0], "coupler_point": {"radius": 50, "angle": 40}},
-}
+LINKAGE = {"links": {"crank": 30, "coupler": 80, "rocker": 70, "ground": 100}, "branch": 1, "start_angle": 28}
+LINKAGE["mount"] = {"ground_angle": 0, "pivot_a": [0, 0], "coupler_point": {"radius": 50, "angle": 40}}
 GUIDED = {"driver": "slider", "branch": 1, "guides": [{"guide": "rail", "body_point": [0, 0]}] * 2, "start": 0}
 CORNERS = [[k % 7, k] for k in range(40)]
 

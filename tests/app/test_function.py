@@ -1,7 +1,5 @@
 """Function generation over HTTP and on the command line."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest
@@ -19,12 +17,8 @@ def test_export_of_what_does_not_close_or_was_not_asked(client: TestClient) -> N
     assert bad.json()["errors"][0]["pointer"] == "#/request/crank_span"
 
 
-TRAVEL: dict[str, Any] = {
-    "function": {"name": "power", "exponent": 2, "x": [0, 1], "output_span": 40, "samples": 21},
-    "crank_span": 90,
-    "output_unit": "length",
-    "top": 2,
-}
+SQUARE = {"name": "power", "exponent": 2, "x": [0, 1], "output_span": 40, "samples": 21}
+TRAVEL: dict[str, Any] = {"function": SQUARE, "crank_span": 90, "output_unit": "length", "top": 2}
 
 
 BODIES = {"pairs": PAIRS, "travel": TRAVEL}

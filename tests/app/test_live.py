@@ -1,7 +1,5 @@
 """Requests of a live client: what an answer leaves goes to the next, for a while, and one client does not take everything."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -18,10 +16,8 @@ from app.problems import Superseded
 from app.settings import Settings
 
 TURN = np.linspace(0, 2 * np.pi, 12, endpoint=False)
-PATH = (
-    np.column_stack([60 * np.cos(TURN), 30 * np.sin(TURN)]) + np.random.default_rng(3).normal(size=(12, 2))
-).tolist()
-QUESTION = {"position": PATH, "timing": "free", "closed": True, "top": 2}
+PATH = np.column_stack([60 * np.cos(TURN), 30 * np.sin(TURN)]) + np.random.default_rng(3).normal(size=(12, 2))
+QUESTION = {"position": PATH.tolist(), "timing": "free", "closed": True, "top": 2}
 
 
 @pytest.fixture(scope="module")
@@ -55,10 +51,9 @@ def test_a_refused_request_leaves_what_there_was(client) -> None:
 
 def test_of_a_client_that_asks_much_only_the_newest_request_is_computed(client) -> None:
     ask(client, live="a busy client")
+    asked = QUESTION | {"live": "a busy client"}
     with ThreadPoolExecutor(6) as many:
-        replies = list(
-            many.map(lambda k: client.post("/v1/synthesize", json=QUESTION | {"live": "a busy client"}), range(6))
-        )
+        replies = list(many.map(lambda k: client.post("/v1/synthesize", json=asked), range(6)))
     codes = sorted(reply.status_code for reply in replies)
     assert set(codes) == {200, 503} and codes.count(503) >= 3
     assert all("newer request" in reply.json()["detail"] for reply in replies if reply.status_code == 503)

@@ -1,7 +1,5 @@
 """No request within its documented sizes needs more than 150 MB: the largest of each kind, of a service that gives no more."""
 
-from __future__ import annotations
-
 import http.client
 import subprocess
 import sys

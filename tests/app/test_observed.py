@@ -1,7 +1,5 @@
 """What the service tells of itself: lines of JSON and figures for Prometheus."""
 
-from __future__ import annotations
-
 import json
 import logging
 import re

@@ -1,7 +1,5 @@
 """The API's description in the tree is the application's."""
 
-from __future__ import annotations
-
 from app.openapi import PLACE, description
 
 

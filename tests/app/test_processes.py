@@ -1,7 +1,5 @@
 """The service as processes: what becomes of a request that takes too much, of a process that ends, and of the service's end."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import http.client
@@ -104,9 +102,7 @@ def limited():
 
 os.fork = limited
 """
-BODIES = {
-    query.path: next(iter(query.examples.values())) for query in __import__("app.registry").registry.all_queries()
-}
+BODIES = {query.path: next(iter(query.examples.values())) for query in all_queries()}
 NEEDLE = "/v1/knotter/needle"
 
 
@@ -212,16 +208,11 @@ def running(tmp_path_factory) -> Iterator[Running]:
         yield running
 
 
-@pytest.mark.parametrize(
-    ("path", "status", "detail"),
-    [
-        ("/v1/lift/batch", 503, "took longer"),
-        ("/v1/knotter/curves", 503, "more memory"),
-        ("/v1/knotter/fit", 503, "has ended"),
-        ("/v1/knotter/tolerance", 500, "a fault"),
-    ],
-    ids=["too long", "too large", "crash", "fault"],
-)
+FATES = [("/v1/lift/batch", 503, "took longer"), ("/v1/knotter/curves", 503, "more memory")]
+FATES += [("/v1/knotter/fit", 503, "has ended"), ("/v1/knotter/tolerance", 500, "a fault")]
+
+
+@pytest.mark.parametrize(("path", "status", "detail"), FATES, ids=["too long", "too large", "crash", "fault"])
 def test_a_request_that_takes_too_much_fails_alone_and_says_so(path, status, detail, running) -> None:
     with closing(running.sent(path)) as bad:
         good = [running.post(NEEDLE)[0] for _ in range(3)]
@@ -231,9 +222,8 @@ def test_a_request_that_takes_too_much_fails_alone_and_says_so(path, status, det
     assert (reply.status, reply.headers.get_content_type()) == (status, "application/problem+json")
     assert problem["status"] == status and detail in problem["detail"]
     assert (status == 503) == ("Retry-After" in reply.headers)
-    assert (status == 503) == bool(
-        re.search(rf"503 to {path} \(\d+ bytes, after [\d.]+ s\)", running.log.read_text())
-    )
+    line = rf"503 to {path} \(\d+ bytes, after [\d.]+ s\)"
+    assert (status == 503) == bool(re.search(line, running.log.read_text()))
     until(lambda: len(running.computing) == 2)
     assert running.post(NEEDLE)[0] == 200
     assert ("SIGSEGV" in running.log.read_text()) or path != "/v1/knotter/fit"
@@ -490,9 +480,8 @@ def test_while_parts_of_the_index_are_made_answers_come_from_the_plain_scan(smal
             (tmp_path / "go").touch()
             assert sorted(one.result()[0] for one in asked) == [200] * 4 + [503] * 2
         until(lambda: running.get("/readyz")["preparing"] == [])
-        asked = [
-            ("/v1/match", ROTATION | more) for more in ({}, {"curve": "rocker"}, {"mechanisms": ["slider_crank"]})
-        ]
+        kinds = {}, {"curve": "rocker"}, {"mechanisms": ["slider_crank"]}
+        asked = [("/v1/match", ROTATION | more) for more in kinds]
         positions = {"position": [[k, 0.1 * k * k] for k in range(5)], "effort": "atlas"}
         asked.append(("/v1/synthesize", ROTATION | positions))
 

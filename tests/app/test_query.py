@@ -1,7 +1,5 @@
 """Models of requests and replies: built when they are first used, or all at once."""
 
-from __future__ import annotations
-
 import pytest
 from pydantic import ValidationError
 

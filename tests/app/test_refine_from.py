@@ -1,7 +1,5 @@
 """A linkage to refine, in Python, over HTTP and on the command line: the same answer, honest words, errors at their fields."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np
@@ -14,10 +12,8 @@ from app.registry import worked_example
 from linkage_atlas.door import LOCAL, NOWHERE
 
 EXAMPLE = worked_example()
-FREE = {name: value for name, value in EXAMPLE.items() if name != "crank_span"} | {
-    "timing": "free",
-    "limits": {"preset": "none"},
-}
+POSES = {name: EXAMPLE[name] for name in ("rotation", "position")}
+FREE = {**POSES, "timing": "free", "limits": {"preset": "none"}}
 
 
 @pytest.fixture(scope="module")
@@ -47,10 +43,8 @@ def test_python_and_http_refine_alike(request_of, exact, client: TestClient) -> 
 
 
 def test_a_linkage_a_solution_and_its_values_are_the_same_beginning(exact) -> None:
-    links = [
-        la.synthesize(**EXAMPLE, refine_from=one).linkage.links
-        for one in (exact, exact.linkage, exact.to_dict(), exact.linkage.to_dict())
-    ]
+    alike = exact, exact.linkage, exact.to_dict(), exact.linkage.to_dict()
+    links = [la.synthesize(**EXAMPLE, refine_from=one).linkage.links for one in alike]
     assert all(np.array_equal(one, links[0]) for one in links)
     radians = {name: np.deg2rad(EXAMPLE[name]) for name in ("rotation", "crank_span")}
     found = la.synthesize(**{**EXAMPLE, **radians}, degrees=False, refine_from=exact)
@@ -97,9 +91,8 @@ def test_functions_are_refined_too(client: TestClient) -> None:
     links = [reply["solutions"][0]["links"][name] for name in ("crank", "coupler", "rocker", "ground")]
     begin = la.FourBar(*links, branch=first["branch"], start_angle=reply["solutions"][0]["start_angle"])
     assert la.function(wanted["output"], input=wanted["input"], refine_from=begin).status == "reached"
-    far = la.function(
-        wanted["output"], input=wanted["input"], refine_from=begin, limits={"transmission_angle_min": 89}
-    )
+    limits = {"transmission_angle_min": 89}
+    far = la.function(wanted["output"], input=wanted["input"], refine_from=begin, limits=limits)
     assert far.status == "unknown" and NOWHERE in far.report.notes
     first["links"]["crank"] = 1e9
     reply = client.post("/v1/function", json={**wanted, "refine_from": first})
@@ -109,11 +102,8 @@ def test_functions_are_refined_too(client: TestClient) -> None:
 def test_the_command_refines_what_was_written(tmp_path, capsys, exact) -> None:
     request, begin = tmp_path / "request.json", tmp_path / "begin.json"
     request.write_text(json.dumps(EXAMPLE))
-    for content in (
-        {"request": EXAMPLE, "solution": changed(exact)},
-        changed(exact),
-        {"solutions": [changed(exact)]},
-    ):
+    one = changed(exact)
+    for content in ({"request": EXAMPLE, "solution": one}, one, {"solutions": [one]}):
         begin.write_text(json.dumps(content))
         assert cli.main(["synthesize", str(request), "--no-preset", "--refine-from", str(begin)]) == 0
         out = capsys.readouterr().out

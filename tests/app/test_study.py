@@ -1,7 +1,5 @@
 """Studies as a user runs them: each result is the single request's, bad lines are named, kills lose and double nothing."""
 
-from __future__ import annotations
-
 import io
 import json
 import os
@@ -11,6 +9,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from subprocess import PIPE
 
 import numpy as np
 import pytest
@@ -31,9 +30,8 @@ def rotations(count: int) -> list[dict]:
     for _ in range(count):
         crank = la.FourBar(1, *rng.uniform(2, 3, 2), 2.9, start_angle=rng.uniform(0, 360))
         span = float(rng.uniform(40, 200))
-        found.append(
-            {"rotation": crank.joints(np.linspace(0, span, 9)).rotation.tolist(), "crank_span": span, "top": 1}
-        )
+        rotation = crank.joints(np.linspace(0, span, 9)).rotation.tolist()
+        found.append({"rotation": rotation, "crank_span": span, "top": 1})
     return found
 
 
@@ -77,15 +75,7 @@ def test_processes_give_the_same_bytes(requests, tmp_path) -> None:
 def test_a_bad_line_has_one_line_of_error(tmp_path, capsys) -> None:
     path, out = tmp_path / "requests.ndjson", tmp_path / "results.ndjson"
     good = json.dumps({"alpha2": 9})
-    bad = [
-        "nonsense",
-        '{"alpha2": "9"}',
-        "[1]",
-        '{"alpha2": NaN}',
-        '{"nothing": 1}',
-        "x,y",
-        b"\xff\xfe".decode("latin1"),
-    ]
+    bad = ["nonsense", '{"alpha2": "9"}', "[1]", '{"alpha2": NaN}', '{"nothing": 1}', "x,y", "\xff\xfe"]
     path.write_text("\n".join(["", good, *bad, "", good]), encoding="latin1")
     assert study(path, "--out", out, "--command", "knotter needle", "--jobs", 1) == Exit.FAILED
     rows = [json.loads(line) for line in out.read_text().splitlines()]
@@ -115,13 +105,8 @@ def killed_and_resumed(requests: Path, out: Path, kills: int, jobs: int, seed: i
     total = len(requests.read_text().splitlines())
     met = 0
     for kill in range(kills + 1):
-        process = subprocess.Popen(
-            command,
-            cwd=ROOT,
-            env={**os.environ, "OMP_NUM_THREADS": "1"},
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-        )
+        environment = {**os.environ, "OMP_NUM_THREADS": "1"}
+        process = subprocess.Popen(command, cwd=ROOT, env=environment, stdout=PIPE, stderr=PIPE)
         if kill < kills:
             size = out.stat().st_size if out.exists() else 0
             share = (total - (out.read_bytes().count(b"\n") if size else 0)) / (kills - kill + 1)
@@ -174,14 +159,12 @@ def test_an_interrupt_ends_a_study_that_can_be_gone_on_with(tmp_path) -> None:
     requests, out = tmp_path / "requests.ndjson", tmp_path / "results.ndjson"
     requests.write_text("".join(json.dumps(one) + "\n" for one in rotations(400)))
     command = [sys.executable, "-m", "app.start", "study", str(requests), "--out", str(out), "--jobs", "2"]
-    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    process = subprocess.Popen(command, cwd=ROOT, stdout=PIPE, stderr=PIPE)
     while process.poll() is None and not (out.exists() and out.stat().st_size):
         time.sleep(0.01)
     process.send_signal(signal.SIGINT)
     messages = process.communicate(timeout=PATIENCE)[1].decode()
-    assert (
-        process.returncode == Exit.INTERRUPTED
-        and messages.strip() == "interrupted; the same command goes on from here"
-    )
+    assert process.returncode == Exit.INTERRUPTED
+    assert messages.strip() == "interrupted; the same command goes on from here"
     done = out.read_bytes()
     assert done.endswith(b"\n") and 0 < done.count(b"\n") < 400

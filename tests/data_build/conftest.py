@@ -1,7 +1,5 @@
 """What tests of the batch share: a rule of three shards, its file, and the command in a process of its own."""
 
-from __future__ import annotations
-
 import signal
 import subprocess
 import sys

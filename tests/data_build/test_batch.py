@@ -1,7 +1,5 @@
 """The build: the same bytes however it is run, resumable, atomic, and its command line."""
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import hashlib
@@ -250,10 +248,8 @@ def test_build_verify_and_info(out, wanted, command, capsys) -> None:
     assert captured.err == "", "a progress bar where there is no terminal"
     assert out.read_bytes() == wanted
     assert (built["file"], built["bytes"], built["rule"]) == (str(out), len(wanted), RULE.as_json())
-    assert (
-        built["types"] == len(enumerate_types(RULE.types))
-        and built["content_sha256"] == load_atlas(out).content_hash()
-    )
+    assert built["types"] == len(enumerate_types(RULE.types))
+    assert built["content_sha256"] == load_atlas(out).content_hash()
     for name, extra in (("verify", {"status": "sound"}), ("info", {"bytes": len(wanted)})):
         assert command(name, out, "--json") == EXIT_OK
         told = json.loads(capsys.readouterr().out)
@@ -272,27 +268,19 @@ def test_damaged_files_exit_3(out, command, capsys) -> None:
         assert "no atlas file" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("arguments", "text"),
-    [
-        (["--perimeter", "3"], "perimeter"),
-        (["--perimeter", "many"], "perimeter"),
-        (["--perimeter", "10000"], "bytes of details"),
-        (["--smallest", "0"], "smallest"),
-        (["--samples", "100"], "power of two"),
-        (["--order", "any"], "order"),
-        (["--jobs", "0"], "at least 1"),
-        (["--out", "no/such/folder/atlas.h5"], "no folder"),
-        (["--colour"], "colour"),
-    ],
-)
-def test_wrong_usage_exits_2(arguments, text, command, capsys, tmp_path, monkeypatch) -> None:
+WRONG = {"--perimeter 3": "perimeter", "--perimeter many": "perimeter", "--perimeter 10000": "bytes of details"}
+WRONG |= {"--smallest 0": "smallest", "--samples 100": "power of two", "--order any": "order"}
+WRONG |= {"--jobs 0": "at least 1", "--out no/such/folder/atlas.h5": "no folder", "--colour": "colour"}
+
+
+@pytest.mark.parametrize("arguments", WRONG)
+def test_wrong_usage_exits_2(arguments, command, capsys, tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     try:
-        code = command("build", *arguments)
+        code = command("build", *arguments.split())
     except SystemExit as leaving:  # argparse leaves by itself
         code = leaving.code
-    assert code == EXIT_USAGE and text in capsys.readouterr().err and left_in(tmp_path) == []
+    assert code == EXIT_USAGE and WRONG[arguments] in capsys.readouterr().err and left_in(tmp_path) == []
 
 
 def test_a_terminal_gets_a_progress_bar(out) -> None:
@@ -330,10 +318,8 @@ def processes_with(mark: str) -> list[int]:
     found = []
     for folder in Path("/proc").glob("[0-9]*"):
         try:
-            if (
-                mark.encode() in (folder / "environ").read_bytes()
-                and "State:\tZ" not in (folder / "status").read_text()
-            ):
+            ended = "State:\tZ" in (folder / "status").read_text()
+            if not ended and mark.encode() in (folder / "environ").read_bytes():
                 found.append(int(folder.name))
         except OSError:
             continue

@@ -1,7 +1,5 @@
 """The commands on a Dask cluster that loses a worker while it works: the bytes of one process."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

@@ -1,7 +1,5 @@
 """What may go wrong around a build: places that are no files, full disks, signals at any time, readers that leave."""
 
-from __future__ import annotations
-
 import errno
 import os
 import shutil

@@ -15,17 +15,8 @@ from tests.everyday.battery import BUDGETS, CLOSED, KINDS, OPEN, group_of, limit
 
 ROWS = {row.name: row for row in rows()}
 GOOD = tomllib.loads((Path(__file__).parent / "good.toml").read_text())
-SHOWN = (
-    "rectangle, 24 points by hand",
-    "wave, 24 points",
-    "bonnet, every second angle",
-    "x^1.5",
-    "casement in step with a motor",
-    "oval, 12 points",
-    "eight, 60 points by hand",
-    "bucket",
-    "walking foot",
-)
+SHOWN = ["rectangle, 24 points by hand", "wave, 24 points", "oval, 12 points", "eight, 60 points by hand"]
+SHOWN += ["bonnet, every second angle", "x^1.5", "casement in step with a motor", "bucket", "walking foot"]
 """Of each kind of question one."""
 
 
@@ -37,15 +28,8 @@ def service() -> Iterator[Service]:
 
 def test_there_are_150_different_questions() -> None:
     assert len(rows()) == len(ROWS) >= 150
-    assert {group_of(name) for name in ROWS} == {
-        "drawn",
-        "drawn by hand",
-        "poses",
-        "poses, angles missing",
-        "points",
-        "functions",
-        "in step with a crank",
-    }
+    groups = {"drawn", "drawn by hand", "points", "poses", "poses, angles missing", "functions"}
+    assert {group_of(name) for name in ROWS} == groups | {"in step with a crank"}
     assert {"oval", "D", "rectangle", "eight", "line", "wave"} <= CLOSED.keys() | OPEN.keys()
     assert GOOD.keys() == ROWS.keys()
     for row in rows():

@@ -1,7 +1,5 @@
 """The chain over HTTP and on the command line: names, units, errors, exports, hostile requests."""
 
-from __future__ import annotations
-
 import json
 import math
 import xml.etree.ElementTree as ElementTree
@@ -41,17 +39,14 @@ def test_the_contracts_request_and_reply(client) -> None:
 
 
 def test_radians(client) -> None:
-    degrees, radians = (
-        client.post("/v1/chain/slot", json={**PUBLISHED, "samples": 5, "angle_unit": unit}).json()
-        for unit in ("deg", "rad")
-    )
+    asked = [{**PUBLISHED, "samples": 5, "angle_unit": unit} for unit in ("deg", "rad")]
+    degrees, radians = (client.post("/v1/chain/slot", json=body).json() for body in asked)
     assert radians["events"] == pytest.approx([math.radians(event) for event in degrees["events"]])
     assert radians["geometry"]["xi"] == pytest.approx(math.radians(degrees["geometry"]["xi"]))
     assert radians["wheel_phase_conflict"] == pytest.approx(math.radians(degrees["wheel_phase_conflict"]))
     assert radians["slot"]["xy"] == degrees["slot"]["xy"]
-    assert radians["fit"]["pieces"][0]["theta1"] == pytest.approx(
-        [math.radians(bound) for bound in degrees["fit"]["pieces"][0]["theta1"]]
-    )
+    first = degrees["fit"]["pieces"][0]["theta1"]
+    assert radians["fit"]["pieces"][0]["theta1"] == pytest.approx([math.radians(bound) for bound in first])
     start = {**PUBLISHED, "samples": 5, "phase_start": 45}
     asked = client.post("/v1/chain/slot", json=start).json()
     same = client.post("/v1/chain/slot", json={**start, "phase_start": math.pi / 4, "angle_unit": "rad"}).json()
@@ -114,10 +109,8 @@ def test_the_crescent_as_any_track_gives_the_same_slot(client) -> None:
     reply = client.post("/v1/chain/track", json=body).json()
     assert reply["links"] == 16 and reply["free_segment"] == 3 and reply["replaced_segments"] == [3]
     assert reply["slot"]["depth_max"] == pytest.approx(crescent["slot"]["depth_max"], abs=1e-9)
-    worst = max(
-        math.dist(ours, theirs) for ours, theirs in zip(reply["slot"]["xy"], crescent["slot"]["xy"], strict=True)
-    )
-    assert worst < 1e-6
+    places = zip(reply["slot"]["xy"], crescent["slot"]["xy"], strict=True)
+    assert max(math.dist(ours, theirs) for ours, theirs in places) < 1e-6
     # Driven from the other wheel the same slot is found; segments keep the request's numbers.
     other = client.post("/v1/chain/track", json={**body, "driver_segment": 2}).json()
     assert other["driver_segment"] == 2 and other["free_segment"] == 3
@@ -181,9 +174,8 @@ def test_powers_of_the_fit_for_a_control(client) -> None:
     assert starts[0] == pytest.approx([65.5, -169.569214], abs=2e-5)
     lost = client.post("/v1/chain/slot", json={**PUBLISHED, "fit": {"order": 64}}).json()["fit"]["power"]
     assert lost["pieces"] is None and lost["max_normal"] > 1
-    assert (
-        client.post("/v1/chain/slot", json={**PUBLISHED, "fit": {"kind": "fourier"}}).json()["fit"]["power"] is None
-    )
+    fourier = client.post("/v1/chain/slot", json={**PUBLISHED, "fit": {"kind": "fourier"}}).json()["fit"]
+    assert fourier["power"] is None
 
 
 def test_tolerances_over_http(client) -> None:

@@ -1,7 +1,5 @@
 """The lift over HTTP and on the command line: contract, refusals with name and amount, only what is asked for."""
 
-from __future__ import annotations
-
 import copy
 import csv
 import json
@@ -17,12 +15,8 @@ from tests.conftest import changed, finite
 
 DESIGN = {"l2": 300, "l3": 180, "l4": 240, "l5": 330, "b": 480}
 MOTION = {"design": DESIGN, "cylinder": {"length": 220, "speed": 100, "acceleration": 0}, "samples": 11}
-OPTIMIZE = {
-    "cylinder": {"length": 220, "speed": 100},
-    "stroke": [200, 510],
-    "objective": {"kind": "discrete", "n": 31},
-    "upper_bound": 600,
-}
+OPTIMIZE = {"cylinder": {"length": 220, "speed": 100}, "stroke": [200, 510], "upper_bound": 600}
+OPTIMIZE["objective"] = {"kind": "discrete", "n": 31}
 
 
 def test_motion_replies_what_the_contract_names(client) -> None:
@@ -64,12 +58,7 @@ def test_everything_can_be_asked_for_and_agrees(client) -> None:
     assert radians["height"] == reply["height"]
 
 
-BUILDABLE = {
-    "cylinder": {"length": 220, "speed": 100},
-    "stroke": [200, 510],
-    "objective": {"kind": "normalized"},
-    "constraints": {},
-}
+BUILDABLE = changed(OPTIMIZE, {"-upper_bound": 0, "objective": {"kind": "normalized"}, "constraints": {}})
 
 
 @pytest.mark.parametrize(("scale", "speed"), [(1e-9, -100.0), (1e-9, 1e9), (1.0, 1e-6), (1e9, 1e-6), (1e9, 1e9)])
@@ -152,32 +141,22 @@ def test_what_is_included_over_the_time_stands_in_the_csv_too(client) -> None:
 # -- nothing is said that was not computed ----------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("path", "value", "source"),
-    [
-        ("cylinder.length", 219.9, None),
-        ("cylinder.length", 1000, None),
-        ("stroke", [180, 500], None),
-        ("cylinder.length", 220, "printed"),
-        ("cylinder.length", 250, "fitted"),
-    ],
-)
-def test_only_what_is_in_the_table_is_published_and_inferred_digits_are_called_fitted(
-    client, path, value, source
-) -> None:
+SOURCES = [("cylinder.length", length, None) for length in (219.9, 1000)] + [("stroke", [180, 500], None)]
+SOURCES += [("cylinder.length", 220, "printed"), ("cylinder.length", 250, "fitted")]
+
+
+@pytest.mark.parametrize(("path", "value", "source"), SOURCES)
+def test_only_what_is_in_the_table_is_published_and_inferred_digits_are_fitted(client, path, value, source) -> None:
     body = changed(OPTIMIZE, {path: value, "upper_bound": 3000})
     reply = client.post("/v1/lift/optimize", json=body).json()
     assert (reply["published"] or {}).get("source") == source
     assert (reply["objective_of_published"] is None) == (source is None)
 
 
-@pytest.mark.parametrize(
-    "objective",
-    [{"kind": "discrete", "n": 31}, {"kind": "continuous"}, {"kind": "normalized"}],
-    ids=lambda one: one["kind"],
-)
-def test_a_reply_says_nothing_of_what_it_did_not_compute(client, objective) -> None:
+@pytest.mark.parametrize("kind", ["discrete", "continuous", "normalized"])
+def test_a_reply_says_nothing_of_what_it_did_not_compute(client, kind) -> None:
     """No sentence about other n, other bounds, or where optima lie in general."""
+    objective = {"kind": kind} | ({"n": 31} if kind == "discrete" else {})
     reply = client.post("/v1/lift/optimize", json=changed(OPTIMIZE, {"objective": objective})).json()
     said = " ".join([reply["note"], (reply["published"] or {}).get("reason", "")])
     for word in ("interior", "whatever", "runs away", "grows", "rewards", "always", "decides", "only because"):
@@ -195,15 +174,11 @@ def test_the_default_constraints_give_a_lift_that_can_be_built(client) -> None:
     rows = {(row["name"], row["kind"]): row for row in reply["constraints"]}
     for row in rows.values():
         assert row["value"] >= row["limit"] if row["kind"] == "least" else row["value"] <= row["limit"]
-    limits = {("extension", "most"): 1.8, ("dead_point", "least"): 0.05, ("transmission_angle", "least"): 30.0}
-    limits |= {
-        ("acceleration", "most"): 1000.0,
-        ("jerk", "most"): 10_000.0,
-        ("y_min", "least"): 0.0,
-        ("l2", "least"): 51.0,
-    }
-    for key, limit in limits.items():
-        assert rows[key]["limit"] == pytest.approx(limit)
+    most = {"extension": 1.8, "acceleration": 1000.0, "jerk": 10_000.0}
+    least = {"dead_point": 0.05, "transmission_angle": 30.0, "y_min": 0.0, "l2": 51.0}
+    for kind, limits in (("most", most), ("least", least)):
+        for name, limit in limits.items():
+            assert rows[name, kind]["limit"] == pytest.approx(limit)
     assert reply["published"] is None
     # the source's optimum of the same objective, and the constraints that it breaks
     beside = reply["unconstrained"]
@@ -212,12 +187,9 @@ def test_the_default_constraints_give_a_lift_that_can_be_built(client) -> None:
     assert {row["name"] for row in beside["breaks"]} >= {"extension", "dead_point", "acceleration", "jerk", "y_min"}
     assert reply["cost"] == pytest.approx(reply["objective"] / source["objective"] - 1)
     cylinder = {"length": reply["closed_length"], "speed": 100}
-    moved = client.post(
-        "/v1/lift/motion", json={"design": reply["design"], "cylinder": cylinder, "samples": 2001}
-    ).json()
-    assert moved["height_start"] == pytest.approx(200, abs=1e-6) and moved["height_end"] == pytest.approx(
-        510, abs=1e-6
-    )
+    body = {"design": reply["design"], "cylinder": cylinder, "samples": 2001}
+    moved = client.post("/v1/lift/motion", json=body).json()
+    assert [moved["height_start"], moved["height_end"]] == pytest.approx([200, 510], abs=1e-6)
     assert moved["rise_time"] == pytest.approx(reply["motion"]["rise_time"], rel=1e-9)
     assert max(map(abs, moved["acceleration"])) <= 1000
     assert moved["length_top"] / reply["closed_length"] <= 1.8
@@ -225,17 +197,8 @@ def test_the_default_constraints_give_a_lift_that_can_be_built(client) -> None:
 
 
 def test_constraints_replace_defaults_and_angles_follow_the_unit(client) -> None:
-    body = {
-        **BUILDABLE,
-        "angle_unit": "rad",
-        "constraints": {
-            "transmission_angle_min": 0.3,
-            "jerk_max": None,
-            "l2": [60, None],
-            "closed_length": [None, 450],
-        },
-    }
-    reply = client.post("/v1/lift/optimize", json=body).json()
+    asked = {"transmission_angle_min": 0.3, "jerk_max": None, "l2": [60, None], "closed_length": [None, 450]}
+    reply = client.post("/v1/lift/optimize", json={**BUILDABLE, "angle_unit": "rad", "constraints": asked}).json()
     rows = {(row["name"], row["kind"]): row for row in reply["constraints"]}
     assert ("jerk", "most") not in rows
     assert rows["transmission_angle", "least"]["limit"] == pytest.approx(0.3)
@@ -245,14 +208,9 @@ def test_constraints_replace_defaults_and_angles_follow_the_unit(client) -> None
 
 def test_every_constraint_is_the_searches_own_and_what_is_left_open_is_bounded() -> None:
     ranges = {"l2": [60, None], "l3": [None, 310], "l4": [70, 320], "l5": [80, 900], "closed_length": [230, 470]}
-    numbers = {
-        "extension_max": 1.7,
-        "dead_point_min": 0.1,
-        "acceleration_max": 800,
-        "jerk_max": 7000,
-        "force_ratio_max": 9,
-    }
-    more = {"rise_time": [2, 5], "envelope": [-700, 10, 20, 600], "transmission_angle_min": 36, "start": "collinear"}
+    numbers = {"extension_max": 1.7, "dead_point_min": 0.1, "acceleration_max": 800, "jerk_max": 7000}
+    numbers |= {"force_ratio_max": 9, "start": "collinear"}
+    more = {"rise_time": [2, 5], "envelope": [-700, 10, 20, 600], "transmission_angle_min": 36}
 
     def limits(given, unit="deg"):
         request = models.OptimizeRequest(**{**BUILDABLE, "angle_unit": unit, "constraints": given})
@@ -261,15 +219,10 @@ def test_every_constraint_is_the_searches_own_and_what_is_left_open_is_bounded()
     assert limits(ranges | numbers | more) == Constraints(
         lengths={"l2": (60, 600), "l3": (None, 310), "l4": (70, 320), "l5": (80, 600), "b": (51, 600)},
         closed_length=(230, 470),
-        extension_max=1.7,
-        dead_point_min=0.1,
-        acceleration_max=800,
-        jerk_max=7000,
         rise_time=(2, 5),
         envelope=(-700, 10, 20, 600),
         transmission_min=math.radians(36),
-        force_ratio_max=9,
-        start="collinear",
+        **numbers,
     )
     assert limits({}).closed_length == (220, 600), "from the cylinder's own"
     with pytest.raises(FieldError, match="less than a quarter turn"):

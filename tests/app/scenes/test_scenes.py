@@ -1,7 +1,5 @@
 """Every query of every scene: its examples are answered, alike over HTTP and on the command line."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterator
@@ -15,13 +13,8 @@ from app.query import json_of, reply_model
 from app.scenes import scene_queries
 from synthesis.work import Cancelled, Work
 
-SLOW = {
-    "chain tolerance-with_reserve",
-    "knotter fit-defaults",
-    "knotter fit-published_pattern",
-    "knotter tolerance-coarse",
-    "lift optimize-even",
-}
+SLOW = {"chain tolerance-with_reserve", "lift optimize-even"}
+SLOW |= {f"knotter {name}" for name in ("fit-defaults", "fit-published_pattern", "tolerance-coarse")}
 """Examples whose queries have others here; that fit is asked and told by test_knotter.py."""
 EXAMPLES = [
     pytest.param(query, name, id=mark, marks=[pytest.mark.wide] * (mark in SLOW))
