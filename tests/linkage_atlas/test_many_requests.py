@@ -1,7 +1,5 @@
 """`la.study`: the answers of `la.synthesize` in order, on processes and on a cluster, gone on with from a file."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np
@@ -13,10 +11,8 @@ from linkage_atlas.many_requests import without_times
 
 def motions(count: int) -> list[dict]:
     linkage = la.FourBar(1, 2.4, 2.2, 2.9, start_angle=20)
-    spans = np.linspace(60, 140, count)
-    return [
-        {"rotation": linkage.joints(np.linspace(0, span, 7)).rotation, "crank_span": span, "top": 2} for span in spans
-    ]
+    turned = {span: linkage.joints(np.linspace(0, span, 7)).rotation for span in np.linspace(60, 140, count)}
+    return [{"rotation": rotation, "crank_span": span, "top": 2} for span, rotation in turned.items()]
 
 
 def plain(result: la.Result) -> dict:

@@ -1,7 +1,5 @@
 """Matches of several kinds of mechanisms: the best of all, each row with its kind; atlases of slider-cranks."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -62,10 +60,8 @@ def test_the_rows_of_both_kinds_are_the_best_of_all(four_bars: la.Atlas) -> None
     assert [(one.kind, one.type, one.similarity) for one in both] == [(o.kind, o.type, o.similarity) for o in best]
     assert [one.rank for one in both] == [1, 2, 3, 4, 5, 6] and {one.kind for one in both} == set(KINDS)
     assert both.report.windows == sum(one.report.windows for one in alone.values())
-    assert (
-        both.to_dict()["matches"]
-        == la.match(wanted, 120, atlas=four_bars, mechanisms=KINDS[::-1], top=6).to_dict()["matches"]
-    )
+    again = la.match(wanted, 120, atlas=four_bars, mechanisms=KINDS[::-1], top=6)
+    assert both.to_dict()["matches"] == again.to_dict()["matches"]
     assert {one.kind for one in la.match(wanted, 120, atlas=four_bars, top=6)} == {"four_bar"}
 
 
@@ -81,29 +77,19 @@ def test_the_atlas_of_slider_cranks_beside_another_is_kept_in_its_index(part: st
     again = la.load_atlas(four_bars._source.path, index=folder)
     assert again.has("slider_cranks")
     wanted = rod([100, 500, 40], 20, span=40)
-    found = [
-        la.match(wanted, 40, atlas=one, mechanisms=["slider_crank"]).to_dict()["matches"]
-        for one in (four_bars, again)
-    ]
-    assert found[0] == found[1] and found[0][0]["type"]["lengths"] == [100, 500, 40]
-    details = beside.details_of(found[0][0]["type"]["number"])
-    assert (details["kind"], details["lengths"], details["family"], details["winding"]) == (
-        "slider_crank",
-        [100, 500, 40],
-        None,
-        0,
-    )
+    found, other = (la.match(wanted, 40, atlas=one, mechanisms=["slider_crank"]) for one in (four_bars, again))
+    assert found.to_dict()["matches"] == other.to_dict()["matches"]
+    assert found[0].type.lengths == [100, 500, 40]
+    told = {"kind": "slider_crank", "lengths": [100, 500, 40], "family": None, "winding": 0}
+    assert beside.details_of(found[0].type.number).items() >= told.items()
+
+
+WRONG = [({"mechanisms": kinds}, "/mechanisms") for kinds in ([], "every", ["four_bar"])]
+WRONG += [({"mechanisms": ["four_bar", "six_bar"]}, "/mechanisms/1")]
 
 
 @pytest.mark.parametrize(
-    ("asked", "field"),
-    [
-        ({"mechanisms": []}, "/mechanisms"),
-        ({"mechanisms": "every"}, "/mechanisms"),
-        ({"mechanisms": ["four_bar", "six_bar"]}, "/mechanisms/1"),
-        ({"mechanisms": ["four_bar"]}, "/mechanisms"),
-        ({"mechanisms": ["slider_crank"], "curve": "rocker"}, "/curve"),
-    ],
+    ("asked", "field"), [*WRONG, ({"mechanisms": ["slider_crank"], "curve": "rocker"}, "/curve")]
 )
 def test_what_is_refused(sliders: la.Atlas, asked: dict, field: str) -> None:
     with pytest.raises(la.FieldError) as error:

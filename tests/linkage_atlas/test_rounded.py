@@ -1,7 +1,5 @@
 """Links that can be had, through the front door: on a grid or from a stock, within the limits of the request."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -37,9 +35,7 @@ LIMITS = [
 
 
 @pytest.mark.parametrize(
-    ("grid", "limits"),
-    some_of([(grid, limits) for grid in (2.0, 5.0) for limits in LIMITS], 5),
-    ids=str,
+    ("grid", "limits"), some_of([(grid, one) for grid in (2.0, 5.0) for one in LIMITS], 5), ids=str
 )
 def test_rounded_links_keep_to_the_limits(grid, limits) -> None:
     found = la.synthesize(**EXAMPLE, top=1, limits=limits, round_to=grid, tolerance=1e-6)
@@ -52,18 +48,14 @@ def test_rounded_links_keep_to_the_limits(grid, limits) -> None:
     assert steps == pytest.approx(np.round(steps), abs=1e-9)
 
 
-@pytest.mark.parametrize(
-    "limits",
-    some_of([{"pivot_box": [-150, -150, 150, 150], "transmission_angle_min": 40}, {}], 1),
-    ids=["some", "none"],
-)
+BOX = {"pivot_box": [-150, -150, 150, 150], "transmission_angle_min": 40}
+
+
+@pytest.mark.parametrize("limits", some_of([BOX, {}], 1), ids=["some", "none"])
 def test_rounded_links_have_crank_angles_of_their_own_where_these_are_free(limits):
     """At those of the solution the best on this grid misses by 0.019."""
-    position = np.array([[0, 0], [50, 20], [90, 60], [110, 110], [115, 150]])
-    found = la.synthesize(
-        rotation=[0, 30, 60, 90, 110], position=position, timing="free", limits=limits, top=2, round_to=5
-    )
-    for one in found:
+    rotation, position = [0, 30, 60, 90, 110], np.array([[0, 0], [50, 20], [90, 60], [110, 110], [115, 150]])
+    for one in la.synthesize(rotation, position, timing="free", limits=limits, top=2, round_to=5):
         rounded = one.rounded
         assert rounded.closes and all(length % 5 == 0 for length in rounded.links)
         assert rounded.errors.objective < 0.01
@@ -78,26 +70,15 @@ def test_rounded_links_have_crank_angles_of_their_own_where_these_are_free(limit
 
 
 GRID, STOCK = {"round_to": 10}, {"lengths_from": [20, 35, 50, 80, 120, 200]}
+FIRST = [(GRID, ["four_bar"], [0]), (STOCK, ["rail_slot"], [5])]
+OTHERS = [(STOCK, ["four_bar"], [0, 5]), (GRID, "all", [0, 5])]
 
 
-@pytest.mark.parametrize(
-    ("rounding", "kinds", "paths"),
-    some_of(
-        [
-            (GRID, ["four_bar"], [0]),
-            (STOCK, ["rail_slot"], [5]),
-            (STOCK, ["four_bar"], [0, 5]),
-            (GRID, "all", [0, 5]),
-        ],
-        2,
-    ),
-    ids=str,
-)
+@pytest.mark.parametrize(("rounding", "kinds", "paths"), some_of(FIRST + OTHERS, 2), ids=str)
 def test_what_can_be_had_ranks_by_its_own_error(rounding, kinds, paths) -> None:
     # once the nearest before rounding came first, here that of 0.066, which as it can be had misses by 0.072
-    random, places = np.random.default_rng(3), []
-    for k in range(6):
-        places.append(20 * np.cumsum(random.normal(size=(6 + k % 5, 2)), axis=0))
+    random = np.random.default_rng(3)
+    places = [20 * np.cumsum(random.normal(size=(6 + k % 5, 2)), axis=0) for k in range(6)]
     for position in (places[path] for path in paths):
         asked = {"position": position, "timing": "free", "mechanisms": kinds, **rounding}
         found = la.synthesize(**asked, top=6)
@@ -110,9 +91,8 @@ def test_what_can_be_had_ranks_by_its_own_error(rounding, kinds, paths) -> None:
             assert len(single) == 1 and single.best.rounded.errors.objective <= 1.1 * errors[0]
 
 
-MOTION = la.Motion(
-    [0, 10, 25, 45, 70, 90], [[0, 0], [20, 10], [40, 25], [60, 50], [70, 80], [70, 110]], timing="free"
-)
+PLACES = [[0, 0], [20, 10], [40, 25], [60, 50], [70, 80], [70, 110]]
+MOTION = la.Motion([0, 10, 25, 45, 70, 90], PLACES, timing="free")
 
 
 @pytest.mark.parametrize("rounding", some_of([{"lengths_from": [40, 60, 100]}, {"round_to": 100}], 1), ids=str)
@@ -127,9 +107,7 @@ def test_each_linkage_that_can_be_had_is_listed_once(rounding) -> None:
 
 
 def test_of_linkages_that_come_to_the_same_lengths_the_best_is_shown() -> None:
-    found = la.synthesize(
-        EXAMPLE["rotation"], EXAMPLE["position"], crank_span=70, lengths_from=[20, 70, 72.5, 144, 165]
-    )
+    found = la.synthesize(**EXAMPLE, lengths_from=[20, 70, 72.5, 144, 165])
     assert tuple(found.best.links) == pytest.approx((19, 72, 144, 165)), "exact, where others are only near"
 
 

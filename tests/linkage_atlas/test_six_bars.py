@@ -1,7 +1,5 @@
 """A linkage with its motor by the front door: it moves, draws, is analysed and saved, and is what the drive's reply says."""
 
-from __future__ import annotations
-
 import csv
 import io
 import xml.etree.ElementTree as ElementTree

@@ -1,7 +1,5 @@
 """Studies as files: cut off at any byte they are gone on with to the same bytes, and what is no study is left alone."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import threading

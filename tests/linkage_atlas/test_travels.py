@@ -1,7 +1,5 @@
 """Functions with travel by the front door: replies recomputed from their own numbers, units, limits, zeros, refusals."""
 
-from __future__ import annotations
-
 import json
 from functools import cache
 from itertools import count
@@ -13,51 +11,21 @@ import pytest
 import linkage_atlas as la
 from tests.conftest import some_of
 
+FROM, TO = {"input_unit": "length"}, {"output_unit": "length"}
+BOTH = {**FROM, **TO}
+BLOCK, SLOT = {"mechanisms": ["swinging_block"]}, {"mechanisms": ["rail_slot"]}
 CASES: dict[str, dict[str, Any]] = {
-    "crank to slider": {"output": [0, 4, 11, 20, 29, 36, 40], "crank_span": 90, "output_unit": "length"},
-    "crank to cylinder": {
-        "output": [0, 4, 11, 20, 29, 36, 40],
-        "crank_span": -90,
-        "output_unit": "length",
-        "mechanisms": ["swinging_block"],
-    },
-    "slider to crank": {"output": [0, 6, 13, 22, 34, 47, 60], "travel_span": 35, "input_unit": "length"},
-    "slider to lever": {
-        "output": [0, 6, 13, 22, 34, 47, 60],
-        "travel_span": -35,
-        "input_unit": "length",
-        "mechanisms": ["rail_slot"],
-    },
-    "slider to slider": {
-        "output": [0, 3, 8, 14, 22],
-        "travel_span": 35,
-        "input_unit": "length",
-        "output_unit": "length",
-    },
-    "slider to cylinder": {
-        "output": [0, 2, 7, 15, 26],
-        "travel_span": 40,
-        "input_unit": "length",
-        "output_unit": "length",
-        "mechanisms": ["rail_slot"],
-    },
-    "cylinder to crank": {
-        "output": [75.0, 53.6, 35.2, 17.8, 0.0],
-        "input": [60, 45, 30, 15, 0],
-        "input_unit": "length",
-        "mechanisms": ["swinging_block"],
-    },
-    "cylinder to slider": {
-        "output": [0, 13.7, 25.4, 36.9, 47.6],
-        "travel_span": 40,
-        "input_unit": "length",
-        "output_unit": "length",
-        "mechanisms": ["rail_slot"],
-    },
+    "crank to slider": {"output": [0, 4, 11, 20, 29, 36, 40], "crank_span": 90, **TO},
+    "crank to cylinder": {"output": [0, 4, 11, 20, 29, 36, 40], "crank_span": -90, **TO, **BLOCK},
+    "slider to crank": {"output": [0, 6, 13, 22, 34, 47, 60], "travel_span": 35, **FROM},
+    "slider to lever": {"output": [0, 6, 13, 22, 34, 47, 60], "travel_span": -35, **FROM, **SLOT},
+    "slider to slider": {"output": [0, 3, 8, 14, 22], "travel_span": 35, **BOTH},
+    "slider to cylinder": {"output": [0, 2, 7, 15, 26], "travel_span": 40, **BOTH, **SLOT},
+    "cylinder to crank": {"output": [75, 53.6, 35.2, 17.8, 0], "input": [60, 45, 30, 15, 0], **FROM, **BLOCK},
+    "cylinder to slider": {"output": [0, 13.7, 25.4, 36.9, 47.6], "travel_span": 40, **BOTH, **SLOT},
 }
-some_cases = pytest.mark.parametrize(
-    "case", some_of(sorted(CASES, key=lambda case: "cylinder" in case or "lever" in case), 3)
-)
+SORTED = sorted(CASES, key=lambda case: "cylinder" in case or "lever" in case)
+some_cases = pytest.mark.parametrize("case", some_of(SORTED, 3))
 
 
 @cache
@@ -80,9 +48,8 @@ def output_of(one: Any, case: dict[str, Any], travel: np.ndarray) -> np.ndarray:
         return np.array([place * np.cos(angle) + way * along for way in (1, -1)])
     if one.kind == "slider_crank":
         far = place + 1j * size["offset"]
-        between = np.arccos(
-            (np.abs(far) ** 2 + size["crank"] ** 2 - size["rod"] ** 2) / (2 * size["crank"] * np.abs(far))
-        )
+        cosine = (np.abs(far) ** 2 + size["crank"] ** 2 - size["rod"] ** 2) / (2 * size["crank"] * np.abs(far))
+        between = np.arccos(cosine)
         return np.rad2deg(np.array([np.angle(far) + way * between for way in (1, -1)]))
     if one.kind == "swinging_block":
         cosine = (size["ground"] ** 2 + size["crank"] ** 2 - place**2) / (2 * size["ground"] * size["crank"])
@@ -95,26 +62,16 @@ def output_of(one: Any, case: dict[str, Any], travel: np.ndarray) -> np.ndarray:
 
 def test_what_stands_at_the_edge_of_a_limit_between_two_places_is_found() -> None:
     height = [0.0, 156.25, 500.0, 843.75, 1000.0]
-    best = [
-        la.function(
-            output=[way * one for one in height],
-            output_unit="length",
-            crank_span=way * 120,
-            objective="max",
-            limits={"preset": "practical"},
-        ).best
-        for way in (1, -1)
-    ]
+    more = {"objective": "max", "limits": {"preset": "practical"}, **TO}
+    best = [la.function([way * one for one in height], way * 120, **more).best for way in (1, -1)]
     assert [one.errors.objective for one in best] == pytest.approx([0.00816, 0.00816], rel=0.01)
     assert best[0].transmission_angle_min == pytest.approx(35.0, abs=1e-4)
 
 
-@pytest.mark.parametrize(
-    ("case", "objective"),
-    some_of(
-        [(case, ("rms", "max")[(k + turn) % 2]) for turn in range(2) for k, case in enumerate(CASES)], len(CASES) - 2
-    ),
-)
+EITHER = [(case, ("rms", "max")[(k + turn) % 2]) for turn in range(2) for k, case in enumerate(CASES)]
+
+
+@pytest.mark.parametrize(("case", "objective"), some_of(EITHER, len(CASES) - 2))
 def test_the_reply_does_what_it_says(case: str, objective: str) -> None:
     asked = CASES[case]
     found = answered(case, objective)
@@ -224,11 +181,11 @@ def test_where_everything_is_given_its_error_is_told() -> None:
 @pytest.mark.parametrize(
     "asked",
     [
-        {"output": np.cumsum(np.random.default_rng(0).normal(size=1024)), "travel_span": 500, "input_unit": "length"},
-        {"output": [0, 5e-40, 11e-40], "crank_span": 30, "output_unit": "length"},
-        {"output": [0, 5e40, 11e40], "travel_span": 1e40, "input_unit": "length", "output_unit": "length"},
-        {"output": np.linspace(0, 400, 20), "crank_span": 720, "output_unit": "length", "one_way": True},
-        {"output": np.linspace(0, 400, 20), "travel_span": -10, "input_unit": "length"},
+        {"output": np.cumsum(np.random.default_rng(0).normal(size=1024)), "travel_span": 500, **FROM},
+        {"output": [0, 5e-40, 11e-40], "crank_span": 30, **TO},
+        {"output": [0, 5e40, 11e40], "travel_span": 1e40, **BOTH},
+        {"output": np.linspace(0, 400, 20), "crank_span": 720, **TO, "one_way": True},
+        {"output": np.linspace(0, 400, 20), "travel_span": -10, **FROM},
     ],
     ids=["noise", "tiny", "huge", "two turns one way", "more than a turn"],
 )
@@ -244,10 +201,8 @@ def test_extreme_requests_are_answered(asked: dict[str, Any], budget: float | No
 
 def test_a_function_ends_where_it_is_said_to_however_far_it_begins():
     """The last place, reached from the first by steps of a sum, would be 0 here."""
-    found = la.function(
-        function={"name": "log10", "x": [1e40, 2], "output_span": 90}, crank_span=60, objective="max", top=1
-    )
-    assert found.solutions
+    wanted = {"name": "log10", "x": [1e40, 2], "output_span": 90}
+    assert la.function(function=wanted, crank_span=60, objective="max", top=1).solutions
 
 
 @pytest.mark.parametrize("driver", ["slider", "cylinder"])
@@ -255,8 +210,7 @@ def test_a_slider_and_a_cylinder_that_make_a_function_exactly_are_found(driver) 
     slider = np.linspace(10.0, 60.0, 9)
     cylinder = np.hypot(slider, 30.0)
     asked, made = (slider, cylinder) if driver == "slider" else (cylinder, slider)
-    units = {"input_unit": "length", "output_unit": "length"}
-    found = la.function(made - made[0], input=asked - asked[0], mechanisms=["rail_slot"], **units)
+    found = la.function(made - made[0], input=asked - asked[0], **BOTH, **SLOT)
     assert (found.status, found.best.driver) == ("reached", driver)
     assert found.best.lengths["pin_distance"] == pytest.approx(30.0, rel=1e-9)
     assert found.best.input_zero == pytest.approx(asked[0], rel=1e-9)
@@ -264,7 +218,6 @@ def test_a_slider_and_a_cylinder_that_make_a_function_exactly_are_found(driver) 
 
 def test_a_law_that_comes_nowhere_near_is_no_answer() -> None:
     """A cylinder that drives cannot make a square; what it makes instead is off by a third."""
-    units = {"input_unit": "length", "output_unit": "length"}
-    found = la.function([0, 1, 4, 9, 16], input=[0, 10, 20, 30, 40], mechanisms="all", **units)
+    found = la.function([0, 1, 4, 9, 16], input=[0, 10, 20, 30, 40], mechanisms="all", **BOTH)
     assert {one.kind for one in found} == {"two_rails", "rail_slot"}
     assert max(one.errors.objective for one in found) < 0.1
