@@ -1,7 +1,5 @@
 """One service and one browser for all browser tests of a process: starting them takes longer than most tests."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 from typing import Any
@@ -15,19 +13,11 @@ from tests.e2e.page import MotionPage
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 DRIVER = shutil.which("chromedriver")
-OPTIONS = (
-    "--headless=new",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-dev-shm-usage",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--disable-features=BackForwardCache",  # it keeps every page that was left
-    "--no-first-run",
-    "--hide-scrollbars",
-    "--force-prefers-reduced-motion",  # a linkage that runs takes a processor of its own
-)
+WITHOUT = ("gpu", "dev-shm-usage", "background-networking", "component-update", "sync")
+OPTIONS = ("--headless=new", "--no-sandbox", "--no-first-run", "--hide-scrollbars")
+OPTIONS += ("--disable-features=BackForwardCache",)  # it keeps every page that was left
+OPTIONS += ("--force-prefers-reduced-motion",)  # a linkage that runs takes a processor of its own
+OPTIONS += tuple(f"--disable-{name}" for name in WITHOUT)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -71,13 +61,8 @@ def kept(app: Any) -> Any:
             sent.append(message)
 
         await app(scope, received, answered)
-        if (
-            posted
-            and b'"live"' not in content
-            and sent
-            and sent[0]["status"] == 200
-            and not sent[-1].get("more_body")
-        ):
+        whole = sent and sent[0]["status"] == 200 and not sent[-1].get("more_body")
+        if posted and whole and b'"live"' not in content:
             replies[asked] = sent
 
     return answer

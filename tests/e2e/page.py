@@ -52,21 +52,18 @@ ASKED = (
 )
 """Keeps the bodies of the page's requests; a reply in `window.stub` stands in for the service's. Requests for layers follow by
 themselves: they are not kept, and of a stub are never answered."""
-FREE = la.FourBar(
-    20, 60, 55, 58, start_angle=30, pivot_a=(10, 5), ground_angle=8, coupler_point=(40, 35), body_offset=12
-)
+MOUNT = {"pivot_a": (10, 5), "ground_angle": 8, "coupler_point": (40, 35), "body_offset": 12}
+FREE = la.FourBar(20, 60, 55, 58, start_angle=30, **MOUNT)
 """A crank-rocker whose motions the tests ask for."""
 GOOD = re.compile(r"✓ (within practical limits|buildable in \d layers)")
 """What a card says of a linkage within practical limits, before and after its layers are known."""
 WORKS = {"order": True, "branch": True, "circuit": True, "within_tolerance": None, "buildable": True, "reasons": []}
-VERDICTS = [
-    WORKS,
-    WORKS
-    | {"buildable": False, "reasons": ["transmission angle 21.9 degrees over the used interval, below 35", "b"]},
-    WORKS | {"within_tolerance": False, "reasons": ["sample 3 is off by 2.4 times what is allowed, the most of all"]},
-    WORKS
-    | {"order": False, "branch": False, "buildable": False, "reasons": ["samples 2 and 3 lie on different branches"]},
-]
+SHUT = ["transmission angle 21.9 degrees over the used interval, below 35", "b"]
+LATE = ["sample 3 is off by 2.4 times what is allowed, the most of all"]
+FAULTY = dict.fromkeys(("order", "branch", "buildable"), False)
+FAULTY["reasons"] = ["samples 2 and 3 lie on different branches"]
+VERDICTS = [WORKS, WORKS | {"buildable": False, "reasons": SHUT}]
+VERDICTS += [WORKS | {"within_tolerance": False, "reasons": LATE}, WORKS | FAULTY]
 
 
 def keep(page: Page, name: str) -> None:
@@ -153,9 +150,8 @@ class Page:
         return self.run("return document.getElementById(arguments[0]).value", name)
 
     def shown(self, name: str) -> bool:
-        return self.run(
-            "return document.getElementById(arguments[0]).checkVisibility({visibilityProperty: true})", name
-        )
+        script = "return document.getElementById(arguments[0]).checkVisibility({visibilityProperty: true})"
+        return self.run(script, name)
 
     def ticked(self, name: str) -> bool:
         return self.run("return document.getElementById(arguments[0]).checked", name)
@@ -316,10 +312,8 @@ class MotionPage(Page):
         )
 
     def slide(self, travel: float) -> None:
-        self.run(
-            "const s=document.getElementById('slider');s.value=arguments[0];s.dispatchEvent(new Event('input'))",
-            travel,
-        )
+        script = "const s=document.getElementById('slider');s.value=arguments[0];s.dispatchEvent(new Event('input'))"
+        self.run(script, travel)
 
     def mode(self, name: str) -> None:
         self.press(f"[data-mode={name}]")
@@ -404,11 +398,8 @@ class MotionPage(Page):
             "return [Object.fromEntries([...s.querySelectorAll('[data-joint]')].map(one=>[one.dataset.joint, at(one)])),"
             "s.clientWidth, s.clientHeight, s.dataset.view.split(' ').map(Number)]"
         )
-        cx, cy, scale = shown
-        return {
-            joint: complex(cx + (x - width / 2) / scale, cy - (y - height / 2) / scale)
-            for joint, (x, y) in found.items()
-        }
+        (cx, cy, scale), middle = shown, complex(width, -height) / 2
+        return {joint: complex(cx, cy) + (complex(x, -y) - middle) / scale for joint, (x, y) in found.items()}
 
     def drawn(self, joint: str) -> complex:
         return self.all_drawn()[joint]
@@ -469,27 +460,13 @@ class MotionPage(Page):
 
     def stub(self, request: dict[str, Any], angles: Any, verdicts: Any = VERDICTS) -> None:
         """Let the next answers be `FREE` at these crank angles, once for each verdict."""
-        turned = "rotation" in request
-        solution = FREE.to_dict() | {
-            "source": "refined",
-            "type": None,
-            "crank_angle": list(map(float, angles)),
-            "errors": {
-                "rotation_rms": 0.3 if turned else None,
-                "rotation_max": 0.5 if turned else None,
-                "position_rms": 0.4,
-                "position_max": 0.9,
-                "objective": 0.01,
-            },
-            "excursion": 1.02,
-            "family": FREE.family,
-            "transmission_angle_min": 40.0,
-            "transmission_angle_min_turn": 33.0,
-            "condition": 10.0,
-            "determination": {"ill_posed": False, "resolution": 1e-3, "length_uncertainty": [0, 0, 0, 0]},
-            "sensitivity": None,
-            "rounded": None,
-        }
+        turned = (0.3, 0.5) if "rotation" in request else (None, None)
+        errors = {"rotation_rms": turned[0], "rotation_max": turned[1], "position_rms": 0.4, "position_max": 0.9}
+        solution = FREE.to_dict() | {"errors": errors | {"objective": 0.01}, "crank_angle": list(map(float, angles))}
+        solution |= {"transmission_angle_min": 40.0, "transmission_angle_min_turn": 33.0, "excursion": 1.02}
+        solution |= {"source": "refined", "type": None, "family": FREE.family, "sensitivity": None, "rounded": None}
+        determination = {"ill_posed": False, "resolution": 1e-3, "length_uncertainty": [0, 0, 0, 0]}
+        solution |= {"condition": 10.0, "determination": determination}
         report = {"elapsed_ms": {"total": 80.0}, "trace": [[20, 0.1], [60, 0.01]], "stopped_by": "converged"}
         reply = {
             "status": "closest",

@@ -1,10 +1,9 @@
 """The panel "Drive" in the browser: a cylinder that is found, moves, is dragged and exported; reasons; other kinds."""
 
-from __future__ import annotations
-
 import os
 import re
 
+import numpy as np
 import pytest
 from selenium.webdriver.common.keys import Keys
 
@@ -101,18 +100,13 @@ def test_a_cylinder_is_found_moves_and_its_pins_are_dragged(opened) -> None:
     assert "255 + 150 mm" in opened.text("drive-numbers")
     best = number(opened, "peak force")
     assert opened.run("return document.querySelectorAll('#drive-curves .chart').length") == 2
-    opened.run("const s = document.getElementById('slider'); s.value = s.min; s.dispatchEvent(new Event('input'))")
     lengths = []
     for end in ("min", "max"):
-        opened.run(
-            f"const s = document.getElementById('slider'); s.value = s.{end}; s.dispatchEvent(new Event('input'))"
-        )
+        opened.slide(float(opened.find("slider").get_attribute(end)))
         lengths.append(float(opened.run("return document.querySelector('[data-layer=drive]').dataset.length")))
     assert sorted(lengths) == pytest.approx([255, 405], abs=0.01)
     if PICTURE:
-        opened.run(
-            "const s = document.getElementById('slider'); s.value = (+s.min + +s.max) / 2; s.dispatchEvent(new Event('input'))"
-        )
+        opened.slide(np.mean([float(opened.find("slider").get_attribute(end)) for end in ("min", "max")]))
         opened.browser.execute_script("document.getElementById('board-title').scrollIntoView()")
         opened.browser.save_screenshot(PICTURE)
         opened.browser.execute_script("document.getElementById('drive-card').scrollIntoView()")
@@ -163,15 +157,8 @@ def test_bad_numbers_are_answered_in_words(opened) -> None:
 
 
 def test_a_drive_that_slides_is_told_in_lengths(page) -> None:
-    page.take(
-        {
-            "rotation": [0, 30, 60, 90],
-            "position": [[0, 0], [120, 40], [200, 120], [220, 220]],
-            "timing": "free",
-            "mechanisms": ["rail_slot"],
-            "driver": "cylinder",
-        }
-    )
+    poses = {"rotation": [0, 30, 60, 90], "position": [[0, 0], [120, 40], [200, 120], [220, 220]], "timing": "free"}
+    page.take({**poses, "mechanisms": ["rail_slot"], "driver": "cylinder"})
     page.solve_soon()
     # rounding is not told as a place
     assert "cylinder" in page.text("numbers") and not re.search(r"e-1\d", page.text("numbers"))

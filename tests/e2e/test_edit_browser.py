@@ -1,7 +1,5 @@
 """A linkage edited in the page: joints typed as well as dragged, and refined by the service from just there."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

@@ -1,7 +1,5 @@
 """The page of function generation in a real browser: a function chosen, typed and drawn, its linkage and its error."""
 
-from __future__ import annotations
-
 import json
 import re
 
@@ -69,12 +67,8 @@ PAIRS = "input;output\n0;0\n20;11,5\n45;33\n80;61\n110;84\n"
 def ask_table(page, rows: str, kind: str = "table") -> None:
     """Rows put into the field as a paste does."""
     page.select("name", kind)
-    field = page.find("table")
-    page.run(
-        "arguments[0].value = arguments[1]; arguments[0].dispatchEvent(new Event('input', {bubbles: true}))",
-        field,
-        rows,
-    )
+    script = "arguments[0].value = arguments[1]; arguments[0].dispatchEvent(new Event('input', {bubbles: true}))"
+    page.run(script, page.find("table"), rows)
 
 
 def test_angle_pairs_are_asked_for_as_they_are(page) -> None:
@@ -106,9 +100,8 @@ def test_angle_pairs_keep_their_unit_and_their_zeros(page) -> None:
     page.find("transmission").send_keys("40")
     solve(page)
     request = page.asked()
-    assert (
-        request["angle_unit"] == "rad" and [list(row) for row in zip(request["input"], request["output"])] == radians
-    )
+    assert request["angle_unit"] == "rad"
+    assert [list(row) for row in zip(request["input"], request["output"])] == radians
     assert request["limits"]["transmission_angle_min"] == pytest.approx(np.radians(40))
     assert page.text("where").startswith(f"{np.degrees(0.5):.4g}°, rocker {np.degrees(1.0):.2g}")
     assert float(page.text("solutions").split()[1].rstrip("°")) < 20
@@ -202,18 +195,11 @@ def test_cards_of_an_earlier_question_say_so(page) -> None:
     assert set(page.run(marks)) == {True} and "cannot be reached" in page.text("status")
 
 
-@pytest.mark.parametrize(
-    ("drive", "named", "unit"),
-    some_of(
-        [
-            ("cylinder_crank", "Crank turns", "length"),
-            ("crank_slider", "Slider moves", "°"),
-            ("slider_slider", "Other slider moves", "length"),
-            ("slider_cylinder", "The other moves", "length"),
-        ],
-        1,
-    ),
-)
+DRIVEN = [("cylinder_crank", "Crank turns", "length"), ("crank_slider", "Slider moves", "°")]
+DRIVEN += [("slider_slider", "Other slider moves", "length"), ("slider_cylinder", "The other moves", "length")]
+
+
+@pytest.mark.parametrize(("drive", "named", "unit"), some_of(DRIVEN, 1))
 def test_a_function_with_travel_is_asked_drawn_and_saved(page, drive: str, named: str, unit: str) -> None:
     """Each drive has its own fields, numbers and files, and the linkage with rails or slots moves."""
     page.select("drive", drive)

@@ -1,7 +1,5 @@
 """Linkages with rails and slots in the page: drawn, moved, judged, saved, and changed by hand."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable
 from typing import Any
@@ -32,17 +30,9 @@ def request_of(motion) -> dict:
 def solved(page, drive, **studies):
     """The page with a solution of a drive, as the service would send it."""
     one, motion = reply_of(drive, noise=0.01, **studies)
-    report = {
-        "elapsed_ms": {"total": 5.0},
-        "trace": [[5.0, one.errors.objective]],
-        "stopped_by": "converged",
-        "length_scale": motion.asked.length_scale,
-        "seeds": 1,
-        "windows": None,
-        "exhaustive": None,
-        "notes": [],
-        "live": None,
-    }
+    report = {"elapsed_ms": {"total": 5.0}, "trace": [[5.0, one.errors.objective]], "stopped_by": "converged"}
+    report |= {"length_scale": motion.asked.length_scale, "seeds": 1, "notes": []}
+    report |= dict.fromkeys(("windows", "exhaustive", "live"))
     reply = {"status": "closest", "solutions": [json.loads(json.dumps(plain_of(one)))], "report": report}
     page.run(ANSWERED, reply)
     page.take(request_of(motion))
@@ -95,14 +85,8 @@ def test_guides_are_changed_by_hand(standing, drive) -> None:
 
 def test_the_page_asks_for_all_kinds_and_lists_several(standing) -> None:
     page = standing
-    page.take(
-        {
-            "position": [[0, 0], [22, 5], [41, 17], [52, 36], [50, 58]],
-            "rotation": [0, 12, 27, 45, 66],
-            "timing": "free",
-            "mechanisms": "all",
-        }
-    )
+    position = [[0, 0], [22, 5], [41, 17], [52, 36], [50, 58]]
+    page.take({"position": position, "rotation": [0, 12, 27, 45, 66], "timing": "free", "mechanisms": "all"})
     page.unfold("limits")
     assert page.value("mechanisms") == "all" and page.request()["mechanisms"] == "all"
     page.click("solve")

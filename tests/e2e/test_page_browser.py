@@ -3,8 +3,6 @@
 With ``LINKAGE_ATLAS_SCREENSHOTS=1`` the picture docs/img/page.png is made anew.
 """
 
-from __future__ import annotations
-
 import base64
 import csv
 import io
@@ -47,13 +45,11 @@ def test_a_motion_is_drawn_solved_and_watched(standing) -> None:
     assert standing.text("travel") == "60.0°"
 
 
-NAMES = [e["name"] for e in EXAMPLES]
+SHOWN = ("Crank", "Coupler", "Rocker", "Ground", "Start angle")
+NAMES = sorted((one["name"] for one in EXAMPLES), key=lambda name: name not in ("casement", "line"))
 
 
-@pytest.mark.parametrize(
-    "example",
-    ["casement", "line", *(pytest.param(n, marks=pytest.mark.wide) for n in NAMES if n not in ("casement", "line"))],
-)
+@pytest.mark.parametrize("example", some_of(NAMES, 2))
 def test_joints_are_drawn_where_the_reply_says(standing, example) -> None:
     standing.choose(example)
     standing.run(
@@ -70,16 +66,11 @@ def test_joints_are_drawn_where_the_reply_says(standing, example) -> None:
             "const rows = [...document.querySelectorAll('#numbers tr')];"
             "return Object.fromEntries(rows.map(r => [r.cells[0].textContent, r.cells[1].textContent]))"
         )
+        told = {name.lower(): float(text.split()[0].rstrip("°")) for name, text in rows.items() if name in SHOWN}
+        start = told.pop("start angle")
         # a further stage keeps what an earlier one found: the one that is shown may be of either
-        shown = next(
-            one
-            for one in reversed(replied)
-            if all(
-                float(rows[name.capitalize()].split()[0]) == pytest.approx(value, rel=1e-7)
-                for name, value in one["links"].items()
-            )
-            and float(rows["Start angle"].rstrip("°")) == pytest.approx(one["start_angle"], abs=1e-4)
-        )
+        alike = [one for one in replied if one["links"] == pytest.approx(told, rel=1e-7)]
+        shown = [one for one in alike if one["start_angle"] == pytest.approx(start, abs=1e-4)][-1]
         own = shown["crank_angle"]
         span = own[-1] if own else request.get("crank_span") or request["crank_angle"][-1]
         linkage = la.FourBar.from_dict(shown)
@@ -126,14 +117,8 @@ def test_every_format_is_exported(standing) -> None:
 
 def test_what_a_designer_asks_next_is_shown_and_taken_away(page) -> None:
     page.choose("worked")
-    fields = {
-        "speed-of-crank": "90",
-        "force-y": "-20",
-        "torque": "5",
-        "study-links": "0.05",
-        "study-clearance": "0.02",
-    }
-    for name, entry in {**fields, "stock": "20 70; 72.5 144 165"}.items():
+    fields = {"speed-of-crank": "90", "force-y": "-20", "torque": "5", "stock": "20 70; 72.5 144 165"}
+    for name, entry in {**fields, "study-links": "0.05", "study-clearance": "0.02"}.items():
         page.type_into(name, entry + Keys.TAB)
     page.solve()
     for name, entry in {"plate-hole": "4", "plate-width": "9"}.items():
@@ -149,9 +134,7 @@ def test_what_a_designer_asks_next_is_shown_and_taken_away(page) -> None:
     widths = np.abs(np.array(pairs[: len(pairs) // 2]) - np.array(pairs[: len(pairs) // 2 - 1 : -1])) / 2
     wanted = next(e["request"] for e in EXAMPLES if e["name"] == "worked")
     study = {"links": 0.05, "clearance": 0.02, "samples": 2000}
-    if fewer := re.search(
-        r"simulates ([\d,]+) linkages", page.run("return document.getElementById('trace-note').textContent")
-    ):
+    if fewer := re.search(r"simulates ([\d,]+) linkages", page.content("trace-note")):
         study["samples"] = int(fewer[1].replace(",", ""))
     best = la.synthesize(**wanted | {"top": 1}, tolerance_study=study).best.tolerance_study
     np.testing.assert_allclose(widths / page.view()[2] / factor, best.band[1].p95, rtol=0.02)
@@ -160,10 +143,8 @@ def test_what_a_designer_asks_next_is_shown_and_taken_away(page) -> None:
     page.slide(30)
     page.select("range", "turn")
     page.wait("document.querySelectorAll('#curves canvas').length >= 8")
-    plates, links = (
-        page.saved(f"linkage-1.{ending}", f"#numbers-card [data-format={ending.partition('.')[0]}]").decode()
-        for ending in ("plates.dxf", "pylinkage.json")
-    )
+    plates = page.saved("linkage-1.plates.dxf", "#numbers-card [data-format=plates]").decode()
+    links = page.saved("linkage-1.pylinkage.json", "#numbers-card [data-format=pylinkage]").decode()
     circles = ezdxf.read(io.StringIO(plates)).modelspace().query("CIRCLE")
     assert {circle.dxf.radius for circle in circles} == {2.0}
     assert {link["id"] for link in json.loads(links)["links"]} == {"ground", "crank", "coupler", "rocker"}
@@ -286,9 +267,8 @@ def test_a_pivot_box_is_drawn_and_kept_to(standing) -> None:
     standing.drag(standing.canvas(), 360, 260, (-180, -130))
     box = [float(standing.value(f"box-{k}")) for k in range(4)]
     cx, cy, scale = standing.view()
-    assert box == pytest.approx(
-        [cx - 180 / scale, cy - 130 / scale, cx + 180 / scale, cy + 130 / scale], abs=2 / scale
-    )
+    wide, high = 180 / scale, 130 / scale
+    assert box == pytest.approx([cx - wide, cy - high, cx + wide, cy + high], abs=2 / scale)
     standing.solve()
     slack = 1 / standing.view()[2]
     for joint in ("a", "b"):
@@ -552,13 +532,8 @@ def test_the_limits_that_hold_the_best_linkage_are_listed(standing) -> None:
 
 def test_samples_in_any_order_are_marked_where_they_are_passed(standing) -> None:
     angles = np.array([0, 340, 30, 355, 60])
-    joints = FREE.joints(angles)
-    request = {
-        "rotation": np.round(joints.rotation, 6).tolist(),
-        "position": np.round(joints.body_point, 6).tolist(),
-        "timing": "free",
-        "order": "any",
-    }
+    rotation = np.round(FREE.joints(angles).rotation, 6).tolist()
+    request = path_request(angles, rotation=rotation, order="any")
     standing.take(request)
     assert standing.ticked("any-order")
     standing.stub(request, angles, VERDICTS[:1])
@@ -610,9 +585,10 @@ def test_requests_keep_all_their_fields(standing, body) -> None:
     assert rows == again
 
 
-@pytest.mark.parametrize(
-    ("size", "found"), [(900_000, "900000"), (1_100_000, "The link is damaged"), (10**8, "The link is damaged")]
-)
+DAMAGED = "The link is damaged"
+
+
+@pytest.mark.parametrize(("size", "found"), [(900_000, "900000"), (1_100_000, DAMAGED), (10**8, DAMAGED)])
 def test_a_link_holds_no_more_than_a_request_may(size, found, standing) -> None:
     """A hundred megabytes come from a link of a hundred kilobytes."""
     packer = zlib.compressobj(wbits=-15)
@@ -626,13 +602,8 @@ def test_a_link_holds_no_more_than_a_request_may(size, found, standing) -> None:
 
 
 def test_a_request_in_radians_is_read_in_degrees(standing) -> None:
-    body = {
-        "rotation": [0, 1],
-        "position": [[0, 0], [1, 2]],
-        "timing": "free",
-        "angle_unit": "rad",
-        "crank_span_max": 1,
-    }
+    body = {"rotation": [0, 1], "position": [[0, 0], [1, 2]], "timing": "free", "angle_unit": "rad"}
+    body |= {"crank_span_max": 1}
     found = standing.later(
         "const [body, done] = arguments; import('/static/formats.js').then((f) => done(f.toRequest(f.fromRequest(body))))",
         {**body, "tolerances": {"rotation": [0.1, 0.2], "position": 3}},

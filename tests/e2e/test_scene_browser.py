@@ -1,7 +1,5 @@
 """The machines' pages in a real browser: each question asked by its form, answered, drawn, run, and restored from a link."""
 
-from __future__ import annotations
-
 import json
 import time
 from collections.abc import Callable
@@ -62,9 +60,8 @@ def test_every_question_is_answered_and_no_part_sticks_out(at, scene, width) -> 
         text = page.run("return document.body.innerText")
         assert "[object" not in text and "undefined" not in text and "NaN" not in text
         # rows of a table are alike: axe-core looks at a few of them, and would take seconds for thousands of cells
-        page.run(
-            "for (const rows of document.querySelectorAll('tbody')) rows.replaceChildren(...[...rows.rows].slice(0, 4))"
-        )
+        few = "rows.replaceChildren(...[...rows.rows].slice(0, 4))"
+        page.run(f"for (const rows of document.querySelectorAll('tbody')) {few}")
         assert page.faults() == []
         page.click("theme")  # the next question in the other colours
 
@@ -87,9 +84,8 @@ def test_every_example_goes_through_the_form_unchanged(at, scene) -> None:
             extra = {key: value for key, value in read.items() if key not in example}
             assert {key: read[key] for key in example} == json.loads(json.dumps(example)), name
             assert all(full[key].get("default") == value for key, value in extra.items()), extra
-            typed = page.run(
-                "return [...document.querySelectorAll('input[type=text], textarea')].map((field) => field.value)"
-            )
+            entries = "[...document.querySelectorAll('input[type=text], textarea')]"
+            typed = page.run(f"return {entries}.map((field) => field.value)")
             assert not any(part in entry for part in '[{"' for entry in typed)
 
 
@@ -188,9 +184,8 @@ def test_the_chains_pins_wheels_and_slot_are_drawn_and_follow_the_phase(at) -> N
         assert page.one(f"{chain} .link.thin").get_attribute("d").count("L") == 15
     assert lowest[74.6] > lowest[29.6] + 20  # the free pin hangs deepest in the middle of the window
     # the angles have a chart of the card's whole width, in the colours of the parts of the track
-    wide, high = page.run(
-        "const f = document.querySelector('#curves .curves-list:last-child canvas'); return [f.clientWidth, f.clientHeight]"
-    )
+    last = page.one("#curves .curves-list:last-child canvas")
+    wide, high = (int(last.get_property(name)) for name in ("clientWidth", "clientHeight"))
     assert wide > 800 and high > 300 and "upper arc (red)" in page.text("curves")
     assert "All lengths are in the unit of the pitch." in page.text("facts")
     # a roller adds the groove's walls

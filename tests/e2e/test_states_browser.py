@@ -3,8 +3,6 @@
 With ``LINKAGE_ATLAS_SCREENSHOTS=1`` the pictures docs/img/<state>-<width>-<theme>.png are made anew.
 """
 
-from __future__ import annotations
-
 import itertools
 
 import pytest

@@ -1,7 +1,5 @@
 """The page as a new user meets it: each task from empty page to DXF, the tutorial, and the faults that were seen once."""
 
-from __future__ import annotations
-
 import base64
 import io
 import json
@@ -182,14 +180,8 @@ def test_the_tutorial(opened) -> None:
     opened.listen()
     opened.click("solve")
     opened.wait(f"{CARDS} && {IDLE}")
-    limits = opened.asked()["limits"]
-    assert limits == {
-        "preset": "practical",
-        "family": "any",
-        "pivot_box": [-100, -250, 400, 150],
-        "link_min": 60,
-        "link_max": 500,
-    }
+    kept = {"family": "any", "pivot_box": [-100, -250, 400, 150], "link_min": 60, "link_max": 500}
+    assert opened.asked()["limits"] == {"preset": "practical", **kept}
     assert GOOD.fullmatch(opened.read("#solutions .verdict"))
     assert good_dxf(opened.saved("linkage-1.dxf", "#exports [data-format=dxf]")) >= {"GROUND", "LINKS", "BODY"}
     sheet = opened.cdp("Page.printToPDF", {"preferCSSPageSize": True})["data"]
@@ -467,17 +459,11 @@ def test_the_points_of_a_path_are_called_points(standing) -> None:
     assert standing.text("table-error").startswith("Point 2, x: “ten”")
 
 
-@pytest.mark.parametrize(
-    ("status", "notes", "said"),
-    [
-        ("unknown", [], "the time was up"),
-        (
-            "infeasible",
-            ["link_min excludes every linkage that was looked for; at 42.5 there is one"],
-            "ran to its end",
-        ),
-    ],
-)
+EXCLUDED = ["link_min excludes every linkage that was looked for; at 42.5 there is one"]
+ENDS = [("unknown", [], "the time was up"), ("infeasible", EXCLUDED, "ran to its end")]
+
+
+@pytest.mark.parametrize(("status", "notes", "said"), ENDS)
 def test_no_linkage_is_said_without_a_claim_that_was_not_proved(standing, status, notes, said) -> None:
     request = {**path_request([0, 60, 120]), "limits": {"link_min": 99}}
     standing.take(request)
@@ -509,15 +495,11 @@ def test_a_linkage_is_changed_by_hand(opened) -> None:
     opened.wait("window.copied")
     rows = dict(row.split("\t", 1) for row in opened.run("return window.copied").split("\n"))
     number = {name: [float(v) for v in re.findall(r"-?[\d.]+(?:e-?\d+)?", value)] for name, value in rows.items()}
-    linkage = la.FourBar(
-        *(number[name][0] for name in ("Crank", "Coupler", "Rocker", "Ground")),
-        branch=1 if rows["Branch"] == "+1" else -1,
-        start_angle=number["Start angle"][0],
-        pivot_a=number["Pivot A"][:2],
-        ground_angle=number["Ground angle"][0],
-        coupler_point=number["Coupler point"],
-        body_offset=number["Body offset"][0],
-    )
+    lengths = (number[name][0] for name in ("Crank", "Coupler", "Rocker", "Ground"))
+    names = "Start angle", "Ground angle", "Body offset"
+    mount = {name.lower().replace(" ", "_"): number[name][0] for name in names}
+    mount |= {"pivot_a": number["Pivot A"][:2], "coupler_point": number["Coupler point"]}
+    linkage = la.FourBar(*lengths, branch=1 if rows["Branch"] == "+1" else -1, **mount)
     wanted = np.array(EXAMPLES[0]["request"]["position"])
     made = linkage.joints(number["Crank angles"]).body_point
     off = np.hypot(*(made - wanted).T).max()
@@ -591,21 +573,17 @@ def test_layers_come_by_themselves_and_collisions_are_shown_where_they_are(page)
     page.wait("document.querySelectorAll('#stack rect').length > 4")
     assert page.text("layers-note").startswith("Nothing collides in 3 layers")
     assert "crank in layer" in page.find("stack").get_attribute("aria-label")
-    page.wait(
-        "[...document.querySelectorAll('#solutions .verdict')].every((one) => one.innerText.includes('buildable'))"
-    )
+    marks = "[...document.querySelectorAll('#solutions .verdict')]"
+    page.wait(f"{marks}.every((one) => one.innerText.includes('buildable'))")
     page.click("layer-plates")
-    drawn = (
-        "return [...document.querySelectorAll('[data-layer=plates] [data-plate]')].map((one) => one.dataset.plate)"
-    )
-    plates = page.run(drawn)
+    drawn = "[...document.querySelectorAll('[data-layer=plates] [data-plate]')]"
+    plates = page.run(f"return {drawn}.map((one) => one.dataset.plate)")
     # from the lowest layer up: the rocker, the coupler, the crank
     assert [name for name in plates if "_" not in name] == ["rocker", "coupler", "crank"]
     page.run("document.getElementById('layer-width').value = 400")
     page.run("document.getElementById('layer-width').dispatchEvent(new Event('change'))")
-    page.wait(
-        "document.getElementById('layers-note').textContent.startsWith('Cannot be built so: parts collide in every order')"
-    )
+    said = "Cannot be built so: parts collide in every order"
+    page.wait(f"document.getElementById('layers-note').textContent.startsWith('{said}')")
     assert "layers:" in page.read("#solutions .verdict")
     page.pick("#layers-jumps button").click()
     page.wait("document.querySelector('[data-layer=plates] .hit')")

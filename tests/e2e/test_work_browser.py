@@ -1,7 +1,5 @@
 """Work of one's own in the page: kept as a draft, undone step by step, opened from a link; answers to what was asked."""
 
-from __future__ import annotations
-
 import itertools
 import json
 
@@ -74,21 +72,12 @@ def test_a_link_wins_over_the_draft_and_leaves_it(page) -> None:
     assert len(page.table()) == 4 and page.text("draft-text").startswith("Draft, kept")
 
 
-BROKEN = (
-    "{",
-    "null",
-    "7",
-    '"text"',
-    '{"at": "x", "content": {}}',
-    '{"at": 1, "content": null}',
-    '{"at": 1, "content": {"request": null}}',
-    '{"at": 1, "content": {"request": {"position": [[0, 0], ["a", 1]], "timing": "free"}}}',
-    '{"at": 1, "content": {"request": {"position": [[0, 0], [1, 1]], "timing": "free", "limits": null}}}',
-    '{"at": 1, "content": {"request": {"position": [[0, 0], [1, 1]], "timing": "free", "limits": {"pivot_box": "abcd"}}}}',
-    '{"at": 1, "content": {"request": {"position": [[0, 0], [1e300, 1]], "timing": "free", "top": {}}}}',
-    '{"at": 1, "content": {"fields": {"name": 5, "table": null}, "drawn": [[1, 2], "x"]}}',
-    '{"at": 1e300, "content": {"fields": null, "drawn": 5}}',
-)
+MOTION = '{"at": 1, "content": {"request": {"position": [[0, 0], %s], "timing": "free"%s}}}'
+BROKEN = ["{", "null", "7", '"text"', '{"at": "x", "content": {}}', '{"at": 1, "content": null}']
+BROKEN += ['{"at": 1, "content": {"request": null}}', MOTION % ('["a", 1]', "")]
+BROKEN += [MOTION % ("[1, 1]", f', "limits": {limits}') for limits in ("null", '{"pivot_box": "abcd"}')]
+BROKEN += [MOTION % ("[1e300, 1]", ', "top": {}'), '{"at": 1e300, "content": {"fields": null, "drawn": 5}}']
+BROKEN.insert(-1, '{"at": 1, "content": {"fields": {"name": 5, "table": null}, "drawn": [[1, 2], "x"]}}')
 
 
 @pytest.mark.parametrize("wide", some_of([False, True], 1))
