@@ -595,7 +595,7 @@ def test_a_body_s_outline_is_a_plate_of_its_own(page, tmp_path) -> None:
     page.wait("document.querySelectorAll('#stack rect').length > 4")
     assert not page.run("return document.querySelector('#stack .body')")
     file = tmp_path / "sash.svg"
-    shape = '<polygon points="-20,-10 20,-10 20,10 -20,10"/>'
+    shape = '<polygon points="-40,-30 40,-30 40,30 -40,30"/>'
     file.write_text(f'<svg xmlns="http://www.w3.org/2000/svg">{shape}</svg>')
     page.find("outline-file").send_keys(str(file))
     page.wait("document.querySelector('#stack rect.body')")
