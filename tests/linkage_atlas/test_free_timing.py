@@ -502,7 +502,7 @@ def test_turning_a_motion_in_the_plane_does_not_lose_its_answers_in_any_order():
     ("envelope", "said"),
     [
         ([-50, -50, 250, 400], "sample 5 lies outside of `limits.envelope`: sample 5 is missed by at least 50"),
-        ([50, -50, 250, 400], "3 positions lie outside of `limits.envelope`: sample"),
+        ([50, -50, 250, 400], "3 positions lie outside of `limits.envelope`: sample 1 is missed by at least 50"),
         ([-200, -200, 500, 500], None),
     ],
 )
