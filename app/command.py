@@ -321,6 +321,8 @@ def _in_unit(request: Any, length_unit: str | None) -> Any:
     """A request whose analysis, if any, has its lengths in a unit that is named."""
     if length_unit is None or getattr(request, "analysis", None) is None:
         return request
+    if "length_unit" in request.analysis.model_fields_set and request.analysis.length_unit != length_unit:
+        raise FieldError("/analysis/length_unit", f"says {request.analysis.length_unit}, not {length_unit}")
     return request.model_copy(update={"analysis": request.analysis.model_copy(update={"length_unit": length_unit})})
 
 
@@ -467,7 +469,10 @@ def _export(options: argparse.Namespace) -> int:
     with waiting("computing", resources.max_budget_ms / 1000):
         content = LINKAGE_FILES.render(request, resources)
     stem = options.example or ("linkage" if options.file == "-" else Path(options.file).name.partition(".")[0])
-    return write({options.out or Path(f"{stem}.{FILES[request.format].endings[-1]}"): content})
+    path = options.out or Path(f"{stem}.{FILES[request.format].endings[-1]}")
+    if options.out is None and not options.example and path.exists() and path.samefile(options.file):
+        raise FieldError("/out", f"{path} is the request itself: name another file")
+    return write({path: content})
 
 
 def _kind_of(name: str) -> str:

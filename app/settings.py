@@ -62,7 +62,7 @@ class Settings(BaseSettings):
     max_concurrent: int = Field(
         3,
         gt=0,
-        description="The same as `workers` for threads, where another server than `serve` runs the application.",
+        description="The same as `workers` for threads, where processes cannot be forked.",
     )
     max_waiting: int = Field(
         64,

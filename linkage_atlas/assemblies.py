@@ -339,10 +339,10 @@ def machine_of(
     for plate in machine.plates:
         for one, other in combinations(plate.holes, 2):
             if not abs(one.at - other.at) > machine.hole:
-                pins = f"{one.pin} and {other.pin}"
-                raise FieldError(
-                    f"/{where}hole", f"the holes for {pins} would run into one another in the {plate.name}"
+                holes = (
+                    f"holes of {machine.hole:.6g} for {one.pin} and {other.pin}, {abs(one.at - other.at):.6g} apart,"
                 )
+                raise FieldError(f"/{where}hole", f"{holes} would run into one another in the {plate.name}")
     return machine
 
 

@@ -651,7 +651,10 @@ class FourBar(AnyLinkage):
         if motion is not None and motion.free:
             if travel is None:
                 raise FieldError("/crank_angle", "needed: the motion's crank angles are free")
-            motion = motion.of_solution(self._linkage, column("crank_angle", travel) * self._radian)
+            angles = column("crank_angle", travel)
+            if angles.shape != (motion.asked.samples,):
+                raise FieldError("/crank_angle", f"wanted {motion.asked.samples} numbers, found {angles.size}")
+            motion = motion.of_solution(self._linkage, angles * self._radian)
         return motion.target if motion is not None else self._default_motion()
 
     def __repr__(self) -> str:

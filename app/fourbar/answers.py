@@ -301,7 +301,7 @@ def find_drives(request: DrivesRequest, resources: Resources) -> la.Drives:
             )
         with pointing(lambda field: "/request" + field):
             motion = motion_of(request.request)
-        if request.crank_angle is not None and not motion.free:
+        if request.crank_angle is not None and (not motion.free or motion.travel is not None):
             raise la.FieldError("/crank_angle", "stands for a `request`, and this one says the way")
     linkage, crank = None, request.crank_angle
     if request.linkage is not None:

@@ -743,6 +743,9 @@ def _extras(request: MotionRequest, moved: Motion, work: Work) -> dict[str, Any]
     return found
 
 
+_PER_TIME = {"angular_velocities": "_s", "angular_accelerations": "_s2"}
+
+
 def motion_csv(request: MotionRequest, resources: Resources) -> bytes:
     """The motion as comma-separated values, one time a line, with the forces and extras where they are asked for."""
     moved = _move(request)
@@ -751,7 +754,8 @@ def motion_csv(request: MotionRequest, resources: Resources) -> bytes:
         if name == "points":
             rows |= joint_columns(moved)
         elif isinstance(extra, dict):
-            rows |= {f"{name}_{link}_{request.angle_unit}": column for link, column in extra.items()}
+            unit = request.angle_unit + _PER_TIME.get(name, "")
+            rows |= {f"{name}_{link}_{unit}": column for link, column in extra.items()}
         elif name in ("conditions", "instant_centre"):
             rows[name] = extra
     if found is not None:

@@ -29,6 +29,8 @@ FLAT = 1e-9
 """A polygon less high than this part of its longest side is a line."""
 ROOM = 1e-3
 """Of half a polygon's extent: how near a place with room is to the nearest, and how much room is overlooked."""
+_SQUARES = 1000
+"""At most so many are looked at for such a place: within ordinary outlines some hundred."""
 OVERLAP = 1e-6
 """Of the size: how deep sharp outlines count as lying in one another; `distances` is 0 there, whatever the depth."""
 
@@ -127,7 +129,8 @@ def nearest_room(
 ) -> complex | None:
     """The place nearest to a point, to `ROOM`, that lies `rim` within a polygon and `apart` from lines that are kept; or None.
 
-    Squares are looked at from the point on: room changes by no more than the way, so that one without any is left out as a whole.
+    Squares are looked at from the point on, at most `_SQUARES`: room changes by no more than the way, so that one without any is
+    left out as a whole.
     """
     sides = np.asarray(corners, dtype=complex)[None]
 
@@ -141,7 +144,9 @@ def nearest_room(
     half = max((high - low).real, (high - low).imag) / 2
     least, best, far = ROOM * half, None, np.inf
     squares, number = [(0.0, 0, (low + high) / 2, half)], 0
-    while squares and squares[0][0] < far - least:
+    for _ in range(_SQUARES):
+        if not squares or squares[0][0] >= far - least:
+            break
         _, _, at, half = heappop(squares)
         here, reach = room(at), np.sqrt(2) * half
         way = abs(point - at)

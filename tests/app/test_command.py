@@ -220,6 +220,10 @@ def test_forces_of_inertia_are_of_the_unit_that_the_option_names(run, tmp_path) 
         run("export", "--out", tmp_path / "one.csv", *option, stdin=given)
         files.append((tmp_path / "one.csv").read_text())
     assert torques[0] != torques[1] == torques[2]
+    code, _, err = run(
+        "synthesize", "--length-unit", "mm", stdin=json.dumps(request | {"analysis": weights | {"length_unit": "m"}})
+    )
+    assert code != Exit.OK and "analysis.length_unit: says m, not mm" in err
     assert files[0] != files[1] == files[2]
 
 
@@ -250,6 +254,15 @@ def test_an_export_is_of_the_format_and_rank_that_its_body_says_unless_an_option
         assert run("export", "one.json", *options)[::2] == (Exit.OK, f"wrote {name}\n")
         title = f"crank {one['links']['crank']:.6g}, "
         assert name == "one.dxf" or title in Path(name).read_text(), options
+
+
+def test_an_export_does_not_replace_its_own_request(run, tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    file, text = Path("one.json"), json.dumps(worked_example())
+    file.write_text(text)
+    code, _, err = run("export", "one.json")
+    assert code != Exit.OK and "one.json is the request itself" in err and file.read_text() == text
+    assert run("export", "one.json", "--out", "two.json")[0] == Exit.OK
 
 
 def test_json_with_the_mark_of_utf_8_is_read(run, tmp_path) -> None:

@@ -8,6 +8,7 @@ import shapely
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from synthesis.assembly import gaps
 from synthesis.assembly.gaps import (
     Carried,
     Gaps,
@@ -189,6 +190,18 @@ def test_the_nearest_room_is_that_of_shapely() -> None:
             least, most = (one.distance(shapely.Point(point.real, point.imag)) for one in (free, wide))
             assert least - 1e-4 < abs(here - point) < most + 1e-3
     assert found > 20
+
+
+def test_few_squares_are_looked_at_for_room_where_teeth_are_just_too_thin(monkeypatch) -> None:
+    """A comb of 194 corners took five seconds."""
+    teeth = [(11 * k, 11 * k + 9.98) for k in range(47, -1, -1)]
+    corners = [-4.5j, 528 - 4.5j]
+    for low, high in teeth:
+        corners += [high + 0j, high + 500j, low + 500j, low + 0j]
+    looked: list[complex] = []
+    monkeypatch.setattr(gaps, "contains", lambda corners, at: looked.append(at) or contains(corners, at))
+    assert nearest_room(corners, [], 5.0, 0.0, 250 - 20j) is None
+    assert 100 < len(looked) < 1100
 
 
 def test_outlines_that_cross_themselves() -> None:
