@@ -17,7 +17,7 @@ export PIP_BUILD_CONSTRAINT := constraints.txt
 help:
 	@echo "make run        build the atlas if there is none, answer the example, serve on $(HOST):$(PORT)"
 	@echo "make lint       style of Python (ruff) and JavaScript (oxlint), types (mypy)"
-	@echo "make test       the default tests (about six minutes), the slowest fifty listed"
+	@echo "make test       the default tests (five to six minutes), the slowest fifty listed"
 	@echo "make map        the packages by floor and who imports whom; fails on an arrow up or a circle"
 	@echo "make fault      what it withstands: kills, bit flips, changed bodies, hostile clients: docs/reliability.md (hours)"
 	@echo "make audit      known weaknesses of the locked parts (asks a database over the network)"
