@@ -468,9 +468,10 @@ def _export(options: argparse.Namespace) -> int:
     resources = ServiceResources(settings_of(options), atlas_of)
     with waiting("computing", resources.max_budget_ms / 1000):
         content = LINKAGE_FILES.render(request, resources)
-    stem = options.example or ("linkage" if options.file == "-" else Path(options.file).name.partition(".")[0])
+    source = None if options.example or options.file == "-" else Path(options.file)
+    stem = options.example or ("linkage" if source is None else source.name.partition(".")[0])
     path = options.out or Path(f"{stem}.{FILES[request.format].endings[-1]}")
-    if options.out is None and not options.example and path.exists() and path.samefile(options.file):
+    if options.out is None and source is not None and path.exists() and path.samefile(source):
         raise FieldError("/out", f"{path} is the request itself: name another file")
     return write({path: content})
 
