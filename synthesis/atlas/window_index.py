@@ -640,7 +640,7 @@ class Queries(NamedTuple):
     def entries(self, limit: float, problem: Ints, points: Singles, half: Singles, remainder: Singles) -> Bounds:
         """Which entries of some leaves, each for a query, may have an error of at most ``limit``.
 
-        ``problem`` (n,): part * Q + query. ``points`` (n, K, LEAF). ``half`` (n, K, 1): by how much the points may be
+        ``problem`` (n,): part * Q + query. ``points`` (n, K, LEAF). ``half`` (n, K): by how much the points may be
         off. ``remainder`` (n, LEAF).
         """
 
@@ -651,7 +651,7 @@ class Queries(NamedTuple):
         gap -= of(self.wanted)[..., None]
         estimate = np.einsum("pjn,pjn->pn", gap, gap)
         np.abs(gap, out=gap)
-        largest = (of(self.sizes) @ half)[..., 0] + of(self.slack)
+        largest = np.einsum("pjk,pk->pj", of(self.sizes), half) + of(self.slack)
         gap -= largest[..., None]
         np.maximum(gap, 0, out=gap)
         least = np.einsum("pjn,pjn->pn", gap, gap)
@@ -1034,7 +1034,7 @@ class WindowSearch:
         leaves, first, which = np.unique(leaf, return_index=True, return_inverse=True)
         box = gather(self.index.boxes, boxes[first])
         points, remainder = self._points(leaves, box)
-        half: Singles = np.divide(box[:, terms:-1, None], 2 * CODES, dtype=np.float32)
+        half: Singles = np.divide(box[:, terms:-1], 2 * CODES, dtype=np.float32)
         near, bound, likely = queries.entries(limit, problem, points[which], half[which], remainder[which])
         entry = gather(self.index.entries, leaf).ravel()[near]
         real = entry != NO_ENTRY
