@@ -153,19 +153,19 @@ def extremes(error: Callable[[Floats], Floats], crank: Floats, most: int) -> Ext
     places = np.sort(np.argsort(-height, axis=1, kind="stable")[:, :most], axis=1)
     height = np.take_along_axis(height, places, axis=1)
     left, right = crank[np.maximum(places - 1, 0)], crank[np.minimum(places + 1, crank.size - 1)]
-    at = crank[places]
+    at, value = crank[places], np.take_along_axis(values, places, axis=1)
     for shrink in (1.0, 0.1, 0.02):
         # a parabola through three places, closer and closer together
-        a, c = at + shrink * (left - at), at + shrink * (right - at)
-        here, before, after = (np.abs(error(place)) for place in (at, a, c))
+        here, beside = np.abs(value), (at + shrink * (left - at), at + shrink * (right - at))
+        (a, c), (before, after) = beside, np.split(np.abs(error(np.concatenate(beside, axis=1))), 2, axis=1)
         with np.errstate(divide="ignore", invalid="ignore"):  # a candidate that does not close is infinitely far off
             bend = (after - here) * (a - at) - (before - here) * (c - at)
             vertex = at + 0.5 * ((after - here) * (a - at) ** 2 - (before - here) * (c - at) ** 2) / bend
         inside = (vertex > np.minimum(a, c)) & (vertex < np.maximum(a, c))
         moved = np.where(inside, vertex, at)
-        better = np.abs(error(moved)) > here
-        at = np.where(better, moved, at)
-    value = error(at)
+        there = error(moved)
+        better = np.abs(there) > here
+        at, value = np.where(better, moved, at), np.where(better, there, value)
     size = np.where(height >= 0, np.abs(value), 0.0)
     return Extremes(at, size, np.sign(value))
 

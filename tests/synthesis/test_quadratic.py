@@ -1,4 +1,4 @@
-"""The batched quadratic programs against a solver that takes them one by one."""
+"""The quadratic programs against scipy's solvers."""
 
 import numpy as np
 import pytest
@@ -59,4 +59,19 @@ def test_a_member_gives_the_same_alone() -> None:
     gradient[:, -1] = 1.0
     together = minimise_quadratics(hessian, gradient, matrix, bound, inside)[0]
     alone = minimise_quadratics(hessian[2:3], gradient[2:3], matrix[2:3], bound[2:3], inside[2:3])[0]
-    np.testing.assert_allclose(alone[0], together[2], atol=1e-12)
+    np.testing.assert_array_equal(alone[0], together[2])
+
+
+def test_what_nothing_holds_stays_where_it_is() -> None:
+    matrix, bound, inside = chebyshev(2)
+    count, rows, size = matrix.shape
+    matrix = np.concatenate([matrix, np.zeros((count, rows, 1))], axis=2)
+    inside = np.concatenate([inside, np.full((count, 1), 7.0)], axis=1)
+    gradient = np.zeros((count, size + 1))
+    gradient[:, -2] = 1.0
+    z, _ = minimise_quadratics(np.zeros((count, size + 1, size + 1)), gradient, matrix, bound, inside)
+    held = minimise_quadratics(
+        np.zeros((count, size, size)), gradient[:, :-1], matrix[:, :, :-1], bound, inside[:, :-1]
+    )
+    assert np.all(z[:, -1] == 7.0)
+    np.testing.assert_allclose(z[:, :-1], held[0], atol=1e-12)
