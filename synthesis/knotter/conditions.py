@@ -41,7 +41,7 @@ APPROACH_STEPS = 60
 """Golden-section steps of the closest approach: from the nodes' distance to below 1e-12 of it."""
 
 
-class Verdict(IntEnum):
+class Coded(IntEnum):
     """Codes with the sentence that the user reads: ``NAME = code, sentence``."""
 
     sentence: str
@@ -54,7 +54,7 @@ class Verdict(IntEnum):
         return member
 
 
-class Crossing(Verdict):
+class Crossing(Coded):
     """How a segment lies to a triangle; ``sentence`` is what the user reads."""
 
     CROSSES = 0, "the segment crosses the triangle's inside"
@@ -377,7 +377,7 @@ def in_chunks(
     return type(results[0])(*every)
 
 
-class Found(Verdict):
+class Found(Coded):
     """What a search for a segment's entry into a triangle found; ``sentence`` is what the user reads."""
 
     ENTERS = 0, "the segment first enters through the wanted edge"
