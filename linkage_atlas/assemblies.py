@@ -50,6 +50,8 @@ FIXED_PINS = ("A", "B", "M", "A1", "A2", "B1", "B2")
 """Pins that stand in the ground: of links on circles and of slots, of a motor, and the posts of rails."""
 MOST_TOLD = 5
 """Places outside of the envelope, or in boxes, that sentences name."""
+SHARES = (1.0, 0.5, 0.25, 0.125, 0.0625)
+"""Of the default hole, tried in turn."""
 NOT_SAID = "tilt of long pins, play and tolerances of thickness are not in the clearance"
 
 Status = Annotated[str, Literal["free", "blocked", "touching"]]
@@ -322,10 +324,24 @@ def _outline(name: str, given: Any) -> tuple[complex, ...]:
 def machine_of(
     linkage: Linkage | GuidedLinkage, asked: AskedAssembly, used: Interval, where: str = "assembly/"
 ) -> Machine:
-    """Plates and pins of a linkage with the sizes that are asked for. FieldError where they leave no material."""
-    bar = asked.arranged.boards == "bar"
+    """Plates and pins of a linkage with the sizes that are asked for. FieldError where they leave no material.
+
+    Where the default hole leaves none beside what is asked for, the largest of `SHARES` of it does that leaves some.
+    """
     if asked.body and isinstance(linkage, Linkage) and not linkage.mounted:
         raise FieldError(f"/{where}body", "needs `position`: without it nothing says where the body is")
+    for share in SHARES:
+        try:
+            return _machine(linkage, asked._replace(sizes=asked.sizes._replace(share=share)), used, where)
+        except FieldError as error:
+            if asked.sizes.hole is not None or error.field not in (f"/{where}body", f"/{where}hole"):
+                raise
+            refused = error
+    raise refused
+
+
+def _machine(linkage: Linkage | GuidedLinkage, asked: AskedAssembly, used: Interval, where: str) -> Machine:
+    bar = asked.arranged.boards == "bar"
     with pointing(lambda field: f"/{where}{field.lstrip('/')}" if field.startswith(("/drive", "/body")) else field):
         if asked.motor is not None:
             machine = motor_driven(linkage, used, asked.motor, asked.sizes, asked.body, bar)

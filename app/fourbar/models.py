@@ -532,7 +532,8 @@ class AssemblyOptions(RequestModel):
     width: Length | None = Field(None, description="Of the plates. Default: 2.5 holes.")
     hole: Length | None = Field(
         None,
-        description="Diameter of the pins. Default: 0.3 of the shortest link, at most 0.05 of the longest.",
+        description="Diameter of the pins. Default: 0.3 of the shortest link, at most 0.05 of the longest; less where `body` or "
+        "a rod's pin needs it.",
     )
     thickness: Length | None = Field(None, description="Of the plates. Default: half a hole.")
     washer: Size | None = Field(None, description="Between two layers. Default: a fifth of the thickness.")

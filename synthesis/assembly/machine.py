@@ -115,6 +115,8 @@ class Sizes(NamedTuple):
     """Of the plates: they reach half of it around their holes."""
     clearance: float | None = None
     """Least gap of parts that pass one another."""
+    share: float = 1.0
+    """Of the default hole that is taken."""
 
 
 @dataclass(frozen=True)
@@ -195,7 +197,7 @@ def as_plates(
         lengths += [abs(high - low) for low, high in spans.values() if high > low]
         point, turn = -driven.body_point, 0.0
         names = ["ground", BODY, *(name for name, one in guided.named_guides if isinstance(one, Circle))]
-    hole, width = plate_sizes(lengths, sizes.hole, sizes.width)
+    hole, width = plate_sizes(lengths, sizes.hole, sizes.width, sizes.share)
     size = max([*lengths, arm])
     carrier = names.index(BODY)
     plates: list[Plate] = []
@@ -588,8 +590,8 @@ def motor_driven(
     """
     six = SixBar.of(linkage, used, motor)
 
-    plain = as_plates(linkage, used, sizes, body, bar)
-    hole, width = plate_sizes((*plain.lengths, motor.crank, motor.rod), sizes.hole, sizes.width)
+    lengths = (*as_plates(linkage, used, sizes).lengths, motor.crank, motor.rod)
+    hole, width = plate_sizes(lengths, sizes.hole, sizes.width, sizes.share)
     plain = as_plates(linkage, used, Sizes(hole, width, sizes.clearance), body, bar)
     if motor.link not in plain.movement.names:
         raise FieldError("/drive/link", f"the rod moves the {motor.link}, which is no plate: it is not arranged")
@@ -632,7 +634,7 @@ def motor_driven(
         loop=None,
         slit_ends=(None, None),
         size=max(plain.size, motor.rod),
-        lengths=(*plain.lengths, motor.crank, motor.rod),
+        lengths=lengths,
         turns=True,
     )
 

@@ -408,11 +408,16 @@ def to_pylinkage(linkage: Linkage, target: Target) -> str:
     return json.dumps(mechanism, indent=1, allow_nan=False) + "\n"
 
 
-def plate_sizes(links: Sequence[float], hole: float | None = None, width: float | None = None) -> tuple[float, float]:
-    """Diameter of the holes and width of the plates of links; the defaults go by the shortest and the longest."""
+def plate_sizes(
+    links: Sequence[float], hole: float | None = None, width: float | None = None, share: float = 1.0
+) -> tuple[float, float]:
+    """Diameter of the holes and width of the plates of links; the defaults go by the shortest and the longest.
+
+    ``share``: of the default diameter, where that leaves no room for something else.
+    """
     if hole is None:
         most = np.inf if width is None else width / WIDTH_OF_HOLE
-        hole = min(HOLE_OF_SHORTEST * min(links), HOLE_OF_LONGEST * max(links), most)
+        hole = share * min(HOLE_OF_SHORTEST * min(links), HOLE_OF_LONGEST * max(links), most)
     return float(hole), float(WIDTH_OF_HOLE * hole if width is None else width)
 
 

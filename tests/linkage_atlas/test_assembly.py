@@ -193,3 +193,19 @@ def test_a_motor_and_its_rod_are_two_more_plates() -> None:
 def test_an_outline_far_beyond_the_linkage_is_judged() -> None:
     linkage = la.FourBar(*CRANK_ROCKER, coupler_point=(20, 60))
     assert linkage.assembly(body=[[-1e40, -1e40], [1e40, -1e40], [0, 1e40]]).status in ("free", "blocked")
+
+
+def test_the_default_hole_leaves_room_for_what_is_asked_for() -> None:
+    """Of 5.7 it left none in a small outline, and of 4.285 none for the default pin of a rod, 3.8 from the crank's."""
+    linkage = la.FourBar(19, 72, 144, 165, start_angle=30, coupler_point=(20, 60))
+    plain = linkage.assembly().sizes
+    small = {"body": [[-2, -2], [2, -2], [2, 2], [-2, 2]]}
+    assert linkage.assembly(**small).sizes.hole == plain.hole / 2
+    asked = la.Motion(np.arange(8.0), crank_span=140)
+    drive = la.drives(linkage, [{"kind": "dyad", "links": ["crank"]}], motion=asked).drives[0]
+    held = linkage.assembly(asked, drive=drive)
+    assert held.sizes.hole < abs(np.subtract(*(hole.at[0] for hole in held.parts[0].holes[1:])))
+    for field, more in (("/body", small), ("/hole", {"drive": drive})):
+        with pytest.raises(la.FieldError) as refused:
+            linkage.assembly(asked, **more, hole=plain.hole)
+        assert refused.value.field == field

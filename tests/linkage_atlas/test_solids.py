@@ -181,6 +181,7 @@ OUTLINES = {
     "a side through it": [[-40, 0], [90, 0], [90, 60], [-40, 60]],
     "beside it": [[30, 20], [120, 20], [120, 80], [30, 80]],
     "slimmer than the plates": [[-60, -5], [60, -5], [60, 5], [-60, 5]],
+    "as slim as a pin": [[-60, -3], [60, -3], [60, 3], [-60, 3]],
     "an angle with the point within": [[-50, -50], [80, -50], [80, -20], [-20, -20], [-20, 80], [-50, 80]],
 }
 
@@ -197,7 +198,7 @@ def test_a_body_that_has_layers_can_be_made(outline, point) -> None:
 
 def test_what_no_plate_has_room_for_is_refused_with_the_layers(client) -> None:
     with pytest.raises(la.FieldError, match="no room for a post") as refused:
-        WORKED.assembly(body=[[-60, -3], [60, -3], [60, 3], [-60, 3]])
+        WORKED.assembly(body=OUTLINES["as slim as a pin"], hole=5.7)
     assert refused.value.field == "/body"
     four_bar = la.FourBar(51, 47, 82, 56, start_angle=40, coupler_point=(40, 30))
     six = la.drives(four_bar, [{"kind": "dyad", "links": ["coupler"]}], crank_angle=[0, 60]).drives[0].linkage
@@ -207,7 +208,7 @@ def test_what_no_plate_has_room_for_is_refused_with_the_layers(client) -> None:
     ) as refused:
         six.assembly(hole=10)
     assert refused.value.field == "/hole"
-    asked = {"linkage": WORKED.to_dict(), "body": [[-60, -3], [60, -3], [60, 3], [-60, 3]]}
+    asked = {"linkage": WORKED.to_dict(), "body": OUTLINES["as slim as a pin"], "hole": 5.7}
     assert client.post("/v1/assembly", json=asked).json()["errors"][0]["pointer"] == "#/body"
 
 
