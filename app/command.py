@@ -17,7 +17,7 @@ from typing import Any, get_args
 import pydantic_core
 from pydantic import ValidationError
 
-from app.query import FILES, LengthUnit, Query, RequestModel, Resources, invalid
+from app.query import FILES, LengthUnit, Query, RequestModel, Resources, in_unit, invalid
 from app.registry import examples_of, queries_named
 from app.terminal import EPILOG, FILE, Exit, Units, add_atlas, exit_of, whole_number
 from linkage_atlas import FieldError
@@ -166,7 +166,7 @@ def _run(options: argparse.Namespace, query: Query) -> int:
         also = [*also, (["length_unit"], options.length_unit)]
     text, rank = text_of(options), options.rank
     request, length_unit = read_request(query, text, also, options.unwrap), _length_unit(options, query, text)
-    request = _in_unit(request, length_unit)
+    request = in_unit(request, length_unit)
     if options.catalogue is not None:
         rows = decoded(options.catalogue.read_bytes())
         cylinders = ("actuator", "cylinder")
@@ -185,7 +185,7 @@ def _run(options: argparse.Namespace, query: Query) -> int:
     found = len(getattr(reply, "solutions", [None] * rank))
 
     def file(name: str) -> bytes:
-        return _file(query, request, reply, rank, name, length_unit or "mm", resources)
+        return _file(query, request, reply, rank, name, length_unit, resources)
 
     if found < rank and (wanted or options.plot or rank > 1):
         there = "there is 1 solution" if found == 1 else f"there are {found} solutions"
@@ -317,15 +317,6 @@ def _length_unit(options: argparse.Namespace, query: Query, text: bytes) -> str 
     return options.length_unit or named
 
 
-def _in_unit(request: Any, length_unit: str | None) -> Any:
-    """A request whose analysis, if any, has its lengths in a unit that is named."""
-    if length_unit is None or getattr(request, "analysis", None) is None:
-        return request
-    if "length_unit" in request.analysis.model_fields_set and request.analysis.length_unit != length_unit:
-        raise FieldError("/analysis/length_unit", f"says {request.analysis.length_unit}, not {length_unit}")
-    return request.model_copy(update={"analysis": request.analysis.model_copy(update={"length_unit": length_unit})})
-
-
 def _takes_linkage(query: Query) -> bool:
     return {"linkage", "request"} <= query.request.model_fields.keys()
 
@@ -371,12 +362,13 @@ def _format_of(query: Query, path: Path) -> str:
 
 
 def _file(
-    query: Query, request: Any, reply: Any, rank: int, name: str, length_unit: str, resources: Resources
+    query: Query, request: Any, reply: Any, rank: int, name: str, length_unit: str | None, resources: Resources
 ) -> bytes:
     if query.files is not None:
         kind = next(kind for kind in query.files.formats if FILES[kind].endings[0] == name)
         solution = reply.solutions[rank - 1].to_dict()
-        body = {"request": request, "solution": solution, "format": kind, "length_unit": length_unit}
+        body = {"request": request, "solution": solution, "format": kind}
+        body |= {"length_unit": length_unit} if length_unit else {}
         return query.files.render(query.files.request(**body), resources)
     from app.query import json_of
 
@@ -492,4 +484,4 @@ def _body(options: argparse.Namespace) -> dict[str, Any]:
         if "request" in content:
             return content | ({"length_unit": options.length_unit} if options.length_unit else {})
     request, length_unit = read_request(query, text), _length_unit(options, query, text)
-    return {"request": _in_unit(request, length_unit), "length_unit": length_unit or "mm"}
+    return {"request": in_unit(request, length_unit), "length_unit": length_unit}

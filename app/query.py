@@ -139,6 +139,15 @@ def _given(value: Any) -> Any:
     return value.model_dump(exclude_none=True) if isinstance(value, BaseModel) else value
 
 
+def in_unit(request: Any, length_unit: str | None) -> Any:
+    """A request whose analysis, if any, has its lengths in a unit that is named; FieldError where it names another."""
+    if length_unit is None or getattr(request, "analysis", None) is None:
+        return request
+    if "length_unit" in request.analysis.model_fields_set and request.analysis.length_unit != length_unit:
+        raise FieldError("/analysis/length_unit", f"says {request.analysis.length_unit}, not {length_unit}")
+    return request.model_copy(update={"analysis": request.analysis.model_copy(update={"length_unit": length_unit})})
+
+
 class Invalid(FieldError):
     """A request that is not what its question takes: pydantic's list of errors."""
 

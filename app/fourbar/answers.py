@@ -29,10 +29,11 @@ from app.query import (
     RequestModel,
     Resources,
     bundled_requests,
+    in_unit,
 )
 from linkage_atlas.arguments import pointing
 from linkage_atlas.assemblies import ASSEMBLY
-from linkage_atlas.formats import HELD
+from linkage_atlas.formats import HELD, OF_PARTS
 from linkage_atlas.studies import DRIVE_STUDIES
 from linkage_atlas.tables import function_from_csv, match_from_csv, request_from_csv
 
@@ -211,10 +212,14 @@ def ranked(request: SynthesizeRequest, rank: int, resources: Resources) -> la.So
 
 
 def _best_linkage(request: SynthesizeRequest, resources: Resources, kind: str) -> bytes:
-    best = ranked(request, 1, resources)
-    asked = ("analysis", "assembly") if kind in HELD["assembly"] else ("analysis",)
-    with pointing(lambda field: field if field == "/format" else ""):
-        return best.linkage.file(kind, **request.given(*asked), work=resources.work())
+    """As /v1/export has it."""
+
+    def place(field: str) -> str:
+        first, _, rest = field.lstrip("/").partition("/")
+        return "/" + rest if first == "request" else field if first == "format" else ""
+
+    with pointing(place):
+        return _linkage_file(ExportRequest(request=request, format=kind), resources)
 
 
 def exports_of(
@@ -238,9 +243,9 @@ def as_json(request: RequestModel, solution: Any) -> bytes:
 _PREFIXES = {"crank_angle": "/solution", "travel": "/solution", "analysis": "/request"}
 
 
-def _in_export(field: str) -> str:
-    """Where this route's body has an argument of `file`."""
-    return "/format" if field == "/kind" else _PREFIXES.get(field.lstrip("/").partition("/")[0], "") + field
+def _boxed(asked: dict[str, Any], request: SynthesizeRequest) -> dict[str, Any]:
+    """What is asked of an assembly, with the boxes of the request's limits where it has none of its own."""
+    return asked | {name: asked.get(name) or getattr(request.limits, name) for name in ("envelope", "keep_out")}
 
 
 def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
@@ -253,18 +258,30 @@ def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
         check_format(body.format, request.mechanisms or ("four_bar",))
     with pointing(lambda field: field if field == "/rank" else "/request" + field):
         motion = motion_of(request)
+        request = in_unit(request, body.length_unit)
         found = None if given else ranked(request, body.rank, resources)
     with pointing(lambda field: "/solution" + field):
         linkage = found.linkage if found else given.linkage(request.degrees)
     if body.format == "json":
-        return as_json(request, found.to_dict() if found else given.model_dump(mode="json", exclude_none=True))
+        return as_json(body.request, found.to_dict() if found else given.model_dump(mode="json", exclude_none=True))
     one = found or given
     place = one.crank_angle if one.crank_angle is not None else getattr(one, "travel", None)
-    with pointing(_in_export):
-        asked = request.given("analysis") | held | body.given("length_unit")
-        if body.assembly is None and body.format in HELD["assembly"] and body.format != "plates":
-            asked |= request.given("assembly")
-        return linkage.file(body.format, motion, crank_angle=place, **asked, work=resources.work())
+    prefixes = _PREFIXES
+    if body.format in HELD["assembly"]:
+        if body.assembly is None and body.plates is None and request.assembly is not None:
+            held |= request.given("assembly")
+            prefixes = {**_PREFIXES, "assembly": "/request"}
+        if body.format in OF_PARTS or held["assembly"] or held["solids"] or not isinstance(linkage, la.FourBar):
+            held["assembly"] = _boxed(held["assembly"] or {}, request)
+
+    def in_export(field: str) -> str:
+        """Where this route's body has an argument of `file`."""
+        return "/format" if field == "/kind" else prefixes.get(field.lstrip("/").partition("/")[0], "") + field
+
+    with pointing(in_export):
+        unit = body.length_unit or (request.analysis.length_unit if request.analysis else "mm")
+        asked = request.given("analysis") | held
+        return linkage.file(body.format, motion, unit, place, **asked, work=resources.work())
 
 
 def is_long_export(body: ExportRequest) -> bool:
@@ -349,8 +366,7 @@ def answer_assembly(request: AssemblyRequest, resources: Resources) -> la.Assemb
         raise la.FieldError("/linkage", "needed, or a `request` to be solved")
     motion = None
     if question is not None:
-        for name in ("envelope", "keep_out"):
-            asked[name] = asked[name] or getattr(question.limits, name)
+        asked = _boxed(asked, question)
         with pointing(lambda field: "/request" + field):
             motion = motion_of(question)
     work = resources.work(budget_of(None, resources))

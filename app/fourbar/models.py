@@ -744,7 +744,10 @@ class ExportRequest(RequestModel):
     format: Literal[
         "json", "csv", "svg", "dxf", "plates", "mjcf", "pylinkage", "step", "3mf", "stl", "urdf", "sdf", "parts"
     ] = Field("json", description="`stl`: a zip file with a file a part; `parts`: a parts list (CSV).")
-    length_unit: LengthUnit = Field("mm", description="The unit of the request's lengths, for files that know one.")
+    length_unit: LengthUnit | None = Field(
+        None,
+        description="The unit of the request's lengths, for files that know one. Default: that of its `analysis`, or mm.",
+    )
     plates: PlatesRequest | None = Field(None, description="For a DXF of plates: their sizes; each has a default.")
     assembly: AssemblyOptions | None = Field(
         None,

@@ -4,6 +4,7 @@ import csv
 import io
 import json
 
+import ezdxf
 import numpy as np
 import pytest
 
@@ -143,6 +144,46 @@ def test_what_a_file_does_not_hold_is_refused(kind, names, client) -> None:
     if kind != "step":  # what the request asks for is of its reply
         body = {"request": {**EXAMPLE, "assembly": True}, "format": kind}
         assert client.post("/v1/export", json=body).status_code == 200
+
+
+def test_files_of_parts_keep_to_the_boxes_of_the_request(client) -> None:
+    """As an assembly does; they were passed over."""
+    for name, box, words in (("envelope", [5, 5, 1e3, 1e3], "leaves"), ("keep_out", [[15, 22, 18, 25]], "enters")):
+        body = {"request": {**EXAMPLE, "limits": {name: box}}, "format": "step"}
+        assert client.post("/v1/assembly", json={"request": body["request"]}).json()["status"] == "blocked"
+        for path, asked in (("/v1/export", body), ("/v1/synthesize.step", body["request"])):
+            wrong = client.post(path, json=asked)
+            assert wrong.status_code == 422 and words in wrong.json()["detail"], path
+        assert client.post("/v1/export", json={**body, "solids": {"nevertheless": True}}).status_code == 200
+        wide = {**body, "assembly": {"envelope": [-2e3, -2e3, 2e3, 2e3], "keep_out": [[1e3, 1e3, 2e3, 2e3]]}}
+        assert client.post("/v1/export", json=wide).status_code == 200
+
+
+def test_plates_are_of_the_assembly_that_the_request_asks_for(client) -> None:
+    """By its own route they were, by /v1/export the links alone; unless sizes of those are given."""
+    body = {"request": {**EXAMPLE, "assembly": {"boards": "both"}}, "format": "plates"}
+    layers = [
+        set(ezdxf.read(io.StringIO(client.post(path, json=asked).text)).layers.entries)
+        for path, asked in (
+            ("/v1/export", body),
+            ("/v1/synthesize.plates.dxf", body["request"]),
+            ("/v1/export", {**body, "plates": {"hole": 3}}),
+        )
+    ]
+    assert "board_above" in {name.lower() for name in layers[0]}
+    assert layers[0] == layers[1] != layers[2]
+    wrong = {**body, "request": {**EXAMPLE, "assembly": {"hole": 300}}}
+    assert client.post("/v1/export", json=wrong).json()["errors"][0]["pointer"] == "#/request/assembly/hole"
+
+
+def test_files_are_in_the_unit_of_the_analysis(client) -> None:
+    """They were in millimetres."""
+    asked = {**EXAMPLE, "analysis": {**ANALYSIS, "length_unit": "cm"}}
+    named = client.post("/v1/export", json={"request": EXAMPLE, "format": "step", "length_unit": "cm"}).content
+    assert client.post("/v1/synthesize.step", json=asked).content == named
+    assert client.post("/v1/export", json={"request": asked, "format": "step"}).content == named
+    other = client.post("/v1/export", json={"request": asked, "format": "step", "length_unit": "mm"})
+    assert other.status_code == 422 and other.json()["errors"][0]["pointer"] == "#/request/analysis/length_unit"
 
 
 def test_the_command_line_prints_what_was_asked_for(tmp_path, capsys) -> None:
