@@ -17,7 +17,7 @@ from synthesis.errors import FieldError
 
 MOST_ROWS = 400
 """Rows of a catalogue at most."""
-MOST_SPRINGS = 200
+MOST_SPRING_ROWS = 200
 """Rows of a catalogue of springs at most."""
 ACTUATORS = ("iso_6432", "iso_15552", "spindle")
 """Catalogues of actuators that come along, in millimetres and newtons: pneumatic cylinders by two standards, whose retracted
@@ -145,7 +145,7 @@ def read_springs(field: str, given: Any, kind: str, millimetres: float) -> list[
     bundled = isinstance(given, str) and "\n" not in given
     scale = millimetres if bundled else 1.0
     kinds = []
-    for place, row in enumerate(_rows(field, given, kind, tuple(SPRINGS.values()), MOST_SPRINGS)):
+    for place, row in enumerate(_rows(field, given, kind, tuple(SPRINGS.values()), MOST_SPRING_ROWS)):
         at = f"{field}/{place}"
         name, price = str(row.get("name") or f"row {place + 1}"), _value(at, row, "price", scale)
         if kind == "gas":

@@ -19,7 +19,7 @@ from app.query import (
 )
 from linkage_atlas.arguments import LARGEST
 from linkage_atlas.assemblies import FIXED_PINS, LAYERS_MOST, MOST_CORNERS, MOST_LAYERS
-from linkage_atlas.catalogues import ACTUATORS, MOST_ROWS
+from linkage_atlas.catalogues import ACTUATORS, MOST_ROWS, MOST_SPRING_ROWS
 from linkage_atlas.driving import MOST_DRIVES, MOST_MASSES, MOST_SPRINGS
 from linkage_atlas.kinds import MECHANISMS
 from linkage_atlas.limits import FUNCTION_LIMITS, LIMITS
@@ -453,7 +453,7 @@ class SpringRequest(RequestModel):
         None,
         description="Two links, one of which may be `ground`. Default: two springs, on the two links with fixed pivots.",
     )
-    catalogue: Catalogue | None = Field(
+    catalogue: Words | Annotated[list[CatalogueRow], Field(min_length=1, max_length=MOST_SPRING_ROWS)] | None = Field(
         None,
         description="`tension_springs`, `gas_springs`, rows or a CSV text; null: ideal springs, of gas those bundled.",
     )

@@ -137,6 +137,24 @@ def test_a_catalogue_of_ones_own(client: TestClient, tmp_path: Path, capsys: pyt
     assert "needs a force of 198, and it gives 60" in weak["refused"][0]["reason"]
 
 
+@pytest.mark.parametrize(
+    ("part", "model", "row"),
+    [
+        ("drives", "DriveRequest", {"retracted": 255, "stroke": 150}),
+        ("springs", "SpringRequest", {"stiffness": 1, "free_length": 50, "longest": 900}),
+    ],
+)
+def test_a_catalogue_has_as_many_rows_as_are_described(client: TestClient, part: str, model: str, row: dict) -> None:
+    """Of springs 400 were described and 200 taken."""
+    described = client.get("/openapi.json").json()["components"]["schemas"][model]["properties"]["catalogue"]["anyOf"]
+    (most,) = (one["maxItems"] for one in described if one.get("type") == "array")
+    kind = "actuator" if part == "drives" else "tension"
+    for count, status in ((most, 200), (most + 1, 422)):
+        asked = {"rocker": FLAP, "load": {"force": [0, -10]}, "drives": []}
+        found = client.post("/v1/drives", json={**asked, part: [{"kind": kind, "catalogue": [row] * count}]})
+        assert found.status_code == status, found.text
+
+
 PLACES = [[0, 0], [22, 5], [41, 17], [52, 36], [50, 58]]
 POSES = {"timing": "free", "position": PLACES, "rotation": [0, 12, 27, 45, 66], "top": 2}
 FLAP = {"pivot": [0, 0], "start": 0, "swing": 60, "length": 400}
