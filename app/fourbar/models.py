@@ -89,6 +89,9 @@ Mechanisms = Annotated[
 Top = Annotated[Count, Field(ge=1, le=MAX_TOP)]
 
 
+Tolerance = Annotated[Number, Field(ge=0, le=1)]
+
+
 MatchedKind = Literal["four_bar", "slider_crank"]
 """Kinds that there are atlases of."""
 
@@ -646,9 +649,7 @@ class SynthesizeRequest(CrankMotion):
     top: Annotated[Count, Field(ge=1, le=100)] = Field(10, description="How many different linkages to return.")
     effort: Literal["atlas", "refine"] = Field("refine", description="`atlas`: the best rows as they are, mounted.")
     limits: LimitsRequest = Field(default_factory=LimitsRequest)
-    tolerance: Annotated[Number, Field(ge=0, le=1)] = Field(
-        1e-10, description="The search ends when the objective is below this."
-    )
+    tolerance: Tolerance = Field(1e-10, description="The search ends when the objective is below this.")
     budget_ms: PositiveNumber | None = Field(None, description="Return the best found within this time.")
     live: Annotated[str, Field(min_length=8, max_length=64)] | None = Field(
         None,
@@ -900,9 +901,7 @@ class FunctionRequest(RequestModel):
     one_way: Flag = Field(False, description="The rocker must not turn back within the interval.")
     limits: FunctionLimitsRequest = FunctionLimitsRequest()
     top: Annotated[Count, Field(ge=1, le=100)] = Field(10, description="How many different linkages to return.")
-    tolerance: Annotated[Number, Field(ge=0)] = Field(
-        1e-10, description="The search ends when the objective is below this."
-    )
+    tolerance: Tolerance = Field(1e-10, description="The search ends when the objective is below this.")
     budget_ms: PositiveNumber | None = Field(None, description="Return the best found within this time.")
     round_to: Length | None = Field(
         None, description="Also report each solution with its links on this grid and the zeros fitted anew."
