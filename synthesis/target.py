@@ -403,8 +403,8 @@ def _crank(crank_span: float | None, crank_angle: Floats | None, samples: int) -
         field, crank = "/crank_angle", crank_angle.astype(float) - float(crank_angle[0])
     span = abs(crank[-1])
     if not MIN_SPAN <= span <= MAX_SPAN:
-        low, high, found = np.rad2deg([MIN_SPAN, MAX_SPAN, span])
-        raise FieldError(field, f"the crank must turn by {low:g} to {high:g} degrees, found {found:g}")
+        low, high, found = np.rad2deg([MIN_SPAN, MAX_SPAN, crank[-1]])
+        raise FieldError(field, f"the crank must turn by {low:g} to {high:g} degrees either way, found {found:g}")
     steps = np.diff(crank) * np.sign(crank[-1])
     short = steps <= MIN_STEP * span
     if np.any(short):
