@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal, NamedTuple, Self, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkage_atlas.arguments import check_names, column, millimetres_in, number, one_of, pair, radians_in
+from linkage_atlas.arguments import column, known_fields, millimetres_in, number, one_of, pair, radians_in
 from linkage_atlas.assemblies import Assembly, assembled, read_assembly
 from linkage_atlas.formats import FORMATS, HELD, OF_PARTS, kind_of
 from linkage_atlas.motions import Motion
@@ -225,12 +225,13 @@ class AnyLinkage(ABC):
     def _solids(
         self,
         target: Target,
-        assembly: Mapping[str, Any],
+        assembly: Mapping[str, Any] | bool,
         solids: AskedSolids,
         length_unit: str,
         work: Work,
         where: str = "assembly/",
     ) -> SolidParts:
+        assembly = {} if isinstance(assembly, bool) else assembly
         return solids_in(self._arranged(target, assembly, work, where), solids, assembly, length_unit)
 
     def file(
@@ -241,7 +242,7 @@ class AnyLinkage(ABC):
         crank_angle: ArrayLike | None = None,
         analysis: Mapping[str, Any] | None = None,
         plates: Mapping[str, float] | None = None,
-        assembly: Mapping[str, Any] | None = None,
+        assembly: Mapping[str, Any] | bool | None = None,
         solids: Mapping[str, Any] | None = None,
         work: Work | None = None,
         drive: Mapping[str, Any] | None = None,
@@ -265,8 +266,8 @@ class AnyLinkage(ABC):
         plates : mapping, optional
             ``hole``, the diameter of the holes, and ``width`` of the plates, for a DXF of the links of a four-bar alone.
         assembly, solids : mapping, optional
-            How its parts are arranged and made, as of `assembly` and `solids`: for STEP and what follows it above, the masses in
-            an MJCF file, and a DXF of all flat parts in place of the links alone.
+            How its parts are arranged (True: by default) and made, as of `assembly` and `solids`: for STEP and what follows it
+            above, the masses in an MJCF file, and a DXF of all flat parts in place of the links alone.
         work : Work, optional
             Asked whether the answer is still wanted.
         drive : mapping, optional
@@ -276,15 +277,15 @@ class AnyLinkage(ABC):
         one_of("kind", kind, FORMATS)
         check_held(kind, plates=plates, assembly=assembly, solids=solids, drive=drive)
         target = self.target_of(motion, crank_angle if travel is None else travel)
+        arranged = bool(assembly or solids)
         assembly, drive = with_motor(kind, assembly, drive)
+        made = read_solids(solids or {})
+        read_assembly(assembly or {})  # what is wrong there is told also where masses are left out
 
         def parts(nevertheless: bool) -> SolidParts:
-            read = read_solids(solids)
-            if nevertheless:
-                read = read._replace(nevertheless=True)
-            return self._solids(target, assembly or {}, read, length_unit, work or Work())
+            asked = made._replace(nevertheless=True) if nevertheless else made
+            return self._solids(target, assembly or {}, asked, length_unit, work or Work())
 
-        arranged = bool(assembly or solids)
         return content_of(
             self._linkage, target, self._radian, kind, length_unit, analysis, drive, parts, plates, arranged
         )
@@ -1148,16 +1149,18 @@ def drive_on(
 
 
 def with_motor(
-    kind: str, assembly: Mapping[str, Any] | None, drive: Mapping[str, Any] | None
-) -> tuple[Mapping[str, Any] | None, Mapping[str, Any] | None]:
+    kind: str, assembly: Mapping[str, Any] | bool | None, drive: Mapping[str, Any] | None
+) -> tuple[Mapping[str, Any] | bool | None, Mapping[str, Any] | None]:
     """What is asked of an assembly, and a drive: in files of parts a motor with its rod is two of them."""
-    if drive is None or kind not in (*OF_PARTS, "plates") or drive.get("kind") != "dyad":
+    if not isinstance(drive, Mapping) or kind not in (*OF_PARTS, "plates") or drive.get("kind") != "dyad":
         return assembly, drive
-    return {**(assembly or {}), "drive": drive}, None
+    return {**(assembly if isinstance(assembly, Mapping) else {}), "drive": drive}, None
 
 
 def _attached(given: Mapping[str, Any], machine: LinkMotions) -> Attached:
     """A drive of a reply, as it came, on a machine at its samples."""
+    if not isinstance(given, Mapping):
+        raise FieldError("/drive", "wanted a drive of a reply, as plain values")
     kind, link = given.get("kind"), given.get("link")
     if kind not in ("rotary", "actuator", "dyad", "toggle"):
         raise FieldError("/drive/kind", f"wanted a drive of a reply, found {kind!r}")
@@ -1192,5 +1195,5 @@ def _attached(given: Mapping[str, Any], machine: LinkMotions) -> Attached:
 
 
 def _sizes(plates: Mapping[str, Any]) -> dict[str, float]:
-    check_names("/plates", plates, ("hole", "width"), "size")
+    known_fields("plates", plates, ("hole", "width"))
     return {name: number(f"plates/{name}", value) for name, value in plates.items() if value is not None}

@@ -306,7 +306,7 @@ class SixBarLinkage(AnyLinkage):
         length_unit: str = "mm",
         motor: ArrayLike | None = None,
         analysis: Mapping[str, Any] | None = None,
-        assembly: Mapping[str, Any] | None = None,
+        assembly: Mapping[str, Any] | bool | None = None,
         solids: Mapping[str, Any] | None = None,
         work: Work | None = None,
     ) -> bytes:

@@ -187,6 +187,8 @@ def test_what_is_amiss_is_named() -> None:
         (lambda: one.assembly(drive=one.drive), "/drive"),
         (lambda: one.file("pylinkage"), "/drive"),
         (lambda: one.file("dwg"), "/kind"),
+        (lambda: one.file("parts", assembly=True, solids={"fit": "loose"}), "/solids/fit"),
+        (lambda: one.file("parts", assembly={"hole": 1e3}), "/assembly/hole"),
         (lambda: one.file("csv", analysis={}), "/analysis/motor_speed"),
         (lambda: one.tolerance_study(links=1), "/linkage"),
         (lambda: one.assembly(la.Motion(rotation=[0, 1, 2], crank_span=60)), "/motion"),
@@ -197,3 +199,4 @@ def test_what_is_amiss_is_named() -> None:
             assert refused.field == field, refused
         else:
             pytest.fail(f"nothing amiss with {field}")
+    assert one.file("parts", assembly=True) == one.file("parts")

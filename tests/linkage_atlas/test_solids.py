@@ -212,6 +212,19 @@ def test_what_no_plate_has_room_for_is_refused_with_the_layers(client) -> None:
     assert client.post("/v1/assembly", json=asked).json()["errors"][0]["pointer"] == "#/body"
 
 
+def test_what_is_no_mapping_is_refused_by_name(linkage) -> None:
+    """True was an AttributeError, and beside masses anything was passed over; for an assembly it asks for the defaults."""
+    assert linkage.file("parts", assembly=True) == linkage.file("parts")
+    assert b"board_below" in linkage.file("plates", assembly=True).lower()
+    for kind in ("step", "plates", "mjcf"):
+        for name, value in (("assembly", 3), ("solids", True), ("drive", True), ("plates", True)):
+            with pytest.raises(la.FieldError) as refused:
+                linkage.file(kind, **{name: value})
+            assert refused.value.field == f"/{name}"
+    with pytest.raises(la.FieldError, match="holes"):
+        linkage.file("mjcf", assembly={"holes": 3})
+
+
 def test_a_list_of_parts_has_a_row_a_part(linkage) -> None:
     parts = linkage.solids(heads=True, boards="both")
     rows = list(csv.DictReader(io.StringIO(parts.file("parts").decode())))
