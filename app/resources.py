@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import gc
+import os
 import sys
 import time
 from collections.abc import Callable
@@ -62,6 +63,7 @@ class ServiceResources:
         import numpy  # noqa: F401  # for only a library that is loaded is limited
 
         self._blas = threadpool_limits(1, "blas")
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # of scipy's own, which is loaded where it is needed
 
     @property
     def atlas(self) -> la.Atlas:

@@ -19,13 +19,14 @@ the stop. The linkage goes beyond its end by a little while the knee passes the 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import ThreadpoolController
 
 from synthesis.arrays import Complexes, Flags, Floats, Ints, angle_at, dot
 from synthesis.guided.linkage import LinkMotion
@@ -595,6 +596,38 @@ def slopes_of_leverage(
     return lengths, np.real(np.conj(dn) * speed[:, None]) + np.real(back * 1j * link.rate[:, None] * turned)
 
 
+@cache
+def _threads() -> ThreadpoolController:
+    return ThreadpoolController()  # made once scipy has loaded its own BLAS, which it then knows
+
+
+def descended(
+    cost: Callable[[Floats], tuple[float, Floats]],
+    begin: Floats,
+    bounds: Sequence[tuple[float | None, float | None]],
+    limits: Sequence[Mapping[str, Any]],
+    ftol: float,
+    steps: int,
+) -> Floats:
+    """Where sequential quadratic programs end, of a cost with its slopes.
+
+    By one thread: products of matrices that several share round differently from run to run.
+    """
+    from scipy.optimize import minimize
+
+    with _threads().limit(limits=1, user_api="blas"):
+        answer: Any = minimize(
+            cost,
+            begin,
+            jac=True,
+            bounds=bounds,
+            constraints=limits,
+            method="SLSQP",
+            options={"ftol": ftol, "maxiter": steps},
+        )
+    return np.asarray(answer.x)
+
+
 class Descent:
     """The largest u for which `rows` of the unknowns are at least 0 and `off` is 0, by sequential quadratic programs.
 
@@ -621,20 +654,10 @@ class Descent:
 
     def end(self, begin: Floats, equations: bool, ftol: float, steps: int) -> Floats:
         """Where a descent from some unknowns ends; ``equations``: whether `off` counts."""
-        from scipy.optimize import minimize
-
         upwards = np.array([0.0, 0.0, 0.0, 0.0, -1.0])
         limits = [{"type": "ineq", "fun": self.rows, "jac": self.slopes}]
-        answer: Any = minimize(
-            lambda z: -z[-1],
-            begin,
-            jac=lambda z: upwards,
-            bounds=self.bounds,
-            constraints=limits + [{"type": "eq", "fun": self.off, "jac": self.off_slopes}] * equations,
-            method="SLSQP",
-            options={"ftol": ftol, "maxiter": steps},
-        )
-        return np.asarray(answer.x)
+        limits += [{"type": "eq", "fun": self.off, "jac": self.off_slopes}] * equations
+        return descended(lambda z: (-z[-1], upwards), begin, self.bounds, limits, ftol, steps)
 
     def _at(self, z: Floats) -> Any:
         key = z[:4].tobytes()

@@ -19,12 +19,12 @@ between the shortest and the longest.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from synthesis.arrays import Complexes, Floats
-from synthesis.drives.actuator import lengths_and_arms, slopes_of_leverage
+from synthesis.drives.actuator import descended, lengths_and_arms, slopes_of_leverage
 from synthesis.drives.links import GROUND, LinkMotions
 from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.analysis import Load
@@ -453,8 +453,6 @@ class _Placing:
 
 def _together(parts: list[_Placing], torque: Floats, begin: Floats) -> tuple[float, Floats]:
     """The nearest optimum of some springs together: rms torque and unknowns, four a spring; no worse than the beginning."""
-    from scipy.optimize import minimize
-
     rms = float(np.sqrt(np.mean(torque**2))) or 1.0
     four = [slice(4 * k, 4 * k + 4) for k in range(len(parts))]
 
@@ -476,16 +474,8 @@ def _together(parts: list[_Placing], torque: Floats, begin: Floats) -> tuple[flo
             row += len(one)
         return table
 
-    answer: Any = minimize(
-        cost,
-        begin,
-        jac=True,
-        bounds=[bound for one in parts for bound in one.bounds],
-        constraints=[{"type": "ineq", "fun": rows, "jac": slopes}],
-        method="SLSQP",
-        options={"ftol": 1e-12, "maxiter": _STEPS},
-    )
-    z = answer.x
+    bounds = [bound for one in parts for bound in one.bounds]
+    z = descended(cost, begin, bounds, [{"type": "ineq", "fun": rows, "jac": slopes}], 1e-12, _STEPS)
     if not np.all(np.isfinite(z)) or rows(z).min() < -_HAIR / 2 or cost(z)[0] > cost(begin)[0]:
         z = begin
     return float(np.sqrt(cost(z)[0])) * rms, z

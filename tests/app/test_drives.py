@@ -7,10 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fastapi.testclient import TestClient
+from threadpoolctl import threadpool_limits
 
 import linkage_atlas as la
 from app.cli import main
+from app.fourbar.answers import find_drives
+from app.fourbar.models import DrivesRequest
 from app.query import bundled_requests
+from app.resources import ServiceResources
+from app.settings import Settings
 from synthesis.drives.links import motions_at
 from synthesis.guided.analysis import Load
 from tests.oracles.largest import TWO_RAILS
@@ -105,6 +110,20 @@ def test_units_change_numbers_and_nothing_else(client: TestClient) -> None:
     assert other["stroke"] * 1000 == pytest.approx(first["stroke"])
     assert np.deg2rad(first["swing"]) == pytest.approx(other["swing"])
     assert other["buckling"]["critical_force"] == pytest.approx(first["buckling"]["critical_force"], rel=1e-6)
+
+
+@pytest.mark.parametrize("name", ["window_opener", "bonnet_with_a_gas_spring"])
+def test_an_answer_does_not_depend_on_the_threads_of_a_product(name: str) -> None:
+    """Descents whose products of matrices two threads shared ended elsewhere by 1e-11, another time again."""
+    import scipy.linalg  # noqa: F401 - its BLAS is one of its own
+
+    question, resources = DrivesRequest(**EXAMPLES[name]), ServiceResources(Settings(with_atlas=False))
+    replies = []
+    for threads in (1, 2, 2):
+        with threadpool_limits(threads, "blas"):
+            replies.append(find_drives(question, resources).to_dict())
+    assert replies[0]["drives"] == replies[1]["drives"] == replies[2]["drives"]
+    assert replies[0]["springs"] == replies[1]["springs"] == replies[2]["springs"]
 
 
 def test_options_of_the_command_hold_for_its_question(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
