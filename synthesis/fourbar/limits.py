@@ -185,19 +185,19 @@ class Limits:
                 raise FieldError(
                     "/limits/pivot_b", "the given pivots are nearer than link_min or farther than link_max"
                 )
-        for name, point, box in (
-            ("pivot_a", self.pivot_a, self.box("pivot_a_box")),
-            ("pivot_b", self.pivot_b, self.box("pivot_b_box")),
-        ):
+        for name, point in (("pivot_a", self.pivot_a), ("pivot_b", self.pivot_b)):
+            box = self.box(f"{name}_box")
+            if box is not None and (box[0] > box[2] or box[1] > box[3]):
+                raise FieldError(f"/limits/{name}_box", "has no point in common with pivot_box or envelope")
             if point is not None:
                 if box is not None and not (box[0] <= point.real <= box[2] and box[1] <= point.imag <= box[3]):
                     raise FieldError(f"/limits/{name}", "lies outside of the box that it must lie in")
-                if any(out[0] < point.real < out[2] and out[1] < point.imag < out[3] for out in self.keep_out):
-                    raise FieldError(f"/limits/{name}", "lies in a box of keep_out")
-        for name in ("pivot_a_box", "pivot_b_box"):
-            box = self.box(name)
-            if box is not None and (box[0] > box[2] or box[1] > box[3]):
-                raise FieldError(f"/limits/{name}", "has no point in common with pivot_box or envelope")
+                box = (point.real, point.imag, point.real, point.imag)
+            for number, out in enumerate(self.keep_out):
+                if box is not None and out[0] < box[0] and out[1] < box[1] and box[2] < out[2] and box[3] < out[3]:
+                    if point is not None:
+                        raise FieldError(f"/limits/{name}", "lies in a box of keep_out")
+                    raise FieldError(f"/limits/keep_out/{number}", f"covers the whole box that {name} must lie in")
 
     def box(self, name: str) -> Box | None:
         """Where a pivot may lie by all boxes that concern it; ``name`` is its own: pivot_a_box or pivot_b_box."""

@@ -201,6 +201,7 @@ def test_limits_in_a_mirror_are_kept_by_mirrored_linkages() -> None:
         ({"pivot_a": 5j, "pivot_box": (-1, -1, 1, 1)}, "/limits/pivot_a"),
         ({"pivot_b": 0.5j, "keep_out": ((-1, -1, 1, 1),)}, "/limits/pivot_b"),
         ({"pivot_a_box": (0, 0, 1, 1), "pivot_box": (2, 2, 3, 3)}, "/limits/pivot_a_box"),
+        ({"pivot_b_box": (0, 0, 1, 1), "keep_out": ((5, 5, 6, 6), (-1, -1, 2, 2))}, "/limits/keep_out/1"),
         ({"envelope": (1, 0, 0, 1)}, "/limits/envelope"),
         ({"keep_out": ((0, 0, 1, 1), (1, 0, 0, 1))}, "/limits/keep_out/1"),
         ({"coupler_radius_max": 0.0}, "/limits/coupler_radius_max"),
