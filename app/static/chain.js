@@ -73,13 +73,14 @@ function machine(reply, phases, at) {
       for (const [name, place] of [["O1", [0, 0]], ["O2", [0, geometry.eccentricity]]]) { dot(layer, "fixed", 3)(place, view); still.push([name, place, 8, -4]); }
       still.push(["R1", [geometry.upper_radius * Math.cos(-2.2), geometry.upper_radius * Math.sin(-2.2)], -26, 0], ["R2", [geometry.lower_radius * Math.cos(-2), geometry.eccentricity + geometry.lower_radius * Math.sin(-2)], -8, 20]);
     }
-    for (const [name, place, dx, dy] of still) symbol(layer, name)(place, view, dx, dy);
+    const stay = still.map(([name, ...where]) => [symbol(layer, name), where]);
     return (phase) => {
       const places = at(phase);
       chain(places, view);
       dots.forEach((move, k) => move(places[k], view));
       turning.forEach((wheel, k) => turnWheel(arms[k], wheel, places, view));
       for (const [pin, move] of names) move(places[pin], view);
+      for (const [move, [place, ...off]] of stay) move(place, view, ...off);
     };
   };
 }

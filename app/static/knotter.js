@@ -59,20 +59,16 @@ function space(host, reply, unit, follow) {
     words: (alpha) => `alpha ${alpha.toFixed(unit === "rad" ? 3 : 1)}${unit}`,
     follow,
     draw(layer, view) {
-      const axis = axes ? Object.entries(axes).map(([name, two]) => [line(layer, "axis"), two, symbol(layer, { shaft: "i1", disc: "j2", bill: "k0" }[name])]) : [];
+      const axis = axes ? Object.entries(axes).map(([name, two]) => [name, line(layer, "axis"), two]) : [];
       const disc = line(layer, "disc"), swept = line(layer, "curve turn"), bill = line(layer, "body", null, null, true), jaw = line(layer, "jaw", null, null, true);
       const [wrapped, bitten] = [line(layer, "edge bill"), line(layer, "edge jaws")], hinge = line(layer, "bare");
       const ropes = [["S1", line(layer, "rope")], ["S7", line(layer, "rope")]], dots = ["S0", "S1", "S7", "S10"].map((name) => [name, dot(layer, name === "S0" ? "fixed" : "pin", 5)]);
       const marks = entries.map((one) => [one, dot(layer, one.holds ? "enter" : "enter wrong", 9), symbol(layer, one.name)]);
       const names = ["S0", "S1", "S3", "S4", "S7", "S8", "S9", "S10"].map((name) => [name, symbol(layer, name)]);
-      const drawn = layer.querySelectorAll(".rope");
+      const ways = axis.map(([name]) => symbol(layer, { shaft: "i1", disc: "j2", bill: "k0" }[name])), drawn = layer.querySelectorAll(".rope");
       return (alpha) => {
         const now = at(alpha), lie = (list) => list.map((name) => flat(now[name]));
-        for (const [lay, [start, end], name] of axis) {
-          const tips = [-1.1, 1.1].map((share) => flat(along(start, end, share * reach * 0.5)));
-          lay(tips, view);
-          name(tips[1], view, 4, -4);
-        }
+        const tips = axis.map(([, lay, [start, end]]) => { const two = [-1.1, 1.1].map((share) => flat(along(start, end, share * reach * 0.5))); lay(two, view); return two[1]; });
         disc(rim.map(flat), view);
         swept(paths.S10.map(flat), view);
         bill(lie(["S3", "S4", "S5"]), view);
@@ -85,6 +81,7 @@ function space(host, reply, unit, follow) {
         for (const [name, place] of dots) place(flat(now[name]), view);
         for (const [one, place, name] of marks) { const spot = flat(along(now[one.ends[0]], now[one.ends[1]], one.share)); place(spot, view); name(spot, view, 12, 14); }
         for (const [name, place] of names) place(flat(now[name]), view);
+        ways.forEach((name, k) => name(tips[k], view, 4, -4));
       };
     },
   });
@@ -107,9 +104,10 @@ function plane(host, reply, name, [right, up], told, steps) {
       grid(layer, view, "mm");
       const body = line(layer, name === "E1" ? "body" : "jaw", null, null, true);
       line(layer, "curve", way, view);
-      const edge = line(layer, name === "E1" ? "edge bill" : "edge jaws"), now = dot(layer, "point", 6), names = triangle.map((one) => symbol(layer, one));
+      const edge = line(layer, name === "E1" ? "edge bill" : "edge jaws"), now = dot(layer, "point", 6);
       if (steps?.point) { dot(layer, "pin", 4)(at(steps.point), view); symbol(layer, "before")(at(steps.point), view, -56, 5); }
       if (told.point) { dot(layer, told.holds ? "enter" : "enter wrong", 9)(at(told.point), view); symbol(layer, name)(at(told.point), view, 12, 4); }
+      const names = triangle.map((one) => symbol(layer, one));
       move = (alpha) => {
         const share = ((alpha - reply.alpha[0]) / (reply.alpha.at(-1) - reply.alpha[0])) * (reply.alpha.length - 1), k = Math.min(reply.alpha.length - 1, Math.max(0, Math.round(share)));
         const held = corners[k].map(at);

@@ -5,7 +5,6 @@ import { text } from "./drawing.js";
 import { dot, line, stage, symbol } from "./stage.js";
 
 const LENGTHS = ["l2", "l3", "l4", "l5", "b"];
-const NAME = 18; // pixels between two names; of names that would be nearer only the first is shown
 const SMOOTH = 201; // times of a drawing's motion: curves through fewer have kinks
 
 const between = ([x, y], [u, v], share = 0.5) => [x + share * (u - x), y + share * (v - y)];
@@ -49,12 +48,7 @@ function drawing(host, moved, follow) {
         rod([O, B], view);
         link([D, C], view);
         platform([[A[0] - wide, A[1]], [A[0] + wide, A[1]]], view);
-        const taken = [];
-        const name = (word, place, dx = 9, dy = -8) => {
-          const [x, y] = [view.x(place[0]) + dx, view.y(place[1]) + dy], clear = taken.every(([u, v]) => Math.hypot(x - u, y - v) > NAME);
-          if (clear) taken.push([x, y]);
-          names[word](place, view, dx, dy, clear);
-        };
+        const name = (word, place, ...off) => names[word](place, view, ...off);
         for (const [word, place] of Object.entries({ O, D, A, B, C })) { pins[word](place, view); name(word, place); }
         for (const [word, place] of [["l1", between(O, B)], ["l2", between(A, B)], ["l3", between(A, C)], ["l4", between(B, C)], ["l5", between(D, C, 0.2)]]) name(word, place, 6, -5);
         name("b", between(O, D), 6, 16);

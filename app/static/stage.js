@@ -6,15 +6,26 @@ import { player } from "./play.js";
 const GRID_PIXELS = 60;
 const SHARE = 0.56; // height over width, within the pixels below
 const [LEAST, MOST] = [240, 520];
-const LETTERS = 30; // pixels that a name takes
+const [LETTER, LINE] = [9, 18]; // pixels that a letter of a name is wide, and high
 
-/** A name beside a place of the drawing, in the symbols of the documents: `l2` and `theta_1` get their index. */
+/**
+ * A name beside a place of the drawing, in the symbols of the documents: `l2` and `theta_1` get their index. Returns the function that
+ * lays it beside a place; it is not shown where a name that was made before it lies.
+ */
 export function symbol(layer, name) {
-  const word = make("text", { class: "symbol" }, layer), [, letter, index] = /^([A-Za-zΑ-ωθαβγφξε′]+)_?(\w*)(?:′)?$/.exec(name) ?? [null, name, ""];
+  const others = [...layer.querySelectorAll(".symbol")], wide = LETTER * name.length + 4;
+  const word = make("text", { class: "symbol", visibility: "hidden", "data-wide": wide }, layer), [, letter, index] = /^([A-Za-zΑ-ωθαβγφξε′]+)_?(\w*)(?:′)?$/.exec(name) ?? [null, name, ""];
   word.append(letter);
   if (index) make("tspan", { class: "index", dy: "3" }, word).textContent = index;
   if (name.endsWith("′")) make("tspan", { dy: index ? "-3" : "0" }, word).textContent = "′";
-  return (at, view, dx = 9, dy = -8, shown = true) => put(word, { x: Math.max(4, Math.min(view.x(at[0]) + dx, view.width - LETTERS)), y: view.y(at[1]) + dy, visibility: shown ? "visible" : "hidden" });
+  const on = (x, y) => (other) => {
+    const [left, low] = ["x", "y"].map((side) => Number(other.getAttribute(side)));
+    return other.getAttribute("visibility") === "visible" && Math.abs(y - low) < LINE && x < left + Number(other.dataset.wide) && left < x + wide;
+  };
+  return (at, view, dx = 9, dy = -8) => {
+    const x = Math.max(4, Math.min(view.x(at[0]) + dx, view.width - wide)), y = view.y(at[1]) + dy;
+    put(word, { x, y, visibility: others.some(on(x, y)) ? "hidden" : "visible" });
+  };
 }
 
 /** A grid of round steps behind a drawing, with the step in words. */
