@@ -2,7 +2,7 @@
 
 import { element, signed, text, thumbnail } from "./drawing.js";
 import { fitOf, worstRows } from "./fit.js";
-import { placeOf, unitOf, wantsPlaces } from "./motion.js";
+import { itemOf, placeOf, unitOf, wantsPlaces } from "./motion.js";
 import { mark } from "./verdict.js";
 
 const RAD = Math.PI / 180;
@@ -31,9 +31,9 @@ function facts(rows) {
   return list;
 }
 
-/** The sign of a verdict with its words. */
-export function sign(verdict) {
-  const found = mark(verdict);
+/** The sign of a verdict on a motion with its words. */
+export function sign(verdict, motion) {
+  const found = mark(verdict, itemOf(motion));
   return found ? signed("span", `verdict ${found.kind}`, found.sign, found.text) : signed("span", "verdict", "·", "errors computed here; the service has not judged it");
 }
 
@@ -46,7 +46,7 @@ export function card(solution, motion, size, choose) {
   const figures = [["transmission", `${text(solution.transmission_angle_min, 3)}°`], [solution.links ? "longest link" : "longest guide", `${text(longest(solution), 4)} ${unitOf(motion)}`]];
   if (Number.isFinite(solution.size)) figures.push(["size", `${text(solution.size, 3)} × motion`]);
   button.append(element("span", "name", nameOf(solution)), facts([...worst, ...figures]));
-  button.append(sign(solution.verdict));
+  button.append(sign(solution.verdict, motion));
   button.classList.toggle("broken", mark(solution.verdict)?.kind === "bad");
   button.addEventListener("click", choose);
   const item = document.createElement("li");

@@ -5,6 +5,7 @@ import { numberIn } from "./decimal.js";
 import { capital, element, make, namedRows, put, text } from "./drawing.js";
 import { driveTurns } from "./drive.js";
 import { fitOf, settled } from "./fit.js";
+import { itemOf } from "./motion.js";
 import { ask } from "./service.js";
 import { $ } from "./shell.js";
 
@@ -193,7 +194,7 @@ export class Driving {
     const turns = driveTurns(this.solution), rows = [["drive", `${drive.name ?? KINDS[drive.kind]} on the ${drive.link}${drive.byHand ? ", by hand" : ""}`]];
     if (drive.motor) rows.push(["motor", place(drive.motor)]);
     if (drive.ground_point) rows.push(["ground point", place(drive.ground_point)]);
-    if (drive.pin) rows.push(["pin at pose 1", place(drive.pin)], ["pin on the link", place(drive.pin_on_link)]);
+    if (drive.pin) rows.push([`pin at ${itemOf(this.answer.motion)} 1`, place(drive.pin)], ["pin on the link", place(drive.pin_on_link)]);
     if (drive.retracted) rows.push(["retracted, stroke", `${number(drive.retracted)} + ${number(drive.stroke)} ${unit}, ${drive.extends ? "extends" : "retracts"}`]);
     if (drive.dead !== undefined && drive.dead !== null) rows.push(["dead point", `at ${number(drive.dead)}${turns ? "°" : ` ${unit}`}`]);
     if (drive.arm_min !== null && drive.arm_min !== undefined) rows.push(["least arm", `${number(drive.arm_min)} ${armUnit(unit, turns)}`]);

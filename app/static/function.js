@@ -286,7 +286,7 @@ function showCurves() {
   }
   charts.push(titledChart($("curves"), shown.links ? "Wanted angle of the rocker" : "Wanted output", { x: turn(samples), degreesX, degreesY: Boolean(out), series: [{ values: turn(output), colour: "ink" }] }));
   const ends = x ? `x from ${text(x[0])} to ${text(x.at(-1))} over this interval. ` : "";
-  $("error-note").textContent = ends + answer.reply.report.notes.map(plainNote).join(" ");
+  $("error-note").textContent = ends + answer.reply.report.notes.map((one) => plainNote(one)).join(" ");
 }
 
 function select(k) {

@@ -73,7 +73,7 @@ function howNear({ reply, motion }) {
 
 function sentenceOf({ reply: { status, solutions, report }, request, motion, stored, live, seconds }) {
   if (!solutions.length) {
-    const why = report.notes.filter((one) => !one.startsWith("nothing within")).map(plainNote).join(" ");
+    const why = report.notes.filter((one) => !one.startsWith("nothing within")).map((one) => plainNote(one, itemOf(motion))).join(" ");
     const proved = status === "infeasible" ? "No linkage was found within these limits, and the search ran to its end." : `None found in ${seconds.toFixed(1)} s, when the time was up; that proves nothing.`;
     return [proved, why || "Loosen a limit, allow any family, or let the pivots lie elsewhere.", ""].join(" ").trim();
   }

@@ -4,7 +4,7 @@ import { redrawOn, titledChart } from "./charts.js";
 import { make, text } from "./drawing.js";
 import { driveName } from "./drive.js";
 import { fitOf } from "./fit.js";
-import { PRESET, placeOf, wantsAngles } from "./motion.js";
+import { PRESET, itemOf, placeOf, wantsAngles } from "./motion.js";
 import { $ } from "./shell.js";
 import { analysisCurves, band } from "./studies.js";
 import { marksWithin } from "./timing.js";
@@ -54,6 +54,7 @@ export class Player {
     this.shown = trajectory(solution, motion);
     $("range").querySelector("[value=turn]").disabled = !this.shown.turn;
     if (!this.shown.turn) $("range").value = "used";
+    for (const [id, way] of [["before", "Previous"], ["after", "Next"]]) $(id).ariaLabel = $(id).title = `${way} ${itemOf(motion)}`;
     this.board.showLinkage(this.shown);
     if (fit) this.board.fit();
     this.#setRange();
@@ -139,8 +140,8 @@ export class Player {
     const here = this.stops.filter((stop) => Math.abs(stop.travel - travel) < this.#near).map(({ k }) => k + 1);
     const { turns } = this.shown.pass, words = turns ? `${rounded}°` : `${text(degrees, 4)} ${this.shown.motion.unit}`;
     $("travel").value = words;
-    $("at-sample").textContent = here.length ? `sample ${here.join(", ")}` : "";
-    $("slider").setAttribute("aria-valuetext", `${driveName(this.shown.solution)} ${turns ? `turned by ${rounded} degrees` : `moved by ${words}`}${here.length ? `, at sample ${here.join(", ")}` : ""}`);
+    $("at-sample").textContent = here.length ? `${itemOf(this.shown.motion)} ${here.join(", ")}` : "";
+    $("slider").setAttribute("aria-valuetext", `${driveName(this.shown.solution)} ${turns ? `turned by ${rounded} degrees` : `moved by ${words}`}${here.length ? `, at ${itemOf(this.shown.motion)} ${here.join(", ")}` : ""}`);
     this.board.showJoints(this.shown.linkage.at(degrees * RAD));
     for (const one of this.charts) one.mark(travel);
   }
@@ -204,8 +205,8 @@ export class Player {
     add(wantsAngles(motion) ? "Rotation of the body, degrees (dots: wanted)" : "Rotation of the coupler, degrees", rotation, { degreesY: true, height: 160 });
 
     const zero = { values: over(() => 0), colour: "line" };
-    if (worst.place !== null) add(`Position error at the samples, ${motion.unit}`, [dots((k) => places[k], "bad"), zero]);
-    if (wantsAngles(motion)) add("Rotation error at the samples, degrees", [dots((k) => miss[k], "bad"), zero]);
+    if (worst.place !== null) add(`Position error at the ${itemOf(motion)}s, ${motion.unit}`, [dots((k) => places[k], "bad"), zero]);
+    if (wantsAngles(motion)) add(`Rotation error at the ${itemOf(motion)}s, degrees`, [dots((k) => miss[k], "bad"), zero]);
 
     const transmission = [{ values: over((j) => j.transmission / RAD), colour: "path" }];
     const least = motion.limits.kept.use ? motion.limits.transmission ?? PRESET.use : null;

@@ -33,7 +33,7 @@ function numberRows(solution, { motion, size }, digits) {
   const rows = links ? LINKS.map((name) => [capital(name), length(links[name])]) : guideRows(solution, number, place, length);
   rows.push(["Branch", solution.branch > 0 ? "+1" : "−1"]);
   if (links) rows.push(["Start angle", `${number(solution.start_angle)}°`]);
-  else rows.push(["Drive at the first sample", driveTurns(solution) ? `${number(solution.start)}°` : length(solution.start)]);
+  else rows.push([`Drive at the first ${itemOf(motion)}`, driveTurns(solution) ? `${number(solution.start)}°` : length(solution.start)]);
   if (Number.isFinite(solution.body_offset)) rows.push(["Body offset", `${number(solution.body_offset)}°`]);
   if (mount) {
     rows.push(["Pivot A", `${mount.pivot_a.map(place).join(", ")} ${unit}`], ["Pivot B", `${mount.pivot_b.map(place).join(", ")} ${unit}`], ["Ground angle", `${number(mount.ground_angle)}°`]);
@@ -45,7 +45,7 @@ function numberRows(solution, { motion, size }, digits) {
   if (solution.errors.rotation_rms !== null) rows.push(["Angle error, rms", errorText(solution.errors.rotation_rms, 57, "°")]);
   if (solution.errors.position_rms !== null) rows.push(["Position error, rms", errorText(solution.errors.position_rms, size, ` ${unit}`)]);
   if (Number.isFinite(solution.size)) rows.push(["Size", `${number(solution.size)} × motion`]);
-  if (Number.isFinite(solution.excursion)) rows.push(["Way between samples", `${text(solution.excursion, 3)} × distance`]);
+  if (Number.isFinite(solution.excursion)) rows.push([`Way between ${itemOf(motion)}s`, `${text(solution.excursion, 3)} × distance`]);
   rows.push(["Transmission", `${text(solution.transmission_angle_min, 5)}°`]);
   if (Number.isFinite(solution.arm_min)) rows.push(["Moment arm, least", length(solution.arm_min)]);
   if (Number.isFinite(solution.transmission_angle_min_turn)) rows.push(["Transmission, whole turn", `${text(solution.transmission_angle_min_turn, 5)}°`]);
@@ -72,7 +72,7 @@ function verdictBlock(solution, motion) {
     list.append(element("dt", "", name), signed("dd", good ? "good" : poor, good ? "✓" : poor === "bad" ? "✕" : "!", words));
   }
   block.append(list);
-  const sentences = reasons(verdict);
+  const sentences = reasons(verdict, itemOf(motion));
   if (sentences.length) {
     const reasonList = document.createElement("ul");
     reasonList.append(...sentences.map((one) => element("li", "", one)));
@@ -84,8 +84,8 @@ function verdictBlock(solution, motion) {
 /** The crank angles that a solution brings along, in the order in which the samples are passed. */
 function crankBlock(solution, motion) {
   const block = document.createElement("details"), { order } = passing(solution, motion, false);
-  const table = namedRows(order.map((k) => [`Sample ${k + 1}`, `${text(drivePlaces(solution)[k], 8)}${driveTurns(solution) ? "°" : ` ${motion.unit}`}`]));
-  block.append(element("summary", "", driveTurns(solution) ? "Crank angles at the samples" : `Travel of the ${solution.driver} at the samples`), table);
+  const table = namedRows(order.map((k) => [`${capital(itemOf(motion))} ${k + 1}`, `${text(drivePlaces(solution)[k], 8)}${driveTurns(solution) ? "°" : ` ${motion.unit}`}`]));
+  block.append(element("summary", "", driveTurns(solution) ? `Crank angles at the ${itemOf(motion)}s` : `Travel of the ${solution.driver} at the ${itemOf(motion)}s`), table);
   return block;
 }
 
@@ -150,7 +150,7 @@ export class Results {
     const { report } = answer.reply;
     answer.size = report.length_scale ?? 1;
     $("results-note").textContent = `largest errors, at ${itemOf(answer.motion)} (no.) · ${answer.stored ? "searched beforehand" : `${Math.round(report.elapsed_ms.total)} ms`}`;
-    $("trace-note").textContent = [`${answer.refined ? "Descent" : "Search"} ended: ${ENDS[report.stopped_by]}.`, ...report.notes.map(plainNote)].join(" ");
+    $("trace-note").textContent = [`${answer.refined ? "Descent" : "Search"} ended: ${ENDS[report.stopped_by]}.`, ...report.notes.map((one) => plainNote(one, itemOf(answer.motion)))].join(" ");
     this.solution = (before && solutions.find((one) => alike(one, before))) ?? solutions[0];
     this.#list();
     this.layers.show(answer);
@@ -211,15 +211,15 @@ export class Results {
     this.later = setTimeout(() => this.player.drawCurves(), REST_MS);
     this.#showNumbers();
     this.#list();
-    this.board.tell(closes ? [errorText(solution.errors.position_max, 1e-300, ` ${motion.unit}`), errorText(solution.errors.rotation_max, 1e-300, "°")].filter(Boolean).join(", ") : "does not close at every pose");
+    this.board.tell(closes ? [errorText(solution.errors.position_max, 1e-300, ` ${motion.unit}`), errorText(solution.errors.rotation_max, 1e-300, "°")].filter(Boolean).join(", ") : `does not close at every ${itemOf(motion)}`);
     return null;
   }
 
   /** The numbers to be copied, with all digits. */
   #rows() {
-    const { verdict } = this.solution, rows = numberRows(this.solution, this.answer, 17), places = drivePlaces(this.solution), turns = driveTurns(this.solution);
+    const { verdict } = this.solution, item = itemOf(this.answer.motion), rows = numberRows(this.solution, this.answer, 17), places = drivePlaces(this.solution), turns = driveTurns(this.solution);
     if (places) rows.push([turns ? "Crank angles" : "Travel", places.map((place) => `${text(place, 17)}${turns ? "°" : ""}`).join(", ")]);
-    if (verdict) rows.push(["Verdict", mark(verdict).text], ...reasons(verdict).map((one) => ["Reason", one]));
+    if (verdict) rows.push(["Verdict", mark(verdict, item).text], ...reasons(verdict, item).map((one) => ["Reason", one]));
     return rows;
   }
 
@@ -235,7 +235,7 @@ export class Results {
   /** The verdict of a solution has its layers: its card and, where it is selected, its numbers say so. */
   #judgedAnew(solution) {
     const place = this.cards?.indexOf(solution) ?? -1;
-    const shown = $("solutions").children[place]?.querySelector(".verdict"), { className, childNodes } = sign(solution.verdict);
+    const shown = $("solutions").children[place]?.querySelector(".verdict"), { className, childNodes } = sign(solution.verdict, this.answer.motion);
     if (shown) {
       shown.className = className;
       shown.replaceChildren(...childNodes);

@@ -86,26 +86,26 @@ export function fillSheet(answer, solution, drive, parts = null) {
   sheet.replaceChildren();
   document.body.classList.toggle("has-sheet", Boolean(solution));
   if (!solution) return;
-  const { motion, request, size } = answer, unit = unitOf(motion), fit = fitOf(solution, motion), { mount, links } = solution, verdict = mark(solution.verdict);
+  const { motion, request, size } = answer, unit = unitOf(motion), fit = fitOf(solution, motion), { mount, links } = solution, item = itemOf(motion), verdict = mark(solution.verdict, item);
   const head = element("header", "");
   head.append(element("h2", "", links ? "Four-bar linkage" : nameOf(solution).replace(/^\S+ /, "")), element("p", "", `Lengths in ${unit}, angles in degrees, counter-clockwise. ${verdict ? `${verdict.sign} ${verdict.text}.` : "Not judged by the service."}`));
   const place = (value) => number(settled(value, size));
   const rows = links ? Object.entries(links).map(([name, length]) => [name, `${number(length)} ${unit}`]) : guideRows(solution, number, place, (value) => `${place(value)} ${unit}`);
   if (mount) rows.push(["pivot A", mount.pivot_a.map(place).join(", ")], ["pivot B", mount.pivot_b.map(place).join(", ")]);
   if (mount?.coupler_point) rows.push(["P from D", `${number(mount.coupler_point.radius)} ${unit} at ${number(mount.coupler_point.angle, 5)}° from DC`]);
-  rows.push(["branch", solution.branch > 0 ? "+1" : "−1"], links ? [`crank at ${itemOf(motion)} 1`, `${number(solution.start_angle)}° from AB`] : [`drive at ${itemOf(motion)} 1`, `${number(solution.start)}${fit.pass.turns ? "°" : ` ${unit}`}`], ["transmission angle", `${number(solution.transmission_angle_min, 4)}° or more`]);
+  rows.push(["branch", solution.branch > 0 ? "+1" : "−1"], links ? [`crank at ${item} 1`, `${number(solution.start_angle)}° from AB`] : [`drive at ${item} 1`, `${number(solution.start)}${fit.pass.turns ? "°" : ` ${unit}`}`], ["transmission angle", `${number(solution.transmission_angle_min, 4)}° or more`]);
   const held = solution.determination?.at_limits ?? [];
   if (held.length) rows.push(["held by", held.map(limitName).join(", ")]);
-  for (const reason of solution.verdict ? reasons(solution.verdict) : []) rows.push(["", reason]);
+  for (const reason of solution.verdict ? reasons(solution.verdict, item) : []) rows.push(["", reason]);
   if (request.limits?.pivot_box) rows.push(["pivot box", request.limits.pivot_box.map((v) => number(v)).join(", ")]);
   const poses = motion.poses.map((pose, k) => [
     k + 1, number(fit.pass.angles[k], 5), number(pose.x), number(pose.y), wantsAngles(motion) ? number(pose.angle) : "", number(fit.places[k], 3), number(fit.turns[k], 3),
     [k === fit.worst.place ? "worst place" : "", k === fit.worst.turn ? "worst angle" : ""].filter(Boolean).join(", "),
   ]);
   const columns = element("div", motion.poses.length > 30 ? "sheet-columns long" : "sheet-columns");
-  columns.append(table(["Dimension", ""], rows), table([itemOf(motion), fit.pass.turns ? "crank°" : `${solution.driver}, ${unit}`, "x", "y", "angle°", `off, ${unit}`, "off, °", ""], poses));
+  columns.append(table(["Dimension", ""], rows), table([item, fit.pass.turns ? "crank°" : `${solution.driver}, ${unit}`, "x", "y", "angle°", `off, ${unit}`, "off, °", ""], poses));
   const driven = drive?.rows() ?? [];
   if (driven.length) columns.append(table(["Drive", ""], driven));
-  sheet.append(head, drawing(fit, motion, drive), columns, element("h3", "", `Transmission angle over the ${driveName(solution)} from pose 1`), transmission(fit));
+  sheet.append(head, drawing(fit, motion, drive), columns, element("h3", "", `Transmission angle over the ${driveName(solution)} from ${item} 1`), transmission(fit));
   if (parts && solution.verdict?.assembly) sheet.append(partsOf(solution.verdict.assembly, parts));
 }

@@ -1,6 +1,7 @@
 // The verdict of a solution in words: a mark for the list, and what was judged, with all reasons, for the details.
 
 import { capital } from "./drawing.js";
+import { itemOf } from "./motion.js";
 
 const DEFECTS = ["order", "branch", "circuit"];
 const LIMITS = {
@@ -17,14 +18,14 @@ export const limitName = (name) => LIMITS[name] ?? name.replaceAll("_", " ");
 /** A number of layers in words. */
 export const layersOf = (count) => `${count} layer${count === 1 ? "" : "s"}`;
 
-/** A reason as a sentence of its own. */
-const sentence = (reason) => {
-  const short = reason.replaceAll(/(\d) degrees/g, "$1°");
+/** A reason as a sentence of its own, in which a sample is called what the page calls it: an `item`. */
+const sentence = (reason, item = "sample") => {
+  const short = reason.replaceAll(/(\d) degrees/g, "$1°").replaceAll(/\bsample/g, item);
   return `${capital(short)}${/[.!?]$/.test(short) ? "" : "."}`;
 };
 
 /** A reason as short as a card has room for. */
-const brief = (reason) => sentence(reason).replace(/\.$/, "").replace(/^The body point goes (\S+) times as far .*/, "goes $1 times the way between two samples");
+const brief = (reason, item) => sentence(reason, item).replace(/\.$/, "").replace(/^The body point goes (\S+) times as far (between two \w+) .*/, "goes $1 times the way $2");
 
 /** The names of what keeps a linkage from making its motion as a machine: "order", "branch", "circuit". */
 export const defects = (verdict) => DEFECTS.filter((name) => verdict && verdict[name] === false);
@@ -33,7 +34,7 @@ export const defects = (verdict) => DEFECTS.filter((name) => verdict && verdict[
 const practical = ({ practical: kept, buildable }) => kept ?? buildable;
 
 /** {kind, sign, text}: what the list says of a solution; null without a verdict. */
-export function mark(verdict) {
+export function mark(verdict, item) {
   if (!verdict) return null;
   const { reasons = [] } = verdict, wrong = defects(verdict);
   if (wrong.length) return { kind: "bad", sign: "✕", text: `${wrong.join(" and ")} defect${wrong.length > 1 ? "s" : ""}` };
@@ -42,32 +43,32 @@ export function mark(verdict) {
     return { kind: "good", sign: "✓", text: !verdict.within_tolerance ? kept : verdict.assembly ? `${kept}, within tolerance` : `${kept} and tolerance` };
   }
   const more = reasons.length > 1 ? ` (and ${reasons.length - 1} more)` : "";
-  const first = reasons.length ? brief(reasons[0]) : practical(verdict) ? "outside the tolerance" : "outside practical limits";
+  const first = reasons.length ? brief(reasons[0], item) : practical(verdict) ? "outside the tolerance" : "outside practical limits";
   return { kind: practical(verdict) ? "poor" : "bad", sign: "!", text: first[0].toLowerCase() + first.slice(1) + more };
 }
 
 /** Rows [what was judged, true | false | null, in words] for a solution of a motion. */
 export function judged(verdict, motion, drive = "crank", turns = true) {
-  const free = motion.timing === "free", near = (verdict.reasons ?? []).some((one) => one.includes("near a change point"));
-  const passes = !free ? `the ${drive} passes the samples at the ${turns ? "angles" : "places"} given` : motion.anyOrder ? `a ${drive} that ${turns ? "turns" : "moves"} one way passes all samples` : `a ${drive} that ${turns ? "turns" : "moves"} one way passes the samples in the order given`;
+  const free = motion.timing === "free", item = itemOf(motion), near = (verdict.reasons ?? []).some((one) => one.includes("near a change point"));
+  const passes = !free ? `the ${drive} passes the ${item}s at the ${turns ? "angles" : "places"} given` : motion.anyOrder ? `a ${drive} that ${turns ? "turns" : "moves"} one way passes all ${item}s` : `a ${drive} that ${turns ? "turns" : "moves"} one way passes the ${item}s in the order given`;
   const rows = [
     ["Order", verdict.order, verdict.order ? passes : passes.replace("passes", "does not pass")],
-    ["Branch", verdict.branch, verdict.branch ? "all samples lie on one branch" : "samples lie on different branches: a dead position comes between"],
-    ["Circuit", verdict.circuit, verdict.circuit ? `all samples, and all between, lie on one circuit${near ? ", but near a change point" : ""}` : "samples lie on different circuits: it would have to be taken apart"],
+    ["Branch", verdict.branch, verdict.branch ? `all ${item}s lie on one branch` : `${item}s lie on different branches: a dead position comes between`],
+    ["Circuit", verdict.circuit, verdict.circuit ? `all ${item}s, and all between, lie on one circuit${near ? ", but near a change point" : ""}` : `${item}s lie on different circuits: it would have to be taken apart`],
   ];
-  if (verdict.within_tolerance !== null) rows.push(["Tolerance", verdict.within_tolerance, verdict.within_tolerance ? "every sample keeps it" : "not every sample keeps it"]);
+  if (verdict.within_tolerance !== null) rows.push(["Tolerance", verdict.within_tolerance, verdict.within_tolerance ? `every ${item} keeps it` : `not every ${item} keeps it`]);
   if (verdict.assembly) rows.push(["Layers", verdict.assembly.status === "free", verdict.assembly.status === "free" ? `nothing collides in ${verdict.assembly.count}` : "parts collide in all"]);
   rows.push(["Practical limits", practical(verdict), practical(verdict) ? "all are kept" : "one or more are broken"]);
   return rows;
 }
 
 /** All reasons as sentences. */
-export const reasons = (verdict) => (verdict.reasons ?? []).map(sentence);
+export const reasons = (verdict, item) => (verdict.reasons ?? []).map((one) => sentence(one, item));
 
 /** A note of a report in the page's words, as a sentence. */
-export function plainNote(note) {
+export function plainNote(note, item) {
   if (note.startsWith("the problem is ill-posed")) return "Clearly different linkages do about equally well.";
   if (note.startsWith("the crank angles are given")) return "With given crank angles the practical limits hold only where they are switched on under Limits.";
   if (note.startsWith("cranks were looked for")) return "Four-bars that only swing may come nearer: any family, under Limits.";
-  return sentence(note.replaceAll("`", "").replace(/^\w+(?= excludes )/, limitName));
+  return sentence(note.replaceAll("`", "").replace(/^\w+(?= excludes )/, limitName), item);
 }

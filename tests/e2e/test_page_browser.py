@@ -496,12 +496,12 @@ def test_a_path_is_solved_and_its_samples_are_passed(standing) -> None:
     assert marks == [
         "✓ within practical limits",
         "! transmission angle 21.9° over the used interval, below 35 (and 1 more)",
-        "! sample 3 is off by 2.4 times what is allowed, the most of all",
+        "! point 3 is off by 2.4 times what is allowed, the most of all",
         "✕ order and branch defects",
     ]
     standing.slide(0)
     for k in range(1, 6):
-        assert next_sample(standing) == (f"sample {k + 1}", pytest.approx(-angles[k]))
+        assert next_sample(standing) == (f"point {k + 1}", pytest.approx(-angles[k]))
         assert abs(standing.drawn("p") - complex(*request["position"][k])) < 1 / standing.view()[2]
     assert standing.text("travel") == "-200.0°"
     assert standing.count("#marks .mark") == 6
@@ -510,6 +510,7 @@ def test_a_path_is_solved_and_its_samples_are_passed(standing) -> None:
     assert "different branches" in details and "dead position" in details
     standing.pick("#numbers summary").click()
     assert "-160°" in standing.text("numbers")
+    assert "ample" not in standing.run("return document.body.innerText"), "a row has one name throughout"
 
 
 def test_a_linkage_near_a_change_point_is_not_called_sure_of_its_circuit(standing) -> None:
@@ -543,12 +544,12 @@ def test_samples_in_any_order_are_marked_where_they_are_passed(standing) -> None
     slider = standing.find("slider")
     assert float(slider.get_attribute("min")) == -20 and float(slider.get_attribute("max")) == 60
     standing.slide(-20)
-    assert standing.text("at-sample") == "sample 2"
-    assert [next_sample(standing)[0] for _ in range(4)] == ["sample 4", "sample 1", "sample 3", "sample 5"]
+    assert standing.text("at-sample") == "pose 2"
+    assert [next_sample(standing)[0] for _ in range(4)] == ["pose 4", "pose 1", "pose 3", "pose 5"]
     assert abs(standing.drawn("p") - complex(*request["position"][4])) < 1 / standing.view()[2]
     standing.select("range", "turn")
     standing.slide(340)
-    assert standing.text("at-sample") == "sample 2"
+    assert standing.text("at-sample") == "pose 2"
     assert standing.count("#curves [role=img]") == 4
 
 
@@ -649,7 +650,7 @@ def test_an_empty_cell_is_a_missing_value(standing) -> None:
     standing.solve_soon()
     body = standing.asked()
     assert body["rotation"][2] is None and body["position"][2] == [287, -87]
-    assert standing.text("at-sample") == "sample 1"
+    assert standing.text("at-sample") == "pose 1"
 
 
 def test_a_motion_is_saved_as_rows(standing, tmp_path) -> None:

@@ -427,10 +427,12 @@ def test_texts_are_free_of_jargon(standing) -> None:
     reason = "the body point goes 2.94 times as far between two samples as they are apart, above 2.5"
     said = standing.later(
         "const [reasons, done] = arguments; import('/static/verdict.js').then(v => done("
-        "[v.mark({order: true, branch: true, circuit: true, practical: false, reasons}).text, ...v.reasons({reasons})]))",
+        "[v.mark({order: true, branch: true, circuit: true, practical: false, reasons}, 'pose').text,"
+        "...v.reasons({reasons}, 'pose')]))",
         [reason],
     )
-    assert said == ["goes 2.94 times the way between two samples", f"{reason[0].upper()}{reason[1:]}."]
+    posed = reason.replace("samples", "poses")
+    assert said == ["goes 2.94 times the way between two poses", f"{posed[0].upper()}{posed[1:]}."]
     assert "determination" not in standing.run("return document.body.innerText")
     marked = standing.later(
         "import('/static/verdict.js').then(v => arguments[0]([1, 2].map((count) => v.mark({order: true, branch: true,"

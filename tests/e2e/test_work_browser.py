@@ -339,5 +339,5 @@ def test_a_shape_drawn_by_mouse_is_solved(browser, served, downloads, shape) -> 
     assert "off by" in page.text("status"), page.text("status")
     assert page.count("#solutions li .verdict") >= 1 and page.earlier() is False and page.in_view()
     page.rest()
-    assert page.count("#marks .mark") == 24 and page.text("at-sample") == "sample 1"
+    assert page.count("#marks .mark") == 24 and page.text("at-sample") == "point 1"
     page.assert_no_errors()
