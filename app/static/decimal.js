@@ -6,7 +6,7 @@ import { $ } from "./shell.js";
 /** A typed number, decimal comma or point; null for an empty entry, NaN for what is none. */
 export function typed(entry) {
   const plain = entry.trim();
-  return plain === "" ? null : Number(plain.replace(/^([-+]?\d*),(\d+)/, "$1.$2").replace("−", "-"));
+  return plain === "" ? null : Number(plain.replaceAll("−", "-").replace(/^([-+]?\d*),(\d+)/, "$1.$2"));
 }
 
 /** What is wrong with a typed value, as a sentence without its field's name; null if nothing is. */

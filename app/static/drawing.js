@@ -37,15 +37,18 @@ export function signed(name, className, sign, words) {
   return made;
 }
 
+/** A pixel as far away as a drawing can have it: SVG's numbers end at 3e38. */
+const within = (pixel) => Math.min(Math.max(pixel, -1e9), 1e9);
+
 /** The mapping between world coordinates and pixels: centre `cx`, `cy` and `scale` in pixels per unit. */
 export class View {
   constructor(width, height) {
     Object.assign(this, { width, height, cx: 0, cy: 0, scale: 1 });
   }
 
-  x(value) { return (value - this.cx) * this.scale + this.width / 2; }
+  x(value) { return within((value - this.cx) * this.scale + this.width / 2); }
 
-  y(value) { return this.height / 2 - (value - this.cy) * this.scale; }
+  y(value) { return within(this.height / 2 - (value - this.cy) * this.scale); }
 
   at([x, y]) { return [this.x(x), this.y(y)]; }
 

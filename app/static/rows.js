@@ -93,8 +93,8 @@ export function readTable(text, { columns, named: naming, known, wanted, byNumbe
 
 /** A number of a table in column `column` of a line; NaN for an empty cell where there may be one. */
 export function readNumber(cell, line, column, empty = false) {
-  const value = cell ? Number(cell) : NaN;
-  if (!Number.isFinite(value) && !(empty && !cell)) throw new Error(`Line ${line}, column ${column + 1}: '${cell.slice(0, 20)}' is not a number.`);
+  const value = cell ? Number(cell) : NaN, large = Math.abs(value) > 1e50 && Number.isFinite(value);
+  if ((large || !Number.isFinite(value)) && !(empty && !cell)) throw new Error(`Line ${line}, column ${column + 1}: '${cell.slice(0, 20)}' is ${large ? (value > 0 ? "more than 1e+50" : "less than -1e+50") : "not a number"}.`);
   return value;
 }
 

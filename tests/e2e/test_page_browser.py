@@ -327,6 +327,7 @@ TIME = (
         ),
         *((f"{name},x,y\n0,1,2\n1,2,3", TIME.format(name.split()[0])) for name in ("t", "Time", "time [s]")),
         ("x;y\n1,5;2\n2.5;3", "Some numbers have a decimal comma and others a decimal point."),
+        ("x,y\n0,0\n1e308,1", "Line 3, column 1: '1e308' is more than 1e+50."),
         ("x;y;phi\n1;2;5°30'", "Line 2, column 3: '5°30'' is not a number."),
     ],
 )

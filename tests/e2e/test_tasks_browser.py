@@ -212,6 +212,10 @@ def test_nothing_that_is_typed_is_changed_silently(opened) -> None:
     for entry, said in (("1.234,5", "“1.234,5” is not a number"), ("1e60", "1e+60 is more than 1e+50")):
         opened.cell("Pose 3, x", entry, Keys.TAB)
         assert opened.text("table-error") == f"Pose 3, x: {said}; 287 is still in use."
+    opened.cell("Pose 3, x", "−5,5", Keys.TAB)
+    assert opened.request()["position"][2][0] == -5.5
+    opened.cell("Pose 3, x", "1e49", Keys.TAB)
+    assert opened.text("table-error") == "", "it is drawn far outside"
     opened.cell("Pose 3, x", "1,5", Keys.TAB)
     assert opened.request()["position"][2][0] == 1.5 and opened.text("table-error") == ""
     opened.type_into("stock", "100, 150,5; 200" + Keys.TAB)
