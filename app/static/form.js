@@ -1,5 +1,8 @@
 // Builds a form of labelled fields from the JSON schema of a request, reads the request back, and marks wrong fields.
 
+import { typed } from "./decimal.js";
+import { readCells } from "./rows.js";
+
 let serial = 0;
 
 const element = (name, properties = {}, ...children) => {
@@ -37,7 +40,7 @@ function range(schema) {
 
 /** The number that was typed. Throws Error with what is wanted instead. */
 function number(entered, schema) {
-  const found = Number(/^[^,]*,[^,]*$/.test(entered) ? entered.replace(",", ".") : entered);
+  const found = typed(entered);
   if (!Number.isFinite(found)) throw new Error(`a number is wanted, found “${entered.slice(0, 24)}”`);
   if (schema.type === "integer" && !Number.isInteger(found)) throw new Error(`a whole number is wanted, found ${entered}`);
   const { minimum = -Infinity, maximum = Infinity, exclusiveMinimum = -Infinity, exclusiveMaximum = Infinity } = schema;
@@ -49,7 +52,6 @@ function number(entered, schema) {
 const help = ({ description }) => description.replaceAll("`", "").replaceAll(/\bnull\b/g, "blank");
 
 const isNumber = (schema) => schema.type === "number" || schema.type === "integer";
-const parts = (entered) => entered.trim().split(/[\s,;]+/).filter(Boolean);
 const shown = (value) => (value === undefined || value === null ? "" : String(value));
 
 /** The parts of one form: what each field is called and how it says that it is wrong. */
@@ -212,8 +214,8 @@ class Fields {
     if (items.properties || items.oneOf) return this.rows(host, at, name, schema, items, value);
     if (items.type === "array") return this.matrix(host, at, name, schema, items, value);
     if (count && count <= 4) return this.tuple(host, at, name, schema, items, count, value);
-    const described = { ...schema, description: [schema.description, "Numbers, with commas or spaces between."].filter(Boolean).join(" ") };
-    return this.entry(host, at, name, described, value?.join(", "), (entered) => parts(entered).map((part) => number(part, items)), true);
+    const described = { ...schema, description: [schema.description, "Numbers, with spaces, semicolons or commas between."].filter(Boolean).join(" ") };
+    return this.entry(host, at, name, described, value?.join(", "), (entered) => readCells([entered])[0].map((part) => number(part, items)), true);
   }
 
   /** A few numbers that belong together, a field for each; `parts` of the schema names them. */
@@ -239,12 +241,12 @@ class Fields {
     const control = element("textarea", { spellcheck: false, value: (value ?? []).map((row) => row.join(", ")).join("\n") });
     const described = { ...schema, description: [schema.description, `A row on each line, ${items.maxItems ?? "some"} numbers in it.`].filter(Boolean).join(" ") };
     host.append(this.field(at, name, described, control, true));
-    const row = (line, k) => {
-      const found = parts(line).map((part) => number(part, items.items ?? {}));
+    const row = (cells, k) => {
+      const found = cells.map((part) => number(part, items.items ?? {}));
       if (items.maxItems && (found.length < items.minItems || found.length > items.maxItems)) throw new Error(`line ${k + 1} has ${found.length} numbers instead of ${items.maxItems}`);
       return found;
     };
-    return () => this.read(at, control, (entered) => entered.split("\n").filter((line) => line.trim()).map(row));
+    return () => this.read(at, control, (entered) => readCells(entered.split("\n").filter((line) => line.trim())).map(row));
   }
 
   checks(host, at, name, schema, items, value) {

@@ -91,6 +91,12 @@ export function readTable(text, { columns, named: naming, known, wanted, byNumbe
   return { names, units, rows, at: lines.map(([, line]) => line) };
 }
 
+/** The cells of lines of numbers without names of columns; a separator at the end of a line separates nothing. */
+export function readCells(lines) {
+  const ended = lines.map((line) => line.trim().replace(/\s*[,;]$/, "")), [separator, decimalComma] = readLayout(ended);
+  return ended.map((line) => cellsOf(line, separator).map((cell) => plainNumber(cell, decimalComma)));
+}
+
 /** A number of a table in column `column` of a line; NaN for an empty cell where there may be one. */
 export function readNumber(cell, line, column, empty = false) {
   const value = cell ? Number(cell) : NaN, large = Math.abs(value) > 1e50 && Number.isFinite(value);

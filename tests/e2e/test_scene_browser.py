@@ -261,3 +261,35 @@ def test_the_knotter_shows_entries_and_verdicts_and_can_be_turned(at) -> None:
     page.wait("document.querySelector('.verdicts-list li.no')")
     assert "through S5S3" in page.read(".verdicts-list")
     assert page.all("circle.enter.wrong")
+
+
+ENTRIES = [
+    ("1,5 2 -3,25", [1.5, 2, -3.25]),
+    ("1,5; 2; −3,25", [1.5, 2, -3.25]),
+    ("1, 2.5, 3", [1, 2.5, 3]),
+    ("1\t2.5\t3", [1, 2.5, 3]),
+    ("1,2,3,", [1, 2, 3]),
+    ("1,5; 2.5", "Some numbers have a decimal comma and others a decimal point"),
+    ("1, two", "a number is wanted, found “two”"),
+    ("1e308", "is wanted, found 1e308"),
+]
+
+
+def test_lists_and_tables_are_read_as_rows_are_elsewhere(at) -> None:
+    """A comma marks decimals where blanks or semicolons separate."""
+    page = at("lift")
+    bounded = {"type": "number", "minimum": -1e9, "maximum": 1e9}
+    for entry, wanted in ENTRIES:
+        for items in (bounded, {"type": "array", "items": bounded}):
+            found = page.later(
+                """const [items, entry, done] = arguments;
+                import("/static/form.js").then(({ buildForm }) => {
+                  const host = document.getElementById("fields");
+                  const form = buildForm(host, { properties: { a: { type: "array", items } }, required: ["a"] }, {});
+                  host.querySelector("input, textarea").value = entry;
+                  try { done(form.read().a.flat()); } catch (error) { done(error.message); }
+                })""",
+                items,
+                entry,
+            )
+            assert found == wanted or (isinstance(wanted, str) and wanted in found), (entry, found)
