@@ -1,4 +1,5 @@
-// A draft: work of one's own, kept in the browser's own store from visit to visit, named on the page and discarded there.
+// A draft: work of one's own, kept in the browser's own store, named on the page and discarded there. Each tab has its own; a new
+// one, also of a later visit, begins with the last of all.
 
 import { $ } from "./shell.js";
 
@@ -9,7 +10,7 @@ export class Draft {
   constructor(name, open, leave) {
     Object.assign(this, { name, open, leave, kept: null, text: null, shown: false });
     try {
-      const { at, content } = JSON.parse(localStorage.getItem(name));
+      const { at, content } = JSON.parse(sessionStorage.getItem(name) ?? localStorage.getItem(name));
       if (Number.isFinite(new Date(at).getTime())) this.#take(at, content);
     } catch { /* none, none that can be read, or the store is blocked */ }
     $("draft-open").addEventListener("click", () => { this.restore(); $("solve").focus(); });
@@ -24,8 +25,12 @@ export class Draft {
   #take(at, content) { Object.assign(this, { kept: { at, content }, text: JSON.stringify(content) }); }
 
   #drop() {
+    const { name, kept } = this;
     Object.assign(this, { kept: null, text: null, shown: false });
-    try { localStorage.removeItem(this.name); } catch { /* the store is blocked */ }
+    try {
+      if (localStorage.getItem(name) === JSON.stringify(kept)) localStorage.removeItem(name);
+      sessionStorage.setItem(name, "null"); // that of another tab does not come in its place
+    } catch { /* the store is blocked */ }
     this.#say();
   }
 
@@ -47,7 +52,7 @@ export class Draft {
     if (own && text !== this.text) {
       const at = Date.now();
       try {
-        localStorage.setItem(this.name, JSON.stringify({ at, content }));
+        for (const store of [localStorage, sessionStorage]) store.setItem(this.name, JSON.stringify({ at, content }));
         this.#take(at, JSON.parse(text));
       } catch { /* the store is blocked or full: what was kept before stays */ }
     }

@@ -180,6 +180,7 @@ class Page:
     def forget(self) -> None:
         """Leave the page; its browser knows it no longer."""
         self.leave()
+        self.run("sessionStorage.clear()")
         self.cdp("Storage.clearDataForOrigin", {"origin": self.address, "storageTypes": "local_storage"})
 
     def go(self, path: str = "") -> None:

@@ -72,6 +72,29 @@ def test_a_link_wins_over_the_draft_and_leaves_it(page) -> None:
     assert len(page.table()) == 4 and page.text("draft-text").startswith("Draft, kept")
 
 
+def test_each_tab_keeps_its_own_draft(page) -> None:
+    """A new tab begins with the last one; what is done there changes or discards none of another tab."""
+    page.paste("0, 0\n10, 20\n30, 25")
+    first = page.browser.current_window_handle
+    page.browser.switch_to.new_window("tab")
+    try:
+        page.go()
+        assert page.placed()[1].tolist() == [10, 20]
+        page.paste("0, 0\n7, 8\n30, 25")
+        page.browser.switch_to.window(first)
+        page.reload()
+        assert page.placed()[1].tolist() == [10, 20], "the other tab's draft came in its place"
+        page.click("draft-discard")
+        page.reload()
+        assert not page.shown("draft") and "Casement" in page.text("example-note")
+        page.browser.switch_to.window(next(one for one in page.browser.window_handles if one != first))
+        page.reload()
+        assert page.placed()[1].tolist() == [7, 8]
+        page.browser.close()
+    finally:
+        page.browser.switch_to.window(first)
+
+
 MOTION = '{"at": 1, "content": {"request": {"position": [[0, 0], %s], "timing": "free"%s}}}'
 BROKEN = ["{", "null", "7", '"text"', '{"at": "x", "content": {}}', '{"at": 1, "content": null}']
 BROKEN += ['{"at": 1, "content": {"request": null}}', MOTION % ('["a", 1]', "")]
@@ -84,7 +107,11 @@ BROKEN.insert(-1, '{"at": 1, "content": {"fields": {"name": 5, "table": null}, "
 @pytest.mark.parametrize("kind", ["motion", "function"])
 def test_a_store_with_something_else_in_it_breaks_no_page(page, kind, wide) -> None:
     for content in BROKEN if wide else BROKEN[::6]:
-        page.run("localStorage.setItem(arguments[0], arguments[1])", f"linkage-atlas-{kind}", content)
+        page.run(
+            "sessionStorage.clear(); localStorage.setItem(arguments[0], arguments[1])",
+            f"linkage-atlas-{kind}",
+            content,
+        )
         page.go("" if kind == "motion" else "/function")
         if kind == "motion":
             assert "Casement" in page.text("example-note"), content
