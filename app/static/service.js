@@ -1,5 +1,7 @@
 // HTTP calls to the service: one request, the staged search, error replies as sentences, downloads.
 
+import { capital } from "./drawing.js";
+
 /** Budgets of the search in milliseconds, one after the other: a first answer soon, then the final one. */
 export const STAGES = [200, 5000];
 const LONGER = 20000; // of a last stage, where nothing was found by then
@@ -9,7 +11,8 @@ const SHARE = 0.8; // of a budget, which a search that ended by itself did not u
 class Problem extends Error {
   constructor(status, body) {
     const rows = (body?.errors ?? []).map((row) => `${(row.pointer ?? "").replace(/^#\/?/, "").replaceAll("/", " ") || "request"}: ${row.detail}`);
-    super(rows.length ? rows.slice(0, 3).join("; ") : body?.detail ?? `The service answered with ${status}.`);
+    const said = rows.slice(0, 3).join("; ") || body?.detail || `The service answered with ${status}`;
+    super(`${capital(said)}${/[.!?]$/.test(said) ? "" : "."}`);
     this.status = status;
     this.rows = body?.errors ?? [];
   }

@@ -368,3 +368,14 @@ def test_a_shape_drawn_by_mouse_is_solved(browser, served, downloads, shape) -> 
     page.rest()
     assert page.count("#marks .mark") == 24 and page.text("at-sample") == "point 1"
     page.assert_no_errors()
+
+
+def test_what_the_service_objects_to_is_said_as_a_sentence(page) -> None:
+    reply = {"detail": "the service is ending"}
+    page.run(
+        "const own = window.fetch; window.fetch = async (...a) => a[0] === '/v1/synthesize'"
+        " ? new Response(arguments[0], {status: 503}) : own(...a)".replace("arguments[0]", f"'{json.dumps(reply)}'")
+    )
+    page.click("solve")
+    page.wait(f"{IDLE} && document.getElementById('status').textContent.includes('ending')")
+    assert page.text("status") == "The service is ending."
