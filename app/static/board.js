@@ -1,22 +1,22 @@
 // The canvas of the motion editor: what pointer and keys do on it, and the layers that are drawn.
 
 import { LinkageShape, View, make, put } from "./drawing.js";
-import { placeOf, wantsAngles, wantsPlaces } from "./motion.js";
+import { itemOf, placeOf, wantsAngles, wantsPlaces } from "./motion.js";
 import { PATH_POINTS, Pen } from "./pen.js";
 import { Poses } from "./poses.js";
 import { drawBody, drawBox, drawCurves, drawGhosts, drawGrid, drawOverlay, drawWay } from "./scenery.js";
 
 const LAYERS = ["grid", "box", "way", "overlay", "ghosts", "curves", "plates", "targets", "linkage", "body", "drive", "poses", "pen"];
 const CLICK = 4; // pixels: a press that moves less is a click
-const EMPTY = { move: "No poses yet: draw a path or add poses", add: "Click the place of the first pose", path: "Draw a path here", box: "Drag a box for both fixed pivots", hand: "", outline: "Click the corners of the body" };
-const HELP = {
-  move: "Drag a pose, or the end of its arm to turn it; drag the ground to move the view. Keys: arrows move, [ and ] turn, Page Up and Down select, Enter adds one, Delete removes.",
-  add: "Click the place of the next pose; drag one to move it. Keys: Add a pose, then arrows move it, and Enter adds the next.",
+const EMPTY = (item) => ({ move: `No ${item}s yet: draw a path or add ${item}s`, add: `Click the place of the first ${item}`, path: "Draw a path here", box: "Drag a box for both fixed pivots", hand: "", outline: "Click the corners of the body" });
+const HELP = (item, turns) => ({
+  move: `Drag a ${item}${turns ? ", or the end of its arm to turn it" : ""}; drag the ground to move the view. Keys: arrows move, ${turns ? "[ and ] turn, " : ""}Page Up and Down select, Enter adds one, Delete removes.`,
+  add: `Click the place of the next ${item}; drag one to move it. Keys: Add a ${item}, then arrows move it, and Enter adds the next.`,
   path: `Drag along the way that a point of the body shall take: it becomes ${PATH_POINTS} points of a new motion. Or click point after point. Keys: Path, then Add a point, arrows and Enter.`,
   box: "Drag a box that must contain both fixed pivots; drag its corners to change it, or type it under Limits.",
   hand: "Drag a joint of the selected linkage, or type its place, and see its error change. Keys: Tab selects a joint, arrows move it.",
-  outline: "Click the corners of the body at its selected pose; Enter, or a click on the first corner, closes the outline.",
-};
+  outline: `Click the corners of the body at its selected ${item}; Enter, or a click on the first corner, closes the outline.`,
+});
 const SMALL = 1e-9;
 
 /**
@@ -72,7 +72,7 @@ export class Board {
     this.mode = mode;
     this.corners = [];
     this.svg.dataset.mode = mode;
-    this.help.textContent = HELP[mode];
+    this.#explain();
     // joints that can be moved are there for screen readers and the tab key too
     const { group, joints } = this.shape, movable = mode === "hand";
     put(group, { "aria-hidden": String(!movable) });
@@ -87,7 +87,13 @@ export class Board {
   show(motion, chosen) {
     this.motion = motion;
     this.chosen = Math.max(0, Math.min(chosen, motion.poses.length - 1));
+    this.#explain();
     this.draw();
+  }
+
+  /** Says what the mode does. */
+  #explain() {
+    if (this.motion) this.help.textContent = HELP(itemOf(this.motion), wantsAngles(this.motion))[this.mode];
   }
 
   /** Draws path, errors and ghosts of a linkage, {used, turn, errors, at, worst, band}; null removes them. */
@@ -153,7 +159,7 @@ export class Board {
     this.step = drawGrid(this.gridLayer, view);
     drawBox(this.boxLayer, motion, view);
     if (motion) {
-      drawWay(this.wayLayer, motion, view, motion.poses.length || linkage ? null : EMPTY[this.mode]);
+      drawWay(this.wayLayer, motion, view, motion.poses.length || linkage ? null : EMPTY(itemOf(motion))[this.mode]);
       drawCurves(this.curvesLayer, this.targetsLayer, { linkage, stale, view, unit: motion.unit });
       if (this.ghosts) drawGhosts(this.ghostsLayer, motion, linkage, view);
       else this.ghostsLayer.replaceChildren();

@@ -189,6 +189,7 @@ export class Fields {
     $("weights").hidden = !this.#has("wr", "wp", "er", "ep");
     $("box-clear").hidden = !limits.box;
     $("add-row").textContent = `Add a ${itemOf(motion)}`;
+    $("modes").querySelector("[data-mode=add]").textContent = `Add ${itemOf(motion)}s`;
     $("studies-summary").textContent = [motion.analysis.speed === null ? "" : "analysis", Object.values(motion.study).some(Number.isFinite) ? "tolerances" : ""].filter(Boolean).join(", ");
     $("limits-summary").textContent = this.#summary(motion).join(", ");
   }

@@ -512,6 +512,8 @@ def test_a_path_is_solved_and_its_samples_are_passed(standing) -> None:
     standing.pick("#numbers summary").click()
     assert "-160°" in standing.text("numbers")
     assert "ample" not in standing.run("return document.body.innerText"), "a row has one name throughout"
+    assert standing.read("[data-mode=add]") == "Add points" and "Page Up" in standing.text("canvas-help")
+    assert "pose" not in standing.text("canvas-help")
 
 
 def test_a_linkage_near_a_change_point_is_not_called_sure_of_its_circuit(standing) -> None:
