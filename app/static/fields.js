@@ -6,6 +6,7 @@ import { toRequest } from "./formats.js";
 import { PRESET, clone, itemOf, preferable, setTiming, scaleTravels, slidable, wantsAngles } from "./motion.js";
 import { preferred } from "./service.js";
 import { $ } from "./shell.js";
+import { limitName } from "./verdict.js";
 
 const NOTES = {
   free: (item) => `Only the ${item}s count: the search finds the crank angle at each of them.`,
@@ -202,6 +203,7 @@ export class Fields {
     if (limits.transmission) found.push(`transmission ≥ ${text(limits.transmission, 3)}°`);
     if (limits.min || limits.max) found.push(`links ${[limits.min && `≥ ${text(limits.min, 4)}`, limits.max && `≤ ${text(limits.max, 4)}`].filter(Boolean).join(" and ")} ${unit}`);
     if (limits.box) found.push("pivot box");
+    found.push(...Object.keys(limits.extra).map(limitName)); // of a file or a link: they have no fields
     if (round) found.push(`rounded to ${text(round)} ${unit}`);
     else if (stock?.length) found.push("stock lengths");
     if (tolerance.rotation || tolerance.position || this.#has("er", "ep")) found.push("tolerances");

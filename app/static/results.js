@@ -36,7 +36,7 @@ function numberRows(solution, { motion, size }, digits) {
   else rows.push([`Drive at the first ${itemOf(motion)}`, driveTurns(solution) ? `${number(solution.start)}°` : length(solution.start)]);
   if (Number.isFinite(solution.body_offset)) rows.push(["Body offset", `${number(solution.body_offset)}°`]);
   if (mount) {
-    rows.push(["Pivot A", `${mount.pivot_a.map(place).join(", ")} ${unit}`], ["Pivot B", `${mount.pivot_b.map(place).join(", ")} ${unit}`], ["Ground angle", `${number(mount.ground_angle)}°`]);
+    rows.push(["Pivot A", `${mount.pivot_a.map(place).join(", ")} ${unit}`], ["Pivot B", `${mount.pivot_b.map(place).join(", ")} ${unit}`], ["Ground angle", `${number(settled(mount.ground_angle, 57))}°`]);
     rows.push(["Coupler point", `${length(mount.coupler_point.radius)} at ${number(mount.coupler_point.angle)}°`]);
   }
   const at = (k, error) => (error === "rounding" ? error : `${error} at ${itemOf(motion)} ${k + 1}`);

@@ -534,6 +534,17 @@ def test_the_limits_that_hold_the_best_linkage_are_listed(standing) -> None:
     assert "held by links at least, links at most and the pivot box." in standing.text("status")
 
 
+def test_limits_without_a_field_are_named_and_an_angle_of_nothing_is_0(standing) -> None:
+    angles = -np.array([0, 20, 55, 100, 160, 200])
+    request = path_request(angles, limits={"pivot_a": [10, 5]})
+    standing.take(request)
+    assert "given pivot A" in standing.text("limits-summary")
+    standing.stub(request, angles, VERDICTS[:1])
+    standing.run("window.stub.solutions[0].mount.ground_angle = 7e-15")
+    standing.solve()
+    assert re.search(r"Ground angle\s+0°", standing.text("numbers")), standing.text("numbers")
+
+
 def test_samples_in_any_order_are_marked_where_they_are_passed(standing) -> None:
     angles = np.array([0, 340, 30, 355, 60])
     rotation = np.round(FREE.joints(angles).rotation, 6).tolist()
