@@ -16,7 +16,7 @@ from synthesis.errors import FieldError
 from synthesis.fourbar.kinematics import close_loop
 from synthesis.fourbar.linkage import Joints, Linkage, Mass
 from synthesis.sheet import Extra, More, Sheet, csv_text, dxf_document, dxf_text, given_cells
-from synthesis.target import Interval, Target
+from synthesis.target import TURN, Interval, Target
 
 FARTHEST = 1e9
 """Largest distance from the origin, in longest links, at which coordinates still hold the shape."""
@@ -148,7 +148,10 @@ def motion_columns(
     """Columns of what was asked for and of what a linkage does; an empty cell is a number that was not asked for."""
     asked, rows = target.asked, target.samples
     wanted = None if asked.rotation is None else asked.rotation / unit
-    turned = (rotation - asked.moved) / unit
+    turned = rotation - asked.moved
+    if asked.rotation is not None:  # a body a whole turn away lies where it was asked for
+        turned = turned - TURN * np.round(np.nanmean(turned - asked.rotation) / TURN)
+    turned = turned / unit
     off = None if position is None or asked.position is None else np.abs(asked.position - position)
     return {
         "rotation_wanted": given_cells(wanted, rows),

@@ -15,10 +15,17 @@ from synthesis.target import Target
 from tests.oracles.guided_cases import DRIVES, NAMES, good_linkage
 
 
-def drawn(drive) -> tuple[GuidedLinkage, Target]:
+def drawn(drive, turn: float = 0.0) -> tuple[GuidedLinkage, Target]:
     linkage, travel = good_linkage(np.random.default_rng(41), drive, -0.2, 1.0, 0.5), np.linspace(0.0, 0.8, 9)
     body = linkage.links(travel)[1]
-    return linkage, Target(body.angle, body.origin, 1.0, crank=travel)
+    return linkage, Target(body.angle + turn, body.origin, 1.0, crank=travel)
+
+
+def test_a_body_a_whole_turn_away_is_where_it_was_asked_for() -> None:
+    linkage, target = drawn(DRIVES[0], 2 * np.pi)
+    for row in csv.DictReader(io.StringIO(to_csv(linkage, target, np.pi / 180))):
+        assert abs(float(row["rotation_error"])) < 1e-10
+        assert float(row["rotation"]) == pytest.approx(float(row["rotation_wanted"]), abs=1e-10)
 
 
 @pytest.mark.parametrize("drive", DRIVES, ids=NAMES)
