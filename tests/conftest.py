@@ -1,6 +1,7 @@
 """What many tests share: the default atlas, built once a session, a small one, and the service without any."""
 
 import copy
+import ctypes
 import fcntl
 import gc
 import math
@@ -48,6 +49,12 @@ settings.register_profile(
     "suite", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow], print_blob=False
 )
 settings.load_profile("suite")
+
+# Memory that a test has given back is kept for the next one: the system clears each page that it hands out again. What the
+# tests start as processes of their own has the system's usual settings.
+if hasattr(ctypes.CDLL(None), "mallopt"):
+    for option, size in ((-1, 512 << 20), (-3, 32 << 20)):  # M_TRIM_THRESHOLD, M_MMAP_THRESHOLD
+        ctypes.CDLL(None).mallopt(option, size)
 
 
 PATIENCE = 300.0
