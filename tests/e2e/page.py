@@ -188,11 +188,12 @@ class Page:
         self.wait(READY)
 
     def load(self, path: str = "", width: int = 1280) -> None:
-        """Load a page as if for the first time."""
-        self.forget()
+        """Load a page as if for the first time: what is stored goes before its first script, without a page in between."""
         self.resize(width)
         self.browser.get_log("browser")
+        script = self.cdp("Page.addScriptToEvaluateOnNewDocument", {"source": "localStorage.clear()"})
         self.go(path)
+        self.cdp("Page.removeScriptToEvaluateOnNewDocument", script)
 
     def reload(self) -> None:
         self.browser.refresh()
