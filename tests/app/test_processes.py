@@ -236,28 +236,37 @@ def test_a_client_that_leaves_takes_its_process_with_it(running) -> None:
     assert len(before & running.computing) == 1
 
 
+@pytest.fixture(scope="module")
+def unhurried(tmp_path_factory) -> Iterator[tuple[Running, Path]]:
+    """Requests may take long; while there is a file at the path beside it no further process can begin."""
+    folder = tmp_path_factory.mktemp("unhurried")
+    full = folder / "full"
+    with serving(folder, code=NO_ROOM.replace("FULL", str(full)) + SERVICE, metrics=True) as running:
+        yield running, full
+
+
 def nice(number: int) -> int:
     return os.getpriority(os.PRIO_PROCESS, number)
 
 
-def test_long_requests_stand_back_further_while_others_wait(tmp_path) -> None:
-    with serving(tmp_path, metrics=True) as running:
+def test_long_requests_stand_back_further_while_others_wait(unhurried) -> None:
+    running, _ = unhurried
 
-        def waiting() -> bool:
-            with closing(http.client.HTTPConnection("127.0.0.1", running.port, timeout=PATIENCE)) as connection:
-                connection.request("GET", "/metrics")
-                return b"linkage_atlas_waiting 2.0" in connection.getresponse().read()
+    def waiting() -> bool:
+        with closing(http.client.HTTPConnection("127.0.0.1", running.port, timeout=PATIENCE)) as connection:
+            connection.request("GET", "/metrics")
+            return b"linkage_atlas_waiting 2.0" in connection.getresponse().read()
 
-        until(lambda: len(running.computing) == 2)
-        usual = max(map(nice, running.computing))
-        with busy(running), closing(running.sent("/v1/lift/batch")), closing(running.sent("/v1/lift/batch")):
-            until(waiting)
-            first = max(running.computing, key=nice)
-            assert nice(first) == usual, "it began while nobody waited"
-            os.kill(first, signal.SIGKILL)  # its place goes to the second, while the third waits
-            back = min(usual + 10, 19)  # the system knows no more
-            until(lambda: first not in running.computing and max(map(nice, running.computing), default=0) == back)
-        until(lambda: len(running.computing) == 2 and max(map(nice, running.computing)) == usual)
+    until(lambda: len(running.computing) == 2)
+    usual = max(map(nice, running.computing))
+    with busy(running), closing(running.sent("/v1/lift/batch")), closing(running.sent("/v1/lift/batch")):
+        until(waiting)
+        first = max(running.computing, key=nice)
+        assert nice(first) == usual, "it began while nobody waited"
+        os.kill(first, signal.SIGKILL)  # its place goes to the second, while the third waits
+        back = min(usual + 10, 19)  # the system knows no more
+        until(lambda: first not in running.computing and max(map(nice, running.computing), default=0) == back)
+    until(lambda: len(running.computing) == 2 and max(map(nice, running.computing)) == usual)
 
 
 def test_one_process_goes_before_the_others_and_is_never_given_a_long_request(running) -> None:
@@ -371,24 +380,24 @@ def test_a_successor_takes_over_without_a_refused_request(tmp_path) -> None:
         until(lambda: not status(successor))
 
 
-def test_where_the_system_has_no_room_for_a_process_the_service_goes_on(tmp_path) -> None:
+def test_where_the_system_has_no_room_for_a_process_the_service_goes_on(unhurried) -> None:
     """Once it ended with the first that could not begin."""
-    limited = NO_ROOM.replace("FULL", str(tmp_path / "full")) + SERVICE
-    with serving(tmp_path, code=limited) as running:
-        supervisor = running.process.pid
-        files = os.listdir(f"/proc/{supervisor}/fd")
-        (tmp_path / "full").touch()
-        os.kill(supervisor, signal.SIGUSR1)
-        for number in running.computing:
-            os.kill(number, signal.SIGKILL)
-        until(lambda: running.log.read_text().count("No further process can begin") >= 4)
-        assert running.get("/livez") == {"status": "ok"}
-        os.kill(running.front, signal.SIGKILL)
-        until(lambda: not running.children())
-        (tmp_path / "full").unlink()
-        until(lambda: len(running.computing) == 2)
-        until(lambda: answers(running))
-        assert len(os.listdir(f"/proc/{supervisor}/fd")) <= len(files)
+    running, full = unhurried
+    until(lambda: len(running.computing) == 2)
+    supervisor = running.process.pid
+    files = os.listdir(f"/proc/{supervisor}/fd")
+    full.touch()
+    os.kill(supervisor, signal.SIGUSR1)
+    for number in running.computing:
+        os.kill(number, signal.SIGKILL)
+    until(lambda: running.log.read_text().count("No further process can begin") >= 4)
+    assert running.get("/livez") == {"status": "ok"}
+    os.kill(running.front, signal.SIGKILL)
+    until(lambda: not running.children())
+    full.unlink()
+    until(lambda: len(running.computing) == 2)
+    until(lambda: answers(running))
+    assert len(os.listdir(f"/proc/{supervisor}/fd")) <= len(files)
 
 
 @pytest.fixture(scope="module")
