@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,15 +17,15 @@ import pytest
 import linkage_atlas as la
 from tests.conftest import PATIENCE
 
-distributed = pytest.importorskip("distributed")
 ROOT = Path(__file__).parents[2]
 BUILD = ["build", "--perimeter", "260", "--samples", "64"]
 REQUESTS = 24
 
 
 @pytest.fixture(scope="module")
-def cluster() -> Iterator[distributed.LocalCluster]:
+def cluster() -> Iterator[Any]:
     """Two workers, as processes of their own; one that is killed is started anew."""
+    distributed = pytest.importorskip("distributed")  # here: every process of the tests reads this file
     options = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": ":0"}
     with distributed.LocalCluster(**options, worker_dashboard_address=None, silence_logs=50) as cluster:
         yield cluster
@@ -44,7 +45,7 @@ def bytes_in(folder: Path) -> int:
     return size
 
 
-def lose_a_worker(cluster: distributed.LocalCluster, process: subprocess.Popen[str], after: Path, size: int) -> None:
+def lose_a_worker(cluster: Any, process: subprocess.Popen[str], after: Path, size: int) -> None:
     """Kill the one that computes once so many bytes of a result are there; the command then ends well all the same."""
     while bytes_in(after) < size:
         assert process.poll() is None, process.stdout.read()
