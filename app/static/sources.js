@@ -64,8 +64,7 @@ export class Sources {
     if (!content || location.hash !== hash) return false;
     const { motion, card } = fromPage(content);
     this.asCame.add(contentOf(motion));
-    this.#take(motion, { note: "From a link", card });
-    this.linked = true;
+    this.#take(motion, { note: "From a link", card, linked: true });
     return true;
   }
 
@@ -87,8 +86,9 @@ export class Sources {
     return url.href;
   }
 
-  #take(motion, { note = "", ...how }) {
-    Object.assign(this, { shown: null, linked: false });
+  #take(motion, { note = "", linked = false, ...how }) {
+    Object.assign(this, { shown: null, linked });
+    if (!linked && /^#[zj]=/.test(location.hash)) history.replaceState(null, "", location.pathname); // the link is of another motion
     this.#offerUnwrapped(motion);
     this.use({ ...motion, note }, how);
   }

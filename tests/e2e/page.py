@@ -191,7 +191,9 @@ class Page:
         """Load a page as if for the first time: what is stored goes before its first script, without a page in between."""
         self.resize(width)
         self.browser.get_log("browser")
-        script = self.cdp("Page.addScriptToEvaluateOnNewDocument", {"source": "localStorage.clear(); sessionStorage.clear()"})
+        script = self.cdp(
+            "Page.addScriptToEvaluateOnNewDocument", {"source": "localStorage.clear(); sessionStorage.clear()"}
+        )
         self.go(path)
         self.cdp("Page.removeScriptToEvaluateOnNewDocument", script)
 

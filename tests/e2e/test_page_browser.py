@@ -207,6 +207,8 @@ def test_a_link_holds_the_whole_request(page) -> None:
     page.wait(READY)
     page.wait(CARDS)
     assert (page.table(), page.content("limits-summary"), page.run(fields)) == before
+    page.choose("wiper")
+    assert page.run("return location.hash") == "", "the address of the link is not that of another motion"
 
 
 def test_a_damaged_link_says_so(page) -> None:

@@ -220,6 +220,8 @@ def test_nothing_that_is_typed_is_changed_silently(opened) -> None:
     assert opened.request()["position"][2][0] == 1.5 and opened.text("table-error") == ""
     opened.type_into("stock", "100, 150,5; 200" + Keys.TAB)
     assert opened.value("stock") == "100 150.5 200"
+    opened.type_into("stock", "20,30,40" + Keys.TAB)
+    assert opened.value("stock") == "20 30 40", "as in other lists commas alone separate"
 
 
 def test_lengths_of_links_that_exclude_each_other_are_said_before_they_are_asked_for(standing) -> None:
