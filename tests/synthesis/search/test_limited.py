@@ -22,7 +22,7 @@ from synthesis.search.search import GivenRounds
 from synthesis.search.seeds import Windows
 from synthesis.target import Target, make_target
 from synthesis.work import Work
-from tests.conftest import some_of
+from tests.conftest import PATIENCE, some_of
 from tests.oracles.classes import make_case
 from tests.oracles.limited_classes import make_limited
 from tests.oracles.recompute import broken_limits, recompute
@@ -273,7 +273,8 @@ def test_a_field_beside_the_preset_replaces_its_value() -> None:
         read({"preset": "pretty"}, motion)
 
 
-def test_what_excludes_everything_is_named() -> None:
+def test_what_excludes_everything_is_named(monkeypatch) -> None:
+    monkeypatch.setattr("linkage_atlas.limits._SECONDS", PATIENCE)
     request = make_case("any order", 4, 12).request
     middle, extent = place_of(request)
     box = _box(middle, 0.5 * extent)
