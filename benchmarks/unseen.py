@@ -26,7 +26,7 @@ from synthesis.work import Work
 NAMES = ("drawn path", "random poses", "within limits")
 EDGES = (0.0, 0.02, 0.05, 0.15, 0.3, 1.0)
 """Of the classes of what replies say."""
-HEAVY = {"_IDLE": 40, "_ROUNDS": 120, "_SEEDS": 50, "_HOPS": 12, "_POOL": 12, "_ENDED": 4}
+HEAVY = {"_IDLE": 80, "_ROUNDS": 120, "_SEEDS": 50, "_HOPS": 12, "_POOL": 12, "_ENDED": 4}
 HEAVY_SECONDS = 3.0
 """The heavy search among linkages with sliders: numbers of `synthesis.guided.search`, and its budget."""
 LITTLE = 0.1

@@ -31,7 +31,7 @@ _ALIKE = 1e-4
 """Shapes, starts and branches of exact candidates are the same when they differ by less."""
 _FLIPPED, _EXCHANGED, _LOOSE_HOP = 0.15, 0.1, 0.5
 """Parts of the hops that change the branch, and the family, and the width of hops along flat directions."""
-_TIRED = 2.0
+TIRED = 2.0
 """A valley stands back by this factor of e in J squared for each time that hops started from it."""
 _ON_ALL, _VALLEYS, _MOVED = 4, 12, 30
 """Candidates that are refined on all samples, those of the last pool, and those that are moved onto the limits."""
@@ -380,7 +380,7 @@ class Rounds:
         assert self.pool is not None
         best = self.pool.take(slice(0, _STOOD))
         cost = best.cost
-        rank = np.log(np.maximum(self.stood(best), 1e-300)) + _TIRED * np.array([self._used[value] for value in cost])
+        rank = np.log(np.maximum(self.stood(best), 1e-300)) + TIRED * np.array([self._used[value] for value in cost])
         chosen = np.argsort(rank, kind="stable")[:origins]
         self._used.update(cost[chosen])
         hop = best.timed.take(np.repeat(chosen, copies // 2))

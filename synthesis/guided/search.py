@@ -12,6 +12,7 @@ All kinds and drives share the rounds of one search: they differ in labels only.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -53,7 +54,7 @@ from synthesis.guided.pairs import (
     lines_of,
 )
 from synthesis.guided.solution import GuidedSolution, assess, broken_limits
-from synthesis.rounds import elsewhere, unseen
+from synthesis.rounds import TIRED, elsewhere, unseen
 from synthesis.search.search import DEFAULT_TOLERANCE, StoppedBy
 from synthesis.target import TURN
 from synthesis.work import Work
@@ -121,10 +122,10 @@ _AS_EXACT = 1e-9
 """J of a rail below which a circle in its place tells nothing."""
 _LONG, _CHANCE = 10.0, 10.0
 """Radius, over the length scale, from which on a circle is compared with a rail; and the F up to which that is as good."""
-_IDLE, _IDLE_LED, _IDLE_GIVEN, _ROUNDS, _WORTH = 20, 5, 4, 160, 0.01
+_IDLE, _IDLE_LED, _IDLE_GIVEN, _ROUNDS, _WORTH = 40, 5, 4, 160, 0.01
 """A drive is left alone after so many rounds that gain nothing, or where rotations are led, or the drive is given; rounds at
 most; and the part of J that is a gain."""
-ODDS = (0.1, 0.9)
+ODDS = (-1.3, 1.6)
 """As of `rounds.Rounds`, fitted to `benchmarks.unseen`."""
 _PATIENCE = 16
 """Rounds more for a drive that nothing was found of."""
@@ -346,6 +347,8 @@ class Search:
         self.notes: list[str] = []
         self.led: list[Floats] = []
         """J that each round led to, of each drive."""
+        self._used: Counter[float] = Counter()
+        """How often hops started from a valley, by its cost."""
         self._made: dict[tuple[int, float], GuidedSolution] = {}
         """Answers as linkages, by their drive and J squared."""
 
@@ -549,11 +552,14 @@ class Search:
         return found[0].joined(*found[1:]) if found else None
 
     def hops(self, pool: Candidates) -> Candidates:
-        """Perturbed copies of the best valleys of each drive; of every other one guide alone is moved far."""
+        """Perturbed copies of each drive's best valleys, those used least first; of every other one guide alone is moved far."""
         some = []
         for number in range(len(self.ways)):
             own = np.flatnonzero(pool.drive == number)
-            own = own[np.argsort(pool.cost[own], kind="stable")[:3]]
+            cost = pool.cost[own]
+            rank = np.log(np.maximum(cost, 1e-300)) + TIRED * np.array([self._used[value] for value in cost.tolist()])
+            own = own[np.argsort(rank, kind="stable")[:3]]
+            self._used.update(pool.cost[own].tolist())
             some.append(np.resize(own, _HOPS) if own.size else own)
         begin = pool.take(_in_turn(some))
         chart = Chart(begin.pairs)

@@ -98,7 +98,7 @@ def test_layers_are_preferred_among_all_kinds(motion):
 
 
 def test_of_several_kinds_those_with_free_layers_come_first():
-    found = la.synthesize(**_FLAP, timing="free", mechanisms="all", assembly=True)
+    found = la.synthesize(**_FLAP, timing="free", mechanisms="all", assembly=True, top=20)
     free = [one.verdict.assembly.free for one in found if one.verdict.works]
     assert set(free) == {True, False} and free == sorted(free, reverse=True)
 
