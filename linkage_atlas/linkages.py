@@ -277,8 +277,8 @@ class AnyLinkage(ABC):
         one_of("kind", kind, FORMATS)
         check_held(kind, plates=plates, assembly=assembly, solids=solids, drive=drive)
         target = self.target_of(motion, crank_angle if travel is None else travel)
-        arranged = bool(assembly or solids)
         assembly, drive = with_motor(kind, assembly, drive)
+        arranged = bool(assembly or solids)
         made = read_solids(solids or {})
         read_assembly(assembly or {})  # what is wrong there is told also where masses are left out
 

@@ -186,7 +186,7 @@ def solids_in(assembly: Assembly, asked: AskedSolids, given: Mapping[str, Any], 
     """
     unit = millimetres_in(length_unit)
     if assembly.status == "blocked" and not asked.nevertheless:
-        why = "; ".join(assembly.reasons[:3])
+        why = "; ".join(list(dict.fromkeys(assembly.reasons))[:3])
         raise FieldError(
             "/assembly", f"parts would collide: {why}. `nevertheless` in `solids` writes them all the same"
         )

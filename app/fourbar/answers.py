@@ -33,7 +33,7 @@ from app.query import (
 )
 from linkage_atlas.arguments import pointing
 from linkage_atlas.assemblies import ASSEMBLY
-from linkage_atlas.formats import HELD, OF_PARTS
+from linkage_atlas.formats import HELD
 from linkage_atlas.studies import DRIVE_STUDIES
 from linkage_atlas.tables import function_from_csv, match_from_csv, request_from_csv
 
@@ -243,11 +243,6 @@ def as_json(request: RequestModel, solution: Any) -> bytes:
 _PREFIXES = {"crank_angle": "/solution", "travel": "/solution", "analysis": "/request"}
 
 
-def _boxed(asked: dict[str, Any], request: SynthesizeRequest) -> dict[str, Any]:
-    """What is asked of an assembly, with the boxes of the request's limits where it has none of its own."""
-    return asked | {name: asked.get(name) or getattr(request.limits, name) for name in ("envelope", "keep_out")}
-
-
 def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
     from linkage_atlas.linkages import check_format, check_held  # a command that writes no file does not load it
 
@@ -271,11 +266,11 @@ def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
         if body.assembly is None and body.plates is None and request.assembly is not None:
             held |= request.given("assembly")
             prefixes = {**_PREFIXES, "assembly": "/request"}
-        if body.format in OF_PARTS or held["assembly"] or held["solids"] or not isinstance(linkage, la.FourBar):
-            held["assembly"] = _boxed(held["assembly"] or {}, request)
 
     def in_export(field: str) -> str:
         """Where this route's body has an argument of `file`."""
+        if field.startswith("/assembly/drive") and body.drive is not None:  # a motor is one of the parts
+            return field.removeprefix("/assembly")
         return "/format" if field == "/kind" else prefixes.get(field.lstrip("/").partition("/")[0], "") + field
 
     with pointing(in_export):
@@ -366,7 +361,8 @@ def answer_assembly(request: AssemblyRequest, resources: Resources) -> la.Assemb
         raise la.FieldError("/linkage", "needed, or a `request` to be solved")
     motion = None
     if question is not None:
-        asked = _boxed(asked, question)
+        for name in ("envelope", "keep_out"):
+            asked[name] = getattr(question.limits, name) if asked[name] is None else asked[name]
         with pointing(lambda field: "/request" + field):
             motion = motion_of(question)
     work = resources.work(budget_of(None, resources))

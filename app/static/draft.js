@@ -52,8 +52,9 @@ export class Draft {
     if (own && text !== this.text) {
       const at = Date.now();
       try {
-        for (const store of [localStorage, sessionStorage]) store.setItem(this.name, JSON.stringify({ at, content }));
+        localStorage.setItem(this.name, JSON.stringify({ at, content }));
         this.#take(at, JSON.parse(text));
+        sessionStorage.setItem(this.name, JSON.stringify({ at, content }));
       } catch { /* the store is blocked or full: what was kept before stays */ }
     }
     this.shown = text === this.text;

@@ -19,7 +19,7 @@ export class Sources {
    * the canvas, fitted into the view or not, with the stored reply of an example or the chosen card of a link.
    */
   constructor(current, use) {
-    Object.assign(this, { current, use, examples: [], shown: null, asCame: new Set(), linked: false });
+    Object.assign(this, { current, use, examples: [], shown: null, asCame: new Set(), linked: false, addressed: false });
     $("new-motion").addEventListener("click", () => this.begin("both"));
     $("new-path").addEventListener("click", () => this.begin("position"));
     $("save").addEventListener("click", () => download(new Blob([toCsv(this.current())], { type: "text/csv" }), "motion.csv"));
@@ -83,12 +83,13 @@ export class Sources {
     const url = new URL(location.href);
     url.hash = await toFragment(toPage(request, motion, card));
     history.replaceState(null, "", url);
+    this.addressed = true;
     return url.href;
   }
 
   #take(motion, { note = "", linked = false, ...how }) {
-    Object.assign(this, { shown: null, linked });
-    if (!linked && /^#[zj]=/.test(location.hash)) history.replaceState(null, "", location.pathname); // the link is of another motion
+    if (!linked && this.addressed) history.replaceState(null, "", location.pathname); // the link there is of another motion
+    Object.assign(this, { shown: null, linked, addressed: linked });
     this.#offerUnwrapped(motion);
     this.use({ ...motion, note }, how);
   }

@@ -98,6 +98,12 @@ def test_a_motor_and_its_rod_are_two_of_the_parts(client, found) -> None:
     assert reply.status_code == 200, reply.text
     names = {row["name"] for row in csv.DictReader(io.StringIO(reply.text))}
     assert {"motor_crank", "rod", "pin_M", "pin_K", "pin_Q", "crank", "coupler", "rocker"} <= names
+    plates = client.post("/v1/export", json={**body, "format": "plates"})
+    plain = client.post("/v1/export", json={**body, "format": "plates", "drive": None})
+    drawn = [ezdxf.read(io.StringIO(one.text)).modelspace().query("LWPOLYLINE") for one in (plain, plates)]
+    assert len(drawn[0]) < len(drawn[1]), "flat parts of all, not of the links alone"
+    wrong = client.post("/v1/export", json={**body, "drive": {"kind": "dyad", "link": "x"}})
+    assert wrong.status_code == 422 and wrong.json()["errors"][0]["pointer"].startswith("#/drive")
     # what the front door says of the same numbers
     drive = one_of(found, "dyad")
     six = la.SixBarLinkage({**solution, "travel": None}, drive)

@@ -146,19 +146,6 @@ def test_what_a_file_does_not_hold_is_refused(kind, names, client) -> None:
         assert client.post("/v1/export", json=body).status_code == 200
 
 
-def test_files_of_parts_keep_to_the_boxes_of_the_request(client) -> None:
-    """As an assembly does; they were passed over."""
-    for name, box, words in (("envelope", [5, 5, 1e3, 1e3], "leaves"), ("keep_out", [[15, 22, 18, 25]], "enters")):
-        body = {"request": {**EXAMPLE, "limits": {name: box}}, "format": "step"}
-        assert client.post("/v1/assembly", json={"request": body["request"]}).json()["status"] == "blocked"
-        for path, asked in (("/v1/export", body), ("/v1/synthesize.step", body["request"])):
-            wrong = client.post(path, json=asked)
-            assert wrong.status_code == 422 and words in wrong.json()["detail"], path
-        assert client.post("/v1/export", json={**body, "solids": {"nevertheless": True}}).status_code == 200
-        wide = {**body, "assembly": {"envelope": [-2e3, -2e3, 2e3, 2e3], "keep_out": [[1e3, 1e3, 2e3, 2e3]]}}
-        assert client.post("/v1/export", json=wide).status_code == 200
-
-
 def test_plates_are_of_the_assembly_that_the_request_asks_for(client) -> None:
     """By its own route they were, by /v1/export the links alone; unless sizes of those are given."""
     body = {"request": {**EXAMPLE, "assembly": {"boards": "both"}}, "format": "plates"}
