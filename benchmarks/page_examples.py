@@ -20,13 +20,15 @@ BUDGET_MS = 8000
 """Of the search for each example."""
 STORED = 3
 """Linkages of each example that are stored."""
-DIGITS = 10
+DIGITS = 9
 """Of the numbers that are stored."""
 SHOWN = (
-    "rank source type links branch start_angle body_offset mount errors crank_angle verdict excursion size "
+    "rank source links branch start_angle body_offset mount errors crank_angle verdict excursion size "
     "family transmission_angle_min transmission_angle_min_turn determination"
 ).split()
-"""Fields of a solution that the page shows."""
+"""Fields of a solution that the page shows,"""
+REPORTED = ("elapsed_ms", "trace", "stopped_by", "length_scale", "notes")
+"""and of a report."""
 PRACTICAL = {"preset": "practical", "family": "any"}
 
 
@@ -174,8 +176,9 @@ def stored(reply: dict[str, Any]) -> dict[str, Any]:
     solutions = [{name: one.get(name) for name in SHOWN} for one in reply["solutions"][:STORED]]
     for one in solutions:
         one["determination"] = {name: one["determination"][name] for name in ("ill_posed", "at_limits")}
-    report = reply["report"] | {"elapsed_ms": {"total": round(reply["report"]["elapsed_ms"]["total"])}}
-    report["trace"] = [[round(ms), objective] for ms, objective in report["trace"]]
+    report = {name: reply["report"][name] for name in REPORTED}
+    report["elapsed_ms"] = {"total": round(report["elapsed_ms"]["total"])}
+    report["trace"] = [[round(ms), float(f"{objective:.4g}")] for ms, objective in report["trace"]]
     return rounded({"status": reply["status"], "solutions": solutions, "report": report})
 
 

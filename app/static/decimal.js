@@ -1,7 +1,7 @@
 // Typed numbers, with a decimal comma or point. A browser's own fields of numbers may drop the comma and keep the digits: 1,5 as 15.
 
-import { capital, text } from "./drawing.js";
-import { $ } from "./shell.js";
+import { text } from "./drawing.js";
+import { $, capital } from "./shell.js";
 
 /** A typed number, decimal comma or point; null for an empty entry, NaN for what is none. */
 export function typed(entry) {

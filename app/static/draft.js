@@ -1,5 +1,5 @@
-// A draft: work of one's own, kept in the browser's own store, named on the page and discarded there. Each tab has its own; a new
-// one, also of a later visit, begins with the last of all.
+// A draft: work of one's own, kept in the browser's store for each tab, named on the page and discarded there.
+// A new tab, also of a later visit, begins with the last of all.
 
 import { $ } from "./shell.js";
 

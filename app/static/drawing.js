@@ -94,9 +94,6 @@ export function roundStep(least) {
   return [1, 2, 5, 10].map((k) => k * power).find((step) => step >= least * 0.999999);
 }
 
-/** Words as they begin a sentence. */
-export const capital = (words) => words[0].toUpperCase() + words.slice(1);
-
 /** A number rounded to `digits` digits, in exponential notation where it is very large or small. */
 export function text(value, digits = 6) {
   if (value === null || value === undefined) return "–";

@@ -2,12 +2,12 @@
 
 import { redrawOn, titledChart } from "./charts.js";
 import { numberIn } from "./decimal.js";
-import { capital, element, make, namedRows, put, text } from "./drawing.js";
+import { element, make, namedRows, put, text } from "./drawing.js";
 import { driveTurns } from "./drive.js";
 import { fitOf, settled } from "./fit.js";
 import { itemOf } from "./motion.js";
 import { ask } from "./service.js";
-import { $ } from "./shell.js";
+import { $, capital } from "./shell.js";
 
 const RAD = Math.PI / 180;
 const KINDS = { actuator: "cylinder", rotary: "drive in a hinge", dyad: "motor and rod", toggle: "lock" };

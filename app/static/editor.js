@@ -2,10 +2,9 @@
 
 import { Board } from "./board.js";
 import { typed, wrong } from "./decimal.js";
-import { capital } from "./drawing.js";
 import { Fields } from "./fields.js";
 import { History, emptyMotion, itemOf, nextPose, travels, wantsAngles, wantsPlaces } from "./motion.js";
-import { $ } from "./shell.js";
+import { $, capital } from "./shell.js";
 
 const COLUMNS = [["t", "crank angle"], ["x", "x"], ["y", "y"], ["angle", "angle"]];
 const ANY = [-1e50, 1e50];

@@ -3,13 +3,13 @@
 import { redrawOn, titledChart } from "./charts.js";
 import { numberIn as number, startNumbers } from "./decimal.js";
 import { Draft } from "./draft.js";
-import { LinkageShape, View, capital, element, make, namedRows, put, text, thumbnail } from "./drawing.js";
+import { LinkageShape, View, element, make, namedRows, put, text, thumbnail } from "./drawing.js";
 import { linkageOf } from "./guided.js";
 import { Linkage } from "./kinematics.js";
 import { fromFragment, toFragment } from "./link.js";
 import { functionTable } from "./rows.js";
 import { ask, download } from "./service.js";
-import { $, copy, markEarlier, say, startScenes, startTheme } from "./shell.js";
+import { $, capital, copy, markEarlier, say, startScenes, startTheme } from "./shell.js";
 import { DRIVES, sign, travelRows } from "./travel.js";
 import { mark, plainNote, reasons } from "./verdict.js";
 

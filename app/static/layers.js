@@ -1,12 +1,12 @@
 // Layers of the plates of a linkage: asked for after an answer, drawn from the side, plates and collisions on the canvas.
 
 import { numberIn } from "./decimal.js";
-import { capital, element, make, put, text } from "./drawing.js";
+import { element, make, put, text } from "./drawing.js";
 import { driveTurns } from "./drive.js";
 import { fitOf } from "./fit.js";
 import { unitOf } from "./motion.js";
 import { ask } from "./service.js";
-import { $ } from "./shell.js";
+import { $, capital } from "./shell.js";
 import { layersOf } from "./verdict.js";
 
 const FIRST = 10; // solutions of an answer whose layers are asked for without being selected

@@ -3,7 +3,7 @@
 import { card, sign, sorted } from "./cards.js";
 import { chart, redrawOn } from "./charts.js";
 import { numberIn } from "./decimal.js";
-import { capital, element, namedRows, signed, text } from "./drawing.js";
+import { element, namedRows, signed, text } from "./drawing.js";
 import { Driving } from "./driving.js";
 import { driveName, drivePlaces, driveTurns } from "./drive.js";
 import { alike, errorText, fitOf, guideRows, settled, worstRows, worstWords } from "./fit.js";
@@ -13,7 +13,7 @@ import { Layers } from "./layers.js";
 import { itemOf, unitOf } from "./motion.js";
 import { Player, trajectory } from "./player.js";
 import { ask, download } from "./service.js";
-import { $, copy } from "./shell.js";
+import { $, capital, copy } from "./shell.js";
 import { studyRows } from "./studies.js";
 import { passing } from "./timing.js";
 import { judged, limitName, mark, plainNote, reasons } from "./verdict.js";
@@ -67,7 +67,7 @@ function verdictBlock(solution, motion) {
   const block = element("div", "judged");
   block.append(element("h3", "", "Verdict"));
   const list = document.createElement("dl");
-  for (const [name, good, words] of judged(verdict, motion, driveName(solution), driveTurns(solution))) {
+  for (const [name, good, words] of judged(verdict, motion, itemOf(motion), driveName(solution), driveTurns(solution))) {
     const poor = ["Practical limits", "Tolerance", "Layers"].includes(name) ? "poor" : "bad";
     list.append(element("dt", "", name), signed("dd", good ? "good" : poor, good ? "✓" : poor === "bad" ? "✕" : "!", words));
   }

@@ -1,6 +1,6 @@
 // HTTP calls to the service: one request, the staged search, error replies as sentences, downloads.
 
-import { capital } from "./drawing.js";
+import { capital } from "./shell.js";
 
 /** Budgets of the search in milliseconds, one after the other: a first answer soon, then the final one. */
 export const STAGES = [200, 5000];

@@ -3,6 +3,9 @@
 const KEY = "linkage-atlas-theme";
 const system = matchMedia("(prefers-color-scheme: dark)");
 
+/** Words as they begin a sentence. */
+export const capital = (words) => words[0].toUpperCase() + words.slice(1);
+
 export const $ = (id) => document.getElementById(id);
 
 /** Writes the status line; `bad` marks an error. */

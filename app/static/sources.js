@@ -1,12 +1,11 @@
 // Where a motion comes from: an example, pasted rows, a file or a link; and the links to a request.
 
 import { fromCsv, toCsv } from "./csv.js";
-import { capital } from "./drawing.js";
 import { fromPage, fromRequest, toPage, toRequest } from "./formats.js";
 import { fromFragment, toFragment } from "./link.js";
 import { emptyMotion, itemOf, jump, repeated, unwrapped } from "./motion.js";
 import { download } from "./service.js";
-import { $, say } from "./shell.js";
+import { $, capital, say } from "./shell.js";
 
 const MAX_FILE_BYTES = 2e6;
 

@@ -1,6 +1,7 @@
 // Functions with travel on their page: what each drive asks for and is called, and the numbers of a linkage with a slider or cylinder.
 
-import { capital, text } from "./drawing.js";
+import { text } from "./drawing.js";
+import { capital } from "./shell.js";
 
 const TRAVEL = "length";
 /** What a drive asks for, and what goes in and comes out. */

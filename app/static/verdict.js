@@ -1,7 +1,6 @@
 // The verdict of a solution in words: a mark for the list, and what was judged, with all reasons, for the details.
 
-import { capital } from "./drawing.js";
-import { itemOf } from "./motion.js";
+import { capital } from "./shell.js";
 
 const DEFECTS = ["order", "branch", "circuit"];
 const LIMITS = {
@@ -48,8 +47,8 @@ export function mark(verdict, item) {
 }
 
 /** Rows [what was judged, true | false | null, in words] for a solution of a motion. */
-export function judged(verdict, motion, drive = "crank", turns = true) {
-  const free = motion.timing === "free", item = itemOf(motion), near = (verdict.reasons ?? []).some((one) => one.includes("near a change point"));
+export function judged(verdict, motion, item, drive = "crank", turns = true) {
+  const free = motion.timing === "free", near = (verdict.reasons ?? []).some((one) => one.includes("near a change point"));
   const passes = !free ? `the ${drive} passes the ${item}s at the ${turns ? "angles" : "places"} given` : motion.anyOrder ? `a ${drive} that ${turns ? "turns" : "moves"} one way passes all ${item}s` : `a ${drive} that ${turns ? "turns" : "moves"} one way passes the ${item}s in the order given`;
   const rows = [
     ["Order", verdict.order, verdict.order ? passes : passes.replace("passes", "does not pass")],
