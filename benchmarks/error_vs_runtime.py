@@ -1,8 +1,7 @@
 """Error against run time: the service, its parts and its baselines, on the same seeded cases in the same run (`make report`).
 
 Measured is processor time of one core, so that other work on the machine does not count. Every method sees the same
-objective J of the mounted linkage; preparation that a service does once at its start is not counted. The slow baselines take
-the first cases of each class only.
+objective J of the mounted linkage; preparation that a service does once at its start is not counted.
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ LOOK = {
     PYLINKAGE: (GREY, "v", "pylinkage motion generation"),
 }
 """Colour, marker and words of each method that is drawn."""
-GRIDS, SLOW = (ROWS, REFINED), (EVOLUTION, PYLINKAGE, UNTIMED)
+GRIDS = (ROWS, REFINED)
 
 PERIMETERS, STARTS = (24, 40, 64, 100), (18, 36, 72)
 SEEDS, STEPS = (1, 8, 64), 60
@@ -223,7 +222,6 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
             cells[method] = power(row["median"]) + ("" if method == SERVICE else f" in {times}")
         best.append(cells)
     points = sum(len(one["J"]) for kind in runs.values() for settings in kind.values() for one in settings.values())
-    slow = f"{EVOLUTION} and {PYLINKAGE} on the first {results['slow_cases']} of them"
     heads = ["class", *(method for method in LOOK if method != "atlas rows as they are")]
     tables = {
         "classes": report.table(best, "\n".join(f"{head}: {{{head}}}" for head in heads)),
@@ -232,7 +230,7 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     # its matching is ours
     tables = {name: text.replace(PUBLISHED, "published table") for name, text in tables.items()}
     return tables | {
-        "cases": f"{results['cases']} seeded cases of each of {len(runs)} classes, {slow}; {points:,} measurements in "
+        "cases": f"{results['cases']} seeded cases of each of {len(runs)} classes, {points:,} measurements in "
         f"{results['minutes']:.0f} minutes.",
         "lead": lead(runs),
     }
@@ -253,8 +251,6 @@ def draw_curves(axes: Any, rows: Sequence[dict[str, Any]], small: bool) -> None:
         curve = [row for row in (own if method == PYLINKAGE else frontier(own)) if np.isfinite(row["median"])]
         if not curve:
             continue
-        if method in SLOW:
-            label += f" ({curve[0]['cases']} cases)"
         x, low, median, high = (np.array([row[name] for row in curve]) for name in ("ms", "low", "median", "high"))
         axes.plot(x, median, label=label, **look(method, small))
         if small:
@@ -317,9 +313,7 @@ def draw(results: dict[str, Any]) -> None:
         drawing.legend(*curves_of(grid[0]), loc="outside upper center", ncols=3)
 
 
-def measure(
-    cases: Annotated[int, "of each class"] = 30, slow_cases: Annotated[int, "of them for the slow baselines"] = 10
-) -> Iterator[dict[str, Any]]:
+def measure(cases: Annotated[int, "of each class"] = 30) -> Iterator[dict[str, Any]]:
     """All methods on one core: of each class, method and setting the milliseconds and the J of its cases, by their seeds."""
     threadpool_limits(1, "blas")
     baselines.need()
@@ -334,14 +328,13 @@ def measure(
     for kind in NAMES:
         for seed in range(cases):
             target = product.counter_clockwise(product.target_of(make_case(kind, seed).request))
-            slow = slow_methods(target, seed) if seed < slow_cases else ()
-            for method, setting, seconds, found in chain(fast(grids, target), slow):
+            for method, setting, seconds, found in chain(fast(grids, target), slow_methods(target, seed)):
                 lists = runs.setdefault(kind, {}).setdefault(method, {}).setdefault(setting, {"ms": [], "J": []})
                 lists["ms"].append(float(f"{1000 * seconds:.4g}"))
                 lists["J"].append(report.finite(float(f"{found:.3g}")))
         print(f"{kind}: {(time.perf_counter() - begin) / 60:.1f} minutes", flush=True)
     minutes = round((time.perf_counter() - begin) / 60, 1)
-    yield {"cases": cases, "slow_cases": min(slow_cases, cases), "minutes": minutes, "runs": runs}
+    yield {"cases": cases, "minutes": minutes, "runs": runs}
 
 
 if __name__ == "__main__":

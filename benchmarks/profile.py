@@ -190,7 +190,7 @@ def measure_timed(cases: int, tables: product.SeedTables, published: product.Sca
     """Requests with crank angles that a four-bar performs exactly."""
     runs, limits = Runs(), product.Limits()
     for kind in CLASSES:
-        for seed in range(cases):
+        for seed in range(cases // len(CLASSES)):
             target = product.counter_clockwise(product.target_of(make_case(kind, 40_000 + seed).request))
             motion = Motion.of(target.rotation, target.position, target.crank)
             runs.cases.append(f"{kind} {40_000 + seed}")
@@ -206,7 +206,7 @@ def measure_free(cases: int) -> Runs:
     """Poses without crank angles that a four-bar performs exactly."""
     runs = Runs()
     for samples in FREE_POSES:
-        for seed in range(cases):
+        for seed in range(cases // len(FREE_POSES)):
             case, request = free_request(free_case(seed, samples), "motion", seed)
             motion = Motion.of(case.rotation, case.position, None)
             runs.cases.append(f"{samples} poses, seed {seed}")
@@ -231,7 +231,7 @@ def measure_limited(cases: int, tables: product.SeedTables, published: product.S
     """Requests within limits, with crank angles; pylinkage knows none."""
     runs = Runs()
     for kind in LIMITED_KINDS:
-        for seed in range(cases):
+        for seed in range(cases // len(LIMITED_KINDS)):
             request = make_limited(kind, 500 + seed).request
             target, limits = product.counter_clockwise(product.target_of(request), product.limits_of(request))
             runs.cases.append(f"{kind} {500 + seed}")
@@ -242,7 +242,7 @@ def measure_limited(cases: int, tables: product.SeedTables, published: product.S
     return runs
 
 
-def measure(cases: Annotated[int, "of each class"] = 8) -> Iterator[dict[str, Any]]:
+def measure(cases: Annotated[int, "of each kind of request"] = 48) -> Iterator[dict[str, Any]]:
     """The three kinds of request in turn."""
     baselines.need()
     threadpool_limits(1, "blas")
