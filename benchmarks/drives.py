@@ -150,7 +150,7 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     return report.tables("drives", results["tables"])
 
 
-def measure(cases: Annotated[int, "linkages"] = 300) -> Iterator[dict[str, Any]]:
+def measure(cases: Annotated[int, "linkages"] = 600) -> Iterator[dict[str, Any]]:
     """Every table."""
     import scipy.optimize  # noqa: F401 - its import is no part of the first time
 

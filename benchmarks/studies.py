@@ -134,7 +134,7 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     }
 
 
-def measure(count: Annotated[int, "motions"] = 20) -> Iterator[dict[str, Any]]:
+def measure(count: Annotated[int, "motions"] = 30) -> Iterator[dict[str, Any]]:
     """Every table."""
     solved = list(cases(count))
     tables = {"forces": forces(2000), "tolerances": tolerances(solved), "stock": stock(solved)}
