@@ -2,9 +2,10 @@
 
 import { make, put } from "./drawing.js";
 
-/** How many points a drawn way becomes. */
+/** How many points a drawn way becomes, a short one fewer. */
 export const PATH_POINTS = 24;
 
+const APART = 4; // pixels: nearer points would show how the hand trembles
 const TAP = 12; // pixels: a shorter trace is a tap
 const NEAR = 16; // pixels between the ends of a way that counts as closed, or this share of how far it goes
 const NEAR_SHARE = 0.2;
@@ -48,6 +49,6 @@ export class Pen {
     const { points } = this, length = lengths(points).at(-1), [first] = points, away = points.map(([x, y]) => Math.hypot(x - first[0], y - first[1]));
     if (length < TAP) return { points: [first], closed: false };
     const closed = length > 8 * NEAR && away.at(-1) < Math.max(NEAR, NEAR_SHARE * Math.max(...away));
-    return { points: thin(points, PATH_POINTS, closed), closed };
+    return { points: thin(points, Math.min(PATH_POINTS, Math.floor(length / APART)), closed), closed };
   }
 }

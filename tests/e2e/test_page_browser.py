@@ -618,6 +618,17 @@ def test_a_link_holds_no_more_than_a_request_may(size, found, standing) -> None:
     assert said.startswith(found)
 
 
+def test_a_short_trace_of_the_pen_becomes_few_points(standing) -> None:
+    """As many as before of a long one; never some within a pixel, which would be one place."""
+    counts = standing.later(
+        "const [lengths, done] = arguments; import('/static/pen.js').then(({Pen}) => done(lengths.map((length) => {"
+        "const pen = new Pen(document.getElementById('canvas'), 0, 0);"
+        "for (let x = 3; x <= length; x += 3) pen.move(x, 0); return pen.end().points.length; })))",
+        [9, 12, 30, 90, 300],
+    )
+    assert counts == [1, 3, 7, 22, 24]
+
+
 def test_a_request_in_radians_is_read_in_degrees(standing) -> None:
     body = {"rotation": [0, 1], "position": [[0, 0], [1, 2]], "timing": "free", "angle_unit": "rad"}
     body |= {"crank_span_max": 1}
