@@ -1,4 +1,4 @@
-"""150 questions as people ask them: drawn paths, poses of everyday machines, functions; nearly none has an exact answer.
+"""Questions as people ask them: drawn paths, poses of everyday machines, functions; nearly none has an exact answer.
 
 Each row is a name, the request as it is sent to the service, and what a good answer to it has: the objective J that the best
 linkage within the practical limits has at most, in `good.toml` (``python -m tests.everyday.good`` writes it).
