@@ -15,6 +15,7 @@ export PIP_BUILD_CONSTRAINT := constraints.txt
 .DELETE_ON_ERROR:
 
 help:
+	@echo "make setup      make the environment .venv, compile the kernel; the others do it themselves"
 	@echo "make run        build the atlas if there is none, answer the example, serve on $(HOST):$(PORT)"
 	@echo "make lint       style of Python (ruff) and JavaScript (oxlint), types (mypy)"
 	@echo "make test       the default tests (five to six minutes), the slowest fifty listed"
@@ -41,7 +42,7 @@ help:
 	@echo "make accept     1,000 random cases of every class, errors recomputed independently: docs/method.md (about half an hour)"
 	@echo "make bench      build, load, scan, index, larger atlases, many requests: docs/scaling.md, docs/file_format.md"
 	@echo "                (half an hour; needs 6 GB of disk, no other work on the machine)"
-	@echo "make clean      remove the environment and the atlas"
+	@echo "make clean      remove the environment, the atlas and its index"
 
 setup: $(READY)
 
@@ -171,4 +172,4 @@ solids: $(READY)
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.solids
 
 clean:
-	rm -rf $(VENV) build dist *.egg-info synthesis/kernel.c synthesis/kernel.*.so $(ATLAS)
+	rm -rf $(VENV) build dist *.egg-info synthesis/kernel.c synthesis/kernel.*.so $(ATLAS) $(ATLAS).index

@@ -302,6 +302,8 @@ def test_the_proxy_stands_in_front_with_read_timeouts() -> None:
     ):
         assert re.search(rf"^\s*{directive} \d+s;", text, re.MULTILINE), directive
     assert "server atlas:8000;" in text
+    assert "proxy_set_header X-Forwarded-For $remote_addr;" in text, "of all clients it would be one address"
+    assert services["atlas"]["environment"]["LINKAGE_ATLAS_TRUSTED_PROXIES"] == "*"
     limit = int(re.search(r"client_max_body_size (\d+);", text)[1])
     assert limit == Settings.model_fields["max_body_bytes"].default
     published = proxy["ports"][0].split(":")[-1]
