@@ -234,16 +234,8 @@ def crowd(running: service.Service, port: int, seconds: float, with_hostile: boo
 
 
 def memory(running: service.Service, port: int, count: int) -> dict[str, Any]:
-    """Memory after the first requests, after all of them, and after clients that did not read.
-
-    Every process answers before it counts: what its first answers take is no growth, whenever they come.
-    """
-
-    async def at_once() -> None:
-        await asyncio.gather(*(hostile.ask(port, *asked) for asked in (*mix[:3], mix[-1]) for _ in range(16)))
-
+    """Memory after the first requests, after all of them, and after clients that did not read."""
     mix = [hostile.SHORT[name] for name in ("needle", "lift", "type")] * 16 + [hostile.SHORT["match"]]
-    asyncio.run(at_once())
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=hostile.PATIENCE)
     found = []
     running.settle()
