@@ -29,10 +29,13 @@ BETTER = 1e-6
 
 
 def equilibrium(case: Case, found: Placement) -> float:
-    """The largest difference of the actuator's force from that of three bodies, over the largest force."""
+    """The largest difference of the actuator's force from that of three bodies, over the largest force.
+
+    The bodies are followed at every place, for near a dead centre larger steps lead to the other circuit.
+    """
     other = found.ground if case.on == GROUND else case.machine.links[case.on].point_at(found.ground)
     three, some = bodies(case.linkage), slice(None, None, 12)
-    states = three.along(case.machine.at[some])
+    states = three.along(case.machine.at)[some]
     wanted = [three.force(one, case.load, case.name, found.pin, case.on, other) for one in states]
     return float(np.abs(found.force[some] - wanted).max()) / found.peak
 
