@@ -7,7 +7,7 @@ import { fromFragment, toFragment } from "./link.js";
 import { knotter } from "./knotter.js";
 import { lift } from "./lift.js";
 import { ask, download } from "./service.js";
-import { $, copy, say, startScenes, startTheme } from "./shell.js";
+import { $, copy, markEarlier, say, startScenes, startTheme } from "./shell.js";
 
 /**
  * What a machine's module exports: `show(answer, hosts)`, which draws an answer {query, request, reply, ask} into the
@@ -17,7 +17,7 @@ import { $, copy, say, startScenes, startTheme } from "./shell.js";
 const MACHINES = { lift, chain, knotter };
 const HOSTS = ["picture", "facts", "curves", "tables"];
 
-let scene = null, machine = null, query = null, form = null, answered = null, running = null, run = null, own = "";
+let scene = null, machine = null, query = null, form = null, answered = null, running = null, run = null, own = "", edited = false;
 
 function chooseQuery(path) {
   query = scene.queries.find((one) => one.path === path);
@@ -46,6 +46,7 @@ function busy(now) {
 async function answer(at = null) {
   running?.abort();
   const mine = new AbortController();
+  edited = false;
   try {
     const request = form.read(), begin = performance.now();
     running = mine;
@@ -56,10 +57,12 @@ async function answer(at = null) {
     const reply = await get(query.path, sent);
     answered = { query, request, reply };
     await show({ ...answered, sent, ask: get }, at);
+    markEarlier(edited);
     say(`Answered in ${Math.round(performance.now() - begin)} ms.`);
     own = await toFragment({ query: query.path, request });
     history.replaceState(null, "", `#${own}`);
   } catch (error) {
+    markEarlier(true);
     if (error.name === "AbortError") { if (running === mine) say("Stopped."); return; }
     if (mine === running) form.mark(error.rows ?? []);
     say(error.message, true);
@@ -126,6 +129,9 @@ async function start() {
   $("query").replaceChildren(...scene.queries.map((one) => new Option(one.command.split(" ").slice(1).join(" "), one.path)));
   $("query").addEventListener("change", () => { chooseQuery($("query").value); chooseExample($("example").value); });
   $("example").addEventListener("change", () => chooseExample($("example").value));
+  const change = () => markEarlier(edited = true);
+  $("fields").addEventListener("input", change);
+  $("fields").addEventListener("click", ({ target }) => { if (target.type === "button") change(); }); // rows that come and go
   $("form").addEventListener("submit", (event) => {
     event.preventDefault();
     if (running) running.abort();

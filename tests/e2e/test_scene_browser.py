@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable
 
 import pytest
+from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import Select
 
 from app.page import scene_details
@@ -135,6 +136,23 @@ def test_what_is_wrong_is_said_at_its_field(at) -> None:
     fields[0].send_keys("-3")
     page.click("run")
     assert "> 0 is wanted, found -3" in page.text("status")
+
+
+def test_an_answer_of_an_earlier_request_says_so(at) -> None:
+    page = at("lift")
+    mark, length = "of an earlier request", page.one("#fields input")
+    assert mark not in page.text("facts-title")
+    length.send_keys(Keys.HOME, "x")
+    assert mark in page.text("picture-title") and mark in page.text("facts-title")
+    page.click("run")  # refused
+    page.wait("document.getElementById('status').classList.contains('bad')")
+    assert mark in page.text("facts-title")
+    length.send_keys(Keys.HOME, Keys.DELETE)
+    asked(page, lambda: page.click("run"))
+    assert mark not in page.text("facts-title")
+    asked(page, lambda: page.select("query", "/v1/lift/batch"))
+    page.press("#fields .rows .link")  # a cylinder less
+    assert mark in page.text("tables-title")
 
 
 MOVING = {"lift": ".stage .body", "chain": ".stage .link.thin", "knotter": ".stage .rope"}
