@@ -75,7 +75,8 @@ function motion(moved, { picture, curves: charts }, pneumatics = null) {
   return drawing(picture, moved, curves(charts, { x: moved.time, xUnit: "s", list }));
 }
 
-const smooth = (request) => ({ ...request, include: [...new Set([...(request.include ?? []), "points"])] });
+/** A question for a motion as its drawing needs it: even times, of the whole motion, and points. */
+const smooth = ({ times, ...request }) => ({ ...request, samples: Math.max(SMOOTH, request.samples ?? 0), include: [...new Set([...(request.include ?? []), "points"])] });
 
 function motionFacts(host, reply) {
   facts(host, [
@@ -109,12 +110,12 @@ function limits(host, reply, unit) {
 }
 
 export const lift = {
-  request: (query, request) => (query.path === "/v1/lift/motion" ? smooth(request.times ? request : { ...request, samples: Math.max(SMOOTH, request.samples ?? 0) }) : request),
+  request: (query, request) => (query.path === "/v1/lift/motion" && !request.times ? smooth(request) : request),
 
   async show({ query, request, reply, ask }, hosts) {
     if (query.path === "/v1/lift/motion") {
       motionFacts(hosts.facts, reply);
-      return motion(reply, hosts, request.pneumatics);
+      return motion(request.times ? await ask(query.path, smooth(request)) : reply, hosts, request.pneumatics);
     }
     if (query.path === "/v1/lift/batch") {
       table(hosts.tables, "An optimum for each cylinder", [{ name: "l1′", unit: "mm" }, { name: "speed", unit: "mm/s" }, ...LENGTHS.map((name) => ({ name, unit: "mm" })), "f", "f published", { name: "rise time", unit: "s" }, "held by"], reply.rows.map((row) => [row.cylinder.length, row.cylinder.speed, ...LENGTHS.map((name) => row.design?.[name]), row.objective, row.objective_of_published, row.motion?.rise_time, held(row.active) ?? row.detail]));
@@ -127,6 +128,6 @@ export const lift = {
     if (reply.published) note(hosts.facts, `Published design: ${reply.published.reason}.`);
     note(hosts.facts, reply.note);
     if (reply.constraints) limits(hosts.tables, reply, request.angle_unit);
-    return motion(await ask("/v1/lift/motion", smooth({ design: reply.design, cylinder: { ...request.cylinder, length: reply.closed_length }, samples: SMOOTH })), hosts);
+    return motion(await ask("/v1/lift/motion", smooth({ design: reply.design, cylinder: { ...request.cylinder, length: reply.closed_length } })), hosts);
   },
 };

@@ -241,6 +241,23 @@ def test_names_do_not_lie_on_one_another(at, scene, width) -> None:
         assert shown == 12, "all find room"
 
 
+def test_a_lift_at_times_of_ones_own_is_drawn_over_its_whole_motion(at) -> None:
+    page = at("lift")
+    way = page.one("#picture .curve.turn").get_attribute("d")
+    samples = next(one for one in page.all("#fields input") if one.get_attribute("value") == "51")
+    samples.clear()
+    page.run("document.querySelector('#fields > details').open = true")
+    times = page.one("#fields > details input")
+    for entry in ("2", "3 1 2"):
+        times.clear()
+        times.send_keys(entry)
+        asked(page, lambda: page.click("run"))
+        assert page.one("#picture .curve.turn").get_attribute("d") == way
+        page.run("const fold = document.getElementById('all-fold'); fold.open = false; fold.open = true")
+        page.wait("document.getElementById('all').childElementCount")
+        assert "cylinder length\n" + ("682.2" if entry == "2" else "782.2, 582.2, 682.2") in page.text("all")
+
+
 def test_what_holds_the_lifts_optimum_is_said_in_words(at) -> None:
     page = at("lift")
     asked(page, lambda: Select(page.find("query")).select_by_index(1))
