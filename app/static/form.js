@@ -44,7 +44,9 @@ function number(entered, schema) {
   if (!Number.isFinite(found)) throw new Error(`a number is wanted, found “${entered.slice(0, 24)}”`);
   if (schema.type === "integer" && !Number.isInteger(found)) throw new Error(`a whole number is wanted, found ${entered}`);
   const { minimum = -Infinity, maximum = Infinity, exclusiveMinimum = -Infinity, exclusiveMaximum = Infinity } = schema;
-  if (found < minimum || found > maximum || found <= exclusiveMinimum || found >= exclusiveMaximum) throw new Error(`${range(schema) || `${minimum} to ${maximum}`} is wanted, found ${entered}`);
+  const told = range(schema) || `${minimum} to ${maximum}`;
+  if (found < minimum || found <= exclusiveMinimum) throw new Error(`${told} is wanted, found ${entered}`);
+  if (found > maximum || found >= exclusiveMaximum) throw new Error(`${/^[>≥][^,]*$/.test(told) ? `≤ ${maximum}` : told} is wanted, found ${entered}`);
   return found;
 }
 

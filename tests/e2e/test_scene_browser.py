@@ -136,6 +136,10 @@ def test_what_is_wrong_is_said_at_its_field(at) -> None:
     fields[0].send_keys("-3")
     page.click("run")
     assert "> 0 is wanted, found -3" in page.text("status")
+    fields[0].clear()
+    fields[0].send_keys("1e20")
+    page.click("run")
+    assert "≤ 1000000000000 is wanted, found 1e20" in page.text("status")
 
 
 def test_an_answer_of_an_earlier_request_says_so(at) -> None:
