@@ -147,12 +147,15 @@ function pair({ reply, request }, hosts) {
   return run;
 }
 
-/** A table of verdicts over the first two axes; none for more than `MOST_CELLS` cells. */
+/** A table of verdicts over the first two axes; of more than `MOST_CELLS` cells a list. */
 function verdicts(host, reply) {
   const [first, second] = reply.axes;
   const value = (one, axis) => one[axis] ?? one.parameters?.[axis];
   const rows = [...new Set(reply.pairs.map((one) => value(one, first)))], columns = [...new Set(reply.pairs.map((one) => value(one, second)))];
-  if (rows.length * columns.length > MOST_CELLS) return;
+  if (rows.length * columns.length > MOST_CELLS) {
+    table(host, "Margins, positive if the condition holds", [...reply.axes, "ties", ...CONDITIONS], reply.pairs.map((one) => [...reply.axes.map((axis) => value(one, axis)), one.feasible, ...CONDITIONS.map((name) => one[name]?.margin)]));
+    return;
+  }
   const cells = document.createElement("table");
   cells.className = "verdicts";
   const caption = cells.createCaption();

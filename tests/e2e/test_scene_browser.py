@@ -302,6 +302,17 @@ def test_the_knotter_shows_entries_and_verdicts_and_can_be_turned(at) -> None:
     assert page.all("circle.enter.wrong")
 
 
+def test_a_scan_of_many_pairs_lists_them(at) -> None:
+    page = at("knotter")
+    asked(page, lambda: page.select("query", "/v1/knotter/scan"))
+    page.run("for (const fold of document.querySelectorAll('#fields details')) fold.open = true")
+    for field, values in zip(page.all("#fields .wide input"), (range(30), range(20, 61))):
+        field.send_keys(", ".join(map(str, values)))
+    asked(page, lambda: page.click("run"))
+    assert "0 20 no -0.9707" in page.text("tables").replace("\t", " ")
+    assert "The first 1000 of 1230 rows" in page.text("tables")
+
+
 ENTRIES = [
     ("1,5 2 -3,25", [1.5, 2, -3.25]),
     ("1,5; 2; −3,25", [1.5, 2, -3.25]),
