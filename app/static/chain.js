@@ -6,7 +6,8 @@ import { seldom } from "./play.js";
 import { dot, grid, line, stage, symbol } from "./stage.js";
 
 const MOST_PINS = 60_000; // listed in an answer to a drawing
-const STEPS = 2; // steps of a turn of a period, in degrees of P1, at most
+const FEWEST = 46; // samples of a drawing: steps of two degrees of P1 on a wheel of four pins
+const USUAL = 91; // samples, unless the request says another
 const PARTS = { left_wheel: ["crank", "orange"], lower_arc: ["body", "blue"], right_wheel: ["path", "green"], upper_arc: ["pose", "red"] };
 const UNIT = "All lengths are in the unit of the pitch.";
 
@@ -119,8 +120,9 @@ function powers(host, fit, unit) {
   table(host, "The fitted slot by powers of t, 0 to 1 over each piece", ["piece", { name: "from", unit }, { name: "to", unit }, ...Array.from({ length: most }, (_, k) => `t^${k}`)], rows.map((row) => [...row, ...Array(most + 3 - row.length).fill(null)]));
 }
 
-function slot({ reply }, hosts) {
-  const angle = reply.angle_unit === "rad" ? "rad" : "°", { slot: made, checks, geometry, pins } = reply, phases = made.theta1 ?? made.position;
+/** An answer, and what is drawn of it: `drawn`, the same with pins and outline. */
+function slot(reply, drawn, hosts) {
+  const angle = reply.angle_unit === "rad" ? "rad" : "°", { slot: made, checks, geometry } = reply, { pins, outline } = drawn, phases = drawn.slot.theta1 ?? drawn.slot.position;
   const unit = made.theta1 ? angle : "", name = made.theta1 ? "θ1" : "way of P1";
   facts(hosts.facts, [["status", reply.status], ["depth of the slot", made.depth_max], ["smallest curvature radius", made.radius_min], ["step at the slot's ends", made.end_step], ["largest slack", Math.max(...made.slack)], ["largest chord error", checks.chord_error_max], ["stretched", checks.stretched], ["roller fits", checks.roller_fits]]);
   if (geometry) facts(hosts.facts, [["R0", geometry.wheel_radius], ["R1", geometry.upper_radius], ["R2", geometry.lower_radius], ["b", geometry.eccentricity], ["ξ", geometry.xi, angle], ["α", geometry.alpha, angle], ["start of the window", geometry.phase_start, angle], ["wheels out of phase by", reply.wheel_phase_conflict, angle]], "Layout");
@@ -128,7 +130,7 @@ function slot({ reply }, hosts) {
   note(hosts.facts, UNIT);
   table(hosts.tables, "Pins that pass a joint: the slot's curvature jumps", [{ name, unit }, "pin", "onto"], reply.crossings.map((one) => [one.theta1 ?? one.position, `P${one.pin}`, one.to ? clip(one.to) : `segment ${one.to_segment}`]));
   powers(hosts.tables, reply.fit, unit);
-  const marks = [curves(hosts.curves, { x: phases, xUnit: unit, list: [{ title: "Slack at the free pin", values: made.slack, colour: "path" }] })];
+  const marks = [curves(hosts.curves, { x: phases, xUnit: unit, list: [{ title: "Slack at the free pin", values: drawn.slot.slack, colour: "path" }] })];
   if (pins?.theta) {
     const of = (pin, part) => pins.theta.map((row, j) => (pins.segment[j][pin] === part ? row[pin] : null));
     const series = pins.theta[0].flatMap((_, k) => pins.segments.map((part, n) => ({ values: of(k, n), colour: PARTS[part][0], width: k + 1 === made.free_pin ? 3 : 1.4 })));
@@ -136,8 +138,7 @@ function slot({ reply }, hosts) {
     marks.push(curves(hosts.curves, { x: phases, xUnit: unit, list: [{ title, height: 320, series: series.filter(({ values }) => values.some((value) => value !== null)) }] }));
   }
   const mark = (phase) => marks.forEach((one) => one(phase));
-  if (!pins) return null;
-  const at = pinsAt(phases, pins.xy), draw = machine(reply, phases, at), extent = [...pins.xy[0], ...(reply.outline?.right ?? reply.outline?.path ?? [])];
+  const at = pinsAt(phases, pins.xy), draw = machine(drawn, phases, at), extent = [...pins.xy[0], ...(outline.right ?? outline.path)];
   const follow = [seldom(mark)];
   const run = stage(hosts.picture, {
     label: `A chain of ${reply.links} links on its track; pin P${made.free_pin} hangs in the slot`, extent, draw,
@@ -145,7 +146,7 @@ function slot({ reply }, hosts) {
     words: (phase) => `${made.theta1 ? "θ1" : "P1"} ${phase.toFixed(2)}${unit}`,
     follow: (phase) => follow.forEach((one) => one(phase)),
   });
-  follow.push(closeUp(hosts.picture, reply, at));
+  follow.push(closeUp(hosts.picture, drawn, at));
   run.go(run.value);
   return run;
 }
@@ -163,12 +164,18 @@ function tolerance({ reply }, hosts) {
   return null;
 }
 
+/** A question as its drawing needs it. */
+const drawable = (request, samples) => ({ ...request, samples, include: ["pins", "outline"] });
+
 export const chain = {
   request(query, request) {
     if (query.path === "/v1/chain/tolerance") return request;
-    const samples = Math.max(request.samples ?? 91, Math.ceil(90 / STEPS) + 1);
-    return samples * (request.links ?? 200) > MOST_PINS ? request : { ...request, samples, include: ["pins", "outline"] };
+    const samples = Math.max(request.samples ?? USUAL, FEWEST);
+    return samples * (request.links ?? 200) > MOST_PINS ? request : drawable(request, samples);
   },
   numbers: ({ pins, outline, ...reply }) => reply,
-  show: (answer, hosts) => (answer.query.path === "/v1/chain/tolerance" ? tolerance(answer, hosts) : slot(answer, hosts)),
+  async show({ query, request, reply, ask }, hosts) {
+    if (query.path === "/v1/chain/tolerance") return tolerance({ reply }, hosts);
+    return slot(reply, reply.outline ? reply : await ask(query.path, drawable(request, Math.min(USUAL, Math.floor(MOST_PINS / reply.links)))), hosts);
+  },
 };

@@ -217,6 +217,21 @@ def test_the_chains_pins_wheels_and_slot_are_drawn_and_follow_the_phase(at) -> N
     assert "t^0" in page.text("tables")
 
 
+def test_a_chain_of_many_samples_or_links_is_drawn(at) -> None:
+    page = at("chain")
+    for path, entries in (("slot", {"samples": "4000"}), ("track", {"links": "900", "pitch": "1", "samples": "99"})):
+        if path == "track":
+            asked(page, lambda: page.select("query", "/v1/chain/track"))
+        page.run("document.querySelector('#fields > details').open = true")
+        for name, entry in entries.items():
+            label = next(one for one in page.all("#fields label") if one.text.split(" ")[0] == name)
+            field = page.find(label.get_attribute("for"))
+            field.clear()
+            field.send_keys(entry)
+        asked(page, lambda: page.click("run"))
+        assert page.count("#picture .stage") == 2 and page.count("#curves .chart") == (2 if path == "slot" else 1)
+
+
 NEAR = """
     const slider = document.querySelector('.player input'), met = new Set(), shown = [];
     for (let k = 0; k <= 40; k++) {
