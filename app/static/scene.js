@@ -55,8 +55,8 @@ async function answer(at = null) {
     const sent = machine.request?.(query, request) ?? request;
     const get = async (path, body) => (await ask(path, body, mine.signal)).json();
     const reply = await get(query.path, sent);
-    answered = { query, request, reply };
-    await show({ ...answered, sent, ask: get }, at);
+    answered = { query, request, sent, reply };
+    await show({ ...answered, ask: get }, at);
     markEarlier(edited);
     say(`Answered in ${Math.round(performance.now() - begin)} ms.`);
     own = await toFragment({ query: query.path, request });
@@ -86,7 +86,7 @@ async function show(answer_, at) {
 }
 
 function showExports() {
-  const { query: asked, request, reply } = answered, name = asked.command.replaceAll(" ", "-");
+  const { query: asked, request, sent, reply } = answered, name = asked.command.replaceAll(" ", "-");
   const button = (format, save) => {
     const made = Object.assign(document.createElement("button"), { type: "button", textContent: format.toUpperCase() });
     made.dataset.format = format;
@@ -94,7 +94,7 @@ function showExports() {
     return made;
   };
   $("exports").replaceChildren(
-    button("json", async () => download(new Blob([JSON.stringify({ request, reply }, null, 1)], { type: "application/json" }), `${name}.json`)),
+    button("json", async () => download(new Blob([JSON.stringify({ request: sent, reply }, null, 1)], { type: "application/json" }), `${name}.json`)),
     ...asked.exports.map((format) => button(format, async () => download(await (await ask(`${asked.path}.${format}`, request)).blob(), `${name}.${format}`))),
   );
 }

@@ -260,6 +260,13 @@ def test_names_do_not_lie_on_one_another(at, scene, width) -> None:
         assert shown == 12, "all find room"
 
 
+def test_the_json_of_an_answer_holds_the_request_that_it_answers(at) -> None:
+    page = at("lift")
+    kept = json.loads(page.saved("lift-motion.json", "#exports [data-format=json]"))
+    assert len(kept["reply"]["time"]) == kept["request"]["samples"] and kept["request"]["include"] == ["points"]
+    assert len(page.saved("lift-motion.csv", "#exports [data-format=csv]").splitlines()) == 52  # as was asked for
+
+
 def test_a_lift_at_times_of_ones_own_is_drawn_over_its_whole_motion(at) -> None:
     page = at("lift")
     way = page.one("#picture .curve.turn").get_attribute("d")
