@@ -141,8 +141,10 @@ async function start() {
   $("all-fold").addEventListener("toggle", () => { if ($("all-fold").open && !$("all").childElementCount) everything($("all"), machine.numbers?.(answered.reply) ?? answered.reply); });
   addEventListener("hashchange", () => { if (location.hash !== `#${own}`) openLink().catch((error) => say(error.message, true)); });
   chooseQuery(scene.queries[0].path);
-  const opened = await openLink().catch((error) => { say(error.message, true); return false; });
+  let wrong = null;
+  const opened = await openLink().catch((error) => { wrong = error; });
   if (!opened) await chooseExample($("example").value);
+  if (wrong) say(wrong.message, true);
   performance.measure("first answer", { start: begin });
   document.body.dataset.ready = "true";
 }

@@ -121,6 +121,8 @@ def test_a_link_restores_question_values_and_place(at) -> None:
     assert float(page.one(".player input").get_attribute("value")) == 2.5
     page = at("lift", fragment="#j=damaged")
     assert page.one(".stage")
+    page = at("chain", fragment=fragment)
+    assert page.one(".stage") and page.text("status") == "The link is of another machine or version."
 
 
 def test_what_is_wrong_is_said_at_its_field(at) -> None:
