@@ -143,7 +143,7 @@ function slot(reply, drawn, hosts) {
   const run = stage(hosts.picture, {
     label: `A chain of ${reply.links} links on its track; pin P${made.free_pin} hangs in the slot`, extent, draw,
     play: { name: made.theta1 ? "Angle of P1" : "Way of P1", from: phases[0], to: phases.at(-1), seconds: 3, round: true },
-    words: (phase) => `${made.theta1 ? "θ1" : "P1"} ${phase.toFixed(2)}${unit}`,
+    words: (phase) => `${made.theta1 ? "θ1" : "P1"} ${phase.toFixed(unit === "rad" ? 4 : 2)}${unit}`,
     follow: (phase) => follow.forEach((one) => one(phase)),
   });
   follow.push(closeUp(hosts.picture, drawn, at));

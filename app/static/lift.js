@@ -16,7 +16,8 @@ function poses({ time, points }) {
     let k = Math.min(Math.max(0, Math.floor(((now - time[0]) / (time.at(-1) - time[0])) * (time.length - 1))), Math.max(0, time.length - 2));
     while (k > 0 && time[k] > now) k--;
     while (k < time.length - 2 && time[k + 1] < now) k++;
-    const share = time.length > 1 ? (now - time[k]) / (time[k + 1] - time[k]) : 0;
+    // a slider stops beside its end by rounding
+    const share = time.length > 1 ? Math.round((1e9 * (now - time[k])) / (time[k + 1] - time[k])) / 1e9 : 0;
     return { k, share, O: [0, 0], D: points.D, A: at(points.A, k, share), B: at(points.B, k, share), C: at(points.C, k, share) };
   };
 }

@@ -262,6 +262,18 @@ def test_names_do_not_lie_on_one_another(at, scene, width) -> None:
         assert shown == 12, "all find room"
 
 
+def test_places_are_named_to_their_unit_and_without_rounding(at) -> None:
+    page = at("lift")
+    slide(page, 99)
+    assert page.read(".player output").endswith("height 510 mm, 0 mm/s")
+    page = at("chain")
+    page.run("document.querySelector('#fields > details').open = true")
+    unit = next(one for one in page.all("#fields label") if one.text == "angle unit")
+    page.select(unit.get_attribute("for"), '"rad"')
+    asked(page, lambda: page.click("run"))
+    assert page.read(".player output") == "θ1 0.5158rad"
+
+
 def test_the_json_of_an_answer_holds_the_request_that_it_answers(at) -> None:
     page = at("lift")
     kept = json.loads(page.saved("lift-motion.json", "#exports [data-format=json]"))
