@@ -59,7 +59,7 @@ const shown = (value) => (value === undefined || value === null ? "" : String(va
 /** The parts of one form: what each field is called and how it says that it is wrong. */
 class Fields {
   constructor(root) {
-    Object.assign(this, { root, known: new Map(), units: [] });
+    Object.assign(this, { root, known: new Map(), units: [], lists: new Map() });
   }
 
   /** A labelled control, its unit, help and range, and a place for what is wrong with it. */
@@ -108,6 +108,16 @@ class Fields {
     wrong.textContent = sentence;
     for (let fold = control.closest("details"); fold; fold = fold.parentElement.closest("details")) fold.open = true;
     control.focus();
+  }
+
+  /** Where a field of a request stands in the form: its rows keep their place while others come and go. */
+  place(pointer) {
+    let at = pointer;
+    for (const [list, entries] of this.lists) {
+      const [index, ...rest] = at.startsWith(`${list}/`) ? at.slice(list.length + 1).split("/") : [];
+      if (entries[index]) at = [list, entries[index].at, ...rest].join("/");
+    }
+    return at;
   }
 
   clear() {
@@ -266,12 +276,12 @@ class Fields {
   rows(host, at, name, schema, items, value) {
     const box = element("fieldset"), rows = element("div", { className: "rows" }), add = element("button", { type: "button", textContent: "Add one" });
     const title = label(name, schema), entries = [];
+    this.lists.set(at, entries);
     box.append(element("legend", { textContent: title }), rows, add);
     host.append(box);
     const append = (one) => {
-      const row = element("div", { className: "row" }), entry = { row, read: null }, gone = element("button", { type: "button", className: "link", textContent: "Remove" });
-      entry.read = this.build(row, `${at}/${++serial}`, `${title} ${entries.length + 1}`, { ...items, title: undefined, description: undefined }, one);
-      entry.at = serial;
+      const row = element("div", { className: "row" }), entry = { row, read: null, at: ++serial }, gone = element("button", { type: "button", className: "link", textContent: "Remove" });
+      entry.read = this.build(row, `${at}/${entry.at}`, `${title} ${entries.length + 1}`, { ...items, title: undefined, description: undefined }, one);
       gone.setAttribute("aria-label", `Remove ${title} ${entries.length + 1}`);
       gone.addEventListener("click", () => { entries.splice(entries.indexOf(entry), 1); row.remove(); add.focus(); });
       row.append(gone);
@@ -311,7 +321,7 @@ export function buildForm(host, schema, example) {
     },
     mark(rows) {
       for (const { pointer, detail } of rows.toReversed()) {
-        const at = (pointer ?? "").replace(/^#/, ""), found = [...fields.known.keys()].filter((one) => at === one || at.startsWith(`${one}/`)).sort((a, b) => b.length - a.length)[0];
+        const at = fields.place((pointer ?? "").replace(/^#/, "")), found = [...fields.known.keys()].filter((one) => at === one || at.startsWith(`${one}/`)).sort((a, b) => b.length - a.length)[0];
         if (found) fields.mark(found, detail);
       }
     },

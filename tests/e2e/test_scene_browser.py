@@ -144,6 +144,19 @@ def test_what_is_wrong_is_said_at_its_field(at) -> None:
     assert "≤ 1000000000000 is wanted, found 1e20" in page.text("status")
 
 
+def test_what_is_wrong_in_a_row_is_said_at_its_field(at) -> None:
+    page = at("lift")
+    asked(page, lambda: page.select("query", "/v1/lift/batch"))
+    page.press("#fields .row .link")  # the first goes, and one is added behind
+    page.press("#fields .rows + button")
+    lengths = page.all("#fields .row fieldset .field:first-child input")
+    refusal = {"errors": [{"pointer": "#/cylinders/1/length", "detail": "Field required"}]}
+    page.run(f"window.fetch = async () => new Response({json.dumps(json.dumps(refusal))}, {{status: 422}})")
+    page.click("run")
+    page.wait("document.getElementById('status').classList.contains('bad')")
+    assert page.active == lengths[1] and page.count("#fields .invalid") == 1
+
+
 def test_an_answer_of_an_earlier_request_says_so(at) -> None:
     page = at("lift")
     mark, length = "of an earlier request", page.one("#fields input")
