@@ -192,8 +192,10 @@ function scan({ reply }, { facts: figures, tables }) {
   note(figures, `Assumed and not published: ${reply.assumed.join(", ") || "nothing"}.`);
 }
 
-function limit({ reply }, { facts: figures, tables }) {
-  facts(figures, [["status", reply.status], ["parameter", reply.parameter]]);
+function limit({ reply, request }, { facts: figures, tables }) {
+  const condition = request.condition ?? "wrap";
+  facts(figures, [["status", reply.status], ["condition", condition], ["parameter", reply.parameter]]);
+  if (!reply.limits.length) note(figures, `The ${condition} ${reply.status === "always" ? "holds" : "fails"} over the whole range of ${reply.parameter}.`);
   if (reply.limits.length) table(tables, "Where the verdict changes", [reply.parameter, "holds", "bill angle there", "margin there"], reply.limits.map((row) => { const part = row.wrap ?? row.clearance ?? row.bite; return [row.value, row.holds, part.angle ?? part.worst_angle ?? null, part.margin]; }));
 }
 

@@ -351,6 +351,15 @@ def test_the_knotter_shows_entries_and_verdicts_and_can_be_turned(at) -> None:
     assert page.all("circle.enter.wrong")
 
 
+def test_a_condition_without_limits_is_said_to_hold_over_the_whole_range(at) -> None:
+    page = at("knotter")
+    asked(page, lambda: page.select("query", "/v1/knotter/limit"))
+    condition = next(one for one in page.all("#fields label") if one.text == "condition")
+    page.select(condition.get_attribute("for"), '"clearance"')
+    asked(page, lambda: page.click("run"))
+    assert "The clearance holds over the whole range of d5." in page.text("facts")
+
+
 def test_a_scan_of_many_pairs_lists_them(at) -> None:
     page = at("knotter")
     asked(page, lambda: page.select("query", "/v1/knotter/scan"))
