@@ -3,16 +3,25 @@
 import { text } from "./drawing.js";
 import { $, capital } from "./shell.js";
 
-/** A typed number, decimal comma or point; null for an empty entry, NaN for what is none. */
+const EITHER = /^[-+−]?([1-9]\d{0,2}),(\d{3})$/; // 1,000 is a thousand or one
+
+/** A typed number, decimal comma or point; null for an empty entry, NaN for what is none or may be two. */
 export function typed(entry) {
   const plain = entry.trim();
+  if (EITHER.test(plain)) return NaN;
   return plain === "" ? null : Number(plain.replaceAll("−", "-").replace(/^([-+]?\d*),(\d+)/, "$1.$2"));
+}
+
+/** Why an entry is no number. */
+export function unreadable(entry) {
+  const plain = entry.trim(), either = EITHER.exec(plain);
+  return either ? `“${plain}” may be ${either[1]}${either[2]} or ${either[1]}.${either[2]}: write one of these` : `“${plain.slice(0, 20)}” is not a number`;
 }
 
 /** What is wrong with a typed value, as a sentence without its field's name; null if nothing is. */
 export function wrong(value, entry, { range: [low, high], needed, whole }) {
   if (value === null) return needed ? "a number is needed" : null;
-  if (!Number.isFinite(value)) return `“${entry.trim().slice(0, 20)}” is not a number`;
+  if (!Number.isFinite(value)) return unreadable(entry);
   if (whole && !Number.isInteger(value)) return `${text(value)} is not a whole number`;
   if (value >= low && value <= high) return null;
   if (high < 1e50) return `${text(value)} is not from ${text(low)} to ${text(high)}`;

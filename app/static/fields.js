@@ -1,6 +1,6 @@
 // The form's fields for one motion: what is typed stays as it was typed, and what cannot be used is said beside it.
 
-import { typed, wrong } from "./decimal.js";
+import { typed, unreadable, wrong } from "./decimal.js";
 import { text } from "./drawing.js";
 import { toRequest } from "./formats.js";
 import { PRESET, clone, itemOf, preferable, setTiming, scaleTravels, slidable, wantsAngles } from "./motion.js";
@@ -140,7 +140,7 @@ export class Fields {
     const entries = BOX.map((one) => $(one).value), values = entries.map(typed);
     this.#clearFaults();
     const bad = values.findIndex(Number.isNaN), blank = values.filter((value) => value === null).length;
-    if (bad >= 0) this.#blame(BOX[bad], `Pivot box: “${entries[bad].trim().slice(0, 20)}” is not a number.`);
+    if (bad >= 0) this.#blame(BOX[bad], `Pivot box: ${unreadable(entries[bad])}.`);
     else if (blank > 0 && blank < 4) this.#blame(BOX[values.indexOf(null)], "Pivot box: all four numbers are needed.");
     else if (blank === 0 && values[0] > values[2]) this.#blame(BOX[0], "Pivot box: left must be less than right.");
     else if (blank === 0 && values[1] > values[3]) this.#blame(BOX[1], "Pivot box: bottom must be less than top.");

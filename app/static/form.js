@@ -1,6 +1,6 @@
 // Builds a form of labelled fields from the JSON schema of a request, reads the request back, and marks wrong fields.
 
-import { typed } from "./decimal.js";
+import { typed, unreadable } from "./decimal.js";
 import { readCells } from "./rows.js";
 
 let serial = 0;
@@ -41,7 +41,7 @@ function range(schema) {
 /** The number that was typed. Throws Error with what is wanted instead. */
 function number(entered, schema) {
   const found = typed(entered);
-  if (!Number.isFinite(found)) throw new Error(`a number is wanted, found “${entered.slice(0, 24)}”`);
+  if (!Number.isFinite(found)) throw new Error(unreadable(entered));
   if (schema.type === "integer" && !Number.isInteger(found)) throw new Error(`a whole number is wanted, found ${entered}`);
   const { minimum = -Infinity, maximum = Infinity, exclusiveMinimum = -Infinity, exclusiveMaximum = Infinity } = schema;
   const told = range(schema) || `${minimum} to ${maximum}`;

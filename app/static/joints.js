@@ -1,7 +1,7 @@
 // The joints of the selected linkage as numbers: each can be typed while the crank stands where it does.
 
 import { text } from "./drawing.js";
-import { typed } from "./decimal.js";
+import { typed, unreadable } from "./decimal.js";
 import { $ } from "./shell.js";
 
 const JOINTS = [["a", "A", "crank pivot"], ["b", "B", "rocker pivot"], ["d", "D", "crank pin"], ["c", "C", "rocker pin"], ["p", "P", "body point"]];
@@ -70,7 +70,7 @@ export class JointFields {
     if (!joints) return;
     const value = typed(input.value), size = Math.abs(joints[name][k]);
     if (value === null || !Number.isFinite(value) || Math.abs(value) > FARTHEST) {
-      this.#blame(field, `${letter}: “${input.value.trim().slice(0, 20)}” is not a number; ${text(joints[name][k])} is still in use.`);
+      this.#blame(field, `${letter}: ${unreadable(input.value)}; ${text(joints[name][k])} is still in use.`);
       return;
     }
     this.#blame(field, null);
