@@ -18,6 +18,13 @@ export function element(name, className, content = "") {
   return Object.assign(document.createElement(name), { className, textContent: content });
 }
 
+/** A button that does `act` when it is pressed. */
+export function button(words, act, className = "") {
+  const made = Object.assign(element("button", className, words), { type: "button" });
+  made.addEventListener("click", act);
+  return made;
+}
+
 /** A table of rows [name, value]. */
 export function namedRows(rows) {
   const table = document.createElement("table");

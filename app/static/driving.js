@@ -2,7 +2,7 @@
 
 import { redrawOn, titledChart } from "./charts.js";
 import { numberIn } from "./decimal.js";
-import { element, make, namedRows, put, text } from "./drawing.js";
+import { button, element, make, namedRows, put, text } from "./drawing.js";
 import { driveTurns } from "./drive.js";
 import { fitOf, settled } from "./fit.js";
 import { itemOf } from "./motion.js";
@@ -166,10 +166,9 @@ export class Driving {
   #list() {
     const { reply } = this, buttons = (reply?.drives ?? []).map((drive) => {
       const sizes = drive.retracted ? ` ${text(drive.retracted, 4)} + ${text(drive.stroke, 4)}` : "";
-      const button = Object.assign(element("button", "", `${drive.name ?? `${KINDS[drive.kind]}${sizes}`} on the ${drive.link}`), { type: "button" });
-      button.addEventListener("click", () => { this.drive = drive; this.#list(); this.#describe(); this.#reveal(); });
-      button.setAttribute("aria-pressed", String(drive === this.drive || (this.drive?.byHand && this.drive.from === drive)));
-      return button;
+      const one = button(`${drive.name ?? `${KINDS[drive.kind]}${sizes}`} on the ${drive.link}`, () => { this.drive = drive; this.#list(); this.#describe(); this.#reveal(); });
+      one.setAttribute("aria-pressed", String(drive === this.drive || (this.drive?.byHand && this.drive.from === drive)));
+      return one;
     });
     $("drive-found").replaceChildren(...buttons);
     $("drive-found").hidden = !buttons.length;

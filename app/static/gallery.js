@@ -1,6 +1,6 @@
 // The gallery of machines: each with a picture of the linkage found for it, its error, and one press to open it.
 
-import { element, text, thumbnail } from "./drawing.js";
+import { button, element, text, thumbnail } from "./drawing.js";
 import { fitOf, worstRows } from "./fit.js";
 import { fromRequest } from "./formats.js";
 import { placeOf } from "./motion.js";
@@ -26,20 +26,19 @@ export class Gallery {
 
   show(examples) {
     for (const example of examples) {
-      const button = this.#button(example);
-      if (!example.machine) { $("others").append(button, " "); continue; }
+      const opens = this.#button(example);
+      if (!example.machine) { $("others").append(opens, " "); continue; }
       const motion = fromRequest(example.request), best = example.reply.solutions[0], { linkage, pass: { sense, low, high } } = fitOf(best, motion);
-      button.replaceChildren(thumbnail(linkage, [sense * low * RAD, sense * high * RAD], motion.poses.map(placeOf).filter(Boolean), 200, 120), element("strong", "", example.title), element("span", "", example.word), element("span", "muted", honest(example, motion)));
+      opens.replaceChildren(thumbnail(linkage, [sense * low * RAD, sense * high * RAD], motion.poses.map(placeOf).filter(Boolean), 200, 120), element("strong", "", example.title), element("span", "", example.word), element("span", "muted", honest(example, motion)));
       const item = document.createElement("li");
-      item.append(button);
+      item.append(opens);
       $("machines").append(item);
     }
   }
 
   #button({ name, title, machine }) {
-    const button = Object.assign(element("button", machine ? "machine" : "link", title), { type: "button" });
-    button.dataset.example = name;
-    button.addEventListener("click", () => { $("gallery").close(); this.open(name); });
-    return button;
+    const one = button(title, () => { $("gallery").close(); this.open(name); }, machine ? "machine" : "link");
+    one.dataset.example = name;
+    return one;
   }
 }

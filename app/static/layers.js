@@ -1,7 +1,7 @@
 // Layers of the plates of a linkage: asked for after an answer, drawn from the side, plates and collisions on the canvas.
 
 import { numberIn } from "./decimal.js";
-import { element, make, put, text } from "./drawing.js";
+import { button, element, make, put, text } from "./drawing.js";
 import { driveTurns } from "./drive.js";
 import { fitOf } from "./fit.js";
 import { unitOf } from "./motion.js";
@@ -163,11 +163,7 @@ export class Layers {
       places.push(...Object.values(fewer).filter(Boolean).map(({ pair, from }) => [`in fewer layers ${inWords(pair)} collide`, from]));
       places.push(...Object.values(stops).filter(({ crank_angle }) => crank_angle !== null).map(({ crank_angle, cause, pair }) => [cause === "loop" ? "the loop ends" : `stop: ${inWords(pair)}`, crank_angle]));
     }
-    host.append(...places.map(([words, angle]) => {
-      const button = Object.assign(element("button", "", `${words}: ${placeText(angle, this.#sign)}`), { type: "button" });
-      button.addEventListener("click", () => this.jump(angle));
-      return button;
-    }));
+    host.append(...places.map(([words, angle]) => button(`${words}: ${placeText(angle, this.#sign)}`, () => this.jump(angle))));
     host.hidden = !places.length || !shaft;
   }
 

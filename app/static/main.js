@@ -2,6 +2,7 @@
 
 import { startNumbers } from "./decimal.js";
 import { Draft } from "./draft.js";
+import { button } from "./drawing.js";
 import { Editor } from "./editor.js";
 import { alike, fitOf, worstRows, worstWords } from "./fit.js";
 import { fromRequest, requestText, toPage, toRequest } from "./formats.js";
@@ -16,7 +17,7 @@ import { $, copy, markEarlier, say, startScenes, startTheme } from "./shell.js";
 import { Sources } from "./sources.js";
 import { startStage } from "./extras.js";
 import { explainTerms, startTour } from "./tour.js";
-import { defects, limitName, plainNote } from "./verdict.js";
+import { SWINGS, defects, limitName, plainNote } from "./verdict.js";
 
 const EASED = /^(\w+) excludes .* at (.+) there is one$/;
 const FIRST = { size: "the smallest found", transmission: "the best transmission angle found", crank_span: "the shortest swing found", layers: "the simplest layers found" };
@@ -91,7 +92,9 @@ function sentenceOf({ reply: { status, solutions, report }, request, motion, sto
 
 /** Offers what the reply says a limit would have to be, as a button. */
 function suggest({ reply: { report, solutions }, request }) {
-  const found = solutions.length ? [] : report.notes.flatMap((one) => {
+  const found = report.notes.flatMap((one) => {
+    if (one.startsWith(SWINGS)) return [["Allow four-bars that only swing", { ...request.limits, family: "any" }]];
+    if (solutions.length) return [];
     const [, name, value] = EASED.exec(one) ?? [], [, dropped] = EXCLUDES.exec(one) ?? [];
     if (name && request.limits?.[name] !== undefined) {
       const numbers = value.startsWith("[") ? JSON.parse(value) : Number.parseFloat(value);
@@ -102,14 +105,10 @@ function suggest({ reply: { report, solutions }, request }) {
     return [[`Drop the limit: ${limitName(dropped)}`, dropped === "family" ? { ...others, family: "any" } : others]];
   });
   $("suggestions").hidden = !found.length;
-  $("suggestions").replaceChildren(...found.map(([words, limits]) => {
-    const button = Object.assign(document.createElement("button"), { type: "button", textContent: words });
-    button.addEventListener("click", () => {
-      editor.replace({ ...fromRequest({ ...request, limits }), unit: editor.motion.unit, outline: editor.motion.outline, note: editor.motion.note }, false);
-      startSearch();
-    });
-    return button;
-  }));
+  $("suggestions").replaceChildren(...found.map(([words, limits]) => button(words, () => {
+    editor.replace({ ...fromRequest({ ...request, limits }), unit: editor.motion.unit, outline: editor.motion.outline, note: editor.motion.note }, false);
+    startSearch();
+  })));
 }
 
 function sayAnswer() {

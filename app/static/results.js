@@ -3,7 +3,7 @@
 import { card, sign, sorted } from "./cards.js";
 import { chart, redrawOn } from "./charts.js";
 import { numberIn } from "./decimal.js";
-import { element, namedRows, signed, text } from "./drawing.js";
+import { button, element, namedRows, signed, text } from "./drawing.js";
 import { Driving } from "./driving.js";
 import { driveName, drivePlaces, driveTurns } from "./drive.js";
 import { alike, errorText, fitOf, guideRows, settled, worstRows, worstWords } from "./fit.js";
@@ -97,11 +97,7 @@ function handBlock({ links }) {
     return block;
   }
   const choices = [["refine-here", "Refine from there", "refinehere"], ["search-near", "Search near here", "searchnear"]], group = element("div", "group wrap");
-  for (const [id, words, event] of choices) {
-    const button = Object.assign(element("button", "", words), { type: "button", id });
-    button.addEventListener("click", () => document.dispatchEvent(new Event(event)));
-    group.append(button);
-  }
+  for (const [id, words, event] of choices) group.append(Object.assign(button(words, () => document.dispatchEvent(new Event(event))), { id }));
   block.append(element("p", "note", "Changed by hand: its errors are computed in this page, and nothing is judged. The service can refine it to the nearest optimum from just there, or search anew with both pivots near where you put them."), group);
   return block;
 }
@@ -120,7 +116,7 @@ export class Results {
     this.driving = new Driving(board, this.player);
     this.fields = new JointFields(board, (name, place) => this.drag(name, place, null), () => this.player.stop());
     $("copy").addEventListener("click", () => copy(this.#rows().map((row) => row.join("\t")).join("\n"), "The numbers are copied.", note));
-    for (const button of document.querySelectorAll("[data-format]")) button.addEventListener("click", () => this.#save(button.dataset.format));
+    for (const one of document.querySelectorAll("[data-format]")) one.addEventListener("click", () => this.#save(one.dataset.format));
     $("sort").addEventListener("change", () => this.#list());
     $("overlay").addEventListener("change", () => this.#showOthers());
     redrawOn($("trace"), () => this.#drawTrace());

@@ -2,6 +2,9 @@
 
 import { capital } from "./shell.js";
 
+/** How the note begins that four-bars without a crank may come nearer. */
+export const SWINGS = "cranks were looked for";
+
 const DEFECTS = ["order", "branch", "circuit"];
 const LIMITS = {
   transmission_angle_min: "the transmission angle in use", transmission_angle_min_turn: "the transmission angle over the turn",
@@ -68,6 +71,6 @@ export const reasons = (verdict, item) => (verdict.reasons ?? []).map((one) => s
 export function plainNote(note, item) {
   if (note.startsWith("the problem is ill-posed")) return "Clearly different linkages do about equally well.";
   if (note.startsWith("the crank angles are given")) return "With given crank angles the practical limits hold only where they are switched on under Limits.";
-  if (note.startsWith("cranks were looked for")) return "Four-bars that only swing may come nearer: any family, under Limits.";
+  if (note.startsWith(SWINGS)) return "Four-bars that only swing may come nearer: any family, under Limits.";
   return sentence(note.replaceAll("`", "").replace(/^\w+(?= excludes )/, limitName), item);
 }

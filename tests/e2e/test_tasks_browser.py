@@ -493,6 +493,20 @@ def test_no_linkage_is_said_without_a_claim_that_was_not_proved(standing, status
         assert standing.asked()["limits"]["link_min"] == 42.5
 
 
+def test_linkages_without_a_crank_that_may_come_nearer_are_one_press_away(standing) -> None:
+    """A tray that stays level: the parallelogram of a toolbox, which needs no crank, is exact and five times smaller."""
+    standing.take({"position": [[0, 0], [-80, 90], [-180, 120]], "rotation": [0, 0, 0], "timing": "free"})
+    standing.run("window.stub = null")
+    standing.solve()
+    assert "off by" in standing.text("status")
+    (button,) = standing.all("#suggestions button")
+    assert button.text == "Allow four-bars that only swing"
+    button.click()
+    standing.wait(IDLE)
+    assert standing.limits()["family"] == "any"
+    assert "met to within rounding" in standing.text("status") and not standing.shown("suggestions")
+
+
 def test_a_linkage_is_changed_by_hand(opened) -> None:
     """What the page computes of it is what the library computes: at the crank angles found its errors are no larger there."""
     opened.rest()
