@@ -118,8 +118,17 @@ export class Board {
 
   get hasPlaces() { return this.motion && wantsPlaces(this.motion); }
 
+  get places() { return this.hasPlaces ? this.motion.poses.map(placeOf).filter(Boolean) : []; }
+
   /** Points of what drives the linkage. */
   driven = () => [];
+
+  /** Brings points that lie outside into a view that the user has not moved. */
+  reveal(points = this.places) {
+    if (this.holds(points)) return;
+    if (this.moved) this.tell("Parts lie outside the view: Fit shows all");
+    else this.fit();
+  }
 
   /** Fits the motion, the linkage, its drive, and the points `more` into the view. */
   fit(more = []) {
@@ -129,7 +138,7 @@ export class Board {
       this.svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
     }
     Object.assign(this, { fitted: true, moved: false });
-    const points = this.hasPlaces ? this.motion.poses.map(placeOf).filter(Boolean) : [];
+    const points = this.places;
     const box = this.motion?.limits.box;
     if (box && this.hasPlaces) points.push([box[0], box[1]], [box[2], box[3]]);
     if (this.linkage) for (const j of this.linkage.used) if (j) points.push(j.a, j.b, j.c, j.d, j.p);

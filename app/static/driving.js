@@ -139,20 +139,12 @@ export class Driving {
       this.asked.set(reply, questionOf(request));
       const found = reply.drives.length + reply.springs.length;
       this.#use(reply);
-      this.#reveal();
+      this.board.reveal(this.board.driven());
       this.#say([found ? "" : "None was found.", ...reply.notes.map((one) => `${capital(one)}.`)].join(" ").trim(), !found);
       this.#compare();
     } catch (error) {
       if (error.name !== "AbortError") this.#say(error.message, true);
     }
-  }
-
-  /** Brings a drive that lies outside into a view that the user has not moved. */
-  #reveal() {
-    const { board } = this;
-    if (board.holds(board.driven())) return;
-    if (board.moved) board.tell("Parts lie outside the view: Fit shows all");
-    else board.fit();
   }
 
   #use(reply) {
@@ -166,7 +158,7 @@ export class Driving {
   #list() {
     const { reply } = this, buttons = (reply?.drives ?? []).map((drive) => {
       const sizes = drive.retracted ? ` ${text(drive.retracted, 4)} + ${text(drive.stroke, 4)}` : "";
-      const one = button(`${drive.name ?? `${KINDS[drive.kind]}${sizes}`} on the ${drive.link}`, () => { this.drive = drive; this.#list(); this.#describe(); this.#reveal(); });
+      const one = button(`${drive.name ?? `${KINDS[drive.kind]}${sizes}`} on the ${drive.link}`, () => { this.drive = drive; this.#list(); this.#describe(); this.board.reveal(this.board.driven()); });
       one.setAttribute("aria-pressed", String(drive === this.drive || (this.drive?.byHand && this.drive.from === drive)));
       return one;
     });

@@ -170,7 +170,7 @@ export class Editor {
         if (name === "t" && k === motion.poses.length - 1) motion.span = used;
       }, `cell ${key}`);
     });
-    input.addEventListener("change", () => this.history.settle());
+    input.addEventListener("change", () => { this.history.settle(); this.board.reveal(); });
     input.addEventListener("blur", () => this.#showTable());
     return input;
   }
@@ -225,6 +225,7 @@ export class Editor {
   #bindButtons() {
     $("add-row").addEventListener("click", ({ detail }) => {
       this.#add();
+      this.board.reveal();
       if (!detail) this.board.poses.focus(-1); // pressed by a key: arrows move it
     });
     $("undo").addEventListener("click", () => this.#step(true));

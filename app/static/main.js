@@ -37,6 +37,7 @@ const follower = new Live(followed);
 
 function pathDrawn(places, closed) {
   sources.useDrawn(places, closed);
+  editor.board.reveal();
 }
 
 function jointDragged(joint, place) {

@@ -249,6 +249,22 @@ def test_poses_move_by_mouse_and_keyboard_and_back(standing) -> None:
     assert len(standing.table()) == len(start)
 
 
+def test_what_is_typed_or_drawn_outside_comes_into_view(standing) -> None:
+    standing.click("new-motion")
+    standing.click("add-row")
+    standing.cell("Pose 1, y", "1100", Keys.TAB)
+    standing.click("add-row")
+    standing.cell("Pose 2, x", "900", Keys.TAB)
+    assert standing.in_view()
+    standing.click("zoom-in")
+    view = standing.view()
+    standing.cell("Pose 2, x", "5000", Keys.TAB)
+    assert standing.view() == view, "that the user has moved stays"
+    standing.click("new-path")
+    standing.draw([(0, 0), (100, 20), (600, 60)])
+    assert len(standing.table()) == 24 and standing.in_view()
+
+
 def test_the_answer_follows_a_drag(standing) -> None:
     standing.choose("carton")
     before = standing.text("status")
