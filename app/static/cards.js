@@ -1,7 +1,7 @@
 // The list of solutions: a card each with picture, largest errors and verdict; sorted as the reader asks.
 
-import { element, signed, text, thumbnail } from "./drawing.js";
-import { fitOf, worstRows } from "./fit.js";
+import { button, element, signed, text, thumbnail } from "./drawing.js";
+import { fitOf, roundedText, worstRows } from "./fit.js";
 import { itemOf, placeOf, unitOf, wantsPlaces } from "./motion.js";
 import { mark } from "./verdict.js";
 
@@ -39,17 +39,15 @@ export function sign(verdict, motion) {
 
 /** A list item with the card of a solution of a motion; `choose` is called when it is pressed. */
 export function card(solution, motion, size, choose) {
-  const fit = fitOf(solution, motion), { sense, low, high } = fit.pass, button = document.createElement("button");
-  button.type = "button";
-  button.append(thumbnail(fit.linkage, [sense * low * RAD, sense * high * RAD], wantsPlaces(motion) ? motion.poses.map(placeOf).filter(Boolean) : []));
+  const fit = fitOf(solution, motion), { sense, low, high } = fit.pass, one = button("", choose), item = element("li", "");
+  one.append(thumbnail(fit.linkage, [sense * low * RAD, sense * high * RAD], wantsPlaces(motion) ? motion.poses.map(placeOf).filter(Boolean) : []));
   const worst = worstRows(fit, motion, size).map(([name, error, pose]) => [name, pose === null ? error : `${error} (${pose})`]);
   const figures = [["transmission", `${text(solution.transmission_angle_min, 3)}°`], [solution.links ? "longest link" : "longest guide", `${text(longest(solution), 4)} ${unitOf(motion)}`]];
+  const rounded = roundedText(solution, size, ` ${unitOf(motion)}`);
+  if (rounded && solution.rounded.closes) worst.push(["rounded", rounded]);
   if (Number.isFinite(solution.size)) figures.push(["size", `${text(solution.size, 3)} × motion`]);
-  button.append(element("span", "name", nameOf(solution)), facts([...worst, ...figures]));
-  button.append(sign(solution.verdict, motion));
-  button.classList.toggle("broken", mark(solution.verdict)?.kind === "bad");
-  button.addEventListener("click", choose);
-  const item = document.createElement("li");
-  item.append(button);
+  one.append(element("span", "name", nameOf(solution)), facts([...worst, ...figures]), sign(solution.verdict, motion));
+  one.classList.toggle("broken", mark(solution.verdict)?.kind === "bad");
+  item.append(one);
   return item;
 }

@@ -1,6 +1,6 @@
 // Line charts over a shared abscissa, drawn by the vendored uPlot in the page's colours.
 
-import { text } from "./drawing.js";
+import { element, text } from "./drawing.js";
 
 const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 
@@ -66,7 +66,7 @@ export function titledChart(host, title, options) {
   box.className = "chart";
   box.setAttribute("role", "img");
   box.setAttribute("aria-label", `${title}: from ${text(Math.min(...values), 4)} to ${text(Math.max(...values), 4)}`);
-  block.append(Object.assign(document.createElement("h3"), { className: "note", textContent: title }), box);
+  block.append(element("h3", "note", title), box);
   host.append(block);
   return chart(box, options);
 }

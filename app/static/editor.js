@@ -2,6 +2,7 @@
 
 import { Board } from "./board.js";
 import { typed, wrong } from "./decimal.js";
+import { button } from "./drawing.js";
 import { Fields } from "./fields.js";
 import { History, emptyMotion, itemOf, nextPose, travels, wantsAngles, wantsPlaces } from "./motion.js";
 import { $, capital } from "./shell.js";
@@ -64,9 +65,9 @@ export class Editor {
 
   setMode(mode) {
     this.board.setMode(mode);
-    for (const button of modeButtons()) {
-      button.setAttribute("aria-pressed", String(button.dataset.mode === mode));
-      button.tabIndex = button.dataset.mode === mode ? 0 : -1;
+    for (const one of modeButtons()) {
+      one.setAttribute("aria-pressed", String(one.dataset.mode === mode));
+      one.tabIndex = one.dataset.mode === mode ? 0 : -1;
     }
   }
 
@@ -135,12 +136,8 @@ export class Editor {
     const row = document.createElement("tr");
     row.insertCell().textContent = String(k + 1);
     for (const [name, label] of COLUMNS) row.insertCell().append(this.#makeCell(k, name, label));
-    const remove = document.createElement("button");
-    remove.type = "button";
-    remove.className = "quiet";
-    remove.textContent = "×";
+    const remove = button("×", () => this.#remove(k), "quiet");
     remove.setAttribute("aria-label", `Remove pose ${k + 1}`);
-    remove.addEventListener("click", () => this.#remove(k));
     row.insertCell().append(remove);
     return row;
   }
@@ -245,7 +242,7 @@ export class Editor {
   /** The modes are one stop of the tab key; arrows choose among them. */
   #bindModes() {
     const buttons = modeButtons();
-    for (const button of buttons) button.addEventListener("click", () => this.setMode(button.dataset.mode));
+    for (const one of buttons) one.addEventListener("click", () => this.setMode(one.dataset.mode));
     $("modes").addEventListener("keydown", (event) => {
       const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
       if (!step) return;

@@ -33,6 +33,15 @@ export function errorText(value, size, unit) {
   return value < 1e-12 * size ? "rounding" : `${text(value, 3)}${unit}`;
 }
 
+export const roundedLinks = ({ links, lengths }) => Object.entries(links ?? lengths ?? {});
+
+/** The largest errors of a solution with links that can be had, or why there are none; null where nothing is rounded. */
+export function roundedText({ rounded }, size, unit) {
+  if (!rounded?.closes) return rounded?.reason;
+  const { position_max, rotation_max } = rounded.errors;
+  return roundedLinks(rounded).length ? [errorText(position_max, size, unit), errorText(rotation_max, 57, "°")].filter(Boolean).join(", ") : null;
+}
+
 /** Rows [name, error with its unit, number of the pose] of the largest errors; the pose is null where nothing is worth naming. */
 export function worstRows({ places, turns, worst }, { unit }, size) {
   const rows = [];

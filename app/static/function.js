@@ -3,7 +3,7 @@
 import { redrawOn, titledChart } from "./charts.js";
 import { numberIn as number, startNumbers } from "./decimal.js";
 import { Draft } from "./draft.js";
-import { LinkageShape, View, element, make, namedRows, put, text, thumbnail } from "./drawing.js";
+import { LinkageShape, View, button, element, make, namedRows, put, text, thumbnail } from "./drawing.js";
 import { linkageOf } from "./guided.js";
 import { Linkage } from "./kinematics.js";
 import { fromFragment, toFragment } from "./link.js";
@@ -297,14 +297,13 @@ function select(k) {
 }
 
 function card(solution, k) {
-  const button = Object.assign(document.createElement("button"), { type: "button" });
-  button.append(thumbnail(drawnOf(solution), [0, answer.reply.input.at(-1) * RAD], []));
-  button.append(Object.assign(document.createElement("span"), { className: "name", textContent: `${solution.rank}. ${text(solution.errors.max, 3)}${answer.signs[1]}` }));
-  const verdict = mark(solution.verdict);
-  button.append(Object.assign(document.createElement("span"), { className: `verdict ${verdict.kind}`, textContent: `${verdict.sign} ${verdict.text}` }));
-  button.addEventListener("click", () => select(k));
-  const item = document.createElement("li");
-  item.append(button);
+  const one = button("", () => select(k)), verdict = mark(solution.verdict), item = element("li", "");
+  one.append(
+    thumbnail(drawnOf(solution), [0, answer.reply.input.at(-1) * RAD], []),
+    element("span", "name", `${solution.rank}. ${text(solution.errors.max, 3)}${answer.signs[1]}`),
+    element("span", `verdict ${verdict.kind}`, `${verdict.sign} ${verdict.text}`),
+  );
+  item.append(one);
   return item;
 }
 
@@ -380,5 +379,5 @@ $("link").addEventListener("click", copyLink);
 addEventListener("hashchange", addressChanged);
 // a page that opens without a question of one's own shows the answer to its first one
 openLink().then((found) => { if (!found && !draft.restore()) solve(); }, (error) => { say(error.message, true); draft.restore(); }).then(() => { document.body.dataset.ready = "true"; });
-for (const button of $("exports").children) button.addEventListener("click", () => save(button.dataset.format));
+for (const one of $("exports").children) one.addEventListener("click", () => save(one.dataset.format));
 redrawOn($("canvas"), () => shown && showLinkage());

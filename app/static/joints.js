@@ -1,6 +1,6 @@
 // The joints of the selected linkage as numbers: each can be typed while the crank stands where it does.
 
-import { text } from "./drawing.js";
+import { element, text } from "./drawing.js";
 import { typed, unreadable } from "./decimal.js";
 import { $ } from "./shell.js";
 
@@ -14,7 +14,7 @@ export class JointFields {
     Object.assign(this, { board, move, fields: [], faults: new Map() });
     for (const joint of JOINTS) {
       const [name, letter, what] = joint, group = document.createElement("fieldset");
-      group.append(Object.assign(document.createElement("legend"), { textContent: `${letter}, ${what}` }));
+      group.append(element("legend", "", `${letter}, ${what}`));
       ["x", "y"].forEach((axis, k) => {
         const input = Object.assign(document.createElement("input"), { id: `joint-${name}-${axis}`, inputMode: "decimal", autocomplete: "off" }), label = document.createElement("label");
         input.setAttribute("aria-label", `${letter}, ${what}, ${axis}`);

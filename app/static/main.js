@@ -4,7 +4,7 @@ import { startNumbers } from "./decimal.js";
 import { Draft } from "./draft.js";
 import { button } from "./drawing.js";
 import { Editor } from "./editor.js";
-import { alike, fitOf, worstRows, worstWords } from "./fit.js";
+import { alike, fitOf, roundedText, worstRows, worstWords } from "./fit.js";
 import { fromRequest, requestText, toPage, toRequest } from "./formats.js";
 import { Gallery } from "./gallery.js";
 import { fromHere, nearby } from "./hand.js";
@@ -83,6 +83,8 @@ function sentenceOf({ reply: { status, solutions, report }, request, motion, sto
   const limited = held.length && status !== "reached" ? `, held by ${new Intl.ListFormat("en-GB").format(held.map(limitName))}` : "";
   const kept = status === "reached" && request.tolerances ? `Within the allowed errors at every ${itemOf(motion)}` : !request.tolerances && request.prefer && "Near the least error", first = FIRST[preferred(request)];
   const parts = [`${kept && first ? `${kept}, ${first}` : kept || "Best found"}: ${near}${limited}.`];
+  const rounded = roundedText(solutions[0], report.length_scale, ` ${motion.unit}`);
+  if (rounded) parts.push(`With rounded links: ${rounded}.`);
   if (report.stopped_by === "budget" && !stored && !live) parts.push(`The time was up after ${seconds.toFixed(1)} s: there may be better ones.`);
   if (stored) parts.push("Searched beforehand.");
   if (request.tolerances && status !== "reached") parts.push(`The allowed errors are not kept at every ${itemOf(motion)}.`);

@@ -6,7 +6,7 @@ import { numberIn } from "./decimal.js";
 import { button, element, namedRows, signed, text } from "./drawing.js";
 import { Driving } from "./driving.js";
 import { driveName, drivePlaces, driveTurns } from "./drive.js";
-import { alike, errorText, fitOf, guideRows, settled, worstRows, worstWords } from "./fit.js";
+import { alike, errorText, fitOf, guideRows, roundedLinks, roundedText, settled, worstRows, worstWords } from "./fit.js";
 import { assessed, fromJoints } from "./hand.js";
 import { JointFields } from "./joints.js";
 import { Layers } from "./layers.js";
@@ -51,13 +51,9 @@ function numberRows(solution, { motion, size }, digits) {
   if (Number.isFinite(solution.transmission_angle_min_turn)) rows.push(["Transmission, whole turn", `${text(solution.transmission_angle_min_turn, 5)}°`]);
   const held = solution.determination?.at_limits ?? [];
   if (held.length) rows.push(["Held by", held.map(limitName).join(", ")]);
-  if (rounded?.closes) {
-    const { position_max: position, rotation_max: rotation } = rounded.errors;
-    rows.push(
-      ["Rounded links", `${LINKS.map((name) => text(rounded.links[name], 8)).join(", ")} ${unit}`],
-      ["Error when rounded", [position === null ? null : `${text(position, 3)} ${unit}`, rotation === null ? null : `${text(rotation, 3)}°`].filter(Boolean).join(", ")],
-    );
-  } else if (rounded) rows.push(["Rounded links", "none closes within the limits"]);
+  const error = roundedText(solution, size, ` ${unit}`);
+  if (error && rounded.closes) rows.push(["Rounded links", `${roundedLinks(rounded).map(([name, one]) => `${name} ${number(one)}`).join(", ")} ${unit}`]);
+  if (error) rows.push(["Error when rounded", error]);
   return [...rows, ...studyRows(solution, unit)];
 }
 
@@ -91,14 +87,10 @@ function crankBlock(solution, motion) {
 
 /** What can be done with a linkage that was changed by hand. */
 function handBlock({ links }) {
-  const block = element("div", "judged");
-  if (!links) {
-    block.append(element("p", "note", "Changed by hand: its errors are computed in this page, and nothing is judged."));
-    return block;
-  }
-  const choices = [["refine-here", "Refine from there", "refinehere"], ["search-near", "Search near here", "searchnear"]], group = element("div", "group wrap");
+  const block = element("div", "judged"), group = element("div", "group wrap"), more = " The service can refine it to the nearest optimum from just there, or search anew with both pivots near where you put them.";
+  const choices = links ? [["refine-here", "Refine from there", "refinehere"], ["search-near", "Search near here", "searchnear"]] : [];
   for (const [id, words, event] of choices) group.append(Object.assign(button(words, () => document.dispatchEvent(new Event(event))), { id }));
-  block.append(element("p", "note", "Changed by hand: its errors are computed in this page, and nothing is judged. The service can refine it to the nearest optimum from just there, or search anew with both pivots near where you put them."), group);
+  block.append(element("p", "note", `Changed by hand: its errors are computed in this page, and nothing is judged.${links ? more : ""}`), group);
   return block;
 }
 

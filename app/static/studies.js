@@ -39,7 +39,6 @@ export function studyRows({ tolerance_study: study, rounded }, lengthUnit) {
     const of = `of ${rounded.combinations} combinations`;
     rows.push(["Choice of lengths", rounded.exhaustive ? `the best ${of}` : `the best of ${rounded.tried} tried, ${of}`]);
   }
-  if (rounded?.reason) rows.push(["Rounded lengths", rounded.reason]);
   if (!study) return rows;
   const { position, rotation, largest } = study, off = (value, unit = "") => (value === null ? "does not close" : `${text(value, 3)}${unit}`);
   if (position) rows.push(["As made, off by (95 %)", off(position.worst.p95, ` ${lengthUnit}`)]);

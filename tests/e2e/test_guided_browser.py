@@ -1,6 +1,7 @@
 """Linkages with rails and slots in the page: drawn, moved, judged, saved, and changed by hand."""
 
 import json
+import re
 from collections.abc import Iterable
 from typing import Any
 
@@ -121,3 +122,19 @@ def test_the_worst_pose_is_told_whole_on_a_narrow_canvas(standing) -> None:
         "return lines.map((one) => one.parentNode.getBoundingClientRect().left - inside.left)"
     )
     assert len(places) == 2 and min(places) > 0
+
+
+def test_rounded_links_of_any_kind_are_told_with_their_error(standing) -> None:
+    """A slider-crank has two links to round; where none of its lengths would do, the reason is told."""
+    page = standing
+    page.run("window.guided = null")
+    asked = {"position": [[0, 0], [-60, 40], [-150, 50], [-230, 20]], "rotation": [0, -35, -80, -120], "round_to": 25}
+    page.take({**asked, "timing": "free", "mechanisms": ["slider_crank"]})
+    page.solve()
+    told = re.search(r"With rounded links: (\S+ mm, \S+°)\.", page.text("status"))
+    assert told and told[1] in page.card()
+    assert re.search(
+        r"Rounded links\s+crank \d+, coupler \d+ mm\s+Error when rounded\s+" + told[1], page.text("numbers")
+    )
+    page.choose_card(1)
+    assert "none of the lengths tried closes" in page.text("numbers")
