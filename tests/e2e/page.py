@@ -32,7 +32,7 @@ WATCH = (
 )
 """Looks for a condition within the page for a second: to ask the browser each time costs more than what is waited for."""
 IN_SIGHT = (
-    "const e = document.querySelector(arguments[0]), b = document.querySelector('.fourbar .solve');"
+    "const e = document.querySelector(arguments[0]), b = document.querySelector('.solve');"
     "if (e && b && !b.contains(e) && e.getBoundingClientRect().bottom > b.getBoundingClientRect().top)"
     "e.scrollIntoView({block: 'center'}); return e"
 )

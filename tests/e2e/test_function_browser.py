@@ -37,6 +37,14 @@ def test_the_page_opens_with_an_answer_to_its_own_question(page) -> None:
     assert "bad" in page.find("status").get_attribute("class") and not page.count("#solutions li")
 
 
+def test_solve_and_its_answer_are_in_sight_on_a_laptop(page) -> None:
+    page.resize(1366, 768)
+    page.wait(CARDS)
+    assert page.run("return document.getElementById('status').getBoundingClientRect().bottom < innerHeight")
+    page.find("top").send_keys(Keys.TAB)
+    assert page.run("return document.activeElement.getBoundingClientRect().bottom < innerHeight")
+
+
 def test_a_chosen_function_shows_linkage_and_error_and_is_saved(page) -> None:
     solve(page)
     assert re.fullmatch(r"Best found: off by at most 0\.0\d+°\.", page.text("status"))
