@@ -55,6 +55,14 @@ def test_nothing_is_cut_off_at_any_size(opened) -> None:
     assert 10 < page.run(longest) < 35, "errors are seen, and hide neither poses nor linkage"
 
 
+def test_cards_come_in_one_order_on_a_phone_and_beside_a_table(opened) -> None:
+    order = "return ['results', 'layers', 'drive', 'curves'].map((one) => document.querySelector(`.card.${one}`).offsetTop)"
+    for width in (1366, 390):
+        opened.resize(width)
+        tops = opened.run(order)
+        assert tops == sorted(tops), width
+
+
 def test_the_gallery_has_eight_machines_with_their_errors(standing) -> None:
     standing.click("open-gallery")
     machines = standing.all("#machines button")
