@@ -1,7 +1,7 @@
 // The canvas of the motion editor: what pointer and keys do on it, and the layers that are drawn.
 
 import { LinkageShape, View, make, put } from "./drawing.js";
-import { itemOf, placeOf, wantsAngles, wantsPlaces } from "./motion.js";
+import { itemOf, placeOf, placesOf, wantsAngles, wantsPlaces } from "./motion.js";
 import { PATH_POINTS, Pen } from "./pen.js";
 import { Poses } from "./poses.js";
 import { drawBody, drawBox, drawCurves, drawGhosts, drawGrid, drawOverlay, drawWay } from "./scenery.js";
@@ -91,7 +91,6 @@ export class Board {
     this.draw();
   }
 
-  /** Says what the mode does. */
   #explain() {
     if (this.motion) this.help.textContent = HELP(itemOf(this.motion), wantsAngles(this.motion))[this.mode];
   }
@@ -118,7 +117,7 @@ export class Board {
 
   get hasPlaces() { return this.motion && wantsPlaces(this.motion); }
 
-  get places() { return this.hasPlaces ? this.motion.poses.map(placeOf).filter(Boolean) : []; }
+  get places() { return this.motion ? placesOf(this.motion) : []; }
 
   /** Points of what drives the linkage. */
   driven = () => [];

@@ -2,7 +2,7 @@
 
 import { button, element, signed, text, thumbnail } from "./drawing.js";
 import { fitOf, roundedText, worstRows } from "./fit.js";
-import { itemOf, placeOf, unitOf, wantsPlaces } from "./motion.js";
+import { itemOf, placesOf, unitOf } from "./motion.js";
 import { mark } from "./verdict.js";
 
 const RAD = Math.PI / 180;
@@ -40,7 +40,7 @@ export function sign(verdict, motion) {
 /** A list item with the card of a solution of a motion; `choose` is called when it is pressed. */
 export function card(solution, motion, size, choose) {
   const fit = fitOf(solution, motion), { sense, low, high } = fit.pass, one = button("", choose), item = element("li", "");
-  one.append(thumbnail(fit.linkage, [sense * low * RAD, sense * high * RAD], wantsPlaces(motion) ? motion.poses.map(placeOf).filter(Boolean) : []));
+  one.append(thumbnail(fit.linkage, [sense * low * RAD, sense * high * RAD], placesOf(motion)));
   const worst = worstRows(fit, motion, size).map(([name, error, pose]) => [name, pose === null ? error : `${error} (${pose})`]);
   const figures = [["transmission", `${text(solution.transmission_angle_min, 3)}°`], [solution.links ? "longest link" : "longest guide", `${text(longest(solution), 4)} ${unitOf(motion)}`]];
   const rounded = roundedText(solution, size, ` ${unitOf(motion)}`);

@@ -29,6 +29,15 @@ export function wrong(value, entry, { range: [low, high], needed, whole }) {
   return low === Number.MIN_VALUE ? `${text(value)} is not above 0` : `${text(value)} is less than ${text(low)}`;
 }
 
+/** Marks a field as wrong, for the reason in the element `note`, or takes the mark away. */
+export function markWrong(field, isWrong, note) {
+  field.classList.toggle("invalid", isWrong);
+  for (const [name, value] of [["aria-invalid", "true"], ["aria-describedby", note]]) {
+    if (isWrong) field.setAttribute(name, value);
+    else field.removeAttribute(name);
+  }
+}
+
 /** The number in a field; what is wrong with it the browser says as of its own fields: in red, and when the form is sent. */
 function check(field) {
   const { least, most, whole } = field.dataset, range = [least === "above 0" ? Number.MIN_VALUE : Number(least ?? -1e50), Number(most ?? 1e50)];

@@ -1,6 +1,6 @@
 // The form's fields for one motion: what is typed stays as it was typed, and what cannot be used is said beside it.
 
-import { typed, unreadable, wrong } from "./decimal.js";
+import { markWrong, typed, unreadable, wrong } from "./decimal.js";
 import { text } from "./drawing.js";
 import { toRequest } from "./formats.js";
 import { PRESET, clone, itemOf, preferable, setTiming, scaleTravels, slidable, wantsAngles } from "./motion.js";
@@ -27,8 +27,8 @@ const NUMBERS = {
   ratio: { range: [1, 1e6], name: "Longest link", get: (m) => m.limits.ratio, put: (m, value) => keep(m.limits, "ratio", "ratio", value) },
   "link-min": { range: ABOVE, name: "Links at least", get: (m) => m.limits.min, put: (m, value) => { m.limits.min = value; } },
   "link-max": { range: ABOVE, name: "Links at most", get: (m) => m.limits.max, put: (m, value) => { m.limits.max = value; } },
-  "tolerance-rotation": { range: WITHIN, name: "Angle error allowed", get: (m) => m.tolerance.rotation, put: (m, value) => { m.tolerance.rotation = value; } },
-  "tolerance-position": { range: WITHIN, name: "Position error allowed", get: (m) => m.tolerance.position, put: (m, value) => { m.tolerance.position = value; } },
+  "tolerance-rotation": { range: ABOVE, name: "Angle error allowed", get: (m) => m.tolerance.rotation, put: (m, value) => { m.tolerance.rotation = value; } },
+  "tolerance-position": { range: ABOVE, name: "Position error allowed", get: (m) => m.tolerance.position, put: (m, value) => { m.tolerance.position = value; } },
   round: { range: ABOVE, name: "Round links to", get: (m) => m.round, put: (m, value) => { m.round = value; } },
   top: { range: [1, 100], whole: true, needed: true, name: "Solutions", get: (m) => m.top, put: (m, value) => { m.top = value; } },
   "speed-of-crank": { range: ANY, name: "Crank speed", get: (m) => m.analysis.speed, put: (m, value) => { m.analysis.speed = value; } },
@@ -110,8 +110,7 @@ export class Fields {
     if (note) note.textContent = sentence ?? "";
     if (sentence) this.faults.set(id, sentence);
     else this.faults.delete(id);
-    field.classList.toggle("invalid", Boolean(sentence));
-    if (sentence) { field.setAttribute("aria-invalid", "true"); field.setAttribute("aria-describedby", note.id); } else { field.removeAttribute("aria-invalid"); field.removeAttribute("aria-describedby"); }
+    markWrong(field, Boolean(sentence), note?.id);
   }
 
   #bindNumber(id, spec) {

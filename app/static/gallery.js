@@ -3,13 +3,13 @@
 import { button, element, text, thumbnail } from "./drawing.js";
 import { fitOf, worstRows } from "./fit.js";
 import { fromRequest } from "./formats.js";
-import { placeOf } from "./motion.js";
+import { placesOf } from "./motion.js";
 import { $ } from "./shell.js";
 
 const RAD = Math.PI / 180;
 
 /** What the gallery says of an example's stored reply. */
-function honest({ reply }, motion) {
+function honest(reply, motion) {
   const best = reply.solutions[0], fit = fitOf(best, motion);
   const errors = worstRows(fit, motion, reply.report.length_scale ?? 1).map(([, error]) => error).join(", ");
   return `off by at most ${errors}; transmission angle ${text(best.transmission_angle_min, 2)}° or more`;
@@ -25,20 +25,15 @@ export class Gallery {
   }
 
   show(examples) {
-    for (const example of examples) {
-      const opens = this.#button(example);
-      if (!example.machine) { $("others").append(opens, " "); continue; }
-      const motion = fromRequest(example.request), best = example.reply.solutions[0], { linkage, pass: { sense, low, high } } = fitOf(best, motion);
-      opens.replaceChildren(thumbnail(linkage, [sense * low * RAD, sense * high * RAD], motion.poses.map(placeOf).filter(Boolean), 200, 120), element("strong", "", example.title), element("span", "", example.word), element("span", "muted", honest(example, motion)));
+    for (const { name, title, word, machine, request, reply } of examples) {
+      const opens = button(title, () => { $("gallery").close(); this.open(name); }, machine ? "machine" : "link");
+      opens.dataset.example = name;
+      if (!machine) { $("others").append(opens, " "); continue; }
+      const motion = fromRequest(request), best = reply.solutions[0], { linkage, pass: { sense, low, high } } = fitOf(best, motion);
+      opens.replaceChildren(thumbnail(linkage, [sense * low * RAD, sense * high * RAD], placesOf(motion), 200, 120), element("strong", "", title), element("span", "", word), element("span", "muted", honest(reply, motion)));
       const item = document.createElement("li");
       item.append(opens);
       $("machines").append(item);
     }
-  }
-
-  #button({ name, title, machine }) {
-    const one = button(title, () => { $("gallery").close(); this.open(name); }, machine ? "machine" : "link");
-    one.dataset.example = name;
-    return one;
   }
 }

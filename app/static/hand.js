@@ -4,7 +4,7 @@ import { fitOf } from "./fit.js";
 import { drivePlaces, driveTurns } from "./drive.js";
 import { guidesFrom, linkageOf, withUsed } from "./guided.js";
 import { Linkage, family } from "./kinematics.js";
-import { placeOf, wantsAngles, wantsPlaces } from "./motion.js";
+import { placeOf, placesOf, wantsAngles, wantsPlaces } from "./motion.js";
 import { angleError } from "./timing.js";
 
 const DEG = 180 / Math.PI;
@@ -107,7 +107,7 @@ const largest = (values) => { const given = values.filter((value) => value !== n
 
 /** A solution with crank angles, errors and transmission angle found anew in the browser. */
 export function assessed(solution, motion) {
-  const places = motion.poses.map(placeOf).filter(Boolean), middle = [0, 1].map((i) => places.reduce((sum, place) => sum + place[i], 0) / (places.length || 1));
+  const places = placesOf(motion), middle = [0, 1].map((i) => places.reduce((sum, place) => sum + place[i], 0) / (places.length || 1));
   const scale = Math.max(...places.map((place) => distance(middle, place)), Number.MIN_VALUE);
   let [made, shift] = [solution, 0];
   if (motion.timing === "free" && drivePlaces(solution)) {

@@ -1,7 +1,7 @@
 // The joints of the selected linkage as numbers: each can be typed while the crank stands where it does.
 
 import { element, text } from "./drawing.js";
-import { typed, unreadable } from "./decimal.js";
+import { markWrong, typed, unreadable } from "./decimal.js";
 import { $ } from "./shell.js";
 
 const JOINTS = [["a", "A", "crank pivot"], ["b", "B", "rocker pivot"], ["d", "D", "crank pin"], ["c", "C", "rocker pin"], ["p", "P", "body point"]];
@@ -12,8 +12,8 @@ export class JointFields {
   /** `move(joint, place)` puts a joint at a place and returns null, or says why it cannot; `hold()` stops the crank. */
   constructor(board, move, hold) {
     Object.assign(this, { board, move, fields: [], faults: new Map() });
-    for (const joint of JOINTS) {
-      const [name, letter, what] = joint, group = document.createElement("fieldset");
+    for (const [name, letter, what] of JOINTS) {
+      const group = document.createElement("fieldset");
       group.append(element("legend", "", `${letter}, ${what}`));
       ["x", "y"].forEach((axis, k) => {
         const input = Object.assign(document.createElement("input"), { id: `joint-${name}-${axis}`, inputMode: "decimal", autocomplete: "off" }), label = document.createElement("label");
@@ -83,11 +83,9 @@ export class JointFields {
   }
 
   #blame(field, sentence) {
-    const { input } = field;
     if (sentence) this.faults.set(field, sentence);
     else this.faults.delete(field);
-    input.classList.toggle("invalid", Boolean(sentence));
-    if (sentence) { input.setAttribute("aria-invalid", "true"); input.setAttribute("aria-describedby", "joints-error"); } else { input.removeAttribute("aria-invalid"); input.removeAttribute("aria-describedby"); }
+    markWrong(field.input, Boolean(sentence), "joints-error");
     $("joints-error").textContent = [...this.faults.values()][0] ?? "";
   }
 }

@@ -125,7 +125,6 @@ export class Layers {
     if (solution === this.solution) this.#describe();
   }
 
-  /** The selected solution. */
   select(solution) {
     this.solution = solution;
     this.#describe();

@@ -243,7 +243,7 @@ async function run(work) {
   try {
     await work(control, begin);
   } catch (error) {
-    if (error.name !== "AbortError") say(answer === before ? error.message : `${error.message.replace(/\.$/, "")}. What is shown was found before that.`, true);
+    if (error.name !== "AbortError") say(`${error.message}${answer === before ? "" : " What is shown was found before that."}`, true);
   } finally {
     endProgress();
     if (running === control) {

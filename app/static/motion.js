@@ -47,6 +47,9 @@ export const preferable = (motion, prefer) => (prefer !== "size" || wantsPlaces(
 /** The place [x, y] of a pose; null where it is missing. */
 export const placeOf = (pose) => (pose.x === null || pose.y === null ? null : [pose.x, pose.y]);
 
+/** The places that are wanted. */
+export const placesOf = (motion) => (wantsPlaces(motion) ? motion.poses.map(placeOf).filter(Boolean) : []);
+
 /** The crank's travel from the first pose to each pose, in degrees, without sign; even ones where they are free. */
 export function travels(motion) {
   const last = motion.poses.length - 1;

@@ -180,7 +180,6 @@ export class Player {
     setButton("Play", PLAY);
   }
 
-  /** Draws the curves of the shown solution anew. */
   drawCurves() {
     if (!this.shown || $("curves-card").hidden) return;
     const { linkage, motion, places, turns: miss, worst, solution, pass: { sense, turns: angles } } = this.shown, [low, high] = this.#range;

@@ -10,7 +10,7 @@ import { alike, errorText, fitOf, guideRows, roundedLinks, roundedText, settled,
 import { assessed, fromJoints } from "./hand.js";
 import { JointFields } from "./joints.js";
 import { Layers } from "./layers.js";
-import { itemOf, unitOf } from "./motion.js";
+import { itemOf, placesOf, unitOf } from "./motion.js";
 import { Player, trajectory } from "./player.js";
 import { ask, download } from "./service.js";
 import { $, capital, copy } from "./shell.js";
@@ -257,7 +257,7 @@ export class Results {
   #fitAll(solutions) {
     const { board, answer: { motion } } = this, { width, height } = board.view, jointsOf = (used) => used.filter(Boolean).flatMap((j) => [j.a, j.b, j.c, j.d, j.p]).filter(Boolean);
     const extent = (points) => Math.max(...[width, height].map((pixels, i) => { const all = points.map((p) => p[i]); return (Math.max(...all) - Math.min(...all)) / pixels; }));
-    const own = jointsOf(this.player.shown.used), wanted = board.hasPlaces ? motion.poses.filter(({ x }) => x !== null).map(({ x, y }) => [x, y]) : [];
+    const own = jointsOf(this.player.shown.used), wanted = placesOf(motion);
     if (!own.length) return;
     const most = Math.max(extent([...own, ...wanted]), NEAR * extent(wanted.length > 1 ? wanted : own)), more = [];
     for (const solution of solutions.slice(0, 12)) {

@@ -1,7 +1,7 @@
 // What lies around the poses on the canvas: grid, pivot box, way, path and errors, ghosts, body outline, overlay.
 
 import { LinkageShape, make, pathData, roundStep, text } from "./drawing.js";
-import { itemOf, placeOf, wantsAngles, wantsPlaces } from "./motion.js";
+import { itemOf, placeOf, placesOf, wantsAngles, wantsPlaces } from "./motion.js";
 
 const RAD = Math.PI / 180;
 const MOST_GHOSTS = 40;
@@ -52,7 +52,7 @@ export function drawBox(layer, motion, view) {
 /** The way from pose to pose where the crank angles are free, and `invitation`, what to do on an empty canvas. */
 export function drawWay(layer, motion, view, invitation) {
   layer.replaceChildren();
-  const places = wantsPlaces(motion) ? motion.poses.map(placeOf).filter(Boolean) : [];
+  const places = placesOf(motion);
   if (invitation) {
     const size = view.width < 500 ? 15 : 18;
     make("text", { class: "invite", x: view.width / 2, y: view.height / 2 - size, "font-size": size, "text-anchor": "middle", "aria-hidden": "true" }, layer).textContent = invitation;

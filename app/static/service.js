@@ -1,6 +1,7 @@
 // HTTP calls to the service: one request, the staged search, error replies as sentences, downloads.
 
 import { capital } from "./shell.js";
+import { plainWords } from "./verdict.js";
 
 /** Budgets of the search in milliseconds, one after the other: a first answer soon, then the final one. */
 export const STAGES = [200, 5000];
@@ -12,7 +13,7 @@ class Problem extends Error {
   constructor(status, body) {
     const rows = (body?.errors ?? []).map((row) => `${(row.pointer ?? "").replace(/^#\/?/, "").replaceAll("/", " ") || "request"}: ${row.detail}`);
     const said = rows.slice(0, 3).join("; ") || body?.detail || `The service answered with ${status}`;
-    super(`${capital(said)}${/[.!?]$/.test(said) ? "" : "."}`);
+    super(capital(plainWords(`${said}${/[.!?]$/.test(said) ? "" : "."}`)));
     this.status = status;
     this.rows = body?.errors ?? [];
   }

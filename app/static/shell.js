@@ -55,9 +55,7 @@ export async function startScenes(current = null) {
   try {
     const scenes = await (await fetch("/scenes")).json();
     for (const { name, title } of scenes) {
-      const link = document.createElement("a");
-      link.href = `/scenes/${encodeURIComponent(name)}`;
-      link.textContent = title;
+      const link = Object.assign(document.createElement("a"), { href: `/scenes/${name}`, textContent: title });
       if (name === current) link.setAttribute("aria-current", "page");
       $("scenes").append(link);
     }

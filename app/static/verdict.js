@@ -11,7 +11,7 @@ const LIMITS = {
   link_min: "links at least", link_max: "links at most", link_ratio_max: "the ratio of the links", links: "given lengths",
   pivot_a: "given pivot A", pivot_b: "given pivot B", pivot_box: "the pivot box", pivot_a_box: "the box of pivot A", pivot_b_box: "the box of pivot B",
   keep_out: "places kept free of pivots", coupler_radius_max: "the reach of the body point", envelope: "the envelope", family: "the family",
-  pivot_reach: "the distance of the pivots", crank_span_max: "the crank's turn",
+  pivot_reach: "the distance of the pivots", crank_span_max: "the crank's turn", lengths_from: "stock lengths",
 };
 
 /** The name of a limit of the service in sentences. */
@@ -52,7 +52,7 @@ export function mark(verdict, item) {
 /** Rows [what was judged, true | false | null, in words] for a solution of a motion. */
 export function judged(verdict, motion, item, drive = "crank", turns = true) {
   const free = motion.timing === "free", near = (verdict.reasons ?? []).some((one) => one.includes("near a change point"));
-  const passes = !free ? `the ${drive} passes the ${item}s at the ${turns ? "angles" : "places"} given` : motion.anyOrder ? `a ${drive} that ${turns ? "turns" : "moves"} one way passes all ${item}s` : `a ${drive} that ${turns ? "turns" : "moves"} one way passes the ${item}s in the order given`;
+  const passes = !free ? `the ${drive} passes the ${item}s at the ${turns ? "angles" : "places"} given` : `a ${drive} that ${turns ? "turns" : "moves"} one way passes ${motion.anyOrder ? `all ${item}s` : `the ${item}s in the order given`}`;
   const rows = [
     ["Order", verdict.order, verdict.order ? passes : passes.replace("passes", "does not pass")],
     ["Branch", verdict.branch, verdict.branch ? `all ${item}s lie on one branch` : `${item}s lie on different branches: a dead position comes between`],
@@ -67,10 +67,13 @@ export function judged(verdict, motion, item, drive = "crank", turns = true) {
 /** All reasons as sentences. */
 export const reasons = (verdict, item) => (verdict.reasons ?? []).map((one) => sentence(one, item));
 
+/** Words of the service, with the page's names of its fields. */
+export const plainWords = (words) => words.replace("`nevertheless` in `solids`", "“even where parts collide”").replaceAll(/`?(?:limits[. ])?([a-z]+_\w+)`?/gi, (all, name) => LIMITS[name.toLowerCase()] ?? all).replaceAll("`", "");
+
 /** A note of a report in the page's words, as a sentence. */
 export function plainNote(note, item) {
   if (note.startsWith("the problem is ill-posed")) return "Clearly different linkages do about equally well.";
   if (note.startsWith("the crank angles are given")) return "With given crank angles the practical limits hold only where they are switched on under Limits.";
   if (note.startsWith(SWINGS)) return "Four-bars that only swing may come nearer: any family, under Limits.";
-  return sentence(note.replaceAll("`", "").replace(/^\w+(?= excludes )/, limitName), item);
+  return sentence(plainWords(note).replace(/^\w+(?= excludes )/, limitName), item);
 }

@@ -21,7 +21,7 @@ from selenium.webdriver.support.ui import Select
 
 import linkage_atlas as la
 from tests.conftest import some_of, until
-from tests.e2e.page import CARDS, EXAMPLES, FREE, READY, ROOT, VERDICTS, WORKS, keep, path_request
+from tests.e2e.page import CARDS, EXAMPLES, FREE, IDLE, READY, ROOT, VERDICTS, WORKS, keep, path_request
 
 DEG = np.pi / 180
 FIRST_RESULT_MS = 300
@@ -384,6 +384,32 @@ def test_a_motion_that_cannot_be_solved_says_why(standing) -> None:
     assert "positions are needed" in standing.text("status")
     standing.select("wanted", "position")
     assert standing.text("status") == "", "what was wrong is said no longer than it is"
+
+
+REFUSED = {
+    "/v1/synthesize": ("lengths_from", "has no length from `limits.link_min` to `link_max`"),
+    "/v1/export": ("assembly", "parts would collide. `nevertheless` in `solids` writes them all the same"),
+}
+
+
+def test_what_is_refused_has_the_words_of_the_page(page) -> None:
+    page.unfold("limits")
+    page.type_into("tolerance-position", "0")
+    page.click("solve")
+    assert page.text("status").startswith("Position error allowed: 0 is not above 0")
+    page.choose("casement")
+    page.run(
+        "const [refused] = arguments, own = window.fetch; window.fetch = (a, ...b) => { if (!refused[a]) return own(a, ...b);"
+        "const [name, detail] = refused[a], body = JSON.stringify({errors: [{pointer: `#/${name}`, detail}]});"
+        "return Promise.resolve(new Response(body, {status: 422})) }",
+        REFUSED,
+    )
+    page.click("solve")
+    page.wait(IDLE)
+    assert page.text("status") == "Stock lengths: has no length from links at least to links at most."
+    page.press("[data-format=step]")
+    page.wait("document.getElementById('export-note').textContent.startsWith('Assembly')")
+    assert page.text("export-note").endswith("“even where parts collide” writes them all the same.")
 
 
 def test_a_motion_of_angles_alone_is_solved(standing) -> None:
