@@ -68,7 +68,6 @@ export class Driving {
     this.#offer();
   }
 
-  /** A new answer, or with null none. */
   show(answer) {
     this.control?.abort();
     this.answer = answer;

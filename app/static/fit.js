@@ -27,10 +27,13 @@ export function fitOf(solution, motion) {
   return { linkage, pass, at, places, turns, worst: { place: worstOf(places), turn: worstOf(turns) } };
 }
 
-/** An error with its unit; "rounding" where it is below 1e-12 of the motion's size. */
+/** A place or length, zero where only rounding keeps it from that, for a motion of this size. */
+export const settled = (value, size) => (Math.abs(value) < 1e-10 * size ? 0 : value);
+
+/** An error with its unit; "rounding" where it is nothing beside the motion's size. */
 export function errorText(value, size, unit) {
   if (value === null || value === undefined) return null;
-  return value < 1e-12 * size ? "rounding" : `${text(value, 3)}${unit}`;
+  return settled(value, size) === 0 ? "rounding" : `${text(value, 3)}${unit}`;
 }
 
 export const roundedLinks = ({ links, lengths }) => Object.entries(links ?? lengths ?? {});
@@ -39,7 +42,7 @@ export const roundedLinks = ({ links, lengths }) => Object.entries(links ?? leng
 export function roundedText({ rounded }, size, unit) {
   if (!rounded?.closes) return rounded?.reason;
   const { position_max, rotation_max } = rounded.errors;
-  return roundedLinks(rounded).length ? [errorText(position_max, size, unit), errorText(rotation_max, 57, "°")].filter(Boolean).join(", ") : null;
+  return roundedLinks(rounded).length ? [errorText(position_max, size, unit), errorText(rotation_max, 57, "°")].filter(Boolean).join(", ").replace(/^rounding(, rounding)?$/, "exact") : null;
 }
 
 /** Rows [name, error with its unit, number of the pose] of the largest errors; the pose is null where nothing is worth naming. */
@@ -70,9 +73,6 @@ function alikeGuides(one, other) {
   const [a, b] = [numbers(one), numbers(other)], longest = Math.max(1e-300, ...a.map(Math.abs));
   return a.length === b.length && a.every((value, k) => Math.abs(value - b[k]) <= 1e-3 * longest);
 }
-
-/** A place or length, zero where only rounding keeps it from that, for a motion of this size. */
-export const settled = (value, size) => (Math.abs(value) < 1e-10 * size ? 0 : value);
 
 /** Rows of the guides of a solution with rails or slots; body points are in the body's frame. */
 export function guideRows({ guides, driver }, number, place, length) {

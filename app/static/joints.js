@@ -2,6 +2,7 @@
 
 import { element, text } from "./drawing.js";
 import { markWrong, typed, unreadable } from "./decimal.js";
+import { settled } from "./fit.js";
 import { $ } from "./shell.js";
 
 const JOINTS = [["a", "A", "crank pivot"], ["b", "B", "rocker pivot"], ["d", "D", "crank pin"], ["c", "C", "rocker pin"], ["p", "P", "body point"]];
@@ -48,9 +49,9 @@ export class JointFields {
 
   /** Writes a joint's coordinate into its field, all digits where it is edited; an entry that stands for it as typed. */
   #fill({ input, name, k, entry }) {
-    const { joints } = this.board, [a, b, c] = [joints.a, joints.b, joints.c], value = joints[name][k];
+    const { joints } = this.board, [a, b, c] = [joints.a, joints.b, joints.c];
     if ([...this.faults.keys()].some((one) => one.input === input)) return;
-    const size = Math.hypot(b[0] - a[0], b[1] - a[1]) + Math.hypot(c[0] - b[0], c[1] - b[1]);
+    const size = Math.hypot(b[0] - a[0], b[1] - a[1]) + Math.hypot(c[0] - b[0], c[1] - b[1]), value = settled(joints[name][k], size);
     const stands = entry && Math.abs(entry.value - value) <= SAME * Math.max(size, Math.abs(value));
     const words = stands ? entry.text : input === document.activeElement ? String(Number(value.toPrecision(14))) : text(value, 5);
     if (input.value !== words) input.value = words;

@@ -3,7 +3,7 @@
 import { redrawOn, titledChart } from "./charts.js";
 import { make, text } from "./drawing.js";
 import { driveName } from "./drive.js";
-import { fitOf } from "./fit.js";
+import { fitOf, settled } from "./fit.js";
 import { PRESET, itemOf, placeOf, wantsAngles } from "./motion.js";
 import { $ } from "./shell.js";
 import { analysisCurves, band } from "./studies.js";
@@ -138,7 +138,7 @@ export class Player {
     const travel = Number($("slider").value), { sense } = this.shown.pass;
     const degrees = sense * travel, rounded = degrees.toFixed(1).replace(/^-0\.0$/, "0.0");
     const here = this.stops.filter((stop) => Math.abs(stop.travel - travel) < this.#near).map(({ k }) => k + 1);
-    const { turns } = this.shown.pass, words = turns ? `${rounded}°` : `${text(degrees, 4)} ${this.shown.motion.unit}`;
+    const { turns, low, high } = this.shown.pass, words = turns ? `${rounded}°` : `${text(settled(degrees, high - low), 4)} ${this.shown.motion.unit}`;
     $("travel").value = words;
     $("at-sample").textContent = here.length ? `${itemOf(this.shown.motion)} ${here.join(", ")}` : "";
     $("slider").setAttribute("aria-valuetext", `${driveName(this.shown.solution)} ${turns ? `turned by ${rounded} degrees` : `moved by ${words}`}${here.length ? `, at ${itemOf(this.shown.motion)} ${here.join(", ")}` : ""}`);

@@ -57,7 +57,6 @@ function numberRows(solution, { motion, size }, digits) {
   return [...rows, ...studyRows(solution, unit)];
 }
 
-/** What was judged of a solution, and all reasons. */
 function verdictBlock(solution, motion) {
   const { verdict } = solution;
   const block = element("div", "judged");

@@ -93,13 +93,13 @@ export function fillSheet(answer, solution, drive, parts = null) {
   const rows = links ? Object.entries(links).map(([name, length]) => [name, `${number(length)} ${unit}`]) : guideRows(solution, number, place, (value) => `${place(value)} ${unit}`);
   if (mount) rows.push(["pivot A", mount.pivot_a.map(place).join(", ")], ["pivot B", mount.pivot_b.map(place).join(", ")]);
   if (mount?.coupler_point) rows.push(["P from D", `${number(mount.coupler_point.radius)} ${unit} at ${number(mount.coupler_point.angle, 5)}° from DC`]);
-  rows.push(["branch", solution.branch > 0 ? "+1" : "−1"], links ? [`crank at ${item} 1`, `${number(solution.start_angle)}° from AB`] : [`drive at ${item} 1`, `${number(solution.start)}${fit.pass.turns ? "°" : ` ${unit}`}`], ["transmission angle", `${number(solution.transmission_angle_min, 4)}° or more`]);
+  rows.push(["branch", solution.branch > 0 ? "+1" : "−1"], links ? [`crank at ${item} 1`, `${number(solution.start_angle)}° from AB`] : [`drive at ${item} 1`, `${place(solution.start)}${fit.pass.turns ? "°" : ` ${unit}`}`], ["transmission angle", `${number(solution.transmission_angle_min, 4)}° or more`]);
   const held = solution.determination?.at_limits ?? [];
   if (held.length) rows.push(["held by", held.map(limitName).join(", ")]);
   for (const reason of solution.verdict ? reasons(solution.verdict, item) : []) rows.push(["", reason]);
   if (request.limits?.pivot_box) rows.push(["pivot box", request.limits.pivot_box.map((v) => number(v)).join(", ")]);
   const poses = motion.poses.map((pose, k) => [
-    k + 1, number(fit.pass.angles[k], 5), number(pose.x), number(pose.y), wantsAngles(motion) ? number(pose.angle) : "", number(fit.places[k], 3), number(fit.turns[k], 3),
+    k + 1, number(settled(fit.pass.angles[k], fit.pass.high - fit.pass.low), 5), number(pose.x), number(pose.y), wantsAngles(motion) ? number(pose.angle) : "", number(fit.places[k] && settled(fit.places[k], size), 3), number(fit.turns[k] && settled(fit.turns[k], 57), 3),
     [k === fit.worst.place ? "worst place" : "", k === fit.worst.turn ? "worst angle" : ""].filter(Boolean).join(", "),
   ]);
   const columns = element("div", motion.poses.length > 30 ? "sheet-columns long" : "sheet-columns");

@@ -64,7 +64,6 @@ export function judged(verdict, motion, item, drive = "crank", turns = true) {
   return rows;
 }
 
-/** All reasons as sentences. */
 export const reasons = (verdict, item) => (verdict.reasons ?? []).map((one) => sentence(one, item));
 
 /** Words of the service, with the page's names of its fields. */

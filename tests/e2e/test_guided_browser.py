@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from app.query import plain_of
-from tests.e2e.page import IDLE
+from tests.e2e.page import FREE, IDLE
 from tests.linkage_atlas.test_guided import reply_of
 from tests.oracles.guided_cases import DRIVES, NAMES
 
@@ -138,3 +138,29 @@ def test_rounded_links_of_any_kind_are_told_with_their_error(standing) -> None:
     )
     page.choose_card(1)
     assert "none of the lengths tried closes" in page.text("numbers")
+    page.take({**asked, "timing": "free", "mechanisms": ["swinging_block"]})
+    page.solve()
+    assert "With rounded links: exact." in page.text("status")
+
+
+def test_what_is_rounding_alone_is_told_as_nothing(standing) -> None:
+    """Of a linkage that meets its poses: where its parts stand, what is typed of them and what is printed."""
+    page = standing
+    page.run("window.guided = null")
+    asked = {"position": [[0, 0], [80, 60], [180, 80]], "rotation": [0, -5, -12], "timing": "free"}
+    page.take({**asked, "mechanisms": ["rail_slot"], "top": 2})
+    page.solve()
+    page.mode("hand")
+    page.run("window.dispatchEvent(new Event('beforeprint'))")
+    shown = [page.value("joint-p-x"), page.value("joint-p-y"), page.text("travel"), page.content("sheet")]
+    assert not any(re.search(r"\de-\d", one) for one in shown), shown
+    page.mode("move")
+
+
+def test_a_linkage_that_ends_the_search_meets_its_points(standing) -> None:
+    """What the search calls exact, an error below 1e-10 of the extent, is no error to a reader."""
+    page = standing
+    page.run("window.guided = null")
+    places = np.add(FREE.joints([0, 60, 120]).body_point, [[3e-10, 0], [0, 0], [0, 0]])
+    page.answered({"position": places.tolist(), "timing": "free"}, [0, 60, 120])
+    assert page.text("status").startswith("Best found: met to within rounding")
