@@ -21,6 +21,9 @@ const STATUS = {
   infeasible: "No linkage was found within these limits. Loosen one of them.",
   unknown: "No linkage was found before the search was cut short, which proves nothing.",
 };
+/** Ends of x that a function begins with; others with 1 and 2. */
+const ENDS = { sin: ["0", "90"], cos: ["0", "90"], tan: ["0", "45"] };
+const endsOf = (name) => ENDS[name] ?? ["1", "2"];
 const LINKS = ["crank", "coupler", "rocker", "ground"];
 /** The linkage of a solution; a four-bar that makes a function is not mounted. */
 const drawnOf = (solution) => (solution.guides ? linkageOf(solution) : new Linkage({ ...solution, mount: null }));
@@ -31,6 +34,7 @@ let shown = null; // the selected solution
 let charts = []; // of its error
 let running = null; // AbortController of the search that runs
 let linked = null; // the question of a link as it came
+let named = "log10"; // the function that was chosen before
 
 const untouched = JSON.stringify(asIs());
 const draft = new Draft("linkage-atlas-function", (content) => fill(content), clear);
@@ -89,6 +93,8 @@ function toRequest() {
 
 /** The fields that the function needs; columns that are named say what a table holds. */
 function showFields() {
+  if (named !== $("name").value && ["x0", "x1"].every((id, k) => $(id).value === endsOf(named)[k])) endsOf($("name").value).forEach((end, k) => { $(`x${k}`).value = end; });
+  named = $("name").value;
   let columns = {};
   try { columns = typed(); } catch { /* it is said when it is asked for */ }
   if (columns.x && $("name").value === "pairs") $("name").value = "table";
@@ -141,6 +147,7 @@ function fill(content, ofLink = false) {
     else if (typeof value === "string") one.value = value;
     if (one.selectedIndex < 0) one.selectedIndex = 0;
   }
+  named = $("name").value;
   drawn = content.drawn.filter((point) => Array.isArray(point) && point.length === 2 && point.every(Number.isFinite));
   tracePad();
   if (ofLink) linked = JSON.stringify(asIs());

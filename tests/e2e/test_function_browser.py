@@ -60,6 +60,21 @@ def test_a_chosen_function_shows_linkage_and_error_and_is_saved(page) -> None:
     assert page.saved("function-1.csv", "#exports [data-format=csv]").startswith(b"input,output_wanted")
 
 
+def test_a_function_of_angles_begins_with_its_own_ends(page) -> None:
+    """A sine from 1 to 2 degrees would be a straight line; ends that were typed stay."""
+    ends = ("x0", "x1")
+    page.select("name", "sin")
+    assert [page.value(name) for name in ends] == ["0", "90"]
+    page.select("name", "reciprocal")
+    assert [page.value(name) for name in ends] == ["1", "2"]
+    page.type_into("x1", "4")
+    page.select("name", "tan")
+    assert [page.value(name) for name in ends] == ["1", "4"]
+    page.type_into("x1", "2")
+    page.reload()
+    assert [page.value(name) for name in ("name", *ends)] == ["tan", "1", "2"]
+
+
 def test_a_drawn_function_and_what_is_missing(page) -> None:
     page.select("name", "drawn")
     solve(page)
