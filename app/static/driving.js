@@ -20,6 +20,7 @@ const value = (id) => numberIn(`drive-${id}`);
 const given = (fields) => Object.fromEntries(Object.entries(fields).filter(([, one]) => one !== null && one !== ""));
 /** What the fields have asked, whatever the service has said of the linkage since. */
 const questionOf = ({ load, drives, springs }) => JSON.stringify([load, drives, springs]);
+const plain = (link) => link.replaceAll("_", " ");
 const less = ([a, b], [c, d]) => [a - c, b - d];
 const turned = ([x, y], angle) => [x * Math.cos(angle) - y * Math.sin(angle), x * Math.sin(angle) + y * Math.cos(angle)];
 
@@ -101,7 +102,6 @@ export class Driving {
   /** Whether forces are newtons: a mass, a bundled catalogue or its gas springs say so. Else they have the load's own unit. */
   get #newtons() { return /"masses"|"catalogue":"\w+"|"gas"/.test(this.asked.get(this.reply)); }
 
-  /** Fields that belong to the kind that is picked. */
   #offer() {
     const kind = $("drive-kind").value, own = $("drive-catalogue").value;
     for (const part of document.querySelectorAll("#drive-card [data-kinds]")) part.hidden = !part.dataset.kinds.split(" ").includes(kind);
@@ -113,7 +113,6 @@ export class Driving {
     $("drive-note").classList.toggle("bad", bad);
   }
 
-  /** The request: linkage and motion, the load, and one kind of drive or spring. */
   #request() {
     const { solution, answer: { request, motion } } = this, kind = $("drive-kind").value, catalogue = $("drive-catalogue").value;
     const force = [value("force-x") ?? 0, value("force-y") ?? 0], mass = value("mass");
@@ -157,14 +156,14 @@ export class Driving {
   #list() {
     const { reply } = this, buttons = (reply?.drives ?? []).map((drive) => {
       const sizes = drive.retracted ? ` ${text(drive.retracted, 4)} + ${text(drive.stroke, 4)}` : "";
-      const one = button(`${drive.name ?? `${KINDS[drive.kind]}${sizes}`} on the ${drive.link}`, () => { this.drive = drive; this.#list(); this.#describe(); this.board.reveal(this.board.driven()); });
+      const one = button(`${drive.name ?? `${KINDS[drive.kind]}${sizes}`} on the ${plain(drive.link)}`, () => { this.drive = drive; this.#list(); this.#describe(); this.board.reveal(this.board.driven()); });
       one.setAttribute("aria-pressed", String(drive === this.drive || (this.drive?.byHand && this.drive.from === drive)));
       return one;
     });
     $("drive-found").replaceChildren(...buttons);
     $("drive-found").hidden = !buttons.length;
     const refused = reply?.refused ?? [];
-    $("drive-refused").replaceChildren(...refused.map(({ kind, link, name, reason }) => element("li", "", `${KINDS[kind] ?? `${kind} spring`} on the ${link}${name ? ` (${name})` : ""}: ${reason.replace("reach_max", "“pin within”")}.`)));
+    $("drive-refused").replaceChildren(...refused.map(({ kind, link, name, reason }) => element("li", "", `${KINDS[kind] ?? `${kind} spring`} on the ${plain(link)}${name ? ` (${name})` : ""}: ${reason.replace("reach_max", "“pin within”")}.`)));
   }
 
   /** Rows [name, value] of what is shown: for the card and for the sheet. */
@@ -181,7 +180,7 @@ export class Driving {
         ["torque left (rms)", `${torque(settled(one.torque.after.rms, one.torque.before.rms))} of ${torque(one.torque.before.rms)}`], ["by itself", one.stays],
       ]), ...units];
     }
-    const turns = driveTurns(this.solution), rows = [["drive", `${drive.name ?? KINDS[drive.kind]} on the ${drive.link}${drive.byHand ? ", by hand" : ""}`]];
+    const turns = driveTurns(this.solution), rows = [["drive", `${drive.name ?? KINDS[drive.kind]} on the ${plain(drive.link)}${drive.byHand ? ", by hand" : ""}`]];
     if (drive.motor) rows.push(["motor", place(drive.motor)]);
     if (drive.ground_point) rows.push(["ground point", place(drive.ground_point)]);
     if (drive.pin) rows.push([`pin at ${itemOf(this.answer.motion)} 1`, place(drive.pin)], ["pin on the link", place(drive.pin_on_link)]);

@@ -72,7 +72,6 @@ export class Layers {
     if (before || polygonOf(outline)) this.#again();
   }
 
-  /** What is asked for besides linkage and request. */
   options(solution, motion) {
     const sizes = Object.entries(SIZES).map(([name, id]) => [name, numberIn(id)]).filter(([, value]) => value !== null);
     const body = $("layer-body").checked ? bodyOf(this.outline, solution, motion) : null;
@@ -155,7 +154,6 @@ export class Layers {
     this.#offerJumps(assembly, jumps);
   }
 
-  /** Buttons to the crank angles where something happens. */
   #offerJumps({ collisions, stops, shaft, fewer }, host) {
     const places = collisions.flatMap(({ pair, from, to }) => [[`${inWords(pair)} collide`, from], [`${inWords(pair)} part`, to]]);
     if (!collisions.length) {

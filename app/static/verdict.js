@@ -15,7 +15,7 @@ const LIMITS = {
 };
 
 /** The name of a limit of the service in sentences. */
-export const limitName = (name) => LIMITS[name] ?? name.replaceAll("_", " ");
+export const limitName = (name) => LIMITS[name] ?? name.replace("links.", "given ").replaceAll("_", " ");
 
 /** A number of layers in words. */
 export const layersOf = (count) => `${count} layer${count === 1 ? "" : "s"}`;
@@ -67,7 +67,7 @@ export function judged(verdict, motion, item, drive = "crank", turns = true) {
 export const reasons = (verdict, item) => (verdict.reasons ?? []).map((one) => sentence(one, item));
 
 /** Words of the service, with the page's names of its fields. */
-export const plainWords = (words) => words.replace("`nevertheless` in `solids`", "“even where parts collide”").replaceAll(/`?(?:limits[. ])?([a-z]+_\w+)`?/gi, (all, name) => LIMITS[name.toLowerCase()] ?? all).replaceAll("`", "");
+export const plainWords = (words) => words.replace("limits links ", "given ").replace("`nevertheless` in `solids`", "“even where parts collide”").replaceAll(/`?(?:limits[. ])?([a-z]+_\w+)`?/gi, (all, name) => LIMITS[name.toLowerCase()] ?? all).replaceAll("`", "");
 
 /** A note of a report in the page's words, as a sentence. */
 export function plainNote(note, item) {

@@ -164,3 +164,15 @@ def test_a_linkage_that_ends_the_search_meets_its_points(standing) -> None:
     places = np.add(FREE.joints([0, 60, 120]).body_point, [[3e-10, 0], [0, 0], [0, 0]])
     page.answered({"position": places.tolist(), "timing": "free"}, [0, 60, 120])
     assert page.text("status").startswith("Best found: met to within rounding")
+
+
+def test_links_that_are_driven_have_names_in_words(standing) -> None:
+    page = standing
+    page.run("window.guided = null")
+    asked = {"position": [[0, 1.1], [0.25, 1.6], [0.9, 2.1]], "rotation": [90, 60, 0], "timing": "free"}
+    page.take({**asked, "mechanisms": ["two_slots"], "top": 1})
+    page.solve()
+    page.click("drive-find")
+    page.wait("document.querySelectorAll('#drive-found button').length")
+    told = page.text("drive-found") + page.text("drive-numbers")
+    assert "on the second block" in told and "_" not in told

@@ -399,7 +399,8 @@ def test_what_is_refused_has_the_words_of_the_page(page) -> None:
     assert page.text("status").startswith("Position error allowed: 0 is not above 0")
     page.choose("casement")
     page.run(
-        "const [refused] = arguments, own = window.fetch; window.fetch = (a, ...b) => { if (!refused[a]) return own(a, ...b);"
+        "window.refused = arguments[0]; const own = window.fetch;"
+        "window.fetch = (a, ...b) => { if (!refused[a]) return own(a, ...b);"
         "const [name, detail] = refused[a], body = JSON.stringify({errors: [{pointer: `#/${name}`, detail}]});"
         "return Promise.resolve(new Response(body, {status: 422})) }",
         REFUSED,
@@ -407,6 +408,11 @@ def test_what_is_refused_has_the_words_of_the_page(page) -> None:
     page.click("solve")
     page.wait(IDLE)
     assert page.text("status") == "Stock lengths: has no length from links at least to links at most."
+    detail = "lies outside of `link_min` and `link_max`"
+    page.run("refused['/v1/synthesize'] = arguments[0]", ("limits/links/crank", detail))
+    page.click("solve")
+    page.wait(IDLE)
+    assert page.text("status") == "Given crank: lies outside of links at least and links at most."
     page.press("[data-format=step]")
     page.wait("document.getElementById('export-note').textContent.startsWith('Assembly')")
     assert page.text("export-note").endswith("“even where parts collide” writes them all the same.")
@@ -573,9 +579,9 @@ def test_the_limits_that_hold_the_best_linkage_are_listed(standing) -> None:
     request = path_request(angles)
     standing.take(request)
     standing.stub(request, angles, VERDICTS[:1])
-    standing.run("window.stub.solutions[0].determination.at_limits = ['link_min', 'link_max', 'pivot_box']")
+    standing.run("window.stub.solutions[0].determination.at_limits = ['link_min', 'links.crank', 'pivot_box']")
     standing.solve()
-    assert "held by links at least, links at most and the pivot box." in standing.text("status")
+    assert "held by links at least, given crank and the pivot box." in standing.text("status")
 
 
 def test_limits_without_a_field_are_named_and_an_angle_of_nothing_is_0(standing) -> None:
