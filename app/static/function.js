@@ -329,7 +329,8 @@ function inDegrees(reply, unit) {
 
 function sayStatus() {
   const { status, solutions: [best] } = answer.reply;
-  say(STATUS[status] ?? `Best found: off by at most ${text(best.errors.max, 3)}${answer.signs[1]}.`, !best);
+  const rounded = best?.rounded?.closes ? ` With rounded links: ${text(best.rounded.errors.max, 3)}°.` : "";
+  say((STATUS[status] ?? `Best found: off by at most ${text(best.errors.max, 3)}${answer.signs[1]}.`) + rounded, !best);
 }
 
 function show(request, reply) {

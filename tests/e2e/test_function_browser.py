@@ -160,6 +160,11 @@ def test_rounded_links_need_a_length(page) -> None:
     page.type_into("ground", "120")
     solve(page)
     assert "Rounded links" in page.text("numbers")
+    told, listed = (
+        float(re.search(rf"{words} ([\d.]+)°", re.sub(r"\s+", " ", page.text(name)))[1])
+        for words, name in (("With rounded links:", "status"), ("Largest error when rounded", "numbers"))
+    )
+    assert told == pytest.approx(listed, rel=0.01)
 
 
 def test_rows_that_are_no_table_of_a_function_are_named(page) -> None:
