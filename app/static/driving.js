@@ -152,7 +152,6 @@ export class Driving {
     this.#describe();
   }
 
-  /** A button for each drive that was found, and a line for each link without one. */
   #list() {
     const { reply } = this, buttons = (reply?.drives ?? []).map((drive) => {
       const sizes = drive.retracted ? ` ${text(drive.retracted, 4)} + ${text(drive.stroke, 4)}` : "";

@@ -93,6 +93,7 @@ export function fault(motion) {
   }
   if (poses.length > 1024) return [`A ${kind} has at most 1024 ${item}s.`, "poses"];
   if (free && !wantsPlaces(motion)) return ["With free crank angles positions are needed: angles alone are met by nearly every linkage.", "wanted"];
+  if (free && motion.anyOrder && !(wantsAngles(motion) && poses.length > 2)) return ["Only three full poses or more can be passed in any order.", "any-order"];
   const blank = poses.findIndex((pose) => !(wantsPlaces(motion) && placeOf(pose)) && !(wantsAngles(motion) && pose.angle !== null));
   if (free && blank >= 0) return [`The row of ${item} ${blank + 1} is empty.`, "poses"];
   if (wantsPlaces(motion) && !poses.some(placeOf)) return ["No row has both x and y.", "poses"];

@@ -384,6 +384,10 @@ def test_a_motion_that_cannot_be_solved_says_why(standing) -> None:
     assert "positions are needed" in standing.text("status")
     standing.select("wanted", "position")
     assert standing.text("status") == "", "what was wrong is said no longer than it is"
+    standing.click("any-order")
+    standing.click("solve")
+    assert standing.text("status") == "Only three full poses or more can be passed in any order."
+    assert standing.focus == "any-order"
 
 
 REFUSED = {

@@ -325,7 +325,7 @@ def test_the_view_fits_a_new_answer_unless_the_user_has_moved_it(standing) -> No
     before = page.view()
     page.solve()
     assert page.view() == before, "zoomed on purpose since the last answer to this motion"
-    page.click("any-order")
+    page.click("closed")
     page.solve()
     assert page.view() != before and page.in_view(), "another motion"
 
