@@ -162,7 +162,7 @@ export class Driving {
     $("drive-found").replaceChildren(...buttons);
     $("drive-found").hidden = !buttons.length;
     const refused = reply?.refused ?? [];
-    $("drive-refused").replaceChildren(...refused.map(({ kind, link, name, reason }) => element("li", "", `${KINDS[kind] ?? `${kind} spring`} on the ${plain(link)}${name ? ` (${name})` : ""}: ${reason.replace("reach_max", "“pin within”")}.`)));
+    $("drive-refused").replaceChildren(...refused.map(({ kind, link, name, reason }) => element("li", "", `${KINDS[kind] ? `${KINDS[kind]} on the ${plain(link)}` : `${kind} spring, ${link}`}${name ? ` (${name})` : ""}: ${reason.replace("reach_max", "“pin within”")}.`)));
   }
 
   /** Rows [name, value] of what is shown: for the card and for the sheet. */

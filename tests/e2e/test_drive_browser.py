@@ -156,6 +156,25 @@ def test_bad_numbers_are_answered_in_words(opened) -> None:
     assert re.fullmatch(r"time ratio: .*\b5\b.*", opened.text("drive-note")), "by the name of its field"
 
 
+def test_springs_that_are_refused_are_on_no_link(opened) -> None:
+    refused = [
+        {"kind": "tension", "link": "two springs", "name": None, "reason": "no spring of 12 fits"},
+        {"kind": "rotary", "link": "crank", "name": None, "reason": "it does not turn"},
+    ]
+    opened.run(
+        "const own = window.fetch, reply = JSON.stringify(arguments[0]);"
+        "window.fetch = (...a) => (a[0] === '/v1/drives' ? Promise.resolve(new Response(reply)) : own(...a))",
+        {"drives": [], "springs": [], "notes": [], "refused": refused},
+    )
+    fill(opened, kind="rotary", ratio="")
+    found(opened)
+    assert opened.texts("#drive-refused li") == [
+        "tension spring, two springs: no spring of 12 fits.",
+        "drive in a hinge on the crank: it does not turn.",
+    ]
+    opened.reload()
+
+
 def test_a_drive_that_slides_is_told_in_lengths(page) -> None:
     poses = {"rotation": [0, 30, 60, 90], "position": [[0, 0], [120, 40], [200, 120], [220, 220]], "timing": "free"}
     page.take({**poses, "mechanisms": ["rail_slot"], "driver": "cylinder"})
