@@ -147,7 +147,6 @@ export class Board {
     this.draw();
   }
 
-  /** Whether all points lie in the view. */
   holds(points) {
     return points.every((point) => {
       const [x, y] = this.view.at(point);

@@ -3,20 +3,16 @@
 import { text } from "./drawing.js";
 import { $, capital } from "./shell.js";
 
-const EITHER = /^[-+−]?([1-9]\d{0,2}),(\d{3})$/; // 1,000 is a thousand or one
+const EITHER = /^([-+−]?[1-9]\d{0,2}),(\d{3})$/; // a thousand or one
 
 /** A typed number, decimal comma or point; null for an empty entry, NaN for what is none or may be two. */
 export function typed(entry) {
   const plain = entry.trim();
-  if (EITHER.test(plain)) return NaN;
-  return plain === "" ? null : Number(plain.replaceAll("−", "-").replace(/^([-+]?\d*),(\d+)/, "$1.$2"));
+  return plain === "" ? null : EITHER.test(plain) ? NaN : Number(plain.replaceAll("−", "-").replace(/^([-+]?\d*),(\d+)/, "$1.$2"));
 }
 
 /** Why an entry is no number. */
-export function unreadable(entry) {
-  const plain = entry.trim(), either = EITHER.exec(plain);
-  return either ? `“${plain}” may be ${either[1]}${either[2]} or ${either[1]}.${either[2]}: write one of these` : `“${plain.slice(0, 20)}” is not a number`;
-}
+export const unreadable = (entry) => (EITHER.test(entry.trim()) ? entry.trim().replace(EITHER, "“$&” may be $1$2 or $1.$2") : `“${entry.trim().slice(0, 20)}” is not a number`);
 
 /** What is wrong with a typed value, as a sentence without its field's name; null if nothing is. */
 export function wrong(value, entry, { range: [low, high], needed, whole }) {

@@ -39,7 +39,7 @@ let named = "log10"; // the function that was chosen before
 const untouched = JSON.stringify(asIs());
 const draft = new Draft("linkage-atlas-function", (content) => fill(content), clear);
 
-// -- the question -----------------------------------------------------------------------------------------------------
+// -- the question
 
 /** The drawn curve at even x, smoothed over its neighbours: [[x, y], ...] with both in 0 .. 1. */
 function drawnTable() {
@@ -127,7 +127,7 @@ function changed() {
   else sayStatus();
 }
 
-// -- the question as a link and as a draft ----------------------------------------------------------------------------
+// -- the question as a link and as a draft
 
 function fields() {
   return [...$("form").elements].filter((one) => one.id && one.matches("input, select, textarea"));
@@ -190,7 +190,7 @@ function showRequest() {
   try { $("request-text").textContent = JSON.stringify(toRequest(), null, 1); } catch (error) { $("request-text").textContent = error.message; }
 }
 
-// -- the pad ----------------------------------------------------------------------------------------------------------
+// -- the pad
 
 function tracePad() {
   put($("pad").querySelector(".pen"), { d: drawn.length > 1 ? `M${drawn.map((point) => point.map((v) => v.toFixed(1)).join(" ")).join("L")}` : "" });
@@ -220,7 +220,7 @@ function startPad() {
   $("pad-clear").addEventListener("click", () => { drawn = []; tracePad(); changed(); });
 }
 
-// -- the answer -------------------------------------------------------------------------------------------------------
+// -- the answer
 
 function rows(solution) {
   if (solution.guides && solution.lengths) return travelRows(solution, answer.signs);

@@ -50,7 +50,6 @@ function asShown() {
   return { answer, state: results.state };
 }
 
-/** Whether an answer is one to the motion as it is. */
 function fits(one) {
   return Boolean(one) && JSON.stringify(toRequest(editor.motion)) === JSON.stringify(one.request);
 }
@@ -159,7 +158,6 @@ function motionChanged() {
   else if (editor.board.stale || !passed) sayAnswer();
 }
 
-/** Whether a pose or a point is being dragged. */
 const dragged = () => /^drag \d/.test(editor.history.kind ?? "");
 
 /** Lets the answer that is shown follow. */

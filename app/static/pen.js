@@ -5,7 +5,7 @@ import { make, put } from "./drawing.js";
 /** How many points a drawn way becomes, a short one fewer. */
 export const PATH_POINTS = 24;
 
-const APART = 4; // pixels: nearer points would show how the hand trembles
+const APART = 4; // pixels between points
 const TAP = 12; // pixels: a shorter trace is a tap
 const NEAR = 16; // pixels between the ends of a way that counts as closed, or this share of how far it goes
 const NEAR_SHARE = 0.2;
