@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import Field, JsonValue
 
 from app.query import Angles as Unit
@@ -60,6 +61,8 @@ MIN_MAGNITUDE, MAX_MAGNITUDE = 1e-12, 1e12
 """Smallest and largest length, speed or acceleration (other than 0): beyond, squares and cubes leave float64."""
 MAX_SAMPLES = 100_000
 """Times in one motion."""
+EVEN_TIMES = 201
+"""Times of a motion, unless the request says others."""
 MAX_STEPS = 4_000
 """Height steps n of the discrete objective; the largest takes some seconds."""
 MAX_CYLINDERS = 24
@@ -648,7 +651,7 @@ def _move(request: MotionRequest) -> Motion:
     if request.times is not None and request.samples is not None:
         raise FieldError("/times", "give either `times` or `samples`, not both")
     design = Design(**request.design.model_dump())
-    return motion(design, _cylinder(request.cylinder), request.times, request.samples or 201)
+    return motion(design, _cylinder(request.cylinder), request.times, request.samples or EVEN_TIMES)
 
 
 def answer_motion(request: MotionRequest, resources: Resources) -> MotionReply:
@@ -687,16 +690,19 @@ def _forces(request: MotionRequest, moved: Motion) -> ForcesReply | None:
     if given.rod >= given.bore:
         raise FieldError("/pneumatics/rod", "the rod must be thinner than the bore", constraint="rod")
     drive = Drive(**given.model_dump())
-    found = forces(moved, drive)
-    most = float(found.pressure.max())
+    found, duration = forces(moved, drive), float(moved.stroke.duration)
+    # the largest ones are of the whole motion, however few times are asked for
+    times = np.union1d(moved.time, np.linspace(0.0, duration, EVEN_TIMES))
+    every = forces(motion(moved.pose.design, _cylinder(request.cylinder), times), drive)
+    most = float(every.pressure.max())
     return ForcesReply(
         **{name: Numbers(getattr(found, name)) for name in ("weight", "cylinder", "link", "slide", "pressure")},
         pivot_O=Numbers(found.pivot_o),
         pivot_D=Numbers(found.pivot_d),
-        cylinder_max=float(found.cylinder.max()),
-        cylinder_min=float(found.cylinder.min()),
+        cylinder_max=float(every.cylinder.max()),
+        cylinder_min=float(every.cylinder.min()),
         pressure_max=most,
-        bore_min=least_bore(found, drive),
+        bore_min=least_bore(every, drive),
         pressure_is_enough=most <= drive.pressure,
     )
 

@@ -245,6 +245,22 @@ def test_forces_over_the_stroke(client) -> None:
     assert lines[0].endswith("force_weight,force_cylinder,force_link,force_slide,pressure")
 
 
+@pytest.mark.parametrize("when", [{"samples": 2}, {"times": [0.5]}])
+def test_the_largest_forces_are_of_the_whole_motion_however_few_times_are_asked_for(client, when) -> None:
+    design = {"l2": 130.5, "l3": 165.5, "l4": 223.5, "l5": 344.5, "b": 560.3}  # pushes most in the middle
+    cylinder, pneumatics = {"length": 482.2, "speed": 100}, {"load": 500, "mass": 20, "bore": 38, "pressure": 5}
+    fine, few = (
+        client.post(
+            "/v1/lift/motion", json={"design": design, "cylinder": cylinder, "pneumatics": pneumatics, **times}
+        ).json()["forces"]
+        for times in ({"samples": 2001}, when)
+    )
+    for name in ("cylinder_max", "pressure_max", "bore_min"):
+        assert few[name] == pytest.approx(fine[name], rel=1e-4)
+    assert few["cylinder_min"] == pytest.approx(0, abs=1e-9 * fine["cylinder_max"])
+    assert few["pressure_is_enough"] is fine["pressure_is_enough"] is False
+
+
 def test_the_optimum_as_files(client) -> None:
     reply = client.post("/v1/lift/optimize", json=OPTIMIZE).json()
     rows = client.post("/v1/lift/optimize.csv", json=OPTIMIZE).text.splitlines()
