@@ -585,7 +585,8 @@ def answer_curves(request: CurvesRequest, resources: Resources) -> CurvesReply:
     if step < math.radians(MIN_STEP_DEGREES) * (1 - 1e-9):
         raise FieldError("/step", f"the step must be at least {MIN_STEP_DEGREES} degrees")
     frames = {frame for frame, _ in mechanism.points.values()} | {"seat"}
-    mechanism.require_laws(frames, low, high)
+    for end in (low, high):  # between its ends a law may be at rest all the time
+        mechanism.require_laws(frames, end, end)
     for condition in conditions.values():
         condition.check(mechanism)
     driver = np.linspace(low, high, request.samples)

@@ -258,6 +258,14 @@ def test_curves_of_one_pair_hold_its_verdict_and_paths(client, reference) -> Non
     assert len(rows) == 5 and {"alpha", "E1.j", "E2.k", "S10.i", "E1.on_rope"} <= set(rows[0])
 
 
+def test_curves_of_a_part_of_the_turn_where_the_jaw_rests(client) -> None:
+    part, whole = (ask(client, "curves", over=over, samples=3) for over in ([0, 180], [0, 360]))
+    assert part["alpha4"] == pytest.approx([22.5] * 3)
+    assert part["paths"]["S10"][2] == pytest.approx(whole["paths"]["S10"][1])
+    late = ask(client, "curves", over=[340, 360], samples=2)
+    assert late["alpha4"] == [0, 0]
+
+
 def test_fit_reproduces_the_published_patterns_from_a_seeded_start(client) -> None:
     found = ask(client, "fit", seed=1)
     assert found["status"] == "reproduced" and len(found["entries"]) == 16 and found["margin"] > 0
