@@ -81,6 +81,16 @@ REACHES = 1 + 1e-6
 CLOSED = 1e-12
 """Share of its end below which a range is one value, and of a limit that rounding may break."""
 
+RATES = "acceleration<=max", "jerk<=max"
+SLACK_UNITS = {
+    **dict.fromkeys(
+        (*RATES, "extension<=max", "force_ratio<=max", "rise_time>=min", "rise_time<=max"), "of its limit"
+    ),
+    "dead_point>=min": "of the closed length",
+    "transmission>=min": "in the sine of the angle",
+}
+"""What a slack is counted in; a length's in the top height."""
+
 Range = tuple[float | None, float | None]
 
 
@@ -608,10 +618,12 @@ def _lifts(built: Built) -> Flags:
 
 def _none_found(mine: dict[str, float]) -> FieldError:
     """The error that names what the nearest design breaks most."""
+    if mine.get("stopping", 0.0) < 0:  # past where the cylinder comes to rest there are no rates
+        mine = {name: slack for name, slack in mine.items() if name not in RATES}
     if not all(np.isfinite(list(mine.values()))):
         message = "no design was found that meets the stroke with lengths within their ranges"
         return refusal("assembly", "/constraints", 0.0, message)
     name = min(mine, key=mine.__getitem__)
     amount = max(-mine[name], 0.0)
-    message = f"no design within all constraints was found: the nearest fails {name} by {amount:.3g} of its limit"
-    return refusal(name, "/constraints", amount, message)
+    message = f"no design within all constraints was found: the nearest fails {name} by {amount:.3g} "
+    return refusal(name, "/constraints", amount, message + SLACK_UNITS.get(name, "of the top height"))
