@@ -450,14 +450,21 @@ def _constraints(request: OptimizeRequest, given: ConstraintsModel) -> Constrain
     if not least < 0.5 * math.pi:
         raise FieldError("/constraints/transmission_angle_min", "less than a quarter turn is wanted")
 
-    def ranged(values: list[float | None] | None, low: float) -> tuple[float | None, float | None]:
+    def ranged(name: str, values: list[float | None] | None, low: float) -> tuple[float | None, float | None]:
         first, last = values or (low, bound)
+        if first is not None and first > bound:
+            raise FieldError(
+                f"/constraints/{name}", f"{first:.9g} is above `upper_bound`, {bound:.9g}", constraint=name
+            )
         return first, bound if last is None else min(last, bound)
 
+    if given.closed_length is None and request.cylinder.length > bound:
+        message = f"{request.cylinder.length:.9g} is above `upper_bound`, {bound:.9g}: give a `closed_length`"
+        raise FieldError("/cylinder/length", message, constraint="closed_length")
     closed = given.closed_length or (request.cylinder.length, bound)
     left, bottom, right, top = given.envelope
     return Constraints(
-        lengths={name: ranged(getattr(given, name), shortest) for name in ("l2", "l3", "l4", "l5", "b")},
+        lengths={name: ranged(name, getattr(given, name), shortest) for name in ("l2", "l3", "l4", "l5", "b")},
         closed_length=(closed[0] or MIN_MAGNITUDE, bound if closed[1] is None else closed[1]),
         extension_max=given.extension_max,
         dead_point_min=given.dead_point_min,
