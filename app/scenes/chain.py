@@ -294,7 +294,7 @@ class ClosureReply(ReplyModel):
     """What a reply says of every track."""
 
     status: Literal["closed", "slack"] = Field(
-        description="closed: the slot's ends lie on the track. slack: they have a step."
+        description="closed: the chain is taut at some phase, though the slot may end in a step, `end_step`. slack: at none."
     )
     pitch: float
     links: int
