@@ -453,14 +453,17 @@ def _constraints(request: OptimizeRequest, given: ConstraintsModel) -> Constrain
     def ranged(name: str, values: list[float | None] | None, low: float) -> tuple[float | None, float | None]:
         first, last = values or (low, bound)
         if first is not None and first > bound:
-            raise FieldError(
-                f"/constraints/{name}", f"{first:.9g} is above `upper_bound`, {bound:.9g}", constraint=name
-            )
+            field, least = f"/constraints/{name}", f"{first:.9g}"
+            if values is None:
+                field, least = "/upper_bound", f"the least {name}, a tenth of the top height,"
+            message = f"{least} is above `upper_bound`, {bound:.9g}"
+            raise FieldError(field, message, constraint=name, amount=first - bound)
         return first, bound if last is None else min(last, bound)
 
     if given.closed_length is None and request.cylinder.length > bound:
         message = f"{request.cylinder.length:.9g} is above `upper_bound`, {bound:.9g}: give a `closed_length`"
-        raise FieldError("/cylinder/length", message, constraint="closed_length")
+        amount = request.cylinder.length - bound
+        raise FieldError("/cylinder/length", message, constraint="closed_length", amount=amount)
     closed = given.closed_length or (request.cylinder.length, bound)
     left, bottom, right, top = given.envelope
     return Constraints(

@@ -123,9 +123,12 @@ class Table:
             defined = (start <= last and first <= end) or not first < last  # at rest at any single angle
         if defined:
             return None
+        needed = (
+            f"are {np.degrees(first):.9g} to {np.degrees(last):.9g}" if first < last else f"is {np.degrees(last):.9g}"
+        )
         return (
             f"the law is not defined over the whole range: its table covers {np.degrees(start):.9g} to "
-            f"{np.degrees(end):.9g} degrees, needed are {np.degrees(first):.9g} to {np.degrees(last):.9g} degrees"
+            f"{np.degrees(end):.9g} degrees, needed {needed} degrees"
         )
 
 

@@ -572,7 +572,7 @@ def optimize_within(task: Task, limits: Constraints, work: Work | None = None) -
     ------
     FieldError
         Where no design was found that keeps to all: ``constraint`` names the one that the nearest breaks most, and
-        ``amount`` by how much, in units of the limit.
+        ``amount`` by how much, in what `SLACK_UNITS` says.
 
     Law: every slack is at least 0 at any pose, to rounding.
     """
@@ -587,7 +587,9 @@ def optimize_within(task: Task, limits: Constraints, work: Work | None = None) -
         place, merit = search.descend(place, side, FINE_NODES, FINE_ROUNDS, 0.02)
         built = search.space.designs(place, side)
         found = least(slacks(built, task, limits, 2 * FINE_NODES))
-        worst = np.min([np.where(np.isfinite(one), one, -1.0) for one in found.values()], axis=0)
+        resting = np.asarray(found.get("stopping", 0.0)) < 0  # from there on there are no rates
+        lost = {name: np.where(resting, 0.0, -1.0) if name in RATES else -1.0 for name in found}
+        worst = np.min([np.where(np.isfinite(one), one, lost[name]) for name, one in found.items()], axis=0)
         worst = np.where(np.isfinite(merit) & _lifts(built), worst, -1.0)
         admissible = np.nonzero(worst >= -CLOSED)[0]
         if admissible.size:
