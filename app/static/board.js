@@ -12,7 +12,7 @@ const EMPTY = (item) => ({ move: `No ${item}s yet: draw a path or add ${item}s`,
 const HELP = (item, turns) => ({
   move: `Drag a ${item}${turns ? ", or the end of its arm to turn it" : ""}; drag the ground to move the view. Keys: arrows move, ${turns ? "[ and ] turn, " : ""}Page Up and Down select, Enter adds one, Delete removes.`,
   add: `Click the place of the next ${item}; drag one to move it. Keys: Add a ${item}, then arrows move it, and Enter adds the next.`,
-  path: `Drag along the way that a point of the body shall take: it becomes ${PATH_POINTS} points of a new motion. Or click point after point. Keys: Path, then Add a point, arrows and Enter.`,
+  path: `Drag along the way that a point of the body shall take: it becomes at most ${PATH_POINTS} points of a new motion. Or click point after point. Keys: Path, then Add a point, arrows and Enter.`,
   box: "Drag a box that must contain both fixed pivots; drag its corners to change it, or type it under Limits.",
   hand: "Drag a joint of the selected linkage, or type its place, and see its error change. Keys: Tab selects a joint, arrows move it.",
   outline: `Click the corners of the body at its selected ${item}; Enter, or a click on the first corner, closes the outline.`,

@@ -130,7 +130,7 @@ function slot(reply, drawn, hosts) {
   note(hosts.facts, UNIT);
   table(hosts.tables, "Pins that pass a joint: the slot's curvature jumps", [{ name, unit }, "pin", "onto"], reply.crossings.map((one) => [one.theta1 ?? one.position, `P${one.pin}`, one.to ? clip(one.to) : `segment ${one.to_segment}`]));
   powers(hosts.tables, reply.fit, unit);
-  const marks = [curves(hosts.curves, { x: phases, xUnit: unit, list: [{ title: "Slack at the free pin", values: drawn.slot.slack, colour: "path" }] })];
+  const marks = [curves(hosts.curves, { x: made.theta1 ?? made.position, xUnit: unit, list: [{ title: "Slack at the free pin", values: made.slack, colour: "path" }] })];
   if (pins?.theta) {
     const of = (pin, part) => pins.theta.map((row, j) => (pins.segment[j][pin] === part ? row[pin] : null));
     const series = pins.theta[0].flatMap((_, k) => pins.segments.map((part, n) => ({ values: of(k, n), colour: PARTS[part][0], width: k + 1 === made.free_pin ? 3 : 1.4 })));
@@ -176,6 +176,6 @@ export const chain = {
   numbers: ({ pins, outline, ...reply }) => reply,
   async show({ query, request, reply, ask }, hosts) {
     if (query.path === "/v1/chain/tolerance") return tolerance({ reply }, hosts);
-    return slot(reply, reply.outline ? reply : await ask(query.path, drawable(request, Math.min(USUAL, Math.floor(MOST_PINS / reply.links)))), hosts);
+    return slot(reply, reply.pins && reply.outline ? reply : await ask(query.path, drawable({ ...request, fit: null, power_decimals: null }, Math.min(USUAL, Math.floor(MOST_PINS / reply.links)))), hosts);
   },
 };

@@ -1,4 +1,4 @@
-// Typed numbers, with a decimal comma or point. A browser's own fields of numbers may drop the comma and keep the digits: 1,5 as 15.
+// Typed numbers, with a decimal comma or point; a browser's own fields of numbers may read 1,5 as 15.
 
 import { text } from "./drawing.js";
 import { $, capital } from "./shell.js";

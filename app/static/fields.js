@@ -156,7 +156,7 @@ export class Fields {
     onEntry(field, () => {
       const lengths = field.value.split(/[\s;]/.test(field.value.trim()) ? /,?\s+|,$|;/ : ",").filter(Boolean).map((one) => [one, typed(one)]);
       const bad = lengths.find(([, length]) => !(length > 0 && Number.isFinite(length)));
-      this.#blame("stock", bad ? `Stock lengths: “${bad[0].slice(0, 20)}” is not a length.` : null);
+      this.#blame("stock", bad ? `Stock lengths: ${Number.isNaN(bad[1]) ? unreadable(bad[0]) : `“${bad[0]}” is not a length`}.` : null);
       if (!bad) this.edit((m) => { m.stock = lengths.length ? lengths.map(([, length]) => length) : null; }, "stock");
     });
     field.addEventListener("blur", () => { this.settle(); this.show(); });

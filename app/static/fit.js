@@ -38,11 +38,11 @@ export function errorText(value, size, unit) {
 
 export const roundedLinks = ({ links, lengths }) => Object.entries(links ?? lengths ?? {});
 
-/** The largest errors of a solution with links that can be had, or why there are none; null where nothing is rounded. */
+/** The largest errors of rounded links, or why there are none; null where nothing is rounded. */
 export function roundedText({ rounded }, size, unit) {
   if (!rounded?.closes) return rounded?.reason;
   const { position_max, rotation_max } = rounded.errors;
-  return roundedLinks(rounded).length ? [errorText(position_max, size, unit), errorText(rotation_max, 57, "°")].filter(Boolean).join(", ").replace(/^rounding(, rounding)?$/, "exact") : null;
+  return roundedLinks(rounded).length ? [errorText(position_max, size, unit), errorText(rotation_max, 57, "°")].filter(Boolean).join(", ").replace(/^rounding(, rounding)?$/, "exact").replace(/rounding, |, rounding/, "") : null;
 }
 
 /** Rows [name, error with its unit, number of the pose] of the largest errors; the pose is null where nothing is worth naming. */

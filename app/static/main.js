@@ -292,7 +292,7 @@ async function startSearch(near = null) {
   });
 }
 
-/** Lets the service refine the selected linkage from just there; what it becomes takes the place of the one changed by hand. */
+/** Lets the service refine the selected linkage; the result takes the place of the one changed by hand. */
 async function startRefinement() {
   const motion = soundMotion(), begun = results.solution;
   if (!motion || !begun) return;

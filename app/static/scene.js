@@ -46,9 +46,11 @@ function busy(now) {
 async function answer(at = null) {
   running?.abort();
   const mine = new AbortController();
+  let request = null;
   edited = false;
   try {
-    const request = form.read(), begin = performance.now();
+    request = form.read();
+    const begin = performance.now();
     running = mine;
     say("Computing…");
     busy(true);
@@ -62,7 +64,7 @@ async function answer(at = null) {
     own = await toFragment({ query: query.path, request });
     history.replaceState(null, "", `#${own}`);
   } catch (error) {
-    markEarlier(true);
+    markEarlier(edited || answered?.request !== request);
     if (error.name === "AbortError") { if (running === mine) say("Stopped."); return; }
     if (mine === running) form.mark(error.rows ?? []);
     say(error.message, true);
@@ -79,10 +81,10 @@ async function show(answer_, at) {
   }
   $("all").replaceChildren();
   $("all-fold").open = false;
+  showExports();
   run = (await machine.show(answer_, hosts)) ?? null;
   if (at !== null) run?.go(at);
   for (const name of HOSTS) $(`${name}-card`).hidden = !hosts[name].childElementCount && name !== "facts";
-  showExports();
 }
 
 function showExports() {

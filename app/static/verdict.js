@@ -67,7 +67,7 @@ export function judged(verdict, motion, item, drive = "crank", turns = true) {
 export const reasons = (verdict, item) => (verdict.reasons ?? []).map((one) => sentence(one, item));
 
 /** Words of the service, with the page's names of its fields. */
-export const plainWords = (words) => words.replace("limits links ", "given ").replace("`nevertheless` in `solids`", "“even where parts collide”").replaceAll(/`?(?:limits[. ])?([a-z]+_\w+)`?/gi, (all, name) => LIMITS[name.toLowerCase()] ?? all).replaceAll("`", "");
+export const plainWords = (words) => words.replace("limits links ", "given ").replace("`nevertheless` in `solids`", "“even where parts collide”").replaceAll(/`?(?:limits[. ])?\b(?<!constraints )([a-z]+_\w+)`?/gi, (all, name) => LIMITS[name.toLowerCase()] ?? all).replaceAll("`", "");
 
 /** A note of a report in the page's words, as a sentence. */
 export function plainNote(note, item) {

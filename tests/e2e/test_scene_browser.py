@@ -1,5 +1,6 @@
 """The machines' pages in a real browser: each question asked by its form, answered, drawn, run, and restored from a link."""
 
+import base64
 import json
 import time
 from collections.abc import Callable
@@ -245,6 +246,18 @@ def test_a_chain_of_many_samples_or_links_is_drawn(at) -> None:
             field.send_keys(entry)
         asked(page, lambda: page.click("run"))
         assert page.count("#picture .stage") == 2 and page.count("#curves .chart") == (2 if path == "slot" else 1)
+
+
+CHAIN = {"pitch": 131, "links": 16, "upper_radius": 181.78, "phase_start": 50}
+
+
+@pytest.mark.parametrize("more", [{"include": ["outline"]}, {"fit": {"kind": "polynomial", "order": 95}}], ids=str)
+def test_what_else_is_asked_of_a_chain_of_many_samples_does_not_keep_it_from_being_drawn(at, more) -> None:
+    """The drawing takes fewer samples, and so fewer than a fit may need."""
+    asking = {"query": "/v1/chain/slot", "request": CHAIN | {"samples": 4000} | more}
+    page = at("chain", fragment="#j=" + base64.urlsafe_b64encode(json.dumps(asking).encode()).decode().rstrip("="))
+    page.wait(ANSWERED)
+    assert page.count("#picture .stage") == 2 and page.count("#curves .chart") == 2
 
 
 NEAR = """
