@@ -153,7 +153,7 @@ def test_what_is_rounding_alone_is_told_as_nothing(standing) -> None:
     page.mode("hand")
     page.run("window.dispatchEvent(new Event('beforeprint'))")
     shown = [page.value("joint-p-x"), page.value("joint-p-y"), page.text("travel"), page.content("sheet")]
-    assert not any(re.search(r"\de-\d", one) for one in shown), shown
+    assert all(shown) and not any(re.search(r"\de-\d", one) for one in shown), shown
     page.mode("move")
 
 
