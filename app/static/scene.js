@@ -2,6 +2,7 @@
 
 import { everything } from "./answer.js";
 import { chain } from "./chain.js";
+import { button } from "./drawing.js";
 import { buildForm } from "./form.js";
 import { fromFragment, toFragment } from "./link.js";
 import { knotter } from "./knotter.js";
@@ -89,15 +90,14 @@ async function show(answer_, at) {
 
 function showExports() {
   const { query: asked, request, sent, reply } = answered, name = asked.command.replaceAll(" ", "-");
-  const button = (format, save) => {
-    const made = Object.assign(document.createElement("button"), { type: "button", textContent: format.toUpperCase() });
+  const saves = (format, save) => {
+    const made = button(format.toUpperCase(), () => save().catch((error) => say(error.message, true)));
     made.dataset.format = format;
-    made.addEventListener("click", () => save().catch((error) => say(error.message, true)));
     return made;
   };
   $("exports").replaceChildren(
-    button("json", async () => download(new Blob([JSON.stringify({ request: sent, reply }, null, 1)], { type: "application/json" }), `${name}.json`)),
-    ...asked.exports.map((format) => button(format, async () => download(await (await ask(`${asked.path}.${format}`, request)).blob(), `${name}.${format}`))),
+    saves("json", async () => download(new Blob([JSON.stringify({ request: sent, reply }, null, 1)], { type: "application/json" }), `${name}.json`)),
+    ...asked.exports.map((format) => saves(format, async () => download(await (await ask(`${asked.path}.${format}`, request)).blob(), `${name}.${format}`))),
   );
 }
 

@@ -1,6 +1,6 @@
 // The guided tour in five steps, and the words of the trade explained where they appear.
 
-import { element } from "./drawing.js";
+import { button, element } from "./drawing.js";
 import { $ } from "./shell.js";
 
 const STEPS = [
@@ -24,17 +24,16 @@ const TERMS = {
 export function explainTerms() {
   for (const word of document.querySelectorAll("[data-term]")) {
     const name = word.dataset.term, note = element("span", "explanation", TERMS[name]);
-    const button = Object.assign(element("button", "explain", "?"), { type: "button" });
-    note.hidden = true;
-    note.setAttribute("role", "note");
-    button.setAttribute("aria-label", `What is meant by ${name}`);
-    button.setAttribute("aria-expanded", "false");
-    button.addEventListener("click", (event) => {
+    const asks = button("?", (event) => {
       event.preventDefault();
       note.hidden = !note.hidden;
-      button.setAttribute("aria-expanded", String(!note.hidden));
-    });
-    word.after(button);
+      asks.setAttribute("aria-expanded", String(!note.hidden));
+    }, "explain");
+    note.hidden = true;
+    note.setAttribute("role", "note");
+    asks.setAttribute("aria-label", `What is meant by ${name}`);
+    asks.setAttribute("aria-expanded", "false");
+    word.after(asks);
     (word.closest(".across, .preset > .check") ?? word.closest(".field") ?? word.parentNode).after(note);
   }
 }
