@@ -11,7 +11,7 @@ const SHARE = 0.8; // of a budget, which a search that ended by itself did not u
 /** An error reply (problem+json) of the service; the message names at most three wrong fields. */
 class Problem extends Error {
   constructor(status, body) {
-    const rows = (body?.errors ?? []).map((row) => `${(row.pointer ?? "").replace(/^#\/?/, "").replaceAll("/", " ") || "request"}: ${row.detail}`);
+    const rows = (body?.errors ?? []).map((row) => `${(row.pointer ?? "").replace(/^#\/?/, "").replaceAll("/", " ").replace(/(?<= )\d+\b/g, (k) => +k + 1) || "request"}: ${row.detail}`);
     const said = rows.slice(0, 3).join("; ") || body?.detail || `The service answered with ${status}`;
     super(capital(plainWords(`${said}${/[.!?]$/.test(said) ? "" : "."}`)));
     this.status = status;

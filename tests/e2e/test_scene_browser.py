@@ -156,6 +156,7 @@ def test_what_is_wrong_in_a_row_is_said_at_its_field(at) -> None:
     page.click("run")
     page.wait("document.getElementById('status').classList.contains('bad')")
     assert page.active == lengths[1] and page.count("#fields .invalid") == 1
+    assert page.text("status") == "Cylinders 2 length: Field required."
 
 
 def test_an_answer_of_an_earlier_request_says_so(at) -> None:
