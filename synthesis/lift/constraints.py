@@ -81,11 +81,9 @@ REACHES = 1 + 1e-6
 CLOSED = 1e-12
 """Share of its end below which a range is one value, and of a limit that rounding may break."""
 
-RATES = "acceleration<=max", "jerk<=max"
 SLACK_UNITS = {
-    **dict.fromkeys(
-        (*RATES, "extension<=max", "force_ratio<=max", "rise_time>=min", "rise_time<=max"), "of its limit"
-    ),
+    **dict.fromkeys(("acceleration<=max", "jerk<=max", "extension<=max", "force_ratio<=max"), "of its limit"),
+    **dict.fromkeys(("rise_time>=min", "rise_time<=max"), "of its limit"),
     "dead_point>=min": "of the closed length",
     "transmission>=min": "in the sine of the angle",
 }
@@ -247,8 +245,8 @@ def slacks(built: Built, task: Task, limits: Constraints, nodes: int = SEARCH_NO
         ("jerk", run.jerk, limits.jerk_max),
     ):
         if most is not None:
-            values = np.where(np.isfinite(values), values, np.inf)
-            found[f"{name}<=max"] = 1 - np.abs(values) / most
+            # past where the cylinder rests there are no rates
+            found[f"{name}<=max"] = np.where(np.isnan(speed), 0.0, 1 - np.abs(values) / most)
     if limits.force_ratio_max is not None:
         found["force_ratio<=max"] = 1 - np.abs(pose.gain) / limits.force_ratio_max
     if any(bound is not None for bound in limits.rise_time):
@@ -587,10 +585,8 @@ def optimize_within(task: Task, limits: Constraints, work: Work | None = None) -
         place, merit = search.descend(place, side, FINE_NODES, FINE_ROUNDS, 0.02)
         built = search.space.designs(place, side)
         found = least(slacks(built, task, limits, 2 * FINE_NODES))
-        resting = np.asarray(found.get("stopping", 0.0)) < 0  # from there on there are no rates
-        lost = {name: np.where(resting, 0.0, -1.0) if name in RATES else -1.0 for name in found}
-        worst = np.min([np.where(np.isfinite(one), one, lost[name]) for name, one in found.items()], axis=0)
-        worst = np.where(np.isfinite(merit) & _lifts(built), worst, -1.0)
+        worst = np.min(list(found.values()), axis=0)
+        worst = np.where(np.isfinite(merit) & _lifts(built) & np.isfinite(worst), worst, -np.inf)
         admissible = np.nonzero(worst >= -CLOSED)[0]
         if admissible.size:
             break
@@ -620,8 +616,6 @@ def _lifts(built: Built) -> Flags:
 
 def _none_found(mine: dict[str, float]) -> FieldError:
     """The error that names what the nearest design breaks most."""
-    if mine.get("stopping", 0.0) < 0:  # past where the cylinder comes to rest there are no rates
-        mine = {name: slack for name, slack in mine.items() if name not in RATES}
     if not all(np.isfinite(list(mine.values()))):
         message = "no design was found that meets the stroke with lengths within their ranges"
         return refusal("assembly", "/constraints", 0.0, message)

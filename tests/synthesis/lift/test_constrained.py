@@ -155,6 +155,13 @@ def test_what_cannot_be_kept_is_named(change, constraint) -> None:
     assert caught.value.field.startswith("/constraints")
 
 
+def test_a_cylinder_that_would_rest_is_refused_by_how_little_the_nearest_design_misses() -> None:
+    task, wanted = CASES["default"]
+    with pytest.raises(FieldError) as caught:
+        optimize_within(replace(task, cylinder=Cylinder(220.0, 100.0, -30.0)), wanted)
+    assert caught.value.details["constraint"] == "stopping" and caught.value.details["amount"] < 0.1
+
+
 def test_a_client_that_leaves_ends_the_search() -> None:
     looks = 0
 
