@@ -836,13 +836,16 @@ def answer_fit(request: PatternFitRequest, resources: Resources) -> PatternFitRe
             UnknownRange(name=name, low=scale[name] * low, high=scale[name] * high)
             for name, (low, high) in DEFAULT_RANGES.items()
         ]
-    known, names = dimensions(mechanism), [one.name for one in unknowns]
+    # the spatial angles are the pattern's
+    known, names = sorted({*dimensions(mechanism)} - {"alpha1", "alpha3"}), [one.name for one in unknowns]
+    other = [name for name in names if name not in known]
     for index, one in enumerate(unknowns):
         field = f"/unknowns/{index}"
-        if one.name not in known or names.index(one.name) != index or one.name in ("alpha1", "alpha3"):
-            raise FieldError(
-                f"{field}/name", f"no dimension of this machine, or twice: {one.name}", known=sorted(known)
-            )
+        if one.name in other:
+            message = f"no dimensions of this machine that a fit seeks: {', '.join(other)}"
+            raise FieldError(f"{field}/name", message, known=known)
+        if names.index(one.name) != index:
+            raise FieldError(f"{field}/name", f"{one.name} is sought twice")
         if not one.low < one.high:
             raise FieldError(f"{field}/high", "the range must run from a smaller to a larger value")
         if one.start is not None and not one.low <= one.start <= one.high:

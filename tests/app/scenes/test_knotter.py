@@ -288,6 +288,21 @@ def test_fit_reproduces_the_published_patterns_from_a_seeded_start(client) -> No
         assert verdict["holds"] == entry["wanted"]
 
 
+@pytest.mark.parametrize(
+    ("names", "pointer", "words"),
+    [
+        (["d1", "d98", "S1.j", "d99"], "#/unknowns/1/name", "d98, d99"),
+        (["alpha1"], "#/unknowns/0/name", "alpha1"),
+        (["d1", "d1"], "#/unknowns/1/name", "d1 is sought twice"),
+    ],
+)
+def test_names_that_a_fit_cannot_seek_are_all_named(client, names, pointer, words) -> None:
+    unknowns = [{"name": name, "low": 0, "high": 1} for name in names]
+    (error,) = client.post("/v1/knotter/fit", json={"unknowns": unknowns}).json()["errors"]
+    assert error["pointer"] == pointer and error["detail"].endswith(words)
+    assert "alpha1" not in error.get("known", [])
+
+
 def test_the_smallest_budget_of_a_fit_is_answered_on_a_busy_machine() -> None:
     class Busy(ServiceResources):
         def work(self, budget: float | None = None, cancelled: Any = None) -> la.Work:
