@@ -14,7 +14,7 @@ whose linear rows are the slacks at all poses.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -417,7 +417,7 @@ class Space:
 
 class _Search:
     def __init__(self, task: Task, limits: Constraints, work: Work) -> None:
-        self.space, self.work = Space(task, limits), work
+        self.space, self.limits, self.work = Space(task, limits), limits, work
         self.evaluator = Evaluator(task, work)
         self.weight = WEIGHTS[0]
 
@@ -432,7 +432,7 @@ class _Search:
         In a range the margins meet in the middle at most: one that is a single value has none.
         """
         self.work.go_on()
-        found = slacks(built, self.space.task, self.space.limits, nodes)
+        found = slacks(built, self.space.task, self.limits, nodes)
         less: dict[str, Any] = {
             name: MARGIN if values.shape[1] > 1 else SINGLE_MARGIN for name, values in found.items()
         }
@@ -454,7 +454,7 @@ class _Search:
         places = np.tile(places, (len(both), 1))
         built = self.space.designs(places, sides)
         self.work.go_on()
-        found = least(slacks(built, self.space.task, self.space.limits, COARSE_NODES))
+        found = least(slacks(built, self.space.task, self.limits, COARSE_NODES))
         missing = np.sum([np.where(np.isfinite(one), np.clip(-one, 0.0, 1.0), 1.0) for one in found.values()], axis=0)
         near = np.argsort(missing, kind="stable")[:NEAR]
         value = self.objective(built.taken(near)) + self.weight * missing[near] / 10
@@ -577,7 +577,10 @@ def optimize_within(task: Task, limits: Constraints, work: Work | None = None) -
     check_task(task)
     check_constraints(limits, task.high)
     search = _Search(task, limits, work or Work())
-    for search.weight in WEIGHTS:
+    # last with l2 and l3 as free as the other lengths, to name their ranges where these cannot be kept
+    free = replace(limits, lengths=dict.fromkeys(("l2", "l3"), (None, task.upper_bound)))
+    for search.weight, ranges in zip((*WEIGHTS, WEIGHTS[1]), (limits, limits, free)):
+        search.space = Space(task, ranges)
         place, side = search.spread()
         place, merit = search.descend(place, side, SEARCH_NODES, ROUNDS, REACH)
         order = np.argsort(merit, kind="stable")[:LAST]
@@ -615,11 +618,12 @@ def _lifts(built: Built) -> Flags:
 
 
 def _none_found(mine: dict[str, float]) -> FieldError:
-    """The error that names what the nearest design breaks most."""
-    if not all(np.isfinite(list(mine.values()))):
+    """The error that names what the nearest design breaks, the most broken first."""
+    broken = {name: -mine[name] for name in sorted(mine, key=mine.__getitem__) if not mine[name] >= -CLOSED}
+    if not broken or not all(map(np.isfinite, broken.values())):
         message = "no design was found that meets the stroke with lengths within their ranges"
         return refusal("assembly", "/constraints", 0.0, message)
-    name = min(mine, key=mine.__getitem__)
-    amount = max(-mine[name], 0.0)
-    message = f"no design within all constraints was found: the nearest fails {name} by {amount:.3g} "
-    return refusal(name, "/constraints", amount, message + SLACK_UNITS.get(name, "of the top height"))
+    fails = (f"{name} by {by:.3g} {SLACK_UNITS.get(name, 'of the top height')}" for name, by in broken.items())
+    message = f"no design within all constraints was found: the nearest fails {', '.join(fails)}"
+    name, amount = next(iter(broken.items()))
+    return refusal(name, "/constraints", amount, message)

@@ -142,6 +142,8 @@ def test_a_box_may_end_at_the_top_of_the_stroke_and_not_below() -> None:
     ("change", "constraint"),
     [
         ({"jerk_max": 1e-3}, "jerk<=max"),
+        ({"lengths": LOOSE.lengths | {"l2": (51.0, 60.0)}}, "l2<=max"),
+        ({"lengths": LOOSE.lengths | {"l3": (300.0, 400.0)}}, "l3>=min"),
         ({"rise_time": (5.0, 4.0)}, "rise_time"),
         ({"envelope": (None, 5.0, None, None)}, "envelope"),
         ({"closed_length": (300.0, 200.0)}, "closed_length"),
@@ -153,6 +155,14 @@ def test_what_cannot_be_kept_is_named(change, constraint) -> None:
         optimize_within(task, replace(wanted, **change))
     assert caught.value.details["constraint"] == constraint
     assert caught.value.field.startswith("/constraints")
+
+
+def test_limits_that_the_nearest_design_breaks_alike_are_all_named() -> None:
+    task, wanted = CASES["default"]
+    with pytest.raises(FieldError) as caught:
+        optimize_within(task, replace(wanted, lengths=wanted.lengths | {"l2": (None, 5.0)}))
+    assert "jerk<=max by" in caught.value.message and "l2<=max by" in caught.value.message
+    assert caught.value.details["amount"] < 0.2
 
 
 def test_a_cylinder_that_would_rest_is_refused_by_how_little_the_nearest_design_misses() -> None:
