@@ -538,8 +538,9 @@ def _program(
     full = np.zeros((n, m + 2 * k + 1, k + 1))
     full[:, :m, :k], full[:, :m, k], full[:, m, k] = matrix, 1.0, 1.0
     full[:, m + 1 : m + 1 + k, :k], full[:, m + 1 + k :, :k] = unit, -unit
-    low = np.minimum(reach[:, None], np.maximum(place - STEP, STEP))
-    high = np.minimum(reach[:, None], np.maximum(1 - STEP - place, STEP))
+    # to the ends of the ranges, less the steps of the slopes, and with room for a point inside
+    low = np.minimum(reach[:, None], np.maximum(place - 2 * STEP, 1e-3 * STEP))
+    high = np.minimum(reach[:, None], np.maximum(1 - 2 * STEP - place, 1e-3 * STEP))
     bound = np.concatenate([rows, np.zeros((n, 1)), low, high], axis=1)
     inside = np.zeros((n, k + 1))
     inside[:, k] = np.maximum(0.0, -rows.min(axis=1)) + 0.1
