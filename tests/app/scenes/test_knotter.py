@@ -267,7 +267,7 @@ def test_curves_of_a_part_of_the_turn_where_the_jaw_rests(client) -> None:
 
 
 def test_fit_reproduces_the_published_patterns_from_a_seeded_start(client) -> None:
-    found = ask(client, "fit", seed=1)
+    found = ask(client, "fit", seed=1, budget_ms=30_000)
     assert found["status"] == "reproduced" and len(found["entries"]) == 16 and found["margin"] > 0
     assert all(entry["margin"] > 0 for entry in found["entries"])
     query = next(query for query in scene_queries() if query.path == "/v1/knotter/fit")
