@@ -60,7 +60,7 @@ SPREAD = 4096
 COARSE_NODES = 17
 NEAR = 1024
 """Designs of the first look whose objective is computed: those that break the constraints least."""
-STARTS = 16
+STARTS = 32
 APART = 0.08
 """Distance between two starts, in units of the ranges."""
 ROUNDS, FINE_ROUNDS = 30, 20
