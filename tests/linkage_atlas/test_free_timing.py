@@ -124,7 +124,7 @@ TRIANGLE, SQUARE = [[0, 0], [10, 0], [5, 8]], [[0, 0], [10, 0], [10, 10], [0, 10
 @pytest.mark.parametrize("points", some_of([TRIANGLE, LETTER_D, SQUARE], 1))
 def test_a_closed_way_keeps_its_limits_on_the_way_back_too(points) -> None:
     """From the last point the crank turns on to the first: a transmission angle below the limit there is met at every turn."""
-    found = la.synthesize(position=points, timing="free", closed=True, assembly=True)
+    found = la.synthesize(position=points, timing="free", closed=True, assembly=True, top=4)
     assert len(found) > 2
     for one in found:
         turned = one.linkage.joints(np.linspace(0, 360, 721)).transmission_angle.min()
@@ -181,7 +181,10 @@ def test_that_a_body_only_turns_is_said(mechanisms, size) -> None:
     assert not la.Motion([0, 90], [[0, 0], [5, 5]], timing="free").notes(), "two poses are always turns about a point"
 
 
-@pytest.mark.parametrize("mechanisms", [["four_bar"], ["slider_crank", "swinging_block"], ["rail_slot", "two_slots"]])
+KINDS_IN_TURN = [["four_bar"], ["rail_slot", "two_slots"], ["slider_crank", "swinging_block"]]
+
+
+@pytest.mark.parametrize("mechanisms", some_of(KINDS_IN_TURN, 2))
 def test_files_show_the_first_sample_wherever_on_the_way_it_is(mechanisms, tmp_path) -> None:
     order = np.array([2, 0, 4, 1, 3])
     turned = np.array([8.0, 23, 35, 52, 64])[order]
@@ -240,10 +243,10 @@ def test_a_table_tells_what_was_asked_for_as_it_was(kind, tmp_path) -> None:
     assert np.allclose(places, [place for place in points if place])
 
 
-KINDS = ("four_bar", "slider_crank", "swinging_block", "rail_slot")
+KINDS = ("four_bar", "rail_slot", "slider_crank", "swinging_block")
 
 
-@pytest.mark.parametrize(("kind", "way"), some_of([(kind, way) for way in (-1, 1) for kind in KINDS], 4))
+@pytest.mark.parametrize(("kind", "way"), some_of([(kind, way) for way in (-1, 1) for kind in KINDS], 2))
 def test_files_show_the_first_sample_whichever_way_the_drive_goes(kind, way, tmp_path) -> None:
     turned, points = np.array([0, 20, 45, 70]), np.array([[0, 0], [20, 2 * way], [40, 15 * way], [50, 30 * way]])
     found = la.synthesize(way * turned, points, timing="free", mechanisms=[kind], limits={"preset": "none"}, top=3)
@@ -390,10 +393,10 @@ def test_no_answer_hangs_a_large_body_on_tiny_links():
     assert min(tiny.links._asdict().values()) < 0.03 * extent and tiny.verdict.practical  # asked for
 
 
-SHORT = [{"pivot_box": [60, 0, 60.5, 0.5]}, {"link_max": 1}, {"pivot_a": [60, 0], "pivot_b": [60, 0.8]}]
+SHORT = [{"link_max": 1}, {"pivot_box": [60, 0, 60.5, 0.5]}, {"pivot_a": [60, 0], "pivot_b": [60, 0.8]}]
 
 
-@pytest.mark.parametrize("limits", some_of([*SHORT, {"links": {"crank": 1}}], 2))
+@pytest.mark.parametrize("limits", some_of([*SHORT, {"links": {"crank": 1}}], 1))
 def test_short_links_that_a_request_needs_are_allowed(limits):
     assert la.synthesize(position=CORNER, timing="free", limits=limits, top=1).solutions
 
@@ -422,7 +425,7 @@ def test_that_only_cranks_that_turn_fully_were_looked_for_is_said_where_others_w
     poses = ([0, 15, 35, 60, 85], [[0, 0], [20, 180], [90, 340], [210, 460], [360, 520]])
     several = {"mechanisms": ["four_bar", "rail_slot"]}
     asked = [{}, several, {"limits": {"family": "any"}}, {"limits": {"family": "crank_rocker"}}, {"closed": True}]
-    asked += [{"tolerances": {"rotation": 2, "position": 20}}]
+    asked += [{"tolerances": {"rotation": 2, "position": 20}, "prefer": "error"}]
     found = [la.synthesize(*poses, timing="free", top=3, **more) for more in asked]
     full, _, swings, *_ = found
     assert swings.best.errors.objective < 0.7 * full.best.errors.objective
@@ -593,7 +596,7 @@ def test_a_closed_way_counts_the_turn_back_too(last: list[list[float]]) -> None:
 
 
 def test_what_turns_on_sliders_is_told_alike() -> None:
-    rotation, places = [0, *[None] * 5, 150], [[12 * k, k * (6 - k)] for k in range(7)]
+    rotation, places = [0, *[None] * 3, 150], [[18 * k, 2 * k * (4 - k)] for k in range(5)]
     for one in la.synthesize(rotation, places, **FREE, mechanisms=["slider_crank", "rail_slot"]):
         told = bool(_told(one))
         travel = one.travel if one.crank_angle is None else one.crank_angle
@@ -615,7 +618,10 @@ def test_given_lengths_that_keep_a_limit_are_found(family: str, lengths: tuple[i
     assert found.best.transmission_angle_min >= least - 1e-6 and found.best.errors.objective < 0.13
 
 
-@pytest.mark.parametrize(("shape", "points", "wobble"), [("line", 60, 3.0), ("line", 24, 1.5), ("hook", 12, 1.5)])
+DRAWN = [("line", 24, 1.5), ("hook", 12, 1.5), ("line", 60, 3.0)]
+
+
+@pytest.mark.parametrize(("shape", "points", "wobble"), some_of(DRAWN, 2))
 def test_of_those_about_as_good_the_best_proportioned_comes_first(shape: str, points: int, wobble: float) -> None:
     asked = drawn(shape, points, wobble)
     found = la.synthesize(**asked)

@@ -12,7 +12,7 @@ from tests.conftest import some_of
 from tests.oracles.classes import make_case
 
 ROOT = Path(__file__).parents[2]
-LINE = np.column_stack([np.linspace(0, 70, 24), np.zeros(24)])
+LINE = np.column_stack([np.linspace(0, 70, 12), np.zeros(12)])
 CASEMENT = {
     "rotation": [0, 8, 17, 27, 38, 50, 62, 75],
     "position": [[0, 0], [40, 8], [80, 22], [118, 42], [150, 66], [178, 95], [198, 128], [210, 160]],
@@ -47,7 +47,7 @@ def by_error() -> la.Solution:
     return la.synthesize(**CASEMENT, prefer="error", top=1).best
 
 
-@pytest.mark.parametrize("prefer", some_of(["size", "transmission", "crank_span"], 2))
+@pytest.mark.parametrize("prefer", some_of(["transmission", "size", "crank_span"], 1))
 def test_what_is_preferred_is_searched_for(prefer: str, by_error: la.Solution) -> None:
     found = la.synthesize(**CASEMENT, prefer=prefer, top=3)
     assert found.status == "reached" and all(one.verdict.within_tolerance for one in found.solutions)

@@ -19,23 +19,25 @@ def as_over_http(one: la.Solution) -> dict:
 
 LIMITS = [
     {"pivot_box": [7.0, 7.0, 151, 91], "transmission_angle_min": 60, "link_max": 165.2},
-    {"pivot_b": [150, 90], "keep_out": [[0, 0, 8, 8]]},
-    {"links": {"crank": 19.3, "ground": 166.1}},
-    {"coupler_radius_max": 19.5, "pivot_a_box": [5, 5, 7, 7]},
-    {"envelope": [-22, 6, 151, 95]},
+    {"pivot_b": [150, 90], "keep_out": [[0, 0, 8, 8]], "envelope": [-22, 6, 151, 95]},
+    {"links": {"crank": 19.3, "ground": 166.1}, "coupler_radius_max": 19.5, "pivot_a_box": [5, 5, 7, 7]},
     {"transmission_angle_min_turn": 67.4, "link_ratio_max": 8.2},
     {"link_min": 18.9, "family": "crank_rocker"},
     {"pivot_a": [7, 7], "pivot_b": [150, 90]},
     {"pivot_a": [7.5, 6.5]},
-    # one of those that stand together above
+    # those that stand together above
     {"transmission_angle_min": 79.5},
     {"link_max": 165.2},
     {"pivot_box": [7.0, 7.0, 151, 91]},
+    {"pivot_b": [150, 90], "keep_out": [[0, 0, 8, 8]]},
+    {"envelope": [-22, 6, 151, 95]},
+    {"links": {"crank": 19.3, "ground": 166.1}},
+    {"coupler_radius_max": 19.5, "pivot_a_box": [5, 5, 7, 7]},
 ]
 
 
 @pytest.mark.parametrize(
-    ("grid", "limits"), some_of([(grid, one) for grid in (2.0, 5.0) for one in LIMITS], 5), ids=str
+    ("grid", "limits"), some_of([(grid, one) for grid in (2.0, 5.0) for one in LIMITS], 3), ids=str
 )
 def test_rounded_links_keep_to_the_limits(grid, limits) -> None:
     found = la.synthesize(**EXAMPLE, top=1, limits=limits, round_to=grid, tolerance=1e-6)
@@ -141,13 +143,16 @@ def test_why_no_lengths_do_is_said() -> None:
 
 @pytest.mark.parametrize(
     ("points", "span", "lengths"),
-    [
-        ([[-88, 163], [-94, 131], [-95, 100], [-87, 78], [-79, 56]], 105, [70, 135, 15, 65]),
-        ([[50, -219], [-26, -205], [-84, -168], [-125, -114], [-144, -50]], -100, [85, 130, 15, 50]),
-        # one as long as link_max
-        ([[263, -20], [284, -91], [267, -165], [218, -214], [151, -240]], -115, [150, 395, 400, 130]),
-    ],
-    ids=["70", "85", "150"],
+    some_of(
+        [
+            ([[-88, 163], [-94, 131], [-95, 100], [-87, 78], [-79, 56]], 105, [70, 135, 15, 65]),
+            # one as long as link_max
+            ([[263, -20], [284, -91], [267, -165], [218, -214], [151, -240]], -115, [150, 395, 400, 130]),
+            ([[50, -219], [-26, -205], [-84, -168], [-125, -114], [-144, -50]], -100, [85, 130, 15, 50]),
+        ],
+        2,
+    ),
+    ids=["70", "150", "85"],
 )
 def test_what_rounding_found_is_found_when_its_lengths_are_given(points, span, lengths) -> None:
     asked = {"position": points, "crank_span": span, "top": 1}
