@@ -14,10 +14,10 @@ from tests.oracles.guided_cases import DRIVES, NAMES, random_case
 from tests.oracles.guided_tracker import follow
 
 
-@pytest.mark.parametrize("cases", some_of([2, 12], 1))
+@pytest.mark.parametrize("cases", some_of([1, 12], 1))
 @pytest.mark.parametrize(("guide", "driver", "other"), DRIVES, ids=NAMES)
 def test_what_is_said_is_what_following_the_linkage_finds(guide, driver, other, cases) -> None:
-    random = np.random.default_rng(21)
+    random = np.random.default_rng(24)  # with it the first cases are driven, not driven, or on two circuits
     seen = 0
     while seen < cases:
         case = random_case(random, guide, driver, other)

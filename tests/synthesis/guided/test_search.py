@@ -34,7 +34,7 @@ def least(solutions: list[GuidedSolution]) -> dict[str, float]:
     return found
 
 
-@pytest.mark.parametrize(("samples", "cases"), some_of([(5, 2), (10, 2), (5, 6), (10, 6), (6, 4), (30, 4)], 2))
+@pytest.mark.parametrize(("samples", "cases"), some_of([(5, 1), (10, 1), (5, 6), (10, 6), (6, 4), (30, 4)], 2))
 @pytest.mark.parametrize("kind", KINDS)
 def test_exact_motions_come_back(kind, samples, cases):
     random = np.random.default_rng(samples)
@@ -54,7 +54,7 @@ def test_four_poses_have_one_linkage_of_rail_and_slot():
 
 
 @pytest.mark.parametrize("kinds", some_of([["slider_crank", "rail_slot"], [*KINDS]], 1), ids=len)
-@pytest.mark.parametrize("samples", [2, 3])
+@pytest.mark.parametrize("samples", some_of([3, 2], 1))
 def test_few_poses_have_a_choice(samples, kinds):
     rotation, position, _ = random_motion(np.random.default_rng(1), "rail_slot", samples)
     limits = Limits(family="any", transmission_angle_min=np.deg2rad(40))
