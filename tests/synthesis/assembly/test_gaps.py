@@ -82,7 +82,7 @@ def test_closed_forms() -> None:
 lengths = st.lists(st.floats(0.1, 1.0), min_size=4, max_size=4)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(lengths, st.sampled_from([-1, 1]), st.integers(0, 2**32 - 1))
 def test_no_body_leaves_its_enclosure(links, branch, seed) -> None:
     """Cells of all widths, also next to dead positions, where the loop closes over all of them."""

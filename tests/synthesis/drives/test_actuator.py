@@ -36,7 +36,7 @@ def random_question(seed: int, grid: int = 60) -> tuple[Question, Actuator]:
     return Question(link, machine.at, torque, wanted, grid), Actuator(stroke * rng.uniform(1.1, 2.5), stroke)
 
 
-@pytest.mark.parametrize("seed", some_of(sorted(range(24), key=lambda seed: seed not in (13, 16, 20)), 11))
+@pytest.mark.parametrize("seed", some_of(sorted(range(24), key=lambda seed: seed not in (13, 16, 20)), 7))
 def test_no_grid_four_times_as_fine_finds_a_smaller_force(seed: int) -> None:
     """The first three questions are refused."""
     asked, actuator = random_question(seed)
@@ -218,7 +218,7 @@ def test_the_ground_point_lies_in_a_box_as_thin_as_a_line(low: float, height: fl
         assert box[1] - 1e-9 <= found.ground.imag <= box[3] + 1e-9
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", some_of(range(8), 3))
 def test_a_placement_is_found_again_within_its_own_reach_arm_and_distance(seed: int) -> None:
     rng = np.random.default_rng(seed)
     machine = hinged_at(0j, 0.2, 1.0, np.linspace(0.0, rng.uniform(0.3, 2.0), SAMPLES))

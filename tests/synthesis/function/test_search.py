@@ -10,6 +10,7 @@ from synthesis.function.answers import finished
 from synthesis.function.search import Problem, generate, refit
 from synthesis.function.wanted import Wanted
 from synthesis.work import Work
+from tests.conftest import some_of
 from tests.oracles.function_cases import CLASSES, function_case, recompute_rms, zeros_kept
 
 LOGARITHM = {"name": "log10", "x": [1, 2], "output_span": 90}
@@ -65,12 +66,15 @@ def test_generators_are_the_same_alone_and_among_others(largest: bool) -> None:
 
 @pytest.mark.parametrize(
     ("function", "span", "limits", "known"),
-    [
-        (LOGARITHM, 60, {"transmission_angle_min": 30}, 0.04694),
-        (SQUARE, 90, {}, 0.05905),
-        ({"name": "sin", "x": [0, 90], "output_span": 60}, 120, {}, 0.04023),
-        ({"name": "power", "exponent": 1.5, "x": [1, 4], "output_span": 90}, 90, {}, 0.004855),
-    ],
+    some_of(
+        [
+            (LOGARITHM, 60, {"transmission_angle_min": 30}, 0.04694),
+            ({"name": "power", "exponent": 1.5, "x": [1, 4], "output_span": 90}, 90, {}, 0.004855),
+            (SQUARE, 90, {}, 0.05905),
+            ({"name": "sin", "x": [0, 90], "output_span": 60}, 120, {}, 0.04023),
+        ],
+        2,
+    ),
 )
 def test_the_least_largest_error_is_the_best_known(function, span, limits, known) -> None:
     found = la.function(function=function, crank_span=span, objective="max", limits=limits, top=3)

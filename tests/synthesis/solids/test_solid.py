@@ -36,7 +36,7 @@ def fitted() -> list[Any]:
 @pytest.mark.parametrize(("fit", "name", "boards", "heads", "body"), fitted())
 def test_no_two_parts_overlap_anywhere(name, boards, heads, body, fit) -> None:
     solids = built(name, boards, heads, fit, body)
-    deep, who = deepest(solids, 50)
+    deep, who = deepest(solids, 20)
     assert deep <= 1e-9, who
     names = [part.name for part in solids.parts]
     assert len(set(names)) == len(names)
