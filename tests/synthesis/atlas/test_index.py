@@ -36,7 +36,7 @@ from synthesis.target import Target
 from synthesis.work import Cancelled, Work
 from tests.conftest import PATIENCE, make_atlas, some_of
 
-RULE = AtlasRule(TypeRule(36, 2, OrderRule.FULL_CRANK), 32)
+RULE = AtlasRule(TypeRule(28, 2, OrderRule.FULL_CRANK), 32)
 PARTS = ["cells", "short_spans", "positions"]
 
 
@@ -381,7 +381,7 @@ def test_where_the_disk_has_little_left_an_index_of_windows_is_made_in_memory_or
     path, in_memory, most, monkeypatch, caplog
 ) -> None:
     free = shutil.disk_usage(path.parent)
-    monkeypatch.setattr(window_index.shutil, "disk_usage", lambda folder: free._replace(free=1 << 20))
+    monkeypatch.setattr(window_index.shutil, "disk_usage", lambda folder: free._replace(free=1 << 17))
     monkeypatch.setattr(preparation, "MOST_IN_MEMORY", most)
     atlas = opened(path)
     atlas.prepare()
@@ -391,7 +391,7 @@ def test_where_the_disk_has_little_left_an_index_of_windows_is_made_in_memory_or
     assert same(atlas.scan.best(target(0), 5), in_memory.best(target(0), 5))
 
 
-@pytest.mark.parametrize("steps", [0, 3, 30])
+@pytest.mark.parametrize("steps", [0, 3, 12])
 def test_making_an_index_of_windows_that_is_ended_leaves_no_file_open(path, steps) -> None:
     class Ended(Exception):
         pass
