@@ -26,11 +26,11 @@ from tests.oracles import naive
 
 ATLASES = {
     "increasing": AtlasRule(TypeRule(70, 9, OrderRule.INCREASING), 64),
-    "crank_shortest": AtlasRule(TypeRule(56, 8, OrderRule.CRANK_SHORTEST), 32),
+    "crank_shortest": AtlasRule(TypeRule(52, 8, OrderRule.CRANK_SHORTEST), 32),
     "full_crank": AtlasRule(TypeRule(52, 8, OrderRule.FULL_CRANK), 32),
-    "coarse": AtlasRule(TypeRule(52, 8, OrderRule.FULL_CRANK), 16),
+    "coarse": AtlasRule(TypeRule(46, 7, OrderRule.FULL_CRANK), 16),
 }
-"""From 45 to 84 types each: most of the time goes to the twin, and each has series with and without a second level of cells."""
+"""From 42 to 84 types each: most of the time goes to the twin, and each has series with and without a second level of cells."""
 OWN = {name: getattr(scan_cells, name) for name in ("LEAF", "FEWEST")}
 """The product's own thresholds: how many types a cell has, and how many make cells at all."""
 KINDS = ("rotation", "both", "position")
