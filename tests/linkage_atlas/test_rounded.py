@@ -19,8 +19,8 @@ def as_over_http(one: la.Solution) -> dict:
 
 LIMITS = [
     {"pivot_box": [7.0, 7.0, 151, 91], "transmission_angle_min": 60, "link_max": 165.2},
-    {"pivot_b": [150, 90], "keep_out": [[0, 0, 8, 8]], "envelope": [-22, 6, 151, 95]},
-    {"links": {"crank": 19.3, "ground": 166.1}, "coupler_radius_max": 19.5, "pivot_a_box": [5, 5, 7, 7]},
+    {"pivot_b": [150, 90], "keep_out": [[0, 8, 8, 14]], "envelope": [-22, 6, 151, 95]},
+    {"links": {"crank": 19.3, "ground": 166.1}, "coupler_radius_max": 19.5, "pivot_a_box": [6, 5, 8, 7]},
     {"transmission_angle_min_turn": 67.4, "link_ratio_max": 8.2},
     {"link_min": 18.9, "family": "crank_rocker"},
     {"pivot_a": [7, 7], "pivot_b": [150, 90]},
