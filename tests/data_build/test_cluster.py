@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 import linkage_atlas as la
+from tests.app.test_study import study
 from tests.conftest import PATIENCE
 
 ROOT = Path(__file__).parents[2]
@@ -72,9 +73,7 @@ def test_a_study_that_loses_a_worker_gives_the_same_bytes(cluster, tmp_path) -> 
         rows.append({"rotation": crank.joints(np.linspace(0, 90, 9)).rotation.tolist(), "crank_span": 90, "top": 1})
     requests, folder = tmp_path / "requests.ndjson", tmp_path / "beside"
     requests.write_text("".join(json.dumps(row) + "\n" for row in rows))
-    alone = command("study", requests, "--jobs", "1", "--out", tmp_path / "alone.ndjson")
-    output, _ = alone.communicate(timeout=PATIENCE)
-    assert alone.returncode == 0, output
+    assert study(requests, "--jobs", "1", "--out", tmp_path / "alone.ndjson") == 0
     folder.mkdir()
     process = command("study", requests, "--scheduler", cluster.scheduler_address, "--out", folder / "out.ndjson")
     lose_a_worker(cluster, process, folder, 5_000)
