@@ -27,7 +27,7 @@ from data_build.cli import EXIT_DAMAGED, EXIT_FAILED, EXIT_INTERRUPTED, EXIT_OK,
 from synthesis.atlas.file import encode_atlas, load_atlas, write_image
 from synthesis.atlas.table import COLUMNS, CURVE, UNITS, AtlasRule
 from synthesis.fourbar.dimension_types import TypeRule, count_types, enumerate_types
-from tests.conftest import PATIENCE, make_atlas, until
+from tests.conftest import PATIENCE, make_atlas, some_of, until
 from tests.data_build.conftest import OPTIONS, RULE, Here, left_in, start
 
 SLOW = ["--perimeter", "400", "--samples", "64", "--jobs", "2"]
@@ -298,7 +298,7 @@ def test_a_terminal_gets_a_progress_bar(out) -> None:
     assert build.returncode == EXIT_OK and "shard" in drawn and "100%" in drawn
 
 
-@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("sent", some_of([signal.SIGTERM, signal.SIGINT], 1))
 def test_an_interrupted_build_exits_130_and_keeps_its_parts(sent, out) -> None:
     build = start("--out", out, *SLOW)
     parts = out.with_name("atlas.h5.parts")
