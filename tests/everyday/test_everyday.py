@@ -15,8 +15,9 @@ from tests.everyday.battery import BUDGETS, CLOSED, KINDS, OPEN, group_of, limit
 
 ROWS = {row.name: row for row in rows()}
 GOOD = tomllib.loads((Path(__file__).parent / "good.toml").read_text())
-SHOWN = ["rectangle, 24 points by hand", "wave, 24 points", "oval, 12 points", "eight, 60 points by hand"]
-SHOWN += ["bonnet, every second angle", "x^1.5", "casement in step with a motor", "bucket", "walking foot"]
+SHOWN = ["rectangle, 24 points by hand", "oval, 12 points", "bonnet, every second angle"]
+SHOWN += ["wave, 24 points", "eight, 60 points by hand", "x^1.5", "casement in step with a motor"]
+SHOWN += ["bucket", "walking foot"]
 """Of each kind of question one."""
 
 
@@ -37,7 +38,7 @@ def test_there_are_150_different_questions() -> None:
             assert limited(row, kind)["limits"]
 
 
-@pytest.mark.parametrize("name", some_of(SHOWN, 5))
+@pytest.mark.parametrize("name", some_of(SHOWN, 3))
 def test_an_everyday_question_has_an_answer_that_more_time_does_not_worsen(name: str, service: Service) -> None:
     replies = asked(service, ROWS[name], ["preset"], [100, None])  # by the clock: none knows how far the first comes
     assert not faults(replies) and replies[1].objective is not None
