@@ -148,7 +148,7 @@ def taken(query: Query, body: dict[str, Any]) -> bool:
 def fields() -> list[Any]:
     found = [one for one in asked() if taken(one[0], one[2])]
     return [
-        pytest.param(query, body, id=f"{query.path} {name} {k}", marks=[pytest.mark.wide] * (k % 48 > 0))
+        pytest.param(query, body, id=f"{query.path} {name} {k}", marks=[pytest.mark.wide] * (k % 96 > 0))
         for k, (query, name, body) in enumerate(found)
     ]
 

@@ -19,6 +19,8 @@ pytestmark = pytest.mark.skipif(
 ROOT = Path(__file__).parents[2]
 LARGEST = requests()
 NEEDS_ROCKERS = "match: rocker"
+FEWER = QUICK - {"free: three poses", "function: max", "chain: slot, spline", "knotter: limit"}
+"""Of each scene, of searches in time and without, and of a table."""
 
 
 class Running:
@@ -51,7 +53,7 @@ def serving(folder: Path, *options: str) -> Iterator[Running]:
 def kinds(atlas: bool) -> list:
     """Names of requests that do or do not need an atlas; the default run takes those that are answered soon."""
     names = [name for name, request in LARGEST.items() if request.atlas is atlas]
-    return [pytest.param(name, marks=[] if name in QUICK else [pytest.mark.wide]) for name in names]
+    return [pytest.param(name, marks=[] if name in FEWER else [pytest.mark.wide]) for name in names]
 
 
 @pytest.fixture(scope="module")
