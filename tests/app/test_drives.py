@@ -175,7 +175,8 @@ def test_a_catalogue_has_as_many_rows_as_are_described(client: TestClient, part:
 
 
 PLACES = [[0, 0], [22, 5], [41, 17], [52, 36], [50, 58]]
-POSES = {"timing": "free", "position": PLACES, "rotation": [0, 12, 27, 45, 66], "top": 2}
+POSES = {"timing": "free", "position": PLACES, "rotation": [0, 12, 27, 45, 66], "top": 2, "tolerance": 0.02}
+"""A search that soon ends."""
 FLAP = {"pivot": [0, 0], "start": 0, "swing": 60, "length": 400}
 
 
@@ -200,7 +201,7 @@ def test_each_solution_of_a_search_gets_its_drives(client: TestClient) -> None:
 
 
 def test_solutions_without_a_drive_come_last(client: TestClient) -> None:
-    poses = {**POSES, "top": 6}
+    poses = {**POSES, "top": 6, "tolerance": 0}
     plain = client.post("/v1/synthesize", json=poses).json()["solutions"]
     box = [plain[-1]["mount"]["pivot_a"][0] - 60, plain[-1]["mount"]["pivot_a"][1] - 60]
     box = [*box, box[0] + 60, box[1] + 60]
@@ -228,7 +229,7 @@ def test_the_drive_that_decides_stands_before_the_best_of_each_kind(client: Test
 
 @cache
 def the_best() -> la.Solution:
-    return la.synthesize(POSES["rotation"], POSES["position"], timing="free", top=1).best
+    return la.synthesize(**POSES | {"top": 1}).best
 
 
 def test_a_solution_in_python() -> None:
