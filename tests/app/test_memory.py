@@ -19,8 +19,8 @@ pytestmark = pytest.mark.skipif(
 ROOT = Path(__file__).parents[2]
 LARGEST = requests()
 NEEDS_ROCKERS = "match: rocker"
-FEWER = QUICK - {"free: three poses", "function: max", "chain: slot, spline", "knotter: limit"}
-"""Of each scene, of searches in time and without, and of a table."""
+FEWER = QUICK - {"free: three poses", "chain: slot, spline", "knotter: limit"}
+"""Of each scene, of searches in time and without, of functions, and of a table."""
 
 
 class Running:
