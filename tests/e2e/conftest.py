@@ -139,7 +139,7 @@ def standing(pages, request):
     """
     if pages.run("return window.standing") == request.module.__name__:
         pages.resize(1280)
-        pages.run("window.stub = window.guided = null")
+        pages.run("window.stub = window.guided = null; window.restage?.()")
         pages.run("for (const one of document.querySelectorAll('details')) one.open = false")
     else:
         pages.load()

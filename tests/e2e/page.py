@@ -232,7 +232,7 @@ class Page:
 
     def type_into(self, name: str, entry: str) -> None:
         """What a user does: click, select all, type."""
-        self.run("arguments[0].closest('details')?.setAttribute('open', '')", self.find(name))
+        self.run("document.getElementById(arguments[0]).closest('details')?.setAttribute('open', '')", name)
         self.click(name)
         self.actions().key_down(Keys.CONTROL).send_keys("a").key_up(Keys.CONTROL).send_keys(entry).perform()
 
@@ -249,10 +249,9 @@ class Page:
         if button:
             file.unlink(missing_ok=True)
             self.press(button, way)
-        while not file.exists():
+        while not (file.exists() and file.stat().st_size):
             assert time.monotonic() < end, f"{name} was not saved"
-            time.sleep(0.05)
-        time.sleep(0.1)
+            time.sleep(0.01)
         return file.read_bytes()
 
     def middle_of(self, element: Any) -> tuple[float, float]:
@@ -338,8 +337,7 @@ class MotionPage(Page):
         """Type into a cell of the table."""
         cell = self.pick(f"#poses [aria-label='{name}']")
         cell.click()
-        cell.send_keys(Keys.CONTROL, "a")
-        cell.send_keys(*keys)
+        cell.send_keys(Keys.CONTROL, "a", Keys.NULL, *keys)
 
     def paste(self, rows: str) -> None:
         self.run(
@@ -372,9 +370,10 @@ class MotionPage(Page):
         return self.centre(self.find("canvas"))
 
     def click_canvas(self, *places: tuple[float, float]) -> None:
-        canvas = self.canvas()
+        canvas, chain = self.canvas(), self.actions(0)
         for x, y in places:
-            self.actions(0).move_to_element_with_offset(canvas, x, y).click().perform()
+            chain.move_to_element_with_offset(canvas, x, y).click()
+        chain.perform()
 
     def trace(self, places: list[tuple[float, float]], on: str = "canvas") -> None:
         """Drag along places, in pixels from the middle of the canvas, or of another part."""
@@ -423,6 +422,15 @@ class MotionPage(Page):
         self.click("solve")
         self.wait(IDLE)
         self.rest()
+
+    def budgets(self, *stages: float) -> None:
+        """Let the page, until it is loaded or taken by another test, search with these budgets in milliseconds."""
+        self.later(
+            "const [stages, done] = arguments; import('/static/service.js').then(({ STAGES }) => {"
+            "window.usual ??= [...STAGES]; STAGES.splice(0, STAGES.length, ...stages);"
+            "window.restage = () => STAGES.splice(0, STAGES.length, ...window.usual); done(); })",
+            stages,
+        )
 
     def found(self) -> None:
         """Until the first linkages are there, and no waiting for better ones."""
