@@ -201,7 +201,6 @@ def test_sizes_beside_buttons_take_a_decimal_comma_and_nothing_else(page) -> Non
 
 def test_a_link_holds_the_whole_request(page) -> None:
     page.choose("gear")
-    page.solve_soon()
     fields = "return [0, 1, 2, 3].map((k) => document.getElementById(`box-${k}`).value)"
     before = page.table(), page.content("limits-summary"), page.run(fields)
     page.follow_link()

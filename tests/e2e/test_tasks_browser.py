@@ -67,7 +67,7 @@ def test_the_gallery_has_eight_machines_with_their_errors(standing) -> None:
     standing.click("open-gallery")
     machines = standing.all("#machines button")
     assert len(machines) == 8 and all("off by at most" in one.text for one in machines)
-    assert standing.faults() == []
+    assert standing.faults("#gallery") == []
     machines[4].click()
     assert "Film advance" in standing.text("example-note") and not standing.shown("gallery")
     assert "off by" in standing.text("status") and "Searched beforehand" in standing.text("status")
@@ -85,7 +85,7 @@ def test_the_tour_leads_through_and_terms_are_explained(standing) -> None:
         standing.centre(button).click()
         assert button.get_attribute("aria-expanded") == "true"
     assert all(one.is_displayed() for one in standing.all("#limits .explanation"))
-    assert standing.faults() == []
+    assert standing.faults("#limits") == []
 
 
 # -- tasks, from the empty page to DXF -----------------------------------------------------------------------------------
@@ -286,7 +286,8 @@ def test_practical_limits_follow_what_is_known_of_the_crank_until_they_are_chose
     assert standing.ticked("keep-turn"), "what was chosen stays"
 
 
-def test_what_is_preferred_is_asked_for_and_kept(page) -> None:
+def test_what_is_preferred_is_asked_for_and_kept(opened) -> None:
+    page = opened
     page.unfold("limits")
 
     def prefers() -> tuple[str, str | None]:

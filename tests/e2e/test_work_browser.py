@@ -24,11 +24,9 @@ def test_what_is_drawn_or_pasted_survives_reload_back_and_other_pages(page) -> N
     assert page.placed() == pytest.approx(oval) and page.ticked("closed")
     assert page.text("draft-text").startswith("Draft") and not page.shown("draft-open")
     page.paste("x in, y in\n0, 0\n1, 2\n3, 2.5")
-    for away in ("/function", "/scenes/lift"):
+    for away, again in (("/function", page.back), ("/scenes/lift", page.go)):
         page.go(away)
-        page.back()
-        assert page.placed().tolist() == [[0, 0], [1, 2], [3, 2.5]]
-        page.go()
+        again()
         assert page.placed().tolist() == [[0, 0], [1, 2], [3, 2.5]]
     assert page.value("length-unit") == "in"
     page.click("draft-discard")
@@ -354,7 +352,8 @@ SHAPES = {
 }
 
 
-@pytest.mark.parametrize("shape", some_of([*SHAPES], 1))
+@pytest.mark.wide
+@pytest.mark.parametrize("shape", SHAPES)
 def test_a_shape_drawn_by_mouse_is_solved(browser, served, downloads, shape) -> None:
     """By the service as it is run, within the memory of a request."""
     page = MotionPage(browser, served, downloads)
