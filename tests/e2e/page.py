@@ -231,10 +231,9 @@ class Page:
         self.run("for (const name of arguments[0]) document.getElementById(name).open = true", names)
 
     def type_into(self, name: str, entry: str) -> None:
-        """What a user does: click, select all, type."""
+        """What a user does: go to the field, select all, type."""
         self.run("document.getElementById(arguments[0]).closest('details')?.setAttribute('open', '')", name)
-        self.click(name)
-        self.actions().key_down(Keys.CONTROL).send_keys("a").key_up(Keys.CONTROL).send_keys(entry).perform()
+        self.find(name).send_keys(Keys.CONTROL, "a", Keys.NULL, entry)
 
     def actions(self, duration: int = 250) -> ActionChains:
         return ActionChains(self.browser, duration=duration)
@@ -335,9 +334,7 @@ class MotionPage(Page):
 
     def cell(self, name: str, *keys: str) -> None:
         """Type into a cell of the table."""
-        cell = self.pick(f"#poses [aria-label='{name}']")
-        cell.click()
-        cell.send_keys(Keys.CONTROL, "a", Keys.NULL, *keys)
+        self.pick(f"#poses [aria-label='{name}']").send_keys(Keys.CONTROL, "a", Keys.NULL, *keys)
 
     def paste(self, rows: str) -> None:
         self.run(
