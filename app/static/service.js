@@ -35,15 +35,17 @@ export async function ask(path, body, signal) {
 const faulty = ({ verdict }) => ["order", "branch", "circuit"].some((name) => verdict?.[name] === false);
 const outside = ({ verdict }) => verdict?.within_tolerance === false;
 const objective = ({ errors }) => (errors.objective < 1e-10 ? 0 : errors.objective);
+const rounded = (one) => one.rounded?.errors?.objective ?? Infinity;
 
-/** What the first of the solutions to a request is to have: its `prefer`, or the default of the service. */
+/** What a request's first solution is to have: its `prefer`, or the service's default. */
 export const preferred = ({ prefer, tolerances, position }) => prefer ?? (tolerances && position ? "size" : "error");
 
 const nearer = (a, b) => a.verdict?.practical === true && b.verdict?.practical === false && objective(a) <= Math.max(0.02, 2 * objective(b));
 
-/** Compares two solutions: above 0 where the first is worse. What else than the least error is preferred is the service's to say. */
+/** Compares two solutions: above 0 where the first is worse. Other preferences are the service's to say. */
 const comparison = (request) => (a, b) => faulty(a) - faulty(b) || outside(a) - outside(b)
-  || (preferred(request) === "error" ? (request.timing === "free" ? nearer(b, a) - nearer(a, b) : 0) || objective(a) - objective(b) : 0);
+  || (preferred(request) !== "error" ? 0 : request.round_to || request.lengths_from ? rounded(a) - rounded(b)
+    : (request.timing === "free" ? nearer(b, a) - nearer(a, b) : 0) || objective(a) - objective(b));
 
 /** At most `top` solutions of a reply in its order, and among them those of an earlier one that it does not have again (`same` tells). */
 export function together(request, earlier, reply, top, same) {
@@ -55,9 +57,7 @@ export function together(request, earlier, reply, top, same) {
   return all.slice(0, top).map((one, k) => ({ ...one, rank: k + 1 }));
 }
 
-/**
- * Repeats the search with the next budget as long as the budget ended it; `show(reply, last)` gets each answer.
- */
+/** Repeats the search with the next budget as long as the budget ended it; `show(reply, last)` gets each answer. */
 export async function solve(request, show, signal, same) {
   let found = [];
   const worse = comparison(request);
@@ -66,12 +66,12 @@ export async function solve(request, show, signal, same) {
     const reply = await (await ask("/v1/synthesize", { ...request, budget_ms: budget }, signal)).json();
     const [best] = reply.solutions;
     if (k) reply.solutions = together(request, best ? found.filter((one) => worse(one, best) < 0) : found, reply, request.top ?? 10, same);
-    // a search that has run into its budget on the way to smaller linkages says what ended its first part: it is asked again
+    // a search that its budget ends on the way to smaller linkages says what ended its first part
     const { stopped_by, elapsed_ms } = reply.report, ended = stopped_by !== "budget" && elapsed_ms.total < SHARE * budget;
     const last = ended || k === budgets.length - 1 || (k === STAGES.length - 1 && reply.solutions.length > 0);
     // nothing is proved by a search that its budget may have ended
     if (reply.status === "infeasible" && elapsed_ms.total >= budget) reply.status = "unknown";
-    // what an earlier stage found is no longer not found
+    // what an earlier stage found stays found
     if (reply.solutions.length && !["reached", "closest"].includes(reply.status)) reply.status = "closest";
     found = [...reply.solutions];
     show(reply, last);

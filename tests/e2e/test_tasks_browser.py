@@ -399,6 +399,18 @@ def test_the_order_of_the_service_stays(standing) -> None:
     assert shown == [[1, 2, 3], [1, 4, 2, 5, 3, 6], [8, 7]]
 
 
+def test_rounded_linkages_are_joined_by_their_error_when_rounded(standing) -> None:
+    shown = standing.run(
+        "return import('/static/service.js').then((s) => {"
+        "const one = (size, objective, rounded) => ({links: {crank: size}, errors: {objective}, verdict: {},"
+        "rounded: {errors: rounded === undefined ? null : {objective: rounded}}});"
+        "const before = [one(1, 0.03), one(2, 0.04, 0.055)], reply = [one(3, 0.05, 0.05), one(4, 0.035, 0.06)];"
+        "const join = (more) => s.together(more, before, {solutions: reply}, 9, () => false).map(x => x.links.crank);"
+        "return [join({round_to: 5}), join({lengths_from: [20, 30]}), join({})]; })"
+    )
+    assert shown == [[3, 2, 4, 1], [3, 2, 4, 1], [1, 2, 3, 4]]
+
+
 def test_status_and_errors_are_in_view(page) -> None:
     page.resize(1280, 800)
     page.run("document.getElementById('limits').open = true; scrollTo(0, 0)")
