@@ -596,13 +596,16 @@ def test_a_closed_way_counts_the_turn_back_too(last: list[list[float]]) -> None:
 
 
 def test_what_turns_on_sliders_is_told_alike() -> None:
-    rotation, places = [0, *[None] * 3, 150], [[18 * k, 2 * k * (4 - k)] for k in range(5)]
-    for one in la.synthesize(rotation, places, **FREE, mechanisms=["slider_crank", "rail_slot"]):
+    rotation, places = [0, *[None] * 3, 170], [[18 * k, 2 * k * (4 - k)] for k in range(5)]
+    seen = set()
+    for one in la.synthesize(rotation, places, **FREE, mechanisms=["slider_crank", "swinging_block"]):
         told = bool(_told(one))
         travel = one.travel if one.crank_angle is None else one.crank_angle
         gone = np.unwrap(one.linkage.joints(np.linspace(travel[0], travel[-1], 4000)).rotation, period=360)
-        assert told == (abs(gone[-1] - gone[0] - 150) > 180)
+        assert told == (abs(gone[-1] - gone[0] - 170) > 180)
         assert not (told and one.verdict.practical)
+        seen.add(told)
+    assert seen == {False, True}
 
 
 @pytest.mark.parametrize(
