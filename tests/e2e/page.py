@@ -429,6 +429,10 @@ class MotionPage(Page):
             stages,
         )
 
+    def unhurried(self) -> None:
+        """One stage, as long as a slow machine may take: a search that ends by itself has the same answer on every machine."""
+        self.budgets(30_000)
+
     def found(self) -> None:
         """Until the first linkages are there, and no waiting for better ones."""
         self.wait(f"{CARDS} && !document.getElementById('results').hidden")

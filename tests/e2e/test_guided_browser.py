@@ -89,7 +89,7 @@ def test_the_page_asks_for_all_kinds_and_lists_several(standing) -> None:
     position = [[0, 0], [22, 5], [41, 17], [50, 58]]
     page.take({"position": position, "rotation": [0, 12, 27, 66], "timing": "free", "mechanisms": "all"})
     page.unfold("limits")
-    page.budgets(30_000)
+    page.unhurried()
     assert page.value("mechanisms") == "all" and page.request()["mechanisms"] == "all"
     page.click("solve")
     page.wait(IDLE)
@@ -129,7 +129,7 @@ def test_rounded_links_of_any_kind_are_told_with_their_error(standing) -> None:
     """A slider-crank has two links to round; where none of its lengths would do, the reason is told."""
     page = standing
     page.run("window.guided = null")
-    page.budgets(30_000)  # as long as a slow machine may take: both searches end by themselves
+    page.unhurried()
     asked = {"position": [[0, 0], [-60, 40], [-150, 50], [-230, 20]], "rotation": [0, -35, -80, -120], "round_to": 25}
     page.take({**asked, "timing": "free", "mechanisms": ["slider_crank"]})
     page.solve()
@@ -149,7 +149,7 @@ def test_what_is_rounding_alone_is_told_as_nothing(standing) -> None:
     """Of a linkage that meets its poses: where its parts stand, what is typed of them and what is printed."""
     page = standing
     page.run("window.guided = null")
-    page.budgets(30_000)
+    page.unhurried()
     asked = {"position": [[0, 0], [80, 60], [180, 80]], "rotation": [0, -5, -12], "timing": "free"}
     page.take({**asked, "mechanisms": ["rail_slot"], "top": 2})
     page.solve()
@@ -172,7 +172,7 @@ def test_a_linkage_that_ends_the_search_meets_its_points(standing) -> None:
 def test_links_that_are_driven_have_names_in_words(standing) -> None:
     page = standing
     page.run("window.guided = null")
-    page.budgets(30_000)
+    page.unhurried()
     asked = {"position": [[0, 1.1], [0.25, 1.6], [0.9, 2.1]], "rotation": [90, 60, 0], "timing": "free"}
     page.take({**asked, "mechanisms": ["two_slots"], "top": 1})
     page.solve()

@@ -117,7 +117,7 @@ def test_every_format_is_exported(standing) -> None:
 
 def test_what_a_designer_asks_next_is_shown_and_taken_away(page) -> None:
     page.choose("worked")
-    page.budgets(30_000)
+    page.unhurried()
     fields = {"speed-of-crank": "90", "force-y": "-20", "torque": "5", "stock": "20 70; 72.5 144 165"}
     for name, entry in {**fields, "study-links": "0.05", "study-clearance": "0.02"}.items():
         page.type_into(name, entry + Keys.TAB)
@@ -278,7 +278,7 @@ def test_the_answer_follows_a_drag(standing) -> None:
 
 def test_a_pivot_box_is_drawn_and_kept_to(standing) -> None:
     standing.choose("worked")
-    standing.budgets(30_000)
+    standing.unhurried()
     standing.unfold("limits")
     standing.mode("box")
     for _ in range(4):

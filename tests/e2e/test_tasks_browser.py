@@ -181,7 +181,7 @@ def test_the_tutorial(opened) -> None:
     assert len(opened.table()) == 8 and opened.value("timing") == "free"
     assert opened.value("box-0") == "", "the limits of the machine shown before do not hold"
     opened.unfold("limits")
-    opened.budgets(30_000)
+    opened.unhurried()
     opened.select("family", "any")
     entries = {"link-min": "60", "link-max": "500", "box-0": "-100", "box-1": "-250", "box-2": "400", "box-3": "150"}
     for name, entry in entries.items():
@@ -518,7 +518,7 @@ def test_linkages_without_a_crank_that_may_come_nearer_are_one_press_away(standi
     """A tray that stays level: the parallelogram of a toolbox, which needs no crank, is exact and five times smaller."""
     standing.take({"position": [[0, 0], [-80, 90], [-180, 120]], "rotation": [0, 0, 0], "timing": "free"})
     standing.run("window.stub = null")
-    standing.budgets(30_000)
+    standing.unhurried()
     standing.solve()
     assert "off by" in standing.text("status")
     (button,) = standing.all("#suggestions button")
@@ -532,7 +532,7 @@ def test_linkages_without_a_crank_that_may_come_nearer_are_one_press_away(standi
 def test_a_linkage_is_changed_by_hand(opened) -> None:
     """What the page computes of it is what the library computes: at the crank angles found its errors are no larger there."""
     opened.rest()
-    opened.budgets(30_000)
+    opened.unhurried()
     opened.mode("hand")
     before = opened.drawn("c")
     opened.drag(opened.pick("#canvas [data-joint=c]"), 14, -9)

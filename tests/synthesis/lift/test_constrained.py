@@ -136,15 +136,23 @@ def test_what_one_value_allows_a_range_about_it_does_too() -> None:
     assert near.objective < one.objective
 
 
+def refused(task: Task, limits: Constraints) -> FieldError:
+    """The error of a search that finds no design."""
+    with pytest.raises(FieldError) as caught:
+        optimize_within(task, limits)
+    return caught.value
+
+
 def test_a_box_may_end_at_the_top_of_the_stroke_and_not_below() -> None:
     task, wanted = CASES["default"]
     low, high = (
         optimize_within(task, replace(wanted, envelope=(None, 0.0, None, top))).objective for top in (510.0, 510.001)
     )
     assert low == pytest.approx(high, rel=1e-4)
-    with pytest.raises(FieldError) as caught:
-        optimize_within(task, replace(wanted, envelope=(None, 0.0, None, 509.0)))
-    assert caught.value.details == {"constraint": "envelope", "amount": 1.0}
+    assert refused(task, replace(wanted, envelope=(None, 0.0, None, 509.0))).details == {
+        "constraint": "envelope",
+        "amount": 1.0,
+    }
 
 
 @pytest.mark.parametrize(
@@ -163,25 +171,22 @@ def test_a_box_may_end_at_the_top_of_the_stroke_and_not_below() -> None:
 )
 def test_what_cannot_be_kept_is_named(change, constraint) -> None:
     task, wanted = CASES["default"]
-    with pytest.raises(FieldError) as caught:
-        optimize_within(task, replace(wanted, **change))
-    assert caught.value.details["constraint"] == constraint
-    assert caught.value.field.startswith("/constraints")
+    error = refused(task, replace(wanted, **change))
+    assert error.details["constraint"] == constraint
+    assert error.field.startswith("/constraints")
 
 
 def test_limits_that_the_nearest_design_breaks_alike_are_all_named() -> None:
     task, wanted = CASES["default"]
-    with pytest.raises(FieldError) as caught:
-        optimize_within(task, replace(wanted, lengths=wanted.lengths | {"l2": (None, 5.0)}))
-    assert "jerk<=max by" in caught.value.message and "l2<=max by" in caught.value.message
-    assert caught.value.details["amount"] < 0.2
+    error = refused(task, replace(wanted, lengths=wanted.lengths | {"l2": (None, 5.0)}))
+    assert "jerk<=max by" in error.message and "l2<=max by" in error.message
+    assert error.details["amount"] < 0.2
 
 
 def test_a_cylinder_that_would_rest_is_refused_by_how_little_the_nearest_design_misses() -> None:
     task, wanted = CASES["default"]
-    with pytest.raises(FieldError) as caught:
-        optimize_within(replace(task, cylinder=Cylinder(220.0, 100.0, -30.0)), wanted)
-    assert "stopping by" in caught.value.message and caught.value.details["amount"] < 0.1
+    error = refused(replace(task, cylinder=Cylinder(220.0, 100.0, -30.0)), wanted)
+    assert "stopping by" in error.message and error.details["amount"] < 0.1
 
 
 def test_a_client_that_leaves_ends_the_search() -> None:
