@@ -11,7 +11,7 @@ PORT ?= 8000
 export PIP_CONSTRAINT := constraints.txt
 export PIP_BUILD_CONSTRAINT := constraints.txt
 
-.PHONY: help run test fault audit parts lock wheel lint style types map report accept everyday engine poses function limits stability studies drives assembly solids bench figures docs scenes clean setup
+.PHONY: help run test fault audit parts lock wheel lint style types map report accept everyday engine poses function limits stability studies drives assembly solids bench docs scenes clean setup
 .DELETE_ON_ERROR:
 
 help:
@@ -26,7 +26,6 @@ help:
 	@echo "make lock       the parts of the container and of its build with their hashes: requirements.lock, build.lock"
 	@echo "make wheel      a wheel for this version of Python on this kind of machine, to install without a compiler: dist/"
 	@echo "make docs       draw the pictures and fill the tables of all documents from the stored results, without measuring"
-	@echo "make figures    measure again what was measured with other code than this (says how long it will take, goes on where it stopped)"
 	@echo "make scenes     measure the scenes: docs/lift.md, docs/chain.md, docs/knotter.md (a few minutes)"
 	@echo "make report     error against run time: docs/error_vs_runtime.md (about half an hour)"
 	@echo "make everyday   everyday questions to the running service: docs/everyday.md (half an hour)"
@@ -119,10 +118,6 @@ docs: $(READY)
 	$(BIN)/python -m docs.figures
 	$(BIN)/python -m docs.notebook
 	$(BIN)/python -m benchmarks.report
-
-figures: $(READY) $(ATLAS)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test,docs,baselines]'
-	$(BIN)/python -m benchmarks.stale
 
 scenes: $(READY)
 	$(BIN)/python -m benchmarks.lift

@@ -8,18 +8,16 @@ the other two take what the result file holds, and measure nothing:
     def draw(results) -> None               # optional: its pictures, with `figures.figure`
 
 What ``measure`` yields is published: `save` writes ``benchmarks/results/NAME.json``, stamped with machine, commit and command,
-and `render` draws and fills the documents. A long one yields what it has after each part. When it has ended, the result also
-tells how long the command took and which code it ran through (``benchmarks/age.py``). Nothing is published from a tree with
-changes that are not committed: there the option ``--try`` prints the blocks instead.
+and `render` draws and fills the documents. A long one yields what it has after each part. Nothing is published from a tree
+with uncommitted changes: there the option ``--try`` prints the blocks instead.
 
 **A marker** is the pair ``<!-- NAME.BLOCK -->`` and ``<!-- /NAME.BLOCK -->`` in README.md or docs/*.md. Where a line ends
 after the first, what stands between is a block of lines (a table); else it is a few words of the line. Every block stands
-in at least one place; ``made`` (machine, commit, command in words, and what of the code has changed since) is there without
-being written.
+in at least one place; ``made`` (machine, commit and command in words) is there without being written.
 
 **Again without measuring**: ``python -m benchmarks.report [NAME ...]`` draws the pictures and writes all markers from the
-committed JSON files. ``tests/benchmarks/test_report.py`` compares the documents with them, so that it fails where code has
-changed that a figure was measured with and the document does not say so. ``python -m benchmarks.stale`` measures such again.
+committed JSON files; ``tests/benchmarks/test_report.py`` compares the documents with them. When code changes that a figure
+depends on, run its command again: nothing else watches its age.
 
 In short::
 
@@ -52,8 +50,6 @@ from pathlib import Path
 from typing import Any, ClassVar, NamedTuple, get_args, get_type_hints
 
 import numpy as np
-
-from benchmarks import age
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "benchmarks" / "results"
@@ -273,27 +269,22 @@ def stamp() -> dict[str, Any]:
     return {"machine": machine(), "commit": commit(), "command": command()}
 
 
-def save(results: Mapping[str, Any], name: str, ended: Mapping[str, Any] | None = None) -> None:
-    """Write ``benchmarks/results/NAME.json``: the results, and under ``made`` the `stamp` if they have none.
+def stamps(results: Any) -> list[dict[str, Any]]:
+    """Return every stamp in a result, at any depth."""
+    if isinstance(results, dict):
+        if {"commit", "command"} <= results.keys():
+            return [results]
+        results = list(results.values())
+    return [found for part in results for found in stamps(part)] if isinstance(results, list) else []
 
-    Of each commit that a stamp names, ``code`` holds the digests of ``benchmarks/age.py``; of each command, ``took`` the seconds
-    it took. Both come from ``ended`` and from what was saved before: a run that has not ended has none.
-    """
+
+def save(results: Mapping[str, Any], name: str) -> None:
+    """Write ``benchmarks/results/NAME.json``: the results, and under ``made`` the `stamp` if they have none."""
 
     def plain(value: Any) -> Any:
         return value.tolist()  # numpy's numbers and arrays
 
-    every = {"made": stamp(), **results}
-    before, found = known(name), age.stamps(every)
-    for part, key in (("code", "commit"), ("took", "command")):
-        kept = {**before.get(part, {}), **(ended or {}).get(part, {})}
-        if kept := {
-            one: kept[one] for one in dict.fromkeys(made[key] for made in found if key in made) if one in kept
-        }:
-            every[part] = kept
-        else:
-            every.pop(part, None)
-    text = json.dumps(every, indent=1, allow_nan=False, default=plain, ensure_ascii=False)
+    text = json.dumps({"made": stamp(), **results}, indent=1, allow_nan=False, default=plain, ensure_ascii=False)
     innermost = re.compile(r"\[\n[^\[\]{}]*?\n\s*\]")  # a list of numbers or words: in one line
     text = innermost.sub(lambda found: re.sub(r"\s*\n\s*", " ", found[0]).replace("[ ", "[").replace(" ]", "]"), text)
     RESULTS.mkdir(parents=True, exist_ok=True)
@@ -301,29 +292,25 @@ def save(results: Mapping[str, Any], name: str, ended: Mapping[str, Any] | None 
 
 
 def made_text(stamps: Sequence[Mapping[str, Any]]) -> str:
-    """In words where numbers come from, each machine, commit and command once (of many runs their commits), and what has
-    changed since (`parts`).
-    """
-
+    """Describe where numbers come from: each machine, commit and command once, and of more than two runs only the commits."""
     words = {"processor": lambda name: re.sub(r"\(R\)| Processor", "", name), "cores": "{} cores".format}
     machines = dict.fromkeys(
         ", ".join(say(one["machine"][name]) for name, say in words.items() if name in one["machine"])
         for one in stamps
     )
-    runs: dict[str, Any] = {}
+    runs: dict[str, None] = {}
     for one in stamps:
         found = re.sub("(?<=^[0-9a-f]{9})[0-9a-f]*", "", one["commit"])
         shown = re.sub("(?<=')(?: '[^']*')+ ('[^']*')", r" ... \1", one["command"])  # long lists by their ends
         shown = shown.removeprefix("OMP_NUM_THREADS=1 ")
-        runs[f"`{shown}` at commit {found}"] = one.get("since", [])
-    old = age.told(list(runs.values()))
+        runs[f"`{shown}` at commit {found}"] = None
     if len(runs) > 2:
         modules = dict.fromkeys(re.findall(r"benchmarks\.\w+", " ".join(runs)))
         commits = dict.fromkeys(run.rpartition(" ")[2] for run in runs)
         said = f"{len(runs)} runs of {', '.join(f'`python -m {name}`' for name in modules)} at commits {', '.join(commits)}"
     else:
         said = ", ".join(runs)
-    return f"Measured by {said}{old and ', ' + old}; {'; '.join(machines)}."
+    return f"Measured by {said}; {'; '.join(machines)}."
 
 
 def load(name: str) -> Any:
@@ -366,15 +353,9 @@ def fill(text: str, parts: Mapping[str, Mapping[str, str]]) -> str:
     return MARKER.sub(filled, text)
 
 
-CODE = age.Code(ROOT)
-"""The source tree as it is."""
-
-
 def parts(name: str) -> dict[str, str]:
-    """The text of every block of a result; its stamps tell what has changed since."""
+    """Return the text of every block of a result."""
     results = load(name)
-    for made in age.stamps(results):
-        made["since"] = age.since(made, name, results, CODE)
     module = importlib.import_module(f"benchmarks.{name}")
     return {"made": made_text([results["made"]]), **module.blocks(results)}
 
@@ -413,11 +394,10 @@ def run(measure: Callable[..., Iterator[Mapping[str, Any]]], arguments: Sequence
         parser.add_argument(flag, type=kind, default=parameter.default, help=words, **several)
     parser.add_argument("--try", action="store_true", dest="trial", help="print the blocks and publish nothing")
     options = vars(parser.parse_args(arguments))
-    trial, begin, results = options.pop("trial"), time.perf_counter(), None
+    trial = options.pop("trial")
     if not trial and commit().endswith("+changes"):
         parser.exit(1, "the tree has changes that are not committed: commit them, or measure with --try\n")
     made = stamp()  # of the code as it is read now, whatever is committed meanwhile
-    code = {made["commit"]: CODE.digests(name)}
     short: SystemExit | None = None
 
     def measured() -> Iterator[Mapping[str, Any]]:
@@ -434,9 +414,6 @@ def run(measure: Callable[..., Iterator[Mapping[str, Any]]], arguments: Sequence
             print(*(f"{block}:\n{text}\n" for block, text in blocks.items()), sep="\n")
             continue
         save(results, name)
-        render([name])
-    if results is not None and not trial:
-        save(results, name, {"code": code, "took": {command(): round(time.perf_counter() - begin)}})
         render([name])
     if short:
         raise short

@@ -53,12 +53,6 @@ def assert_same_output(found: str, wanted: str) -> None:
     assert numbers[0] == pytest.approx(numbers[1], rel=1e-3, abs=1e-10), found
 
 
-def test_the_documents_have_45_000_words_at_most() -> None:
-    """What is added replaces something; counted as ``wc -w`` does, tables and figures too."""
-    words = {names(path): len(path.read_text().split()) for path in DOCUMENTS}
-    assert sum(words.values()) <= 45_000, words
-
-
 # -- docs/http.md -----------------------------------------------------------------------------------------------------
 
 

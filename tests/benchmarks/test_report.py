@@ -7,7 +7,6 @@ import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Annotated
 
 import numpy as np
@@ -49,13 +48,6 @@ def test_a_result_says_where_it_comes_from(name) -> None:
         assert {"processor", "cores"} <= set(made["machine"])
         assert re.fullmatch(r"[0-9a-f]{40}", made["commit"])
         assert re.search(rf"python -m benchmarks\.{name}|^make [a-z]+$", made["command"])
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_every_benchmark_reaches_the_product(name) -> None:
-    modules = report.CODE.digests(name)
-    assert f"benchmarks.{name}" in modules
-    assert any(module.startswith(("synthesis.", "app.", "linkage_atlas.")) for module in modules)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -104,15 +96,6 @@ def test_what_is_saved_can_be_loaded_and_bears_its_stamp(tmp_path, monkeypatch) 
     assert '"many": [0, 1, 2]' in (tmp_path / "some.json").read_text()
     report.save({"made": {"commit": "earlier"}}, "some")
     assert report.load("some") == {"made": {"commit": "earlier"}}
-    old, new = ({"commit": name, "command": f"python -m {name}"} for name in ("old", "new"))
-    for made in (old, new):
-        name = made["commit"]
-        report.save({"made": made}, "some", {"code": {name: {"synthesis.pose": "1"}}, "took": {made["command"]: 3}})
-        report.save(
-            {"made": new, "parts": [{"made": old}]}, "some"
-        )  # of a run that has not ended nothing more is known
-        known = [made["commit"]]
-        assert sorted(report.load("some")["code"]) == sorted(known) and len(report.load("some")["took"]) == len(known)
     with pytest.raises(ValueError, match="JSON"):
         report.save({"one": float("nan")}, "some")
 
@@ -130,25 +113,13 @@ def test_a_source_is_told_once() -> None:
     text = report.made_text(stamps)
     many = report.made_text([{**stamps[0], "command": f"python -m benchmarks.x --part {k}"} for k in range(3)])
     assert many.startswith("Measured by 3 runs of `python -m benchmarks.x` at commits aaaaaaaaa; P")
-    old = report.made_text([{**one, "since": ["synthesis.pose"]} for one in stamps])
-    assert old.endswith("the oldest before the change of `synthesis.pose`; P, 2 cores.")
     assert text.count("P, 2 cores") == 1 and text.count("aaaaaaaaa,") == 1 and text.count("`python -m x`") == 2
     assert "aaaaaaaaa+changes;" in report.made_text([{**stamps[0], "commit": 40 * "a" + "+changes"}])
 
 
 def test_what_a_benchmark_yields_is_published_with_options_from_its_signature(monkeypatch) -> None:
     published: list[tuple[str, dict]] = []
-    ended: list[dict] = []
-
-    def save(results, name, end=None) -> None:
-        published.append((name, results)) if end is None else ended.append(end)
-
-    class Code:
-        def digests(self, name: str) -> dict[str, str]:
-            return {"synthesis.pose": name}
-
-    monkeypatch.setattr(report, "save", save)
-    monkeypatch.setattr(report, "CODE", Code())
+    monkeypatch.setattr(report, "save", lambda results, name: published.append((name, results)))
     monkeypatch.setattr(report, "commit", lambda: "c" * 40)
     monkeypatch.setattr(report, "render", lambda names: published.append((names[0], {})))
 
@@ -169,13 +140,12 @@ def test_what_a_benchmark_yields_is_published_with_options_from_its_signature(mo
         ("test_report", {"cases": 7, "kinds": ["b"]}),
         ("test_report", {}),
         ("test_report", {"atlas": None}),
-        *[("test_report", {})] * 2,
+        ("test_report", {}),
     ]
-    assert ended[0]["code"] == {"c" * 40: {"synthesis.pose": "test_report"}} and len(ended[0]["took"]) == 1
     report.run(measure, ["--atlas", "x.h5"])
-    assert shown()[-5][1] == {"cases": 3, "kinds": ("a", "b")} and shown()[-3][1] == {"atlas": Path("x.h5")}
+    assert shown()[-4][1] == {"cases": 3, "kinds": ("a", "b")} and shown()[-2][1] == {"atlas": Path("x.h5")}
     report.run(measure, ["--quick"])
-    assert shown()[-5][1] == {"cases": 3, "kinds": ("a", "b"), "quick": True}
+    assert shown()[-4][1] == {"cases": 3, "kinds": ("a", "b"), "quick": True}
     count = len(published)
     monkeypatch.setattr(report, "commit", lambda: "c" * 40 + "+changes")
     with pytest.raises(SystemExit):
@@ -187,7 +157,6 @@ def test_what_a_benchmark_yields_is_published_with_options_from_its_signature(mo
 
 def test_what_is_short_of_its_goal_is_stored_too_and_told(monkeypatch, tmp_path) -> None:
     monkeypatch.setattr(report, "RESULTS", tmp_path)
-    monkeypatch.setattr(report, "CODE", SimpleNamespace(digests=lambda name: {"synthesis.pose": name}))
     monkeypatch.setattr(report, "commit", lambda: "c" * 40)
     monkeypatch.setattr(report, "render", lambda names: None)
 
@@ -197,7 +166,7 @@ def test_what_is_short_of_its_goal_is_stored_too_and_told(monkeypatch, tmp_path)
 
     with pytest.raises(SystemExit, match="short"):
         report.run(measure, [])
-    assert report.load("test_report")["found"] == 1 and "c" * 40 in report.load("test_report")["code"]
+    assert report.load("test_report")["found"] == 1
 
 
 # -- time and words ---------------------------------------------------------------------------------------------------
