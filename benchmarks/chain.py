@@ -17,13 +17,13 @@ from scipy.optimize import brentq
 
 from benchmarks import chain_pictures as pictures
 from benchmarks import report as page
-from synthesis.chain import crescent as chain
-from synthesis.chain.closure import closing_links
-from synthesis.chain.fit import exact_slot, fit_error, fit_slot
-from synthesis.chain.slot import Slot, chord_error, report, wheel_conflict
-from synthesis.chain.track import Track
 from synthesis.errors import FieldError
 from synthesis.one_variable import bisect
+from synthesis.scenes.chain import crescent as chain
+from synthesis.scenes.chain.closure import closing_links
+from synthesis.scenes.chain.fit import exact_slot, fit_error, fit_slot
+from synthesis.scenes.chain.slot import Slot, chord_error, report, wheel_conflict
+from synthesis.scenes.chain.track import Track
 from tests.oracles import chain as oracle
 
 L, N, R1 = 131.0, 16, 181.78

@@ -10,11 +10,11 @@ import numpy as np
 from scipy.optimize import brentq
 
 from benchmarks import figures
-from synthesis.chain import crescent as chain
-from synthesis.chain.closure import Chain
-from synthesis.chain.crescent import Crescent
-from synthesis.chain.slot import Slot, find_slot
-from synthesis.chain.track import Segment, Track, arc, line
+from synthesis.scenes.chain import crescent as chain
+from synthesis.scenes.chain.closure import Chain
+from synthesis.scenes.chain.crescent import Crescent
+from synthesis.scenes.chain.slot import Slot, find_slot
+from synthesis.scenes.chain.track import Segment, Track, arc, line
 
 
 def middle_of(track: Track, segment: int) -> float:

@@ -18,11 +18,11 @@ from scipy.optimize import brentq
 
 from benchmarks.knotter_pictures import PAIRS, PAPER_SAYS, draw, pairs_of  # noqa: F401 - `render` calls draw
 from benchmarks.report import ends, lines, repeat, run, tables
-from synthesis.knotter import d_knotter
-from synthesis.knotter.conditions import classify, crossing_point, inside, orientations
-from synthesis.knotter.d_knotter import Needle
-from synthesis.knotter.mechanism import Mechanism, as_array
-from synthesis.knotter.study import solve, study
+from synthesis.scenes.knotter import d_knotter
+from synthesis.scenes.knotter.conditions import classify, crossing_point, inside, orientations
+from synthesis.scenes.knotter.d_knotter import Needle
+from synthesis.scenes.knotter.mechanism import Mechanism, as_array
+from synthesis.scenes.knotter.study import solve, study
 from tests.oracles.knotter import Exact
 
 TOO_CLOSE_MM = 1e-8

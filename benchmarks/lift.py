@@ -18,7 +18,7 @@ from benchmarks import lift_pictures as pictures
 from benchmarks import report
 from benchmarks.lift_pictures import CYLINDER, DESIGNS, POSES, REFERENCE, task
 from benchmarks.report import Times, ends, percent, repeat
-from synthesis.lift.motion import (
+from synthesis.scenes.lift.motion import (
     acceleration,
     condition,
     largest_residual,
@@ -28,7 +28,7 @@ from synthesis.lift.motion import (
     velocity,
     velocity_by_instant_centre,
 )
-from synthesis.lift.optimum import (
+from synthesis.scenes.lift.optimum import (
     ARMS,
     FITTED,
     SLOPE_STEP,
@@ -44,7 +44,7 @@ from synthesis.lift.optimum import (
     published_for,
     rise,
 )
-from synthesis.lift.pose import Cylinder, Design, dead_point, pose_at_height, pose_at_turn, turn_at_length
+from synthesis.scenes.lift.pose import Cylinder, Design, dead_point, pose_at_height, pose_at_turn, turn_at_length
 from tests.oracles import lift as oracle
 
 ROUNDINGS = 5_000

@@ -12,8 +12,8 @@ from typing import Annotated, Any
 
 from benchmarks import report
 from benchmarks.report import Times, percent
-from synthesis.lift.constraints import optimize_within, rows_of
-from synthesis.lift.optimum import optimize
+from synthesis.scenes.lift.constraints import optimize_within, rows_of
+from synthesis.scenes.lift.optimum import optimize
 from tests.oracles import lift as oracle
 from tests.oracles.lift_constrained import cases, evolved
 

@@ -27,9 +27,9 @@ from app.scenes.knotter import (
 from app.scenes.knotter import answer_tolerance as answer_knotter_tolerance
 from app.settings import Settings
 from benchmarks.report import lines, run
-from synthesis.chain import crescent as chain
-from synthesis.chain.fit import exact_slot, fit_error, fit_slot, power_basis, power_error
-from synthesis.chain.groove import slot_run
+from synthesis.scenes.chain import crescent as chain
+from synthesis.scenes.chain.fit import exact_slot, fit_error, fit_slot, power_basis, power_error
+from synthesis.scenes.chain.groove import slot_run
 
 PRINTED = json.loads((Path(__file__).parents[1] / "tests" / "reference" / "knotter.json").read_text())
 DEGREES = (4, 6, 8, 12, 16, 24)

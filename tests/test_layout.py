@@ -58,7 +58,7 @@ def test_the_service_calls_the_front_door_and_each_scene_its_own_machine() -> No
     for module, others in layout.module_graph().items():
         if module.startswith("app"):
             scene = module.removeprefix("app.scenes.")
-            allowed = ("app", "linkage_atlas", f"synthesis.{scene}", "synthesis.sheet")
+            allowed = ("app", "linkage_atlas", f"synthesis.scenes.{scene}", "synthesis.sheet")
             own = allowed if scene in SCENES else allowed[:2]
             wrong = {other for other in others - {"synthesis"} if not other.startswith(own)}
             assert not wrong, f"{module} imports {wrong}"
@@ -92,9 +92,9 @@ def test_only_the_tests_of_benchmarks_import_them() -> None:
 @pytest.mark.parametrize("scene", SCENES)
 def test_a_scene_costs_only_itself(scene: str) -> None:
     code = (
-        f"import sys, pkgutil, importlib, synthesis.{scene} as scene\n"
+        f"import sys, pkgutil, importlib, synthesis.scenes.{scene} as scene\n"
         "for module in pkgutil.iter_modules(scene.__path__):\n"
-        f"    importlib.import_module('synthesis.{scene}.' + module.name)\n"
+        f"    importlib.import_module('synthesis.scenes.{scene}.' + module.name)\n"
         "far = {'h5py', 'pywt', 'fastapi', 'pydantic', 'scipy', 'ezdxf', 'matplotlib', 'synthesis.fourbar'}\n"
         "heavy = far & set(sys.modules)\n"
         "sys.exit(f'imports {heavy}' if heavy else 0)"

@@ -25,8 +25,8 @@ from app.query import (
 )
 from app.terminal import DEGREES, Units, table
 from linkage_atlas import FieldError, Work
-from synthesis.chain.closure import STRETCH_TOLERANCE, Chain, closing_links
-from synthesis.chain.crescent import (
+from synthesis.scenes.chain.closure import STRETCH_TOLERANCE, Chain, closing_links
+from synthesis.scenes.chain.crescent import (
     LEFT_WHEEL,
     RADIUS_RATIO,
     RIGHT_WHEEL,
@@ -39,11 +39,11 @@ from synthesis.chain.crescent import (
     stadium,
     tightest_room,
 )
-from synthesis.chain.fit import Exact, Fit, exact_slot, fit_error, fit_slot, power_basis, power_error
-from synthesis.chain.groove import contours, groove, to_csv, to_dxf, to_svg
-from synthesis.chain.slot import Pins, Report, Slot, find_slot, pins_at, report, wheel_conflict
-from synthesis.chain.track import ChordError, Track, arc, line
-from synthesis.chain.wear import Corners, Worn, made_within, tightest_pitch_error, worn
+from synthesis.scenes.chain.fit import Exact, Fit, exact_slot, fit_error, fit_slot, power_basis, power_error
+from synthesis.scenes.chain.groove import contours, groove, to_csv, to_dxf, to_svg
+from synthesis.scenes.chain.slot import Pins, Report, Slot, find_slot, pins_at, report, wheel_conflict
+from synthesis.scenes.chain.track import ChordError, Track, arc, line
+from synthesis.scenes.chain.wear import Corners, Worn, made_within, tightest_pitch_error, worn
 from synthesis.sheet import csv_text
 
 MAX_LINKS = 1000

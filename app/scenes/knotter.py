@@ -27,12 +27,12 @@ from app.query import (
 )
 from app.terminal import DEGREES, Units, table
 from linkage_atlas import FieldError, OutOfTime
-from synthesis.knotter import d_knotter
-from synthesis.knotter.conditions import Crossing, Found, crossing_curve, point_paths, step_before
-from synthesis.knotter.d_knotter import Needle
-from synthesis.knotter.fit import Direction, Pattern, Wanted, directions, rank, search, single_ranges
-from synthesis.knotter.mechanism import ANGLES, Linear, Table, as_array, dimensions
-from synthesis.knotter.study import Spread, solve, spread, study
+from synthesis.scenes.knotter import d_knotter
+from synthesis.scenes.knotter.conditions import Crossing, Found, crossing_curve, point_paths, step_before
+from synthesis.scenes.knotter.d_knotter import Needle
+from synthesis.scenes.knotter.fit import Direction, Pattern, Wanted, directions, rank, search, single_ranges
+from synthesis.scenes.knotter.mechanism import ANGLES, Linear, Table, as_array, dimensions
+from synthesis.scenes.knotter.study import Spread, solve, spread, study
 from synthesis.sheet import csv_text
 
 MAX_LENGTH = 1e9

@@ -26,9 +26,9 @@ from app.query import (
     reply_model,
 )
 from linkage_atlas import FieldError, Work
-from synthesis.lift.constraints import ConstraintRow, Constraints, measured, optimize_within, rows_of
-from synthesis.lift.files import columns, design_csv, design_dxf, design_svg, joint_columns
-from synthesis.lift.motion import (
+from synthesis.scenes.lift.constraints import ConstraintRow, Constraints, measured, optimize_within, rows_of
+from synthesis.scenes.lift.files import columns, design_csv, design_dxf, design_svg, joint_columns
+from synthesis.scenes.lift.motion import (
     Drive,
     Motion,
     angular_accelerations,
@@ -42,7 +42,7 @@ from synthesis.lift.motion import (
     smallest_condition,
     velocity_by_instant_centre,
 )
-from synthesis.lift.optimum import (
+from synthesis.scenes.lift.optimum import (
     Built,
     Objective,
     Optimum,
@@ -54,7 +54,7 @@ from synthesis.lift.optimum import (
     published_for,
     rise,
 )
-from synthesis.lift.pose import Cylinder, Design, joints, pose_at_turn, turns_at_length
+from synthesis.scenes.lift.pose import Cylinder, Design, joints, pose_at_turn, turns_at_length
 from synthesis.sheet import csv_text
 
 MIN_MAGNITUDE, MAX_MAGNITUDE = 1e-12, 1e12

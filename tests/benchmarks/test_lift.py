@@ -7,8 +7,8 @@ import pytest
 
 from benchmarks import report
 from benchmarks.lift_pictures import REFERENCE, task
-from synthesis.lift.optimum import ARMS, FITTED, STROKE, Evaluator, Objective, project
-from synthesis.lift.pose import Cylinder
+from synthesis.scenes.lift.optimum import ARMS, FITTED, STROKE, Evaluator, Objective, project
+from synthesis.scenes.lift.pose import Cylinder
 
 RESULTS = report.load("lift")
 

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from synthesis.fourbar.kinematics import coupler_angle
-from synthesis.knotter.d_knotter import mechanism
-from synthesis.knotter.mechanism import dimensions
+from synthesis.scenes.knotter.d_knotter import mechanism
+from synthesis.scenes.knotter.mechanism import dimensions
 
 MOST_BYTES = 150_000_000
 """That no request within its documented sizes needs more of, above an idle process."""

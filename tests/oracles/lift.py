@@ -1,6 +1,6 @@
 """The pneumatic lift once more: textbook poses, 60 digits, the loops solved and integrated step by step, a plain search.
 
-The formulas here are the source's and the textbook's, not those of `synthesis.lift`. That is asked for types and first
+The formulas here are the source's and the textbook's, not those of `synthesis.scenes.lift`. That is asked for types and first
 guesses, for the state in which an integration starts, and for what its end is compared with.
 """
 
@@ -12,9 +12,9 @@ from itertools import pairwise
 import mpmath
 import numpy as np
 
-from synthesis.lift.motion import angular_velocities, link_angles, loop_residuals, motion
-from synthesis.lift.optimum import Task
-from synthesis.lift.pose import Cylinder, Design, pose_at_turn, turn_at_length
+from synthesis.scenes.lift.motion import angular_velocities, link_angles, loop_residuals, motion
+from synthesis.scenes.lift.optimum import Task
+from synthesis.scenes.lift.pose import Cylinder, Design, pose_at_turn, turn_at_length
 
 DIGITS = 60
 
@@ -377,7 +377,7 @@ def series_of(design: Design, turns):
 
 
 def measures(design: Design, closed: float, speed: float, low: float, high: float, poses: int = 2001) -> dict:
-    """What the constraints of `synthesis.lift.constraints` are about, at a constant speed of the cylinder.
+    """What the constraints of `synthesis.scenes.lift.constraints` are about, at a constant speed of the cylinder.
 
     Joints by circles, at heights that are graded towards both ends. The motion by series in the turn, reverted into
     series in the cylinder's length; the dead point by walking down from the start.

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from synthesis.lift.constraints import FINE_NODES, Constraints, Space, least, slacks
-from synthesis.lift.optimum import Evaluator, Objective, Task
-from synthesis.lift.pose import Cylinder
+from synthesis.scenes.lift.constraints import FINE_NODES, Constraints, Space, least, slacks
+from synthesis.scenes.lift.optimum import Evaluator, Objective, Task
+from synthesis.scenes.lift.pose import Cylinder
 
 POPULATION = 50
 """Members of the differential evolution for each variable."""

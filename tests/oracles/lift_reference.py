@@ -2,7 +2,7 @@
 
 Run ``python -m tests.oracles.lift_reference``; it takes about a minute, and tells each number that changes. The printed
 digits and the tolerances are typed here; everything else is computed and rounded to the digits that are kept. Only
-`integration_error` is measured against `synthesis.lift`.
+`integration_error` is measured against `synthesis.scenes.lift`.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ import mpmath
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
-from synthesis.lift.optimum import Objective, Task
-from synthesis.lift.pose import Cylinder, Design
+from synthesis.scenes.lift.optimum import Objective, Task
+from synthesis.scenes.lift.pose import Cylinder, Design
 from tests.oracles.lift import (
     DIGITS,
     Exact,

@@ -17,7 +17,7 @@ from app.resources import ServiceResources
 from app.scenes import knotter as models
 from app.scenes import scene_queries
 from app.settings import Settings
-from synthesis.knotter.conditions import MAX_PIECES
+from synthesis.scenes.knotter.conditions import MAX_PIECES
 from tests.conftest import finite
 
 ROOT = Path(__file__).parents[3]
@@ -44,7 +44,7 @@ def test_defaults_give_the_published_pattern(reference) -> None:
     assert reference["status"] == "feasible"
     assert reference["feasible"] == FIGURES["paper"]["feasible"]
     pairs = {f"{pair['alpha1']:g},{pair['alpha3']:g}": pair for pair in reference["pairs"]}
-    # the other figures: tests/synthesis/knotter/test_d_knotter.py
+    # the other figures: tests/synthesis/scenes/knotter/test_d_knotter.py
     for key, (angle, edge, y, z, leave) in FIGURES["wrap"].items():
         wrap = pairs[key]["wrap"]
         assert wrap["angle"] == pytest.approx(angle, abs=1e-9) and wrap["leave"] == pytest.approx(leave, abs=1e-9)

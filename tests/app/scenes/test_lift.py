@@ -10,7 +10,7 @@ import pytest
 from app import cli
 from app.scenes import lift as models
 from linkage_atlas import FieldError
-from synthesis.lift.constraints import Constraints
+from synthesis.scenes.lift.constraints import Constraints
 from tests.conftest import changed, finite
 
 DESIGN = {"l2": 300, "l3": 180, "l4": 240, "l5": 330, "b": 480}

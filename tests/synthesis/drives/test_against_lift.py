@@ -7,7 +7,7 @@ from synthesis.drives.actuator import Question, Wanted
 from synthesis.drives.links import LinkMotions
 from synthesis.guided.analysis import Load
 from synthesis.guided.linkage import LinkMotion
-from synthesis.lift.pose import Design, pose_at_turn
+from synthesis.scenes.lift.pose import Design, pose_at_turn
 
 
 @pytest.mark.parametrize(

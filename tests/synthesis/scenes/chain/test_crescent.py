@@ -1,0 +1,393 @@
+"""The crescent and its slot: published numbers, an independent implementation's values, laws, extremes."""
+
+import json
+import math
+from pathlib import Path
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import brentq
+
+from synthesis.errors import FieldError
+from synthesis.scenes.chain import crescent as chain
+from synthesis.scenes.chain.closure import Chain, closing_links, highest, lowest
+from synthesis.scenes.chain.crescent import crescent_angles
+from synthesis.scenes.chain.slot import chord_error, find_slot, pins_at, report, wheel_conflict
+from tests.oracles.chain import free_pin_at_100_degrees
+
+REFERENCE = json.loads((Path(__file__).parents[3] / "reference" / "chain.json").read_text())
+PRINTED, AS_PRINTED, CANONICAL = REFERENCE["published"], REFERENCE["as_printed"], REFERENCE["canonical"]
+L, N, R1 = 131.0, 16, 181.78
+R0 = L / math.sqrt(2)
+
+
+@pytest.fixture(scope="module")
+def canonical():
+    return chain.crescent_slot(L, N, R1)
+
+
+@pytest.fixture(scope="module")
+def facts(canonical):
+    slot = canonical[1]
+    return report(slot, np.linspace(slot.start, slot.end, 91))
+
+
+@pytest.fixture(scope="module")
+def printed():
+    radii = (PRINTED["wheel_radius"], PRINTED["lower_radius"], PRINTED["eccentricity"])
+    return chain.crescent_slot(L, N, R1, *radii)
+
+
+def overruns(track, links):
+    """Smallest and largest overrun over one period."""
+    chain_ = Chain(track, L, links)
+    return chain_.least_overrun().value, highest(chain_.overrun, 0.0, chain_.period, chain_.cells).value
+
+
+def theta(slot, degrees):
+    """Phases of angles of P1 on the left wheel."""
+    return np.radians(np.asarray(degrees, dtype=float)) * slot.chain.period / (np.pi / 2)
+
+
+# Published numbers
+
+
+def test_p1_p2_p6_p7_p8_critical_closure_gives_the_printed_layout(canonical, printed) -> None:
+    crescent = canonical[0]
+    assert crescent.wheel_radius == pytest.approx(PRINTED["wheel_radius"], abs=0.005)
+    assert crescent.lower_radius == pytest.approx(PRINTED["lower_radius"], abs=0.01)
+    assert crescent.eccentricity == pytest.approx(PRINTED["eccentricity"], abs=0.01)
+    assert math.degrees(crescent.xi) == pytest.approx(PRINTED["xi_deg"], abs=0.05)
+    assert math.degrees(crescent.alpha) == pytest.approx(PRINTED["alpha_deg"], abs=0.05)
+    for one in (crescent, printed[0]):
+        assert math.degrees(one.xi + one.alpha) == pytest.approx(90, abs=1e-9)
+
+
+def test_p3_tangency_residual_of_the_printed_numbers(printed) -> None:
+    assert abs(printed[0].tangency_residual) <= 0.021
+    assert printed[0].tangency_residual == pytest.approx(AS_PRINTED["tangency_residual"], abs=1e-5)
+
+
+def test_p5_sixteen_links_close(canonical, printed) -> None:
+    assert closing_links(printed[0].track, L) == PRINTED["links"]
+    assert closing_links(canonical[0].track, L) == PRINTED["links"]
+
+
+def test_p9_the_defect_has_the_period_of_one_link(canonical) -> None:
+    slot = canonical[1]
+    angles = np.arange(88)  # then P13 and P15 are on the upper arc at both phases
+    here, on = slot.slack(theta(slot, angles)) / R1, slot.slack(theta(slot, angles + 90)) / R1
+    assert np.degrees(np.abs(here - on)).max() < 1e-9
+    assert slot.chain.period / R0 == pytest.approx(math.pi / 2, abs=1e-14)
+
+
+# Regression values
+
+
+def test_geometry(canonical, printed) -> None:
+    crescent = canonical[0]
+    wheel, upper, _ = (math.degrees(angle) for angle in crescent.link_angles(L))
+    assert wheel == pytest.approx(90, abs=1e-12)
+    assert upper == pytest.approx(CANONICAL["delta_upper_deg"], abs=1e-6)
+    assert math.degrees(printed[0].link_angles(L)[2]) == pytest.approx(AS_PRINTED["delta_lower_deg"], abs=1e-6)
+    assert crescent.lower_radius == pytest.approx(CANONICAL["lower_radius"], abs=1e-6)
+    assert crescent.eccentricity == pytest.approx(CANONICAL["eccentricity"], abs=1e-6)
+    assert math.degrees(crescent.xi) == pytest.approx(CANONICAL["xi_deg"], abs=1e-6)
+
+
+def test_window_and_crossings(canonical) -> None:
+    slot = canonical[1]
+    to_deg = 180 / math.pi / R0
+    assert slot.free == 14 and slot.side == 1
+    assert slot.start * to_deg == pytest.approx(CANONICAL["phase_start_deg"], abs=1e-6)
+    assert [c.phase * to_deg for c in slot.crossings] == pytest.approx(CANONICAL["events_deg"], abs=1e-6)
+    assert [c.pin for c in slot.crossings] == CANONICAL["event_pins"]
+    segments = [chain.RIGHT_WHEEL, chain.UPPER_ARC, chain.LEFT_WHEEL, chain.LOWER_ARC]
+    assert [c.segment for c in slot.crossings] == segments
+
+
+def test_locus(canonical, facts) -> None:
+    slot = canonical[1]
+    points = slot.path(slot.start + theta(slot, CANONICAL["samples_deg"]))
+    assert np.abs(points - (CANONICAL["x"] + 1j * np.array(CANONICAL["y"]))).max() < 1e-6
+    ends = slot.path(np.array([slot.start, slot.end]))
+    assert np.abs(ends - [complex(*end) for end in CANONICAL["ends"]]).max() < 1e-6
+    lowest_y = lowest(lambda p: slot.path(p).imag, slot.start, slot.end, 100)
+    assert lowest_y.value == pytest.approx(CANONICAL["y_min"], abs=1e-6)
+    assert facts.depth_max.value == pytest.approx(CANONICAL["depth_max"], abs=1e-5)
+    assert facts.end_step < 1e-9
+
+
+def test_defect_and_checks(canonical, facts) -> None:
+    slot = canonical[1]
+    assert math.degrees(facts.slack_max.value / R1) == pytest.approx(CANONICAL["defect_max_deg"], abs=1e-5)
+    phase = math.degrees(facts.slack_max.phase / R0)
+    assert phase == pytest.approx(CANONICAL["defect_max_theta1_deg"], abs=1e-3)
+    assert abs(facts.slack_min) < 1e-10
+    assert facts.slack_max.value == pytest.approx(CANONICAL["slack_max"], abs=0.001)
+    assert facts.held_chord_error == pytest.approx(CANONICAL["held_chord_error"], abs=0.001)
+    assert facts.radius_min == pytest.approx(CANONICAL["radius_min"], abs=0.05)
+    assert facts.single_valued
+    assert facts.free_speed == pytest.approx(CANONICAL["free_pin_speed"], abs=0.001)
+    assert facts.clearance == pytest.approx(CANONICAL["clearance"], abs=0.01)
+    points, track = slot.path(np.linspace(slot.start, slot.end, 20_001)), slot.chain.track
+    nearest = min(track.distance(part, points).min() for part in range(4) if part != chain.UPPER_ARC)
+    assert facts.clearance == pytest.approx(nearest, abs=1e-7)
+    conflict = 90 * wheel_conflict(slot, chain.RIGHT_WHEEL).value
+    assert conflict == pytest.approx(CANONICAL["wheel_phase_conflict_deg"], abs=0.005)
+
+
+def test_every_pin_near_the_slot_is_on_track_or_slot(canonical) -> None:
+    """One slot serves all pins: P13 and P15 never leave the bare arc, and where P14 ends P15 started."""
+    slot = canonical[1]
+    pins = slot.pins(np.linspace(slot.start, slot.end, 501))
+    for pin in (13, 15):
+        assert np.abs(np.abs(pins[:, pin - 1]) - R1).max() < 1e-9
+        x = pins[:, pin - 1].real
+        assert np.all(x >= 65.5 - 1e-9) if pin == 13 else np.all(x <= -65.5 + 1e-9)
+    assert np.abs(pins[-1, 13] - pins[0, 14]).max() < 1e-9
+
+
+def test_printed_numbers_as_they_are(printed) -> None:
+    crescent, slot = printed
+    facts = report(slot, np.linspace(slot.start, slot.end, 91))
+    assert facts.slack_min > 0
+    assert math.degrees(facts.slack_min / R1) == pytest.approx(AS_PRINTED["defect_min_deg"], abs=1e-4)
+    assert math.degrees(facts.slack_max.value / R1) == pytest.approx(AS_PRINTED["defect_max_deg"], abs=2e-4)
+    assert facts.depth_max.value == pytest.approx(AS_PRINTED["depth_max"], abs=0.001)
+    assert facts.end_step == pytest.approx(AS_PRINTED["end_step"], abs=0.001)
+    for links, least, most in ((15, -145, -131), (17, 144, 151)):
+        low, high = overruns(crescent.track, links)
+        assert least < low < high < most
+    wanted = (AS_PRINTED["overrun_min"], AS_PRINTED["overrun_max"])
+    assert overruns(crescent.track, N) == pytest.approx(wanted, abs=0.005)
+
+
+def test_other_windows_have_steps_at_both_ends() -> None:
+    for start, step in CANONICAL["end_step_at_other_starts_deg"].items():
+        _, slot = chain.crescent_slot(L, N, R1, start=math.radians(float(start)))
+        assert report(slot, np.array([slot.start])).end_step == pytest.approx(step, abs=0.006)
+
+
+# Independent arithmetic and forms
+
+
+def test_p14_agrees_with_50_digit_arithmetic(canonical) -> None:
+    crescent, slot = canonical
+    expected = free_pin_at_100_degrees(131, "181.78", crescent.lower_radius)
+    assert np.abs(slot.path(theta(slot, [100.0]))[0] - expected) < 1e-10
+
+
+# Laws
+
+
+@settings(derandomize=True, deadline=None, max_examples=6)
+@given(
+    upper=st.floats(0.8, 6),
+    wheel=st.floats(0.55, 2),
+    links=st.integers(5, 60),
+    scale=st.sampled_from([1e-9, 1.0, 131.0, 1e9 / 40]),
+)
+def test_a_chain_closes_or_says_how_many_links_would(upper, wheel, links, scale) -> None:
+    try:
+        crescent, slot = chain.crescent_slot(scale, links, upper * scale, wheel * scale)
+    except FieldError as error:
+        assert error.field == "/links" and error.details["amount"] > 0
+        missing = error.details["nearest_links"] > links
+        assert ("missing_length" if missing else "excess_length") in error.details
+        links = error.details["nearest_links"]
+        crescent, slot = chain.crescent_slot(scale, links, upper * scale, wheel * scale)
+    facts = report(slot, np.linspace(slot.start, slot.end, 31))
+    assert closing_links(crescent.track, scale) == links
+    assert facts.chord_error < 1e-12 * scale * max(1, crescent.lower_radius / scale)
+    assert abs(facts.slack_min) < 1e-9 * scale
+    assert facts.end_step < 1e-8 * scale
+    assert 0 <= slot.start < slot.chain.period
+    # The reply depends on the unit by a factor only.
+    _, unit = chain.crescent_slot(1.0, links, upper, wheel)
+    phases = np.linspace(0, 1, 7)
+    here = slot.path(slot.start + phases * slot.chain.period) / scale
+    # The place of a minimum is known to the root of the rounding error; the slot itself does not move with it.
+    assert slot.free == unit.free
+    assert np.abs(here - unit.path(unit.start + phases * unit.chain.period)).max() < 1e-6
+
+
+@settings(derandomize=True, deadline=None, max_examples=15)
+@given(upper=st.floats(0.8, 4), wheel=st.floats(0.6, 2), xi=st.floats(0.1, 1.2))
+def test_more_links_never_lie_shorter(upper, wheel, xi) -> None:
+    track = chain.level_crescent(wheel, upper, math.pi / 2 - xi).track
+    links = closing_links(track, 1.0)
+    least = [Chain(track, 1.0, n).least_overrun().value for n in (links - 1, links, links + 1)]
+    assert least[0] < -1e-6 <= least[1] + 1e-12 < least[2]
+
+
+def test_velocity_acceleration_and_curvature_are_derivatives(canonical) -> None:
+    slot = canonical[1]
+    phases = np.linspace(slot.start, slot.end, 40)[1:-1]
+    phases = phases[np.abs(phases[:, None] - slot.breaks).min(axis=1) > 0.5]
+    point, velocity, acceleration = slot.motion(phases)
+    for h, velocity_error, acceleration_error in ((1e-3, 1e-9, np.inf), (1e-2, np.inf, 1e-7)):
+        ahead, at, behind = (slot.path(phases + shift) for shift in (h, 0, -h))
+        assert np.abs(point - at).max() < 1e-12
+        assert np.abs((ahead - behind) / (2 * h) - velocity).max() < velocity_error
+        assert np.abs((ahead - 2 * at + behind) / h**2 - acceleration).max() < acceleration_error
+
+
+def test_curvature_jumps_by_the_reference_at_the_crossings(canonical) -> None:
+    slot = canonical[1]
+    for phase, jump in zip(slot.breaks[1:-1], (0.0118, 0.0123, 0.0123, 0.0118)):
+        before, after = slot.curvature(phase + np.array([-1e-7, 1e-7]) * slot.chain.period)
+        assert abs(abs(after - before) - jump) < 6e-4
+
+
+@pytest.mark.parametrize(("links", "radius"), [(12, 0.6), (16, 1.2), (40, 0.52), (301, 9.0)])
+def test_the_critical_parameter_is_the_root_that_brentq_finds(links, radius) -> None:
+    def least(straight):
+        return Chain(chain.stadium(radius, straight), 1.0, links).least_overrun().value
+
+    straight = chain.critical_stadium(1.0, links, radius).length[1]
+    assert straight == pytest.approx(brentq(least, 1e-6, links, xtol=1e-14, rtol=1e-14), abs=1e-11)
+
+
+def test_the_slack_is_polished_to_where_its_derivative_vanishes(canonical, facts) -> None:
+    """Values alone know the place of a smooth extreme to the root of their rounding only."""
+    slot = canonical[1]
+    phase, h = facts.slack_max.phase, 1e-2 * slot.chain.period
+    before, after = slot.slack(phase + np.array([-h, h]))
+    assert slot.slack_rate(np.array([phase]))[0][0] == pytest.approx(0, abs=1e-14)
+    assert abs(after - before) < 1e-2 * (facts.slack_max.value - before)
+
+
+def test_extremes_of_functions_with_many_valleys() -> None:
+    found = lowest(lambda x: np.sin(7 * x) + 0.3 * np.abs(x - 2.1), 0, 6, 200)
+    x = np.linspace(0, 6, 2_000_001)
+    y = np.sin(7 * x) + 0.3 * np.abs(x - 2.1)
+    assert found.value == pytest.approx(y.min(), abs=1e-10)
+    assert highest(np.cos, -1, 2, 192).value == pytest.approx(1, abs=1e-14)
+    assert lowest(np.ones_like, 0, 1, 10).value == 1
+
+
+# Other layouts and extremes
+
+
+def test_one_of_radius_and_eccentricity_gives_the_other(canonical) -> None:
+    crescent = canonical[0]
+    # Neither may stretch the chain: a hair more than the critical size.
+    b = chain.crescent_slot(L, N, R1, None, crescent.lower_radius + 1e-3)[0].eccentricity
+    r2 = chain.crescent_slot(L, N, R1, None, None, crescent.eccentricity + 1e-3)[0].lower_radius
+    assert b == pytest.approx(crescent.eccentricity, abs=0.01)
+    assert r2 == pytest.approx(crescent.lower_radius, abs=0.01)
+
+
+def test_stretch_tells_the_missing_length() -> None:
+    """Half a millimetre off the critical radius: the sensitivity is 0.033 deg per 0.01 mm with b fixed."""
+    with pytest.raises(FieldError) as caught:
+        chain.crescent_slot(L, N, R1, None, 380.994324, 90.225475)
+    assert caught.value.details["missing_length"] == pytest.approx(0.5 * 3.3 * math.pi / 180 * R1, rel=0.1)
+
+
+def test_the_triangle_of_a_very_flat_crescent_keeps_its_digits() -> None:
+    r0, r2, b = 92.5, 2.0**27 + 300.5, 2.0**27
+    crescent = chain.given_crescent(r0, 181.75, r2, b)
+    with mpmath.workdps(40):
+        c, a = mpmath.mpf(r0) + mpmath.mpf("181.75"), mpmath.mpf(r2) - mpmath.mpf(r0)
+        height = float((c * c + mpmath.mpf(b) ** 2 - a * a) / (2 * mpmath.mpf(b)))
+    assert (181.75 + r0) * math.sin(crescent.eps) == pytest.approx(height, abs=1e-11)
+
+
+def test_wheels_of_three_pins_a_turn() -> None:
+    """A window may then go on beyond the wheel's end: P1 is followed on by the link behind it."""
+    wheel = 1 / math.sqrt(3)
+    found = 0
+    for upper, links in zip(np.linspace(1.0, 1.5, 12), [10, 11, 12] * 4):
+        try:
+            _, slot = chain.crescent_slot(1.0, links, upper, wheel, start=math.radians(115))
+        except FieldError:
+            continue
+        found += slot.end > slot.chain.track.length[0]
+        phases = np.linspace(slot.start, slot.end, 2001)
+        steps = np.abs(np.diff(slot.path(phases)))
+        assert steps.max() < 3 * steps.mean()
+        assert chord_error(slot, phases) < 1e-13
+        listed = [round(crossing.phase, 9) for crossing in slot.crossings]
+        assert len(listed) == 4
+    assert found
+
+
+def test_a_thousand_links(canonical) -> None:
+    crescent, slot = chain.crescent_slot(1.0, 1000, 80.0, 50.0)
+    assert chord_error(slot, np.linspace(slot.start, slot.end, 5)) < 1e-11
+    assert report(slot, np.array([slot.start])).end_step < 1e-9
+    assert crescent.lower_radius > 180
+
+
+def test_a_slot_that_would_have_to_change_sides_is_refused() -> None:
+    with pytest.raises(FieldError, match="both sides"):
+        chain.crescent_slot(1.0, 9, 0.5223812176102055, 0.593040447778767)
+
+
+def test_a_free_pin_on_a_straight_run() -> None:
+    """Depth about sqrt(L * slack), the gain without bound at the ends: the rule to put the free pin on an arc."""
+    track = chain.critical_stadium(50.0, 16, 50 / math.sqrt(2))
+    middle = float(track.joints[1] + 0.5 * track.length[1])
+    slot = find_slot(Chain(track, 50.0, 16), middle, side=-1)
+    facts = report(slot, np.linspace(slot.start, slot.end, 101))
+    assert facts.slack_max.value == pytest.approx(4.305, abs=0.001)
+    assert facts.depth_max.value == pytest.approx(14.5, abs=0.05)
+    assert facts.condition == math.inf
+    assert np.isfinite(slot.normals(np.array([slot.start, slot.end]))).all()
+    lifted = slot.path(np.array([0.5 * (slot.start + slot.end)])) - track.points(track.place(middle))
+    assert lifted[0].imag > 5
+
+
+# All pins and their angles
+
+PHASES = 9001
+
+
+@pytest.fixture(scope="module")
+def found(canonical):
+    crescent, slot = canonical
+    phases = np.linspace(slot.start, slot.end, PHASES)
+    pins = pins_at(slot, phases)
+    return crescent, slot, phases, pins, crescent_angles(crescent, slot, pins)
+
+
+def test_all_sixteen_chords_close_at_9001_phases(found) -> None:
+    _, slot, phases, pins, _ = found
+    assert pins.points.shape == (PHASES, 16)
+    chords = np.abs(np.roll(pins.points, -1, axis=1) - pins.points)
+    assert np.abs(chords / 131 - 1).max() < 1e-9
+    assert np.array_equal(pins.points, slot.pins(phases))
+
+
+def test_angles_place_every_pin(found) -> None:
+    """A naive way back from the angle to the point, by the definitions of the source."""
+    crescent, slot, _, pins, theta = found
+    r0, r1, r2, b = crescent.wheel_radius, crescent.upper_radius, crescent.lower_radius, crescent.eccentricity
+    c = r0 + r1
+    back = {
+        0: -c + r0 * np.exp(1j * theta),
+        1: 1j * b + r2 * np.exp(1j * (theta - np.pi / 2)),
+        2: c + r0 * np.exp(1j * (np.pi - theta)),
+        3: r1 * np.exp(1j * (theta - np.pi / 2)),
+    }
+    for pin in set(range(16)) - {slot.free - 1}:
+        made = np.choose(pins.segment[:, pin], [back[part][:, pin] for part in range(4)])
+        assert np.abs(made - pins.points[:, pin]).max() < 1e-9, pin
+    free = slot.free - 1
+    radius = np.abs(pins.points[:, free])
+    assert np.abs(radius * np.exp(1j * (theta[:, free] - np.pi / 2)) - pins.points[:, free]).max() < 1e-9
+
+
+def test_link_angles_are_continuous_and_point_to_the_next_pin(found) -> None:
+    _, _, _, pins, _ = found
+    angles = pins.link_angle
+    assert np.abs(np.diff(angles, axis=0)).max() < 0.01
+    assert np.abs(pins.points + 131 * np.exp(1j * angles) - np.roll(pins.points, -1, axis=1)).max() < 1e-9
+
+
+# The copied digits against their recomputation by search along the path

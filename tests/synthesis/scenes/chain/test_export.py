@@ -1,0 +1,237 @@
+"""Slots as files: read back by other programs' eyes, and compared with the exact path; the groove as closed contours."""
+
+import csv
+import io
+import math
+import xml.etree.ElementTree as ElementTree
+
+import ezdxf
+import numpy as np
+import pytest
+
+from synthesis.errors import FieldError
+from synthesis.scenes.chain import crescent as chain
+from synthesis.scenes.chain.closure import Chain, closing_links
+from synthesis.scenes.chain.groove import (
+    TOLERANCE,
+    contours,
+    groove,
+    roller_walls,
+    sampled,
+    slot_run,
+    to_csv,
+    to_dxf,
+    to_svg,
+)
+from synthesis.scenes.chain.slot import find_slot, report
+from tests.conftest import some_of
+
+ROLLER = 25.0
+
+
+@pytest.fixture(scope="module")
+def slot():
+    return chain.crescent_slot(131.0, 16, 181.78)[1]
+
+
+@pytest.fixture(scope="module")
+def dense(slot):
+    return np.linspace(slot.start, slot.end, 4001)
+
+
+def nearest(points, curve):
+    """Distance of each point from a dense polyline."""
+    start, along = curve[:-1], np.diff(curve)
+    share = ((points[:, None] - start) / along).real
+    return np.abs(points[:, None] - start - np.clip(share, 0, 1) * along).min(axis=1)
+
+
+def test_walls_are_a_roller_away_from_the_path(slot, dense) -> None:
+    phases = dense[::40]
+    walls = roller_walls(slot, phases, ROLLER)
+    path = slot.path(dense)
+    for wall in walls.values():
+        assert np.abs(nearest(wall, path) - ROLLER).max() < 1e-4
+    # The slot is travelled from right to left: its left wall is the lower one.
+    assert np.all(walls["left"].imag < walls["right"].imag)
+
+
+def test_a_roller_too_large_is_refused(slot, dense) -> None:
+    with pytest.raises(FieldError) as caught:
+        roller_walls(slot, dense[:3], 52.1)
+    assert caught.value.field == "/roller_radius" and caught.value.details["constraint"] == "undercut"
+
+
+def test_csv_has_full_precision(slot, dense) -> None:
+    phases = dense[::100]
+    walls = roller_walls(slot, phases, ROLLER)
+    unit = math.radians(1) * 131 / math.sqrt(2)
+    rows = list(csv.DictReader(io.StringIO(to_csv(slot, phases, "theta1_deg", unit, ROLLER), newline="")))
+    assert len(rows) == len(phases)
+    assert np.array_equal([complex(float(row["x"]), float(row["y"])) for row in rows], slot.path(phases))
+    assert float(rows[0]["theta1_deg"]) == pytest.approx(29.553192, abs=1e-6)
+    assert np.array_equal([float(row["left_x"]) for row in rows], walls["left"].real)
+    assert "left_x" not in to_csv(slot, phases, "theta1_deg", unit, None)
+
+
+# The groove
+
+
+def crossings(points) -> int:
+    """Pairs of a closed polygon's sides that cross: every side against every other, by orientations."""
+    ends, found = np.roll(points, -1), 0
+    for start, end in zip(points, ends):
+        side = [((np.conj(end - start)) * (other - start)).imag for other in (points, ends)]
+        other = [(np.conj(ends - points) * (here - points)).imag for here in (start, end)]
+        found += int(np.count_nonzero((side[0] * side[1] < 0) & (other[0] * other[1] < 0)))
+    return found // 2
+
+
+def polygon(rows, step: float = 0.02):
+    """Points of a closed polyline with bulges, every ``step`` rad: a bulge is the tangent of a quarter of the turn."""
+    points = []
+    for (x, y, bulge), (x1, y1, _) in zip(rows, [*rows[1:], rows[0]]):
+        start, end, turn = complex(x, y), complex(x1, y1), 4 * math.atan(bulge)
+        parts = max(2, math.ceil(abs(turn) / step))
+        share = np.arange(parts) / parts
+        if bulge:
+            centre = (start + end) / 2 + 1j * (end - start) / 2 * (1 - bulge**2) / (2 * bulge)
+            points.extend(centre + (start - centre) * np.exp(1j * turn * share))
+        else:
+            points.extend(start + (end - start) * share)
+    return np.array(points)
+
+
+STEPPED = {"wheel_radius": 92.63, "lower_radius": 381.5, "eccentricity": 90.22}
+CASES = {
+    "closed": (lambda: chain.crescent_slot(131.0, 16, 181.78)[1], 25.0),
+    "a step higher than the roller": (lambda: chain.crescent_slot(131.0, 16, 181.78, start=math.radians(75))[1], 3.0),
+    "stadium": (lambda: stadium_slot(2), 31.0),
+    "slack: a step of 0.14 at the ends": (lambda: chain.crescent_slot(131.0, 16, 181.78, **STEPPED)[1], 20.0),
+    "a step of 4.2": (lambda: chain.crescent_slot(131.0, 16, 181.78, start=math.radians(75))[1], 20.0),
+}
+
+
+def stadium_slot(segment):
+    track = chain.critical_stadium(50.0, 16, 60.0)
+    return find_slot(Chain(track, 50.0, 16), float(track.joints[segment] + 0.5 * track.length[segment]))
+
+
+@pytest.mark.parametrize("name", some_of([*CASES], 3))
+def test_the_dxf_holds_the_whole_groove_as_closed_contours_that_do_not_cross(name) -> None:
+    make, roller = CASES[name]
+    slot = make()
+    document = ezdxf.read(io.StringIO(to_dxf(slot, roller)))
+    assert not document.audit().errors and not document.audit().fixes
+    space = document.modelspace()
+    assert not space.query("ARC LINE SPLINE"), "nothing is left to trim"
+    found = {entity.dxf.layer: entity for entity in space.query("LWPOLYLINE")}
+    assert set(found) == {"PATH", "GROOVE_LEFT", "GROOVE_RIGHT"} and len(space.query("POINT")) == slot.chain.links
+    shapes = {}
+    for layer, entity in found.items():
+        assert entity.closed
+        rows = [tuple(row) for row in entity.get_points("xyb")]
+        steps = [abs(complex(x1 - x, y1 - y)) for (x, y, _), (x1, y1, _) in zip(rows, [*rows[1:], rows[0]])]
+        assert min(steps) > 1e-9 * slot.chain.pitch, "no bend without length"
+        shapes[layer] = polygon(rows)
+        assert crossings(shapes[layer]) == 0, layer
+    # each wall is a roller away from the pins' way, all round, and the two lie on different sides of it
+    exact = polygon([tuple(row) for row in found["PATH"].get_points("xyb")], 0.004)
+    for layer in ("GROOVE_LEFT", "GROOVE_RIGHT"):
+        off = nearest(shapes[layer], np.append(exact, exact[0]))
+        assert np.abs(off - roller).max() < 1e-3
+    area = {layer: 0.5 * np.sum((np.conj(p) * np.roll(p, -1)).imag) for layer, p in shapes.items()}
+    assert area["GROOVE_LEFT"] < area["PATH"] < area["GROOVE_RIGHT"]
+
+
+def test_the_contour_follows_slot_and_track_and_not_the_arc_under_the_slot(slot, dense) -> None:
+    track = slot.chain.track
+    points = polygon(contours(groove(slot, None))["path"])
+    by_slot = nearest(points, slot.path(dense))
+    by_track = np.min([track.distance(index, points) for index in range(track.count)], axis=0)
+    assert np.minimum(by_slot, by_track).max() < 2 * TOLERANCE * 131
+    # under the slot the bare arc is gone: nothing of the contour lies on it where the slot is deep
+    under = (np.abs(points.real) < 30) & (points.imag < 0) & (points.imag > -200)
+    assert under.any() and by_track[under].min() > 0.5 and by_slot[under].max() < 2e-5
+
+
+@pytest.mark.parametrize("seed", some_of(range(8), 3))
+def test_arcs_of_any_slot_stay_within_the_tolerance(seed) -> None:
+    random = np.random.default_rng(seed)
+    links, radius = int(random.integers(12, 40)), float(random.uniform(0.9, 2.5))
+    links = max(links, int(7 * radius) + 8)
+    track = chain.critical_stadium(1.0, links, radius)
+    slot = find_slot(Chain(track, 1.0, links), float(track.joints[2] + 0.5 * track.length[2]))
+    points = np.concatenate([bend.at(np.linspace(0, 1, 5)) for bend in slot_run(slot)])
+    assert nearest(points, slot.path(np.linspace(slot.start, slot.end, 8001))).max() < 3e-7
+
+
+def test_a_roller_that_cannot_run_is_refused(slot) -> None:
+    far = chain.crescent_slot(131.0, 16, 181.78, start=math.radians(75))[1]
+    with pytest.raises(FieldError) as caught:
+        groove(far, 0.5)  # the step is 8 rollers high: still one groove
+        groove(far, 52.2)
+    assert caught.value.field == "/roller_radius" and caught.value.details["constraint"] == "undercut"
+    # two half circles on a straight so short that the groove of a large roller has no inner wall
+    with pytest.raises(FieldError) as caught:
+        groove(stadium_slot(1), 10.0)
+    assert caught.value.field == "/roller_radius"
+
+
+def test_parts_of_a_track_too_close_for_the_roller_are_refused() -> None:
+    # a thin crescent: the slot comes close to the lower arc under the middle
+    thin = chain.level_crescent(50.0, 60.0, math.radians(50))
+    links = closing_links(thin.track, 30.0)
+    slot = chain.crescent_slot(30.0, links, 60.0, 50.0, thin.lower_radius, thin.eccentricity)[1]
+    assert refused(slot, 8.0) is None and refused(slot, 10.0) == refused(slot, 15.0) == "groove_cut"
+    assert all(crossings(sampled(wall, 1500)) == 0 for wall in groove(slot, 8.0).walls.values())
+    bottom = slot.path(np.linspace(slot.start, slot.end, 999)).imag.min() - (thin.eccentricity - thin.lower_radius)
+    assert 8.0 < bottom / 2 < 10.0
+
+
+def refused(slot, radius) -> str | None:
+    try:
+        groove(slot, radius)
+    except FieldError as error:
+        return str(error.details["constraint"])
+    return None
+
+
+def test_svg_is_xml_and_shows_track_slot_walls_and_pins(slot) -> None:
+    root = ElementTree.fromstring(to_svg(slot, ROLLER))
+    space = "{http://www.w3.org/2000/svg}"
+    names = [path.get("id") for path in root.iter(f"{space}path")]
+    assert names == ["bare-track", "pin-path", "groove-left", "groove-right", "chain"]
+    assert len(list(root.iter(f"{space}circle"))) == 16
+    x0, y0, width, height = map(float, root.get("viewBox").split())
+    for circle in root.iter(f"{space}circle"):
+        assert x0 <= float(circle.get("cx")) <= x0 + width and y0 <= float(circle.get("cy")) <= y0 + height
+    for path in list(root.iter(f"{space}path"))[1:]:
+        assert path.get("d").endswith("Z")
+
+
+def test_dxf_without_a_roller_is_the_pins_path_with_the_exact_radii(slot) -> None:
+    document = ezdxf.read(io.StringIO(to_dxf(slot, None)))
+    (entity,) = document.modelspace().query("LWPOLYLINE")
+    x, y, bulge = np.array(entity.get_points("xyb")).T
+    chords = np.abs(np.roll(x + 1j * y, -1) - (x + 1j * y))
+    radii = chords[chords > 50] / (2 * np.sin(2 * np.arctan(np.abs(bulge[chords > 50]))))
+    for segment in slot.chain.track.segments:
+        assert min(abs(radius - 1 / abs(segment.curvature)) for radius in radii) < 1e-9
+    assert entity.dxf.layer == "PATH" and not document.audit().errors
+
+
+def test_a_stadium_is_drawn_with_lines() -> None:
+    slot = stadium_slot(2)
+    (entity,) = ezdxf.read(io.StringIO(to_dxf(slot, None))).modelspace().query("LWPOLYLINE")
+    assert sum(bulge == 0 for *_, bulge in entity.get_points("xyb")) == 2
+    assert to_svg(slot, None).count(" L ") >= 2
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1e7])
+def test_any_unit(scale) -> None:
+    slot = chain.crescent_slot(scale, 16, 181.78 / 131 * scale)[1]
+    root = ElementTree.fromstring(to_svg(slot, None))
+    width = float(root.get("viewBox").split()[2])
+    assert width == pytest.approx(scale * 733 / 131 * 1.1, rel=0.1)
+    assert report(slot, np.array([slot.start])).radius_min == pytest.approx(52.0923 / 131 * scale, rel=1e-4)

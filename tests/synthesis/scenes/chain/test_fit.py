@@ -1,0 +1,183 @@
+"""Fits of the slot: the errors that were found independently, conditioning, and what cannot be fitted."""
+
+import json
+import math
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.polynomial import chebyshev
+
+from synthesis.errors import FieldError
+from synthesis.scenes.chain import crescent as chain
+from synthesis.scenes.chain.closure import Chain
+from synthesis.scenes.chain.fit import exact_slot, fit_error, fit_slot, power_basis, power_error
+from synthesis.scenes.chain.slot import find_slot
+
+REFERENCE = json.loads((Path(__file__).parents[3] / "reference" / "chain.json").read_text())
+
+
+@pytest.fixture(scope="module")
+def slot():
+    return chain.crescent_slot(131.0, 16, 181.78)[1]
+
+
+@pytest.fixture(scope="module")
+def phases(slot):
+    return np.linspace(slot.start, slot.end, 9001)
+
+
+@pytest.mark.parametrize("kind", ["chebyshev", "spline"])
+def test_errors_of_pieces_and_splines(kind, slot, phases) -> None:
+    for order, (normal, chord) in REFERENCE["representations"][kind].items():
+        fit = fit_slot(slot, kind, int(order))
+        error = fit_error(slot, fit, exact_slot(slot, phases))
+        assert error.normal == pytest.approx(normal, rel=0.03)
+        assert error.chord == pytest.approx(chord, rel=0.03)
+        assert fit.condition <= 3 + 1e-9
+
+
+def test_errors_of_fourier_series(slot, phases) -> None:
+    """The reference interpolates at 2M + 1 phases; the truncated series is at most a little better."""
+    for order, (normal, chord) in REFERENCE["representations"]["fourier"].items():
+        error = fit_error(slot, fit_slot(slot, "fourier", int(order)), exact_slot(slot, phases))
+        assert error.normal == pytest.approx(normal, rel=0.13)
+        assert error.chord == pytest.approx(chord, rel=0.13)
+
+
+def test_polynomials_from_91_samples(slot, phases) -> None:
+    for degree, (normal, chord) in REFERENCE["polynomial_91_samples"].items():
+        error = fit_error(slot, fit_slot(slot, "polynomial", int(degree)), exact_slot(slot, phases))
+        assert error.normal == pytest.approx(normal, rel=0.02)
+        assert error.chord == pytest.approx(chord, rel=0.02)
+
+
+@pytest.mark.parametrize(("kind", "order"), [("chebyshev", 12), ("spline", 90), ("fourier", 16), ("polynomial", 12)])
+def test_the_stored_numbers_are_the_fit(kind, order, slot, phases) -> None:
+    """What a reader of the reply computes from its numbers alone."""
+    fit = fit_slot(slot, kind, order)
+    phases = phases[::50]
+    data = fit.data
+    if kind == "chebyshev":
+        expected = []
+        for phase in phases:
+            piece = next(p for p in data["pieces"] if p["phase"][0] <= phase <= p["phase"][1])
+            a, b = piece["phase"]
+            u = (2 * phase - a - b) / (b - a)
+            x, y = (chebyshev.chebval(u, piece[axis]) + o for axis, o in zip("xy", data["origin"]))
+            expected.append(complex(x, y))
+    elif kind == "polynomial":
+        x = slot.path(phases).real - data["origin"][0]
+        low, high = data["x"]
+        y = chebyshev.chebval((2 * x - low - high) / (high - low), data["coefficients"])
+        assert data["angle"] == pytest.approx(0, abs=1e-12)
+        expected = x + 1j * y + complex(*data["origin"])
+    else:
+        turn = 2 * np.pi * (phases - slot.start) / slot.chain.period
+        if kind == "fourier":
+            m = np.arange(order + 1)
+            cos, sin = np.cos(turn[:, None] * m), np.sin(turn[:, None] * m[1:])
+            along = cos @ data["along_cos"] + sin @ data["along_sin"]
+            depth = cos @ data["depth_cos"] + sin @ data["depth_sin"]
+        else:
+            from scipy.interpolate import CubicSpline
+
+            knots = [*data["phase"], data["phase"][0] + slot.chain.period]
+            values = np.stack([data["along"], data["depth"]], axis=1)
+            along, depth = CubicSpline(knots, [*values, values[0]], bc_type="periodic")(phases).T
+        along = along + data["start"] + data["slope"] * (phases - slot.start)
+        # The upper arc runs from the right over the bottom to the left.
+        expected = (181.78 + depth) * np.exp(-1j * along / 181.78)
+    assert np.abs(fit.evaluate(phases) - expected).max() < 1e-9
+
+
+def test_an_origin_far_away_costs_no_digits_but_those_of_the_drawing(slot, phases) -> None:
+    from synthesis.scenes.chain.track import Track
+
+    away = 2.0**20
+    near = slot.chain.track
+    far = Track([segment._replace(x=segment.x + away, y=segment.y + away) for segment in near.segments])
+    moved = find_slot(Chain(far, 131.0, 16), float(near.joints[3] + 0.5 * near.length[3]))
+    for kind, order in (("chebyshev", 8), ("polynomial", 16), ("spline", 90)):
+        here = fit_error(slot, fit_slot(slot, kind, order), exact_slot(slot, phases[::9]))
+        exact = exact_slot(moved, phases[::9] - slot.start + moved.start)
+        there = fit_error(moved, fit_slot(moved, kind, order), exact)
+        assert there.normal == pytest.approx(here.normal, abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("kind", "order"),
+    [("chebyshev", 0), ("chebyshev", 65), ("spline", 3), ("fourier", 257), ("polynomial", 91), ("polynomial", 101)],
+)
+def test_orders_out_of_range(kind, order, slot) -> None:
+    with pytest.raises(FieldError) as caught:
+        fit_slot(slot, kind, order)
+    assert caught.value.field == "/fit/order"
+
+
+def test_a_slot_over_a_joint_is_not_periodic_in_one_segment() -> None:
+    track = chain.critical_stadium(20.0, 30, 40.0)
+    slot = find_slot(Chain(track, 20.0, 30), float(track.joints[2]))
+    if len(slot.base) == 1:
+        pytest.fail("the slot was meant to lie over a joint")
+    with pytest.raises(FieldError):
+        fit_slot(slot, "spline", 20)
+    phases = np.linspace(slot.start, slot.end, 400)
+    assert fit_error(slot, fit_slot(slot, "chebyshev", 20), exact_slot(slot, phases)).normal < 1e-4 * 20
+
+
+def test_few_harmonics_of_a_thousand_links_are_finite() -> None:
+    _, slot = chain.crescent_slot(1.0, 1000, 80.0, 50.0)
+    phases = np.linspace(slot.start, slot.end, 101)
+    for kind, order in (("chebyshev", 8), ("spline", 40), ("fourier", 8), ("polynomial", 8)):
+        error = fit_error(slot, fit_slot(slot, kind, order), exact_slot(slot, phases))
+        assert math.isfinite(error.normal) and math.isfinite(error.chord)
+
+
+# Powers of a parameter from 0 to 1
+
+
+@pytest.fixture(scope="module")
+def exact(slot):
+    return exact_slot(slot, np.linspace(slot.start, slot.end, 3001))
+
+
+def horner(coefficients, t: Fraction) -> Fraction:
+    total = Fraction(0)
+    for coefficient in reversed(coefficients):
+        total = total * t + Fraction(float(coefficient))
+    return total
+
+
+@pytest.mark.parametrize(
+    ("kind", "order"), [("chebyshev", 1), ("chebyshev", 8), ("chebyshev", 12), ("polynomial", 12)]
+)
+def test_powers_are_the_same_curve(kind, order, slot, exact) -> None:
+    fit = fit_slot(slot, kind, order)
+    pieces = power_basis(slot, fit)
+    assert power_error(slot, pieces, exact) == pytest.approx(fit_error(slot, fit, exact).normal, abs=1e-9)
+    if kind == "chebyshev":
+        for piece in pieces:
+            for share in (0, 1, 3, 8):
+                phase = piece.phase[0] + share / 8 * (piece.phase[1] - piece.phase[0])
+                found = [float(horner(row, Fraction(share, 8))) for row in (piece.x, piece.y)]
+                # just inside: at a break two pieces meet
+                inside = np.clip(phase, piece.phase[0] + 1e-9, piece.phase[1] - 1e-9)
+                assert complex(*found) == pytest.approx(complex(fit.evaluate(np.array([inside]))[0]), abs=1e-7)
+
+
+@pytest.mark.parametrize("decimals", [2, 4, 6])
+def test_rounded_coefficients_move_the_track_by_their_last_place(decimals, slot, exact) -> None:
+    fit = fit_slot(slot, "chebyshev", 8)
+    moved = power_error(slot, power_basis(slot, fit, decimals), exact)
+    assert moved <= fit_error(slot, fit, exact).normal + 9 * np.sqrt(2) * 0.5 * 10.0**-decimals
+    assert moved > 1e-2 * 10.0**-decimals
+
+
+def test_high_degrees_lose_their_digits_and_the_error_says_so(slot, exact) -> None:
+    assert power_error(slot, power_basis(slot, fit_slot(slot, "chebyshev", 64)), exact) > 1.0
+
+
+def test_a_series_that_is_no_polynomial_has_no_powers(slot) -> None:
+    assert power_basis(slot, fit_slot(slot, "fourier", 8)) == power_basis(slot, fit_slot(slot, "spline", 9)) == []

@@ -1,0 +1,169 @@
+"""The chain against slow and obviously right twins: see `tests.oracles.chain`."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from synthesis.scenes.chain import crescent as chain
+from synthesis.scenes.chain.closure import Chain, closing_links
+from synthesis.scenes.chain.slot import report, wheel_conflict
+from synthesis.scenes.chain.track import Track, arc, line
+from tests.conftest import some_of
+from tests.oracles.chain import Path, crescent, free_pin, least_overrun, rounded_polygon, stadium
+
+
+def track_of(path):
+    """The same path for the code under test."""
+    return Track([arc(*part[1:]) if part[0] == "arc" else line(*part[1:]) for part in path.parts])
+
+
+def random_path(rng):
+    kind = rng.integers(3)
+    if kind == 0:
+        return stadium(rng.uniform(40, 120), rng.uniform(50, 500))
+    if kind == 1:
+        r0, r1, xi = rng.uniform(40, 150), rng.uniform(80, 300), rng.uniform(0.05, 1.2)
+        r2 = r0 + (r0 + r1) / math.cos(xi) * rng.uniform(0.995, 1.005)
+        return crescent(r0, r1, r2, (r0 + r1) * math.tan(xi))
+    return rounded_polygon(rng)
+
+
+@pytest.mark.parametrize("seed", some_of([11, *range(11), *range(12, 60)], 6))
+def test_600_steps_agree_with_bracketing_search(seed) -> None:
+    rng = np.random.default_rng(seed)
+    path = random_path(rng)
+    track = track_of(path)
+    pitch = rng.uniform(15, 75)
+    place = track.place(rng.uniform(0, track.total))
+    s = float(track.position(place)[0])
+    ours, theirs = [], []
+    direction = 1 if seed % 3 else -1
+    for _ in range(600):
+        place = track.step(place, pitch, direction)
+        s = path.next(s, pitch, direction, cells=4)
+        ours.append(float(track.position(place)[0]))
+        theirs.append(s)
+    assert np.abs(np.array(ours) - theirs).max() < 1e-9
+    assert np.abs(track.points(place) - complex(*path.point(s))).max() < 1e-9
+
+
+# Unseen sizes: pitch, links, upper radius, wheel radius (None: four pins a turn).
+UNSEEN = [(1.5, 12, 1.3, 0.9), (100.0, 16, 140.0, None), (500.0, 19, 900.0, 420.0), (25.4, 24, 70.0, None)]
+UNSEEN += [(60.0, 21, 120.0, 55.0)]
+
+
+@pytest.mark.parametrize(("pitch", "links", "upper", "wheel"), some_of(UNSEEN, 2))
+def test_unseen_sizes_agree_with_bracketing_search(pitch, links, upper, wheel) -> None:
+    ours, slot = chain.crescent_slot(pitch, links, upper, wheel)
+    wheel = ours.wheel_radius
+    tolerance = 1e-6 * pitch
+    period = wheel * 2 * math.asin(pitch / (2 * wheel))
+
+    def least(xi):
+        b = (wheel + upper) * math.tan(xi)
+        r2 = wheel + (wheel + upper) / math.cos(xi)
+        return least_overrun(crescent(wheel, upper, r2, b), pitch, links, period, cells=20)
+
+    near = ours.xi
+    xi = brentq(least, near - 1e-3, near + 1e-3, xtol=1e-12)
+    r2, b = wheel + (wheel + upper) / math.cos(xi), (wheel + upper) * math.tan(xi)
+    assert ours.lower_radius == pytest.approx(r2, abs=tolerance)
+    assert ours.eccentricity == pytest.approx(b, abs=tolerance)
+
+    path = crescent(wheel, upper, ours.lower_radius, ours.eccentricity)
+    phases = np.linspace(slot.start, slot.end, 13)
+    # Phases beyond the wheel's end are those of the pin that follows.
+    on_wheel = [(s, 0) if s <= path.ends[0] else (s - period, 1) for s in phases]
+    origin = np.zeros(2)
+    expected = [complex(*free_pin(path, pitch, links, slot.free + shift, s, origin)) for s, shift in on_wheel]
+    assert np.abs(slot.path(phases) - expected).max() < tolerance
+    facts = report(slot, phases)
+    depths = np.abs(expected) - upper
+    assert facts.depth_max.value >= depths.max() - tolerance
+    assert facts.end_step < tolerance
+
+    # The smallest curvature radius, by differences inside each smooth piece, up to its ends.
+    h = 2e-5 * period
+    pieces = [(a, c) for a, c in zip(slot.breaks[:-1], slot.breaks[1:]) if c - a > 20 * h]
+    dense = np.concatenate([np.linspace(a + 2 * h, c - 2 * h, 401) for a, c in pieces])
+    before, at, after = (slot.path(dense + step) for step in (-h, 0, h))
+    v, a = (after - before) / (2 * h), (after - 2 * at + before) / h**2
+    radius = np.abs(v) ** 3 / np.abs(v.real * a.imag - v.imag * a.real)
+    assert facts.radius_min == pytest.approx(radius.min(), rel=2e-3)
+
+
+@pytest.mark.parametrize("seed", some_of([0, 1, *range(2, 12)], 2))
+def test_closing_links_is_the_smallest_number_that_is_not_stretched(seed) -> None:
+    rng = np.random.default_rng(1000 + seed)
+    path, pitch = random_path(rng), rng.uniform(30, 75)
+    first = path.parts[0]
+    length = path.ends[0]
+    if first[0] == "line" or length < 1.05 * 2 * first[3] * math.asin(pitch / (2 * first[3])):
+        pitch = 0.4 * min(length, 75)
+    track = track_of(path)
+    links = closing_links(track, pitch)
+    period = Chain(track, pitch, links).period
+    least = least_overrun(path, pitch, links, period, cells=12)
+    assert Chain(track, pitch, links).least_overrun().value == pytest.approx(least, abs=1e-7 * pitch)
+    assert least >= -1.1e-6 * pitch
+    assert least_overrun(path, pitch, links - 1, period, cells=12) < 0
+
+
+def test_wheel_conflict_by_the_angles_of_the_pins() -> None:
+    crescent_, slot = chain.crescent_slot(131, 16, 181.78)
+    phases = np.linspace(slot.start, slot.end, 2001)
+    pins = slot.pins(phases)
+    r0, centre = crescent_.wheel_radius, crescent_.upper_radius + crescent_.wheel_radius
+    # The pins on the right wheel, wherever they are: all mark the same angle modulo one link, 90 deg.
+    relative = pins - centre
+    on = (np.abs(np.abs(relative) - r0) < 1e-9) & (relative.real > -r0 + 1e-6)
+    angle = np.where(on, np.angle(relative), np.nan)
+    lead = np.nanmax(np.where(on, (angle - phases[:, None] / r0) % (np.pi / 2), np.nan), axis=1)
+    lead = np.unwrap(lead, period=np.pi / 2)
+    assert np.ptp(lead) == pytest.approx(wheel_conflict(slot, chain.RIGHT_WHEEL).value * np.pi / 2, abs=1e-6)
+
+
+def test_a_narrow_hairpin_takes_the_first_place_not_another() -> None:
+    """The pitch exceeds the hairpin's width: the far run is nearer than the place ahead on the same run."""
+    path = stadium(10.0, 200.0)
+    track = track_of(path)
+    for s in np.linspace(0, path.total, 57):
+        for direction in (1, -1):
+            ours = track.position(track.step(track.place(s), 35.0, direction))[0]
+            assert ours == pytest.approx(path.next(s, 35.0, direction, cells=200), abs=1e-9)
+
+
+def test_a_track_in_meanders_agrees_with_bracketing_search() -> None:
+    """Arcs of both senses and more than half a turn."""
+    r = 50.0
+    lobes = 5
+    ring = 2 * r / (2 * math.sin(math.pi / lobes))
+    centres = [ring * np.array([math.cos(a), math.sin(a)]) for a in 2 * np.pi * np.arange(lobes) / lobes]
+    # Inner arcs of radius rho touch two neighbouring lobes from outside.
+    rho = 30.0
+    apart = math.hypot(*(centres[1] - centres[0])) / 2
+    # Move the lobes apart so that there is room between them.
+    scale = 1.3
+    centres = [scale * c for c in centres]
+    apart *= scale
+    far = scale * ring * math.cos(math.pi / lobes) + math.sqrt((r + rho) ** 2 - apart**2)
+    parts = []
+    for index in range(lobes):
+        here, there = centres[index], centres[(index + 1) % lobes]
+        middle = 2 * math.pi * (index + 0.5) / lobes
+        before = 2 * math.pi * (index - 0.5) / lobes
+        dip = far * np.array([math.cos(middle), math.sin(middle)])
+        dip_before = far * np.array([math.cos(before), math.sin(before)])
+        a0 = math.atan2(*(dip_before - here)[::-1])
+        a1 = math.atan2(*(dip - here)[::-1])
+        parts.append(("arc", *here, r, a0, (a1 - a0) % (2 * math.pi)))
+        b0, b1 = math.atan2(*(here - dip)[::-1]), math.atan2(*(there - dip)[::-1])
+        parts.append(("arc", *dip, rho, b0, -((b0 - b1) % (2 * math.pi))))
+    path = Path(parts)
+    track = track_of(path)
+    for s in np.linspace(0, path.total, 41):
+        for pitch in (5.0, 33.0, 55.0):
+            ours = track.position(track.step(track.place(s), pitch))[0]
+            assert ours == pytest.approx(path.next(s, pitch, cells=100), abs=1e-9)

@@ -1,0 +1,522 @@
+"""The lift's poses and motions: published and independently checked numbers, laws, naive twins and extremes."""
+
+import csv
+import io
+import json
+import math
+import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
+from pathlib import Path
+
+import ezdxf
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import assume, example, given, settings
+from hypothesis import strategies as st
+
+from synthesis.errors import FieldError
+from synthesis.scenes.lift import motion as lift_loops
+from synthesis.scenes.lift.files import design_csv, design_dxf, design_svg
+from synthesis.scenes.lift.motion import (
+    BAR,
+    Drive,
+    Motion,
+    checked_stroke,
+    forces,
+    least_bore,
+    motion,
+    stroke,
+    travel_time,
+)
+from synthesis.scenes.lift.pose import (
+    Cylinder,
+    Design,
+    dead_point,
+    pose_at_height,
+    pose_at_turn,
+    top_lever,
+    triangle_angle,
+    turn_at_length,
+    turns_at_length,
+)
+from tests.oracles import lift as oracle
+
+ROOT = Path(__file__).parents[4]
+REFERENCE = json.loads((ROOT / "tests/reference/lift_acceptance.json").read_text())
+DESIGNS = {name: Design(*map(float, lengths)) for name, lengths in REFERENCE["designs"].items()}
+INITIAL, OPTIMUM = DESIGNS["initial"], DESIGNS["optimum"]
+CYLINDER = Cylinder(220.0, 100.0)
+BOTH = pytest.mark.parametrize("name", DESIGNS)
+LAW = settings(derandomize=True, deadline=None, max_examples=60)
+
+
+# -- designs that nobody listed ------------------------------------------------------------------------------
+
+
+@st.composite
+def designs(draw) -> Design:
+    """Working lifts of all proportions and scales from 1e-9 to 1e9."""
+    scale = 10.0 ** draw(st.floats(-9, 9))
+    l5 = draw(st.floats(0.3, 3.0))
+    l3 = l5 * draw(st.floats(0.1, 0.97))
+    l2 = draw(st.floats(0.2, 4.0))
+    gamma = draw(st.floats(0.1, 2.6))
+    l4 = math.sqrt(l2 * l2 + l3 * l3 - 2 * l2 * l3 * math.cos(gamma))
+    b = draw(st.floats(0.2, 4.0))
+    design = Design(*(scale * value for value in (l2, l3, l4, l5, b)))
+    assume(float(top_lever(design)) > 0.05 * scale)
+    return design
+
+
+@st.composite
+def lifts(draw) -> tuple[Design, Cylinder]:
+    """A design with a cylinder that starts on its working branch, clear of the dead point."""
+    design = draw(designs())
+    turn_dead = float(dead_point(design))
+    turn = turn_dead * draw(st.floats(0.2, 0.9))
+    length = float(pose_at_turn(design, turn).length)
+    travel = float(pose_at_turn(design, 0.0).length) - length
+    assume(travel > 1e-3 * length and length > 1e-3 * design.b)
+    speed = travel / 10.0 ** draw(st.floats(-3, 3)) * draw(st.sampled_from([-1, 1]))
+    acceleration = draw(st.floats(-0.45, 3.0)) * speed * abs(speed) / travel
+    return design, Cylinder(length, speed, acceleration)
+
+
+def solved_loops(moved: Motion) -> tuple[np.ndarray, np.ndarray]:
+    """The rates and the accelerations of a motion by (13) and (14), pose by pose."""
+    loops, al = oracle.Loops(moved.pose.design), moved.cylinder_acceleration
+    angles = lift_loops.link_angles(moved.pose).tolist()
+    drive = list(zip(moved.cylinder_length.tolist(), moved.cylinder_speed.tolist()))
+    rates = [loops.rates(at, l1, vl) for at, (l1, vl) in zip(angles, drive)]
+    changes = [loops.accelerations(at, w, l1, vl, al) for at, w, (l1, vl) in zip(angles, rates, drive)]
+    return np.array(rates), np.array(changes)
+
+
+# -- acceptance values ---------------------------------------------------------------------------------------
+
+
+@BOTH
+def test_a3_jacobian_is_the_derivative_of_the_loops(name) -> None:
+    design, h = DESIGNS[name], 1e-6
+    moved = motion(design, CYLINDER, samples=7)
+    angles = lift_loops.link_angles(moved.pose)
+    matrix = lift_loops.jacobian(design, angles, moved.cylinder_length)
+    for k in range(6):
+        ends = []
+        for sign in (1, -1):
+            shifted, height = angles.copy(), moved.pose.height.copy()
+            if k < 5:
+                shifted[:, k] += sign * h
+            else:
+                height = height + sign * h
+            ends.append(lift_loops.loop_residuals(design, shifted, moved.cylinder_length, height))
+        np.testing.assert_allclose(matrix[:, :, k], (ends[0] - ends[1]) / (2 * h), rtol=0, atol=1e-5)
+    sine = np.sin(angles[:, 1] - angles[:, 3]) * np.sin(angles[:, 4])
+    law = moved.cylinder_length * moved.pose.length_1 * design.l2 * design.l4 * design.l5 * sine
+    np.testing.assert_allclose(np.abs(np.linalg.det(matrix)), np.abs(law), rtol=1e-9)
+
+
+@BOTH
+def test_b1_c1_start(name) -> None:
+    start, wanted = motion(DESIGNS[name], CYLINDER, [0.0]), REFERENCE["start"][name]
+    for found, (value, tolerance) in (
+        (start.pose.height, wanted["height"]),
+        (start.velocity, wanted["velocity"]),
+        (start.acceleration, wanted["acceleration"]),
+    ):
+        assert found[0] == pytest.approx(value, abs=tolerance)
+
+
+@BOTH
+def test_a1_b4_b9_c2_end(name) -> None:
+    moved, wanted = motion(DESIGNS[name], CYLINDER), REFERENCE["end"][name]
+    assert moved.time[-1] == pytest.approx(wanted["time"][0], abs=wanted["time"][1])
+    assert moved.cylinder_length[-1] == pytest.approx(wanted["length"][0], abs=wanted["length"][1])
+    assert abs(moved.velocity[-1]) < 1e-9 and abs(moved.pose.height[-1] - 510) < 1e-9  # b9: the top is regular
+    assert lift_loops.largest_residual(motion(DESIGNS[name], CYLINDER, samples=2001)) < 1e-9  # a1
+    if "B" in wanted:
+        np.testing.assert_allclose([moved.pose.x[-1], moved.pose.y[-1]], wanted["B"], rtol=0, atol=1e-8)
+
+
+@BOTH
+def test_b5_c3_heights_and_b6_c4_velocities(name) -> None:
+    for kind, tolerance in (("height", 1e-5), ("velocity", 1e-4)):
+        wanted = REFERENCE[f"{kind}_at_time"][name]
+        moved = motion(DESIGNS[name], CYLINDER, [float(time) for time in wanted])
+        found = moved.pose.height if kind == "height" else moved.velocity
+        np.testing.assert_allclose(found, list(wanted.values()), rtol=0, atol=tolerance)
+
+
+@BOTH
+def test_d1_d2_d3_dead_point_condition_and_assemblies(name) -> None:
+    design = DESIGNS[name]
+    limits = checked_stroke(design, CYLINDER)
+    assert float(limits.length_dead) == pytest.approx(REFERENCE["dead_point_length"][name], abs=1e-5)
+    start, top = lift_loops.condition(design, [limits.turn_bottom, 0.0])
+    assert start == pytest.approx(REFERENCE["condition"][name]["start"], rel=5e-3)
+    assert top == pytest.approx(REFERENCE["condition"][name]["top"], rel=5e-3)
+    heights = pose_at_turn(design, turns_at_length(design, 220.0)).height
+    np.testing.assert_allclose(heights, REFERENCE["assemblies"][name], rtol=0, atol=1e-4)
+
+
+def test_smallest_condition_is_the_smallest() -> None:
+    for name, least in (("initial", 8.14), ("optimum", 9.65)):
+        limits = checked_stroke(DESIGNS[name], CYLINDER)
+        found, turn = lift_loops.smallest_condition(DESIGNS[name], limits)
+        assert found == pytest.approx(least, abs=0.01)
+        along = lift_loops.condition(DESIGNS[name], np.linspace(0, limits.turn_bottom, 2000))
+        assert found <= np.min(along) * (1 + 1e-9)
+        assert lift_loops.condition(DESIGNS[name], turn) == found
+
+
+# -- naive twins ---------------------------------------------------------------------------------------------
+
+
+@LAW
+@given(designs(), st.floats(0.0, 1.0))
+def test_pose_is_the_textbook_pose(design, share) -> None:
+    turn = share * float(dead_point(design))
+    pose, naive = pose_at_turn(design, turn), oracle.pose(design, turn)
+    scale = design.l2 + design.l5 + design.b
+    for name, value in naive.items():
+        assert abs(getattr(pose, name) - value) < 1e-12 * scale
+
+
+@pytest.mark.parametrize("name", DESIGNS)
+@pytest.mark.parametrize("share", [1e-4, 0.03, 0.4, 0.9, 0.9999])
+def test_motion_has_full_precision(name, share) -> None:
+    design = DESIGNS[name]
+    elongation = share * (float(pose_at_turn(design, 0.0).length) - 220.0)
+    moved = motion(design, CYLINDER, [elongation / 100.0])
+    exact = oracle.Exact(design).motion(CYLINDER, 100.0 * (elongation / 100.0))
+    assert moved.pose.height[0] == pytest.approx(exact[0], rel=1e-14)
+    assert moved.velocity[0] == pytest.approx(exact[1], rel=1e-11)
+    assert moved.acceleration[0] == pytest.approx(exact[2], rel=1e-11)
+
+
+# -- laws ----------------------------------------------------------------------------------------------------
+
+
+@LAW
+@given(lifts())
+@example((INITIAL, CYLINDER))
+@example((OPTIMUM, Cylinder(220.0, -100.0, -20.0)))
+def test_unseen_lifts_close_and_solve_the_linear_systems(lift) -> None:
+    design, cylinder = lift
+    try:
+        moved = motion(design, cylinder, samples=33)
+    except FieldError as error:
+        assert error.details["constraint"] == "stopping"
+        assume(False)
+    scale = design.l2 + design.l5 + design.b
+    assert lift_loops.largest_residual(moved) < 1e-13 * scale
+    assert np.all(np.diff(moved.pose.height) * np.sign(cylinder.speed) > 0)
+    bounded = lift_loops.condition(design, moved.pose.turn) < 1e3
+    rates, changes = solved_loops(moved)
+    fastest, most = np.max(np.abs(moved.velocity)), np.max(np.abs(moved.acceleration))
+    assert np.max(np.abs(rates[:, 5] - moved.velocity)[bounded], initial=0.0) < 1e-9 * fastest
+    assert np.max(np.abs(changes[:, 5] - moved.acceleration)[bounded], initial=0.0) < 1e-9 * most
+    own = lift_loops.angular_velocities(moved.pose, moved.cylinder_speed)
+    assert np.max(np.abs(rates[:, :5] - own)[bounded], initial=0.0) < 1e-9 * np.max(np.abs(own))
+    own = lift_loops.angular_accelerations(moved.pose, moved.cylinder_speed, cylinder.acceleration)
+    assert np.max(np.abs(changes[:, :5] - own)[bounded], initial=0.0) < 1e-9 * np.max(np.abs(own))
+
+
+@LAW
+@given(lifts())
+def test_rates_are_time_derivatives(lift) -> None:
+    design, cylinder = lift
+    duration = float(stroke(design, cylinder).duration)
+    assume(duration > 0)
+    step = 1e-5 * duration
+    middle = duration * np.array([0.3, 0.5, 0.7])
+    before, at, after = (motion(design, cylinder, middle + k * step) for k in (-1, 0, 1))
+    scale = np.max(np.abs(at.velocity))
+    slope = (after.pose.height - before.pose.height) / (2 * step)
+    np.testing.assert_allclose(slope, at.velocity, rtol=0, atol=1e-5 * scale)
+    slope = (after.velocity - before.velocity) / (2 * step)
+    near = 1e-5 * np.max(np.abs(at.acceleration)) + 1e-5 * scale / duration
+    np.testing.assert_allclose(slope, at.acceleration, rtol=0, atol=near)
+    rates = (lift_loops.link_angles(after.pose) - lift_loops.link_angles(before.pose)) / (2 * step)
+    own = lift_loops.angular_velocities(at.pose, at.cylinder_speed)
+    np.testing.assert_allclose(rates, own, rtol=0, atol=1e-5 * np.max(np.abs(own)))
+
+
+@LAW
+@given(lifts())
+def test_lowering_is_rising_backwards(lift) -> None:
+    design, cylinder = lift
+    speed = abs(cylinder.speed)
+    up = motion(design, Cylinder(cylinder.length, speed), samples=21)
+    down = motion(design, Cylinder(cylinder.length, -speed), samples=21)
+    np.testing.assert_allclose(down.pose.height, up.pose.height[::-1], rtol=1e-11)
+    np.testing.assert_allclose(down.velocity, -up.velocity[::-1], rtol=1e-8, atol=1e-9 * np.max(up.velocity))
+    assert down.pose.turn[0] == 0 and down.velocity[0] == 0
+    assert down.pose.height[0] == pytest.approx(float(design.l3 + design.l5), rel=1e-15)
+
+
+@LAW
+@given(lifts(), st.floats(-9, 9))
+def test_the_unit_of_length_does_not_matter(lift, power) -> None:
+    design, cylinder = lift
+    k = 10.0**power
+    scaled = Design(*(k * value for value in design.as_tuple()))
+    one = motion(design, Cylinder(cylinder.length, cylinder.speed), samples=9)
+    other = motion(scaled, Cylinder(k * cylinder.length, k * cylinder.speed), samples=9)
+    for name in ("velocity", "acceleration", "cylinder_length"):
+        found, wanted = getattr(other, name), k * getattr(one, name)
+        np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-9 * np.max(np.abs(wanted)))
+    np.testing.assert_allclose(other.pose.height, k * one.pose.height, rtol=1e-12)
+
+
+@LAW
+@given(designs())
+def test_the_working_branch_ends_at_the_dead_point(design) -> None:
+    turn_dead = float(dead_point(design))
+    rates = pose_at_turn(design, np.linspace(0, turn_dead, 500)[:-1]).length_1
+    assert np.all(rates < 0)
+    at = pose_at_turn(design, turn_dead)
+    assert abs(at.length_1) < 1e-9 * (design.l2 + design.b + design.l5)
+    beyond = pose_at_turn(design, turn_dead * (1 + 1e-6))
+    assert beyond.length_1 > 0
+
+
+@LAW
+@given(lifts())
+def test_length_and_turn_are_inverse_and_one_assembly_works(lift) -> None:
+    design, cylinder = lift
+    turn_dead = float(dead_point(design))
+    turns = turns_at_length(design, cylinder.length)
+    own = float(turn_at_length(design, cylinder.length))
+    assert pose_at_turn(design, own).length == pytest.approx(cylinder.length, rel=1e-12)
+    assert np.sum(turns < turn_dead) == 1 and np.min(np.abs(turns - own)) < 1e-9
+    np.testing.assert_allclose(pose_at_turn(design, turns).length, cylinder.length, rtol=1e-11)
+    assert np.all(np.diff(pose_at_turn(design, turns).height) <= 0)
+    assert turns.size % 2 == 0
+
+
+def test_a_batch_is_its_members_to_the_last_bit() -> None:
+    members = [INITIAL, OPTIMUM, Design(300.0, 180.0, 500.0, 330.0, 480.0), Design(10.0, 5.0, 8.0, 6.0, 12.0)]
+    batch = Design(*(np.array(values) for values in zip(*(design.as_tuple() for design in members))))
+    lengths = np.array([220.0, 230.0, 220.0, 9.0])
+    together = stroke(batch, Cylinder(lengths, np.full(4, 100.0), np.zeros(4)))
+    for k, design in enumerate(members):
+        alone = stroke(design, Cylinder(lengths[k], 100.0, 0.0))
+        for name in ("turn_bottom", "turn_dead", "length_dead", "length_top", "height_bottom", "duration"):
+            np.testing.assert_array_equal(getattr(together, name)[k], getattr(alone, name))
+    assert np.isnan(together.duration[2])  # no triangle
+    tall = Design(*(value[:, None] for value in batch.as_tuple()))
+    many = np.linspace(300.0, 700.0, 50)
+    np.testing.assert_array_equal(turn_at_length(tall, many)[0], turn_at_length(INITIAL, many))
+
+
+def test_more_designs_than_a_block() -> None:
+    arms = np.linspace(250.0, 400.0, 700)
+    together = dead_point(Design(arms, 180.0, 240.0, 330.0, 480.0))
+    for k in (0, 255, 256, 699):
+        assert together[k] == dead_point(Design(arms[k], 180.0, 240.0, 330.0, 480.0))
+
+
+@LAW
+@given(st.floats(1e-6, 1e6), st.floats(1e-3, 1e3), st.floats(-0.5, 10.0))
+def test_travel_time_covers_the_travel(travel, speed, share) -> None:
+    along = share * speed * speed / travel
+    time = float(travel_time(travel, speed, along))
+    assert speed * time + 0.5 * along * time * time == pytest.approx(travel, rel=1e-9)
+    assert float(travel_time(travel, -speed, -along)) == time
+
+
+def test_travel_time_at_the_edge_of_stopping() -> None:
+    assert travel_time(10.0, 2.0, -0.2) == 10.0  # comes to rest just there
+    assert np.isnan(travel_time(10.0, 2.0, -0.21))
+    assert travel_time(10.0, 2.0, -1e-300) == 5.0
+    assert np.isnan(travel_time(10.0, 0.0, 0.0))
+
+
+# -- extremes ------------------------------------------------------------------------------------------------
+
+
+def test_triangles_flat_to_the_last_digits() -> None:
+    angles = [triangle_angle(*sides)[2] for sides in ((3.0, 4.0, 5.0), (4.0, 5.0, 3.0), (5.0, 3.0, 4.0))]
+    assert sum(angles) == pytest.approx(math.pi, abs=1e-15)
+    thin = float(triangle_angle(1.0, 1.0, 1e-9)[2])
+    assert thin == pytest.approx(1e-9, rel=1e-12)  # arccos gives 0
+    assert np.isnan(triangle_angle(1.0, 2.0, 3.0)[2]) and np.isnan(triangle_angle(1.0, 2.0, np.nan)[2])
+
+
+@pytest.mark.parametrize("gap", [1e-3, 1e-6, 1e-9, 1e-12])
+def test_l3_close_to_l5_keeps_a_correct_working_branch(gap) -> None:
+    design = Design(300.0, 200.0 * (1 - gap), 240.0, 200.0, 480.0)
+    turn_dead = float(dead_point(design))
+    pose = pose_at_turn(design, np.linspace(0, turn_dead, 4001)[:-1])
+    assert np.all(pose.length_1 < 0) and np.all(np.isfinite(pose.height))
+
+
+def test_needles_and_vanishing_branches_are_numbers_or_refusals() -> None:
+    needle = Design(524835413.06299704, 3.888035458016452e-07, 524835413.0629967, 33595184722.833504, 4.8e-07)
+    assert np.isfinite(lift_loops.condition(needle, [0.1, 1.0])).all()
+    # the dead point and the top have the same length to rounding
+    point = Design(
+        7.993996895969692e-12, 2.8746930110551094e-10, 2.931748220137535e-10, 350105804.142949, 0.024167373669790323
+    )
+    assert np.isnan(turn_at_length(point, 350105804.142949))
+    thin = Design(1000.0, 0.01, 1000.0, 0.0101, 900.0)
+    limits = checked_stroke(thin, Cylinder(float(pose_at_turn(thin, 0.5 * dead_point(thin)).length), 1.0))
+    moved = motion(thin, Cylinder(float(pose_at_turn(thin, limits.turn_bottom).length), 1.0))
+    assert lift_loops.largest_residual(moved) < 1e-9
+
+
+def test_start_a_hair_above_the_dead_point() -> None:
+    dead = float(checked_stroke(INITIAL, CYLINDER).length_dead)
+    for above in (1e-6, 1e-9, 1e-12):
+        moved = motion(INITIAL, Cylinder(dead * (1 + above), 100.0), samples=5)
+        assert np.all(np.isfinite(moved.velocity)) and np.all(np.diff(moved.pose.height) > 0)
+    v1, v2 = (float(motion(INITIAL, Cylinder(dead + gap, 100.0), [0.0]).velocity[0]) for gap in (1e-6, 1e-4))
+    assert v1 / v2 == pytest.approx(10.0, rel=0.01)  # 1 / sqrt of the distance in length
+
+
+def test_two_dead_points_that_nearly_meet_are_both_seen() -> None:
+    # a short stretch of shortening in the middle of the rise, narrower than any grid: the rate peaks just above 0
+    around = np.linspace(2.1162, 2.1182, 40001)
+
+    def peak(b: float) -> tuple[float, Design]:
+        design = Design(0.4772511136002662, 0.8745288434146505, 1.1972131209796901, 1.0, b)
+        return float(np.max(pose_at_turn(design, around).length_1)), design
+
+    low, high = 0.12, 0.135  # the peak falls as b grows
+    for _ in range(48):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if peak(middle)[0] > 1e-10 else (low, middle)
+    touching, clear = peak(low)[1], peak(high * (1 + 1e-8))[1]
+    assert peak(low)[0] > 0 > peak(high * (1 + 1e-8))[0]
+    assert float(dead_point(touching)) == pytest.approx(2.117, abs=1e-3)
+    assert float(dead_point(clear)) > 2.12
+
+
+@pytest.mark.parametrize("gap", [1e-3, 1e-6, 1e-9])
+def test_heights_below_c_keep_their_digits(gap) -> None:
+    design, turn = Design(300.0, 200.0 * (1 - gap), 240.0, 200.0, 480.0), 2.5
+    with mpmath.workdps(40):
+        l3, l5, t = (mpmath.mpf(value) for value in (design.l3, design.l5, turn))
+        exact = mpmath.sqrt(l5**2 - (l3 * mpmath.sin(t)) ** 2) + l3 * mpmath.cos(t)
+        assert abs(float(pose_at_turn(design, turn).height / exact - 1)) < 1e-14
+
+
+def test_heights_off_the_slide_are_nan_and_not_wrong() -> None:
+    heights = pose_at_height(INITIAL, [149.0, 150.0, 510.0, 510.1, -1.0, np.nan]).length
+    assert np.isnan(heights[[0, 3, 4, 5]]).all() and np.isfinite(heights[[1, 2]]).all()
+
+
+def test_heights_near_the_top_keep_their_digits() -> None:
+    for below in (1e-3, 1e-6, 1e-9):
+        pose = pose_at_height(INITIAL, 510.0 - below)
+        turn = math.sqrt(2 * (510.0 - (510.0 - below)) / (180.0 * 510.0 / 330.0))
+        assert float(pose.turn) == pytest.approx(turn, rel=1e-5)
+
+
+@pytest.mark.parametrize(("time", "amount"), [(5.73, 0.009773), (-1.0, 1.0), (1e300, 1e300)])
+def test_times_off_the_motion_are_refused(time, amount) -> None:
+    with pytest.raises(FieldError) as caught:
+        motion(INITIAL, CYLINDER, [1.0, time])
+    assert caught.value.field == "/times/1"
+    assert caught.value.details["amount"] == pytest.approx(amount, rel=1e-4)
+
+
+def test_the_end_time_as_replied_is_accepted() -> None:
+    for design in DESIGNS.values():
+        for cylinder in (CYLINDER, Cylinder(220.0, -37.3, 0.9), Cylinder(220.0, 100.0, 1e-9)):
+            duration = float(checked_stroke(design, cylinder).duration)
+            assert motion(design, cylinder, [duration]).pose.turn[0] == motion(design, cylinder).pose.turn[-1]
+
+
+def test_braking_to_rest_at_the_top() -> None:
+    travel = float(checked_stroke(INITIAL, CYLINDER).length_top) - 220.0
+    moved = motion(INITIAL, Cylinder(220.0, 100.0, -(100.0**2) / (2 * travel)))
+    assert moved.time[-1] == pytest.approx(2 * travel / 100.0, rel=1e-12)
+    assert np.all(np.isfinite(moved.acceleration))
+
+
+# -- forces and files ----------------------------------------------------------------------------------------
+
+BUILDABLE = Design(130.5, 165.5, 223.5, 344.5, 560.3)
+LIFTS = {"initial": (INITIAL, 220.0), "buildable": (BUILDABLE, 482.2)}
+DRIVE = Drive(1000.0, 20.0, 63.0, 20.0, 6.0)
+
+
+@pytest.mark.parametrize("name", LIFTS)
+@pytest.mark.parametrize("speed", [100.0, -60.0])
+def test_virtual_work_and_newton_agree(name, speed) -> None:
+    design, length = LIFTS[name]
+    moved = motion(design, Cylinder(length, speed, 3.0), samples=501)
+    found = forces(moved, DRIVE)
+    second = oracle.newton(moved, found.weight)
+    scale = np.abs(second).max()
+    for k, one in enumerate((found.cylinder, found.link, found.slide)):
+        assert np.abs(one - second[:, k]).max() <= 1e-9 * scale
+    # power in is power out, and the ground and the slide together carry the platform
+    assert found.cylinder * moved.cylinder_speed == pytest.approx(found.weight * moved.velocity, rel=1e-12, abs=1e-9)
+    total = found.pivot_o + found.pivot_d
+    assert total[:, 1] == pytest.approx(found.weight, rel=1e-12)
+    assert total[:, 0] + found.slide == pytest.approx(np.zeros(501), abs=1e-9 * scale)
+
+
+def test_at_the_top_the_link_carries_the_weight_and_without_mass_the_load_is_all() -> None:
+    moved = motion(BUILDABLE, Cylinder(482.2, 100.0))
+    found = forces(moved, replace(DRIVE, mass=0.0))
+    assert np.all(found.weight == 1000.0)
+    assert found.cylinder[-1] == 0 and found.pressure[-1] == 0
+    assert found.link[-1] == pytest.approx(1000.0) and found.slide[-1] == pytest.approx(0.0, abs=1e-9)
+    heavy = forces(moved, replace(DRIVE, load=0.0, mass=100.0))
+    assert heavy.weight == pytest.approx(100 * (9.80665 + moved.acceleration / 1000), rel=1e-12)
+
+
+def test_the_least_bore_needs_all_of_the_pressure() -> None:
+    moved = motion(BUILDABLE, Cylinder(482.2, 100.0))
+    found = forces(moved, DRIVE)
+    assert found.pressure.max() * BAR * math.pi * 63**2 / 4 == pytest.approx(found.cylinder.max())
+    exact = forces(moved, replace(DRIVE, bore=least_bore(found, DRIVE)))
+    assert exact.pressure.max() == pytest.approx(DRIVE.pressure, rel=1e-12)
+
+
+def test_files_show_the_design() -> None:
+    moved = motion(BUILDABLE, Cylinder(482.2, 100.0), samples=51)
+    turn = float(moved.stroke.turn_bottom)
+    root = ElementTree.fromstring(design_svg(BUILDABLE, turn))
+    words = [one.text for one in root.iter("{http://www.w3.org/2000/svg}text")]
+    assert {"O", "A", "B", "C", "D", "l1", "l2", "l3", "l4", "l5"} <= set(words) and "l2 = 130.5" in words[-1]
+    document = ezdxf.read(io.StringIO(design_dxf(BUILDABLE, turn)))
+    assert not document.audit().errors and document.units == 4
+    (triangle,) = document.modelspace().query("LWPOLYLINE[layer=='TRIANGLE']")
+    a, b, c = (np.array(point[:2]) for point in triangle.get_points())
+    assert triangle.closed
+    assert [math.dist(a, b), math.dist(a, c), math.dist(b, c)] == pytest.approx([130.5, 165.5, 223.5], rel=1e-9)
+    (cylinder,) = document.modelspace().query("LWPOLYLINE[layer=='CYLINDER']")
+    assert math.dist(*(point[:2] for point in cylinder.get_points())) == pytest.approx(482.2, rel=1e-9)
+    rows = list(csv.DictReader(io.StringIO(design_csv(moved, 482.2))))
+    # the slide is left of O by b; the other joints are those of the motion, first and last
+    still = {"O": (0.0, 0.0), "D": (-560.3, 0.0)}
+    moved = [{n: (float(row[f"{n}_x"]), float(row[f"{n}_y"])) for n in "ABC"} for row in (rows[0], rows[-1])]
+    start, top = (still | places for places in moved)
+    drawn: dict[str, list[list[float]]] = {}
+    for one in document.modelspace().query("LWPOLYLINE"):
+        drawn.setdefault(one.dxf.layer, []).append([place for point in one.get_points("xy") for place in point])
+
+    def through(places, *names):
+        return [pytest.approx([number for joint in name for number in places[joint]], abs=1e-6) for name in names]
+
+    assert drawn["TRIANGLE"] + drawn["LINK"] + drawn["CYLINDER"] == through(start, "ABC", "DC", "OB")
+    assert drawn["TOP"] == through(top, "ABC", "DC", "OB")
+    assert drawn["GROUND"] == through(start | {"A": top["A"]}, "DO", "DA")
+    ends = [pytest.approx([*start[name], *top[name]], abs=1e-6) for name in "BC"]
+    assert [[*path[:2], *path[-2:]] for path in drawn["PATHS"]] == ends
+    circles = [tuple(one.dxf.center)[:2] for one in document.modelspace().query("CIRCLE")]
+    for one in document.modelspace().query("TEXT"):
+        pin = start[one.dxf.text]
+        assert any(math.dist(circle, pin) < 1e-6 for circle in circles)
+        assert math.dist(tuple(one.dxf.insert)[:2], pin) < 2 * one.dxf.height
+    assert len(circles) == len(document.modelspace().query("TEXT")) == 5
+    assert len(rows) == 51 and float(rows[0]["closed_length"]) == 482.2 and float(rows[7]["l4"]) == 223.5
+    for row in rows:
+        length = math.hypot(float(row["B_x"]), float(row["B_y"]))
+        assert length == pytest.approx(float(row["cylinder_length"]), rel=1e-12)
