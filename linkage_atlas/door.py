@@ -65,6 +65,7 @@ from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.fourbar.passage import proportion, size_of
 from synthesis.fourbar.solution import Solution, assess, within
+from synthesis.free.dyads import FEW
 from synthesis.free.poses import Poses
 from synthesis.free.screen import PathScreen
 from synthesis.free.search import path_screens, search_free
@@ -77,6 +78,7 @@ from synthesis.search.seeds import SeedTables
 from synthesis.target import MAX_LENGTH, MIN_LENGTH, MIN_SPAN, TURN, Samples
 from synthesis.work import Work
 
+NUMERALS = {2: "two", 3: "three", 4: "four"}
 DIVERSE_LOSS = 2.0
 """Times the best objective that the objectives of diverse solutions may be."""
 UNASKED = (
@@ -107,6 +109,10 @@ _SHIFTED = 1e-9
 ILL_POSED = (
     "the problem is ill-posed: quite different linkages give this motion to within the resolution; "
     "see `determination` of each solution"
+)
+FEW_POSES = (
+    "infinitely many four-bars pass {0} poses exactly: those listed differ clearly from one another, and the first are compact "
+    "with a good transmission angle; add a pose, or limits, to narrow the choice"
 )
 LIVE_SECONDS, LIVE_FINISHING, LIVE_FINISHING_EACH = 0.06, 0.1, 0.025
 """Longest budget of an answer that goes on from the last, and the parts of it that are left for finishing: in any case, and for
@@ -373,7 +379,8 @@ def synthesize(
             found = found[:-same]
             notes.append(SAME_LENGTHS.format(len(solutions), reported))
     if kinds.four_bars_alone and solutions and solutions[0].determination.ill_posed:
-        notes.append(ILL_POSED)
+        few = isinstance(wanted.samples, Poses) and wanted.samples.full.size == wanted.samples.samples <= FEW
+        notes.append(FEW_POSES.format(NUMERALS[wanted.samples.samples]) if few else ILL_POSED)
     notes += _hopeless_notes(solutions)
     notes += _unasked_notes(question, solutions)
     notes += _swing_notes(solutions, wanted, limits, tolerance)

@@ -23,6 +23,8 @@ _AS_GOOD, _ALIKE = 0.02, 0.25
 """Parts by which objectives, and numbers of order one, of two answers in one valley differ at most."""
 NEAR, STANDS_BACK = 0.02, 2.0
 """An answer is near if its objective is at most the first, a fiftieth of the motion's extent, or so many times the best."""
+COMFORTABLE_TRANSMISSION = np.deg2rad(40.0)
+"""Transmission angle above which a larger one matters little."""
 PROPORTION, FAIR = 100.0, 30.0
 """Extents of the motion, or shortest links, that the longest part is: above the first nobody builds it, within the second it is
 of fair size."""
@@ -113,6 +115,34 @@ def motion_errors(target: Target, angle: Floats, points: Complexes | None) -> tu
         square = square + (np.array([rms for rms, _ in position]) / target.length_scale) ** 2
     errors = [Errors(r[0], r[1], p[0], p[1], float(s)) for r, p, s in zip(rotation, position, np.sqrt(square))]
     return offsets, errors
+
+
+def merit(size: Floats, transmission: Floats, swing: Floats, ratio: Floats) -> Floats:
+    """Rate exact linkages by what one would build: lower is better.
+
+    The merit is the size, raised by four factors: below a transmission angle of 40 degrees steeply, above it slightly; for a
+    crank that swings by more than half a turn; and for links of very different lengths, since play in the pins of a short link
+    turns the body by much.
+
+    Parameters
+    ----------
+    size : ndarray
+        Largest length of the linkage over the motion's extent, see `synthesis.fourbar.passage.size_of`.
+    transmission, swing : ndarray
+        Smallest transmission angle over the motion, and the crank's swing, in radians.
+    ratio : ndarray
+        Longest link over the shortest.
+
+    Returns
+    -------
+    ndarray
+        size * (1 + 4 max(0, 1 - sin t / sin 40)) * (1.5 - sin t / 2) * sqrt(max(1, swing / 180)) * (1 + max(0, ratio - 4) / 8),
+        with the transmission angle t.
+    """
+    sine = np.sin(transmission)
+    below = 1 + 4 * np.maximum(0.0, 1 - sine / np.sin(COMFORTABLE_TRANSMISSION))
+    turned = np.sqrt(np.maximum(1.0, swing / np.pi))
+    return np.asarray(size * below * (1.5 - sine / 2) * turned * (1 + np.maximum(0.0, ratio - 4) / 8))
 
 
 def rms_and_max(values: NDArray[Any], mean: Mean) -> list[Any]:

@@ -235,7 +235,7 @@ def sampled_dyads(body: Body, count: int, random: np.random.Generator) -> Dyads:
         points = np.concatenate([_cloud(count - count // 2, random), _near_poles(body, count // 2, random)])
     points = points[np.abs(points) < FARTHEST]  # a pole is at infinity where two poses have the same rotation
     places = body.places(points)
-    centre = _between(places, random) if poses == 2 else _circumcentre(places[:, 0], places[:, 1], places[:, 2])
+    centre = _between(places, random) if poses == 2 else circumcentre(places[:, 0], places[:, 1], places[:, 2])
     proper = np.isfinite(centre) & (np.abs(centre) < FARTHEST)
     return body.with_radius(points[proper], centre[proper])
 
@@ -263,7 +263,7 @@ def _between(places: Complexes, random: np.random.Generator) -> Complexes:
     return (places[:, 0] + places[:, 1]) / 2 + 1j * chord * np.tan(random.uniform(-1.4, 1.4, len(places)))
 
 
-def _circumcentre(p: Complexes, q: Complexes, r: Complexes) -> Complexes:
+def circumcentre(p: Complexes, q: Complexes, r: Complexes) -> Complexes:
     """Centres of the circles through three points; not finite where they lie on a line."""
     a, b = q - p, r - p
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -272,32 +272,42 @@ def _circumcentre(p: Complexes, q: Complexes, r: Complexes) -> Complexes:
 
 
 def _burmester_points(body: Body, count: int, random: np.random.Generator) -> Complexes:
-    """Points whose four places lie on a circle: where lines through the body meet Burmester's cubic curve.
+    """Return body points whose four positions lie on a circle, near random points."""
+    base, directions = _cloud(count, random), np.exp(1j * np.pi * random.uniform(0, 1, count))
+    points = _on_cubic(body.position, body.turned, base, directions)
+    return points[np.isfinite(points)]
 
-    Its equation is Im[(X1 - X3)(X2 - X4) conj((X1 - X4)(X2 - X3))] = 0.
+
+def centre_points(body: Body, base: Complexes, directions: Complexes) -> Complexes:
+    """Return points of Burmester's centre-point curve of four poses on lines (n,), near the base of each.
+
+    Seen from the body the fixed plane moves as the body moves in it: centre points are the circle points of that motion. The
+    number is not finite for a line on which none was found.
     """
-    lines = max(1, count // 2)
-    base, along = _cloud(lines, random), np.exp(1j * np.pi * random.uniform(0, 1, lines))
+    inverse = np.conj(body.turned)
+    return _on_cubic(-inverse * body.position, inverse, base, directions)
+
+
+def _on_cubic(position: Complexes, turned: Complexes, base: Complexes, directions: Complexes) -> Complexes:
+    """Return points of the circle-point curve of a moving plane on lines (n,), by Newton's method from the base of each.
+
+    With X_i the four positions of a point, the curve is Im[(X1 - X3)(X2 - X4) conj((X1 - X4)(X2 - X3))] = 0.
+    """
     nodes = np.array([-1.5, -0.5, 0.5, 1.5])
-    x = body.places((base[:, None] + along[:, None] * nodes).ravel())
-    x1, x2, x3, x4 = x.T
-    values = ((x1 - x3) * (x2 - x4) * np.conj((x1 - x4) * (x2 - x3))).imag.reshape(lines, 4)
-    cubic = values @ np.linalg.inv(np.vander(nodes)).T
-    lead = np.where(np.abs(cubic[:, :1]) > 0, cubic[:, :1], 1e-300)
-    companion = np.zeros((lines, 3, 3))
-    companion[:, 0] = -cubic[:, 1:] / lead
-    companion[:, 1, 0] = companion[:, 2, 1] = 1.0
-    usable = np.all(np.isfinite(companion), axis=(1, 2))
-    roots = np.linalg.eigvals(companion[usable])
-    for _ in range(2):
-        slope = (3 * cubic[usable, :1] * roots + 2 * cubic[usable, 1:2]) * roots + cubic[usable, 2:3]
-        value = ((cubic[usable, :1] * roots + cubic[usable, 1:2]) * roots + cubic[usable, 2:3]) * roots + cubic[
-            usable, 3:
-        ]
-        roots = roots - value / np.where(np.abs(slope) > 0, slope, 1.0)
-    real = np.abs(roots.imag) < 1e-9 * np.maximum(1.0, np.abs(roots))
-    points = base[usable, None] + along[usable, None] * roots.real
-    return points[real]
+    points = (base[:, None] + directions[:, None] * nodes).ravel()
+    x1, x2, x3, x4 = position[:, None] + turned[:, None] * points
+    values = ((x1 - x3) * (x2 - x4) * np.conj((x1 - x4) * (x2 - x3))).imag.reshape(base.size, 4)
+    a, b, c, d = np.linalg.inv(np.vander(nodes)) @ values.T
+    root, step = np.zeros(base.size), np.full(base.size, np.inf)
+    with np.errstate(all="ignore"):
+        for _ in range(_NEWTON_STEPS):
+            step = (((a * root + b) * root + c) * root + d) / ((3 * a * root + 2 * b) * root + c)
+            root = root - step
+        converged = np.abs(step) <= 1e-12 * np.maximum(1.0, np.abs(root))
+    return base + directions * np.where(converged, root, np.nan)
+
+
+_NEWTON_STEPS = 20
 
 
 # -- pairs of dyads ------------------------------------------------------------------------------------------------
@@ -332,31 +342,35 @@ class Pairs(NamedTuple):
 
 
 def pairs_of(body: Body, dyads: Dyads, cranks: slice = slice(None)) -> Pairs:
-    """All ordered pairs of dyads as four-bars, or those with some of them as cranks."""
+    """Return all ordered pairs of dyads as four-bars, or those with some of them as cranks."""
     count = dyads.radius.size
     crank, rocker = (index.ravel() for index in np.indices((count, count))[:, cranks])
-    crank, rocker = crank[crank != rocker], rocker[crank != rocker]
-    coupler = dyads.body[rocker] - dyads.body[crank]
-    ground = dyads.fixed[rocker] - dyads.fixed[crank]
-    lengths = np.stack([dyads.radius[crank], np.abs(coupler), dyads.radius[rocker], np.abs(ground)], axis=1)
-    some = np.min(lengths, axis=1) > _SHORTEST
-    crank, rocker, coupler, ground, lengths = (part[some] for part in (crank, rocker, coupler, ground, lengths))
-    pins = body.places(dyads.body)
-    arms = pins - dyads.fixed[:, None]
+    different = crank != rocker
+    return paired(body, dyads.take(crank[different]), dyads.take(rocker[different]))[0]
+
+
+def paired(body: Body, crank: Dyads, rocker: Dyads) -> tuple[Pairs, NDArray[np.intp]]:
+    """Return four-bars of cranks and rockers (n,), and the indices of those that are no point."""
+    coupler, ground = rocker.body - crank.body, rocker.fixed - crank.fixed
+    lengths = np.stack([crank.radius, np.abs(coupler), rocker.radius, np.abs(ground)], axis=1)
+    proper = np.flatnonzero((lengths.min(axis=1) > _SHORTEST) & (lengths.max(axis=1) < FARTHEST))
+    crank, rocker, coupler, ground, lengths = (
+        part.take(proper) if isinstance(part, Dyads) else part[proper]
+        for part in (crank, rocker, coupler, ground, lengths)
+    )
+    crank_pins, coupler_pins = body.places(crank.body), body.places(rocker.body)
     turn = np.angle(ground)
-    angles = np.angle(arms[crank] * np.exp(-1j * turn)[:, None])
-    diagonal = dyads.fixed[rocker, None] - pins[crank]
-    side = (np.conj(diagonal) * (pins[rocker] - pins[crank])).imag
+    angles = np.angle((crank_pins - crank.fixed[:, None]) * np.exp(-1j * turn)[:, None])
+    diagonal = rocker.fixed[:, None] - crank_pins
+    side = (np.conj(diagonal) * (coupler_pins - crank_pins)).imag
     branch = np.where(np.sum(side > 0, axis=1) * 2 >= side.shape[1], 1.0, -1.0)
     offset = turn - np.angle(coupler)
-    pose = np.stack(
-        [dyads.fixed[crank], lengths[:, 0] * np.exp(1j * turn), -dyads.body[crank] * np.exp(1j * offset)], axis=1
-    )
-    return Pairs(lengths, branch, np.all(side * branch[:, None] > 0, axis=1), angles, pose, offset)
+    pose = np.stack([crank.fixed, lengths[:, 0] * np.exp(1j * turn), -crank.body * np.exp(1j * offset)], axis=1)
+    return Pairs(lengths, branch, np.all(side * branch[:, None] > 0, axis=1), angles, pose, offset), proper
 
 
-def in_order(angles: Floats, span_max: float = TURN) -> tuple[Floats, Flags]:
-    """Crank angles (n, N) made continuous in the direction that passes the samples in their order, and which do so.
+def in_order(angles: Floats, span_max: float = TURN, shorter: bool = True) -> tuple[Floats, Flags]:
+    """Make crank angles (n, N) continuous in the direction that passes the samples in their order on the shorter way.
 
     Returns
     -------
@@ -368,7 +382,7 @@ def in_order(angles: Floats, span_max: float = TURN) -> tuple[Floats, Flags]:
     steps = np.diff(angles, axis=1)
     ahead = steps % TURN
     back = -((-steps) % TURN)
-    rising = ahead.sum(axis=1) <= -back.sum(axis=1)
+    rising = (ahead.sum(axis=1) <= -back.sum(axis=1)) == shorter
     way = np.where(rising[:, None], ahead, back)
     total = np.abs(way.sum(axis=1))
     straight = np.concatenate([angles[:, :1], angles[:, :1] + np.cumsum(way, axis=1)], axis=1)

@@ -30,10 +30,11 @@ from synthesis.errors import FieldError
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_types
 from synthesis.fourbar.kinematics import coupler_angle, transmission_angle_over, wrap
 from synthesis.fourbar.limits import Limits, in_family
-from synthesis.fourbar.mechanism import FOURBAR, FullCrankChart, ways
+from synthesis.fourbar.mechanism import FOURBAR, AnyChart, FullCrankChart, ways
 from synthesis.fourbar.passage import LEAVES_SAMPLES, SHORTEST, SHORTEST_CHORD, excursions, proportion
 from synthesis.fourbar.solution import Solution, assess, keeps
 from synthesis.free.dyads import FEW, chart_of, search_motion
+from synthesis.free.few_poses import Candidates, exact_four_bars
 from synthesis.free.joint import JointProblem
 from synthesis.free.limited import guessed_windows, limited_problem, placed_within
 from synthesis.free.poses import Poses
@@ -177,6 +178,19 @@ def solutions_of(
     ranked = every.take(every.order(tolerance))
     found = [one for one in ranked.solutions() if np.isfinite(one.errors.objective)]
     return _apart(found, poses, limits, top, tolerance)
+
+
+def solutions_of_few(
+    poses: Poses, candidates: Candidates, limits: Limits, top: int, tolerance: float
+) -> list[Solution]:
+    """Return the first candidates that are exact and keep the limits by their own numbers, different from one another."""
+    if not candidates.merit.size:
+        return []
+    pool = Pool(candidates.timed, np.zeros(candidates.merit.size))
+    mounted = _Mounted.of(poses, pool, AnyChart())
+    found = mounted.take(np.flatnonzero(keeps(poses, limits, mounted.placed))).solutions()
+    exact = [solution for solution in found if solution.errors.objective < tolerance]
+    return distinct(exact, top, APART, order=lambda _: 0)
 
 
 def within_limits(poses: Poses, limits: Limits, pool: Pool, chart: Chart) -> Flags:
@@ -507,6 +521,12 @@ def search_free(
         if not trace or least < (1 - GAIN) * trace[-1][1]:
             trace.append((work.elapsed, least))
 
+    if poses.full.size == poses.samples <= FEW and not poses.closed and not any(limits.links):
+        candidates = exact_four_bars(poses, limits, work)
+        solutions = solutions_of_few(poses, candidates, limits, top, tolerance)
+        if solutions:
+            trace = [(work.elapsed, min(solution.errors.objective for solution in solutions))]
+            return solutions, SearchReport(StoppedBy.TOLERANCE, trace, 0.0, candidates.merit.size)
     found = Found(tolerance, note)
     search = _Search(poses, limits, found, work, screens, windows, rounds, kept or Kept.of([], 0))
     ended = search.run()

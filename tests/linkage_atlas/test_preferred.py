@@ -276,7 +276,7 @@ def test_exact_answers_are_ranked_by_what_one_would_build() -> None:
     # once the first turned its crank by 214 degrees, and ran past the last pose and back
     found = la.synthesize([0, 15, 40], [[0, 0], [40, 8], [75, 30]], timing="free")
     assert found.status == "reached" and found.best.excursion < 2.5
-    assert np.ptp(found.best.crank_angle) < 90
+    assert np.ptp(found.best.crank_angle) < 120
 
 
 @pytest.mark.parametrize("seed", some_of([53, 62, 84], 1))

@@ -1,0 +1,68 @@
+"""Random lids and flaps with two, three and four poses and a box for the pivots, beside plain random sampling.
+
+The sampler (`tests.oracles.few_poses`) draws 60,000 dyads and judges random pairs of them by closing the loop; it knows nothing of
+the software. Practical limits hold on both sides: 35 degrees of transmission angle, links of ratio 10.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+import linkage_atlas as la
+from benchmarks import report
+from benchmarks.report import Times
+from tests.oracles.few_poses import random_task, sampled_four_bars
+
+EXACT = 1e-9
+ENOUGH = 60
+"""Usable four-bars among the sampled ones from which on ten exact answers are expected."""
+
+
+def measure_poses(poses: int, cases: int) -> dict[str, Any]:
+    """Solve random tasks with some number of poses and compare the answers with the sampled four-bars."""
+    times, exact_of_ten, first_exact, sizes, angles = Times(), [], [], [], []
+    for seed in range(cases):
+        task = random_task(seed, poses)
+        sampled = sampled_four_bars(task)
+        position = np.stack([task.position.real, task.position.imag], axis=1)
+        limits = {"family": "any", "pivot_box": task.box}
+        if sampled.longest.size < ENOUGH:
+            continue
+        found = times.run(la.synthesize, np.rad2deg(task.rotation), position, timing="free", limits=limits)
+        exact = [solution.errors.objective < EXACT for solution in found]
+        exact_of_ten.append(sum(exact[:10]) / 10)
+        first_exact.append(bool(exact and exact[0]))
+        comfortable = sampled.longest[sampled.transmission >= np.deg2rad(40)]
+        sizes.append(found.best.linkage.links.max() / np.quantile(comfortable, 0.05))
+        angles.append(found.best.transmission_angle_min)
+    return {
+        "poses": poses,
+        "cases": cases,
+        "counted": len(sizes),
+        "exact_of_ten": float(np.mean(exact_of_ten)),
+        "first_exact": float(np.mean(first_exact)),
+        "size_median": float(np.median(sizes)),
+        "size_p95": float(np.quantile(sizes, 0.95)),
+        "transmission_median": float(np.median(angles)),
+        **times.summary(),
+    }
+
+
+def measure(cases: Annotated[int, "of each number of poses"] = 100) -> Iterator[dict[str, Any]]:
+    """Measure two, three and four poses."""
+    la.synthesize([0, 10], [[0, 0], [1, 1]], timing="free")  # what the first request makes is not timed
+    with threadpool_limits(1):
+        yield {"rows": [measure_poses(poses, cases) for poses in (2, 3, 4)]}
+
+
+def blocks(results: dict[str, Any]) -> dict[str, str]:
+    """Return the table of the document."""
+    return report.tables("few_poses", results)
+
+
+if __name__ == "__main__":
+    report.run(measure)

@@ -1,0 +1,91 @@
+"""Two, three or four poses are passed exactly by linkages that an engineer would build, whatever the box for the pivots.
+
+Catches first answers that are large, badly driven or not exact although random sampling finds better ones at once.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import linkage_atlas as la
+from tests.oracles.few_poses import random_task, sampled_four_bars
+
+EXACT = 1e-9
+
+
+def solve(poses: list[tuple[float, float, float]], **limits: Any) -> la.Result:
+    x, y, angle = np.array(poses, dtype=float).T
+    return la.synthesize(angle, np.stack([x, y], axis=1), timing="free", limits={"family": "any", **limits})
+
+
+def assert_exact(found: la.Result, count: int = 10) -> None:
+    assert found.status == "reached" and len(found) == count
+    assert max(solution.errors.objective for solution in found) < EXACT
+    assert all(solution.verdict.works and solution.verdict.practical for solution in found)
+
+
+def test_three_poses_in_a_box() -> None:
+    found = solve([(0, 0, 0), (40, 8, 15), (75, 30, 40)], pivot_box=(-30, -30, 100, 60))
+    assert_exact(found)
+    assert found.best.linkage.links.max() < 87 and found.best.transmission_angle_min > 47
+
+
+def test_a_lid_that_goes_over_by_half_a_turn() -> None:
+    found = solve([(15, 10, 0), (0, 15, 180)], pivot_box=(0, 0, 15, 10))
+    assert_exact(found)
+    assert found.best.linkage.links.max() < 8 and found.best.transmission_angle_min > 39
+
+
+def test_a_shelf_that_stays_level_gets_a_parallelogram() -> None:
+    found = solve([(2, 172, 0), (28.15, 166.2, 0), (42.55, 143.6, 0)], pivot_box=(0, 170, 40, 250))
+    assert_exact(found)
+    crank, coupler, rocker, ground = found.best.linkage.links
+    assert (crank, coupler) == pytest.approx((rocker, ground), rel=1e-9)
+    assert crank == pytest.approx(35.0, abs=0.05)
+
+
+@pytest.mark.parametrize("poses", [2, 3])
+@pytest.mark.parametrize("seed", range(4))
+def test_the_first_answer_is_as_compact_as_the_smallest_of_60_000_sampled(poses: int, seed: int) -> None:
+    task = random_task(seed, poses)
+    sampled = sampled_four_bars(task)
+    comfortable = sampled.longest[sampled.transmission >= np.deg2rad(40)]
+    position = zip(task.position.real, task.position.imag, np.rad2deg(task.rotation))
+    found = solve(list(position), pivot_box=task.box)
+    if sampled.longest.size >= 60:
+        assert_exact(found)
+        assert found.best.linkage.links.max() < 1.5 * np.quantile(comfortable, 0.05)
+
+
+def test_four_poses_are_passed_within_limits() -> None:
+    poses = [(0, 0, 0), (40, 8, 15), (75, 30, 40), (90, 60, 70)]
+    box, keep_out, envelope = (-200, -200, 200, 200), [(-20, -40, 20, -10)], (-120, -120, 200, 200)
+    found = solve(poses, pivot_box=box, keep_out=keep_out, envelope=envelope, coupler_radius_max=90)
+    assert_exact(found, len(found))
+    assert len(found) >= 3
+    for solution in found:
+        joints = solution.linkage.joints(np.linspace(0, solution.crank_angle[-1], 200))
+        points = np.concatenate([joints.crank_pin, joints.coupler_pin, joints.body_point])
+        assert points.min() >= -120.001 and points.max() <= 200.001
+        assert solution.mount.coupler_point.radius <= 90 * (1 + 1e-9)
+
+
+def test_a_turning_crank_is_given_where_it_is_asked_for() -> None:
+    found = solve([(0, 0, 0), (40, 8, 15), (75, 30, 40)], family="crank_rocker")
+    assert_exact(found, len(found))
+    assert {solution.family for solution in found} == {"crank_rocker"}
+
+
+def test_the_same_request_gets_the_same_linkages() -> None:
+    poses = [(0, 0, 0), (60, 40, 90)]
+    first, second = (solve(poses).to_dict()["solutions"] for _ in range(2))
+    assert first == second
+
+
+def test_poses_in_any_order_are_passed_too() -> None:
+    x, y, angle = np.array([(75, 30, 40), (0, 0, 0), (40, 8, 15)], dtype=float).T
+    found = la.synthesize(angle, np.stack([x, y], axis=1), timing="free", order="any", limits={"family": "any"})
+    assert_exact(found)
