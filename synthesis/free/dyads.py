@@ -354,10 +354,8 @@ def paired(body: Body, crank: Dyads, rocker: Dyads) -> tuple[Pairs, NDArray[np.i
     coupler, ground = rocker.body - crank.body, rocker.fixed - crank.fixed
     lengths = np.stack([crank.radius, np.abs(coupler), rocker.radius, np.abs(ground)], axis=1)
     proper = np.flatnonzero((lengths.min(axis=1) > _SHORTEST) & (lengths.max(axis=1) < FARTHEST))
-    crank, rocker, coupler, ground, lengths = (
-        part.take(proper) if isinstance(part, Dyads) else part[proper]
-        for part in (crank, rocker, coupler, ground, lengths)
-    )
+    crank, rocker = crank.take(proper), rocker.take(proper)
+    coupler, ground, lengths = coupler[proper], ground[proper], lengths[proper]
     crank_pins, coupler_pins = body.places(crank.body), body.places(rocker.body)
     turn = np.angle(ground)
     angles = np.angle((crank_pins - crank.fixed[:, None]) * np.exp(-1j * turn)[:, None])

@@ -116,7 +116,7 @@ class Candidates(NamedTuple):
     def joined(self, other: Candidates) -> Candidates:
         """Return these candidates followed by others."""
         return Candidates(
-            Parameters(*map(np.concatenate, zip(self.parameters, other.parameters))),
+            Parameters(*(np.concatenate(columns) for columns in zip(self.parameters, other.parameters))),
             np.concatenate([self.lengths, other.lengths]),
             self.timed.joined(other.timed),
             np.concatenate([self.merit, other.merit]),

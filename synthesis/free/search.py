@@ -523,10 +523,10 @@ def search_free(
 
     if poses.full.size == poses.samples <= FEW and not poses.closed and not any(limits.links):
         candidates = exact_four_bars(poses, limits, work)
-        solutions = solutions_of_few(poses, candidates, limits, top, tolerance)
-        if solutions:
-            trace = [(work.elapsed, min(solution.errors.objective for solution in solutions))]
-            return solutions, SearchReport(StoppedBy.TOLERANCE, trace, 0.0, candidates.merit.size)
+        exact = solutions_of_few(poses, candidates, limits, top, tolerance)
+        if exact:
+            trace = [(work.elapsed, min(solution.errors.objective for solution in exact))]
+            return exact, SearchReport(StoppedBy.TOLERANCE, trace, 0.0, candidates.merit.size)
     found = Found(tolerance, note)
     search = _Search(poses, limits, found, work, screens, windows, rounds, kept or Kept.of([], 0))
     ended = search.run()
