@@ -119,7 +119,7 @@ def scan_entries(items: Mechanism, count: int, step: float, method: str = "orien
 
 def rope_of(alpha1: float, alpha3: float) -> Callable[[float], tuple]:
     """Return S0 and S1 in u4 as a function of the bill's angle, written without arrays for a single angle at a time."""
-    sizes, senses, law = d_knotter.mechanism().parameters, d_knotter.SENSES, d_knotter.reference_laws()["beta"]
+    sizes, senses, law = d_knotter.mechanism().parameters, d_knotter.SENSES, d_knotter.assumed_laws()["beta"]
     x, _, z = d_knotter.POINTS["S0"]
     first, third, second = -senses["alpha"] * alpha1, -senses["alpha"] * alpha3, d_knotter.ALPHA2
     c1, s1, c3, s3, c2, s2 = (
@@ -266,10 +266,9 @@ def pair_names(pairs: list) -> str:
     return ", ".join(f"({alpha1}, {alpha3})" for alpha1, alpha3 in pairs)
 
 
-def blocks(results: dict) -> dict[str, str]:
-    """Return the tables and figures of docs/knotter.md."""
-    found = results["figures"]
-    chosen, best, (low, high) = found["chosen"], found["best"], found["alpha2_range"]
+def published_rows(found: dict) -> list[list[str]]:
+    """Return the rows of the table that compares published figures with the figures of this project."""
+    low, high = found["alpha2_range"]
     limit, d5 = PUBLISHED["alpha2_limit"], PUBLISHED["d5"]
     truncated = int(found["d5_at_8"]) == d5
     d5_comment = f"the source truncates it to {d5}" if truncated else f"the source prints {d5}"
@@ -277,7 +276,7 @@ def blocks(results: dict) -> dict[str, str]:
     limit_comment = f"the first whole degree is {limit if is_first else found['alpha2_whole']}"
     feasible = pair_names(found["feasible"])
     feasible += "; the inputs are fitted to the two rows above" if found["feasible"] == PUBLISHED["feasible"] else ""
-    published = [
+    return [
         ["needle free (eq 4)", f"alpha2 > {limit} deg", f"{low:.6f} < alpha2 < {high:.6f} deg; {limit_comment}"],
         ["d5 at alpha2 = 8 deg (eq 5)", f"{d5} mm", f"{found['d5_at_8']:.6f} mm; {d5_comment}"],
         ["alpha2 for d5 = 54 mm", "8 deg", f"{found['alpha2_for_54']:.6f} deg"],
@@ -285,6 +284,12 @@ def blocks(results: dict) -> dict[str, str]:
         ["clearance holds at 270 deg", *agreement(found["clearance"], PUBLISHED["clearance_pattern"])],
         ["feasible pairs", pair_names(PUBLISHED["feasible"]), feasible],
     ]
+
+
+def blocks(results: dict) -> dict[str, str]:
+    """Return the tables and figures of docs/knotter.md."""
+    found = results["figures"]
+    chosen, best = found["chosen"], found["best"]
     missed = max(row["width_deg"] for row in results["short_windows"] if row["scan_0.01"] is not True)
     found_by_cells = min(row["width_deg"] for row in results["short_windows"] if row["cells"] is True)
     close = [row for row in results["predicates"] if row["distance_mm"] <= TOO_CLOSE_MM]
@@ -297,7 +302,7 @@ def blocks(results: dict) -> dict[str, str]:
             f"a scan with a step of 0.01° misses a window of {missed:.3g}°, but the cells find a window of "
             f"{found_by_cells:.3g}°"
         ),
-        "published": lines(["quantity", "published", "here"], published, 3),
+        "published": lines(["quantity", "published", "here"], published_rows(found), 3),
         "worst": f"{found['worst_mm']:.4f} mm at {found['worst_deg']:.4f}°, compared with {found['sample_mm']:.4f} mm at 270°",
         "chosen": f"a margin of {chosen['margin_mm']:.1f} mm, which is limited by the {chosen['limited_by']}",
         "best": f"{pair_names([best['pair']])} has the largest margin, {best['margin_mm']:.1f} mm",

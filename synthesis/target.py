@@ -407,14 +407,7 @@ def read_samples(
     }
     if rotation is None and position is None:
         raise FieldError("", "give `rotation`, `position` or both")
-    for name, values in columns.items():
-        if values.ndim != 1 or not min_samples <= values.size <= MAX_SAMPLES:
-            raise FieldError(f"/{name}", f"give {min_samples} to {MAX_SAMPLES} samples, not {values.size}")
-        if not np.all(np.isfinite(values)):
-            raise FieldError(f"/{name}/{int(np.argmin(np.isfinite(values)))}", "give a finite number")
-    if len(sizes := {name: values.size for name, values in columns.items()}) > 1 and len(set(sizes.values())) > 1:
-        counts = ", ".join(f"{name} has {size}" for name, size in sizes.items())
-        raise FieldError(f"/{list(sizes)[-1]}", f"give the same number of samples in every column; {counts}")
+    _check_columns(columns, min_samples)
     if rotation is not None and np.any(too_large := np.abs(columns["rotation"]) > MAX_ROTATION):
         index = int(np.argmax(too_large))
         raise FieldError(f"/rotation/{index}", f"give a rotation of at most {MAX_ROTATION:g} radians in either sense")
@@ -437,6 +430,19 @@ def read_samples(
         **weights,
     }
     return fields, columns
+
+
+def _check_columns(columns: dict[str, NDArray[Any]], min_samples: int) -> None:
+    """Check that all columns are finite and have the same allowed number of samples."""
+    for name, values in columns.items():
+        if values.ndim != 1 or not min_samples <= values.size <= MAX_SAMPLES:
+            raise FieldError(f"/{name}", f"give {min_samples} to {MAX_SAMPLES} samples, not {values.size}")
+        if not np.all(np.isfinite(values)):
+            raise FieldError(f"/{name}/{int(np.argmin(np.isfinite(values)))}", "give a finite number")
+    sizes = {name: values.size for name, values in columns.items()}
+    if len(set(sizes.values())) > 1:
+        counts = ", ".join(f"{name} has {size}" for name, size in sizes.items())
+        raise FieldError(f"/{list(sizes)[-1]}", f"give the same number of samples in every column; {counts}")
 
 
 def _weights(name: str, columns: dict[str, Any], weights: Floats | None) -> Floats | None:
