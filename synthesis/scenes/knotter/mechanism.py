@@ -99,7 +99,7 @@ class Table:
 
     def __post_init__(self) -> None:
         if len(self.driver) != len(self.angle) or len(self.driver) < 2:
-            raise ValueError("a table needs two or more rows, each with a driver angle and an angle")
+            raise ValueError("a table needs at least two rows, each with a driver angle and an angle")
         steps = np.diff(self.driver)
         if not np.all(steps > 0):
             row = int(np.argmin(steps > 0)) + 1
