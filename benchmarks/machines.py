@@ -1,7 +1,7 @@
-"""Chain and knotter as built: pins, groove, powers, wear, tolerances, and the fit of the unknown inputs.
+"""Measure chain and knotter as built: pins, groove, powers, wear, tolerances, and the fit of unknown inputs.
 
-Nothing here is a time: the figures are the same everywhere but for rounding. ``python -m benchmarks.machines`` fills
-docs/chain.md and docs/knotter.md in half a minute.
+The figures contain no times and are the same on every machine, to rounding.
+``python -m benchmarks.machines`` fills docs/chain.md and docs/knotter.md in half a minute.
 """
 
 from __future__ import annotations
@@ -38,14 +38,14 @@ SEEDS = range(4)
 
 
 def measure_chain() -> dict[str, Any]:
-    """The published crescent."""
+    """Measure the published crescent."""
     _, slot = chain.crescent_slot(131.0, 16, 181.78)
     phases = np.linspace(slot.start, slot.end, 9001)
     exact = exact_slot(slot, phases)
     points = np.concatenate([bend.at(np.linspace(0, 1, 9)) for bend in slot_run(slot)])
     path = slot.path(np.linspace(slot.start, slot.end, 20_001))
     start, along = path[:-1], np.diff(path)
-    share = np.clip(((points[:, None] - start) / along).real, 0, 1)
+    fraction = np.clip(((points[:, None] - start) / along).real, 0, 1)
     rows = []
     for degree in DEGREES:
         fit = fit_slot(slot, "chebyshev", degree)
@@ -53,25 +53,25 @@ def measure_chain() -> dict[str, Any]:
         rows.append({"degree": degree, "normal": fit_error(slot, fit, exact).normal, **powers})
     resources = ServiceResources(Settings())
     return {
-        "arcs_error": float(np.abs(points[:, None] - start - share * along).min(axis=1).max()),
+        "arcs_error": float(np.abs(points[:, None] - start - fraction * along).min(axis=1).max()),
         "powers": rows,
         "tolerance": answer_tolerance(ChainToleranceRequest(), resources).model_dump(),
     }
 
 
 def measure_knotter() -> dict[str, Any]:
-    """The pair that the source chose, its table 1, and the inputs that its pattern leaves open."""
+    """Measure the pair that the source chose, its table 1, and the inputs that its pattern does not determine."""
     resources = ServiceResources(Settings())
     law = PRINTED["REF_PRINT"]["laws"]["beta"]
     printed = {key: PRINTED["REF_PRINT"][key] for key in ("parameters", "points")} | {"laws": {"beta": law}}
     before = []
     for key, point in PRINTED["paper"]["E1_before_hit"].items():
         pair = dict(zip(("alpha1", "alpha3"), map(float, key.split(","))))
-        ours, fitted = (
-            answer_curves(CurvesRequest.model_validate({**pair, **more}), resources).step_before.point
-            for more in ({"step": 2}, {**printed, "step": PRINTED["REF_PRINT"]["scan_step"]})
+        with_defaults, fitted = (
+            answer_curves(CurvesRequest.model_validate({**pair, **options}), resources).step_before.point
+            for options in ({"step": 2}, {**printed, "step": PRINTED["REF_PRINT"]["scan_step"]})
         )
-        before.append({"pair": key, "printed": point, "defaults": ours[1:], "fitted": fitted[1:]})
+        before.append({"pair": key, "printed": point, "defaults": with_defaults[1:], "fitted": fitted[1:]})
     fits = [answer_fit(PatternFitRequest(seed=seed), resources).model_dump() for seed in SEEDS]
     return {
         "before": before,
@@ -81,14 +81,9 @@ def measure_knotter() -> dict[str, Any]:
     }
 
 
-def place(point: list[float], digits: int = 3) -> str:
-    """A point of two coordinates in words."""
-    return f"({point[0]:.{digits}f}, {point[1]:.{digits}f})"
-
-
 def chain_blocks(found: dict[str, Any]) -> dict[str, str]:
-    """The blocks of docs/chain.md."""
-    made, spread = found["tolerance"], found["tolerance"]["tolerance"]
+    """Return the blocks of docs/chain.md."""
+    tolerance = found["tolerance"]
     wear = [
         [
             f"{row['pitch_error']:+.3f}",
@@ -97,16 +92,17 @@ def chain_blocks(found: dict[str, Any]) -> dict[str, str]:
             "yes" if row["stretched"] else "no",
             *("-" if row[name] is None else f"{row[name]:.3f}" for name in ("depth_max", "beyond_slot")),
         ]
-        for row in made["wear"][::2]
+        for row in tolerance["wear"][::2]
     ]
     eight = next(row for row in found["powers"] if row["degree"] == 8)
-    per = ", ".join(
-        f"{value:+.1f} per mm of the {name.replace('_', ' ')}" for name, value in spread["sensitivity"].items()
+    sensitivity = ", ".join(
+        f"{value:+.1f} per mm of the {name.replace('_', ' ')}"
+        for name, value in tolerance["tolerance"]["sensitivity"].items()
     )
     return {
         "arcs_error": f"{found['arcs_error']:.0e}",
         "wear": lines(["pitch error", "least slack", "largest slack", "stretched", "depth", "past the slot"], wear),
-        "sensitivity": per,
+        "sensitivity": sensitivity,
         "powers": "{:.1e} mm with all digits, {:.1e} with 6 decimals, {:.1e} with 4".format(
             *(eight[f"decimals_{count}"] for count in (None, 6, 4))
         ),
@@ -114,50 +110,50 @@ def chain_blocks(found: dict[str, Any]) -> dict[str, str]:
 
 
 def knotter_blocks(found: dict[str, Any]) -> dict[str, str]:
-    """The blocks of docs/knotter.md."""
-    misses = [np.abs(np.subtract(row["printed"], row["fitted"])).max() for row in found["before"]]
-    first = [found["defaults"]["values"]["d1"], *(fit["values"]["d1"] for fit in found["fits"])]
-    spread = found["tolerance"]
+    """Return the blocks of docs/knotter.md."""
+    deviations = [np.abs(np.subtract(row["printed"], row["fitted"])).max() for row in found["before"]]
+    d1_values = [found["defaults"]["values"]["d1"], *(fit["values"]["d1"] for fit in found["fits"])]
+    tolerance = found["tolerance"]
     rows = []
     for name in ("wrap", "clearance", "bite"):
-        one = spread[name]
-        most = ", ".join(f"{key} {value:+.2g}" for key, value in list(one["sensitivity"].items())[:3])
-        factor = "-" if one["factor"] is None else f"{one['factor']:.1f}"
+        condition = tolerance[name]
+        largest = ", ".join(f"{key} {value:+.2g}" for key, value in list(condition["sensitivity"].items())[:3])
+        factor = "-" if condition["factor"] is None else f"{condition['factor']:.1f}"
         rows.append(
             [
                 name,
-                *(f"{one[key]:.2f}" for key in ("margin", "corner", "least")),
-                f"{100 * one['share']:.1f}",
+                *(f"{condition[key]:.2f}" for key in ("margin", "corner", "least")),
+                f"{100 * condition['share']:.1f}",
                 factor,
-                most,
+                largest,
             ]
         )
     head = [
         "condition",
         "margin",
-        "worse corner",
-        "least sample",
+        "worst corner",
+        "smallest sample",
         "samples that hold, %",
-        "fails at times the tolerances",
-        "most, per mm or degree",
+        "multiple of the tolerances at failure",
+        "largest sensitivities, per mm or degree",
     ]
     held = sum(fit["status"] == "reproduced" for fit in found["fits"])
     return {
-        "before": f"{max(misses):.3f} mm",
-        "fit": f"{min(first):.4g} to {max(first):.4g}",
-        "fits_held": f"{held} of {len(found['fits'])} seeds give all 16 verdicts",
+        "before": f"{max(deviations):.3f} mm",
+        "fit": f"{min(d1_values):.4g} to {max(d1_values):.4g}",
+        "fits_held": f"{held} of {len(found['fits'])} seeds reproduce all 16 verdicts",
         "tolerance": lines(head, rows),
     }
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
-    """The tables and figures of both documents."""
-    made = {f"chain_{name}": text for name, text in chain_blocks(results["chain"]).items()}
-    return made | {f"knotter_{name}": text for name, text in knotter_blocks(results["knotter"]).items()}
+    """Return the tables and figures of both documents."""
+    chain_part = {f"chain_{name}": text for name, text in chain_blocks(results["chain"]).items()}
+    return chain_part | {f"knotter_{name}": text for name, text in knotter_blocks(results["knotter"]).items()}
 
 
 def measure() -> Iterator[dict[str, Any]]:
-    """Both machines."""
+    """Measure both machines."""
     found = {"chain": measure_chain(), "knotter": measure_knotter()}
     assert math.isfinite(found["chain"]["arcs_error"])
     yield found

@@ -1,4 +1,7 @@
-"""What the numerics share: names of array types, by the numbers they hold, products of plane vectors, angles of triangles."""
+"""Names of array types, products of plane vectors, and the angle of a triangle, shared by the numerical modules.
+
+A plane vector is a complex number x + i y.
+"""
 
 from __future__ import annotations
 
@@ -12,21 +15,34 @@ Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 
-def dot(one: Complexes | complex, other: NDArray[np.complexfloating] | complex) -> Floats:
-    """Scalar product."""
-    return np.real(np.conj(one) * other)
+def dot(a: Complexes | complex, b: NDArray[np.complexfloating] | complex) -> Floats:
+    """Return the scalar product of two plane vectors."""
+    return np.real(np.conj(a) * b)
 
 
-def cross(one: Complexes | complex, other: NDArray[np.complexfloating] | complex) -> Floats:
-    """Vector product: positive where the second lies counter-clockwise of the first."""
-    return np.imag(np.conj(one) * other)
+def cross(a: Complexes | complex, b: NDArray[np.complexfloating] | complex) -> Floats:
+    """Return the vector product of two plane vectors, positive if ``b`` is counter-clockwise of ``a``."""
+    return np.imag(np.conj(a) * b)
 
 
-def angle_at(near: Floats | float, far: Floats | float, r: Floats) -> Floats:
-    """The angle of a triangle between ``near`` and ``r``, ``far`` opposite, 0 to pi.
+def angle_at(adjacent: Floats | float, opposite: Floats | float, r: Floats) -> Floats:
+    """Return the angle between two sides of a triangle, from its three sides.
 
-    By sine and cosine of half of it, as differences before sums: neither loses digits next to a dead position.
+    Half of the angle is computed from its sine and cosine, in which differences are taken before sums.
+    Neither loses digits near a dead-centre position.
+
+    Parameters
+    ----------
+    adjacent, r : ndarray or float
+        Sides that enclose the angle.
+    opposite : ndarray or float
+        Side opposite the angle.
+
+    Returns
+    -------
+    ndarray
+        The angle, 0 to pi.
     """
-    below = np.maximum((far - (near - r)) * (far + (near - r)), 0.0)
-    above = np.maximum((near + r - far) * (near + r + far), 0.0)
-    return np.asarray(2 * np.arctan2(np.sqrt(below), np.sqrt(above)))
+    sine_square = np.maximum((opposite - (adjacent - r)) * (opposite + (adjacent - r)), 0.0)
+    cosine_square = np.maximum((adjacent + r - opposite) * (adjacent + r + opposite), 0.0)
+    return np.asarray(2 * np.arctan2(np.sqrt(sine_square), np.sqrt(cosine_square)))

@@ -1,7 +1,8 @@
-"""Batched non-linear least squares by Levenberg and Marquardt: many starting points at once, knows no mechanism.
+"""Batched non-linear least squares by the Levenberg-Marquardt method, independent of any mechanism.
 
-Steps come from the triangle of a QR decomposition of the rows with the damping below them, never from normal equations: in
-small spans of the crank the Jacobian's condition passes 1e8.
+Many starting points are improved at once.
+Each step comes from the QR decomposition of the Jacobian with the damping rows below it, never from the normal equations,
+because the condition number of the Jacobian exceeds 1e8 if the crank turns through a small angle.
 """
 
 from __future__ import annotations
@@ -14,23 +15,27 @@ import numpy as np
 from synthesis.arrays import Floats
 from synthesis.work import Work
 
-_LONGEST_STEP = 1.5
+_MAX_STEP = 1.5
+"""Largest change of any unknown in a step."""
 
 
 class Evaluation(NamedTuple):
     """Residuals and Jacobians of candidates."""
 
     cost: Floats
-    """(n,): sum of the squared residuals; infinite where a candidate is impossible."""
-    stack: Floats
-    """(n, m + 1, rows): the residual's derivatives by the first m unknowns, then the residual itself."""
+    """Sum of the squared residuals, shape (n,); infinite for an impossible candidate."""
+    rows: Floats
+    """Derivatives of the residuals with respect to the first m unknowns, then the residuals themselves, shape
+    (n, m + 1, residuals)."""
 
 
 class Minima(NamedTuple):
     """Candidates after their descent."""
 
     unknowns: Floats
+    """Unknowns with the lowest cost found, shape (n, unknowns)."""
     cost: Floats
+    """Cost at these unknowns, shape (n,)."""
 
 
 def minimise(
@@ -43,80 +48,85 @@ def minimise(
     stall: float = 1e-9,
     damping: float = 1e-3,
 ) -> Minima:
-    """Levenberg-Marquardt from many starting points, all at once.
+    """Minimise sums of squares by the Levenberg-Marquardt method, from many starting points at once.
 
     Parameters
     ----------
     evaluate : callable
-        ``evaluate(unknowns, labels)`` of some of the candidates.
-    unknowns : ndarray, shape (n, m)
-        Starting points; of order one, for a step is no longer than a bit over one in any unknown. Those behind the ones
-        that there are derivatives by stay as they are.
+        ``evaluate(unknowns, labels)`` returns the `Evaluation` of some of the candidates.
+    unknowns : ndarray, shape (n, unknowns)
+        Starting points, scaled to order one, because no unknown changes by more than 1.5 in a step.
+        Unknowns after the first m, for which there are no derivatives, are not changed.
     labels : ndarray, shape (n,)
-        What else belongs to each candidate and does not change, such as its branch.
+        Fixed data of each candidate, such as its branch.
     iterations : int
-        At most this many steps.
+        Largest number of steps.
     tolerance : float
-        Stop when the square root of the least cost is below it.
+        The descent stops when the square root of the smallest cost is below this value.
     work : Work, optional
-        Asked before each step; once it has expired the descent stops where it is.
+        Time budget and cancellation, checked before each step; when the budget is used up, the descent stops.
     stall : float
-        A step that lowers the cost by a smaller part than this is a candidate's last one.
+        A step that reduces the cost by a smaller fraction than this is the last step of a candidate.
     damping : float
-        Of the first step, relative to the squares of the derivatives: small where the start is near.
+        Damping of the first step, relative to the squares of the derivatives; small if the start is close to a minimum.
 
     Returns
     -------
     Minima
-        The best place of each candidate's way. Law: no candidate is worse than its starting point; without unknowns that is it.
+        The best point on the path of each candidate, never worse than its starting point.
+
+    Notes
+    -----
+    The damping is controlled by Nielsen's rule (Madsen, Nielsen, Tingleff, Methods for non-linear least squares problems,
+    section 3.2).
     """
     work = work or Work()
-    cost, stack = evaluate(unknowns, labels)
-    size = stack.shape[1] - 1
-    best, least = unknowns.copy(), cost.copy()
-    # the candidates still on their way, and where they stand among all
-    place = np.flatnonzero(np.isfinite(cost))
-    here, labels, cost, stack = unknowns[place], labels[place], cost[place], stack[place]
-    damped, growth = np.full(place.size, damping), np.full(place.size, 2.0)
+    cost, rows = evaluate(unknowns, labels)
+    size = rows.shape[1] - 1
+    best, best_cost = unknowns.copy(), cost.copy()
+    # The arrays of the loop hold only the active candidates; `index` gives their rows in the result.
+    index = np.flatnonzero(np.isfinite(cost))
+    current, labels, cost, rows = unknowns[index], labels[index], cost[index], rows[index]
+    damped, growth = np.full(index.size, damping), np.full(index.size, 2.0)
     steps = 0
-    while size and steps < iterations and place.size and least.min() > tolerance**2 and not work.expired():
+    while size and steps < iterations and index.size and best_cost.min() > tolerance**2 and not work.expired():
         steps += 1
-        step, predicted = _damped_steps(stack, damped)
-        trial = here.copy()
+        step, predicted = _damped_steps(rows, damped)
+        trial = current.copy()
         trial[:, :size] += step
-        new = evaluate(trial, labels)
-        decrease = cost - new.cost
+        trial_evaluation = evaluate(trial, labels)
+        decrease = cost - trial_evaluation.cost
         better = decrease > 0
         finished = (better & (decrease < stall * cost)) | (cost < 1e-30)
-        # Nielsen's rule (Madsen, Nielsen, Tingleff, Methods for non-linear least squares problems, 3.2)
-        gain = np.clip(decrease / np.maximum(predicted, 1e-300), 0, 1)
-        shrunk = np.maximum(damped * np.maximum(0.1, 1 - (2 * gain - 1) ** 3), 1e-20)
-        damped = np.where(better, shrunk, damped * growth)
+        gain_ratio = np.clip(decrease / np.maximum(predicted, 1e-300), 0, 1)
+        reduced = np.maximum(damped * np.maximum(0.1, 1 - (2 * gain_ratio - 1) ** 3), 1e-20)
+        damped = np.where(better, reduced, damped * growth)
         growth = np.where(better, 2.0, 2 * growth)
         finished |= damped > 1e10
-        for column, values in ((here, trial), (cost, new.cost), (stack, new.stack)):
+        for column, values in ((current, trial), (cost, trial_evaluation.cost), (rows, trial_evaluation.rows)):
             column[better] = values[better]
-        best[place], least[place] = here, cost
+        best[index], best_cost[index] = current, cost
         if finished.any():
-            left = ~finished
-            place, here, labels, cost, stack = place[left], here[left], labels[left], cost[left], stack[left]
-            damped, growth = damped[left], growth[left]
-    return Minima(best, least)
+            active = ~finished
+            index, labels, damped, growth = index[active], labels[active], damped[active], growth[active]
+            current, cost, rows = current[active], cost[active], rows[active]
+    return Minima(best, best_cost)
 
 
-def _damped_steps(stack: Floats, damping: Floats) -> tuple[Floats, Floats]:
-    """Steps (n, m) with Marquardt's damping, and by how much a linear model's cost falls."""
-    count, columns, rows = stack.shape
+def _damped_steps(rows: Floats, damping: Floats) -> tuple[Floats, Floats]:
+    """Return steps with Marquardt's damping, shape (n, m), and the decrease of the cost that a linear model predicts."""
+    count, columns, residuals = rows.shape
     size, diagonal = columns - 1, np.arange(columns - 1)
-    ridge = damping[:, None] * np.maximum(np.einsum("nij,nij->ni", stack, stack)[:, :size], 1e-24)
-    system = np.zeros((count, columns, rows + size))
-    system[:, :, :rows] = stack
-    system[:, diagonal, rows + diagonal] = np.sqrt(ridge)
+    ridge = damping[:, None] * np.maximum(np.einsum("nij,nij->ni", rows, rows)[:, :size], 1e-24)
+    system = np.zeros((count, columns, residuals + size))
+    system[:, :, :residuals] = rows
+    system[:, diagonal, residuals + diagonal] = np.sqrt(ridge)
     triangle: Any = np.linalg.qr(system.transpose(0, 2, 1), mode="r")
     upper, right = triangle[:, :size, :size], triangle[:, :size, size:]
     step = np.linalg.solve(upper, right)[:, :, 0]
-    part = np.minimum(1.0, _LONGEST_STEP / np.maximum(np.abs(step).max(axis=1), 1e-300))
-    step *= -part[:, None]
-    # |r|^2 - |r + J s|^2 with J^T r = R^T right: a sum of positive terms
-    fall = part * (2 - part) * np.einsum("nij,nij->n", right, right) + np.einsum("ni,ni,ni->n", ridge, step, step)
-    return step, fall
+    fraction = np.minimum(1.0, _MAX_STEP / np.maximum(np.abs(step).max(axis=1), 1e-300))
+    step *= -fraction[:, None]
+    # |r|^2 - |r + J s|^2 with J^T r = R^T right, written as a sum of positive terms
+    decrease = fraction * (2 - fraction) * np.einsum("nij,nij->n", right, right)
+    decrease += np.einsum("ni,ni,ni->n", ridge, step, step)
+    return step, decrease

@@ -1,4 +1,4 @@
-"""Tables and drawings as text: what the files of all machines share. What is drawn is each machine's own."""
+"""CSV tables, SVG drawings and DXF documents as text, shared by the files of all machines."""
 
 from __future__ import annotations
 
@@ -11,12 +11,25 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-_AT_ONCE = 1024
-"""Cells of a column that are Python's numbers at a time."""
+_BLOCK_CELLS = 1024
+"""Number of cells of a column that are converted to Python numbers at a time."""
 
 
 def csv_text(columns: Mapping[str, Iterable[Any]], line_end: str = "\r\n") -> str:
-    """A table with a head; numbers at full precision, an empty cell for None."""
+    """Write a CSV table with a header line.
+
+    Parameters
+    ----------
+    columns : mapping
+        Cells of each column, by name; None gives an empty cell, and numbers keep their full precision.
+    line_end : str, optional
+        End of a line.
+
+    Returns
+    -------
+    str
+        The text of the file.
+    """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator=line_end)
     writer.writerow(columns)
@@ -25,26 +38,38 @@ def csv_text(columns: Mapping[str, Iterable[Any]], line_end: str = "\r\n") -> st
 
 
 def given_cells(values: NDArray[Any] | None, rows: int) -> list[Any]:
-    """A column of real numbers, with empty cells for NaN; all are empty where there is none."""
+    """Return the cells of a column of numbers: None for NaN, and only None if there are no values."""
     if values is None:
         return [None] * rows
-    return [None if np.isnan(one) else one for one in values.tolist()]
+    return [None if np.isnan(value) else value for value in values.tolist()]
 
 
 def _cells(column: Iterable[Any]) -> Iterable[Any]:
-    """A column as Python's own numbers; of an array few at a time."""
+    """Return a column as Python numbers; an array is converted in blocks."""
     if not isinstance(column, np.ndarray):
         return column
-    return (cell for first in range(0, len(column), _AT_ONCE) for cell in column[first : first + _AT_ONCE].tolist())
+    return (
+        cell
+        for first in range(0, len(column), _BLOCK_CELLS)
+        for cell in column[first : first + _BLOCK_CELLS].tolist()
+    )
 
 
 class Sheet:
-    """The page of an SVG drawing, y up in the drawing and down on the page.
+    """The page of an SVG drawing, with y upwards in the drawing and downwards on the page.
 
-    It is written about its own corner, because viewers hold coordinates in single precision.
+    Coordinates are relative to the corner of the page, because viewers store them in single precision.
 
-    ``points``: what must be on the page, x + i y. ``margin``: room on each side, as a share of the larger extent.
-    ``size``: the larger side of the page; default: the drawing's own unit is kept. ``digits``: digits of a coordinate.
+    Parameters
+    ----------
+    points : ndarray of complex
+        Points x + i y that must be on the page.
+    margin : float
+        Margin on each side, as a fraction of the larger extent of the points.
+    size : float, optional
+        Larger side of the page; without a value the unit of the drawing is kept.
+    digits : int, optional
+        Number of significant digits of a coordinate.
     """
 
     def __init__(
@@ -61,27 +86,27 @@ class Sheet:
         self.digits = digits
 
     def at(self, point: complex) -> str:
-        """The coordinates of a point, as a path has them."""
+        """Return the page coordinates of a point in the syntax of an SVG path."""
         moved = (point - self.corner) * self.scale
         return f"{moved.real:.{self.digits}g},{-moved.imag + 0.0:.{self.digits}g}"
 
     def dot(self, point: complex, radius: float, attributes: str = "") -> str:
-        """A circle on the page; the radius in the page's unit."""
+        """Return a circle; the radius is in the unit of the page."""
         x, y = self.at(point).split(",")
         return f'<circle {attributes}{" " if attributes else ""}cx="{x}" cy="{y}" r="{radius:.6g}"/>'
 
     def line(self, points: NDArray[np.complex128], name: str, closed: bool = False) -> str:
-        """A line through points, of a class of the style sheet."""
+        """Return a line through points, with ``name`` as its class in the style sheet."""
         tail = "Z" if closed else ""
         return f'<path class="{name}" d="M{" L".join(self.at(z) for z in points)}{tail}"/>'
 
     def label(self, point: complex, words: str, attributes: str = "") -> str:
-        """Words beside a point, a little above it to the right."""
+        """Return a text label to the upper right of a point."""
         x, y = self.at(point).split(",")
         return f'<text {attributes}{" " if attributes else ""}x="{x}" y="{y}" dx="12" dy="-10">{escape(words)}</text>'
 
     def text(self, title: str, parts: Sequence[str]) -> str:
-        """The file."""
+        """Return the text of the SVG file."""
         head = (
             '<?xml version="1.0" encoding="UTF-8"?>\n<svg xmlns="http://www.w3.org/2000/svg" '
             f'viewBox="0 0 {self.width:.{self.digits}g} {self.height:.{self.digits}g}">'
@@ -90,24 +115,34 @@ class Sheet:
 
 
 class Extra(NamedTuple):
-    """What a drawing to look at holds besides: ``points`` that must be on its page, and what is drawn on it."""
+    """Additional elements of an SVG drawing."""
 
     points: NDArray[np.complex128]
+    """Points that must be on the page."""
     draw: Callable[[Sheet], str]
+    """Returns the elements as SVG."""
 
 
 class More(NamedTuple):
-    """What a drawing holds besides, on a layer of its own: ``draw(modelspace, xy, size)`` of the drawing's own size."""
+    """Additional elements of a DXF drawing, on a layer of their own."""
 
     layer: str
+    """Name of the layer."""
     colour: int
+    """AutoCAD colour index of the layer."""
     draw: Callable[[Any, Callable[[complex], tuple[float, float]], float], None]
+    """``draw(modelspace, xy, size)`` adds the elements, given the size of the drawing."""
 
 
 def dxf_document(layers: Mapping[str, int], unit: int) -> Any:
-    """An empty DXF document (R2010) with layers by AutoCAD colour index.
+    """Create an empty DXF document (R2010).
 
-    ``unit``: $INSUNITS: 4 millimetres, 0 none (the user's own).
+    Parameters
+    ----------
+    layers : mapping
+        AutoCAD colour index of each layer.
+    unit : int
+        Value of $INSUNITS: 4 for millimetres, 0 for no unit.
     """
     from ezdxf.filemanagement import new
 
@@ -120,7 +155,7 @@ def dxf_document(layers: Mapping[str, int], unit: int) -> Any:
 
 
 def dxf_text(document: Any) -> str:
-    """The file of a DXF document."""
+    """Return the text of a DXF document."""
     stream = io.StringIO()
     document.write(stream)
     return stream.getvalue()

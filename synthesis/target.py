@@ -1,4 +1,4 @@
-"""The requested motion: crank angles, and the rotation or the positions, or both, that belong to them."""
+"""The requested motion: crank angles, and the rotation or the position of a body, or both, at each of them."""
 
 from __future__ import annotations
 
@@ -13,105 +13,117 @@ from synthesis.arrays import Complexes, Floats
 from synthesis.errors import FieldError
 
 TURN = 2 * np.pi
-MIN_SAMPLES, MAX_SAMPLES = 3, 1024
+MIN_SAMPLES = 3
+"""Smallest number of samples of a motion."""
+MAX_SAMPLES = 1024
+"""Largest number of samples of a motion."""
 MIN_SPAN = np.deg2rad(0.1)
-"""Smallest crank span: below it a curve has no shape that double precision could tell from a line."""
+"""Smallest crank span (rad), below which double precision cannot distinguish a curve from a straight line."""
 MAX_SPAN = np.deg2rad(3600.0)
+"""Largest crank span (rad)."""
 MIN_STEP = 1e-9
-"""Smallest step of the crank between samples, as part of the span."""
+"""Smallest step of the crank between samples, as a fraction of the span."""
 MAX_ROTATION = 1e6
-"""Largest rotation in radians: beyond it double precision keeps fewer than ten digits behind the point."""
-MIN_LENGTH, MAX_LENGTH = 1e-50, 1e50
-"""Lengths and coordinates lie between: squares, and quotients of squares, neither over- nor underflow."""
-
-
-CURVE_STEP, CURVE_LEAST = np.deg2rad(1.0), 24
-"""Largest step of a curve over an interval, in radians, and the fewest steps, however short the interval is."""
+"""Largest rotation (rad), above which double precision has fewer than ten decimal places."""
+MIN_LENGTH = 1e-50
+"""Smallest length, so that squares and quotients of squares do not underflow."""
+MAX_LENGTH = 1e50
+"""Largest length or coordinate, so that squares and quotients of squares do not overflow."""
+CURVE_STEP = np.deg2rad(1.0)
+"""Largest step of a curve over an interval, rad."""
+CURVE_MIN_STEPS = 24
+"""Smallest number of steps of a curve over an interval."""
 
 
 class Interval(NamedTuple):
-    """A part of the crank's turn in radians, between two crank angles in either order; arrays are one interval each."""
+    """Interval between two crank angles (rad) in either order; arrays hold several intervals."""
 
     first: Any
     last: Any
 
     def after(self, start: Any) -> Interval:
-        """The interval moved so that what was crank angle 0 is ``start``."""
+        """Return the interval shifted by ``start`` (rad)."""
         return Interval(start + self.first, start + self.last)
 
     def by_degrees(self) -> Floats:
-        """Angles from end to end in even steps of at most a degree, at least `CURVE_LEAST` of them."""
-        steps = max(CURVE_LEAST, int(np.ceil(abs(self.last - self.first) / CURVE_STEP * (1 - 1e-12))))
+        """Return angles from end to end in at least `CURVE_MIN_STEPS` even steps of at most `CURVE_STEP`."""
+        steps = max(CURVE_MIN_STEPS, int(np.ceil(abs(self.last - self.first) / CURVE_STEP * (1 - 1e-12))))
         return np.linspace(self.first, self.last, steps + 1)
 
 
 class Mean:
-    """The mean over the samples of a motion, weighted where the request weighs its samples.
+    """The mean over the samples of a motion, weighted if the request has weights.
 
-    ``weights`` (N,): at least 0, at least one above; a sample of weight 0 is missing. Default: all alike.
+    Parameters
+    ----------
+    samples : int
+        Number of samples N.
+    weights : ndarray, shape (N,), optional
+        Weights of at least 0, not all 0; a sample of weight 0 is missing.
+        Without them all samples have equal weight.
     """
 
     def __init__(self, samples: int, weights: Floats | None = None) -> None:
         self.samples = samples
         self.weights = None if weights is None else weights / weights.sum()
         self.total: float = samples if self.weights is None else 1.0
-        # the square root of a sample's part of the mean: squares of rows times it add up to a mean square
+        # Square root of the weight of each sample in the mean: the squares of rows times this sum up to a mean square.
         self.root: Any = 1 / np.sqrt(samples) if self.weights is None else np.sqrt(self.weights)
 
     def __call__(self, values: NDArray[Any]) -> Any:
-        """The mean over the last axis."""
+        """Return the mean over the last axis."""
         return values.mean(axis=-1) if self.weights is None else values @ self.weights
 
     def weighted(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Values (..., N) such that their sum over ``total`` is the mean."""
+        """Return weighted values (..., N), whose sum divided by ``total`` is the mean."""
         return values if self.weights is None else values * self.weights
 
     def product(self, values: NDArray[Any], column: NDArray[Any]) -> Any:
-        """The mean of rows (..., N) times a column (N,)."""
+        """Return the mean of the products of rows (..., N) and a column (N,)."""
         return values @ self.weighted(column) / self.total
 
     def spread(self, values: NDArray[Any]) -> Any:
-        """Root mean square of values less their mean, over the last axis."""
-        rest = values - np.expand_dims(self(values), -1)
-        return np.sqrt(self(np.abs(rest) ** 2))
+        """Return the root mean square deviation of values from their mean, over the last axis."""
+        deviations = values - np.expand_dims(self(values), -1)
+        return np.sqrt(self(np.abs(deviations) ** 2))
 
     def reach(self, values: NDArray[Any]) -> float:
-        """Largest distance of a given sample (N,) from the mean."""
+        """Return the largest distance from the mean of the samples (N,) that are not missing."""
         return float(np.max(self.given(np.abs(values - self(values)))))
 
     def given(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Values (..., N) with zeros where a sample is missing."""
+        """Return values (..., N) with zeros for missing samples."""
         return values if self.weights is None else np.where(self.weights > 0, values, 0.0)
 
 
 @dataclass(frozen=True)
 class Samples:
-    """What a body must do at the samples of a motion, in radians and the user's unit of length.
-
-    ``rotation`` (N,): rotation of the body. ``position`` (N,): a point of the body, x + i y. ``length_scale``: l of the
-    objective; 1 without positions. ``rotation_weights``, ``position_weights`` (N,): weight of each sample, 0 for one
-    that is missing; None: all alike.
-    """
+    """Requested rotation and position of a body at the samples of a motion."""
 
     rotation: Floats | None
+    """Rotation of the body (rad), shape (N,)."""
     position: Complexes | None
+    """Position x + i y of a point of the body, in the user's unit of length, shape (N,)."""
     length_scale: float = 1.0
+    """Length l of the objective; 1 without positions."""
     rotation_weights: Floats | None = None
+    """Weight of each rotation, 0 for a missing sample, shape (N,); None for equal weights."""
     position_weights: Floats | None = None
+    """Weight of each position, 0 for a missing sample, shape (N,); None for equal weights."""
 
     @property
     def samples(self) -> int:
-        """How many samples there are."""
+        """Number of samples N."""
         return (self.rotation if self.position is None else self.position).shape[-1]  # type: ignore[union-attr]
 
     @cached_property
     def rotation_mean(self) -> Mean:
-        """The mean over the samples by which rotations are compared."""
+        """Mean over the samples that is used for rotations."""
         return Mean(self.samples, self.rotation_weights)
 
     @cached_property
     def position_mean(self) -> Mean:
-        """The mean over the samples by which positions are compared."""
+        """Mean over the samples that is used for positions."""
         return Mean(self.samples, self.position_weights)
 
     @cached_property
@@ -122,17 +134,21 @@ class Samples:
 
     @cached_property
     def middle(self) -> complex:
-        """Mean position."""
+        """Mean position; 0 without positions."""
         return 0j if self.position is None else complex(self.position_mean(self.position))
 
-    def spread(self, most: int) -> NDArray[np.intp]:
-        """Places of about ``most`` samples at most, both ends among them; evenly among those that count for each part."""
-        kept = [np.array([0, self.samples - 1])]
+    def spread(self, max_samples: int) -> NDArray[np.intp]:
+        """Return the indices of about ``max_samples`` samples, including both ends.
+
+        They are spread evenly over the rotations and over the positions that are not missing.
+        """
+        chosen = [np.array([0, self.samples - 1])]
         for values, weights in self._parts().values():
             if values is not None:
-                given = np.arange(self.samples) if weights is None else np.flatnonzero(weights)
-                kept.append(given[np.round(np.linspace(0, given.size - 1, min(most, given.size))).astype(int)])
-        return np.unique(np.concatenate(kept))
+                present = np.arange(self.samples) if weights is None else np.flatnonzero(weights)
+                evenly = np.linspace(0, present.size - 1, min(max_samples, present.size))
+                chosen.append(present[np.round(evenly).astype(int)])
+        return np.unique(np.concatenate(chosen))
 
     def _parts(self) -> dict[str, tuple[NDArray[Any] | None, Floats | None]]:
         return {
@@ -140,102 +156,114 @@ class Samples:
             "position": (self.position, self.position_weights),
         }
 
-    def off(self, some: Samples) -> complex:
-        """Mean position of some of the samples, from that of all, over the length scale: places count from their own mean."""
-        return (some.middle - self.middle) / self.length_scale
+    def off(self, subset: Samples) -> complex:
+        """Return the mean position of a subset of the samples, relative to the mean of all, over the length scale."""
+        return (subset.middle - self.middle) / self.length_scale
 
     @cached_property
     def scaled(self) -> Complexes:
-        """Positions from their mean over the length scale; zeros where there is none."""
+        """Positions relative to their mean, over the length scale, shape (N,); zeros for missing positions."""
         if self.position is None:
             return np.zeros(self.samples, dtype=complex)
         return self.position_mean.given((self.position - self.middle) / self.length_scale)
 
 
 class Asked(NamedTuple):
-    """A motion as it was asked for, NaN where a sample is missing; ``moved`` (N,): whole turns that rotations were moved by."""
+    """A motion as it was requested."""
 
     rotation: Floats | None
+    """Requested rotation (rad), NaN for a missing sample, shape (N,)."""
     position: Complexes | None
+    """Requested position, NaN for a missing sample, shape (N,)."""
     moved: Floats
+    """Whole turns (rad) that were added to each requested rotation, shape (N,)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Target(Samples):
-    """A requested motion: samples with the crank angle that belongs to each. Rotations are continuous as they are given.
+    """A requested motion: samples, each with its crank angle.
 
-    ``crank`` (N,): crank angle from the first sample on; ``crank[0] == 0``, strictly rising or strictly falling
-    (clockwise). Where they were found and not given, the samples may be passed in another order. ``start``: theta1 at
-    the first sample, where it is given. ``offset``: what is added to theta2 to give the rotation, where it is given;
-    whole turns do not count. ``found``: whether the crank angles were found together with a linkage; then crank and
-    rotation may have leading axes, one linkage each. ``closed``: whether the crank turns on from the last sample to the
-    first, so that the motion uses a whole turn. ``moved``: whole turns by which each rotation differs from what was asked.
+    The rotations are continuous: no whole turns are added to or removed from the given values.
     """
 
     crank: Floats
+    """Crank angle relative to the first sample (rad), shape (N,).
+    It increases strictly, or decreases strictly for a clockwise crank.
+    If the crank angles were found and not given, the crank may pass the samples in another order."""
     start: float | None = None
+    """Crank angle theta1 at the first sample (rad), if it is prescribed."""
     offset: float | None = None
+    """Angle that is added to theta2 to give the rotation (rad, up to whole turns), if it is prescribed."""
     found: bool = False
+    """True if the crank angles were found together with a linkage.
+    Then ``crank`` and ``rotation`` may have a leading axis over the linkages."""
     closed: bool = False
+    """True if the crank continues from the last sample to the first, so that the motion uses a whole turn."""
     moved: Any = 0.0
+    """Whole turns (rad) by which each rotation differs from the requested value."""
 
     @property
     def samples(self) -> int:
-        """How many samples there are."""
+        """Number of samples N."""
         return self.crank.shape[-1]
 
     @property
     def asked(self) -> Asked:
-        """What was asked for, as it was."""
+        """The motion as it was requested."""
         rotation, position = self.rotation, self.position
         moved = np.broadcast_to(np.asarray(self.moved, dtype=float), (self.samples,))
         if rotation is not None:
-            given = np.ones(self.samples, dtype=bool) if self.rotation_weights is None else self.rotation_weights > 0
-            # at a missing sample the turns of the one before it, and before the first that is there those of that one
-            last = np.maximum.accumulate(np.where(given, np.arange(self.samples), 0))
-            moved = moved[np.maximum(last, int(np.argmax(given)))]
-            rotation = np.where(given, rotation - moved, np.nan)
+            present = (
+                np.ones(self.samples, dtype=bool) if self.rotation_weights is None else self.rotation_weights > 0
+            )
+            # A missing sample takes the turns of the previous sample that is present, or else of the first.
+            previous = np.maximum.accumulate(np.where(present, np.arange(self.samples), 0))
+            moved = moved[np.maximum(previous, int(np.argmax(present)))]
+            rotation = np.where(present, rotation - moved, np.nan)
         if position is not None and self.position_weights is not None:
             position = np.where(self.position_weights > 0, position, complex(np.nan, np.nan))
         return Asked(rotation, position, moved)
 
     @property
     def interval(self) -> Interval:
-        """The crank angles that the motion uses, from the first sample on; where that is at neither end, from the least."""
+        """Crank angles that the motion uses.
+
+        The interval begins at the first sample, or at the smallest angle if the first sample is at neither end.
+        """
         if not self.found:
             return Interval(0.0, float(self.crank[-1]))
         low, high = self.crank.min(axis=-1), self.crank.max(axis=-1)
-        down = self.crank[..., 0] >= high
-        first = np.where(down, high, low)[()]
+        decreasing = self.crank[..., 0] >= high
+        first = np.where(decreasing, high, low)[()]
         if self.closed:
-            return Interval(first, first + np.where(down, -TURN, TURN))
-        return Interval(first, np.where(down, low, high)[()])
+            return Interval(first, first + np.where(decreasing, -TURN, TURN))
+        return Interval(first, np.where(decreasing, low, high)[()])
 
     @property
     def way(self) -> Floats:
-        """Crank angles (n,) that the crank passes: those of the samples, and of a closed way that of the first, a turn on."""
+        """Crank angles of the samples, followed by the first sample one turn later if the motion is closed, shape (n,)."""
         return np.append(self.crank, self.interval.last) if self.closed else self.crank
 
-    def one_of(self, place: int) -> Target:
-        """The target of one linkage, where each has crank angles of its own."""
+    def one_of(self, index: int) -> Target:
+        """Return the target of a single linkage, if each linkage has its own crank angles."""
         if not self.found or self.crank.ndim == 1:
             return self
         if self.rotation is None:
-            return replace(self, crank=self.crank[place])
-        return replace(self, crank=self.crank[place], rotation=self.rotation[place], moved=self.moved[place])
+            return replace(self, crank=self.crank[index])
+        return replace(self, crank=self.crank[index], rotation=self.rotation[index], moved=self.moved[index])
 
     @cached_property
     def repeats_one_crank_angle(self) -> bool:
-        """Whether all rotations that count are wanted at one crank angle, whole turns apart."""
+        """True if all rotations that are not missing are requested at the same crank angle, up to whole turns."""
         return _whole_turns(self.rotation_mean, self.crank)
 
     @property
     def clockwise(self) -> bool:
-        """Whether the crank turns clockwise."""
+        """True if the crank turns clockwise."""
         return bool(self.crank[-1] < 0)
 
     def mirrored(self) -> Target:
-        """The target in a mirror (the x axis): the crank turns the other way, and so does the body."""
+        """Return the target reflected in the x axis, in which crank and body turn in the opposite sense."""
         return replace(
             self,
             crank=-self.crank,
@@ -246,35 +274,38 @@ class Target(Samples):
             position=None if self.position is None else np.conj(self.position),
         )
 
-    def thinned(self, most: int) -> Target:
-        """The target at about ``most`` samples at most, each with its own weight."""
-        if self.samples <= most:
+    def thinned(self, max_samples: int) -> Target:
+        """Return the target with about ``max_samples`` samples, each with its own weight."""
+        if self.samples <= max_samples:
             return self
-        keep = self.spread(most)
+        chosen = self.spread(max_samples)
         columns: dict[str, Any] = {name: getattr(self, name) for name in _COLUMNS}
-        columns = {name: None if values is None else values[keep] for name, values in columns.items()}
+        columns = {name: None if values is None else values[chosen] for name, values in columns.items()}
         return replace(self, **columns)
 
-    def condensed(self, most: int) -> Target:
-        """The target at about ``most`` samples at most, each with the weight of all that it is the nearest to."""
-        if self.samples <= most:
+    def condensed(self, max_samples: int) -> Target:
+        """Return the target with about ``max_samples`` samples.
+
+        The weight of each omitted sample is added to the nearest sample that remains.
+        """
+        if self.samples <= max_samples:
             return self
-        keep = self.spread(most)
-        columns: dict[str, Any] = {"crank": self.crank[keep]}
+        chosen = self.spread(max_samples)
+        columns: dict[str, Any] = {"crank": self.crank[chosen]}
         for name, (values, weights) in self._parts().items():
             if values is None:
                 continue
-            own = np.ones(self.samples) if weights is None else weights
-            given = np.flatnonzero(own)
-            left = np.flatnonzero(own[keep])
-            nearest = left[np.abs(given[:, None] - keep[left]).argmin(axis=1)]
-            columns[name] = values[keep]
-            columns[f"{name}_weights"] = np.bincount(nearest, weights=own[given], minlength=keep.size)
+            own_weights = np.ones(self.samples) if weights is None else weights
+            present = np.flatnonzero(own_weights)
+            remaining = np.flatnonzero(own_weights[chosen])
+            nearest = remaining[np.abs(present[:, None] - chosen[remaining]).argmin(axis=1)]
+            columns[name] = values[chosen]
+            columns[f"{name}_weights"] = np.bincount(nearest, weights=own_weights[present], minlength=chosen.size)
         return replace(self, **columns)
 
 
 def _whole_turns(mean: Mean, crank: Floats) -> bool:
-    """Whether the crank angles of the samples that count are the same but for whole turns, to their rounding."""
+    """Check whether the crank angles of the samples that are not missing differ only by whole turns, to rounding."""
     turns = crank if mean.weights is None else crank[mean.weights > 0]
     turns = (turns - turns[0]) / TURN
     return bool(np.all(np.abs(turns - np.round(turns)) <= 8 * np.finfo(float).eps * np.abs(crank).max()))
@@ -292,30 +323,47 @@ def make_target(
     rotation_weights: Floats | None = None,
     position_weights: Floats | None = None,
 ) -> Target:
-    """A checked `Target`.
-
-    Raises `FieldError`: naming the field and the sample.
+    """Check the values of a request and build its `Target`.
 
     Parameters
     ----------
-    rotation, position : ndarray, shape (N,), optional
-        At least one; 3 to 1,024 samples.
+    rotation : ndarray, shape (N,), optional
+        Rotation of the body (rad), for 3 to 1024 samples.
+        Rotation, position or both are required.
+    position : ndarray of complex, shape (N,), optional
+        Position x + i y of a point of the body, in the user's unit of length.
     crank_span : float, optional
-        Evenly spaced crank angles from 0 to this, both ends included; negative for a clockwise crank.
+        Crank rotation from the first to the last sample (rad), for evenly spaced crank angles.
+        Negative for a clockwise crank.
     crank_angle : ndarray, shape (N,), optional
-        In place of ``crank_span``: angles from any zero; what counts is the increment from the first.
+        Crank angles (rad), instead of ``crank_span``; only the increments from the first sample are used.
     length_scale : float, optional
-        Default: the largest distance of a position from the mean position.
+        Length l of the objective; by default the largest distance of a position from the mean position.
     rotation_weights, position_weights : ndarray, shape (N,), optional
-        At least 0 and somewhere above it; a sample of weight 0 is missing, whatever its value. Default: all alike.
+        Weights of at least 0, not all 0; a sample of weight 0 is missing, regardless of its value.
+        By default all samples have equal weight.
+
+    Returns
+    -------
+    Target
+        The requested motion.
+
+    Raises
+    ------
+    FieldError
+        A value is missing or not allowed; the error names the field and the sample.
     """
-    part, given = read_samples(
+    fields, columns = read_samples(
         rotation, position, length_scale, rotation_weights, position_weights, crank_angle=crank_angle
     )
-    target = Target(**part, crank=_crank(crank_span, given.get("crank_angle"), next(iter(given.values())).size))
+    samples = next(iter(columns.values())).size
+    target = Target(**fields, crank=_crank(crank_span, columns.get("crank_angle"), samples))
     if target.position is not None and _whole_turns(target.position_mean, target.crank):
         field = "/crank_span" if crank_angle is None else "/crank_angle"
-        raise FieldError(field, "all positions are wanted at one crank angle, whole turns apart: they fix no linkage")
+        raise FieldError(
+            field,
+            "all positions have the same crank angle, up to whole turns; give different crank angles",
+        )
     return target
 
 
@@ -325,68 +373,99 @@ def read_samples(
     length_scale: float | None,
     rotation_weights: Floats | None,
     position_weights: Floats | None,
-    least: int = MIN_SAMPLES,
-    **more: Floats | None,
+    min_samples: int = MIN_SAMPLES,
+    **further_columns: Floats | None,
 ) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """The checked fields of `Samples`, and all columns that were given, ``more`` ones included; see `make_target`."""
-    named = {"rotation": rotation, "position": position, **more}
+    """Check the samples of a request.
+
+    Parameters
+    ----------
+    rotation, position, length_scale, rotation_weights, position_weights
+        Values of the request, see `make_target`.
+    min_samples : int, optional
+        Smallest number of samples.
+    **further_columns : ndarray, shape (N,), optional
+        Further columns with a value for each sample.
+
+    Returns
+    -------
+    fields : dict
+        Fields of `Samples`.
+    columns : dict
+        All given columns, by name, including the further columns.
+
+    Raises
+    ------
+    FieldError
+        A value is missing or not allowed; the error names the field and the sample.
+    """
+    optional_columns = {"rotation": rotation, "position": position, **further_columns}
     if position is not None:
-        named["position"] = np.asarray(position, dtype=complex)
-    given: dict[str, NDArray[Any]] = {
-        name: np.asarray(values) for name, values in named.items() if values is not None
+        optional_columns["position"] = np.asarray(position, dtype=complex)
+    columns: dict[str, NDArray[Any]] = {
+        name: np.asarray(values) for name, values in optional_columns.items() if values is not None
     }
     if rotation is None and position is None:
         raise FieldError("", "give `rotation`, `position` or both")
-    for name, values in given.items():
-        if values.ndim != 1 or not least <= values.size <= MAX_SAMPLES:
-            raise FieldError(f"/{name}", f"wanted {least} to {MAX_SAMPLES} samples, found {values.size}")
-        if not np.all(np.isfinite(values)):
-            raise FieldError(f"/{name}/{int(np.argmin(np.isfinite(values)))}", "wanted a finite number")
-    if len(sizes := {name: values.size for name, values in given.items()}) > 1 and len(set(sizes.values())) > 1:
-        counted = ", ".join(f"{name} has {size}" for name, size in sizes.items())
-        raise FieldError(f"/{list(sizes)[-1]}", f"wanted the same number of samples everywhere, but {counted}")
-    if rotation is not None and np.any(large := np.abs(given["rotation"]) > MAX_ROTATION):
-        raise FieldError(f"/rotation/{int(np.argmax(large))}", f"wanted at most {MAX_ROTATION:g} radians either way")
+    _check_columns(columns, min_samples)
+    if rotation is not None and np.any(too_large := np.abs(columns["rotation"]) > MAX_ROTATION):
+        index = int(np.argmax(too_large))
+        raise FieldError(f"/rotation/{index}", f"give a rotation of at most {MAX_ROTATION:g} radians in either sense")
     weights = {
-        f"{name}_weights": _weights(name, given, values)
+        f"{name}_weights": _weights(name, columns, values)
         for name, values in (("rotation", rotation_weights), ("position", position_weights))
     }
     scale = 1.0
     if position is not None:
-        mean = Mean(given["position"].size, weights["position_weights"])
-        scale = _length_scale(given["position"], mean, length_scale)
+        mean = Mean(columns["position"].size, weights["position_weights"])
+        scale = _length_scale(columns["position"], mean, length_scale)
     elif length_scale is not None:
-        raise FieldError("/length_scale", "weighs positions, but there are none")
-    part = {
-        "rotation": given["rotation"].astype(float) if rotation is not None else None,
-        "position": given["position"].astype(complex) if position is not None else None,
+        raise FieldError(
+            "/length_scale", "the length scale applies to positions, but the request has none; leave it out"
+        )
+    fields = {
+        "rotation": columns["rotation"].astype(float) if rotation is not None else None,
+        "position": columns["position"].astype(complex) if position is not None else None,
         "length_scale": scale,
         **weights,
     }
-    return part, given
+    return fields, columns
 
 
-def _weights(name: str, given: dict[str, Any], weights: Floats | None) -> Floats | None:
-    """Checked weights of a part of the motion; None where all are alike."""
+def _check_columns(columns: dict[str, NDArray[Any]], min_samples: int) -> None:
+    """Check that all columns are finite and have the same allowed number of samples."""
+    for name, values in columns.items():
+        if values.ndim != 1 or not min_samples <= values.size <= MAX_SAMPLES:
+            raise FieldError(f"/{name}", f"give {min_samples} to {MAX_SAMPLES} samples, not {values.size}")
+        if not np.all(np.isfinite(values)):
+            raise FieldError(f"/{name}/{int(np.argmin(np.isfinite(values)))}", "give a finite number")
+    sizes = {name: values.size for name, values in columns.items()}
+    if len(set(sizes.values())) > 1:
+        counts = ", ".join(f"{name} has {size}" for name, size in sizes.items())
+        raise FieldError(f"/{list(sizes)[-1]}", f"give the same number of samples in every column; {counts}")
+
+
+def _weights(name: str, columns: dict[str, Any], weights: Floats | None) -> Floats | None:
+    """Check the weights of a column; return None if they are all equal."""
     if weights is None:
         return None
-    if name not in given:
-        raise FieldError(f"/weights/{name}", f"weighs `{name}`, but there is none")
+    if name not in columns:
+        raise FieldError(f"/weights/{name}", f"the request has no `{name}` that these weights could apply to")
     values = np.asarray(weights, dtype=float)
-    if values.shape != given[name].shape:
-        raise FieldError(f"/weights/{name}", f"wanted {given[name].size} weights, found {values.size}")
-    if np.any(bad := ~((values >= 0) & np.isfinite(values))):
-        raise FieldError(f"/weights/{name}/{int(np.argmax(bad))}", "wanted a finite weight of at least 0")
+    if values.shape != columns[name].shape:
+        raise FieldError(f"/weights/{name}", f"give {columns[name].size} weights, not {values.size}")
+    if np.any(invalid := ~((values >= 0) & np.isfinite(values))):
+        raise FieldError(f"/weights/{name}/{int(np.argmax(invalid))}", "give a finite weight of at least 0")
     if not np.any(values > 0):
-        raise FieldError(f"/weights/{name}", "wanted at least one weight above 0")
+        raise FieldError(f"/weights/{name}", "give at least one weight above 0")
     return None if np.all(values == values[0]) else values
 
 
 HOW_TURNED = (
-    "say how the crank turns: `crank_span` (by so much from the first sample to the last, evenly), "
+    "say how the crank turns: `crank_span` (its even rotation from the first sample to the last), "
     "or `crank_angle` (its angle at each sample)"
 )
-"""What is said where neither is given."""
+"""Message for a request with neither `crank_span` nor `crank_angle`."""
 
 
 def _crank(crank_span: float | None, crank_angle: Floats | None, samples: int) -> Floats:
@@ -397,21 +476,22 @@ def _crank(crank_span: float | None, crank_angle: Floats | None, samples: int) -
     if crank_angle is None:
         assert crank_span is not None
         if not np.isfinite(crank_span):
-            raise FieldError("/crank_span", "wanted a finite number")
+            raise FieldError("/crank_span", "give a finite number")
         field, crank = "/crank_span", np.linspace(0.0, float(crank_span), samples)
     else:
         field, crank = "/crank_angle", crank_angle.astype(float) - float(crank_angle[0])
     span = abs(crank[-1])
     if not MIN_SPAN <= span <= MAX_SPAN:
-        low, high, found = np.rad2deg([MIN_SPAN, MAX_SPAN, crank[-1]])
-        raise FieldError(field, f"the crank must turn by {low:g} to {high:g} degrees either way, found {found:g}")
-    steps = np.diff(crank) * np.sign(crank[-1])
-    short = steps <= MIN_STEP * span
-    if np.any(short):
-        place = int(np.argmax(short)) + 1
+        low, high, given = np.rad2deg([MIN_SPAN, MAX_SPAN, crank[-1]])
         raise FieldError(
-            f"{field}/{place}", "the crank must turn one way: this angle does not go on from the one before"
+            field, f"the crank must turn by {low:g} to {high:g} degrees in either sense, not by {given:g}"
         )
+    steps = np.diff(crank) * np.sign(crank[-1])
+    too_short = steps <= MIN_STEP * span
+    if np.any(too_short):
+        index = int(np.argmax(too_short)) + 1
+        message = "the crank must turn in one sense, but this angle does not continue from the previous angle"
+        raise FieldError(f"{field}/{index}", message)
     return crank
 
 
@@ -420,12 +500,12 @@ def _length_scale(position: Complexes, mean: Mean, length_scale: float | None) -
     largest = float(max(np.max(np.abs(position.real)), np.max(np.abs(position.imag))))
     for field, length in (("/position", largest or None), ("/length_scale", length_scale)):
         if length is not None and not MIN_LENGTH <= length <= MAX_LENGTH:
-            raise FieldError(field, f"wanted lengths between {MIN_LENGTH:g} and {MAX_LENGTH:g}")
+            raise FieldError(field, f"give lengths between {MIN_LENGTH:g} and {MAX_LENGTH:g}")
     spread = mean.reach(position)
     if spread <= 64 * np.finfo(float).eps * largest:
         raise FieldError(
             "/position",
-            "all positions are the same point: a motion without extent fixes no linkage; "
-            "a body that only turns needs a hinge there",
+            "all positions are the same point, and a motion without extent determines no linkage; "
+            "for a body that only rotates, use a hinge at that point",
         )
     return float(length_scale) if length_scale is not None else spread

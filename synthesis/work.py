@@ -1,4 +1,4 @@
-"""The time that a piece of work may take, and whether its answer is still wanted."""
+"""Time budget and cancellation of a long computation."""
 
 from __future__ import annotations
 
@@ -9,21 +9,27 @@ from copy import copy
 
 
 class Cancelled(Exception):
-    """Nobody waits for the answer any more."""
+    """Raised when the result is no longer needed."""
 
 
 class OutOfTime(Exception):
-    """The budget is used up, and there is no answer yet."""
+    """Raised when the budget is used up before there is a result."""
 
 
 class Work:
-    """A budget of time that begins now, and a way to end the work early.
+    """A time budget that starts when the object is created, and a means of cancelling the computation.
 
-    Long computations ask between their steps: `expired` where the best found so far is an answer, `go_on` where there
-    is none yet.
+    A long computation checks its `Work` between its steps: `expired` if the best candidate so far is a usable result, and
+    `go_on` if there is no result yet.
 
-    ``budget``: seconds; default: no limit. ``cancelled``: true once the answer is no longer wanted; asked at every look
-    at the time. ``clock``: seconds of a monotonic clock.
+    Parameters
+    ----------
+    budget : float, optional
+        Seconds; without a value there is no limit.
+    cancelled : callable, optional
+        Returns True once the result is no longer needed; called at each check.
+    clock : callable, optional
+        Returns the seconds of a monotonic clock.
     """
 
     def __init__(
@@ -38,36 +44,42 @@ class Work:
         self._budget = math.inf if budget is None else budget
 
     def check(self) -> None:
-        """Raise `Cancelled` where the answer is no longer wanted."""
+        """Raise `Cancelled` if the result is no longer needed."""
         if self._cancelled is not None and self._cancelled():
             raise Cancelled
 
     def expired(self) -> bool:
-        """Whether the budget is used up. Raises `Cancelled` like `check`."""
+        """Return True if the budget is used up; raise `Cancelled` like `check`."""
         self.check()
         return self.elapsed >= self._budget
 
     def go_on(self) -> None:
-        """Raise `OutOfTime` where the budget is used up (for work without an answer until its end); `Cancelled` like `check`."""
+        """Raise `OutOfTime` if the budget is used up, and `Cancelled` like `check`.
+
+        This check is meant for a computation that has no result until its end.
+        """
         if self.expired():
             raise OutOfTime
 
-    def extended(self, share: float) -> Work:
-        """The same work with its budget grown by a share, or shrunk: a search leaves time to finish what it finds."""
-        longer = copy(self)
-        longer._budget = self._budget * (1 + share)
-        return longer
+    def extended(self, fraction: float) -> Work:
+        """Return the same work with its budget increased by a fraction of itself, or reduced by it if negative.
+
+        A search with a reduced budget leaves time to complete its results.
+        """
+        work = copy(self)
+        work._budget = self._budget * (1 + fraction)
+        return work
 
     @property
     def budget(self) -> float:
-        """Seconds in all; infinite without a limit."""
+        """Total budget in seconds; infinite without a limit."""
         return self._budget
 
     @property
     def elapsed(self) -> float:
-        """Seconds since the beginning."""
+        """Seconds since the work began."""
         return self._clock() - self._begin
 
-    def part(self, most: float) -> Work:
-        """Work of its own that begins now, with at most so many seconds and at most what is left of these."""
-        return Work(max(0.0, min(most, self._budget - self.elapsed)), self._cancelled, self._clock)
+    def part(self, seconds: float) -> Work:
+        """Return new work that starts now, with at most ``seconds`` and at most the rest of this budget."""
+        return Work(max(0.0, min(seconds, self._budget - self.elapsed)), self._cancelled, self._clock)

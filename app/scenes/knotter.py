@@ -28,11 +28,21 @@ from app.query import (
 from app.terminal import DEGREES, Units, table
 from linkage_atlas import FieldError, OutOfTime
 from synthesis.scenes.knotter import d_knotter
-from synthesis.scenes.knotter.conditions import Crossing, Found, crossing_curve, point_paths, step_before
+from synthesis.scenes.knotter.conditions import EntryStatus
+from synthesis.scenes.knotter.curves import crossing_before_entry, crossing_curve, point_paths
 from synthesis.scenes.knotter.d_knotter import Needle
-from synthesis.scenes.knotter.fit import Direction, Pattern, Wanted, directions, rank, search, single_ranges
-from synthesis.scenes.knotter.mechanism import ANGLES, Linear, Table, as_array, dimensions
-from synthesis.scenes.knotter.study import Spread, solve, spread, study
+from synthesis.scenes.knotter.fit import (
+    Direction,
+    Pattern,
+    PrescribedVerdicts,
+    directions,
+    fit_pattern,
+    rank,
+    single_ranges,
+)
+from synthesis.scenes.knotter.mechanism import ANGULAR_DIMENSIONS, Linear, Table, as_array, dimensions
+from synthesis.scenes.knotter.segment_triangle import CrossingCase
+from synthesis.scenes.knotter.study import ConditionTolerance, analyse_tolerances, find_limits, study
 from synthesis.sheet import csv_text
 
 MAX_LENGTH = 1e9
@@ -373,7 +383,7 @@ def given_fields(model: RequestModel) -> dict[str, Any]:
 
 def inward(name: str, value: float, angles: Angles) -> float:
     """A parameter's value in radians if it is an angle."""
-    return angles.inward(value) if name in ANGLES else value
+    return angles.inward(value) if name in ANGULAR_DIMENSIONS else value
 
 
 def _law(name: str, model: LawModel, angles: Angles) -> Any:
@@ -470,11 +480,11 @@ def provenance(request: MachineRequest, searched: list[str]) -> dict[str, Any]:
 
 def _entry(condition: Any, result: Any, row: int, angles: Angles) -> EntryReply:
     enters = result.windows[row] > 0
-    opened = int(result.opened_by[row])
+    opened = int(result.entered_by[row])
     sensitivity = float(result.sensitivity[row])
     return EntryReply.computed(
         holds=bool(result.holds[row]),
-        status=Found(int(result.found[row])).sentence,
+        status=EntryStatus(int(result.status[row])).sentence,
         angle=angles.outward(float(result.enter[row])) if enters else None,
         edge=condition.edge_names[opened - 2] if opened >= 2 else None,
         entered_by=("start" if opened < 0 else "rope end" if opened < 2 else "edge") if enters else None,
@@ -484,7 +494,7 @@ def _entry(condition: Any, result: Any, row: int, angles: Angles) -> EntryReply:
         windows=int(result.windows[row]),
         margin=float(result.margin[row]),
         nearest_angle=None if enters else angles.outward(float(result.nearest[row])),
-        nearest_case=None if enters else Crossing(int(result.nearest_case[row])).sentence,
+        nearest_case=None if enters else CrossingCase(int(result.nearest_case[row])).sentence,
         angle_per_length=angles.outward(sensitivity) if math.isfinite(sensitivity) else None,
     )
 
@@ -504,7 +514,7 @@ def condition_reply(name: str, condition: Any, result: Any, row: int, angles: An
 
 def unit_of(name: str, angles: Angles) -> float:
     """Radians in one unit of a dimension that is an angle; 1 for the others."""
-    return angles.radian if name in ANGLES else 1.0
+    return angles.radian if name in ANGULAR_DIMENSIONS else 1.0
 
 
 MAX_SAMPLES = 7201
@@ -599,7 +609,7 @@ def answer_curves(request: CurvesRequest, resources: Resources) -> CurvesReply:
         work.go_on()
         condition = conditions[of]
         curve = crossing_curve(mechanism, condition, driver)
-        moved = as_array(mechanism.carry(curve.point.T, condition.frame, request.frame, driver), driver.shape).T
+        moved = as_array(mechanism.transform(curve.point.T, condition.frame, request.frame, driver), driver.shape).T
         crossings[name] = RopeCrossingReply(
             frame=condition.frame,
             point=rows(curve.point),
@@ -609,7 +619,7 @@ def answer_curves(request: CurvesRequest, resources: Resources) -> CurvesReply:
             triangle=list(condition.triangle),
             corners=np.moveaxis(curve.triangle, 0, 1).tolist(),
         )
-    before = step_before(mechanism, conditions["wrap"], step)
+    before = crossing_before_entry(mechanism, conditions["wrap"], step)
     results = {name: condition.evaluate(mechanism, 1, work) for name, condition in conditions.items()}
     verdicts: dict[str, Any] = {
         name: condition_reply(name, conditions[name], result, 0, angles) for name, result in results.items()
@@ -647,7 +657,7 @@ def _axes(mechanism: Any, frame: str) -> dict[str, list[list[float]]]:
         "bill": ("bearing", (0.0, 0.0, 1.0)),
     }
     return {
-        name: [[float(x) for x in mechanism.carry(at, home, frame, 0.0)] for at in ((0.0, 0.0, 0.0), tip)]
+        name: [[float(x) for x in mechanism.transform(at, home, frame, 0.0)] for at in ((0.0, 0.0, 0.0), tip)]
         for name, (home, tip) in ends.items()
     }
 
@@ -872,22 +882,22 @@ def answer_fit(request: PatternFitRequest, resources: Resources) -> PatternFitRe
                 axis: np.array([angles.inward(getattr(entry, axis)) for entry in part])
                 for axis in ("alpha1", "alpha3")
             }
-            wanted.append(Wanted(condition, columns, np.array([entry.holds for entry in part])))
+            wanted.append(PrescribedVerdicts(condition, columns, np.array([entry.holds for entry in part])))
             order += part
     units = np.array([unit_of(name, angles) for name in names])
     ranges = {one.name: (one.low * unit, one.high * unit) for one, unit in zip(unknowns, units)}
     pattern = Pattern(mechanism, wanted, ranges)
-    start = None if starts[0] is None else pattern.shares(np.array(starts, float) * units)
+    start = None if starts[0] is None else pattern.normalise(np.array(starts, float) * units)
     start_margin = None if start is None else float(pattern.margins(start[None], work)[0].min())
-    found, kept = search(
+    found, kept = fit_pattern(
         pattern, request.draws if request.descents else 0, request.descents, request.seed, start, work
     )
     best = found[0]
-    reproduced = best.worst > 0
+    reproduced = best.smallest_margin > 0
     bounds: dict[str, Any] = dict.fromkeys(("alone", "directions", "rank", "free"))
     with suppress(OutOfTime):  # then they are left out
         if reproduced and best.slopes is not None:
-            alone, ways = single_ranges(pattern, best.share, whole), directions(pattern, best, whole)
+            alone, ways = single_ranges(pattern, best.unknowns, whole), directions(pattern, best, whole)
             bounds = {
                 "alone": {name: [low / u, high / u] for name, (low, high), u in zip(names, alone, units)},
                 "directions": [replace(way, vector=dict(zip(names, way.vector.tolist()))) for way in ways],
@@ -896,18 +906,18 @@ def answer_fit(request: PatternFitRequest, resources: Resources) -> PatternFitRe
             }
 
     def values(share: Any) -> dict[str, float]:
-        return dict(zip(names, (pattern.values(share) / units).tolist()))
+        return dict(zip(names, (pattern.denormalise(share) / units).tolist()))
 
     return PatternFitReply(
         status="reproduced" if reproduced else "not reproduced",
-        values=values(best.share),
-        margin=best.worst,
+        values=values(best.unknowns),
+        margin=best.smallest_margin,
         entries=[
             {**entry.model_dump(exclude={"holds"}), "wanted": entry.holds, "margin": float(margin)}
             for entry, margin in zip(order, best.margins)
         ],
         **bounds,
-        others=[SetReply(values=values(one.share), margin=one.worst) for one in found[1:]],
+        others=[SetReply(values=values(one.unknowns), margin=one.smallest_margin) for one in found[1:]],
         draws=request.draws,
         draws_kept=kept,
         start_margin=start_margin,
@@ -965,7 +975,7 @@ class KnotterToleranceRequest(PairRequest):
     seed: Annotated[Count, Field(ge=0, le=2**32 - 1)] = 0
 
 
-SpreadReply = reply_model(Spread)
+ConditionToleranceReply = reply_model(ConditionTolerance)
 
 
 class KnotterToleranceReply(Provenance):
@@ -979,9 +989,9 @@ class KnotterToleranceReply(Provenance):
     share: float = Field(description="The share of the samples in which all conditions hold.")
     dimensions: int
     samples: int
-    wrap: SpreadReply
-    clearance: SpreadReply
-    bite: SpreadReply
+    wrap: ConditionToleranceReply
+    clearance: ConditionToleranceReply
+    bite: ConditionToleranceReply
 
 
 def answer_tolerance(request: KnotterToleranceRequest, resources: Resources) -> KnotterToleranceReply:
@@ -991,11 +1001,11 @@ def answer_tolerance(request: KnotterToleranceRequest, resources: Resources) -> 
         condition.check(mechanism)
     angular = math.radians(0.1) if request.angles is None else angles.inward(request.angles)
     tolerances = {
-        name: angular if name in ANGLES else request.lengths
+        name: angular if name in ANGULAR_DIMENSIONS else request.lengths
         for name in dimensions(mechanism)
         if not name.endswith(".ratio")
     }
-    found, share = spread(mechanism, conditions, tolerances, request.samples, request.seed, work)
+    found, share = analyse_tolerances(mechanism, conditions, tolerances, request.samples, request.seed, work)
     replies: dict[str, Any] = {
         name: replace(one, sensitivity={key: x * unit_of(key, angles) for key, x in one.sensitivity.items()})
         for name, one in found.items()
@@ -1174,13 +1184,15 @@ def answer_limit(request: LimitRequest, resources: Resources) -> LimitReply:
         raise FieldError("/between", "the range must run from a smaller to a larger value")
     if request.parameter in {*given, *given_fields(request.parameters)}:
         raise FieldError("/parameter", f"{request.parameter} is searched for and given a value as well")
-    limits, holds = solve(mechanism, condition, request.parameter, (low, high), request.samples, resources.work())
+    limits, holds = find_limits(
+        mechanism, condition, request.parameter, (low, high), request.samples, resources.work()
+    )
     rows = []
     for limit in limits:
         verdict = condition_reply(request.condition, condition, limit.result, 0, angles)
         rows.append(
             LimitRow(
-                value=angles.outward(limit.value) if request.parameter in ANGLES else limit.value,
+                value=angles.outward(limit.value) if request.parameter in ANGULAR_DIMENSIONS else limit.value,
                 holds="above" if limit.holds_above else "below",
                 **{name: verdict if name == request.condition else None for name in conditions},
             )
@@ -1204,12 +1216,12 @@ def answer_needle(request: NeedleRequest, _: Resources) -> NeedleReply:
         **{name: getattr(request, name) for name in ("S1x", "S1y", "r0", "D0", "d6", "r1")},
         beta0=d_knotter.BETA0 if request.beta0 is None else angles.inward(request.beta0),
     )
-    clearance, length, best = float(needle.clearance(alpha2)), float(needle.lay(alpha2)), needle.best()
+    clearance, length, best = float(needle.clearance(alpha2)), float(needle.d5(alpha2)), needle.best_angle()
     free = needle.free_range()
     whole = needle.smallest_whole_degree()
-    for_length = needle.angles_for_lay(request.d5)
+    for_length = needle.angles_for_d5(request.d5)
     nearest = min(for_length, key=lambda at: abs(at - alpha2), default=None)
-    slope = 0.0 if nearest is None else float(needle.lay_slope(nearest)) * angles.inward(1.0)
+    slope = 0.0 if nearest is None else float(needle.d5_slope(nearest)) * angles.inward(1.0)
     names = [name for name in NeedleRequest.model_fields if name != "angle_unit"]
     given = [name for name in names if name in request.model_fields_set and getattr(request, name) is not None]
     return NeedleReply(
@@ -1221,7 +1233,7 @@ def answer_needle(request: NeedleRequest, _: Resources) -> NeedleReply:
         clearance_max_angle=angles.outward(best),
         d5=length,
         d5_whole=math.trunc(length),
-        d5_per_angle=float(needle.lay_slope(alpha2)) * angles.inward(1.0),
+        d5_per_angle=float(needle.d5_slope(alpha2)) * angles.inward(1.0),
         alpha2_for_d5=None if nearest is None else angles.outward(nearest),
         alpha2_per_d5=1.0 / slope
         if abs(slope) > MIN_SLOPE * math.hypot(request.S1x, request.d6 + request.S1y)

@@ -285,8 +285,8 @@ class Matrices:
         The columns are the fixed parts {1, e^{it}} made orthonormal, and the positions over l that are left, made a unit.
         """
         mean, fixed = self.target.position_mean, fixed_columns(self.target)
-        size = float(np.sqrt(mean(np.abs(fixed.rest) ** 2)))
-        columns = [fixed.one, fixed.turned, fixed.rest / size if size > 0 else fixed.rest]
+        size = float(np.sqrt(mean(np.abs(fixed.remainder) ** 2)))
+        columns = [fixed.constant, fixed.crank, fixed.remainder / size if size > 0 else fixed.remainder]
         ahead = [self.means(np.conj(c), mean) for c in columns]
         return ahead, [np.conj(self.means(c, mean)) for c in columns], size
 

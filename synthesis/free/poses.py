@@ -178,7 +178,9 @@ def make_poses(
             "/position",
             "needed where the crank angles are free: any rotation within the coupler's swing is met at some crank angle",
         )
-    part, _ = read_samples(rotation, position, length_scale, rotation_weights, position_weights, least=MIN_POSES)
+    part, _ = read_samples(
+        rotation, position, length_scale, rotation_weights, position_weights, min_samples=MIN_POSES
+    )
     if span_max is not None and not MIN_SPAN <= span_max <= TURN * (1 + 1e-12):
         low, high = np.rad2deg([MIN_SPAN, TURN])
         raise FieldError("/crank_span_max", f"wanted {low:g} to {high:g} degrees, found {np.rad2deg(span_max):g}")

@@ -1,4 +1,7 @@
-"""The linear part: pose and actual dimensions from positions, and the worked example on the default atlas."""
+"""The pose and the actual dimensions are the least-squares solution, and the worked example is recovered from the atlas.
+
+A pose that is not optimal, or that loses digits far from the origin, would show here.
+"""
 
 import numpy as np
 import pytest
@@ -22,12 +25,12 @@ laws = settings(derandomize=True, max_examples=30, deadline=None)
 
 
 def motion(seed: int, span: float = 2.0, noise: float = 0.0, weighted: bool = False) -> tuple[Target, np.ndarray]:
-    """A motion of `LENGTHS` with random pose, and theta2; the samples weighed, a third of them missing, or all alike."""
+    """Return a motion of `LENGTHS` in a random pose, and theta2; with weights, a third of the samples is missing."""
     rng = np.random.default_rng(seed)
     crank = np.linspace(0, span, 24)
     theta2 = coupler_angle(LENGTHS, 1, rng.uniform(0, 6) + crank)
-    pivot, z1, z2, *other = rng.normal(size=27) + 1j * rng.normal(size=27)
-    position = pivot + z1 * np.exp(1j * crank) + z2 * np.exp(1j * theta2) + noise * np.array(other)
+    pivot, z1, z2, *deviations = rng.normal(size=27) + 1j * rng.normal(size=27)
+    position = pivot + z1 * np.exp(1j * crank) + z2 * np.exp(1j * theta2) + noise * np.array(deviations)
     weights = rng.uniform(0.1, 3, 24) * (np.arange(24) % 3 > 0) if weighted else None
     return make_target(position=position, crank_span=span, position_weights=weights), theta2
 
@@ -41,25 +44,25 @@ def test_no_other_pose_is_better(seed, noise, span, weighted) -> None:
     columns = np.stack([np.ones(24), np.exp(1j * target.crank), np.exp(1j * theta2)])
     pose = np.array([fit.pivot[0], fit.crank_vector[0], fit.coupler_vector[0]])
     assert np.allclose(target.position - pose @ columns, fit.residual[0], rtol=0, atol=1e-11)
-    least = mean(np.abs(fit.residual) ** 2)[0]
+    minimum = mean(np.abs(fit.residual) ** 2)[0]
     rng = np.random.default_rng(seed)
     for size in (1e-3, 1e-1, 10.0):
         moved = pose + size * (rng.normal(size=3) + 1j * rng.normal(size=3))
-        assert mean(np.abs(target.position - moved @ columns) ** 2) >= least
-    assert noise or np.sqrt(least) < 1e-13
+        assert mean(np.abs(target.position - moved @ columns) ** 2) >= minimum
+    assert noise or np.sqrt(minimum) < 1e-13
 
 
-@pytest.mark.parametrize("weighted", [False, True], ids=["all alike", "weighted"])
+@pytest.mark.parametrize("weighted", [False, True], ids=["equal weights", "weighted"])
 @pytest.mark.parametrize("seed", range(5))
-def test_the_pose_is_that_of_a_plain_least_squares_fit(seed, weighted) -> None:
+def test_the_pose_agrees_with_a_plain_least_squares_fit(seed, weighted) -> None:
     target, theta2 = motion(seed, noise=0.3, weighted=weighted)
     columns = [np.ones(24), np.exp(1j * target.crank), np.exp(1j * theta2)]
-    left, wanted = naive.fit(columns, target.position, target.position_weights)
+    mean_square, expected = naive.fit(columns, target.position, target.position_weights)
     fit = fit_positions(target, theta2[None, :])
     found = np.array([fit.pivot[0], fit.crank_vector[0], fit.coupler_vector[0]])
-    # numpy's fit of columns so alike loses a few digits
-    assert found == pytest.approx(wanted, rel=1e-9)
-    assert target.position_mean(np.abs(fit.residual[0]) ** 2) == pytest.approx(left, rel=1e-11)
+    # numpy loses a few digits, because the columns are nearly parallel.
+    assert found == pytest.approx(expected, rel=1e-9)
+    assert target.position_mean(np.abs(fit.residual[0]) ** 2) == pytest.approx(mean_square, rel=1e-11)
 
 
 @pytest.mark.parametrize(
@@ -69,7 +72,7 @@ def test_pose_follows_the_motion(scale, offset) -> None:
     target, theta2 = motion(4)
     moved = make_target(position=scale * target.position + offset, crank_span=target.interval.last)
     before, after = (fit_positions(case, theta2[None, :]) for case in (target, moved))
-    # an offset of 10^6 sizes leaves ten digits of the positions, of which the fit's condition takes some
+    # An offset of 10^6 times the size leaves ten digits of the positions, and the condition of the fit costs some more.
     lost = 1e-12 + 1e-16 * abs(offset) / scale * position_condition(target.crank, theta2)
     for name in ("crank_vector", "coupler_vector"):
         assert getattr(after, name)[0] / scale == pytest.approx(getattr(before, name)[0], abs=4 * lost)
@@ -77,62 +80,63 @@ def test_pose_follows_the_motion(scale, offset) -> None:
     assert np.sqrt(np.mean(np.abs(after.residual) ** 2)) / scale < 4 * lost
 
 
-def test_mount_puts_the_body_point_where_the_fit_has_it() -> None:
+def test_mounting_places_the_body_point_as_fitted() -> None:
     target, theta2 = motion(5, noise=0.1)
     fit = fit_positions(target, theta2[None, :])
     for start in (0.0, 2.0, -40.0):
         angle = coupler_angle(LENGTHS, 1, start + target.crank)
-        own = fit_positions(target, angle[None, :])
-        (one,) = mounted(target, LENGTHS[None], [1], [start])
-        check_pose(one, target, angle, own.residual[0])
-        # the same linkage from its pose
-        pose = own.pivot, np.angle(own.crank_vector) - start, own.coupler_vector
-        (posed,) = FOURBAR.posed(np.array([one.links]), np.array([1]), np.array([start]), pose)
-        check_pose(posed, target, angle, own.residual[0])
+        fit_at_start = fit_positions(target, angle[None, :])
+        (linkage,) = mounted(target, LENGTHS[None], [1], [start])
+        check_pose(linkage, target, angle, fit_at_start.residual[0])
+        # Build the same linkage from its pose.
+        rotation = np.angle(fit_at_start.crank_vector) - start
+        pose = fit_at_start.pivot, rotation, fit_at_start.coupler_vector
+        (posed,) = FOURBAR.posed(np.array([linkage.links]), np.array([1]), np.array([start]), pose)
+        check_pose(posed, target, angle, fit_at_start.residual[0])
     best = mounted(target, LENGTHS[None], [1], [true_start(5)])[0]
     check_pose(best, target, theta2, fit.residual[0])
 
 
 def true_start(seed: int) -> float:
-    """The start from which `motion` has its linkage turn."""
+    """Return the crank angle at which the motion of `motion` starts."""
     return np.random.default_rng(seed).uniform(0, 6)
 
 
-def check_pose(one: Linkage, target: Target, theta2: np.ndarray, residual: np.ndarray) -> None:
-    point = one.body_point(one.start + target.crank, theta2)
+def check_pose(linkage: Linkage, target: Target, theta2: np.ndarray, residual: np.ndarray) -> None:
+    point = linkage.body_point(linkage.start + target.crank, theta2)
     assert np.allclose(target.position - point, residual, rtol=0, atol=1e-12)
-    ground = one.pivot_b - one.pivot_a
-    scale = one.links[0] / LENGTHS[0]
-    assert np.allclose(one.links, scale * LENGTHS, rtol=1e-14)
+    ground = linkage.pivot_b - linkage.pivot_a
+    scale = linkage.links[0] / LENGTHS[0]
+    assert np.allclose(linkage.links, scale * LENGTHS, rtol=1e-14)
     assert abs(ground) == pytest.approx(scale * LENGTHS[3])
-    assert np.angle(ground) == pytest.approx(one.ground_angle)
-    radius, angle = one.coupler_point
+    assert np.angle(ground) == pytest.approx(linkage.ground_angle)
+    radius, angle = linkage.coupler_point
     assert scale > 0 and radius >= 0
-    assert -np.pi < one.ground_angle <= np.pi and -np.pi < angle <= np.pi
+    assert -np.pi < linkage.ground_angle <= np.pi and -np.pi < angle <= np.pi
 
 
-def test_wrap_keeps_pi_and_turns_minus_pi() -> None:
+def test_wrap_maps_minus_pi_to_pi() -> None:
     assert [wrap(angle) for angle in (np.pi, -np.pi, 0.0)] == [np.pi, np.pi, 0.0]
     assert wrap(7.0) == pytest.approx(7 - 2 * np.pi)
 
 
-def test_a_linkage_shrunk_to_a_point_is_no_answer() -> None:
-    # The positions are those of the coupler alone: z1 = 0 fits exactly.
+def test_a_linkage_shrunk_to_a_point_is_rejected() -> None:
+    # Only the coupler contributes to the positions, so that z1 = 0 fits exactly.
     crank = np.linspace(0, 2, 24)
     theta2 = coupler_angle(LENGTHS, 1, crank)
-    for part, wanted in ((0.0, np.inf), (DEGENERATE / 10, np.inf), (DEGENERATE * 100, 0.0)):
-        target = make_target(position=np.exp(1j * theta2) + part * np.exp(1j * crank), crank_span=2.0)
-        assert objective(target, theta2[None, :])[0] == pytest.approx(wanted, abs=1e-12)
+    for length, expected in ((0.0, np.inf), (DEGENERATE / 10, np.inf), (DEGENERATE * 100, 0.0)):
+        target = make_target(position=np.exp(1j * theta2) + length * np.exp(1j * crank), crank_span=2.0)
+        assert objective(target, theta2[None, :])[0] == pytest.approx(expected, abs=1e-12)
 
 
-def test_what_does_not_close_has_no_objective() -> None:
+def test_a_linkage_that_does_not_close_has_an_infinite_objective() -> None:
     target, theta2 = motion(6)
     with_gap = np.where(np.arange(24) == 3, np.nan, theta2)
     found = objective(target, np.stack([theta2, with_gap]))
     assert found[0] < 1e-12 and found[1] == np.inf
 
 
-def test_a_body_that_turns_with_the_crank_leaves_the_coupler_out() -> None:
+def test_a_body_that_turns_with_the_crank_has_no_coupler_vector() -> None:
     target, _ = motion(7)
     fit = fit_positions(target, (0.4 + target.crank)[None, :])
     assert fit.coupler_vector[0] == 0 and np.isfinite(fit.residual).all()
@@ -143,7 +147,7 @@ def test_a_body_that_turns_with_the_crank_leaves_the_coupler_out() -> None:
 
 @pytest.fixture(scope="module")
 def default_scan(atlas_path) -> Scan:
-    """Of the index that the tests of the service make or use."""
+    """Open the scan of the atlas that the tests of the service build or use."""
     return open_atlas(atlas_path).scan
 
 
@@ -159,23 +163,23 @@ def test_worked_example_is_recovered(default_scan, scale, offset) -> None:
     assert report.exhaustive
     best = solutions[0]
     assert (best.row + 1, best.linkage.branch) == (45_185, 1)
-    one = best.linkage
-    radius, angle = one.coupler_point
-    assert np.rad2deg(one.start) == pytest.approx(30)
+    linkage = best.linkage
+    radius, angle = linkage.coupler_point
+    assert np.rad2deg(linkage.start) == pytest.approx(30)
     digits = 1e-6 if not offset else 1e-3
-    assert np.array(one.links) / scale == pytest.approx(LENGTHS, rel=digits)
-    assert np.rad2deg(one.ground_angle) == pytest.approx(30, abs=100 * digits)
+    assert np.array(linkage.links) / scale == pytest.approx(LENGTHS, rel=digits)
+    assert np.rad2deg(linkage.ground_angle) == pytest.approx(30, abs=100 * digits)
     assert np.rad2deg(angle) == pytest.approx(60, abs=100 * digits)
     assert radius / scale == pytest.approx(20, rel=digits)
-    assert one.pivot_a / scale == pytest.approx(pivot, abs=10 * digits)
-    assert one.body_offset + theta4 == pytest.approx(-0.8012, abs=digits)
+    assert linkage.pivot_a / scale == pytest.approx(pivot, abs=10 * digits)
+    assert linkage.body_offset + theta4 == pytest.approx(-0.8012, abs=digits)
     assert best.errors.objective < digits
     objectives = [solution.errors.objective for solution in solutions]
     assert objectives == sorted(objectives) and len({s.row for s in solutions}) == 3
 
 
-def test_an_exact_answer_over_a_short_span_is_found(default_scan) -> None:
-    # Missed once: the bound of the position error was above the error itself where {1, e^{it}} takes most of e^{i theta2}.
+def test_an_exact_solution_over_a_short_span_is_found(default_scan) -> None:
+    # Regression: the bound of the position error exceeded the error if e^{i theta2} lies nearly in the span of {1, e^{it}}.
     crank = np.deg2rad(30 + np.linspace(0, 20, 16))
     theta2 = coupler_angle(LENGTHS, 1, crank)
     target = make_target(theta2, np.exp(1j * crank) + (1 + 0.7j) * np.exp(1j * theta2), crank_angle=crank)

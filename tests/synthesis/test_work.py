@@ -1,4 +1,7 @@
-"""Budgets of time and cancellation, with a clock that counts its readings."""
+"""A budget expires exactly when it is used up, and cancellation ends the work at each check.
+
+The clock counts its readings, so that an early, a late or an additional reading shows.
+"""
 
 from itertools import count
 
@@ -12,12 +15,12 @@ def ticking() -> count:
 
 
 @pytest.mark.parametrize("budget", [1, 2, 5])
-def test_the_budget_runs_out_when_it_is_used_up_and_not_before(budget) -> None:
-    work = Work(budget, clock=ticking())  # the first reading, 0, is the beginning
+def test_the_budget_expires_when_it_is_used_up_and_not_before(budget) -> None:
+    work = Work(budget, clock=ticking())  # the first reading, 0, is the start
     assert [work.expired() for _ in range(budget + 2)] == [False] * (budget - 1) + [True] * 3
 
 
-def test_time_begins_with_the_work_and_not_with_the_clock() -> None:
+def test_time_starts_with_the_work_and_not_with_the_clock() -> None:
     clock = count(1000.0, 0.25).__next__
     work = Work(1.0, clock=clock)
     assert [work.elapsed for _ in range(3)] == [0.25, 0.5, 0.75]
@@ -30,24 +33,24 @@ def test_without_a_budget_nothing_expires() -> None:
     assert Work(0.0).expired()
 
 
-def test_a_check_reads_no_clock() -> None:
+def test_check_does_not_read_the_clock() -> None:
     work = Work(2, clock=ticking())
     for _ in range(10):
         work.check()
     assert work.elapsed == 1
 
 
-@pytest.mark.parametrize("look", [Work.check, Work.expired], ids=["check", "expired"])
-def test_every_look_at_cancelled_work_ends_it(look) -> None:
-    wanted = True
-    work = Work(10, lambda: not wanted, ticking())
-    look(work)
-    wanted = False
+@pytest.mark.parametrize("check", [Work.check, Work.expired], ids=["check", "expired"])
+def test_every_check_ends_cancelled_work(check) -> None:
+    needed = True
+    work = Work(10, lambda: not needed, ticking())
+    check(work)
+    needed = False
     for _ in range(2):
         with pytest.raises(Cancelled):
-            look(work)
+            check(work)
 
 
-def test_cancelled_work_that_has_also_expired_is_cancelled() -> None:
+def test_cancellation_takes_precedence_over_expiry() -> None:
     with pytest.raises(Cancelled):
         Work(0.0, lambda: True).expired()

@@ -1,1 +1,1 @@
-"""The D-knotter: a spatial mechanism of turns under laws of one driver, and the conditions under which the knot is tied."""
+"""The D-knotter: a spatial mechanism whose bodies follow a single driver, and the conditions for tying a knot."""

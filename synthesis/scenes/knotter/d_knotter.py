@@ -1,14 +1,15 @@
-"""The D-knotter's rope-holding disc, bill, jaw and needle: which spatial angles let the knot be tied.
+"""The D-knotter: rope-holding disc, bill, jaw and needle, and the spatial angles at which the knot is tied.
 
-The machine is data: chains of named turns, points, and three conditions for the general study of
-`synthesis.scenes.knotter.study`. Equation numbers are those of Zhang, Feng, Dong, Zhang and Han, "Analysis of spatial angle
-parameters of rope-holding disc and bill hook of D-knotter", Transactions of the Chinese Society for Agricultural
-Machinery 49(8), 2018. Lengths in mm (or any one unit), angles in radians.
+The machine is data for the general modules of this package: chains of named rotations, points, and three conditions.
+Equation numbers refer to the source: Zhang, Feng, Dong, Zhang and Han, "Analysis of spatial angle parameters of
+rope-holding disc and bill hook of D-knotter", Transactions of the Chinese Society for Agricultural Machinery 49(8), 2018.
+Lengths are in mm (or in any other unit, used consistently), angles in radians.
 
-Frames: ``u3`` turns with the disc, ``seat`` is the disc's bearing (sigma2), ``shaft`` the machine's (sigma1), ``bearing``
-the bill's (sigma0), ``u4`` turns with the bill, ``u5`` with the jaw, which is
-hinged on the bill and opened by a cam (the source also calls it the hook).
-The driver is the bill's angle alpha.
+Frames: ``u3`` turns with the disc, ``u4`` with the bill and ``u5`` with the jaw.
+``seat`` is the bearing of the disc (sigma2), ``shaft`` the machine's shaft (sigma1) and ``bearing`` the bearing of the
+bill (sigma0).
+The jaw, which the source also calls the hook, is hinged on the bill and opened by a cam.
+The driver is the angle alpha of the bill.
 """
 
 from __future__ import annotations
@@ -22,21 +23,25 @@ import numpy as np
 from numpy.polynomial.polynomial import polyder, polyroots, polyval
 
 from synthesis.one_variable import Flags, Floats, bisect
-from synthesis.scenes.knotter.conditions import Clearance, Condition, SegmentHitsTriangle, divisor
-from synthesis.scenes.knotter.mechanism import DRIVER, Chain, Law, Linear, Mechanism, Shift, Table, Turn
+from synthesis.scenes.knotter.conditions import Clearance, Condition, SegmentEntersTriangle
+from synthesis.scenes.knotter.mechanism import DRIVER, Chain, Law, Linear, Mechanism, Rotation, Table, Translation
+from synthesis.scenes.knotter.segment_triangle import safe_divisor
 
 Point = tuple[float, float, float]
 
 PUBLISHED_LENGTHS: Mapping[str, float] = MappingProxyType(
     {"S1x": 22.0, "S1y": 39.0, "r0": 16.0, "D0": 20.0, "d6": 142.0, "r1": 30.0, "d5": 54.0}
 )
-"""Printed lengths in mm; the disc's starting angle beta0 is 15 degrees, alpha2 between the bill's axis k0 and k1 8 degrees."""
-BETA0, ALPHA2 = float(np.radians(15.0)), float(np.radians(8.0))
-
+"""Lengths printed in the source, mm."""
+BETA0 = float(np.radians(15.0))
+"""Published initial phase beta0 of the disc, 15 degrees."""
+ALPHA2 = float(np.radians(8.0))
+"""Published angle alpha2 between the bill's axis k0 and k1, 8 degrees."""
 ASSUMED_PARAMETERS: Mapping[str, float] = MappingProxyType({"d1": 136.0, "D": 20.0, "d9": 12.0, "d10": 24.5})
-"""Lengths that the source does not give: fitted so that its published pattern comes out, and not unique."""
+"""Lengths (mm) that the source omits, fitted so that its published pattern is reproduced; they are not unique."""
 SENSES: Mapping[str, int] = MappingProxyType({"alpha": -1, "beta": -1})
-"""Senses of alpha1 and alpha3 and of beta; the source's own are at odds with its results or not given."""
+"""Assumed senses of rotation of alpha1 and alpha3, and of beta.
+The printed sense of alpha1 and alpha3 contradicts the published results, and the sense of beta is not given."""
 POINTS: Mapping[str, Point] = MappingProxyType(
     {
         "S0": (-30.0 * float(np.sin(BETA0)), 0.0, 30.0 * float(np.cos(BETA0))),
@@ -50,21 +55,33 @@ POINTS: Mapping[str, Point] = MappingProxyType(
         "S10": (59.0, 0.0, 31.5),
     }
 )
+"""Coordinates (mm) of the points, each in its frame of `POINT_FRAMES`."""
 POINT_FRAMES: Mapping[str, str] = MappingProxyType(
     {"S0": "u3", "S1": "u4", "S3": "u4", "S4": "u4", "S5": "u4", "S7": "u4", "S8": "u5", "S9": "u4", "S10": "u5"}
 )
+"""Frame in which each point is fixed."""
 PUBLISHED_POINTS = ("S3", "S4")
+"""Points whose coordinates are published."""
 GRID_DEGREES: Mapping[str, tuple[float, ...]] = MappingProxyType(
     {"alpha1": (0.0, 10.0, 20.0), "alpha3": (20.0, 25.0, 30.0)}
 )
+"""Spatial angles of the nine pairs that the source examines, degrees."""
 WRAP_WINDOW = (0.0, float(np.radians(180.0)))
+"""Range of the bill's angle in which the rope is wrapped, rad."""
 BITE_WINDOW = (float(np.radians(270.0)), float(np.radians(360.0)))
+"""Range of the bill's angle in which the jaw bites the rope, rad."""
 CLEARANCE_AT = float(np.radians(270.0))
+"""Bill's angle at which the source checks the clearance, rad."""
 CLEARANCE_OVER = (float(np.radians(240.0)), float(np.radians(300.0)))
+"""Range of the bill's angle in which the clearance is checked here, rad."""
 
 
-def reference_laws() -> dict[str, Law]:
-    """The assumed laws: the disc turns half as fast as the bill, the jaw closes within 67 degrees after 270."""
+def assumed_laws() -> dict[str, Law]:
+    """Return the assumed laws of disc and jaw.
+
+    The disc turns half as fast as the bill.
+    The jaw closes while the bill turns from 270 to 337 degrees.
+    """
     return {
         "beta": Linear(float(np.radians(23.5)), 0.5),
         "alpha4": Table((CLEARANCE_AT, float(np.radians(337.0))), (float(np.radians(22.5)), 0.0)),
@@ -77,24 +94,47 @@ def mechanism(
     laws: Mapping[str, Law] | None = None,
     points: Mapping[str, Point] | None = None,
 ) -> Mechanism:
-    """The knotter as a mechanism; what is not given has the published or else the assumed value.
+    """Build the knotter; every omitted value has its published or else its assumed value.
 
-    ``parameters``: ``alpha1, alpha2, alpha3`` (rad) and ``d1, D, d5, d6, d9, d10``. ``senses``: ``alpha`` and ``beta``,
-    each 1 or -1. ``laws``: ``beta`` (disc) and ``alpha4`` (jaw) over the bill's angle. ``points``: coordinates, each in
-    its frame of `POINT_FRAMES`.
+    Parameters
+    ----------
+    parameters : mapping, optional
+        Angles ``alpha1, alpha2, alpha3`` (rad) and lengths ``d1, D, d5, d6, d9, d10``.
+    senses : mapping, optional
+        Senses ``alpha`` and ``beta``, each 1 or -1.
+    laws : mapping, optional
+        Laws ``beta`` (disc) and ``alpha4`` (jaw) over the bill's angle.
+    points : mapping, optional
+        Coordinates, each in its frame of `POINT_FRAMES`.
 
-    Eq 9 with its senses made explicit; the printed eq 17 is not its inverse (it turns the bill the wrong way), so the
-    inverse is derived from this chain. Law: ``u3`` to ``u4`` and back is the identity.
+    Returns
+    -------
+    Mechanism
+        The knotter.
+
+    Notes
+    -----
+    The chains are eq 9 with explicit senses and eqs 22 to 24.
+    The printed eq 17 is not the inverse of eq 9, because it turns the bill in the wrong sense.
+    The inverse is therefore derived from the chains.
     """
     sense = {**SENSES, **(senses or {})}
     chains = (
-        Chain("u3", "seat", (Turn("j", "beta", sense["beta"]),)),
-        Chain("seat", "shaft", (Shift(j="-D"), Turn("i", "alpha1", -sense["alpha"]), Shift(i="d5", k="-d1"))),
-        Chain("shaft", "bearing", (Turn("i", "alpha3", -sense["alpha"]), Turn("j", "alpha2"), Shift(k="d6"))),
-        Chain("bearing", "u4", (Turn("k", DRIVER),)),
-        Chain("u5", "u4", (Turn("j", "alpha4"), Shift(i="-d9", k="-d10"))),  # eqs 22-24
+        Chain("u3", "seat", (Rotation("j", "beta", sense["beta"]),)),
+        Chain(
+            "seat",
+            "shaft",
+            (Translation(j="-D"), Rotation("i", "alpha1", -sense["alpha"]), Translation(i="d5", k="-d1")),
+        ),
+        Chain(
+            "shaft",
+            "bearing",
+            (Rotation("i", "alpha3", -sense["alpha"]), Rotation("j", "alpha2"), Translation(k="d6")),
+        ),
+        Chain("bearing", "u4", (Rotation("k", DRIVER),)),
+        Chain("u5", "u4", (Rotation("j", "alpha4"), Translation(i="-d9", k="-d10"))),  # eqs 22-24
     )
-    place = {**POINTS, **(points or {})}
+    coordinates = {**POINTS, **(points or {})}
     return Mechanism(
         parameters={
             "alpha1": 0.0,
@@ -105,20 +145,39 @@ def mechanism(
             **ASSUMED_PARAMETERS,
             **(parameters or {}),
         },
-        laws={**reference_laws(), **(laws or {})},
+        laws={**assumed_laws(), **(laws or {})},
         chains=chains,
-        points={**{name: (POINT_FRAMES[name], at) for name, at in place.items()}, "O5": ("u5", (0.0, 0.0, 0.0))},
+        points={
+            **{name: (POINT_FRAMES[name], xyz) for name, xyz in coordinates.items()},
+            "O5": ("u5", (0.0, 0.0, 0.0)),
+        },
     )
 
 
-def wrap(window: tuple[float, float] = WRAP_WINDOW) -> SegmentHitsTriangle:
-    """The rope S0-S1 comes to lie on the bill: it first enters S3 S4 S5 through S3S4 (eqs 11-15)."""
-    return SegmentHitsTriangle("wrap", ("S0", "S1"), ("S3", "S4", "S5"), "u4", window, enter=0)
+def wrap(window: tuple[float, float] = WRAP_WINDOW) -> SegmentEntersTriangle:
+    """Return the condition that the rope wraps around the bill (eqs 11-15).
+
+    The rope S0-S1 must first enter the triangle S3 S4 S5 through the edge S3S4.
+
+    Parameters
+    ----------
+    window : tuple of float, optional
+        Range of the bill's angle, rad.
+    """
+    return SegmentEntersTriangle("wrap", ("S0", "S1"), ("S3", "S4", "S5"), "u4", window, required_edge=0)
 
 
-def bite(window: tuple[float, float] = BITE_WINDOW) -> SegmentHitsTriangle:
-    """The jaw catches the rope S0-S7: it first enters O5 S8 S9 through S8S9 (eqs 26-30)."""
-    return SegmentHitsTriangle("bite", ("S0", "S7"), ("O5", "S8", "S9"), "u5", window, enter=1)
+def bite(window: tuple[float, float] = BITE_WINDOW) -> SegmentEntersTriangle:
+    """Return the condition that the jaw bites the rope (eqs 26-30).
+
+    The rope S0-S7 must first enter the triangle O5 S8 S9 through the edge S8S9.
+
+    Parameters
+    ----------
+    window : tuple of float, optional
+        Range of the bill's angle, rad.
+    """
+    return SegmentEntersTriangle("bite", ("S0", "S7"), ("O5", "S8", "S9"), "u5", window, required_edge=1)
 
 
 def clearance(
@@ -127,65 +186,96 @@ def clearance(
     radius: float = np.inf,
     jaw_locked: bool = True,
 ) -> Clearance:
-    """The jaw's point S10 passes the disc on its free side (eq 18), over a range and not at one angle only."""
+    """Return the condition that the jaw's point S10 passes the disc on its free side.
+
+    Eq 18 checks this at a single angle; here it is checked over a range.
+
+    Parameters
+    ----------
+    at : float, optional
+        Bill's angle at which the depth is also reported, rad.
+    over : tuple of float, optional
+        Range of the bill's angle, rad.
+    radius : float, optional
+        Radius of the disc; infinite for the whole plane.
+    jaw_locked : bool, optional
+        True if the jaw keeps its angle at ``at`` over the whole range.
+    """
     return Clearance("clearance", "S10", "seat", 1, -1, at, over, radius, "alpha4" if jaw_locked else None)
 
 
 def conditions() -> list[Condition]:
-    """The three conditions of a knot with the source's ranges."""
+    """Return the three conditions of a knot with their default ranges: wrap, clearance and bite."""
     return [wrap(), clearance(), bite()]
 
 
 @dataclass(frozen=True)
 class Needle:
-    """The needle beside the jaw's cam, over the angle alpha2 of the bill's axis.
+    """The needle next to the jaw's cam, as functions of the angle alpha2 of the bill's axis.
 
-    All angles alpha2 lie between -90 and 90 degrees, where ``cos alpha2`` is positive. There the clearance is concave
-    wherever it is positive: it is positive on one interval or nowhere.
+    All angles alpha2 lie between -90 and 90 degrees, where ``cos alpha2`` is positive.
+    There the clearance is concave wherever it is positive, and therefore positive in a single interval or nowhere.
     """
 
     S1x: float = PUBLISHED_LENGTHS["S1x"]
+    """Distance along i4 from the bill's axis to the point where the needle lays the rope."""
     S1y: float = PUBLISHED_LENGTHS["S1y"]
-    """Where the needle lays the rope, from the bill's axis along i4 and from o4 along k4."""
+    """Distance along k4 from o4 to the point where the needle lays the rope."""
     r0: float = PUBLISHED_LENGTHS["r0"]
+    """Largest radius of the jaw's cam, positive."""
     D0: float = PUBLISHED_LENGTHS["D0"]
-    """Largest radius of the jaw's cam and thickness of the needle, positive."""
+    """Thickness of the needle, positive."""
     d6: float = PUBLISHED_LENGTHS["d6"]
+    """Distance from o1 to o0 along k0."""
     r1: float = PUBLISHED_LENGTHS["r1"]
-    """From o1 to o0 along k0, and radius of the holding point S0 about the disc's axis."""
+    """Radius of the holding point S0 about the disc's axis."""
     beta0: float = BETA0
     """Initial phase of the disc, rad."""
 
     def clearance(self, alpha2: Floats | float) -> Any:
-        """``L(alpha2)`` of eq 4, the least distance of needle and cam; the needle is free where it is positive."""
+        """Return ``L(alpha2)`` of eq 4, the smallest distance between needle and cam.
+
+        Parameters
+        ----------
+        alpha2 : ndarray or float
+            Angle of the bill's axis, rad.
+
+        Returns
+        -------
+        ndarray or float
+            A length; the needle is free if it is positive.
+        """
         return self.S1x * np.cos(alpha2) + self.S1y * np.sin(alpha2) - self.r0 / np.cos(alpha2) - self.D0 / 2
 
-    def best(self) -> float:
-        """The angle of the largest clearance.
+    def best_angle(self) -> float:
+        """Return the angle alpha2 (rad) of the largest clearance.
 
-        ``L' / cos alpha2 = S1y - S1x t - r0 t (1 + t^2)`` with ``t = tan alpha2``: the largest of at most three zeros.
+        With ``t = tan alpha2``, the derivative of eq 4 is ``L' / cos alpha2 = S1y - S1x t - r0 t (1 + t^2)``.
+        The largest clearance is at one of its at most three zeros.
         """
         cubic = np.array([self.S1y, -self.S1x - self.r0, 0.0, -self.r0])
         t = polyroots(cubic).real
-        # A Newton step gives back the digits of roots far smaller than the others.
-        t -= polyval(t, cubic) / divisor(polyval(t, polyder(cubic)))
+        # A Newton step restores the digits of roots that are far smaller than the others.
+        t -= polyval(t, cubic) / safe_divisor(polyval(t, polyder(cubic)))
         return float(max(np.arctan(t), key=self.clearance))
 
     def free_range(self) -> tuple[float, float] | None:
-        """The angles between which the clearance is positive; None if it never is."""
-        best = self.best()
+        """Return the angles alpha2 (rad) between which the clearance is positive, or None if it never is."""
+        best = self.best_angle()
         if not self.clearance(best) > 0:
             return None
 
-        def free(alpha2: Floats) -> Flags:  # L without its poles at 90 degrees
+        def is_free(alpha2: Floats) -> Flags:  # eq 4 times cos(alpha2), which has no poles at 90 degrees
             cosine, sine = np.cos(alpha2), np.sin(alpha2)
             return cosine * (self.S1x * cosine + self.S1y * sine - self.D0 / 2) > self.r0
 
-        (low, high), _ = bisect(free, np.full(2, best, np.longdouble), np.array([-0.5, 0.5], np.longdouble) * np.pi)
+        (low, high), _ = bisect(
+            is_free, np.full(2, best, np.longdouble), np.array([-0.5, 0.5], np.longdouble) * np.pi
+        )
         return float(low), float(high)
 
     def smallest_whole_degree(self) -> int | None:
-        """The smallest whole number of degrees at which the clearance is positive; None if there is none."""
+        """Return the smallest whole number of degrees at which the clearance is positive, or None."""
         free = self.free_range()
         if free is None:
             return None
@@ -193,19 +283,43 @@ class Needle:
         candidates = range(max(-89, int(np.floor(low))), min(89, int(np.ceil(high))) + 1)
         return next((degree for degree in candidates if self.clearance(np.radians(degree)) > 0), None)
 
-    def lay(self, alpha2: Floats | float) -> Any:
-        """``d5`` at which the rope is laid on the disc (eq 5)."""
+    def d5(self, alpha2: Floats | float) -> Any:
+        """Return the length ``d5`` at which the rope is laid on the disc (eq 5).
+
+        Parameters
+        ----------
+        alpha2 : ndarray or float
+            Angle of the bill's axis, rad.
+
+        Returns
+        -------
+        ndarray or float
+            A length.
+        """
         return self.r1 * np.sin(self.beta0) + self.S1x * np.cos(alpha2) + (self.d6 + self.S1y) * np.sin(alpha2)
 
-    def lay_slope(self, alpha2: Floats | float) -> Any:
-        """``d d5 / d alpha2``; zero where an angle for a given d5 is ill-conditioned."""
+    def d5_slope(self, alpha2: Floats | float) -> Any:
+        """Return ``d d5 / d alpha2``; at its zeros the angle for a given d5 is ill-conditioned."""
         return (self.d6 + self.S1y) * np.cos(alpha2) - self.S1x * np.sin(alpha2)
 
-    def angles_for_lay(self, d5: float) -> list[float]:
-        """The angles between -90 and 90 degrees at which eq 5 gives ``d5``, increasing; none if it is out of reach.
+    def angles_for_d5(self, d5: float) -> list[float]:
+        """Return the angles alpha2 at which eq 5 gives a length ``d5``.
 
-        ``d5 - r1 sin beta0 = C cos(alpha2 - chi)``; the inverse cosine is taken as an arctangent of
-        ``sqrt((C - m)(C + m))``, which keeps its digits where the two solutions meet.
+        Parameters
+        ----------
+        d5 : float
+            The length.
+
+        Returns
+        -------
+        list of float
+            Angles between -90 and 90 degrees (rad), increasing; empty if no angle gives the length.
+
+        Notes
+        -----
+        Eq 5 is ``d5 - r1 sin beta0 = C cos(alpha2 - chi)``.
+        The inverse cosine is computed as an arctangent of ``sqrt((C - m)(C + m))``, which keeps its digits where the two
+        solutions meet.
         """
         height = self.d6 + self.S1y
         amplitude, chi = np.hypot(self.S1x, height), np.arctan2(height, self.S1x)
@@ -213,5 +327,5 @@ class Needle:
         if abs(m) > amplitude or amplitude == 0:
             return []
         delta = np.arctan2(np.sqrt((amplitude - m) * (amplitude + m)), m)
-        turned = [np.remainder(chi + sign * delta + np.pi, 2 * np.pi) - np.pi for sign in (-1, 1)]
-        return sorted({float(angle) for angle in turned if abs(angle) < np.pi / 2})
+        angles = [np.remainder(chi + sign * delta + np.pi, 2 * np.pi) - np.pi for sign in (-1, 1)]
+        return sorted({float(angle) for angle in angles if abs(angle) < np.pi / 2})

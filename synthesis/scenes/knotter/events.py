@@ -1,15 +1,19 @@
-"""All roots of smooth functions of one driver, so that no window between two of them is missed.
+"""All roots and extrema of smooth functions of the driver angle, found without a scan step that could miss some.
 
-A function is replaced, piece by piece, by the polynomial through its values at Chebyshev points; a piece whose last
-coefficients have not died away is halved. The sign changes of a polynomial's Bernstein coefficients bound the number
-of its roots (Descartes' rule; Farouki 2012, section 5): none means none, one means one. Where they leave it open, the
-polynomial's extremes cut the piece into monotone parts. They are eigenvalues of a companion matrix; of a complex pair
-the real part cuts as well, which does no harm and keeps extremes that nearly meet.
+On each piece of the driver's range, a function is replaced by the polynomial through its values at Chebyshev points.
+A piece is halved while the last coefficients of its polynomial are not small enough.
+The number of sign changes of the Bernstein coefficients bounds the number of roots in a piece (Descartes' rule; Farouki
+2012, section 5): without a change there is no root, and a single change means a single root.
+If the bound is larger or uncertain, the piece is divided into monotone intervals at the extrema of the polynomial, which
+are eigenvalues of a companion matrix.
+The real part of a complex pair of eigenvalues divides the piece as well: it does no harm, and it preserves extrema that
+nearly coincide.
 
-What is nearly a double root is decided by the function itself at the extreme, in extended precision where the machine
-has it: its two roots are told apart down to a distance of about 1e-8 of a piece, where companion eigenvalues of the
-function's own polynomial would lose both. Companions of all pieces with a root would also take some 70 microseconds each,
-where bisecting them all at once takes 6.
+A nearly double root is decided by the function itself at the extremum, in extended precision if the machine has it.
+Its two roots are separated down to a distance of about 1e-8 of a piece; the companion eigenvalues of the function's own
+polynomial would lose both.
+Companion matrices of all pieces with a root would also take about 70 microseconds each, whereas simultaneous bisection
+takes 6.
 """
 
 from __future__ import annotations
@@ -18,6 +22,7 @@ import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import comb
+from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial.chebyshev import chebcompanion, chebder, chebval, chebvander
@@ -27,24 +32,35 @@ from synthesis.one_variable import EPSILON, Flags, Floats, bisect
 from synthesis.scenes.knotter.mechanism import Integers
 
 DEGREE = 12
-"""Degree of the polynomials; coordinates turn about half a radian within a piece, so 12 is far below rounding."""
-TURN_PER_PIECE = 1.0
-"""Radians that a coordinate may turn within one piece at the start."""
-MAX_HALVINGS = 8
-"""How often a piece is halved when its polynomial is not good enough."""
-MAX_PIECES_PER_ITEM = 100_000
-"""Most pieces that one range may take at the start."""
-MAX_ROUGH = 100_000
-"""Most pieces that may wait to be halved at once."""
-TAIL = 1e-13
-"""Largest size of the last two coefficients against the function's own size."""
-AMBIGUOUS = 1e-11
-"""Bernstein coefficients below this share of the function's size have a sign that rounding may have made."""
-NEAR_TANGENT = 1e-3
-"""Slope over size, per piece, below which a root is bisected in extended precision; above, one Newton step does."""
+"""Degree of the polynomials.
+Coordinates turn by about half a radian within a piece, so that the truncation error is far below rounding."""
 
-Function = Callable[[Floats, Integers], Floats]
-"""``function(driver, item) -> values``, shape (functions, *broadcast of driver and item)."""
+
+@dataclass(frozen=True)
+class RootOptions:
+    """Options of the search for roots and extrema."""
+
+    turn_per_piece: float = 1.0
+    """Largest rotation of a coordinate within an initial piece, rad."""
+    max_initial_pieces: int = 100_000
+    """Largest number of initial pieces of a range."""
+    max_halvings: int = 8
+    """Largest number of times that a piece is halved; after that its polynomial is accepted."""
+    max_unresolved_pieces: int = 100_000
+    """Largest number of pieces that may wait to be halved at the same time."""
+    tail_tolerance: float = 1e-13
+    """Largest size of the last two Chebyshev coefficients, relative to the size of the function."""
+    ambiguous_sign: float = 1e-11
+    """Size of a Bernstein coefficient, relative to the function, below which rounding may have changed its sign."""
+    near_tangent_slope: float = 1e-3
+    """Slope per piece, relative to the size of the function, below which a root counts as nearly tangent.
+    Such a root is bisected in extended precision; any other root is corrected by a single Newton step."""
+
+
+DEFAULT_OPTIONS = RootOptions()
+
+Functions = Callable[[Floats, Integers], Floats]
+"""``functions(driver, item) -> values``, shape (functions, *broadcast of driver and item)."""
 
 _ORDER = np.arange(DEGREE + 1)
 _NODES = np.sin(np.pi * _ORDER / (2 * DEGREE)) ** 2
@@ -55,194 +71,331 @@ _TO_BERNSTEIN = np.linalg.inv(
     * _NODES[:, None] ** _ORDER
     * (1 - _NODES[:, None]) ** (DEGREE - _ORDER)
 )
-# The ends are values, exactly: neighbouring pieces then agree on the sign at their common end.
+# The end coefficients are exactly the end values, so that neighbouring pieces agree on the sign at their common end.
 _TO_BERNSTEIN[[0, -1]] = np.eye(DEGREE + 1)[[0, -1]]
 _TO_SLOPES = chebvander(2 * _NODES - 1, DEGREE - 1) @ chebder(_TO_CHEBYSHEV, scl=2)
-"""From the values at the nodes to those of the derivative with respect to the place in the piece, 0 to 1."""
+"""Matrix from the values at the nodes to the derivatives there, with respect to the local coordinate 0 to 1."""
 
 
 @dataclass(frozen=True)
-class Pieces:
-    """Polynomials of several functions on pieces of the driver's range."""
+class PiecewisePolynomials:
+    """Polynomials that replace several functions on pieces of the driver's range."""
 
     item: Integers
-    """Shape (pieces,)."""
+    """Item to which each piece belongs, shape (pieces,)."""
     low: Floats
+    """Driver angle at the lower end of each piece, shape (pieces,)."""
     high: Floats
-    """The piece's ends in the driver, shape (pieces,)."""
+    """Driver angle at the upper end of each piece, shape (pieces,)."""
     values: Floats
-    """At the Chebyshev points, from ``low`` to ``high``, shape (functions, pieces, DEGREE + 1)."""
+    """Values at the Chebyshev points, from ``low`` to ``high``, shape (functions, pieces, DEGREE + 1)."""
     size: Floats
-    """The largest value that was met, shape (functions, items)."""
+    """Largest absolute value of each function on the initial pieces, shape (functions, items)."""
 
 
 @dataclass(frozen=True)
 class Events:
-    """Roots of functions of the driver, in no particular order; each array has shape (events,)."""
+    """Roots or extrema of functions of the driver, in no particular order."""
 
     item: Integers
+    """Item of each event, shape (events,)."""
     function: Integers
+    """Index of the function that has the event, shape (events,)."""
     driver: Floats
+    """Driver angle of each event, shape (events,)."""
 
 
 def piece_ends(
-    first: float, last: float, breakpoints: list[float], rate: Callable[[float, float], float]
+    first: float,
+    last: float,
+    breakpoints: list[float],
+    rate: Callable[[float, float], float],
+    options: RootOptions = DEFAULT_OPTIONS,
 ) -> np.ndarray:
-    """Ends of the pieces of a range: at the breakpoints, and so that nothing turns far within a piece.
+    """Divide a range of the driver into initial pieces within which no coordinate turns far.
 
-    ``rate(low, high)`` is how many times faster than the driver anything turns between two driver angles.
-    Raises `FieldError` when that takes more than `MAX_PIECES_PER_ITEM` pieces.
+    Parameters
+    ----------
+    first, last : float
+        Ends of the range, rad.
+    breakpoints : list of float
+        Driver angles at which the functions are not smooth, increasing.
+    rate : callable
+        ``rate(low, high)`` bounds the rotation per driver rotation between two driver angles.
+    options : RootOptions, optional
+        Options of the search.
+
+    Returns
+    -------
+    ndarray, shape (pieces + 1,)
+        Ends of the pieces, increasing.
+
+    Raises
+    ------
+    FieldError
+        The range needs more than ``options.max_initial_pieces`` pieces.
     """
-    corners = [first, *(at for at in breakpoints if first < at < last), last]
+    corners = [first, *(breakpoint for breakpoint in breakpoints if first < breakpoint < last), last]
     spans = list(itertools.pairwise(corners))
-    counts = [max(1.0, np.ceil((high - low) * rate(low, high) / TURN_PER_PIECE)) for low, high in spans]
-    if sum(counts) > MAX_PIECES_PER_ITEM:
+    counts = [max(1.0, np.ceil((high - low) * rate(low, high) / options.turn_per_piece)) for low, high in spans]
+    if sum(counts) > options.max_initial_pieces:
         raise FieldError(
             "/laws",
-            f"the laws turn so fast that a range takes {sum(counts):.0f} pieces, more than {MAX_PIECES_PER_ITEM}",
+            f"the laws turn so fast that a range must be divided into {sum(counts):.0f} pieces, but at most "
+            f"{options.max_initial_pieces} are allowed; give slower laws or a shorter range",
             constraint="work",
             amount=float(sum(counts)),
         )
-    parts = [np.linspace(low, high, int(count) + 1)[1:] for (low, high), count in zip(spans, counts)]
-    return np.concatenate([[first], *parts])
+    ends = [np.linspace(low, high, int(count) + 1)[1:] for (low, high), count in zip(spans, counts)]
+    return np.concatenate([[first], *ends])
 
 
-def pieces(function: Function, ends: Floats, items: int, floor: Floats) -> Pieces:
-    """The functions as polynomials on pieces that are halved until the polynomials are good.
+def fit_pieces(
+    functions: Functions, ends: Floats, items: int, noise: Floats, options: RootOptions = DEFAULT_OPTIONS
+) -> PiecewisePolynomials:
+    """Replace functions by polynomials on pieces, halving each piece until its polynomials are accurate.
 
-    ``ends`` (n + 1,): ends of the first pieces, increasing. ``floor`` (functions, items): rounding error of the values:
-    no piece is halved for the sake of it.
+    A piece that is still inaccurate after ``options.max_halvings`` is accepted as it is.
+    Among the functions of this scene this happens only to the distance of a point from an axis, if the point passes
+    through the axis.
 
-    A piece that is rough after `MAX_HALVINGS` stays as it is. Of what this scene asks only the distance from an axis is
-    ever that rough, where the point passes through the axis.
+    Parameters
+    ----------
+    functions : callable
+        The functions, see `Functions`.
+    ends : ndarray, shape (pieces + 1,)
+        Ends of the initial pieces (rad), increasing.
+    items : int
+        Number of items.
+    noise : ndarray, shape (functions, items)
+        Rounding error of the values; no piece is halved because of a smaller error.
+    options : RootOptions, optional
+        Options of the search.
+
+    Returns
+    -------
+    PiecewisePolynomials
+        The polynomials of all functions and items.
+
+    Raises
+    ------
+    FieldError
+        More than ``options.max_unresolved_pieces`` pieces would have to be halved at the same time.
     """
     low, high = ends[:-1], ends[1:]
-    values = np.array(function(_places(low, high)[None], np.arange(items)[:, None, None]), float)
-    values[..., 1:, 0] = values[..., :-1, -1]  # one value at a common end, to the last bit
+    values = np.array(functions(_node_drivers(low, high)[None], np.arange(items)[:, None, None]), float)
+    values[..., 1:, 0] = values[..., :-1, -1]  # bitwise equal values at the common end of two pieces
     size = np.abs(values).max(axis=(2, 3))
-    count = len(low)
-    item = np.repeat(np.arange(items), count)
+    pieces_per_item = len(low)
+    item = np.repeat(np.arange(items), pieces_per_item)
     low, high = np.tile(low, items), np.tile(high, items)
-    values = values.reshape(len(values), items * count, DEGREE + 1)
-    done = []
-    for halving in range(MAX_HALVINGS + 1):
+    values = values.reshape(len(values), items * pieces_per_item, DEGREE + 1)
+    accepted = []
+    for halving in range(options.max_halvings + 1):
         tail = np.abs(values @ _TO_CHEBYSHEV[-2:].T).max(axis=-1)
-        good = np.all(tail <= np.maximum(TAIL * size, floor)[:, item], axis=0)
-        if halving == MAX_HALVINGS:
-            good[:] = True
-        done.append((item[good], low[good], high[good], values[:, good]))
-        if np.all(good):
+        accurate = np.all(tail <= np.maximum(options.tail_tolerance * size, noise)[:, item], axis=0)
+        if halving == options.max_halvings:
+            accurate[:] = True
+        accepted.append((item[accurate], low[accurate], high[accurate], values[:, accurate]))
+        if np.all(accurate):
             break
-        rough = ~good
-        if np.sum(rough) > MAX_ROUGH:
+        unresolved = ~accurate
+        if np.sum(unresolved) > options.max_unresolved_pieces:
             raise FieldError(
-                "/laws", "the laws change too fast to be followed", constraint="work", amount=int(np.sum(rough))
+                "/laws",
+                "the laws change too fast to be followed; give smoother laws or a shorter range",
+                constraint="work",
+                amount=int(np.sum(unresolved)),
             )
-        item, low, high, parent = item[rough], low[rough], high[rough], values[:, rough]
+        item, low, high, parent = item[unresolved], low[unresolved], high[unresolved], values[:, unresolved]
         middle = low + (high - low) / 2
         left, right = (
-            np.array(function(_places(*ends), item[:, None]), float) for ends in ((low, middle), (middle, high))
+            np.array(functions(_node_drivers(*ends), item[:, None]), float)
+            for ends in ((low, middle), (middle, high))
         )
         left[..., 0], right[..., -1], right[..., 0] = parent[..., 0], parent[..., -1], left[..., -1]
         item, low, high = np.tile(item, 2), np.concatenate([low, middle]), np.concatenate([middle, high])
         values = np.concatenate([left, right], axis=1)
-    item, low, high = (np.concatenate(parts) for parts in list(zip(*done))[:3])
-    return Pieces(item, low, high, np.concatenate([part[3] for part in done], axis=1), size)
+    item, low, high = (np.concatenate(columns) for columns in list(zip(*accepted))[:3])
+    return PiecewisePolynomials(item, low, high, np.concatenate([piece[3] for piece in accepted], axis=1), size)
 
 
-def roots(parts: Pieces, function: Function | None, floor: Floats) -> Events:
-    """Every root of every function.
+class _Rows(NamedTuple):
+    """One polynomial per row: each pair of a function and a piece whose values exceed the noise."""
 
-    ``function``: the function of the pieces, to correct the polynomials' roots; None to take them as they are.
-    ``floor`` (functions, items): a function that stays below it on a whole piece is zero there, without events.
-    """
-    which, piece = (index.ravel() for index in np.indices(parts.values.shape[:2]))
-    values, item = parts.values.reshape(len(which), -1), parts.item[piece]
-    size = parts.size[which, item]
-    alive = np.abs(values).max(axis=1) > floor[which, item]
-    which, piece, item, values, size = (part[alive] for part in (which, piece, item, values, size))
-    start, step = parts.low[piece], (parts.high - parts.low)[piece]
+    function: Integers
+    item: Integers
+    start: Floats
+    step: Floats
+    values: Floats
+    size: Floats
+    chebyshev: Floats
 
-    def true_values(row: Integers, place: Floats) -> Floats:
-        """The function of each row's piece at places in it, in their precision."""
-        assert function is not None
-        at_driver = function(start[row] + place * step[row], item[row])
-        values: Floats = np.take_along_axis(at_driver, which[row][None], axis=0)[0]
+    def evaluate(self, functions: Functions, row: Integers, position: Floats) -> Floats:
+        """Return the true function of each row at a local position 0 to 1, in the precision of ``position``."""
+        at_driver = functions(self.start[row] + position * self.step[row], self.item[row])
+        values: Floats = np.take_along_axis(at_driver, self.function[row][None], axis=0)[0]
         return values
 
-    bernstein = values @ _TO_BERNSTEIN.T
-    changes = np.sum((bernstein[:, 1:] >= 0) != (bernstein[:, :-1] >= 0), axis=1)
-    ambiguous = np.any(np.abs(bernstein) <= AMBIGUOUS * size[:, None], axis=1)
-    simple = np.flatnonzero((changes == 1) & ~ambiguous)
-    hard = np.flatnonzero((changes > 1) | ambiguous)
-    chebyshev = values @ _TO_CHEBYSHEV.T
 
-    cuts = _monotone_parts(chebyshev[hard])
-    row = np.repeat(hard, cuts.shape[1] - 1)
+class _Brackets(NamedTuple):
+    """Intervals that contain exactly one root each, in local positions 0 to 1 of a row."""
+
+    row: Integers
+    left: Floats
+    right: Floats
+    positive_at_left: Flags
+
+
+def find_roots(
+    polynomials: PiecewisePolynomials,
+    functions: Functions | None,
+    noise: Floats,
+    options: RootOptions = DEFAULT_OPTIONS,
+) -> Events:
+    """Find every root of every function.
+
+    Parameters
+    ----------
+    polynomials : PiecewisePolynomials
+        The functions as polynomials, see `fit_pieces`.
+    functions : callable, optional
+        The functions themselves, to correct the roots of the polynomials.
+        If None, the roots of the polynomials are returned.
+    noise : ndarray, shape (functions, items)
+        A function that stays below this value on a whole piece is zero there and has no roots in it.
+    options : RootOptions, optional
+        Options of the search.
+
+    Returns
+    -------
+    Events
+        The roots.
+    """
+    rows = _rows_above_noise(polynomials, noise)
+    brackets = _bracket_roots(rows, functions, options)
+    position = _refine_roots(rows, brackets, functions, options)
+    row = brackets.row
+    return Events(rows.item[row], rows.function[row], rows.start[row] + position * rows.step[row])
+
+
+def _rows_above_noise(polynomials: PiecewisePolynomials, noise: Floats) -> _Rows:
+    function, piece = (index.ravel() for index in np.indices(polynomials.values.shape[:2]))
+    values, item = polynomials.values.reshape(len(function), -1), polynomials.item[piece]
+    size = polynomials.size[function, item]
+    nonzero = np.abs(values).max(axis=1) > noise[function, item]
+    function, piece, item, values, size = (column[nonzero] for column in (function, piece, item, values, size))
+    start, step = polynomials.low[piece], (polynomials.high - polynomials.low)[piece]
+    return _Rows(function, item, start, step, values, size, values @ _TO_CHEBYSHEV.T)
+
+
+def _bracket_roots(rows: _Rows, functions: Functions | None, options: RootOptions) -> _Brackets:
+    values, chebyshev = rows.values, rows.chebyshev
+    bernstein = values @ _TO_BERNSTEIN.T
+    sign_changes = np.sum((bernstein[:, 1:] >= 0) != (bernstein[:, :-1] >= 0), axis=1)
+    ambiguous = np.any(np.abs(bernstein) <= options.ambiguous_sign * rows.size[:, None], axis=1)
+    single = np.flatnonzero((sign_changes == 1) & ~ambiguous)
+    undecided = np.flatnonzero((sign_changes > 1) | ambiguous)
+
+    cuts = _monotone_intervals(chebyshev[undecided])
+    row = np.repeat(undecided, cuts.shape[1] - 1)
     left, right = cuts[:, :-1].ravel(), cuts[:, 1:].ravel()
-    full = right > left
-    row, left, right = row[full], left[full], right[full]
+    nonempty = right > left
+    row, left, right = row[nonempty], left[nonempty], right[nonempty]
     at_left, at_right = (
-        _evaluate(chebyshev[row], end) if function is None else true_values(row, end.astype(np.longdouble))
+        _evaluate_chebyshev(chebyshev[row], end)
+        if functions is None
+        else rows.evaluate(functions, row, end.astype(np.longdouble))
         for end in (left, right)
     )
-    # At the piece's own ends the stored value counts: the neighbouring piece has the same one.
+    # At the ends of a piece the stored value is used, because the neighbouring piece stores the same value.
     at_left, at_right = np.where(left > 0, at_left, values[row, 0]), np.where(right < 1, at_right, values[row, -1])
-    changing = (at_left >= 0) != (at_right >= 0)
+    changes_sign = (at_left >= 0) != (at_right >= 0)
 
-    row = np.concatenate([simple, row[changing]])
-    left = np.concatenate([np.zeros(len(simple)), left[changing]])
-    right = np.concatenate([np.ones(len(simple)), right[changing]])
-    positive = np.concatenate([values[simple, 0], at_left[changing]]) >= 0
-    coefficients = chebyshev[row]
-    place = _sign_change(lambda x: _evaluate(coefficients, x), left, right, positive)
-    if function is not None:
-        slope = _evaluate(chebder(coefficients, scl=2, axis=1), place)
-        flat = np.flatnonzero(np.abs(slope) <= NEAR_TANGENT * size[row])
-        slope[flat] = np.inf
-        place = np.clip(place - true_values(row, place) / slope, left, right)
-        first, last = (end[flat].astype(np.longdouble) for end in (left, right))
-        place[flat] = _sign_change(lambda x: true_values(row[flat], x), first, last, positive[flat])
-    return Events(item[row], which[row], start[row] + place * step[row])
+    return _Brackets(
+        np.concatenate([single, row[changes_sign]]),
+        np.concatenate([np.zeros(len(single)), left[changes_sign]]),
+        np.concatenate([np.ones(len(single)), right[changes_sign]]),
+        np.concatenate([values[single, 0], at_left[changes_sign]]) >= 0,
+    )
 
 
-def extremes(parts: Pieces, floor: Floats) -> Events:
-    """Every driver angle at which a function's derivative changes sign inside a piece."""
-    size = np.maximum(parts.size, np.finfo(float).tiny)
-    noise = 64 * DEGREE**2 * np.maximum(floor, EPSILON * size)
-    return roots(Pieces(parts.item, parts.low, parts.high, parts.values @ _TO_SLOPES.T, size), None, noise)
+def _refine_roots(rows: _Rows, brackets: _Brackets, functions: Functions | None, options: RootOptions) -> Floats:
+    """Return the local position of the root in each bracket."""
+    row, left, right, positive_at_left = brackets
+    coefficients = rows.chebyshev[row]
+    position = _sign_change(lambda x: _evaluate_chebyshev(coefficients, x), left, right, positive_at_left)
+    if functions is None:
+        return position
+    slope = _evaluate_chebyshev(chebder(coefficients, scl=2, axis=1), position)
+    tangent = np.flatnonzero(np.abs(slope) <= options.near_tangent_slope * rows.size[row])
+    slope[tangent] = np.inf
+    position = np.clip(position - rows.evaluate(functions, row, position) / slope, left, right)
+    extended_left, extended_right = (end[tangent].astype(np.longdouble) for end in (left, right))
+    position[tangent] = _sign_change(
+        lambda x: rows.evaluate(functions, row[tangent], x), extended_left, extended_right, positive_at_left[tangent]
+    )
+    return position
 
 
-def _places(low: Floats, high: Floats) -> Floats:
-    places: Floats = low[:, None] + (high - low)[:, None] * _NODES
-    places[:, -1] = high
-    return places
+def find_extrema(polynomials: PiecewisePolynomials, noise: Floats, options: RootOptions = DEFAULT_OPTIONS) -> Events:
+    """Find every driver angle inside a piece at which the derivative of a function changes sign.
+
+    Parameters
+    ----------
+    polynomials : PiecewisePolynomials
+        The functions as polynomials, see `fit_pieces`.
+    noise : ndarray, shape (functions, items) or (1, items)
+        Rounding error of the values.
+    options : RootOptions, optional
+        Options of the search.
+
+    Returns
+    -------
+    Events
+        The extrema.
+    """
+    size = np.maximum(polynomials.size, np.finfo(float).tiny)
+    slope_noise = 64 * DEGREE**2 * np.maximum(noise, EPSILON * size)
+    slopes = polynomials.values @ _TO_SLOPES.T
+    derivative = PiecewisePolynomials(polynomials.item, polynomials.low, polynomials.high, slopes, size)
+    return find_roots(derivative, None, slope_noise, options)
 
 
-def _evaluate(chebyshev: Floats, place: Floats) -> Floats:
-    """One polynomial a row, at ``place`` in 0..1."""
-    return np.asarray(chebval(2 * place - 1, chebyshev.T, tensor=False))
+def _node_drivers(low: Floats, high: Floats) -> Floats:
+    """Return the driver angles of the Chebyshev points of each piece, shape (pieces, DEGREE + 1)."""
+    drivers: Floats = low[:, None] + (high - low)[:, None] * _NODES
+    drivers[:, -1] = high
+    return drivers
 
 
-def _sign_change(function: Callable[[Floats], Floats], left: Floats, right: Floats, positive: Flags) -> Floats:
-    """The sign changes between ``left`` and ``right``, ``positive`` at the left, in the precision of the two.
+def _evaluate_chebyshev(coefficients: Floats, position: Floats) -> Floats:
+    """Evaluate one polynomial per row at a local position 0 to 1."""
+    return np.asarray(chebval(2 * position - 1, coefficients.T, tensor=False))
 
-    By bisection, because a batch is as slow as its slowest member: faster methods were measured and were slower here.
+
+def _sign_change(
+    function: Callable[[Floats], Floats], left: Floats, right: Floats, positive_at_left: Flags
+) -> Floats:
+    """Locate the sign change between ``left`` and ``right``, in their precision.
+
+    Bisection is used because a batch is as slow as its slowest member; faster methods were slower here when measured.
     """
     steps = np.finfo(left.dtype).nmant + 1
-    before, after = bisect(lambda x: (function(x) >= 0) == positive, left, right, steps)
+    before, after = bisect(lambda x: (function(x) >= 0) == positive_at_left, left, right, steps)
     return 0.5 * (before + after)
 
 
-def _monotone_parts(chebyshev: Floats) -> Floats:
-    """Places that cut each polynomial into monotone parts, with 0 and 1, increasing; some parts may be empty.
+def _monotone_intervals(chebyshev: Floats) -> Floats:
+    """Return the local positions, increasing from 0 to 1, between which each polynomial is monotone.
 
-    A leading coefficient below rounding is raised to it: the companion matrix divides by it.
+    Some intervals may be empty.
+    A leading coefficient below rounding is raised to rounding, because the companion matrix divides by it.
     """
     slopes = chebder(chebyshev, axis=1)
-    least = EPSILON * np.abs(chebyshev).max(axis=1)
-    slopes[:, -1] = np.where(np.abs(slopes[:, -1]) > least, slopes[:, -1], least)
-    companions = [chebcompanion(row)[::-1, ::-1] for row in slopes]  # this way round it loses fewer digits
-    turns = np.linalg.eigvals(np.reshape(companions, (-1, DEGREE - 1, DEGREE - 1))).real
-    inner = np.sort(np.clip(0.5 + 0.5 * turns, 0.0, 1.0), axis=1)
+    rounding = EPSILON * np.abs(chebyshev).max(axis=1)
+    slopes[:, -1] = np.where(np.abs(slopes[:, -1]) > rounding, slopes[:, -1], rounding)
+    companions = [chebcompanion(row)[::-1, ::-1] for row in slopes]  # in this order fewer digits are lost
+    extrema = np.linalg.eigvals(np.reshape(companions, (-1, DEGREE - 1, DEGREE - 1))).real
+    inner = np.sort(np.clip(0.5 + 0.5 * extrema, 0.0, 1.0), axis=1)
     return np.pad(inner, ((0, 0), (1, 1)), constant_values=((0, 0), (0, 1)))

@@ -1,8 +1,9 @@
-"""Unknown dimensions that reproduce a wanted pattern of verdicts, and how far from unique they are.
+"""Fit of unknown dimensions to a pattern of verdicts, and the degree to which the pattern determines them.
 
-Every entry of the pattern has a margin that is positive where its verdict is the wanted one. The search makes the smallest of
-them as large as it can: seeded draws over the ranges, then linear programs on the margins' slopes from the best draws.
-A pattern of yes and no bounds values and never fixes them; how far it bounds them is part of the answer.
+Every prescribed verdict has a margin that is positive if the mechanism gives that verdict.
+The search maximises the smallest of these margins: it starts from the best of several seeded draws over the ranges of the
+unknowns, and improves each by a sequence of linear programs on the slopes of the margins.
+A pattern of verdicts bounds the unknowns but never determines them uniquely; the bounds are part of the result.
 """
 
 from __future__ import annotations
@@ -15,232 +16,398 @@ import numpy as np
 
 from synthesis.one_variable import Flags, Floats, bisect
 from synthesis.scenes.knotter.conditions import Condition
-from synthesis.scenes.knotter.mechanism import Mechanism, varied
+from synthesis.scenes.knotter.mechanism import Mechanism, with_dimensions
 from synthesis.work import OutOfTime, Work
-
-ITERATIONS, FIRST_REACH, LAST_REACH = 30, 0.15, 1e-3
-"""Linear programs of one descent; how far the first may go and when the last has come too close, in shares of the ranges."""
-STEP = 4e-3
-"""Step of the differences, in shares of the ranges: a set that does not keep the pattern so far around it is worth less."""
-PLACES, HALVINGS = 24, 18
-"""Places looked at along a direction for the first broken verdict, and halvings of the gap before it."""
-LONGER = 1e3
-"""Times the budget that the first set takes at most: there is no answer before."""
-DRAWING = 0.5
-"""Part of the budget that draws leave to the descents."""
-FIRST_TOGETHER, TOGETHER = 8, 64
-"""Draws that are judged before the first look at the time, and at most between two others, each time twice as many."""
-RANK = 1e-6
-"""Singular values below this share of the largest count as zero."""
 
 
 @dataclass(frozen=True)
-class Wanted:
-    """Verdicts wanted of one condition."""
+class FitOptions:
+    """Options of the fit; lengths in normalised unknowns are fractions of the ranges of the unknowns."""
+
+    iterations: int = 30
+    """Largest number of linear programs in a descent."""
+    initial_trust_radius: float = 0.15
+    """Largest change of a normalised unknown in the first linear program."""
+    min_trust_radius: float = 1e-3
+    """Trust radius below which a descent ends."""
+    difference_step: float = 4e-3
+    """Step of the finite differences, in normalised unknowns.
+    A candidate whose neighbours at this distance violate the pattern is ranked lower."""
+    line_samples: int = 24
+    """Number of samples along a direction that locate the first violated verdict."""
+    line_halvings: int = 18
+    """Number of halvings of the interval before the first violated verdict."""
+    first_candidate_budget: float = 1e3
+    """Extension of the budget for the first candidate, as a multiple of the budget: without it there is no result."""
+    reserved_for_descents: float = 0.5
+    """Fraction of the budget that the draws leave to the descents."""
+    first_batch: int = 8
+    """Number of draws evaluated before the time is first checked; the number doubles with each batch."""
+    max_batch: int = 64
+    """Largest number of draws evaluated between two checks of the time."""
+    rank_tolerance: float = 1e-6
+    """Singular values below this fraction of the largest singular value count as zero."""
+
+
+DEFAULT_OPTIONS = FitOptions()
+
+
+@dataclass(frozen=True)
+class PrescribedVerdicts:
+    """Verdicts that the mechanism must give for a condition."""
 
     condition: Condition
+    """The condition."""
     items: Mapping[str, Floats]
-    """The dimensions in which the entries differ, shape (entries,)."""
+    """Dimensions in which the entries of the pattern differ, each of shape (entries,)."""
     holds: Flags
-    """Shape (entries,)."""
+    """Prescribed verdicts, shape (entries,)."""
 
 
 class Pattern:
-    """The margins of all wanted verdicts as functions of unknown dimensions, given as shares of their ranges.
+    """Margins of all prescribed verdicts as functions of the unknown dimensions.
 
-    Law: an entry is positive where its verdict is the wanted one.
+    An unknown is normalised: 0 at the lower end and 1 at the upper end of its range.
+    A margin is positive if the mechanism gives the prescribed verdict.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        The mechanism, which provides all other dimensions.
+    verdicts : sequence of PrescribedVerdicts
+        The pattern.
+    ranges : mapping
+        Lower and upper end of the range of each unknown.
+    options : FitOptions, optional
+        Options of the fit.
     """
 
     def __init__(
-        self, mechanism: Mechanism, wanted: Sequence[Wanted], ranges: Mapping[str, tuple[float, float]]
+        self,
+        mechanism: Mechanism,
+        verdicts: Sequence[PrescribedVerdicts],
+        ranges: Mapping[str, tuple[float, float]],
+        options: FitOptions = DEFAULT_OPTIONS,
     ) -> None:
-        self.mechanism, self.wanted, self.names = mechanism, tuple(wanted), tuple(ranges)
+        self.mechanism, self.verdicts, self.names = mechanism, tuple(verdicts), tuple(ranges)
         self.low, self.high = np.array(list(ranges.values())).T
+        self.options = options
 
-    def values(self, share: Floats) -> Floats:
-        """Dimensions from shares."""
-        return self.low + share * (self.high - self.low)
+    def denormalise(self, unknowns: Floats) -> Floats:
+        """Return the dimensions for normalised unknowns, shape (..., unknowns)."""
+        return self.low + unknowns * (self.high - self.low)
 
-    def shares(self, values: Floats) -> Floats:
-        """Shares from dimensions."""
+    def normalise(self, values: Floats) -> Floats:
+        """Return the normalised unknowns for dimensions, shape (..., unknowns)."""
         return (values - self.low) / (self.high - self.low)
 
-    def margins(self, shares: Floats, work: Work) -> Floats:
-        """Margins, shape (candidates, entries), of candidates of shape (candidates, unknowns)."""
-        values, count, found = self.values(shares), len(shares), []
-        for part in self.wanted:
-            entries = len(part.holds)
-            items = {name: np.repeat(values[:, k], entries) for k, name in enumerate(self.names)}
-            items |= {name: np.tile(column, count) for name, column in part.items.items()}
-            result = part.condition.evaluate(varied(self.mechanism, items), count * entries, work)
-            sign = np.where(part.holds, 1.0, -1.0)
-            found.append(result.margin.reshape(count, entries) * sign)
-        return np.concatenate(found, axis=1)
+    def margins(self, unknowns: Floats, work: Work) -> Floats:
+        """Evaluate the margins of several candidates.
 
-    def found(self, share: Floats, work: Work) -> Found:
-        """Margins and their derivatives at a set of shape (unknowns,).
+        Parameters
+        ----------
+        unknowns : ndarray, shape (candidates, unknowns)
+            Normalised unknowns.
+        work : Work
+            Time budget and cancellation.
 
-        A margin jumps where another window of the rope becomes the first: there the side without the jump counts.
+        Returns
+        -------
+        ndarray, shape (candidates, entries)
+            Margins, positive for entries with the prescribed verdict.
+
+        Raises
+        ------
+        OutOfTime
+            The budget is used up.
         """
-        steps, count = STEP * np.eye(len(share)), len(share)
-        at = self.margins(np.concatenate([share[None], share + steps, share - steps]), work)
-        forward, backward = (at[1 : count + 1] - at[0]) / STEP, (at[0] - at[count + 1 :]) / STEP
+        values, candidates, margins = self.denormalise(unknowns), len(unknowns), []
+        for prescribed in self.verdicts:
+            entries = len(prescribed.holds)
+            items = {name: np.repeat(values[:, k], entries) for k, name in enumerate(self.names)}
+            items |= {name: np.tile(column, candidates) for name, column in prescribed.items.items()}
+            mechanism = with_dimensions(self.mechanism, items)
+            result = prescribed.condition.evaluate(mechanism, candidates * entries, work)
+            sign = np.where(prescribed.holds, 1.0, -1.0)
+            margins.append(result.margin.reshape(candidates, entries) * sign)
+        return np.concatenate(margins, axis=1)
+
+    def linearise(self, unknowns: Floats, work: Work) -> Candidate:
+        """Evaluate the margins of a candidate and their derivatives.
+
+        Where another window of the rope becomes the first, a margin is discontinuous.
+        There the difference on the side away from the discontinuity is used.
+
+        Parameters
+        ----------
+        unknowns : ndarray, shape (unknowns,)
+            Normalised unknowns.
+        work : Work
+            Time budget and cancellation.
+
+        Returns
+        -------
+        Candidate
+            The candidate with its slopes.
+
+        Raises
+        ------
+        OutOfTime
+            The budget is used up.
+        """
+        step, count = self.options.difference_step, len(unknowns)
+        steps = step * np.eye(count)
+        stencil = self.margins(np.concatenate([unknowns[None], unknowns + steps, unknowns - steps]), work)
+        forward, backward = (stencil[1 : count + 1] - stencil[0]) / step, (stencil[0] - stencil[count + 1 :]) / step
         size = np.maximum(np.abs(forward), np.abs(backward))
         smaller = np.where(np.abs(forward) < np.abs(backward), forward, backward)
         slopes = np.where(np.abs(forward - backward) <= 0.5 * size, 0.5 * (forward + backward), smaller).T
-        return Found(share, at[0], slopes, float(at.min()))
+        return Candidate(unknowns, stencil[0], slopes, float(stencil.min()))
 
 
 @dataclass(frozen=True)
-class Found:
-    """One set of dimensions."""
+class Candidate:
+    """One set of unknown dimensions with the margins of the pattern."""
 
-    share: Floats
-    """As shares of the ranges, shape (unknowns,)."""
+    unknowns: Floats
+    """Normalised unknowns, shape (unknowns,)."""
     margins: Floats
-    """Shape (entries,)."""
+    """Margins, shape (entries,)."""
     slopes: Floats | None
-    """Derivatives of the margins by the shares, shape (entries, unknowns); None where the time was up before they were known."""
-    around: float
-    """The smallest margin of this set and of those one `STEP` away along each unknown, as far as these are known."""
+    """Derivatives of the margins with respect to the normalised unknowns, shape (entries, unknowns).
+    None if the time was up before they were known."""
+    robust_margin: float
+    """Smallest margin of this candidate and of its neighbours at a distance of the difference step, if these are known."""
 
     @property
-    def worst(self) -> float:
-        """The smallest margin; positive where the whole pattern comes out."""
+    def smallest_margin(self) -> float:
+        """Smallest margin; positive if the candidate reproduces the whole pattern."""
         return float(self.margins.min())
 
 
 @dataclass(frozen=True)
 class Direction:
-    """A direction of the unknowns along which the pattern is kept for a while."""
+    """Direction in the space of the unknowns, with the distances over which the pattern persists along it."""
 
     strength: float
-    """How fast the margins change along it, length per share of the ranges; 0: not at all."""
+    """Rate at which the margins change along the direction, length per fraction of the ranges; 0 for no change."""
     back: float
-    """How far the pattern is kept, in shares of the ranges; to their ends at most."""
+    """Distance backwards over which the pattern persists, as a fraction of the ranges, at most to their ends."""
     forth: float
+    """Distance forwards over which the pattern persists, as a fraction of the ranges, at most to their ends."""
     vector: Annotated[Floats, dict[str, float]]
-    """In shares of the ranges, of length 1."""
+    """Unit vector in fractions of the ranges."""
 
 
-def search(
+def fit_pattern(
     pattern: Pattern, draws: int, descents: int, seed: int, start: Floats | None = None, work: Work | None = None
-) -> tuple[list[Found], int]:
-    """Sets of dimensions with their smallest margin as large as it was found, best first, and how many draws kept the pattern.
+) -> tuple[list[Candidate], int]:
+    """Search for dimensions that reproduce a pattern with margins as large as possible.
 
-    ``draws``, ``descents``: draws over the ranges, and how many of the best are improved; with 0 descents a start stays
-    as it is. ``start`` (unknowns,): shares of one more start, improved as well. ``work``: its end ends the improvement;
-    the best so far is the answer.
+    Parameters
+    ----------
+    pattern : Pattern
+        The pattern and the ranges of the unknowns.
+    draws : int
+        Number of seeded draws over the ranges (Latin hypercube).
+    descents : int
+        Number of best draws that are improved; with 0, only the start is evaluated, without improving it.
+    seed : int
+        Seed of the draws.
+    start : ndarray, shape (unknowns,), optional
+        Normalised unknowns of an additional start, which is improved as well.
+    work : Work, optional
+        Time budget and cancellation; when the budget is used up, the best candidates found are returned.
+
+    Returns
+    -------
+    candidates : list of Candidate
+        The improved candidates, best first.
+    reproducing_draws : int
+        Number of draws that reproduce the pattern without being improved.
     """
     work = work or Work()
-    first, drawing = work.extended(LONGER), work.extended(-DRAWING)
-    random = np.random.default_rng(seed)
-    unknowns = len(pattern.names)
-    # one draw in each of `draws` equal parts of every range
-    shares = (
-        random.permuted(np.tile(np.arange(draws), (unknowns, 1)), axis=1).T + random.random((draws, unknowns))
-    ) / draws
-    kept = 0
-    starts = [] if start is None else [start]
+    first_work = work.extended(pattern.options.first_candidate_budget)
+    starts, reproducing_draws = [] if start is None else [start], 0
     if draws and descents:
-        worst = np.full(draws, -np.inf)
-        begin, together = 0, FIRST_TOGETHER
-        while begin < draws and not (begin and drawing.expired()):
-            some = slice(begin, begin + together)
-            worst[some] = pattern.margins(shares[some], first).min(axis=1)
-            begin, together = begin + together, min(2 * together, TOGETHER)
-        kept = int(np.count_nonzero(worst > 0))
-        best = np.argsort(-worst, kind="stable")[:descents]
-        starts += list(shares[best[np.isfinite(worst[best])]])
-    found: list[Found] = []
-    for share in starts:
-        if found and work.expired():
+        samples = _latin_hypercube(draws, len(pattern.names), seed)
+        smallest = _smallest_margins(pattern, samples, first_work, work)
+        reproducing_draws = int(np.count_nonzero(smallest > 0))
+        best = np.argsort(-smallest, kind="stable")[:descents]
+        starts += list(samples[best[np.isfinite(smallest[best])]])
+    candidates: list[Candidate] = []
+    for unknowns in starts:
+        if candidates and work.expired():
             break
         try:
-            found.append(_improved(pattern, share, work) if descents else pattern.found(share, work))
-        except OutOfTime:  # before its slopes are known
-            if not found:
-                margins = pattern.margins(share[None], first)[0]
-                found.append(Found(share, margins, None, float(margins.min())))
-    return sorted(found, key=lambda one: (one.worst <= 0, -one.around)), kept
+            improve = _improve if descents else Pattern.linearise
+            candidates.append(improve(pattern, unknowns, work))
+        except OutOfTime:  # before the slopes are known
+            if not candidates:
+                margins = pattern.margins(unknowns[None], first_work)[0]
+                candidates.append(Candidate(unknowns, margins, None, float(margins.min())))
+    candidates.sort(key=lambda candidate: (candidate.smallest_margin <= 0, -candidate.robust_margin))
+    return candidates, reproducing_draws
 
 
-def _improved(pattern: Pattern, share: Floats, work: Work) -> Found:
-    """The smallest margin around a set made larger by linear programs within a reach that shrinks where they promise too much."""
+def _latin_hypercube(draws: int, unknowns: int, seed: int) -> Floats:
+    """Return draws of shape (draws, unknowns), one in each of ``draws`` equal intervals of every range."""
+    random = np.random.default_rng(seed)
+    intervals = random.permuted(np.tile(np.arange(draws), (unknowns, 1)), axis=1).T
+    return np.asarray((intervals + random.random((draws, unknowns))) / draws)
+
+
+def _smallest_margins(pattern: Pattern, samples: Floats, first_work: Work, work: Work) -> Floats:
+    """Return the smallest margin of each draw, shape (draws,); -inf for draws that the budget does not cover."""
+    options = pattern.options
+    drawing = work.extended(-options.reserved_for_descents)
+    smallest = np.full(len(samples), -np.inf)
+    begin, batch_size = 0, options.first_batch
+    while begin < len(samples) and not (begin and drawing.expired()):
+        batch = slice(begin, begin + batch_size)
+        smallest[batch] = pattern.margins(samples[batch], first_work).min(axis=1)
+        begin, batch_size = begin + batch_size, min(2 * batch_size, options.max_batch)
+    return smallest
+
+
+def _improve(pattern: Pattern, unknowns: Floats, work: Work) -> Candidate:
+    """Increase the robust margin by linear programs within a trust radius, which shrinks if they promise too much."""
     from scipy.optimize import linprog
 
-    best = pattern.found(share, work)
-    reach, count = FIRST_REACH, len(share)
-    for _ in range(ITERATIONS):
-        if reach < LAST_REACH or work.expired():
+    options = pattern.options
+    best = pattern.linearise(unknowns, work)
+    trust_radius, count = options.initial_trust_radius, len(unknowns)
+    for _ in range(options.iterations):
+        if trust_radius < options.min_trust_radius or work.expired():
             break
         assert best.slopes is not None
-        # the largest t with margin + slope . step >= t for every entry
+        # Maximise t subject to margin + slope . step >= t for every entry.
         rows = np.column_stack([-best.slopes, np.ones(len(best.margins))])
-        low, high = np.maximum(-reach, -best.share), np.minimum(reach, 1 - best.share)
+        low, high = np.maximum(-trust_radius, -best.unknowns), np.minimum(trust_radius, 1 - best.unknowns)
         bounds = [*zip(low, high), (None, None)]
-        solved = linprog(np.append(np.zeros(count), -1.0), A_ub=rows, b_ub=best.margins, bounds=bounds)
-        if not solved.success:
+        solution = linprog(np.append(np.zeros(count), -1.0), A_ub=rows, b_ub=best.margins, bounds=bounds)
+        if not solution.success:
             break
         try:
-            trial = pattern.found(np.clip(best.share + solved.x[:count], 0.0, 1.0), work)
+            trial = pattern.linearise(np.clip(best.unknowns + solution.x[:count], 0.0, 1.0), work)
         except OutOfTime:
             break
-        gain, promised = trial.around - best.around, -solved.fun - best.worst
-        if gain > 0.1 * promised > 0:
+        gain, predicted_gain = trial.robust_margin - best.robust_margin, -solution.fun - best.smallest_margin
+        if gain > 0.1 * predicted_gain > 0:
             best = trial
-            reach = min(2 * reach, 0.5) if gain > 0.7 * promised else reach
+            trust_radius = min(2 * trust_radius, 0.5) if gain > 0.7 * predicted_gain else trust_radius
         else:
-            reach *= 0.4
+            trust_radius *= 0.4
     return best
 
 
-def extents(pattern: Pattern, share: Floats, vectors: Floats, work: Work) -> Floats:
-    """How far the pattern is kept from a set along vectors, shape (n, unknowns), in their own length; to the ranges at most."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        room = np.where(vectors > 0, (1 - share) / vectors, np.where(vectors < 0, -share / vectors, np.inf)).min(
-            axis=1
-        )
+def extents(pattern: Pattern, unknowns: Floats, vectors: Floats, work: Work) -> Floats:
+    """Compute the distances over which a pattern persists along several directions.
 
-    def keeps(lengths: Floats) -> Flags:
-        return np.asarray(pattern.margins(share + lengths[:, None] * vectors, work).min(axis=1) > 0)
+    Parameters
+    ----------
+    pattern : Pattern
+        The pattern.
+    unknowns : ndarray, shape (unknowns,)
+        Normalised unknowns of a candidate that reproduces the pattern.
+    vectors : ndarray, shape (n, unknowns)
+        Directions, in normalised unknowns.
+    work : Work
+        Time budget and cancellation.
 
-    along = np.linspace(0, 1, PLACES + 1)[1:]
-    places = share + (room[:, None] * along)[..., None] * vectors[:, None]
-    margins = pattern.margins(np.clip(places, 0, 1).reshape(-1, len(share)), work).min(axis=1)
-    broken = margins.reshape(len(vectors), PLACES) <= 0
-    first = np.argmax(broken, axis=1)
-    whole = ~broken.any(axis=1)
-    inner = room * np.where(whole, 1.0, along[first] - along[0])
-    outer = room * np.where(whole, 1.0, along[first])
-    return bisect(keeps, inner, outer, HALVINGS)[0]
+    Returns
+    -------
+    ndarray, shape (n,)
+        Distances in multiples of the vectors, at most to the ends of the ranges.
 
-
-def directions(pattern: Pattern, found: Found, work: Work | None = None) -> list[Direction]:
-    """Orthogonal directions of the unknowns, those that change the margins least first, each with how far it keeps the pattern.
-
-    They are the right singular vectors of the margins' slopes: along one of strength 0 no margin changes to first order.
+    Raises
+    ------
+    OutOfTime
+        The budget is used up.
     """
-    work, share = work or Work(), found.share
-    assert found.slopes is not None, "a set that a search was cut short at has none"
-    _, strengths, vectors = np.linalg.svd(found.slopes)
-    strengths = np.append(strengths, np.zeros(len(share) - len(strengths)))
-    forth = extents(pattern, share, vectors, work)
-    back = extents(pattern, share, -vectors, work)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        to_upper, to_lower = (1 - unknowns) / vectors, -unknowns / vectors
+        room = np.where(vectors > 0, to_upper, np.where(vectors < 0, to_lower, np.inf)).min(axis=1)
+
+    def persists(lengths: Floats) -> Flags:
+        return np.asarray(pattern.margins(unknowns + lengths[:, None] * vectors, work).min(axis=1) > 0)
+
+    count = pattern.options.line_samples
+    fractions = np.linspace(0, 1, count + 1)[1:]
+    samples = unknowns + (room[:, None] * fractions)[..., None] * vectors[:, None]
+    margins = pattern.margins(np.clip(samples, 0, 1).reshape(-1, len(unknowns)), work).min(axis=1)
+    violated = margins.reshape(len(vectors), count) <= 0
+    first = np.argmax(violated, axis=1)
+    never_violated = ~violated.any(axis=1)
+    inner = room * np.where(never_violated, 1.0, fractions[first] - fractions[0])
+    outer = room * np.where(never_violated, 1.0, fractions[first])
+    return bisect(persists, inner, outer, pattern.options.line_halvings)[0]
+
+
+def directions(pattern: Pattern, candidate: Candidate, work: Work | None = None) -> list[Direction]:
+    """Compute orthogonal directions of the unknowns, those that change the margins least first.
+
+    The directions are the right singular vectors of the slopes of the margins.
+    Along a direction of strength 0, no margin changes to first order.
+
+    Parameters
+    ----------
+    pattern : Pattern
+        The pattern.
+    candidate : Candidate
+        A candidate that reproduces the pattern and whose slopes are known.
+    work : Work, optional
+        Time budget and cancellation.
+
+    Returns
+    -------
+    list of Direction
+        As many directions as unknowns.
+
+    Raises
+    ------
+    OutOfTime
+        The budget is used up.
+    """
+    work, unknowns = work or Work(), candidate.unknowns
+    assert candidate.slopes is not None, "the slopes are unknown because the time was up"
+    _, strengths, vectors = np.linalg.svd(candidate.slopes)
+    strengths = np.append(strengths, np.zeros(len(unknowns) - len(strengths)))
+    forth = extents(pattern, unknowns, vectors, work)
+    back = extents(pattern, unknowns, -vectors, work)
     rows = zip(vectors, strengths, back, forth)
     return [Direction(float(s), float(b), float(f), v) for v, s, b, f in rows][::-1]
 
 
-def rank(found: Sequence[Direction]) -> int:
-    """How many directions change the margins to first order."""
-    strengths = np.array([direction.strength for direction in found])
-    return int(np.count_nonzero(strengths > RANK * strengths.max()))
+def rank(singular_directions: Sequence[Direction], options: FitOptions = DEFAULT_OPTIONS) -> int:
+    """Return the number of directions that change the margins to first order."""
+    strengths = np.array([direction.strength for direction in singular_directions])
+    return int(np.count_nonzero(strengths > options.rank_tolerance * strengths.max()))
 
 
-def single_ranges(pattern: Pattern, share: Floats, work: Work | None = None) -> list[tuple[float, float]]:
-    """The range of each unknown within which the pattern is kept while the others stay."""
-    axes, work = np.eye(len(share)), work or Work()
-    below, above = extents(pattern, share, -axes, work), extents(pattern, share, axes, work)
-    size = pattern.high - pattern.low
-    low, high = pattern.values(share) - below * size, pattern.values(share) + above * size
-    return [(float(a), float(b)) for a, b in zip(low, high)]
+def single_ranges(pattern: Pattern, unknowns: Floats, work: Work | None = None) -> list[tuple[float, float]]:
+    """Compute the range of each unknown over which the pattern persists while the other unknowns are fixed.
+
+    Parameters
+    ----------
+    pattern : Pattern
+        The pattern.
+    unknowns : ndarray, shape (unknowns,)
+        Normalised unknowns of a candidate that reproduces the pattern.
+    work : Work, optional
+        Time budget and cancellation.
+
+    Returns
+    -------
+    list of tuple of float
+        Lower and upper end of each range, as dimensions.
+
+    Raises
+    ------
+    OutOfTime
+        The budget is used up.
+    """
+    axes, work = np.eye(len(unknowns)), work or Work()
+    below, above = extents(pattern, unknowns, -axes, work), extents(pattern, unknowns, axes, work)
+    width, nominal = pattern.high - pattern.low, pattern.denormalise(unknowns)
+    return [(float(low), float(high)) for low, high in zip(nominal - below * width, nominal + above * width)]

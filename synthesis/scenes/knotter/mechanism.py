@@ -1,8 +1,10 @@
-"""Bodies that turn under laws of one driver, the chains of turns and shifts between them, and all dimensions by name.
+"""Spatial mechanisms whose bodies turn under laws of a single driver.
 
-A chain is written once, in one direction; the way back is derived from it and never typed. Vectors are tuples
-``(x, y, z)`` of arrays that broadcast against one another, so that what does not depend on a parameter or on the
-driver is not computed for each of them. Lengths are in the user's unit, angles in radians.
+A mechanism consists of frames, chains of rotations and translations between them, and points fixed in frames.
+Each chain is written in a single direction; its inverse is derived from it.
+Vectors are tuples ``(x, y, z)`` of arrays that broadcast against each other, so that a quantity that does not depend on
+a parameter or on the driver is computed only once.
+Lengths are in the user's unit, angles in radians.
 """
 
 from __future__ import annotations
@@ -20,62 +22,84 @@ from synthesis.one_variable import EPSILON, Floats
 
 Integers = NDArray[np.int_]
 Vector = Sequence[Any] | NDArray[Any]
-"""Three components: numbers, or arrays that broadcast against one another."""
+"""Three components: numbers, or arrays that broadcast against each other."""
 
 DRIVER = "driver"
+"""Name by which a `Rotation` refers to the driver angle itself."""
 AXES = "ijk"
+"""Names of the three axes of a frame, in order."""
 
 
-def as_array(parts: Iterable[Any], shape: tuple[int, ...]) -> Floats:
-    """Numbers and arrays that broadcast, of one shape and in one array with them along its first axis."""
-    return np.array([np.broadcast_to(part, shape) for part in parts])
+def as_array(components: Iterable[Any], shape: tuple[int, ...]) -> Floats:
+    """Broadcast numbers and arrays to a common shape and stack them along a new first axis.
+
+    Parameters
+    ----------
+    components : iterable of number or ndarray
+        For example the three components of a `Vector`.
+    shape : tuple of int
+        Shape that each component is broadcast to.
+
+    Returns
+    -------
+    ndarray, shape (number of components, *shape)
+        The stacked components.
+    """
+    return np.array([np.broadcast_to(component, shape) for component in components])
 
 
 @dataclass(frozen=True)
 class Linear:
-    """The law ``lead + ratio * driver`` (radians; ratio is a pure number), defined everywhere.
+    """The law ``lead + ratio * driver``, defined for every driver angle.
 
-    Both may be arrays of shape (items,): laws of many mechanisms.
+    Both fields may be arrays of shape (items,), one value for each of several mechanisms.
     """
 
     lead: float | Floats
+    """Angle at driver angle zero, rad."""
     ratio: float | Floats = 0.0
+    """Change of the angle per change of the driver angle."""
     breakpoints: tuple[float, ...] = field(default=(), init=False)
+    """Driver angles at which the law is not smooth: none."""
 
     def value(self, driver: Floats | float) -> Floats | float:
-        """The angle at each driver angle."""
+        """Return the angle (rad) at each driver angle (rad)."""
         return self.lead + self.ratio * driver
 
     def rate_bound(self, first: float, last: float) -> float:
-        """The largest ``|d angle / d driver|`` between two driver angles."""
+        """Return the largest ``|d angle / d driver|`` between two driver angles."""
         return float(np.max(np.abs(self.ratio)))
 
-    def undefined(self, first: float, last: float) -> str | None:
-        """Why the law says nothing about a range of the driver; None where it does."""
+    def undefined_reason(self, first: float, last: float) -> str | None:
+        """Explain why the law is undefined over a range of the driver, or return None if it is defined."""
         return None
 
 
 @dataclass(frozen=True)
 class Table:
-    """A law through given points: straight between them, or a monotone cubic (pchip).
+    """A law that interpolates a table, linearly or by a monotone cubic (pchip).
 
-    Raises `ValueError`: fewer than two knots, lengths that differ, or driver angles that do not increase.
+    At a knot the law equals the knot's angle; between two knots it stays between their angles.
 
-    Law: the value at a knot is the knot's angle; between two knots it never leaves the interval of their angles.
+    Raises
+    ------
+    ValueError
+        There are fewer than two knots, the two columns differ in length, or the driver angles do not increase.
     """
 
     driver: tuple[float, ...]
+    """Driver angles of the knots (rad), at least two and strictly increasing."""
     angle: tuple[float, ...]
-    """Knots in radians; ``driver`` strictly increasing, at least two."""
+    """Angles at the knots, rad."""
     kind: Literal["linear", "pchip"] = "linear"
-    """Pchip keeps the monotony of the points and has a continuous rate."""
+    """Interpolation; pchip preserves monotonicity and has a continuous rate."""
     outside: Literal["hold", "error"] = "hold"
-    """Before the first and after the last knot: a dwell at that angle, or no law at all. A table that holds must
-    still share a driver angle with the range it is asked for: one that lies wholly elsewhere is a mistake."""
+    """Behaviour before the first and after the last knot: hold the end angle, or be undefined.
+    A table that holds must still overlap the requested driver range; a range completely outside it is a mistake."""
 
     def __post_init__(self) -> None:
         if len(self.driver) != len(self.angle) or len(self.driver) < 2:
-            raise ValueError("a table needs two rows or more, each a driver angle and an angle")
+            raise ValueError("a table needs at least two rows, each with a driver angle and an angle")
         steps = np.diff(self.driver)
         if not np.all(steps > 0):
             row = int(np.argmin(steps > 0)) + 1
@@ -83,7 +107,7 @@ class Table:
 
     @property
     def breakpoints(self) -> tuple[float, ...]:
-        """The knots: between them the law is a polynomial."""
+        """Driver angles of the knots; between two knots the law is a polynomial."""
         return self.driver
 
     @cached_property
@@ -97,38 +121,43 @@ class Table:
         return PchipInterpolator(knots, angles).c
 
     def value(self, driver: Floats | float) -> Floats | float:
-        """The angle at each driver angle, in the precision of ``driver``."""
+        """Return the angle (rad) at each driver angle (rad), in the precision of ``driver``."""
         knots = np.array(self.driver)
         driver = np.clip(driver, knots[0], knots[-1])
-        piece = np.clip(np.searchsorted(knots, driver, side="right") - 1, 0, len(knots) - 2)
-        along = driver - knots[piece]
-        value: Floats = self._coefficients[0][piece]
-        for row in self._coefficients[1:]:
-            value = value * along + row[piece]
+        interval = np.clip(np.searchsorted(knots, driver, side="right") - 1, 0, len(knots) - 2)
+        offset = driver - knots[interval]
+        value: Floats = self._coefficients[0][interval]
+        for coefficient in self._coefficients[1:]:
+            value = value * offset + coefficient[interval]
         return value
 
     def rate_bound(self, first: float, last: float) -> float:
-        """A bound of ``|d angle / d driver|``; for pchip three times the steepest chord (Fritsch and Carlson)."""
+        """Return an upper bound of ``|d angle / d driver|`` between two driver angles.
+
+        For pchip this is three times the steepest chord (Fritsch and Carlson).
+        """
         knots = np.array(self.driver)
-        inside = (knots[1:] > first) & (knots[:-1] < last)
-        slopes = np.abs(np.diff(self.angle) / np.diff(knots))[inside]
+        overlaps = (knots[1:] > first) & (knots[:-1] < last)
+        slopes = np.abs(np.diff(self.angle) / np.diff(knots))[overlaps]
         return float(slopes.max(initial=0.0)) * (3.0 if self.kind == "pchip" else 1.0)
 
-    def undefined(self, first: float, last: float) -> str | None:
-        """Why the law says nothing about a range of the driver; None where it does."""
+    def undefined_reason(self, first: float, last: float) -> str | None:
+        """Explain why the law is undefined over a range of the driver, or return None if it is defined."""
         start, end = self.driver[0], self.driver[-1]
         if self.outside == "error":
             defined = start <= first and last <= end
         else:
-            defined = (start <= last and first <= end) or not first < last  # at rest at any single angle
+            defined = (start <= last and first <= end) or not first < last  # held at any single angle
         if defined:
             return None
-        needed = (
-            f"are {np.degrees(first):.9g} to {np.degrees(last):.9g}" if first < last else f"is {np.degrees(last):.9g}"
+        required = (
+            f"{np.degrees(first):.9g} to {np.degrees(last):.9g} degrees are required"
+            if first < last
+            else f"{np.degrees(last):.9g} degrees is required"
         )
         return (
             f"the law is not defined over the whole range: its table covers {np.degrees(start):.9g} to "
-            f"{np.degrees(end):.9g} degrees, needed {needed} degrees"
+            f"{np.degrees(end):.9g} degrees, but {required}"
         )
 
 
@@ -137,17 +166,20 @@ Law = Linear | Table
 
 
 @dataclass(frozen=True)
-class Turn:
-    """An active right-handed rotation about an axis (eqs 1-3) by a parameter, a law or the driver."""
+class Rotation:
+    """An active right-handed rotation about an axis (eqs 1-3)."""
 
     axis: Literal["i", "j", "k"]
-    by: str
+    """Axis of rotation."""
+    angle: str
+    """Name of a parameter or of a law, or `DRIVER`."""
     sense: int = 1
+    """Factor of the angle, 1 or -1."""
 
 
 @dataclass(frozen=True)
-class Shift:
-    """A translation; each component a number, a parameter's name, or that name after a minus sign."""
+class Translation:
+    """A translation; each component is a number, a parameter's name, or a minus sign and a parameter's name."""
 
     i: str | float = 0.0
     j: str | float = 0.0
@@ -156,189 +188,286 @@ class Shift:
 
 @dataclass(frozen=True)
 class Chain:
-    """The steps that carry coordinates from one frame to another, first step first."""
+    """Rotations and translations that transform coordinates between two frames."""
 
     source: str
+    """Frame of the given coordinates."""
     target: str
-    steps: tuple[Turn | Shift, ...]
+    """Frame of the resulting coordinates."""
+    steps: tuple[Rotation | Translation, ...]
+    """Steps in the order in which they are applied."""
 
 
 @dataclass(frozen=True)
 class Mechanism:
-    """Frames joined by chains, points fixed in frames, and the values that place them.
+    """Frames joined by chains, points fixed in frames, and their parameters and laws.
 
-    Law: carrying a point to another frame and back gives the point, to rounding; distances between points of one frame
-    are the same in every frame.
+    A point that is transformed to another frame and back returns to itself, to rounding.
+    The distance between two points of the same frame is the same in every frame.
     """
 
     parameters: Mapping[str, float | Floats]
-    """Lengths and angles by name. Arrays of shape (items,), here and in laws and points, make one mechanism stand for many."""
+    """Lengths and angles by name.
+    Arrays of shape (items,), here and in laws and points, let an object represent several mechanisms."""
     laws: Mapping[str, Law]
-    """Angles that follow the driver."""
+    """Laws of the angles that follow the driver, by name."""
     chains: tuple[Chain, ...]
-    """A tree over the frames."""
+    """Chains that join all frames into a tree."""
     points: Mapping[str, tuple[str, Vector]]
-    """Each point in the frame that it is fixed in."""
+    """Frame and coordinates of each point, by name."""
 
     def with_parameters(self, **values: float | Floats) -> Mechanism:
-        """The same mechanism with other values of some parameters."""
+        """Return the mechanism with other values of some parameters."""
         return replace(self, parameters={**self.parameters, **values})
 
-    def locked(self, law: str, at: float) -> Mechanism:
-        """The same mechanism with one law held at its value at driver angle ``at``."""
+    def with_locked_law(self, law: str, at: float) -> Mechanism:
+        """Return the mechanism with one law held at its value at driver angle ``at`` (rad)."""
         return replace(self, laws={**self.laws, law: Linear(self.laws[law].value(np.float64(at)))})
 
-    def item(self, index: Integers) -> Mechanism:
-        """The mechanisms of some items, their parameters shaped as ``index``."""
+    def select(self, index: Integers) -> Mechanism:
+        """Return the mechanisms of the given items.
 
-        def of(value: Any) -> Any:
+        Parameters
+        ----------
+        index : ndarray of int
+            Indices of the items; parameters that are arrays take the shape of ``index``.
+        """
+
+        def selected(value: Any) -> Any:
             return value[index] if isinstance(value, np.ndarray) and value.ndim else value
 
         laws = {
-            name: Linear(of(law.lead), of(law.ratio)) if isinstance(law, Linear) else law
+            name: Linear(selected(law.lead), selected(law.ratio)) if isinstance(law, Linear) else law
             for name, law in self.laws.items()
         }
-        points = {name: (frame, tuple(map(of, xyz))) for name, (frame, xyz) in self.points.items()}
-        return replace(
-            self, parameters={name: of(value) for name, value in self.parameters.items()}, laws=laws, points=points
-        )
+        points = {name: (frame, tuple(map(selected, xyz))) for name, (frame, xyz) in self.points.items()}
+        parameters = {name: selected(value) for name, value in self.parameters.items()}
+        return replace(self, parameters=parameters, laws=laws, points=points)
 
     def position(self, point: str, frame: str, driver: Floats | float) -> Vector:
-        """A point's coordinates in a frame, at driver angles that broadcast against the parameters."""
-        home, coordinates = self.points[point]
-        return self.carry(coordinates, home, frame, driver)
+        """Return the coordinates of a point in a frame.
 
-    def carry(self, vector: Vector, source: str, target: str, driver: Floats | float) -> Vector:
-        """Coordinates in frame ``source`` as coordinates in frame ``target``, in the precision of ``driver``."""
+        Parameters
+        ----------
+        point, frame : str
+            Names of the point and of the frame.
+        driver : ndarray or float
+            Driver angles (rad) that broadcast against the parameters.
+
+        Returns
+        -------
+        vector
+            Coordinates in the precision of ``driver``.
+        """
+        home, coordinates = self.points[point]
+        return self.transform(coordinates, home, frame, driver)
+
+    def transform(self, vector: Vector, source: str, target: str, driver: Floats | float) -> Vector:
+        """Transform coordinates between two frames.
+
+        Parameters
+        ----------
+        vector : vector
+            Coordinates in frame ``source``.
+        source, target : str
+            Names of the frames.
+        driver : ndarray or float
+            Driver angles (rad) that broadcast against the coordinates and the parameters.
+
+        Returns
+        -------
+        vector
+            Coordinates in frame ``target``, in the precision of ``driver``.
+
+        Raises
+        ------
+        ValueError
+            No sequence of chains joins the two frames.
+        """
         precision = np.result_type(driver, float)
         if np.finfo(precision).nmant > np.finfo(float).nmant:
-            vector = tuple(np.asarray(at, precision) for at in vector)
+            vector = tuple(np.asarray(component, precision) for component in vector)
         for chain, forward in self._path(source, target):
             for step in chain.steps if forward else reversed(chain.steps):
-                if isinstance(step, Turn):
+                if isinstance(step, Rotation):
                     angle = np.asarray(self._angle(step, driver), precision)
-                    vector = _turned(vector, step.axis, step.sense if forward else -step.sense, angle)
+                    vector = _rotate(vector, step.axis, step.sense if forward else -step.sense, angle)
                 else:
                     sign = 1.0 if forward else -1.0
                     vector = tuple(
-                        at + sign * self._length(by) if not isinstance(by, float) or by else at
-                        for at, by in zip(vector, (step.i, step.j, step.k))
+                        component + sign * self._length(length)
+                        if not isinstance(length, float) or length
+                        else component
+                        for component, length in zip(vector, (step.i, step.j, step.k))
                     )
         return vector
 
     def laws_between(self, frames: set[str]) -> set[str]:
-        """The laws on the chains that join some frames."""
-        first, *others = sorted(frames)
-        steps = [step for frame in others for chain, _ in self._path(first, frame) for step in chain.steps]
-        return {step.by for step in steps if isinstance(step, Turn) and step.by in self.laws}
+        """Return the names of the laws on the chains that join some frames."""
+        first, *remaining = sorted(frames)
+        steps = [step for frame in remaining for chain, _ in self._path(first, frame) for step in chain.steps]
+        return {step.angle for step in steps if isinstance(step, Rotation) and step.angle in self.laws}
 
     def require_laws(self, frames: set[str], first: float, last: float, only: str | None = None) -> None:
-        """Raise `FieldError` naming the first law between the frames that is not defined over a driver range."""
+        """Check that the laws between some frames are defined over a range of the driver.
+
+        Parameters
+        ----------
+        frames : set of str
+            Names of the frames.
+        first, last : float
+            Ends of the range, rad.
+        only : str, optional
+            Name of the only law to check.
+
+        Raises
+        ------
+        FieldError
+            A law is not defined over the whole range; the error names the first such law.
+        """
         for name in sorted(self.laws_between(frames) & ({only} if only else set(self.laws))):
-            if reason := self.laws[name].undefined(first, last):
+            if reason := self.laws[name].undefined_reason(first, last):
                 raise FieldError(f"/laws/{name}", reason, constraint="law_range")
 
     def breakpoints(self, frames: set[str]) -> list[float]:
-        """Driver angles at which a law between the frames is not smooth."""
+        """Return the driver angles (rad) at which a law between the frames is not smooth."""
         return sorted({knot for name in self.laws_between(frames) for knot in self.laws[name].breakpoints})
 
     def turning_rate(self, frames: set[str], first: float, last: float) -> float:
-        """A bound of how many times faster than the driver coordinates turn between the frames."""
+        """Return an upper bound of the rotation of coordinates between the frames per rotation of the driver."""
         return 1.0 + sum(self.laws[name].rate_bound(first, last) for name in self.laws_between(frames))
 
-    def rounding(self, frames: set[str], first: float, last: float) -> Floats | float:
-        """A bound of the rounding error of any coordinate in these frames; a number or one per item.
+    def rounding_bound(self, frames: set[str], first: float, last: float) -> Floats | float:
+        """Bound the rounding error of every coordinate in some frames.
 
-        Coordinates lose digits to the sizes that are added up, and to angles of many turns.
+        Large dimensions cost digits when they are added, and so do angles of many turns.
+
+        Parameters
+        ----------
+        frames : set of str
+            Names of the frames.
+        first, last : float
+            Range of the driver, rad.
+
+        Returns
+        -------
+        float or ndarray, shape (items,)
+            The bound, as a length.
         """
-        shifts = [step for chain in self.chains for step in chain.steps if isinstance(step, Shift)]
-        sizes = [np.sqrt(sum(np.square(at) for at in xyz)) for _, xyz in self.points.values()]
-        reach: Any = reduce(np.maximum, sizes, 0.0)
-        reach += sum(abs(self._length(by)) for step in shifts for by in (step.i, step.j, step.k))
-        turned: Any = 1.0 + max(abs(first), abs(last))
+        translations = [step for chain in self.chains for step in chain.steps if isinstance(step, Translation)]
+        distances = [np.sqrt(sum(np.square(coordinate) for coordinate in xyz)) for _, xyz in self.points.values()]
+        reach: Any = reduce(np.maximum, distances, 0.0)
+        reach += sum(abs(self._length(length)) for step in translations for length in (step.i, step.j, step.k))
+        largest_angle: Any = 1.0 + max(abs(first), abs(last))
         for name in self.laws_between(frames):
             law = self.laws[name]
-            turned = turned + np.abs(law.value(np.float64(first))) + law.rate_bound(first, last) * (last - first)
-        bound: Floats | float = 16 * EPSILON * turned * reach
+            initial = np.abs(law.value(np.float64(first)))
+            largest_angle = largest_angle + initial + law.rate_bound(first, last) * (last - first)
+        bound: Floats | float = 16 * EPSILON * largest_angle * reach
         return bound
 
-    def _length(self, by: str | float) -> Any:
-        if isinstance(by, str):
-            return -self.parameters[by[1:]] if by.startswith("-") else self.parameters[by]
-        return by
+    def _length(self, length: str | float) -> Any:
+        if isinstance(length, str):
+            return -self.parameters[length[1:]] if length.startswith("-") else self.parameters[length]
+        return length
 
-    def _angle(self, step: Turn, driver: Floats | float) -> Floats | float:
-        if step.by == DRIVER:
+    def _angle(self, step: Rotation, driver: Floats | float) -> Floats | float:
+        if step.angle == DRIVER:
             return driver
-        return self.laws[step.by].value(driver) if step.by in self.laws else self.parameters[step.by]
+        return self.laws[step.angle].value(driver) if step.angle in self.laws else self.parameters[step.angle]
 
     def _path(self, source: str, target: str) -> list[tuple[Chain, bool]]:
-        """The chains from one frame to another, each with whether it is walked in its own direction."""
+        """Return the chains from one frame to another, each with True if it is followed from source to target."""
         paths: dict[str, list[tuple[Chain, bool]]] = {source: []}
-        ways = [(chain, forward) for chain in self.chains for forward in (True, False)]
+        directed_chains = [(chain, forward) for chain in self.chains for forward in (True, False)]
         for _ in self.chains:
-            for chain, forward in ways:
-                here, there = (chain.source, chain.target)[:: 1 if forward else -1]
-                if here in paths and there not in paths:
-                    paths[there] = [*paths[here], (chain, forward)]
+            for chain, forward in directed_chains:
+                tail, head = (chain.source, chain.target)[:: 1 if forward else -1]
+                if tail in paths and head not in paths:
+                    paths[head] = [*paths[tail], (chain, forward)]
         if target not in paths:
             raise ValueError(f"no chain leads from frame {source} to frame {target}")
         return paths[target]
 
 
-def _turned(vector: Vector, axis: str, sense: int, angle: Floats | float) -> Vector:
-    """``R(axis, sense * angle) vector`` (eqs 1-3); cyclic, so that one formula serves the three axes."""
+def _rotate(vector: Vector, axis: str, sense: int, angle: Floats | float) -> Vector:
+    """Return ``R(axis, sense * angle) vector`` (eqs 1-3), by one formula that is cyclic in the three axes."""
     cosine, sine = np.cos(angle), sense * np.sin(angle)
-    own = AXES.index(axis)
-    first, second = (own + 1) % 3, (own + 2) % 3
-    turned = list(vector)
-    turned[first] = cosine * vector[first] - sine * vector[second]
-    turned[second] = sine * vector[first] + cosine * vector[second]
-    return tuple(turned)
+    axis_index = AXES.index(axis)
+    first, second = (axis_index + 1) % 3, (axis_index + 2) % 3
+    rotated = list(vector)
+    rotated[first] = cosine * vector[first] - sine * vector[second]
+    rotated[second] = sine * vector[first] + cosine * vector[second]
+    return tuple(rotated)
 
 
-ANGLES = ("alpha1", "alpha2", "alpha3", "beta.lead", "alpha4.lead")
-"""Dimensions that are angles; ratios of laws are pure numbers, all others are lengths."""
+ANGULAR_DIMENSIONS = ("alpha1", "alpha2", "alpha3", "beta.lead", "alpha4.lead")
+"""Names of the dimensions that are angles; ratios of laws are dimensionless, all others are lengths."""
 
 
 def dimensions(mechanism: Mechanism) -> dict[str, float]:
-    """Every dimension and its value: parameters, ``law.lead`` and ``law.ratio`` of laws that are linear, ``point.axis``.
+    """Return the value of every dimension of a single mechanism.
 
-    Points without a name of their own in the source (a frame's origin) are left out.
+    Parameters
+    ----------
+    mechanism : Mechanism
+        A mechanism whose parameters, laws and points are numbers.
+
+    Returns
+    -------
+    dict
+        Values of parameters, of ``law.lead`` and ``law.ratio`` of linear laws, and of coordinates ``point.axis``.
+        Frame origins, which have no point name in the source, are left out.
     """
-    found = {name: float(np.asarray(value)) for name, value in mechanism.parameters.items()}
+    values = {name: float(np.asarray(value)) for name, value in mechanism.parameters.items()}
     for name, law in mechanism.laws.items():
         if isinstance(law, Linear):
-            found |= {f"{name}.lead": float(np.asarray(law.lead)), f"{name}.ratio": float(np.asarray(law.ratio))}
+            values |= {f"{name}.lead": float(np.asarray(law.lead)), f"{name}.ratio": float(np.asarray(law.ratio))}
     for name, (_, xyz) in mechanism.points.items():
         if name.startswith("S"):
-            found |= {f"{name}.{axis}": float(at) for axis, at in zip(AXES, xyz)}
-    return found
+            values |= {f"{name}.{axis}": float(coordinate) for axis, coordinate in zip(AXES, xyz)}
+    return values
 
 
-def varied(mechanism: Mechanism, values: Mapping[str, Floats | float]) -> Mechanism:
-    """The mechanism with other values of some dimensions, each a number or an array of shape (items,).
+def with_dimensions(mechanism: Mechanism, values: Mapping[str, Floats | float]) -> Mechanism:
+    """Return a mechanism with other values of some dimensions.
 
-    Law: with the values of `dimensions` it is the same mechanism.
+    With the values of `dimensions` the result equals the given mechanism.
 
-    Raises `FieldError`: a dimension that this mechanism does not have.
+    Parameters
+    ----------
+    mechanism : Mechanism
+        The mechanism to start from.
+    values : mapping
+        Value of each dimension, named as in `dimensions`: a number, or an array of shape (items,).
+
+    Returns
+    -------
+    Mechanism
+        A new mechanism.
+
+    Raises
+    ------
+    FieldError
+        The mechanism has no dimension of that name.
     """
     parameters, laws, points = dict(mechanism.parameters), dict(mechanism.laws), dict(mechanism.points)
     for name, value in values.items():
-        owner, _, part = name.partition(".")
+        owner, _, component = name.partition(".")
         law = laws.get(owner)
         if name in parameters:
             parameters[name] = value
-        elif isinstance(law, Linear) and part in ("lead", "ratio"):
-            laws[owner] = Linear(value, law.ratio) if part == "lead" else Linear(law.lead, value)
-        elif owner in points and part in tuple(AXES):
+        elif isinstance(law, Linear) and component in ("lead", "ratio"):
+            laws[owner] = Linear(value, law.ratio) if component == "lead" else Linear(law.lead, value)
+        elif owner in points and component in tuple(AXES):
             frame, xyz = points[owner]
             moved = list(xyz)
-            moved[AXES.index(part)] = value
+            moved[AXES.index(component)] = value
             points[owner] = (frame, tuple(moved))
         else:
             raise FieldError(
                 "",
-                f"there is no dimension {name}: a parameter, law.lead or law.ratio of a linear law, or point.i, .j, .k",
+                f"there is no dimension {name}; give a parameter, the lead or ratio of a linear law (law.lead, "
+                "law.ratio), or a coordinate of a point (point.i, point.j, point.k)",
             )
     return replace(mechanism, parameters=parameters, laws=laws, points=points)

@@ -1,4 +1,4 @@
-"""Conditions over a grid of a mechanism's parameters, their limits in one of them, and their verdicts within tolerances."""
+"""Studies of conditions: over a grid of parameters, at the limits of a parameter, and within tolerances."""
 
 from __future__ import annotations
 
@@ -9,22 +9,23 @@ import numpy as np
 
 from synthesis.errors import FieldError
 from synthesis.one_variable import Flags, Floats
-from synthesis.scenes.knotter.conditions import Condition, Result
-from synthesis.scenes.knotter.mechanism import Mechanism, dimensions, varied
+from synthesis.scenes.knotter.conditions import Condition, ConditionResult
+from synthesis.scenes.knotter.mechanism import Mechanism, dimensions, with_dimensions
 from synthesis.work import Work
 
 
 @dataclass(frozen=True)
 class StudyResult:
-    """The verdicts over a grid."""
+    """Verdicts of several conditions over a grid."""
 
     grid: Mapping[str, Floats]
-    """Each item's value of every grid parameter; the last parameter varies fastest, shape (items,)."""
-    conditions: Mapping[str, Result]
+    """Value of each grid parameter for each item, shape (items,); the last parameter varies fastest."""
+    conditions: Mapping[str, ConditionResult]
+    """Result of each condition, by name."""
     feasible: Flags
-    """Where all conditions hold, shape (items,)."""
+    """True for items that satisfy all conditions, shape (items,)."""
     margin: Floats
-    """The smallest margin of all conditions, shape (items,)."""
+    """Smallest margin of all conditions, shape (items,)."""
 
 
 def study(
@@ -33,12 +34,29 @@ def study(
     conditions: Sequence[Condition],
     work: Work | None = None,
 ) -> StudyResult:
-    """Every condition for every combination of the grid's parameters; ``work`` is asked before each few items of each condition.
+    """Evaluate conditions for every combination of some parameters.
 
-    Raises `FieldError`: an empty grid, degenerate points, a law that is not defined over a condition's range, too much
-    work.
+    Parameters
+    ----------
+    mechanism : Mechanism
+        A single mechanism.
+    grid : mapping
+        Values of each parameter that varies.
+    conditions : sequence of Condition
+        The conditions.
+    work : Work, optional
+        Time budget and cancellation, checked before each few items of each condition.
 
-    Law: an item's result does not depend on the other items of the grid.
+    Returns
+    -------
+    StudyResult
+        Verdicts; the result of an item does not depend on the other items of the grid.
+
+    Raises
+    ------
+    FieldError
+        The grid is empty, points coincide or are collinear, a law is not defined over the range of a condition, or
+        the evaluation would take too many pieces.
     """
     for name, values in grid.items():
         if len(values) == 0:
@@ -46,16 +64,16 @@ def study(
                 f"/grid/{name}", "the grid is empty: at least one value is needed", constraint="min_length"
             )
     axes = np.meshgrid(*(np.asarray(values, float) for values in grid.values()), indexing="ij")
-    flat = {name: axis.ravel() for name, axis in zip(grid, axes)}
-    items = len(next(iter(flat.values()))) if flat else 1
-    mechanism = mechanism.with_parameters(**flat)
+    item_values = {name: axis.ravel() for name, axis in zip(grid, axes)}
+    items = len(next(iter(item_values.values()))) if item_values else 1
+    mechanism = mechanism.with_parameters(**item_values)
     for condition in conditions:
         condition.check(mechanism)
     work, results = work or Work(), {}
     for condition in conditions:
         results[condition.name] = condition.evaluate(mechanism, items, work)
     return StudyResult(
-        flat,
+        item_values,
         results,
         np.logical_and.reduce([np.ones(items, bool), *(result.holds for result in results.values())]),
         np.minimum.reduce([np.full(items, np.inf), *(result.margin for result in results.values())]),
@@ -64,17 +82,17 @@ def study(
 
 @dataclass(frozen=True)
 class Limit:
-    """A parameter's value at which a verdict changes."""
+    """Value of a parameter at which a condition begins or ceases to hold."""
 
     value: float
-    """The last value at which the condition holds, to rounding."""
+    """Last value at which the condition holds, to rounding."""
     holds_above: bool
-    """Whether it holds on the upper side."""
-    result: Result
-    """The condition at ``value``, arrays of one item."""
+    """True if the condition holds on the upper side of the limit."""
+    result: ConditionResult
+    """Result of the condition at ``value``, for a single item."""
 
 
-def solve(
+def find_limits(
     mechanism: Mechanism,
     condition: Condition,
     parameter: str,
@@ -82,131 +100,195 @@ def solve(
     samples: int = 257,
     work: Work | None = None,
 ) -> tuple[list[Limit], bool]:
-    """Every limit of a condition in one parameter that ``samples`` evenly spaced values tell apart, increasing.
+    """Find the values of a parameter at which a condition begins or ceases to hold.
 
-    Also whether the condition holds at the first value, which tells always from never when there is no limit.
+    The verdict at each sample is exact, but the search over the parameter is only as fine as its samples: a condition
+    that changes twice between two neighbouring samples is not noticed.
+    Each change is enclosed by repeated division of its bracket into 16 parts, down to rounding.
 
-    Where the condition holds between two samples only, neither sees it: the verdict at a sample is exact, the search
-    over the parameter is as fine as its samples. Each change is then cut into 16 until next to nothing is left. Law:
-    the condition holds at ``value`` and fails at the next samples beyond it. ``work`` is asked at each evaluation.
+    Parameters
+    ----------
+    mechanism : Mechanism
+        A single mechanism.
+    condition : Condition
+        The condition.
+    parameter : str
+        Name of the parameter.
+    between : tuple of float
+        Range of the parameter.
+    samples : int, optional
+        Number of evenly spaced values that are examined first.
+    work : Work, optional
+        Time budget and cancellation, checked at each evaluation.
+
+    Returns
+    -------
+    limits : list of Limit
+        The limits, increasing.
+        The condition holds at ``Limit.value`` and fails at the next sample beyond it.
+    holds_at_first : bool
+        True if the condition holds at the lower end of the range.
+
+    Raises
+    ------
+    FieldError
+        Points coincide or are collinear, a law is not defined over the range of the condition, or the evaluation
+        would take too many pieces.
     """
     condition.check(mechanism)
 
-    def verdict(values: Floats) -> Flags:
+    def holds_at(values: Floats) -> Flags:
         return condition.evaluate(mechanism.with_parameters(**{parameter: values}), len(values), work).holds
 
     values = np.linspace(*between, samples)
-    holds = verdict(values)
-    at = np.flatnonzero(holds[1:] != holds[:-1])
-    left, right, rises = values[at], values[at + 1], holds[at + 1]
-    cut = np.linspace(0, 1, 17)
-    finest = (between[1] - between[0]) * 2.0**-60  # what rounding leaves of a limit near zero
-    while np.any(right - left > np.maximum(2 * np.spacing(np.maximum(np.abs(left), np.abs(right))), finest)):
-        inner = left[:, None] + (right - left)[:, None] * cut
+    holds = holds_at(values)
+    change = np.flatnonzero(holds[1:] != holds[:-1])
+    left, right, holds_above = values[change], values[change + 1], holds[change + 1]
+    fractions = np.linspace(0, 1, 17)
+    resolution = (between[1] - between[0]) * 2.0**-60  # rounding of a limit near zero
+    while np.any(right - left > np.maximum(2 * np.spacing(np.maximum(np.abs(left), np.abs(right))), resolution)):
+        inner = left[:, None] + (right - left)[:, None] * fractions
         inner[:, -1] = right
-        # The first change in the bracket: its ends differ by construction.
-        state = verdict(inner[:, 1:-1].ravel()).reshape(len(at), -1) == rises[:, None]
-        state = np.concatenate([state, np.ones((len(at), 1), bool)], axis=1)
-        first = np.argmax(state, axis=1)[:, None]
+        # Find the first change in each bracket; the verdicts at its two ends differ by construction.
+        changed = holds_at(inner[:, 1:-1].ravel()).reshape(len(change), -1) == holds_above[:, None]
+        changed = np.concatenate([changed, np.ones((len(change), 1), bool)], axis=1)
+        first = np.argmax(changed, axis=1)[:, None]
         left = np.take_along_axis(inner, first, 1)[:, 0]
         right = np.take_along_axis(inner, first + 1, 1)[:, 0]
     limits = []
-    for value, above in zip(np.where(rises, right, left).tolist(), rises.tolist()):
+    for value, above in zip(np.where(holds_above, right, left).tolist(), holds_above.tolist()):
         at_limit = mechanism.with_parameters(**{parameter: np.array([value])})
         limits.append(Limit(value, above, condition.evaluate(at_limit, 1)))
     return limits, bool(holds[0])
 
 
-LARGEST_FACTOR = 64.0
-"""Multiple of the tolerances beyond which the worst corner is not sought."""
-HALVINGS = 24
+@dataclass(frozen=True)
+class ToleranceOptions:
+    """Options of the tolerance analysis."""
+
+    slope_step: float = 0.01
+    """Step of the central differences, as a fraction of the tolerances.
+    It is small because a margin may switch between its formulas within the tolerances."""
+    largest_factor: float = 64.0
+    """Multiple of the tolerances beyond which the failure of the worst corner is not searched."""
+    factor_halvings: int = 24
+    """Number of halvings of the bracket around the multiple at which the worst corner fails."""
+
+
+DEFAULT_OPTIONS = ToleranceOptions()
 
 
 @dataclass(frozen=True)
-class Spread:
-    """One condition within the tolerances."""
+class ConditionTolerance:
+    """Margin of a condition within the tolerances."""
 
     holds: bool
-    """With the nominal dimensions."""
+    """True if the condition holds with the nominal dimensions."""
     margin: float
+    """Margin with the nominal dimensions."""
     linear: float
-    """The margin less all sensitivities times their tolerances."""
+    """Nominal margin minus the sum of all sensitivities times their tolerances."""
     corner: float
-    """The margin where every dimension is off to its worse side."""
+    """Margin if every dimension deviates by its whole tolerance to its unfavourable side."""
     factor: float | None
-    """The multiple of the tolerances at which that corner fails; null: beyond 64, or it fails as it is."""
+    """Multiple of the tolerances at which that corner fails; null if it exceeds 64 or the condition already fails."""
     least: float
-    """The smallest margin of all samples."""
+    """Smallest margin of all samples."""
     share: float
-    """The share of the samples in which the condition holds."""
+    """Fraction of the samples in which the condition holds."""
     sensitivity: dict[str, float]
-    """Change of the margin per unit of each dimension, largest effects first."""
+    """Change of the margin per unit of each dimension, largest effects within the tolerances first."""
 
 
-def spread(
+def analyse_tolerances(
     mechanism: Mechanism,
     conditions: Mapping[str, Condition],
     tolerances: Mapping[str, float],
     samples: int,
     seed: int,
     work: Work | None = None,
-) -> tuple[dict[str, Spread], float]:
-    """Each condition of one mechanism within its tolerances, and the share of the samples in which all of them hold.
+    options: ToleranceOptions = DEFAULT_OPTIONS,
+) -> tuple[dict[str, ConditionTolerance], float]:
+    """Analyse the margins of a mechanism within the tolerances of its dimensions.
 
-    ``tolerances``: half width of each dimension's tolerance (of `dimensions`), above 0. ``samples``: even draws from
-    the box of the tolerances, the same for all conditions.
+    Parameters
+    ----------
+    mechanism : Mechanism
+        A single mechanism with nominal dimensions.
+    conditions : mapping
+        Conditions by name.
+    tolerances : mapping
+        Half width of each dimension's tolerance, above 0; named as in `dimensions`.
+    samples : int
+        Number of draws from the uniform distribution over the tolerances; all conditions use the same draws.
+    seed : int
+        Seed of the draws.
+    work : Work, optional
+        Time budget and cancellation, checked at each evaluation.
+    options : ToleranceOptions, optional
+        Options of the analysis.
 
-    Law: the linear margin is never above the corner's by more than the margin's curvature makes.
+    Returns
+    -------
+    results : dict
+        Result of each condition.
+        ``linear`` exceeds ``corner`` only by the effect of the margin's curvature.
+    share : float
+        Fraction of the samples in which all conditions hold.
     """
     work = work or Work()
     nominal, names = dimensions(mechanism), list(tolerances)
-    centre, half = np.array([nominal[name] for name in names]), np.array(list(tolerances.values()))
+    centre, half_width = np.array([nominal[name] for name in names]), np.array(list(tolerances.values()))
     draws = np.random.default_rng(seed).uniform(-1, 1, (samples, len(names)))
-    holding, found = np.ones(samples, bool), {}
+    all_hold, results = np.ones(samples, bool), {}
 
     for name, condition in conditions.items():
 
-        def margins(shifts: Floats, condition: Condition = condition) -> Floats:
-            """Margins where the dimensions are off by shares of their tolerances, shape (n, dimensions)."""
-            at = centre + shifts * half
-            columns = {dimension: at[:, k] for k, dimension in enumerate(names)}
-            return condition.evaluate(varied(mechanism, columns), len(at), work).margin
+        def margins(deviations: Floats, condition: Condition = condition) -> Floats:
+            """Return the margins at deviations in multiples of the tolerances, shape (n, dimensions)."""
+            values = centre + deviations * half_width
+            columns = {dimension: values[:, k] for k, dimension in enumerate(names)}
+            return condition.evaluate(with_dimensions(mechanism, columns), len(values), work).margin
 
-        # steps of a hundredth of the tolerances: within the box a margin may change its branch
-        steps = 0.01 * np.eye(len(names))
-        both = margins(np.concatenate([np.zeros((1, len(names))), steps, -steps]))
-        margin, slopes = float(both[0]), (both[1 : len(names) + 1] - both[len(names) + 1 :]) / 0.02
-        worst = -np.sign(slopes)
+        steps = options.slope_step * np.eye(len(names))
+        stencil = margins(np.concatenate([np.zeros((1, len(names))), steps, -steps]))
+        forward, backward = stencil[1 : len(names) + 1], stencil[len(names) + 1 :]
+        margin, slopes = float(stencil[0]), (forward - backward) / (2 * options.slope_step)
+        worst_corner = -np.sign(slopes)
 
-        def along(factor: float, worst: Floats = worst, margins: Callable[[Floats], Floats] = margins) -> float:
-            return float(margins(factor * worst[None])[0])
+        def corner_margin(
+            factor: float, worst_corner: Floats = worst_corner, margins: Callable[[Floats], Floats] = margins
+        ) -> float:
+            return float(margins(factor * worst_corner[None])[0])
 
         sampled = margins(draws) if samples else np.empty(0)
-        holding &= sampled > 0
+        all_hold &= sampled > 0
         order = np.argsort(-np.abs(slopes), kind="stable")
-        found[name] = Spread(
+        results[name] = ConditionTolerance(
             holds=margin > 0,
             margin=margin,
-            sensitivity={names[k]: float(slopes[k] / half[k]) for k in order},
+            sensitivity={names[k]: float(slopes[k] / half_width[k]) for k in order},
             linear=margin - float(np.abs(slopes).sum()),
-            corner=along(1.0),
-            factor=_factor(along, margin),
+            corner=corner_margin(1.0),
+            factor=_failure_factor(corner_margin, margin, options),
             least=float(min(sampled.min(initial=np.inf), margin)),
             share=float(np.mean(sampled > 0)) if samples else float(margin > 0),
         )
-    return found, float(np.mean(holding)) if samples else float(all(one.margin > 0 for one in found.values()))
+    if not samples:
+        return results, float(all(result.margin > 0 for result in results.values()))
+    return results, float(np.mean(all_hold))
 
 
-def _factor(margin_at: Callable[[float], float], nominal: float) -> float | None:
-    """The multiple of the tolerances at which the margin along a corner first becomes zero."""
+def _failure_factor(margin_at: Callable[[float], float], nominal: float, options: ToleranceOptions) -> float | None:
+    """Return the multiple of the tolerances at which the margin of a corner first becomes zero."""
     if not nominal > 0:
         return None
     low, high = 0.0, 1.0
     while margin_at(high) > 0:
-        if high >= LARGEST_FACTOR:
+        if high >= options.largest_factor:
             return None
         low, high = high, 2 * high
-    for _ in range(HALVINGS):
+    for _ in range(options.factor_halvings):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if margin_at(middle) > 0 else (low, middle)
     return low

@@ -17,7 +17,7 @@ from app.resources import ServiceResources
 from app.scenes import knotter as models
 from app.scenes import scene_queries
 from app.settings import Settings
-from synthesis.scenes.knotter.conditions import MAX_PIECES
+from synthesis.scenes.knotter.conditions import EvaluationOptions
 from tests.conftest import finite
 
 ROOT = Path(__file__).parents[3]
@@ -197,7 +197,7 @@ def test_page_runs_and_states_the_limits_that_hold(capsys) -> None:
     assert capsys.readouterr().out.split()[0] == "[63.43494882"
     limits = page[page.index("## Limits\n") :]
     for name in "LENGTH RATIO TABLE_ROWS GRID_VALUES PAIRS RANGE_TURNS PIECES".split():
-        value = MAX_PIECES if name == "PIECES" else getattr(models, f"MAX_{name}")
+        value = EvaluationOptions().max_pieces if name == "PIECES" else getattr(models, f"MAX_{name}")
         texts = (f"{value:,}", f"{value:g}".replace("e+0", "e"), str(value))
         assert any(f" {text}" in limits for text in texts), name
 

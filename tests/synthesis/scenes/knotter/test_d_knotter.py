@@ -1,4 +1,7 @@
-"""The knotter's published and reference figures, at their tolerances (tests/reference/knotter.README.md)."""
+"""The knotter reproduces its published and reference figures, within the tolerances of tests/reference/knotter.README.md.
+
+A wrong sense, a wrong order of rotations or an inexact event would show as a figure outside its tolerance.
+"""
 
 import json
 from pathlib import Path
@@ -7,10 +10,11 @@ import numpy as np
 import pytest
 
 from synthesis.scenes.knotter import d_knotter
-from synthesis.scenes.knotter.conditions import Crossing, classify, crossing_curve, point_paths, step_before
+from synthesis.scenes.knotter.curves import crossing_before_entry, crossing_curve, point_paths
 from synthesis.scenes.knotter.d_knotter import Needle
-from synthesis.scenes.knotter.mechanism import Linear, dimensions, varied
-from synthesis.scenes.knotter.study import solve, study
+from synthesis.scenes.knotter.mechanism import Linear, dimensions, with_dimensions
+from synthesis.scenes.knotter.segment_triangle import CrossingCase, classify
+from synthesis.scenes.knotter.study import find_limits, study
 from tests.oracles.knotter import Exact
 
 FIGURES = json.loads((Path(__file__).parents[3] / "reference" / "knotter.json").read_text())
@@ -18,12 +22,12 @@ PAIRS = [(alpha1, alpha3) for alpha1 in (0, 10, 20) for alpha3 in (20, 25, 30)]
 EDGES = {"wrap": ("S3S4", "S4S5", "S5S3"), "bite": ("O5S8", "S8S9", "S9O5")}
 
 
-def at_pair(alpha1: float, alpha3: float, **others):
-    machine = d_knotter.mechanism(**others)
+def at_pair(alpha1: float, alpha3: float, **options):
+    machine = d_knotter.mechanism(**options)
     return machine.with_parameters(alpha1=float(np.radians(alpha1)), alpha3=float(np.radians(alpha3)))
 
 
-def reference_print():
+def inputs_fitted_to_print():
     data = FIGURES["REF_PRINT"]
     law = data["laws"]["beta"]
     points = {name: tuple(map(float, xyz)) for name, xyz in data["points"].items()}
@@ -31,179 +35,178 @@ def reference_print():
     return {"parameters": data["parameters"], "laws": laws, "points": points}
 
 
-def run(**others):
+def study_published_grid(**options):
     grid = {name: np.radians(values) for name, values in d_knotter.GRID_DEGREES.items()}
-    return study(d_knotter.mechanism(**others), grid, d_knotter.conditions())
+    return study(d_knotter.mechanism(**options), grid, d_knotter.conditions())
 
 
 @pytest.fixture(scope="module")
 def reference():
-    return run()
+    return study_published_grid()
 
 
-def row(key: str) -> int:
+def item_of(key: str) -> int:
     return PAIRS.index(tuple(int(part) for part in key.split(",")))
 
 
-# A1 to A6: the needle
+# The needle (acceptance figures A1 to A6)
 
 
-def test_needle_and_its_whole_numbers() -> None:
+def test_needle_reproduces_figures_and_published_whole_numbers() -> None:
     needle = Needle()
     assert np.degrees(needle.free_range()) == pytest.approx(FIGURES["L_roots"], abs=1e-9)
     value, angle = FIGURES["L_max"]
-    assert needle.clearance(needle.best()) == pytest.approx(value, abs=1e-8)
-    assert np.degrees(needle.best()) == pytest.approx(angle, abs=1e-5)
+    assert needle.clearance(needle.best_angle()) == pytest.approx(value, abs=1e-8)
+    assert np.degrees(needle.best_angle()) == pytest.approx(angle, abs=1e-5)
     for degrees, value in FIGURES["L"].items():
         assert needle.clearance(np.radians(float(degrees))) == pytest.approx(value, abs=1e-10), degrees
     for degrees, value in FIGURES["d5"].items():
-        assert needle.lay(np.radians(float(degrees))) == pytest.approx(value, abs=1e-10), degrees
-    assert np.degrees(needle.angles_for_lay(54.0)) == pytest.approx([FIGURES["alpha2_for_54"]], abs=1e-9)
-    # the published whole numbers are the exact ones cut off
+        assert needle.d5(np.radians(float(degrees))) == pytest.approx(value, abs=1e-10), degrees
+    assert np.degrees(needle.angles_for_d5(54.0)) == pytest.approx([FIGURES["alpha2_for_54"]], abs=1e-9)
+    # The published whole numbers are the exact values without their decimals.
     assert needle.smallest_whole_degree() == FIGURES["paper"]["alpha2_limit"]
-    assert int(needle.lay(np.radians(8.0))) == FIGURES["paper"]["d5"]
+    assert int(needle.d5(np.radians(8.0))) == FIGURES["paper"]["d5"]
 
 
-# A7, A13: the chain
+# The chain of frames (A7, A13)
 
 
 @pytest.mark.parametrize("degrees", FIGURES["S0_u4_10_25"])
-def test_rope_on_the_disc_seen_from_the_bill(degrees: str) -> None:
-    found = at_pair(10, 25).position("S0", "u4", np.radians(float(degrees)))
-    assert np.array(found) == pytest.approx(FIGURES["S0_u4_10_25"][degrees], abs=1e-10)
+def test_position_of_the_holding_point_in_the_frame_of_the_bill(degrees: str) -> None:
+    position = at_pair(10, 25).position("S0", "u4", np.radians(float(degrees)))
+    assert np.array(position) == pytest.approx(FIGURES["S0_u4_10_25"][degrees], abs=1e-10)
 
 
-def test_to_the_bill_and_back_is_the_identity() -> None:
+def test_transformation_to_another_frame_and_back_is_the_identity() -> None:
     random = np.random.default_rng(3)
     points = random.uniform(-60, 60, (3, 500))
     driver = random.uniform(0, 2 * np.pi, 500)
     machine = at_pair(10, 25)
-    there = machine.carry(tuple(points), "u3", "u4", driver)
-    assert np.abs(np.array(machine.carry(there, "u4", "u3", driver)) - points).max() < 1e-12
-    hook = machine.carry(tuple(points), "u5", "u3", driver)
-    assert np.abs(np.array(machine.carry(hook, "u3", "u5", driver)) - points).max() < 1e-12
+    in_bill = machine.transform(tuple(points), "u3", "u4", driver)
+    assert np.abs(np.array(machine.transform(in_bill, "u4", "u3", driver)) - points).max() < 1e-12
+    in_disc = machine.transform(tuple(points), "u5", "u3", driver)
+    assert np.abs(np.array(machine.transform(in_disc, "u3", "u5", driver)) - points).max() < 1e-12
 
 
-# A8, A11: entries
+# Entries (A8, A11)
 
 
 @pytest.mark.parametrize("key", FIGURES["wrap"])
 def test_wrap_events(key: str, reference) -> None:
     angle, edge, y, z, leave = FIGURES["wrap"][key]
-    found, index = reference.conditions["wrap"], row(key)
-    assert np.degrees(found.enter[index]) == pytest.approx(angle, abs=1e-9)
-    assert EDGES["wrap"][found.opened_by[index] - 2] == edge
-    assert found.point[index] == pytest.approx([0.0, y, z], abs=1e-8)
-    assert np.degrees(found.leave[index]) == pytest.approx(leave, abs=1e-6)
-    assert found.windows[index] == 1
+    result, item = reference.conditions["wrap"], item_of(key)
+    assert np.degrees(result.enter[item]) == pytest.approx(angle, abs=1e-9)
+    assert EDGES["wrap"][result.entered_by[item] - 2] == edge
+    assert result.point[item] == pytest.approx([0.0, y, z], abs=1e-8)
+    assert np.degrees(result.leave[item]) == pytest.approx(leave, abs=1e-6)
+    assert result.windows[item] == 1
 
 
 @pytest.mark.parametrize("key", FIGURES["bite"])
 def test_bite_events(key: str, reference) -> None:
     angle, fraction = FIGURES["bite"][key]
-    found, index = reference.conditions["bite"], row(key)
-    assert np.degrees(found.enter[index]) == pytest.approx(angle, abs=1e-8)
-    assert EDGES["bite"][found.opened_by[index] - 2] == "S8S9"
-    assert found.fraction[index] == pytest.approx(fraction, abs=1e-8)
+    result, item = reference.conditions["bite"], item_of(key)
+    assert np.degrees(result.enter[item]) == pytest.approx(angle, abs=1e-8)
+    assert EDGES["bite"][result.entered_by[item] - 2] == "S8S9"
+    assert result.fraction[item] == pytest.approx(fraction, abs=1e-8)
     if key == "10,25":
-        assert found.point[index] == pytest.approx(FIGURES["E2_10_25"], abs=1e-8)
+        assert result.point[item] == pytest.approx(FIGURES["E2_10_25"], abs=1e-8)
 
 
-# A9, A10: clearance
+# Clearance (A9, A10)
 
 
-def test_hook_past_the_disc(reference) -> None:
-    found = reference.conditions["clearance"]
+def test_depth_of_the_jaw_beyond_the_disc(reference) -> None:
+    result = reference.conditions["clearance"]
     for key, value in FIGURES["S10_j3_at_270"].items():
-        assert found.value[row(key)] == pytest.approx(value, abs=1e-9), key
+        assert result.value[item_of(key)] == pytest.approx(value, abs=1e-9), key
     for key, angle in FIGURES["worst_angle"].items():
-        assert np.degrees(found.worst_driver[row(key)]) == pytest.approx(angle, abs=1e-9), key
-    assert found.worst[row("10,25")] == pytest.approx(FIGURES["worst_10_25"], abs=1e-9)
+        assert np.degrees(result.worst_driver[item_of(key)]) == pytest.approx(angle, abs=1e-9), key
+    assert result.worst[item_of("10,25")] == pytest.approx(FIGURES["worst_10_25"], abs=1e-9)
 
 
-# A12: the published pattern
+# The published pattern (A12)
 
 
 @pytest.mark.parametrize("inputs", ["REF", "REF_PRINT"])
-def test_published_patterns_come_out(inputs: str) -> None:
-    result = run(**(reference_print() if inputs == "REF_PRINT" else {}))
+def test_published_pattern_is_reproduced(inputs: str) -> None:
+    result = study_published_grid(**(inputs_fitted_to_print() if inputs == "REF_PRINT" else {}))
     paper = FIGURES["paper"]
     for key, holds in paper["wrap_pattern"].items():
-        assert result.conditions["wrap"].holds[row(key)] == holds, key
+        assert result.conditions["wrap"].holds[item_of(key)] == holds, key
     for key, holds in paper["clearance_pattern"].items():
-        assert (result.conditions["clearance"].value[row(key)] < 0) == holds, key
+        assert (result.conditions["clearance"].value[item_of(key)] < 0) == holds, key
 
 
-def test_feasible_pairs_are_the_published_ones(reference) -> None:
-    assert [list(PAIRS[index]) for index in np.flatnonzero(reference.feasible)] == FIGURES["paper"]["feasible"]
+def test_feasible_pairs_are_the_published_pairs(reference) -> None:
+    assert [list(PAIRS[item]) for item in np.flatnonzero(reference.feasible)] == FIGURES["paper"]["feasible"]
 
 
-# A14: solve for a parameter
+# The limit of a parameter (A14)
 
 
 def test_length_at_which_the_wrap_closes() -> None:
-    (limit,), starts = solve(at_pair(10, 25), d_knotter.wrap(), "d5", (20.0, 120.0))
+    (limit,), holds_at_first = find_limits(at_pair(10, 25), d_knotter.wrap(), "d5", (20.0, 120.0))
     d5, angle = FIGURES["closing_d5"]
-    assert starts and not limit.holds_above
+    assert holds_at_first and not limit.holds_above
     assert limit.value == pytest.approx(d5, abs=1e-7)
     assert np.degrees(limit.result.enter[0]) == pytest.approx(angle, abs=1e-6)
     assert limit.result.margin[0] == pytest.approx(0.0, abs=1e-9)  # the crossing passes through S4
 
 
-# The needle beyond its example
+# The needle with other dimensions
 
 
-def test_needle_range_is_where_a_dense_scan_finds_it() -> None:
+def test_free_range_of_the_needle_agrees_with_a_dense_scan() -> None:
     angles = np.linspace(-np.pi / 2, np.pi / 2, 200_001)[1:-1]
-    free = []
+    is_free = []
     for seed in range(40):
         random = np.random.default_rng(seed)
         needle = Needle(*random.uniform(-60, 60, 2), *random.uniform(0.1, 30, 2), 142.0, 30.0, 0.2)
         values = needle.clearance(angles)
         inside = angles[values > 0]
-        found = needle.free_range()
-        free.append(found is not None)
-        assert free[-1] == (len(inside) > 0)
-        # None: nothing to compare, and the line above has said so.
-        for end, seen, outward in zip(found or (), inside[[0, -1]] if len(inside) else (), (-1, 1)):
-            assert 0 < outward * (end - seen) < 1.001 * (angles[1] - angles[0])
-        assert needle.clearance(needle.best()) >= values.max() - 1e-12
-    assert 10 < sum(free) < 40
+        free_range = needle.free_range()
+        is_free.append(free_range is not None)
+        assert is_free[-1] == (len(inside) > 0)
+        for end, sampled, outward in zip(free_range or (), inside[[0, -1]] if len(inside) else (), (-1, 1)):
+            assert 0 < outward * (end - sampled) < 1.001 * (angles[1] - angles[0])
+        assert needle.clearance(needle.best_angle()) >= values.max() - 1e-12
+    assert 10 < sum(is_free) < 40
 
 
 @pytest.mark.parametrize("scale", [1e-9, 1e-3, 1e9])
-def test_needle_does_not_know_the_unit_of_length(scale: float) -> None:
+def test_needle_is_independent_of_the_unit_of_length(scale: float) -> None:
     lengths = {name: getattr(Needle(), name) * scale for name in ("S1x", "S1y", "r0", "D0", "d6", "r1")}
     assert Needle(**lengths).free_range() == pytest.approx(Needle().free_range(), rel=1e-13)
-    assert Needle(**lengths).angles_for_lay(54.0 * scale) == pytest.approx(Needle().angles_for_lay(54.0), rel=1e-12)
+    assert Needle(**lengths).angles_for_d5(54.0 * scale) == pytest.approx(Needle().angles_for_d5(54.0), rel=1e-12)
 
 
-def test_a_needle_thinner_than_doubles_tell_is_free_up_to_the_pole() -> None:
+def test_an_extremely_thin_needle_is_free_up_to_the_pole() -> None:
     low, high = Needle(S1x=1e9, S1y=-1e9, r0=1e-9, D0=1e-9).free_range()
     assert low == pytest.approx(-np.pi / 2, abs=1e-12)
     assert high == pytest.approx(np.pi / 4, abs=1e-12)
 
 
-def test_angles_for_a_length_meet_where_the_length_is_largest() -> None:
+def test_the_two_angles_for_d5_meet_at_its_maximum() -> None:
     needle = Needle(S1x=150.0, S1y=10.0, d6=50.0)
-    top = np.hypot(150.0, 60.0) + 30.0 * np.sin(needle.beta0)
-    low, high = needle.angles_for_lay(top - 1e-9)
-    assert needle.lay(low) == pytest.approx(top - 1e-9, abs=1e-12)
-    assert needle.lay(high) == pytest.approx(top - 1e-9, abs=1e-12)
-    assert needle.angles_for_lay(top + 1e-9) == []
+    maximum = np.hypot(150.0, 60.0) + 30.0 * np.sin(needle.beta0)
+    low, high = needle.angles_for_d5(maximum - 1e-9)
+    assert needle.d5(low) == pytest.approx(maximum - 1e-9, abs=1e-12)
+    assert needle.d5(high) == pytest.approx(maximum - 1e-9, abs=1e-12)
+    assert needle.angles_for_d5(maximum + 1e-9) == []
 
 
-# what docs/knotter.md says of the source's words
+# Corrections of the source in docs/knotter.md
 
 
-def test_alpha2_is_an_angle_of_a_sequence_and_d6_acts_along_k() -> None:
-    """k0 in the shaft's frame: alpha3 is its angle in the plane j1 k1, alpha2 not the one in i1 k1, which is 8.81 degrees."""
+def test_alpha2_is_part_of_a_rotation_sequence_and_d6_acts_along_k() -> None:
+    """In the shaft's frame, alpha3 is the angle of k0 in the plane j1 k1, but its angle in i1 k1 is 8.81 degrees, not alpha2."""
     machine = at_pair(0, 25, points={"S5": (0.0, 0.0, 0.0), "S7": (0.0, 0.0, 1.0)})
     foot, tip = (np.array(machine.position(name, "shaft", 0.0), dtype=float) for name in ("S5", "S7"))
     i, j, k = tip - foot
     assert np.degrees(np.arctan2(abs(j), k)) == pytest.approx(25, abs=1e-12)
     assert np.degrees(np.arctan2(abs(i), k)) == pytest.approx(8.8146, abs=1e-4)
-    # o1 lies d6 above the plane i0 o0 j0; tip - foot is good to the rounding of 142 mm, 3e-14, times d6
+    # o1 lies d6 above the plane i0 o0 j0; the error of tip - foot is the rounding of 142 mm, 3e-14, times d6.
     assert (tip - foot) @ (0 - foot) == pytest.approx(d_knotter.PUBLISHED_LENGTHS["d6"], abs=1e-11)
     assert "8.81°" in (Path(__file__).parents[4] / "docs" / "knotter.md").read_text()
 
@@ -211,64 +214,65 @@ def test_alpha2_is_an_angle_of_a_sequence_and_d6_acts_along_k() -> None:
 # Curves over the bill's angle
 
 
-def test_crossings_are_those_of_the_equations_typed_out() -> None:
+def test_crossings_agree_with_the_printed_equations() -> None:
     machine, exact = at_pair(10, 25), Exact(10, 25)
     degrees = np.arange(60, 130, 7.0)
     curve = crossing_curve(machine, d_knotter.wrap(), np.radians(degrees))
-    for row, at in enumerate(degrees):
-        (y, z), share, corners = exact.wrap(float(np.radians(at)))
+    for row, angle in enumerate(degrees):
+        (y, z), fraction, corners = exact.wrap(float(np.radians(angle)))
         assert curve.point[row, 1:] == pytest.approx([float(y), float(z)], abs=1e-9)
-        assert curve.on_rope[row] == (0 < share < 1)
-        wanted = np.array([[float(x) for x in c] for c in corners])
-        assert curve.triangle[:, row, 1:] == pytest.approx(wanted, abs=1e-12)
+        assert curve.on_rope[row] == (0 < fraction < 1)
+        expected = np.array([[float(x) for x in c] for c in corners])
+        assert curve.triangle[:, row, 1:] == pytest.approx(expected, abs=1e-12)
 
 
 @pytest.mark.parametrize("name", ["wrap", "bite"])
-def test_inside_is_the_verdict_of_the_exact_predicate(name) -> None:
+def test_inside_agrees_with_the_exact_predicate(name) -> None:
     machine, condition = at_pair(20, 25), getattr(d_knotter, name)()
     driver = np.linspace(*condition.window, 1001)
     curve = crossing_curve(machine, condition, driver)
-    corners = [np.array(np.broadcast_arrays(*place)).T for place in condition.positions(machine, driver)]
-    assert np.array_equal(curve.inside, classify(*corners) == Crossing.CROSSES) and curve.inside.any()
+    corners = [np.array(np.broadcast_arrays(*position)).T for position in condition.positions(machine, driver)]
+    assert np.array_equal(curve.inside, classify(*corners) == CrossingCase.CROSSES) and curve.inside.any()
 
 
 def test_a_rope_parallel_to_its_plane_has_no_crossing() -> None:
-    machine = varied(at_pair(10, 25), {"S7.j": 0.0})
+    machine = with_dimensions(at_pair(10, 25), {"S7.j": 0.0})
     driver = np.linspace(0, 6, 7)
-    level = varied(machine, {"d9": 0.0, "d10": 0.0})
+    level = with_dimensions(machine, {"d9": 0.0, "d10": 0.0})
     curve = crossing_curve(level, d_knotter.bite(), driver)
-    assert np.isfinite(curve.point).all()  # S0 is off the plane: one end in it crosses there
-    still = d_knotter.SegmentHitsTriangle("still", ("S3", "S4"), ("S5", "O5", "S10"), "u4", (0.0, 1.0), 0)
-    moved = varied(machine, {"S3.j": 5.0, "S4.j": 5.0, "S5.j": 0.0})
-    assert np.isnan(crossing_curve(moved, still, driver).point).all()
+    assert np.isfinite(curve.point).all()  # S0 is off the plane, so the line crosses it at the end that lies in it
+    parallel = d_knotter.SegmentEntersTriangle("parallel", ("S3", "S4"), ("S5", "O5", "S10"), "u4", (0.0, 1.0), 0)
+    moved = with_dimensions(machine, {"S3.j": 5.0, "S4.j": 5.0, "S5.j": 0.0})
+    assert np.isnan(crossing_curve(moved, parallel, driver).point).all()
 
 
 @pytest.mark.parametrize("key", FIGURES["paper"]["E1_before_hit"])
-def test_step_before_points_of_table_1(key) -> None:
+def test_crossings_before_the_entry_in_table_1(key) -> None:
     scan_step = np.radians(FIGURES["REF_PRINT"]["scan_step"])
     pair = tuple(map(int, key.split(",")))
-    _, point = step_before(at_pair(*pair, **reference_print()), d_knotter.wrap(), scan_step)
+    _, point = crossing_before_entry(at_pair(*pair, **inputs_fitted_to_print()), d_knotter.wrap(), scan_step)
     assert point[1:] == pytest.approx(FIGURES["REF_PRINT"]["E1_before_hit"][key], abs=6e-5)
     assert point[1:] == pytest.approx(FIGURES["paper"]["E1_before_hit"][key], abs=0.05)
-    _, point = step_before(at_pair(*pair), d_knotter.wrap(), np.radians(2.0))
+    _, point = crossing_before_entry(at_pair(*pair), d_knotter.wrap(), np.radians(2.0))
     assert point[1:] == pytest.approx(FIGURES["REF_scan_step_2"][key], abs=6e-4)
-    assert step_before(varied(at_pair(*pair), {"S3.j": -500.0, "S4.j": -500.0}), d_knotter.wrap(), 0.1) is None
+    never_inside = with_dimensions(at_pair(*pair), {"S3.j": -500.0, "S4.j": -500.0})
+    assert crossing_before_entry(never_inside, d_knotter.wrap(), 0.1) is None
 
 
-def test_paths_keep_distances_within_a_body() -> None:
+def test_distances_within_a_body_are_constant_along_paths() -> None:
     driver = np.linspace(0, 6, 30)
     paths = point_paths(at_pair(10, 25), ["S1", "S3", "S8", "S10", "S0"], "shaft", driver)
-    for one, other in (("S1", "S3"), ("S8", "S10")):
-        length = np.linalg.norm(paths[one] - paths[other], axis=1)
+    for first, second in (("S1", "S3"), ("S8", "S10")):
+        length = np.linalg.norm(paths[first] - paths[second], axis=1)
         assert np.ptp(length) < 1e-12
     assert np.ptp(paths["S0"], axis=0).max() > 50
 
 
-def test_a_machine_with_its_own_dimensions_is_itself() -> None:
+def test_a_machine_with_its_own_dimensions_is_unchanged() -> None:
     machine = at_pair(10, 25)
-    known = dimensions(machine)
-    assert {"d1", "beta.lead", "beta.ratio", "S1.j", "S10.k"} <= set(known) and "O5.i" not in known
-    many = varied(machine, {name: np.full(3, value) for name, value in known.items()})
+    nominal = dimensions(machine)
+    assert {"d1", "beta.lead", "beta.ratio", "S1.j", "S10.k"} <= set(nominal) and "O5.i" not in nominal
+    copies = with_dimensions(machine, {name: np.full(3, value) for name, value in nominal.items()})
     for condition in d_knotter.conditions():
-        one, three = condition.evaluate(machine, 1), condition.evaluate(many, 3)
-        assert three.margin == pytest.approx(np.repeat(one.margin, 3), abs=1e-12)
+        single, three = condition.evaluate(machine, 1), condition.evaluate(copies, 3)
+        assert three.margin == pytest.approx(np.repeat(single.margin, 3), abs=1e-12)

@@ -1,4 +1,7 @@
-"""Fit of unknown dimensions: the published patterns from seeded starts, checked by the study, and what is free by the report."""
+"""The fit reproduces the published patterns from seeded draws, and reports correctly which unknowns they leave free.
+
+The ordinary study of each resulting machine is the check; a wrong margin or slope would give a set that fails it.
+"""
 
 import json
 from pathlib import Path
@@ -7,8 +10,16 @@ import numpy as np
 import pytest
 
 from synthesis.scenes.knotter import d_knotter
-from synthesis.scenes.knotter.fit import Pattern, Wanted, directions, extents, rank, search, single_ranges
-from synthesis.scenes.knotter.mechanism import dimensions, varied
+from synthesis.scenes.knotter.fit import (
+    Pattern,
+    PrescribedVerdicts,
+    directions,
+    extents,
+    fit_pattern,
+    rank,
+    single_ranges,
+)
+from synthesis.scenes.knotter.mechanism import dimensions, with_dimensions
 from synthesis.scenes.knotter.study import study
 from synthesis.work import Cancelled, Work
 
@@ -20,111 +31,116 @@ RANGES = {
 AT = d_knotter.CLEARANCE_AT
 
 
-def wanted(name, condition):
+def published_verdicts(name, condition):
     pairs = [tuple(map(int, key.split(","))) for key in PAPER[name]]
     items = {axis: np.radians([pair[k] for pair in pairs]) for k, axis in enumerate(("alpha1", "alpha3"))}
-    return Wanted(condition, items, np.array(list(PAPER[name].values())))
+    return PrescribedVerdicts(condition, items, np.array(list(PAPER[name].values())))
 
 
 @pytest.fixture(scope="module")
 def pattern():
-    parts = [wanted("wrap_pattern", d_knotter.wrap()), wanted("clearance_pattern", d_knotter.clearance(AT, (AT, AT)))]
-    return Pattern(d_knotter.mechanism(), parts, RANGES)
+    wrap = published_verdicts("wrap_pattern", d_knotter.wrap())
+    clearance = published_verdicts("clearance_pattern", d_knotter.clearance(AT, (AT, AT)))
+    return Pattern(d_knotter.mechanism(), [wrap, clearance], RANGES)
 
 
-def agrees(machine) -> bool:
-    """The pattern by the ordinary study of one machine, apart from margins."""
+def reproduces_pattern(machine) -> bool:
+    """Check the verdicts of the pattern by the ordinary study of a machine, without margins."""
     grid = {name: np.radians(values) for name, values in d_knotter.GRID_DEGREES.items()}
     result = study(machine, grid, d_knotter.conditions()[:2])
     pairs = [f"{a:g},{b:g}" for a in d_knotter.GRID_DEGREES["alpha1"] for b in d_knotter.GRID_DEGREES["alpha3"]]
     row = {key: pairs.index(key) for key in pairs}
-    wraps = all(result.conditions["wrap"].holds[row[key]] == holds for key, holds in PAPER["wrap_pattern"].items())
+    wrap_agrees = all(
+        result.conditions["wrap"].holds[row[key]] == holds for key, holds in PAPER["wrap_pattern"].items()
+    )
     value = result.conditions["clearance"].value
-    return wraps and all((value[row[key]] < 0) == holds for key, holds in PAPER["clearance_pattern"].items())
+    return wrap_agrees and all((value[row[key]] < 0) == holds for key, holds in PAPER["clearance_pattern"].items())
 
 
 @pytest.fixture(scope="module")
 def best(pattern):
-    return search(pattern, 128, 4, seed=1)[0][0]
+    return fit_pattern(pattern, 128, 4, seed=1)[0][0]
 
 
-def machine_at(pattern, share):
-    return varied(pattern.mechanism, dict(zip(pattern.names, pattern.values(share))))
+def machine_at(pattern, unknowns):
+    return with_dimensions(pattern.mechanism, dict(zip(pattern.names, pattern.denormalise(unknowns))))
 
 
-def test_a_seeded_start_reproduces_the_published_patterns(pattern, best) -> None:
-    assert best.worst > 0.2 and best.around > 0 and len(best.margins) == 16
-    assert agrees(machine_at(pattern, best.share))
-    first, second = (search(pattern, 8, 1, seed=1)[0][0] for _ in range(2))
-    assert np.array_equal(first.share, second.share)
+def test_the_fit_reproduces_the_published_patterns(pattern, best) -> None:
+    assert best.smallest_margin > 0.2 and best.robust_margin > 0 and len(best.margins) == 16
+    assert reproduces_pattern(machine_at(pattern, best.unknowns))
+    first, second = (fit_pattern(pattern, 8, 1, seed=1)[0][0] for _ in range(2))
+    assert np.array_equal(first.unknowns, second.unknowns)
 
 
-def test_the_default_inputs_reproduce_them_and_are_not_the_only_ones(pattern, best) -> None:
-    known = dimensions(pattern.mechanism)
-    start = pattern.shares(np.array([known[name] for name in pattern.names]))
-    (found,), kept = search(pattern, 0, 0, 0, start)
-    assert found.worst == pytest.approx(0.138, abs=1e-3) and kept == 0 and np.array_equal(found.share, start)
-    assert np.abs(best.share - start).max() > 0.05
-    for (low, high), value in zip(single_ranges(pattern, start), pattern.values(start)):
+def test_the_default_inputs_reproduce_them_and_are_not_unique(pattern, best) -> None:
+    nominal = dimensions(pattern.mechanism)
+    start = pattern.normalise(np.array([nominal[name] for name in pattern.names]))
+    (candidate,), reproducing_draws = fit_pattern(pattern, 0, 0, 0, start)
+    assert candidate.smallest_margin == pytest.approx(0.138, abs=1e-3)
+    assert reproducing_draws == 0 and np.array_equal(candidate.unknowns, start)
+    assert np.abs(best.unknowns - start).max() > 0.05
+    for (low, high), value in zip(single_ranges(pattern, start), pattern.denormalise(start)):
         assert low <= value <= high and high > low
 
 
-def test_ranges_end_where_the_verdict_breaks(pattern, best) -> None:
-    """Naively: the ordinary study holds just inside and fails just outside each end."""
-    size = pattern.high - pattern.low
-    for k, (low, high) in list(enumerate(single_ranges(pattern, best.share)))[::4]:
+def test_ranges_end_where_a_verdict_changes(pattern, best) -> None:
+    """The ordinary study reproduces the pattern just inside each end of a range, and not just outside."""
+    width = pattern.high - pattern.low
+    for k, (low, high) in list(enumerate(single_ranges(pattern, best.unknowns)))[::4]:
         for end, sign in ((low, -1), (high, 1)):
-            inner, outer = best.share.copy(), best.share.copy()
-            inner[k] = (end - pattern.low[k]) / size[k] - sign * 1e-5
+            inner, outer = best.unknowns.copy(), best.unknowns.copy()
+            inner[k] = (end - pattern.low[k]) / width[k] - sign * 1e-5
             outer[k] = inner[k] + sign * 2e-5
-            assert agrees(machine_at(pattern, inner)), pattern.names[k]
+            assert reproduces_pattern(machine_at(pattern, inner)), pattern.names[k]
             if 0 < outer[k] < 1:
-                assert not agrees(machine_at(pattern, outer)), pattern.names[k]
+                assert not reproduces_pattern(machine_at(pattern, outer)), pattern.names[k]
 
 
-def test_directions_are_orthogonal_and_free_ones_are_told(pattern, best) -> None:
+def test_directions_are_orthogonal_and_free_directions_are_found(pattern, best) -> None:
     found = directions(pattern, best)
-    vectors = np.array([way.vector for way in found])
+    vectors = np.array([direction.vector for direction in found])
     assert vectors @ vectors.T == pytest.approx(np.eye(8), abs=1e-12)
-    assert [way.strength for way in found] == sorted(way.strength for way in found)
-    assert all(way.back >= 0 and way.forth >= 0 and way.back + way.forth > 0 for way in found)
-    for way in found[:1]:
-        assert agrees(machine_at(pattern, np.clip(best.share + 0.99 * way.forth * way.vector, 0, 1)))
-    # S7 decides about the bite alone: no margin of this pattern sees it
-    wider = Pattern(pattern.mechanism, pattern.wanted, {**RANGES, "S7.i": (0.0, 50.0), "S9.k": (-50.0, 0.0)})
-    spread = wider.found(np.append(best.share, [0.5, 0.5]), Work())
-    free = directions(wider, spread)
+    assert [direction.strength for direction in found] == sorted(direction.strength for direction in found)
+    for direction in found:
+        assert direction.back >= 0 and direction.forth >= 0 and direction.back + direction.forth > 0
+    moved = best.unknowns + 0.99 * found[0].forth * found[0].vector
+    assert reproduces_pattern(machine_at(pattern, np.clip(moved, 0, 1)))
+    # S7 affects only the bite, so no margin of this pattern depends on it.
+    wider = Pattern(pattern.mechanism, pattern.verdicts, {**RANGES, "S7.i": (0.0, 50.0), "S9.k": (-50.0, 0.0)})
+    free = directions(wider, wider.linearise(np.append(best.unknowns, [0.5, 0.5]), Work()))
     assert rank(free) == 8 and rank(found) == 8
-    for way in free[:2]:
-        assert np.abs(way.vector[:8]).max() < 1e-9 and way.back + way.forth >= 1 - 1e-12
+    for direction in free[:2]:
+        assert np.abs(direction.vector[:8]).max() < 1e-9 and direction.back + direction.forth >= 1 - 1e-12
 
 
-def test_margins_of_many_are_those_of_each(pattern) -> None:
-    shares = np.random.default_rng(5).random((4, 8))
-    together = pattern.margins(shares, Work())
-    for share, row in zip(shares, together):
-        assert pattern.margins(share[None], Work())[0] == pytest.approx(row, abs=1e-9)
-        first = pattern.wanted[0]
-        result = d_knotter.wrap().evaluate(varied(machine_at(pattern, share), first.items), len(first.holds))
-        assert (row[:9] > 0).tolist() == (result.holds == pattern.wanted[0].holds).tolist()
+def test_margins_of_a_batch_equal_single_margins(pattern) -> None:
+    candidates = np.random.default_rng(5).random((4, 8))
+    batch = pattern.margins(candidates, Work())
+    wrap = pattern.verdicts[0]
+    for unknowns, margins in zip(candidates, batch):
+        assert pattern.margins(unknowns[None], Work())[0] == pytest.approx(margins, abs=1e-9)
+        machines = with_dimensions(machine_at(pattern, unknowns), wrap.items)
+        result = d_knotter.wrap().evaluate(machines, len(wrap.holds))
+        assert (margins[:9] > 0).tolist() == (result.holds == wrap.holds).tolist()
 
 
-def test_slopes_are_those_of_small_steps(pattern, best) -> None:
+def test_slopes_agree_with_differences_of_small_steps(pattern, best) -> None:
     step = 1e-6 * np.eye(8)
-    both = pattern.margins(np.concatenate([best.share + step, best.share - step]), Work())
-    fine = (both[:8] - both[8:]).T / 2e-6
+    stencil = pattern.margins(np.concatenate([best.unknowns + step, best.unknowns - step]), Work())
+    fine = (stencil[:8] - stencil[8:]).T / 2e-6
     assert np.median(np.abs(best.slopes - fine) / (1 + np.abs(fine))) < 0.02
 
 
-def test_a_search_that_is_given_up_or_out_of_time_ends(pattern) -> None:
+def test_a_cancelled_or_expired_fit_ends(pattern) -> None:
     with pytest.raises(Cancelled):
-        search(pattern, 96, 2, 0, work=Work(cancelled=lambda: True))
-    now = iter(range(10**6))
-    found, _ = search(pattern, 16, 2, 0, work=Work(50.0, clock=lambda: float(next(now))))
-    assert len(found) == 2  # the best so far
-    assert extents(pattern, found[0].share, np.eye(8), Work()).min() >= 0
+        fit_pattern(pattern, 96, 2, 0, work=Work(cancelled=lambda: True))
+    ticks = iter(range(10**6))
+    candidates, _ = fit_pattern(pattern, 16, 2, 0, work=Work(50.0, clock=lambda: float(next(ticks))))
+    assert len(candidates) == 2  # the best found within the budget
+    assert extents(pattern, candidates[0].unknowns, np.eye(8), Work()).min() >= 0
 
 
 def test_draws_and_descents_end_with_the_budget(pattern) -> None:
-    found, kept = search(pattern, 1000, 6, 0, work=Work(1e-2))
-    assert len(found) == 1 and kept <= 64  # of the first draws alone
+    candidates, reproducing_draws = fit_pattern(pattern, 1000, 6, 0, work=Work(1e-2))
+    assert len(candidates) == 1 and reproducing_draws <= 64  # only the first draws were evaluated
