@@ -60,7 +60,7 @@ def read_request(content: bytes, model: type[RequestModel]) -> RequestModel:
 def check_counts(content: bytes) -> None:
     """Refuse a body that is none or holds too much, before it is parsed; raises as `read_request` does."""
     if not content:
-        raise Invalid([{"loc": (), "msg": "Field required"}])
+        raise Invalid([{"loc": (), "msg": "the body is empty"}])
     counts = {
         "keys": (content.count(b":"), MAX_KEYS),
         "objects and arrays": (content.count(b"{") + content.count(b"["), MAX_CONTAINERS),

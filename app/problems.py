@@ -25,6 +25,7 @@ from starlette.responses import Response
 from starlette.types import Receive, Scope, Send
 
 from app.query import MAX_ERRORS, Invalid
+from app.sentences import sentence
 from linkage_atlas import AtlasError, AtlasFault, Cancelled, FieldError, OutOfTime
 
 log = logging.getLogger("uvicorn.error")
@@ -110,7 +111,7 @@ def pointer(location: Iterable[str | int]) -> str:
 
 
 def error_rows(errors: Sequence[Any]) -> list[dict[str, Any]]:
-    """Pydantic's error list as rows ``{"pointer", "detail"}``, without the input."""
+    """Return errors as rows ``{"pointer", "detail"}``."""
     return [{"pointer": pointer(error["loc"]), "detail": error["msg"]} for error in errors[:MAX_ERRORS]]
 
 
@@ -168,24 +169,24 @@ def http_problem(error: HTTPException) -> Response:
 
 
 def _invalid(error: Invalid) -> Response:
-    rows = error_rows(error.errors)
-    where = rows[0]["pointer"][2:].replace("/", ".") or "the body"
-    return problem(422, f"{where}: {rows[0]['detail']}", rows)
+    return problem(422, str(error).partition("\n")[0], error_rows(error.errors))
 
 
 def _parameter(error: RequestValidationError) -> Response:
-    """Of a route whose parameters FastAPI checks: errors are told by their names, without where they stand."""
-    rows = [{**entry, "loc": entry["loc"][1:]} for entry in error.errors()]
-    return _invalid(
-        Invalid(
-            [row | {"msg": "there is no such parameter"} if row["type"] == "extra_forbidden" else row for row in rows]
-        )
-    )
+    """Answer wrong parameters of a route that FastAPI checks; the path of an error begins with the parameter's name."""
+    rows = [
+        {
+            "loc": row["loc"][1:],
+            "msg": "there is no such parameter" if row["type"] == "extra_forbidden" else sentence(row),
+        }
+        for row in error.errors()
+    ]
+    return _invalid(Invalid(rows))
 
 
 def _model(error: ValidationError) -> Response:
-    rows = error_rows(error.errors(include_input=False, include_url=False))
-    return problem(422, rows[0]["detail"], rows)
+    rows = [{"loc": row["loc"], "msg": sentence(row)} for row in error.errors(include_url=False)]
+    return _invalid(Invalid(rows))
 
 
 def _atlas(error: AtlasError) -> Response:

@@ -45,6 +45,7 @@ from pydantic import (
 )
 from pydantic_core import to_json
 
+from app.sentences import sentence
 from linkage_atlas import FieldError
 from linkage_atlas.formats import FORMATS, Format
 from linkage_atlas.records import names_of, plain
@@ -149,7 +150,7 @@ def in_unit(request: Any, length_unit: str | None) -> Any:
 
 
 class Invalid(FieldError):
-    """A request that is not what its question takes: pydantic's list of errors."""
+    """A request that does not fit its model, with a row for each error: ``loc``, the path of the field, and ``msg``."""
 
     def __init__(self, errors: Sequence[Any]) -> None:
         super().__init__("".join(f"/{part}" for part in errors[0]["loc"]), errors[0]["msg"])
@@ -159,22 +160,20 @@ class Invalid(FieldError):
         return "\n".join(str(FieldError("/".join(map(str, row["loc"])), row["msg"])) for row in self.errors)
 
 
-def invalid(error: ValidationError, model: type[BaseModel]) -> Invalid:
-    """The first errors of a request, without what it holds; of an unknown field, which ones are near it."""
-    rows = _of_fields(error.errors(include_input=False, include_url=False))[:MAX_ERRORS]
-    for row in rows:
+def invalid(error: ValidationError, model: type[BaseModel], quoting: bool = False) -> Invalid:
+    """Return the first errors of a request as sentences; for an unknown field they name the fields close to it.
+
+    ``quoting``: see `app.sentences.sentence`.
+    """
+    rows = []
+    for row in _of_fields(error.errors(include_url=False))[:MAX_ERRORS]:
         if row["type"] == "extra_forbidden":
             *path, name = row["loc"]
-            others = _ways(model)
-            row["msg"] = FieldError.no_such("", str(name), _fields_at(model, path), others=others).message
-        elif row["type"] == "model_type":
-            row["msg"] = "Input should be an object"
-        elif row["type"] == "list_type":
-            row["msg"] = "Input should be a list, as [1, 2]"
-        elif row["type"] == "greater_than_equal" and 0 < row["ctx"]["ge"] < 1e-6:  # pydantic writes all of its zeros
-            row["msg"] = f"Input should be above 0, at least {row['ctx']['ge']:g}"
-        elif row["type"] == "less_than_equal" and row["ctx"]["le"] > 1e15:
-            row["msg"] = f"Input should be at most {row['ctx']['le']:g}"
+            known, others = _fields_at(model, path), _ways(model)
+            message = FieldError.no_such("", str(name), known, others=others).message
+        else:
+            message = sentence(row, quoting)
+        rows.append({"loc": row["loc"], "type": row["type"], "msg": message})
     return Invalid(rows)
 
 
