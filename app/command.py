@@ -22,7 +22,7 @@ from app.registry import examples_of, queries_named
 from app.terminal import EPILOG, FILE, Exit, Units, add_atlas, exit_of, whole_number
 from linkage_atlas import FieldError
 from linkage_atlas.formats import kind_of
-from linkage_atlas.tables import decoded, length_unit_of
+from linkage_atlas.tables import KINDS, Table, decoded, read_table
 
 NO_PRESET = ((["limits", "preset"], "none"),)
 """Field and value that turn the practical limits off."""
@@ -165,7 +165,8 @@ def _run(options: argparse.Namespace, query: Query) -> int:
     if options.length_unit is not None and "length_unit" in query.request.model_fields:
         also = [*also, (["length_unit"], options.length_unit)]
     text, rank = text_of(options), options.rank
-    request, length_unit = read_request(query, text, also, options.unwrap), _length_unit(options, query, text)
+    request, table = read_request(query, text, also, options.unwrap), table_of(query, text)
+    length_unit = _length_unit(options, table)
     request = in_unit(request, length_unit)
     if options.catalogue is not None:
         rows = decoded(options.catalogue.read_bytes())
@@ -181,6 +182,7 @@ def _run(options: argparse.Namespace, query: Query) -> int:
     resources = ServiceResources(settings_of(options), atlas_of)
     with waiting("searching" if query.files else "computing", resources.max_budget_ms / 1000):
         reply = query.answer(request, resources)
+    _add_note(reply, table)
     code = exit_of(request, reply)
     found = len(getattr(reply, "solutions", [None] * rank))
 
@@ -296,7 +298,7 @@ def read_request(query: Query, text: bytes, also: Sequence[tuple[list[str], Any]
             request = query.request.model_validate_json(text)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        if not is_json and first["type"] == "too_short":  # of each of its columns
+        if not is_json and first["type"] == "too_short" and first["loc"][-1] in _COLUMNS:
             few = first["ctx"]
             raise FieldError("", f"wanted at least {few['min_length']} rows, found {few['actual_length']}") from None
         raise invalid(error, query.request) from None
@@ -308,13 +310,35 @@ def _is_json(query: Query, text: bytes) -> bool:
     return text.lstrip()[:1] in (b"{", b"[", b"" if query.from_csv else b'"', b"")
 
 
-def _length_unit(options: argparse.Namespace, query: Query, text: bytes) -> str | None:
-    """The unit of lengths that the option names, or the heads of a table of poses."""
-    of_poses = "position" in query.request.model_fields and not _is_json(query, text)
-    named: str | None = length_unit_of(decoded(text)) if of_poses else None
+_COLUMNS = ("rotation", "position", "crank_angle", "input", "output")
+"""Fields of a request that are columns of a table."""
+
+
+def table_of(query: Query, text: bytes, columns: Mapping[str, str] | None = None) -> Table | None:
+    """Return how the columns of a table were read; None for a request as JSON."""
+    if query.command not in KINDS or _is_json(query, text):
+        return None
+    return read_table(decoded(text), KINDS[query.command], columns=columns)
+
+
+def _add_note(reply: Any, table: Table | None) -> None:
+    """Say in the report how the columns of a table were read; on standard error if a reply has no report."""
+    if table is None:
+        return
+    notes = getattr(getattr(reply, "report", None), "notes", None)
+    if isinstance(notes, list):
+        notes.insert(0, table.note)
+    else:
+        print(table.note, file=sys.stderr)
+
+
+def _length_unit(options: argparse.Namespace, table: Table | None) -> str | None:
+    """Return the unit of lengths that the option names, or the heads of a table of poses."""
+    named = None if table is None else table.length_unit
     if None not in (named, options.length_unit) and named != options.length_unit:
         raise FieldError("/length_unit", f"the heads of the table say {named}, --length-unit {options.length_unit}")
-    return options.length_unit or named
+    unit: str | None = options.length_unit or named
+    return unit
 
 
 def _takes_linkage(query: Query) -> bool:
@@ -483,5 +507,5 @@ def _body(options: argparse.Namespace) -> dict[str, Any]:
             )
         if "request" in content:
             return content | ({"length_unit": options.length_unit} if options.length_unit else {})
-    request, length_unit = read_request(query, text), _length_unit(options, query, text)
+    request, length_unit = read_request(query, text), _length_unit(options, table_of(query, text))
     return {"request": in_unit(request, length_unit), "length_unit": length_unit}

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from synthesis.errors import FieldError
 from synthesis.target import MAX_LENGTH
 
-MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
+MILLIMETRES = {"um": 0.001, "mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4, "ft": 304.8}
 """Units of length of files that know one, and of inertia."""
 LARGEST = 1e12
 """Of speeds, forces, torques and masses, in the user's units."""

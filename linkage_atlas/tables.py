@@ -1,145 +1,643 @@
-"""Samples as a table, CSV or pasted from a spreadsheet, made into the fields of a request."""
+"""Tables of samples, read as the fields of a request: which column holds what, in which unit."""
 
 from __future__ import annotations
 
-import csv
 import math
 import re
-from collections.abc import Mapping, Set
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+from linkage_atlas.arguments import MILLIMETRES, radians_in
+from linkage_atlas.cells import ANGLE_NAMES, LENGTH_NAMES, UNITS, Head, Numbers, Sheet, decoded, sheet_of
 from synthesis.errors import FieldError
+from synthesis.target import MAX_SAMPLES
 
-CRANK = ("crank", "crank_angle", "theta1")
-TIME = ("t", "time")
-"""Names of columns that are no crank angles, though the crank may turn evenly with them."""
-TURN = ("angle", "rotation", "gamma", "phi", "theta", "\u03b3", "\u03c6", "\u03b8")
-NUMBER = dict.fromkeys(("no", "nr", "n", "id", "pose", "point", "sample", "index"), None)
-"""Names of columns that number the rows, and are not read."""
+__all__ = [
+    "FUNCTIONS",
+    "KINDS",
+    "POSES",
+    "ROTATIONS",
+    "Table",
+    "decoded",
+    "function_from_csv",
+    "match_from_csv",
+    "read_columns",
+    "read_table",
+    "request_from_csv",
+]
+
 SHARES = ("weight", "weight_rotation", "weight_position", "tolerance_rotation", "tolerance_position")
-"""Names of columns of what each sample counts, of either part or both, and of the errors that are allowed there."""
+"""Columns with the weight of each sample, for both parts or one of them, and with the allowed errors."""
+
+
+def _names(words: str) -> frozenset[str]:
+    return frozenset(words.split())
+
+
+def _axis(axis: str, number: int) -> frozenset[str]:
+    """Names of a column that holds a coordinate of the body point."""
+    before = "p pos position t trans translation translate tvec loc location coord coordinate c center centre point pt com".split()
+    behind = "pos position coord coordinate koordinate wert value".split()
+    names = {axis, *(f"{word}_{axis}" for word in before), *(f"{word}{axis}" for word in before)}
+    names |= {f"{axis}_{word}" for word in behind} | {f"{axis}{word}" for word in behind}
+    return frozenset(names | {f"{word}_{number}" for word in ("t", "tvec", "translation")})
+
+
+_NUMBERING = _names("no nr number nummer n id pose point sample index frame pos step timestep row i k name label part_name part")
+_TIMES = _names("t time zeit timestamp datetime date seconds sec")
+_X, _Y = _axis("x", 0) | {"easting"}, _axis("y", 1) | {"northing"}
+_CRANK = _names(
+    "crank crank_angle crankangle theta1 theta_1 theta2 theta_2 input input_angle motor motor_angle kurbel kurbelwinkel"
+)
+_ANGLE = _names(
+    "angle rotation rot gamma phi theta alpha beta psi yaw heading orientation direction winkel drehung drehwinkel "
+    "body_angle coupler_angle rotation_angle tilt "
+    "rz r_z rotz rot_z rotation_z rotationz angle_z anglez theta_z euler_z yaw_z z_rot z_rotation z_angle"
+)
+_RADIAN_ANGLE = _names("rvec_z rvec_2 rotation_euler_z rotation_euler_2")
+"""Angles that programs always write in radians: rotation vectors of OpenCV, Blender's Python interface."""
+_OUTPUT = _names("output output_angle rocker rocker_angle follower theta3 theta_3 theta4 theta_4 psi out abtrieb")
+_COSINE = _names(
+    "cos c cosine cos_theta costheta cos_phi cosphi cos_angle cos_alpha ux u_x dir_x direction_x r11 r_11 r00 r_00"
+)
+_SINE = _names(
+    "sin s sine sin_theta sintheta sin_phi sinphi sin_angle sin_alpha uy u_y dir_y direction_y r21 r_21 r10 r_10"
+)
+
+
+def _quaternion(part: str) -> frozenset[str]:
+    return frozenset(f"{word}{part}" for word in ("q", "q_", "quat_", "rotation_quaternion_", "orientation_"))
+
+
+_COORDINATE = re.compile(r"(?P<before>.*?)_?(?P<axis>[xy])|(?P<first>[xy])_?(?P<behind>.+)")
+"""Name of a column with a coordinate of a labelled point: x1, p1_x, joint_a_x, model_x."""
+_NO_POINTS = _names(
+    "v vel velocity speed acc accel acceleration f force rot rotation rotation_euler rvec euler omega q d delta err error std "
+    "weight tolerance"
+)
+"""Labels of vectors that are no points."""
 
 
 @dataclass(frozen=True)
 class Kind:
-    """What tables of one question hold."""
+    """Columns that the tables of one question have."""
 
-    columns: Mapping[str, str | None]
-    """Names of columns and what each holds; None: it is not read."""
-    known: str
-    """The names, for people."""
-    by_number: Mapping[int, tuple[str, ...]]
-    """What the columns of a table without names hold, by how many there are."""
+    roles: Mapping[str, frozenset[str]]
+    """Names of the columns that have each role."""
+    bare: Mapping[int, tuple[str, ...]]
+    """Roles of the columns of a table without heads, by their number."""
     angles: tuple[str, ...]
-    """What is in the unit of angle."""
     lengths: tuple[str, ...] = ()
-    """What is in the unit of length."""
     gaps: bool = False
-    """Whether a cell may be empty."""
+    """A cell may be empty."""
+    described: str = ""
+    """Heads that are read, for messages."""
+
+    @property
+    def known(self) -> frozenset[str]:
+        """All names that mark a line as a line of heads."""
+        return frozenset().union(*self.roles.values(), _NUMBERING, _TIMES, _axis("z", 2), {"x1", "y1", "x2", "y2"})
 
 
 POSES = Kind(
     {
-        **dict.fromkeys(CRANK, "crank_angle"),
-        **{"x": "x", "y": "y"},
-        **dict.fromkeys(TURN, "rotation"),
-        **{name: name for name in SHARES},
-        **NUMBER,
+        "crank_angle": _CRANK,
+        "x": _X,
+        "y": _Y,
+        "rotation": _ANGLE | _RADIAN_ANGLE,
+        "cos": _COSINE,
+        "sin": _SINE,
+        **{f"q{part}": _quaternion(part) for part in "wxyz"},
+        **{name: frozenset({name}) for name in SHARES},
     },
-    f"x, y; rotation, angle, phi, theta, gamma; crank_angle, crank, theta1; {', '.join(SHARES)}",
     {1: ("rotation",), 2: ("x", "y"), 3: ("x", "y", "rotation"), 4: ("crank_angle", "x", "y", "rotation")},
     ("crank_angle", "rotation", "tolerance_rotation"),
-    ("x", "y", "tolerance_position"),
+    ("x", "y", "x1", "y1", "x2", "y2", "tolerance_position"),
     gaps=True,
+    described="x and y, angle, crank; or x1, y1, x2, y2; or x, y, cos, sin",
 )
-TURNS = Kind(
-    {**dict.fromkeys(CRANK, "crank_angle"), **dict.fromkeys(TURN, "rotation"), **NUMBER},
-    "rotation, angle, phi, theta, gamma; crank_angle, crank, theta1",
+"""Tables of /v1/synthesize."""
+ROTATIONS = Kind(
+    {"crank_angle": _CRANK, "rotation": _ANGLE | _RADIAN_ANGLE, "cos": _COSINE, "sin": _SINE},
     {1: ("rotation",), 2: ("crank_angle", "rotation")},
     ("crank_angle", "rotation"),
+    described="angle, crank",
 )
-ROCKERS = Kind(
-    {
-        **dict.fromkeys(("input", *CRANK), "input"),
-        **dict.fromkeys(("output", "rocker", "rocker_angle", "theta3", "psi", "\u03c8", "angle"), "output"),
-        **{"x": "x", "y": "y"},
-        **NUMBER,
-    },
-    "output, rocker, rocker_angle, theta3, psi, angle; input, crank, crank_angle, theta1; x, y",
+"""Tables of /v1/match."""
+FUNCTIONS = Kind(
+    {"input": _CRANK, "output": _OUTPUT, "angle": _ANGLE - _OUTPUT, "x": frozenset({"x"}), "y": frozenset({"y"})},
     {1: ("output",), 2: ("input", "output")},
-    ("input", "output"),
+    ("input", "output", "angle"),
+    described="input and output, or x and y",
 )
+"""Tables of /v1/function."""
 
 
-_ONE_GROUP = re.compile(r"[+\-\u2212]?[1-9]\d{0,2}[.,]\d{3}(?!\d|[.,])")
-"""A number of which nothing shows whether its mark is that of decimals or of thousands."""
+class Column(NamedTuple):
+    """How a column was read."""
+
+    head: str
+    """As written; of a table without heads the number of the column."""
+    role: str
+    """Field of the request, or `x`, `y`, `x1`, .., `cos`, `sin`."""
+    unit: str
+    """Unit named by the table; "" if it names none."""
 
 
-_HEAD = re.compile(r"(\w+?)\.?(?:_(mm|cm|m|in|inch|deg|rad))?(|[\s(\[/].*)")
-"""The head of a column in small letters: a name, and perhaps a unit, also as in x_mm."""
-_LENGTH = re.compile(r"[\s(\[/]*(?:in\s+)?[(\[]?(mm|cm|m|in)(?:(?<=in)ch(?:es)?)?[)\]]?")
-"""What stands behind the name of a column of lengths, in small letters."""
-_MISSING = re.compile(r"[#(<]?(nan|n/?a|null|none|nil|missing|-+|\.|\?)[)>!]?")
-"""What programs write in place of a number that is missing, in small letters."""
-_SEPARATOR = re.compile(r"sep=.")
-"""The first line by which a spreadsheet is told what separates cells."""
+@dataclass(frozen=True)
+class Table:
+    """Samples read from a table, as the fields of a request."""
+
+    fields: dict[str, Any]
+    """Angles are in the unit that the request asks for, degrees by default."""
+    length_unit: str | None
+    """Unit of the lengths; None if the table names none."""
+    columns: list[Column]
+    note: str
+    """How the columns were read, as one sentence."""
+    angle_named: bool = field(default=False, repr=False)
+    """Whether the table names the unit of its angles."""
 
 
-class _Row(NamedTuple):
-    line: int
-    """Of the file, from 1."""
-    cells: list[str]
+def read_columns(text: str) -> dict[str, str]:
+    """Read ``x=TX,y=TY,angle=RZ`` as a mapping of fields to heads. Raises `FieldError`."""
+    pairs = [part.partition("=") for part in text.split(",") if part.strip()]
+    if not pairs or not all(equals and name.strip() and head.strip() for name, equals, head in pairs):
+        raise FieldError("/columns", f"wanted pairs such as x=TX,y=TY,angle=RZ, found {text[:60]!r}")
+    return {name.strip(): head.strip() for name, _, head in pairs}
 
 
-def decoded(text: bytes) -> str:
-    """A table as spreadsheets save it: UTF-8, or UTF-16 with its mark, or the 8 bits of older ones."""
-    if text[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        return text.decode("utf-16", "replace")
-    try:
-        return text.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return text.decode("cp1252", "replace")
+def request_from_csv(
+    text: str, also: Mapping[str, Any] | None = None, unwrap: bool = False, columns: Mapping[str, str] | None = None
+) -> dict[str, Any]:
+    """Return the body of /v1/synthesize for a table of poses; see `read_table`.
 
-
-def request_from_csv(text: str, also: Mapping[str, Any] | None = None, unwrap: bool = False) -> dict[str, Any]:
-    """The body of /v1/synthesize that a table asks for, angles in degrees unless the heads of their columns say rad.
-
-    The first line names the columns: x and y, rotation (or angle, phi, theta, gamma), crank_angle (or crank, theta1), each
-    perhaps with a unit behind it. Without names two columns are x and y, three x, y, rotation, four crank_angle, x, y, rotation,
-    one rotation. An empty cell of rotation, or of x and y, is a sample without it. Further columns are weight, or
-    weight_rotation and weight_position (an empty cell counts 1), tolerance_rotation and tolerance_position. Fields in ``also``
-    join those of the table. Without crank angles in either they are free.
-
-    Cells are separated by tabs, semicolons, commas or spaces. A comma in a number is its decimal point where cells are not
-    separated by commas, or where it is quoted; a table that writes some numbers so and others with a point is refused. Before
-    three digits the other mark groups thousands, as in 1.000,5. With ``unwrap`` each angle is moved by whole turns to within
-    half a turn of the one before.
-
-    Raises `FieldError`: naming the line, and the column where one cell is wrong.
+    Fields in ``also`` take precedence over the table's. Without crank angles in either the timing is free.
     """
-    columns, rows, unit = _read(text, POSES, unwrap)
+    return read_table(text, POSES, also, unwrap, columns).fields
+
+
+def match_from_csv(
+    text: str, also: Mapping[str, Any] | None = None, unwrap: bool = False, columns: Mapping[str, str] | None = None
+) -> dict[str, Any]:
+    """Return the body of /v1/match for a table of rotations; see `read_table`."""
+    return read_table(text, ROTATIONS, also, unwrap, columns).fields
+
+
+def function_from_csv(
+    text: str, also: Mapping[str, Any] | None = None, unwrap: bool = False, columns: Mapping[str, str] | None = None
+) -> dict[str, Any]:
+    """Return the body of /v1/function for a table of input and output, or of x and y; see `read_table`."""
+    return read_table(text, FUNCTIONS, also, unwrap, columns).fields
+
+
+def read_table(
+    text: str,
+    kind: Kind = POSES,
+    also: Mapping[str, Any] | None = None,
+    unwrap: bool = False,
+    columns: Mapping[str, str] | None = None,
+    length_unit: str | None = None,
+) -> Table:
+    """Read a table of samples.
+
+    Cells are separated by tabs, semicolons, bars, commas or blanks. A comma in a number is its decimal mark unless commas
+    separate cells; a table in which some numbers have a decimal comma and others a decimal point is refused. Titles above the
+    heads and comments (#, %, //) are ignored, and so are columns that have no role.
+
+    Parameters
+    ----------
+    text : str
+    kind : Kind
+        Question that the table belongs to: `POSES`, `ROTATIONS` or `FUNCTIONS`.
+    also : mapping, optional
+        Further fields of the request. Their unit of angle, ``angle_unit``, is the unit that the table's angles are converted to.
+    unwrap : bool
+        Move each angle by whole turns to within half a turn of the angle before it.
+    columns : mapping, optional
+        Head of the column for each of x, y, angle, crank, x1, y1, x2, y2, cos, sin, input, output; or its number, from 1. Only
+        these columns are read. Default: columns are recognised by their heads.
+    length_unit : str, optional
+        Unit that lengths are converted to. Default: the unit of the table.
+
+    Raises
+    ------
+    FieldError
+        Naming the line, and the column if one cell is wrong. If the columns have to be chosen its details have ``heads``.
+
+    Examples
+    --------
+    >>> from linkage_atlas.tables import read_table
+    >>> table = read_table("TX [cm];TY [cm];RZ [rad];Frame\\n0;0;0;1\\n1,5;2;1,5708;2")
+    >>> table.length_unit, [round(angle) for angle in table.fields["rotation"]]
+    ('cm', [0, 90])
+    >>> print(table.note)
+    columns read: x from 'TX [cm]', y from 'TY [cm]', angle from 'RZ [rad]' (converted to degrees); not read: 'Frame'
+    """
+    given, chosen = dict(also or {}), _with_aliases(columns, kind)
+    sheet = sheet_of(text, kind.known, tuple(chosen.values()))
+    reading = _Reading(sheet, kind, given.get("angle_unit", "deg") != "rad", length_unit)
+    reading.assign(reading.chosen(chosen) if chosen else reading.recognised())
+    reading.read_numbers()
+    reading.combine_points()
+    if unwrap:
+        reading.unwrap()
+    found = _poses(reading) if kind is POSES else _rotations(reading) if kind is ROTATIONS else _function(reading)
+    if isinstance(given.get("function"), dict) and "function" in found:
+        found["function"] |= given.pop("function")
+    fields = found | given
+    if kind is not FUNCTIONS and len(sheet.rows) > MAX_SAMPLES:
+        raise FieldError(
+            "", f"the table has {len(sheet.rows):,} rows, at most {MAX_SAMPLES:,} are allowed: leave out rows between"
+        )
+    if kind is POSES and not fields.keys() & {"crank_angle", "crank_span", "travel", "travel_span"}:
+        fields = {"timing": "free"} | fields
+    return Table(fields, reading.length_unit, reading.columns(), reading.note(), reading.angle_named)
+
+
+_EXAMPLES = {
+    POSES.described: "x=TX,y=TY,angle=RZ",
+    ROTATIONS.described: "angle=RZ",
+    FUNCTIONS.described: "input=IN,output=OUT",
+}
+"""Choices of columns for messages."""
+_ALIASES = {"angle": "rotation", "rotation": "rotation", "crank": "crank_angle", "theta": "rotation"}
+
+
+def _with_aliases(columns: Mapping[str, str] | None, kind: Kind) -> dict[str, str]:
+    """Return the columns that a user has named by role."""
+    aliases = {"angle": "output", "crank": "input"} if kind is FUNCTIONS else _ALIASES
+    roles = {role for role in kind.roles if role != "angle"} | ({"x1", "y1", "x2", "y2"} if kind is POSES else set())
+    found = {}
+    for name, head in (columns or {}).items():
+        role = aliases.get(name, name)
+        if role not in roles:
+            known = ("input", "output", "x", "y") if kind is FUNCTIONS else ("x", "y", "angle", "crank", "x1", "y1", "x2", "y2")
+            raise FieldError.no_such("/columns", name, (*known, *(("cos", "sin") if "cos" in roles else ())), "column")
+        found[role] = str(head)
+    return found
+
+
+class _Reading:
+    """Columns of one table while they are read: which have a role, their units, their numbers."""
+
+    def __init__(self, sheet: Sheet, kind: Kind, degrees: bool, length_unit: str | None) -> None:
+        self.sheet, self.kind, self.degrees, self.length_unit = sheet, kind, degrees, length_unit
+        self.roles: dict[int, str] = {}
+        self.units: dict[int, str] = {}
+        self.values: dict[str, list[float | None]] = {}
+        self.remarks: list[str] = []
+        self.angle_named = False
+
+    # -- which column has which role
+
+    def refuse(self, message: str, choose: bool = False) -> FieldError:
+        """Return an error of the line of heads; with ``choose`` it asks for `columns` and carries the heads."""
+        heads = [head.text or f"column {k + 1}" for k, head in enumerate(self.sheet.heads)]
+        heads = heads or [str(k + 1) for k in range(self.sheet.width)]
+        if not choose:
+            return FieldError("", f"line {self.sheet.line}: {message}")
+        example = _EXAMPLES[self.kind.described]
+        return FieldError("", f"line {self.sheet.line}: {message}; or choose columns, as in columns {example}", heads=heads)
+
+    def chosen(self, columns: Mapping[str, str]) -> dict[int, str]:
+        """Return the roles of the columns that a user has named by head or number."""
+        heads, found = self.sheet.heads, dict[int, str]()
+        for role, text in columns.items():
+            alike = [k for k, head in enumerate(heads) if head.text.casefold() == text.strip().casefold()]
+            alike = alike or [k for k, head in enumerate(heads) if head.name and head.name == _plain_name(text)]
+            if not alike and text.isdigit() and 1 <= int(text) <= self.sheet.width:
+                alike = [int(text) - 1]
+            if len(alike) != 1 or alike[0] in found:
+                there = ", ".join(repr(head.text) for head in heads) or f"{self.sheet.width} columns without heads"
+                what = "is named twice" if alike else "is no column of the table"
+                raise FieldError(f"/columns/{role}", f"{text!r} {what}; there are {there}")
+            found[alike[0]] = role
+        return found
+
+    def recognised(self) -> dict[int, str]:
+        """Return the roles of the columns by their heads, or by their number if there are none."""
+        return self._by_heads() if self.sheet.heads else self._by_number()
+
+    def _by_heads(self) -> dict[int, str]:
+        found: dict[int, str] = {}
+        names = [head.name for head in self.sheet.heads]
+        for role, known in self.kind.roles.items():
+            alike = [k for k, name in enumerate(names) if name in known and k not in found]
+            if len(alike) > 1 and role != "angle":
+                exact = [k for k in alike if names[k] == role]
+                if len(exact) != 1:
+                    same = " and ".join(f"'{self.sheet.heads[k].text}'" for k in alike[:3])
+                    raise self.refuse(f"the columns {same} may both be {_word(role)}: rename all but one of them", True)
+                alike = exact
+            found |= dict.fromkeys(alike, role)
+        roles = set(found.values())
+        for pair in ({"cos", "sin"}, {"qw", "qx", "qy", "qz"}):
+            if roles & pair and ("rotation" in roles or not {"cos", "sin", "qw", "qz"} & pair <= roles):
+                found = {k: role for k, role in found.items() if role not in pair}
+        if self.kind is POSES and not roles & {"x", "y"}:
+            found |= self._two_points(names)
+        if self.kind is FUNCTIONS:
+            found = self._input_and_output(found)
+        return found
+
+    def _two_points(self, names: Sequence[str]) -> dict[int, str]:
+        """Return the columns of two points of the body, or of a single labelled point."""
+        columns: dict[str, dict[str, int]] = {}
+        for k, name in enumerate(names):
+            if found := _COORDINATE.fullmatch(name):
+                label, axis = found["before"] or found["behind"] or "", found["axis"] or found["first"]
+                if label not in _NO_POINTS:
+                    columns.setdefault(label, {})[axis] = k
+        points = {label: found for label, found in columns.items() if len(found) == 2}
+        if len(points) > 2:
+            raise self.refuse(f"there are {len(points)} points, and a body is given by one or two: leave out the others", True)
+        labels = ("1", "2") if len(points) == 2 else ("",)
+        roles = {
+            point[axis]: f"{axis}{label}" for point, label in zip(points.values(), labels, strict=False) for axis in "xy"
+        }
+        if len(points) == 1:
+            (label,) = points
+            roles |= {k: "rotation" for k, name in enumerate(names) if name in {f"{label}_{angle}" for angle in _ANGLE}}
+        return roles
+
+    def _input_and_output(self, found: dict[int, str]) -> dict[int, str]:
+        """Take columns of angles without a role as the input and output that are missing."""
+        angles = [k for k, role in found.items() if role == "angle"]
+        missing = [role for role in ("input", "output") if role not in found.values()]
+        if {"x", "y"} <= set(found.values()):
+            angles = []
+        elif len(angles) == 1:
+            missing = missing[-1:]
+        if len(angles) > len(missing):
+            same = ", ".join(f"'{self.sheet.heads[k].text}'" for k in angles)
+            raise self.refuse(f"the columns {same} may be input or output: name them so", True)
+        rest = {k: role for k, role in found.items() if role != "angle"}
+        return rest | dict(zip(sorted(angles), missing, strict=False))
+
+    def _by_number(self) -> dict[int, str]:
+        width = len([cell for cell in self.sheet.rows[0].cells if cell]) if len(self.sheet.rows) == 1 else self.sheet.width
+        width = max(width, min(self.sheet.width, max(self.kind.bare)))
+        roles = self.kind.bare.get(width)
+        if roles is None:
+            most = max(self.kind.bare)
+            raise self.refuse(
+                f"wanted 1 to {most} columns, or a line of heads above them; found {width} columns", True
+            )
+        if self.kind is POSES and len(self.sheet.rows) > 1:
+            self._check_bare(roles)
+        self.remarks.append("columns without heads were read as " + ", ".join(map(_word, roles)))
+        return dict(enumerate(roles))
+
+    def _check_bare(self, roles: tuple[str, ...]) -> None:
+        """Refuse columns without heads whose numbers may mean something else."""
+        cells = [[*row.cells, *[""] * len(roles)][: len(roles)] for row in self.sheet.rows]
+        numbers = Numbers([cell for row in cells for cell in row])
+        try:
+            rows = [[numbers.read(cell, "", True).value for cell in row] for row in cells]
+        except FieldError:
+            return  # reported with its line and column when the numbers are read
+        if any(None in row for row in rows):
+            return
+        values: list[list[float]] = [list(column) for column in zip(*rows)]  # type: ignore[arg-type]
+        if len(roles) == 3 and len(set(values[2])) == 1:
+            raise self.refuse(
+                f"the third of three columns without heads is {values[2][0]:g} in every row, which may be a z or an angle: "
+                "write x,y,z or x,y,angle above them",
+                True,
+            )
+        if len(roles) != 4:
+            return
+        first, steps = values[0], [b - a for a, b in zip(values[0], values[0][1:])]
+        is_crank = (min(steps) > 0 or max(steps) < 0) and abs(first[-1] - first[0]) <= 360
+        is_number = first[0] in (0, 1) and set(steps) == {1}
+        lengths = [math.hypot(c - a, d - b) for a, b, c, d in zip(*values)]
+        is_rigid = len(lengths) > 2 and max(lengths) - min(lengths) < 0.05 * max(lengths)
+        is_unit = all(abs(math.hypot(c, d) - 1) < 0.02 for c, d in zip(*values[2:]))
+        if not is_crank or is_number or is_rigid or is_unit:
+            raise self.refuse(
+                "four columns without heads may be crank,x,y,angle or number,x,y,angle or x1,y1,x2,y2 or x,y,cos,sin: write "
+                "one of these above them",
+                True,
+            )
+
+    def assign(self, roles: dict[int, str]) -> None:
+        """Take the roles of columns and check the units in their heads."""
+        self.roles = dict(sorted(roles.items()))
+        for k, role in self.roles.items():
+            head = self.sheet.heads[k] if self.sheet.heads else Head("", "", "")
+            self.units[k] = self.unit_of(head.unit, role, f"line {self.sheet.line}: the head '{head.text[:30]}'")
+            if not self.units[k] and head.name in _RADIAN_ANGLE:
+                self.units[k] = "rad"
+
+    def unit_of(self, text: str, role: str, where: str) -> str:
+        """Return the unit that a text names for a column of a role; FieldError if there is none."""
+        name = text.strip().lower()
+        known = (*(MILLIMETRES if self.is_length(role) else ()), *(ANGLE_NAMES if self.is_angle(role) else ()))
+        if not name or (not known and name in ("-", "1", "%")):
+            return ""
+        unit = UNITS.get(name, "")
+        if role in ("x", "y") and self.kind is FUNCTIONS:
+            return ""
+        if unit not in known:
+            there = f"known are {', '.join(known)}" if known else "it has none"
+            raise FieldError("", f"{where} has the unit '{text[:20]}', and the unit of {_word(role)} must be known: {there}")
+        return unit
+
+    def is_angle(self, role: str) -> bool:
+        return role in self.kind.angles
+
+    def is_length(self, role: str) -> bool:
+        return role in self.kind.lengths or (self.kind is FUNCTIONS and role in ("input", "output"))
+
+    # -- numbers
+
+    def read_numbers(self) -> None:
+        """Read the cells of all columns that have a role, and convert them to one unit of length and one of angle."""
+        if self.kind is POSES and len({"x", "y"} & set(self.roles.values())) == 1:
+            raise self.refuse("wanted both x and y, or neither", True)
+        width, heads = self.sheet.width, self.sheet.heads
+        numbers = Numbers([cell for row in self.sheet.rows for k, cell in enumerate(row.cells) if k in self.roles])
+        for row in self.sheet.rows:
+            cells = row.cells
+            while len(cells) > width and not cells[-1]:
+                cells = cells[:-1]
+            if len(cells) != width:
+                commas = "; a number with a decimal comma is quoted, or semicolons separate" if len(cells) > width else ""
+                raise FieldError("", f"line {row.line}: wanted {width} cells, found {len(cells)}{commas}")
+            for k, role in self.roles.items():
+                where = f"line {row.line}, column {k + 1}{f' ({heads[k].text[:20]})' if heads else ''}: "
+                value, unit = numbers.read(cells[k], where, self.kind.gaps)
+                self.values.setdefault(role, []).append(value)
+                if unit:
+                    self._take_unit(k, role, unit, where)
+        self._convert()
+
+    def _take_unit(self, k: int, role: str, text: str, where: str) -> None:
+        """Take the unit behind a number as that of its column."""
+        unit = self.unit_of(text, role, where + "the number")
+        if self.units[k] not in ("", unit):
+            raise FieldError("", f"{where}the number is in {unit}, the column in {self.units[k]}")
+        self.units[k] = unit
+
+    def _convert(self) -> None:
+        units = {role: self.units[k] for k, role in self.roles.items()}
+        lengths = {role: unit for role, unit in units.items() if unit in LENGTH_NAMES}
+        self.angle_named = all(unit for role, unit in units.items() if self.is_angle(role))
+        if lengths:
+            own = next(iter(lengths.values()))
+            self.length_unit = self.length_unit or own
+            for role, unit in units.items():
+                if unit in lengths.values() or (role in self.kind.lengths and not unit):
+                    self._scale(role, MILLIMETRES[unit or own] / MILLIMETRES[self.length_unit])
+        wanted = "deg" if self.degrees else "rad"
+        for role, unit in units.items():
+            if self.is_angle(role) and unit in ANGLE_NAMES and unit != wanted:
+                self._scale(role, radians_in(unit == "deg") / radians_in(self.degrees))
+
+    def _scale(self, role: str, factor: float) -> None:
+        if factor != 1:
+            self.values[role] = [None if value is None else float(f"{value * factor:.15g}") for value in self.values[role]]
+
+    @property
+    def turn(self) -> float:
+        return 360.0 if self.degrees else 2 * math.pi
+
+    def combine_points(self) -> None:
+        """Make a rotation of cosine and sine, of a quaternion, or of two points of the body."""
+        values = self.values
+        if {"qw", "qz"} <= values.keys():
+            tilts = [value for name in ("qx", "qy") for value in values.pop(name, []) if value is not None]
+            if any(abs(value) > 0.05 for value in tilts):
+                raise self.refuse("the quaternions tilt the body out of the plane: qx and qy must be 0")
+            values["rotation"] = self._directions(values.pop("qw"), values.pop("qz"), 2.0)
+        elif {"cos", "sin"} <= values.keys():
+            values["rotation"] = self._directions(values.pop("cos"), values.pop("sin"), 1.0)
+        elif values.keys() & {"cos", "sin"}:
+            raise self.refuse("wanted both cos and sin")
+        if not values.keys() & {"x1", "y1", "x2", "y2"}:
+            return
+        if not {"x1", "y1", "x2", "y2"} <= values.keys():
+            raise self.refuse("wanted x1, y1, x2 and y2")
+        if "rotation" in values:
+            raise self.refuse("wanted either two points or an angle, found both")
+        ends = [values.pop(name) for name in ("x1", "y1", "x2", "y2")]
+        along = [None if None in row else (row[2] - row[0], row[3] - row[1]) for row in zip(*ends)]  # type: ignore[operator]
+        lengths = [math.hypot(*one) for one in along if one is not None]
+        middle = math.fsum(lengths) / max(len(lengths), 1)
+        off = max((abs(length - middle) for length in lengths), default=0.0)
+        if off > 0.1 * middle:
+            k = next(k for k, one in enumerate(along) if one is not None and abs(math.hypot(*one) - middle) == off)
+            raise FieldError(
+                "", f"line {self.sheet.rows[k].line}: the two points are {math.hypot(*(along[k] or ())):.4g} apart and "
+                f"{middle:.4g} on average, so they are not two points of a rigid body"
+            )  # fmt: skip
+        if off > 1e-3 * middle:
+            self.remarks.append(f"the distance of the two points varies by {100 * off / middle:.2g} %")
+        values["x"], values["y"] = ends[0], ends[1]
+        values["rotation"] = self._directions(*([None if one is None else one[i] for one in along] for i in (0, 1)), 0.0)
+        self.angle_named = True
+
+    def _directions(self, cosines: Sequence[Any], sines: Sequence[Any], factor: float) -> list[float | None]:
+        """Return continuous angles of vectors; of unit vectors if ``factor``, which multiplies the angles, is not 0."""
+        angles: list[float | None] = []
+        self.angle_named = True
+        for row, c, s in zip(self.sheet.rows, cosines, sines):
+            if c is None or s is None:
+                angles.append(None)
+                continue
+            if factor and not abs(math.hypot(c, s) - 1) < 0.05:
+                raise FieldError(
+                    "", f"line {row.line}: ({c:g}, {s:g}) is no cosine and sine: the squares of both must sum to 1"
+                )
+            angles.append((factor or 1.0) * math.atan2(s, c) / radians_in(self.degrees))
+        return [None if angle is None else float(f"{angle:.12g}") for angle in _unwrapped(angles, self.turn)]
+
+    def unwrap(self) -> None:
+        """Make all angles continuous."""
+        for role in self.kind.angles:
+            if role in self.values and role not in SHARES:
+                self.values[role] = _unwrapped(self.values[role], self.turn)
+
+    # -- how the table was read
+
+    def columns(self) -> list[Column]:
+        heads = self.sheet.heads
+        return [
+            Column(heads[k].text if heads else str(k + 1), _word(role), self.units[k]) for k, role in self.roles.items()
+        ]
+
+    def note(self) -> str:
+        """Say how the columns were read, in one sentence."""
+        parts = list(self.remarks)
+        wanted = "degrees" if self.degrees else "radians"
+        if self.sheet.heads:
+            read = []
+            for k, role in self.roles.items():
+                named = self.units[k]
+                converted = f" (converted to {wanted})" if named in ANGLE_NAMES and named != wanted[:3] else ""
+                if named in LENGTH_NAMES and self.length_unit not in (None, named):
+                    converted = f" (converted to {self.length_unit})"
+                read.append(f"{_word(role)} from '{self.sheet.heads[k].text[:40]}'{converted}")
+            parts.insert(0, "columns read: " + ", ".join(read))
+            left = [head.text for k, head in enumerate(self.sheet.heads) if k not in self.roles and head.text]
+            if left:
+                more = f" and {len(left) - 6} more" if len(left) > 6 else ""
+                parts.append("not read: " + ", ".join(f"'{text[:40]}'" for text in left[:6]) + more)
+        roles = set(self.roles.values())
+        if {"x1", "x2"} <= roles:
+            parts.append("the body point is x1, y1, and the angle is the direction from there to x2, y2")
+        if "cos" in roles or "qw" in roles:
+            parts.append(f"the angle is computed from {'cos and sin' if 'cos' in roles else 'the quaternions'}")
+        for name, words in (("rotation", "angle"), ("x", "position")):
+            lacking = [k + 1 for k, value in enumerate(self.values.get(name, [])) if value is None]
+            if lacking:
+                which = ", ".join(map(str, lacking[:6])) + (" and more" if len(lacking) > 6 else "")
+                parts.append(f"no {words} for sample{'s' if len(lacking) > 1 else ''} {which}")
+        return "; ".join(parts)
+
+
+def _plain_name(text: str) -> str:
+    return sheet_of(f"{text}\n0", frozenset()).heads[0].name if text.strip() and not text.strip().isdigit() else ""
+
+
+def _word(role: str) -> str:
+    """Return the name of a role for a user."""
+    return {"rotation": "angle", "crank_angle": "crank"}.get(role, role)
+
+
+def _unwrapped(angles: Iterable[float | None], turn: float) -> list[float | None]:
+    """Move angles by whole turns to within half a turn of the angle before; gaps are passed over."""
+    found: list[float | None] = []
+    before = None
+    for angle in angles:
+        if angle is not None and before is not None:
+            angle -= turn * round((angle - before) / turn)
+        before = before if angle is None else angle
+        found.append(angle)
+    return found
+
+
+def _poses(reading: _Reading) -> dict[str, Any]:
+    """Return rotation, position, crank angles, weights and tolerances."""
+    columns, rows = reading.values, reading.sheet.rows
+    if "crank_angle" in columns and None in columns["crank_angle"]:
+        line = rows[columns["crank_angle"].index(None)].line
+        raise FieldError("", f"line {line}: wanted a number for the crank angle, found an empty cell")
     request: dict[str, Any] = {name: columns[name] for name in ("crank_angle", "rotation") if name in columns}
-    if ("x" in columns) != ("y" in columns):
-        raise FieldError("", "line 1: wanted both x and y, or neither")
     if "x" in columns:
         pairs = list(zip(columns["x"], columns["y"]))
         if half := [row.line for row, pair in zip(rows, pairs) if (pair[0] is None) != (pair[1] is None)]:
             raise FieldError("", f"line {half[0]}: wanted both x and y, or neither")
         request["position"] = [None if None in pair else list(pair) for pair in pairs]
-    if not request.keys() & {"rotation", "position"}:
-        raise FieldError("", "line 1: wanted x and y, or rotation, or both")
-    request |= _shares(columns, request.keys() & {"rotation", "position"}, rows) | unit | dict(also or {})
-    return request if request.keys() & {"crank_angle", "crank_span"} else {"timing": "free"} | request
-
-
-def length_unit_of(text: str) -> str | None:
-    """The unit of lengths in the heads of a table of poses; None: they name none. Raises `FieldError` where they name two."""
-    return _names(_rows(text, POSES), POSES)[2]
-
-
-def _shares(columns: Mapping[str, list[float | None]], parts: Set[str], rows: list[_Row]) -> dict[str, Any]:
-    """Weights and tolerances of the parts that a table has."""
+    parts = request.keys() & {"rotation", "position"}
+    if not parts:
+        heads = ", ".join(f"'{head.text[:20]}'" for head in reading.sheet.heads[:8])
+        raise reading.refuse(
+            f"none of the heads {heads} is read as x and y or as angle: wanted {POSES.described}", True
+        )
+    _check_plane(reading)
     shares: dict[str, Any] = {}
     for name in SHARES:
         if name not in columns:
@@ -147,220 +645,50 @@ def _shares(columns: Mapping[str, list[float | None]], parts: Set[str], rows: li
         what, _, part = name.partition("_")
         if part and part not in parts:
             raise FieldError(
-                "", f"line 1: {name} needs {'a column of rotation' if part == 'rotation' else 'x and y'}"
+                "",
+                f"line {reading.sheet.line}: {name} needs {'a column of angles' if part == 'rotation' else 'x and y'}",
             )
         if what == "tolerance" and None in columns[name]:
             raise FieldError("", f"line {rows[columns[name].index(None)].line}: wanted a number for {name}")
         values = [1.0 if value is None else value for value in columns[name]]
         shares.setdefault(f"{what}s", {}).update(dict.fromkeys([part] if part else sorted(parts), values))
-    return shares
+    return request | shares
 
 
-def match_from_csv(text: str, also: Mapping[str, Any] | None = None, unwrap: bool = False) -> dict[str, Any]:
-    """The body of /v1/match that a table asks for: rotation, and perhaps crank_angle before it; see `request_from_csv`."""
-    columns, _, unit = _read(text, TURNS, unwrap)
-    if "rotation" not in columns:
-        raise FieldError("", "line 1: wanted a column of rotation")
-    return {**columns, **unit, **(also or {})}
+def _check_plane(reading: _Reading) -> None:
+    """Refuse a motion in another plane than x and y, and remark on a z that varies."""
+    axis = {head.name: k for k, head in enumerate(reading.sheet.heads)}
+    at = next((axis[name] for name in sorted(_axis("z", 2)) if name in axis and axis[name] not in reading.roles), None)
+    if at is None or "x" not in reading.values:
+        return
+    texts = {row.cells[at].strip() for row in reading.sheet.rows if at < len(row.cells)}
+    still = [name for name in ("x", "y") if len(set(reading.values[name])) == 1]
+    if len(texts) > 1 and still and len(reading.sheet.rows) > 1:
+        raise reading.refuse(
+            f"{still[0]} is the same in every row and '{reading.sheet.heads[at].text}' is not: the motion lies in another plane", True
+        )
+    if len(texts) > 1:
+        reading.remarks.append(f"'{reading.sheet.heads[at].text}' varies and is ignored, the motion is taken as plane")
 
 
-def function_from_csv(text: str, also: Mapping[str, Any] | None = None, unwrap: bool = False) -> dict[str, Any]:
-    """The body of /v1/function that a table asks for; see `request_from_csv`.
+def _rotations(reading: _Reading) -> dict[str, Any]:
+    """Return rotation and crank angles."""
+    if "rotation" not in reading.values:
+        raise reading.refuse("wanted a column of angles with the head angle", True)
+    return dict(reading.values)
 
-    Columns are output, and perhaps input before it; or x and y, named, which make the table of a function.
-    """
-    columns, _, unit = _read(text, ROCKERS, unwrap)
-    given = dict(also or {})
+
+def _function(reading: _Reading) -> dict[str, Any]:
+    """Return input and output, or the table of a function."""
+    columns = dict(reading.values)
     if {"x", "y"} <= columns.keys():
         pairs = [list(pair) for pair in zip(columns.pop("x"), columns.pop("y"))]
-        dials = given.get("function")
-        given["function"] = {"table": pairs} | (dials if isinstance(dials, dict) else {})
-    elif "output" not in columns or columns.keys() & {"x", "y"}:
-        raise FieldError("", "line 1: wanted a column of output, or both x and y")
-    return {**columns, **unit, **given}
+        return {**columns, "function": {"table": pairs}}
+    if "output" not in columns or columns.keys() & {"x", "y"}:
+        raise reading.refuse("wanted columns with the heads input and output, or x and y", True)
+    units = {role: reading.units[k] for k, role in reading.roles.items()}
+    return columns | {f"{role}_unit": "length" for role, unit in units.items() if unit in LENGTH_NAMES}
 
 
-def _read(text: str, kind: Kind, unwrap: bool) -> tuple[dict[str, list[float | None]], list[_Row], dict[str, str]]:
-    """The columns of a table, its rows, and the unit of its angles where that is not the degree."""
-    rows = _rows(text, kind)
-    heads = rows[0].cells if rows and any(map(_is_head, rows[0].cells)) else []
-    names, unit, _ = _names(rows, kind)
-    if not rows:
-        raise FieldError("", "the table has no rows: wanted a line for each sample, perhaps below a line of names")
-    columns = _numbers(names, heads, rows, kind.gaps)
-    if unwrap:
-        turn = 2 * math.pi if unit == "rad" else 360.0
-        turning = [name for name in kind.angles if name in columns and name not in SHARES]
-        columns |= {name: _unwrapped(columns[name], turn) for name in turning}
-    return columns, rows, {"angle_unit": unit} if unit == "rad" else {}
-
-
-def _unwrapped(angles: list[float | None], turn: float) -> list[float | None]:
-    """Angles moved by whole turns to within half a turn of the one before; gaps are passed over."""
-    out: list[float | None] = []
-    before = None
-    for angle in angles:
-        if angle is not None and before is not None:
-            angle -= turn * round((angle - before) / turn)
-        before = before if angle is None else angle
-        out.append(angle)
-    return out
-
-
-def _rows(text: str, kind: Kind) -> list[_Row]:
-    """The lines that are neither empty nor a comment, in cells; a comment that names the columns is the line of names.
-
-    Lines of separators alone are samples without anything; behind the last sample they are what spreadsheets make of empty lines.
-    """
-    every = list(enumerate(text.lstrip("\ufeff").splitlines(), 1))
-    tabs = any("\t" in line.strip() for _, line in every)
-    filled = [(number, line) for number, line in every if line.strip() or (tabs and "\t" in line)]
-    while filled and not filled[-1][1].strip(" \t;,"):
-        filled.pop()
-    if filled and _SEPARATOR.fullmatch(filled[0][1].strip()):
-        filled = filled[1:]
-    lines = [(number, line) for number, line in filled if not line.startswith("#")]
-    above = [(number, line) for number, line in filled if lines and line.startswith("#") and number < lines[0][0]]
-    if above and _names_columns(above[-1][1], lines[0][1], kind):
-        lines.insert(0, (above[-1][0], above[-1][1].lstrip("# ")))
-    bare = [re.sub('"[^"]*"', "", line) for _, line in lines]
-    for separator in "\t;":
-        if any(separator in line for line in bare):
-            break
-    else:
-        first = re.sub(r"[(\[][^)\]]*[)\]]", "", bare[0]).strip() if bare else ""
-        # numbers behind spaces that no comma ends are cells of their own: "1,5 2,5", and not "1, 5"
-        spaced = not _is_head(first) and re.search(r"[^,\s]\s+[^,\s]", first)
-        separator = " " if spaced or "," not in first else ","
-    if separator == " ":
-        return [_Row(number, _words(line)) for number, line in lines]
-    return [_Row(number, _cells(line, separator, number)) for number, line in lines]
-
-
-def _names_columns(comment: str, first: str, kind: Kind) -> bool:
-    """Whether a comment names a column for each cell of the line below it, as "# x, y, theta"."""
-    names = [
-        _HEAD.fullmatch(one) for one in re.split(r"[;,\t]\s*|\s+(?![(\[/])", comment.lower().lstrip("# ").strip())
-    ]
-    cells = re.split(r"\s*[;\t]\s*|\s*,\s+|\s+" if re.search(r"[;\t\s]", first.strip()) else ",", first.strip())
-    return len(names) == len(cells) and all(one is not None and one[1] in kind.columns for one in names)
-
-
-def _cells(line: str, separator: str, number: int) -> list[str]:
-    """The cells of one line; a quote that is not closed ends with it."""
-    try:
-        (row,) = csv.reader([line], delimiter=separator, skipinitialspace=True)
-    except csv.Error as error:
-        raise FieldError("", f"line {number}: {error}") from None
-    return [cell.strip() for cell in row]
-
-
-def _is_head(cell: str) -> bool:
-    """Whether a cell, or a line, begins with a name."""
-    return re.match(r"[^\W\d]", cell) is not None
-
-
-def _words(line: str) -> list[str]:
-    """The cells of a line that spaces separate; a unit in brackets belongs to the name before it."""
-    return re.sub(r"\s+([(\[])", r"\1", line).split()
-
-
-def _names(rows: list[_Row], kind: Kind) -> tuple[list[str | None], str, str | None]:
-    """What each column holds, and the units of angles and of lengths; takes the line of names from the rows."""
-    if not rows:
-        return [], "deg", None
-    head = rows[0]
-    if not any(map(_is_head, head.cells)):
-        if len(head.cells) not in kind.by_number:
-            most = max(kind.by_number)
-            raise FieldError(
-                "", f"line {head.line}: wanted 1 to {most} columns, or names above them, found {len(head.cells)}"
-            )
-        return list(kind.by_number[len(head.cells)]), "deg", None
-    rows.pop(0)
-    names: list[str | None] = []
-    units, lengths = set(), set()
-    for cell in _trimmed(head.cells, 1):
-        found = _HEAD.fullmatch(cell.lower())
-        if found is not None and found[1] in TIME:
-            free = "free, or " if kind is POSES else ""
-            raise FieldError(
-                "",
-                f"line {head.line}: the column '{cell[: len(found[1])]}' is a time, and no crank angle: name it 'crank' if it "
-                f"holds crank angles in degrees, or leave it out (then crank angles are {free}even over a crank_span)",
-            )
-        if found is None or found[1] not in kind.columns:
-            raise FieldError("", f"line {head.line}: there is no column '{cell[:20]}'; there are {kind.known}")
-        word, unit, behind = found.groups(default="")
-        name = kind.columns[word]
-        if name is not None and name in names:
-            raise FieldError("", f"line {head.line}: two columns hold {name.replace('_', ' ')}")
-        names.append(name)
-        if name in kind.angles:
-            units.add("rad" if unit == "rad" or re.search(r"\brad", behind) else "deg")
-        elif name in kind.lengths and (measure := _LENGTH.fullmatch(unit or behind)):
-            lengths.add(measure[1])
-    if len(units) > 1:
-        raise FieldError("", f"line {head.line}: wanted all angles in one unit, found degrees and radians")
-    if len(lengths) > 1:
-        named = " and ".join(sorted(lengths))
-        raise FieldError("", f"line {head.line}: wanted all lengths in one unit, found {named}")
-    return names, units.pop() if units else "deg", lengths.pop() if lengths else None
-
-
-def _trimmed(cells: list[str], least: int) -> list[str]:
-    """The cells without empty ones beyond the least number, as a separator at the end of a line makes one."""
-    while len(cells) > least and not cells[-1]:
-        cells = cells[:-1]
-    return cells
-
-
-def _numbers(
-    names: list[str | None], heads: list[str], rows: list[_Row], gaps: bool
-) -> dict[str, list[float | None]]:
-    """The columns that are read; a mark for decimals is one mark in the whole table."""
-    columns: dict[str, list[float | None]] = {name: [] for name in names if name is not None}
-    read = [cell for _, cells in rows for name, cell in zip(names, cells) if name is not None]
-    mark = next(filter(None, map(_decimal_mark, read)), "," if any("," in cell for cell in read) else ".")
-    thousands = re.compile(rf"(?<=\d)[{'.,'.replace(mark, '')}](?=\d{{3}}(?!\d))")
-    for line, cells in rows:
-        cells = _trimmed(cells, len(names))
-        if len(cells) != len(names):
-            commas = (
-                "; a number with a decimal comma is quoted, or semicolons separate" if len(cells) > len(names) else ""
-            )
-            raise FieldError("", f"line {line}: wanted {len(names)} cells, found {len(cells)}{commas}")
-        for k, (name, cell) in enumerate(zip(names, cells)):
-            if name is None:
-                continue
-            place = f"line {line}, column {k + 1}{f' ({heads[k][:20]})' if heads else ''}: "
-            plain = thousands.sub("", cell)
-            if _decimal_mark(cell) not in ("", mark) or len(set(plain) & set(".,")) > 1:
-                wanted = "wanted one decimal mark in the whole table, found comma and point"
-                raise FieldError("", f"{place}'{cell[:20]}': {wanted}")
-            value = _number(plain, place, gaps)
-            if value is None and not gaps:
-                raise FieldError("", f"{place}wanted a number, found an empty cell")
-            columns[name].append(value)
-    return columns
-
-
-def _decimal_mark(cell: str) -> str:
-    """The decimal mark of a number, where it shows one: the last of two, or the one that does not stand twice."""
-    marks = re.findall("[.,]", cell)
-    if not marks or _ONE_GROUP.match(cell):
-        return ""
-    several = len(marks) > 1 and len(set(marks)) == 1
-    return ".,".replace(marks[0], "") if several else marks[-1]
-
-
-def _number(cell: str, place: str, gaps: bool) -> float | None:
-    cell = cell.replace("\u2212", "-").removesuffix("\u00b0").strip()
-    if not cell:
-        return None
-    plain = re.sub("(?<=\\d)[\u00a0\u202f\u2009'\u2019](?=\\d{3})", "", cell).replace(",", ".")
-    if not re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", plain, re.ASCII):
-        unit = "; a unit stands in the head of its column, as x [mm]" if re.match(r"[+-]?\d.*[^\W\d_]", plain) else ""
-        left = "; what is missing is left empty" if gaps and _MISSING.fullmatch(plain.lower()) else ""
-        raise FieldError("", f"{place}'{cell[:20]}' is not a number{unit}{left}")
-    return float(plain)
+KINDS: Mapping[str, Kind] = {"synthesize": POSES, "assembly": POSES, "match": ROTATIONS, "function": FUNCTIONS}
+"""Kind of table of each question."""
