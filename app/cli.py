@@ -1,18 +1,24 @@
-"""The command: questions as the service answers them, the batch job, examples, and the service itself."""
+"""The command ``linkage-atlas``: its commands, their options and help, and its exit codes."""
 
 from __future__ import annotations
 
 import argparse
 import json
 import os
+import re
+import shutil
 import sys
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+import textwrap
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from difflib import get_close_matches
+from functools import partial
+from pathlib import Path
+from typing import Any, get_args
 
 from app.fourbar import QUESTIONS
 from app.registry import queries_named
 from app.scenes import SCENES
-from app.terminal import EPILOG, FILE, Exit, add_atlas, whole_number
+from app.terminal import EPILOG, Exit
 from linkage_atlas import (
     BATCH_COMMANDS,
     AtlasError,
@@ -25,31 +31,41 @@ from linkage_atlas import (
 
 DESCRIPTION = """Finds planar linkages for a required motion.
 
-  linkage-atlas example casement > request.json   a request to edit
-  linkage-atlas synthesize request.json           linkages for it
+  linkage-atlas example casement > request.json   print a request to edit
+  linkage-atlas synthesize request.json           find linkages for it
   linkage-atlas synthesize poses.csv --length-unit mm --export linkage.dxf
-  linkage-atlas export request.json --format step its first solution for CAD
-  linkage-atlas serve                             the page, at http://127.0.0.1:8000
+  linkage-atlas export request.json --format step write its best linkage for CAD
+  linkage-atlas serve                             open the page at http://127.0.0.1:8000
+  linkage-atlas COMMAND --help                    list options and fields of a command
 """
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command; returns its exit code, as `app.exits` lists them."""
+    """Run a command and return its exit code."""
     return run(parsed(sys.argv[1:] if argv is None else argv))
 
 
 def parsed(argv: Sequence[str]) -> argparse.Namespace:
-    """The arguments of a command, and as ``run`` what it does with them; imports what the command needs."""
+    """Parse the arguments of a command; ``run`` of the result runs it."""
     if argv and argv[0] in BATCH_COMMANDS:
         return argparse.Namespace(run=lambda _: run_batch(argv))
     parser = make_parser(named=next((word for word in argv if not word.startswith("-")), None))
     if not argv:
         return argparse.Namespace(run=lambda _: parser.print_help(sys.stderr) or Exit.USAGE)
-    return parser.parse_args(list(argv))
+    return parser.parse_args(list(_with_negative_values(argv)))
+
+
+def _with_negative_values(argv: Sequence[str]) -> Iterator[str]:
+    """Join an option and a value such as -10,0,90,90, which argparse would take for another option."""
+    words = list(argv)
+    while words:
+        word = words.pop(0)
+        is_value = word.startswith("--") and "=" not in word and words and re.match(r"-[\d.]", words[0])
+        yield f"{word}={words.pop(0)}" if is_value else word
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run a command with its arguments; returns its exit code."""
+    """Run a parsed command; report its errors and return its exit code."""
     try:
         code: int = options.run(options)
         sys.stdout.flush()
@@ -57,14 +73,14 @@ def run(options: argparse.Namespace) -> int:
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return Exit.INTERRUPTED
-    except BrokenPipeError:  # the reader, say `head`, has enough; at exit nothing more may be flushed into the pipe
+    except BrokenPipeError:  # the reader has closed the pipe; nothing may be flushed into it at exit
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return Exit.OK
     except FieldError as error:
         print(error, file=sys.stderr)
         return Exit.USAGE
     except OSError as error:
-        print(f"{error.filename}: {error.strerror}" if error.filename else error, file=sys.stderr)
+        print(f"{error.filename}: {error.strerror}{_near_file(error)}" if error.filename else error, file=sys.stderr)
         return Exit.USAGE
     except AtlasError as error:
         print(error, file=sys.stderr)
@@ -74,26 +90,51 @@ def run(options: argparse.Namespace) -> int:
         return Exit.USAGE
 
 
-class _Command(argparse.ArgumentParser):
-    """Of one command: what it does not know it says itself, with its own usage."""
+def _near_file(error: OSError) -> str:
+    """Return a hint to a file of a similar name."""
+    path = Path(str(error.filename))
+    if not isinstance(error, FileNotFoundError) or not path.parent.is_dir():
+        return ""
+    near = get_close_matches(path.name, [file.name for file in path.parent.iterdir()], 1)
+    return f"; did you mean {path.with_name(near[0])}?" if near else ""
+
+
+# -- the parser -------------------------------------------------------------------------------------------------------
+
+_PLAIN = argparse.RawDescriptionHelpFormatter
+FILE: dict[str, str] = {}
+"""Completion of file names in each shell; shtab's, once a completion is asked for."""
+
+
+class _Parser(argparse.ArgumentParser):
+    """Parser of a command, which reports unknown options with its own usage and names similar ones."""
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         options, unknown = super().parse_known_args(args, namespace)
         if unknown:
-            self.error(f"unrecognized arguments: {' '.join(unknown)}")
+            word = unknown[0].partition("=")[0]
+            near = get_close_matches(word, self._option_string_actions, 1)
+            hint = f"; did you mean {near[0]}?" if near else f"; see {self.prog} --help"
+            self.error(f"unrecognized arguments: {' '.join(unknown)}{hint}")
         return options, unknown
+
+    def error(self, message: str) -> Any:
+        """End with the usage, the message, and the choice closest to an invalid one."""
+        if found := re.search(r"invalid choice: '(.*?)' \(choose from (.*)\)", message):
+            near = get_close_matches(found[1], re.findall(r"[\w.-]+", found[2]), 1)
+            message += f"; did you mean {near[0]}?" if near else ""
+            if Path(found[1]).is_file():
+                message = f"name a command before the file: {self.prog} synthesize {found[1]}"
+        super().error(message)
 
 
 def make_parser(whole: bool = False, named: str | None = None) -> argparse.ArgumentParser:
-    """The parser of a command that is ``named``, or the ``whole`` one; the arguments of the others are not loaded."""
-    plain = argparse.RawDescriptionHelpFormatter
-    parser = argparse.ArgumentParser(
-        prog="linkage-atlas", description=DESCRIPTION, epilog=EPILOG, formatter_class=plain
-    )
+    """Return the parser with the options of the command that is ``named``, or of all; others are not imported."""
+    parser = _Parser(prog="linkage-atlas", description=DESCRIPTION, epilog=EPILOG, formatter_class=_PLAIN)
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
-    commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=_Command)
+    commands = parser.add_subparsers(metavar="COMMAND", required=True)
     for name, (text, add) in _COMMANDS.items():
-        command = commands.add_parser(name, help=text)
+        command = commands.add_parser(name, help=text, formatter_class=_PLAIN)
         if whole or name == named:
             add(command, name)
     if whole:
@@ -104,31 +145,283 @@ def make_parser(whole: bool = False, named: str | None = None) -> argparse.Argum
     return parser
 
 
-def _add_questions(parser: argparse.ArgumentParser, name: str) -> None:
-    from app.command import add_query
+def whole_number(least: int, most: int | None = None) -> Callable[[str], int]:
+    """Return a reader of whole numbers from ``least`` to ``most``, for the type of an argument."""
 
+    def read(text: str) -> int:
+        wanted = f"a whole number of at least {least}" if most is None else f"a whole number from {least} to {most}"
+        if not re.fullmatch(r"-?\d+", text) or int(text) < least or (most is not None and int(text) > most):
+            raise argparse.ArgumentTypeError(f"must be {wanted}, found {text}")
+        return int(text)
+
+    return read
+
+
+def add_file(parser: Any, *names: str, **options: Any) -> None:
+    """Add an argument that is the name of a file, for completion."""
+    parser.add_argument(*names, **{"type": Path, "metavar": "FILE"} | options).complete = FILE
+
+
+def add_atlas(parser: Any, what: str = "the atlas") -> None:
+    """Add the option that names an atlas."""
+    add_file(
+        parser,
+        "--atlas",
+        help=f"{what} (default: atlas.h5 in this folder, else the default atlas, built once in the cache folder)",
+    )
+
+
+# -- questions and exports --------------------------------------------------------------------------------------------
+
+_LACKING = {"catalogue": None, "export": [], "plot": False, "rank": None, "length_unit": None, "columns": None}
+_LACKING |= {"unwrap": False, "set": [], "json": False}
+"""Values of the options that a command does not have."""
+
+
+def _add_questions(parser: argparse.ArgumentParser, name: str) -> None:
     queries = queries_named(name)
     if queries[0].command == name:
-        return add_query(parser, queries[0])
+        return _add_query(parser, queries[0])
     verbs = parser.add_subparsers(metavar="COMMAND", required=True)
     for query in queries:
-        add_query(verbs.add_parser(query.command.split()[1], help=query.summary), query)
+        _add_query(verbs.add_parser(query.command.split()[1], help=query.summary, formatter_class=_PLAIN), query)
+
+
+def _add_query(parser: argparse.ArgumentParser, query: Any) -> None:
+    from app.command import run_question
+    from app.sources import Target
+
+    target = Target.of(query)
+    examples = _add_request(parser, target, query, "answer")
+    parser.add_argument("--json", action="store_true", help="print request and reply as JSON, not as a table")
+    if query.command == "drive":
+        add_file(
+            parser,
+            "--catalogue",
+            help="a CSV file of actuators (name, retracted, stroke, force, ..) for all actuators and cylinders",
+        )
+    if query.exports:
+        endings = ", ".join((*query.exports, "json"))
+        text = f"also write a file in the format of its ending: {endings}; may be repeated"
+        add_file(parser, "--export", action="append", default=[], help=text)
+    if "svg" in query.exports:
+        parser.add_argument("--plot", action="store_true", help="also draw the linkage and open the picture")
+    if query.reads_atlas:
+        add_atlas(parser, "the atlas, if one is needed")
+    parser.set_defaults(run=partial(run_question, query=query), examples=examples)
 
 
 def _add_export(parser: argparse.ArgumentParser, name: str) -> None:
-    from app.command import add_export
+    from app.command import run_export
+    from app.fourbar.answers import LINKAGE_FILES
+    from app.fourbar.models import ExportRequest, Material, SolidsRequest
+    from app.sources import Target
 
-    add_export(parser)
+    (query,) = queries_named("synthesize")
+    examples = _add_request(parser, Target("export", ExportRequest), query, "export the linkage of")
+    parser.description = LINKAGE_FILES.summary
+    add_file(parser, "--out", help="the file to write (default: named after the example or the request)")
+    parser.add_argument(
+        "--format", choices=LINKAGE_FILES.formats, help="default: as the ending of --out or the request says"
+    )
+    add_atlas(parser, "the atlas, if one is needed")
+    parts = parser.add_argument_group("parts (step, 3mf, stl, urdf, sdf, parts; masses in mjcf)")
+    fits = get_args(SolidsRequest.model_fields["fit"].annotation)
+    materials = get_args(Material)
+    for option, path, text, choices in (
+        ("--fit", "solids.fit", "tolerances for a workshop (H7) or play for a printer", fits),
+        ("--material", "solids.material", "material of plates and boards", materials),
+        ("--scale", "solids.scale", "scale of a model (1)", None),
+        ("--boards", "assembly.boards", "boards that hold the fixed pins", ("below", "above", "both", "bar")),
+        ("--thickness", "assembly.thickness", "thickness of the plates", None),
+    ):
+        metavar = "{" + ",".join(choices) + "}" if choices else option[2:].upper()
+        _add_setting(parts, option, path, f"{text} (--set {path})", metavar)
+    parts.add_argument(
+        "--heads", dest="set", action="append_const", const=(["assembly", "heads"], True), help="pins with heads"
+    )
+    parts.add_argument(
+        "--nevertheless",
+        dest="set",
+        action="append_const",
+        const=(["solids", "nevertheless"], True),
+        help="write parts even if they would collide",
+    )
+    parser.set_defaults(run=run_export, examples=examples)
+
+
+_LIMITS = {
+    "--family": ("family", "family of the linkages: full_crank, crank_rocker, double_crank or any", "FAMILY"),
+    "--pivot-box": ("pivot_box", "box for both fixed pivots, as in 0,0,200,100", "XMIN,YMIN,XMAX,YMAX"),
+    "--link-min": ("link_min", "shortest length of any link", "LENGTH"),
+    "--link-max": ("link_max", "longest length of any link", "LENGTH"),
+    "--transmission": ("transmission_angle_min", "smallest transmission angle", "ANGLE"),
+}
+"""Options for common limits: field, help and value."""
+
+
+def _add_request(parser: argparse.ArgumentParser, target: Any, query: Any, verb: str) -> dict[str, Any]:
+    """Add the arguments that say what the request is; return the requests of the examples by name."""
+    from app.query import LengthUnit
+    from app.registry import examples_of
+    from app.sources import file_value, setting
+    from linkage_atlas.tables import read_columns
+
+    examples = {name: example.request for name, example in examples_of(query).items()}
+    prefix = query.command.replace(" ", "-") + "-"
+    reads = ["a request (JSON)"]
+    if target.linkage:
+        reads.append("a saved solution or a reply")
+    if target.table:
+        reads.append("a table of samples (CSV, or pasted from a spreadsheet)")
+    parser.description = query.summary
+    parser.epilog = f"{fields_help(target)}\n\n{EPILOG}"
+    files = f"{', '.join(reads[:-1])}{' or ' if reads[1:] else ''}{reads[-1]}; - or nothing: standard input"
+    add_file(parser, "file", nargs="?", default="-", type=str, help=files, metavar="file")
+    shown = ", ".join(name for name in examples if not name.startswith(prefix))
+    parser.add_argument(
+        "--example", choices=sorted(examples), metavar="NAME", help=f"{verb} a bundled example: {shown}"
+    )
+    parser.add_argument(
+        "--set",
+        type=setting,
+        metavar="FIELD=VALUE",
+        action="append",
+        default=[],
+        help="set a field of the request, as in top=3, limits.pivot_box=[0,0,200,100], drives.1.stroke=90 (items count from "
+        "1) or limits=@limits.json (a file); objects are merged; may be repeated. Fields: see below",
+    )
+    limits = (target.motion if target.motion and target.command != "drive" else target.model).model_fields.get("limits")
+    if limits is not None and "preset" in limits.annotation.model_fields:
+        for option, (field, text, metavar) in _LIMITS.items():
+            if field in limits.annotation.model_fields:
+                _add_setting(parser, option, f"limits.{field}", f"{text} (--set limits.{field})", metavar)
+        parser.add_argument(
+            "--no-preset",
+            dest="set",
+            action="append_const",
+            const=NO_PRESET,
+            help="no limits except those of the request (--set limits.preset=none)",
+        )
+    name = target.linkage or ("refine_from" if "refine_from" in target.model.model_fields else None)
+    if name is not None:
+        text = "the linkage: a saved solution or a reply" if target.linkage else "refine this linkage instead of searching"
+        add_file(
+            parser,
+            "--linkage" if target.linkage else "--refine-from",
+            dest="set",
+            action="append",
+            type=lambda file: ([name], file_value(name, file)),
+            help=f"{text} (--set {name}=@FILE)",
+        )
+    if target.table:
+        parser.add_argument(
+            "--columns",
+            type=_argument(read_columns),
+            metavar="x=TX,y=TY,angle=RZ",
+            help="heads of the columns of a table, or their numbers; only these are read",
+        )
+        parser.add_argument(
+            "--unwrap",
+            action="store_true",
+            help="take each angle of a table within half a turn of the one before: 350, 10, 30 as 350, 370, 390",
+        )
+    if query.files is not None or target.linkage:
+        parser.add_argument(
+            "--rank", type=whole_number(1, 100), help="which solution to write or draw, or to take from a reply (1)"
+        )
+    if query.shows_units:
+        parser.add_argument(
+            "--length-unit",
+            choices=get_args(LengthUnit),
+            help="unit of the request's lengths, for tables and for files with a unit (mm)",
+        )
+    parser.set_defaults(**_LACKING)
+    return examples
+
+
+def _add_setting(parser: Any, option: str, path: str, text: str, metavar: str) -> None:
+    """Add an option that sets one field."""
+    from app.sources import setting
+
+    def read(value: str) -> Any:
+        is_list = "," in value and not value.startswith("[")
+        return setting(f"{path}={f'[{value}]' if is_list else value}")
+
+    parser.add_argument(option, dest="set", action="append", type=read, metavar=metavar, help=text)
+
+
+def _argument(read: Callable[[str], Any]) -> Callable[[str], Any]:
+    """Return a reader whose `FieldError` argparse shows."""
+
+    def checked(text: str) -> Any:
+        try:
+            return read(text)
+        except FieldError as error:
+            raise argparse.ArgumentTypeError(error.message) from None
+
+    return checked
+
+
+def fields_help(target: Any) -> str:
+    """Return the fields of a request with a line of help for each."""
+    lines, width = ["fields of the request, for --set or as JSON:"], min(shutil.get_terminal_size().columns, 120)
+    for path, text in _fields(target.model):
+        lines += textwrap.wrap(f"{path}  {text}", width, initial_indent="  ", subsequent_indent=" " * 8)
+    if target.motion:
+        lines.append("  and the fields of the motion: see linkage-atlas synthesize --help")
+    return "\n".join(lines)
+
+
+def _fields(model: Any, path: str = "") -> Iterator[tuple[str, str]]:
+    """Yield the path and help of each field, also of those within objects."""
+    from app.query import models_in
+
+    for name, info in model.model_fields.items():
+        within = [] if name in ("solution", "linkage", "refine_from") else models_in(info.annotation)
+        is_list = "list[" in str(info.annotation)
+        if name == "request":
+            continue
+        parts = [info.description or ((within and within[0].__doc__) or "").partition("\n")[0]]
+        if values := [str(value) for value in get_args(info.annotation) if isinstance(value, str)]:
+            parts.append(f"One of {', '.join(values)}.")
+        if within and is_list:
+            parts.append(f"Fields of each: {', '.join(within[0].model_fields)}.")
+        if not (info.is_required() or info.default is None or info.default_factory):
+            parts.append(f"({json.dumps(info.default, default=str)})")
+        yield path + name, " ".join(filter(None, parts))
+        if within and not is_list and path.count(".") < 2:
+            yield from _fields(within[0], f"{path}{name}.")
+
+
+NO_PRESET = (["limits", "preset"], "none")
+"""Setting that turns the practical limits off."""
+
+
+# -- other commands ---------------------------------------------------------------------------------------------------
 
 
 def _add_study(parser: argparse.ArgumentParser, name: str) -> None:
-    from app.study import add_study
+    from app.registry import all_queries
+    from app.study import DESCRIPTION, run_study
 
-    add_study(parser)
+    parser.description, parser.epilog = DESCRIPTION, EPILOG
+    add_file(parser, "requests", help="requests, a line of JSON each; empty lines do not count", metavar="requests")
+    add_file(parser, "--out", required=True, help="the results; a study that was ended continues this file")
+    commands = [query.command for query in all_queries()]
+    parser.add_argument(
+        "--command", choices=commands, metavar="COMMAND", default="synthesize", help=f"of {', '.join(commands)} (%(default)s)"
+    )
+    cores = os.cpu_count() or 1
+    parser.add_argument("--jobs", type=whole_number(1), default=cores, help="number of processes (default: one per core)")
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="run on the Dask cluster at this address")
+    parser.add_argument("--no-preset", action="store_true", help="no limits except those of each request")
+    add_atlas(parser, "the atlas, if one is needed")
+    parser.set_defaults(run=run_study)
 
 
 def _add_completion(parser: argparse.ArgumentParser, name: str) -> None:
-    parser.description = "Prints a script that completes commands and options; what to do with it stands at its top."
+    parser.description = "Prints a script that completes commands and options; its first lines say how to install it."
     parser.add_argument("shell", choices=("bash", "zsh", "fish"))
     parser.set_defaults(run=_completion)
 
@@ -168,13 +461,13 @@ def _example(options: argparse.Namespace) -> int:
 
 
 def _pretty(value: Any, indent: str = "") -> str:
-    """JSON to edit: a field a line, but what holds only numbers, such as a pose, on one line."""
+    """Format JSON for editing: a field on each line, but lists of numbers, such as a pose, on one line."""
     inner = indent + "  "
     if isinstance(value, Mapping) and value:
-        rows = [f"{inner}{json.dumps(name)}: {_pretty(one, inner)}" for name, one in value.items()]
+        rows = [f"{inner}{json.dumps(name)}: {_pretty(part, inner)}" for name, part in value.items()]
         return "{\n" + ",\n".join(rows) + f"\n{indent}}}"
-    if isinstance(value, list) and any(isinstance(one, (list, Mapping)) for one in value):
-        return "[\n" + ",\n".join(inner + _pretty(one, inner) for one in value) + f"\n{indent}]"
+    if isinstance(value, list) and any(isinstance(part, (list, Mapping)) for part in value):
+        return "[\n" + ",\n".join(inner + _pretty(part, inner) for part in value) + f"\n{indent}]"
     return json.dumps(value)
 
 
@@ -236,16 +529,16 @@ def _serve(options: argparse.Namespace) -> int:
 
 _COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser, str], None]]] = {
     "synthesize": (QUESTIONS["synthesize"], _add_questions),
-    "function": (QUESTIONS["function"], _add_questions),
-    "drive": (QUESTIONS["drive"], _add_questions),
-    **{scene: (f"the {scene} scene", _add_questions) for scene in SCENES},
-    "match": (QUESTIONS["match"], _add_questions),
-    "assembly": (QUESTIONS["assembly"], _add_questions),
     "export": ("write a linkage as a file: for CAD, a printer, a simulator, a workshop", _add_export),
+    "drive": (QUESTIONS["drive"], _add_questions),
+    "assembly": (QUESTIONS["assembly"], _add_questions),
+    "function": (QUESTIONS["function"], _add_questions),
+    "match": (QUESTIONS["match"], _add_questions),
+    **{scene: (f"questions about the {scene}", _add_questions) for scene in SCENES},
     "study": ("answer many requests, a line each", _add_study),
     "example": ("print a request to edit, or the list of examples", _add_example),
     "serve": ("answer over HTTP, with a page to draw motions on", _add_serve),
     "index": ("prepare an atlas for scanning, so that later starts take no time", _add_index),
-    "completion": ("print what completes this command in a shell", _add_completion),
+    "completion": ("print a script that completes this command in a shell", _add_completion),
 }
-"""Commands by name, but the batch's: their help, and what adds their arguments once they are called."""
+"""Commands except those of the batch job: their help, and the function that adds their arguments."""

@@ -209,7 +209,7 @@ def _fields_at(model: type[BaseModel], path: Iterable[str | int]) -> list[str]:
     for part in path:  # a number is a place in a list: of models, or of none
         if isinstance(part, str):
             models = [
-                m for one in models if part in one.model_fields for m in _models(one.model_fields[part].annotation)
+                m for one in models if part in one.model_fields for m in models_in(one.model_fields[part].annotation)
             ]
     return [name for one in models for name in one.model_fields]
 
@@ -218,15 +218,16 @@ def _ways(model: type[BaseModel], way: str = "") -> dict[str, str]:
     """Names of all fields of an object and those within it, and the way to each; of several the shortest."""
     ways = {name: way + name for name in model.model_fields}
     for name, info in model.model_fields.items():
-        for one in _models(info.annotation):
+        for one in models_in(info.annotation):
             ways = _ways(one, f"{way}{name}.") | ways
     return ways
 
 
-def _models(annotation: Any) -> list[type[BaseModel]]:
+def models_in(annotation: Any) -> list[type[BaseModel]]:
+    """Return the models in the type of a field."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
-    return [model for part in get_args(annotation) for model in _models(part)]
+    return [model for part in get_args(annotation) for model in models_in(part)]
 
 
 _NO_FIELDS: set[str] = set()
@@ -336,9 +337,6 @@ class Query:
         over HTTP a POST of the same body to ``path.ending``.
     files : Files, optional
         Of a reply's solutions. Without it the exports are what the command writes.
-    from_csv : callable, optional
-        ``from_csv(text, also, unwrap) -> request body``, with fields ``also``, of a table of samples (CSV or pasted),
-        which the command then takes too.
     is_long : callable
         ``is_long(request) -> bool``: whether the answer may take more than a fraction of a second. Over HTTP long requests
         wait for one another and not the short ones for them.
@@ -356,7 +354,6 @@ class Query:
     table: Callable[..., str]
     examples: Mapping[str, dict[str, Any]] = field(default_factory=dict)
     exports: Mapping[str, Callable[[Any, Resources], bytes]] = field(default_factory=dict)
-    from_csv: Callable[[str, dict[str, Any], bool], dict[str, Any]] | None = None
     is_long: Callable[[Any], bool] = lambda _: False
     files: Files | None = None
     shows_units: bool = True

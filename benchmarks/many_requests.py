@@ -13,9 +13,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
-from app.study import answer_line
+from app.study import answer
 from benchmarks import report
-from linkage_atlas.many_requests import Question
+from linkage_atlas.batch import Question
 from tests.oracles.classes import make_case
 
 JOBS = (1, 2)

@@ -35,7 +35,6 @@ from linkage_atlas.arguments import pointing
 from linkage_atlas.assemblies import ASSEMBLY
 from linkage_atlas.formats import HELD
 from linkage_atlas.studies import DRIVE_STUDIES
-from linkage_atlas.tables import function_from_csv, match_from_csv, request_from_csv
 
 # -- how long an answer takes -----------------------------------------------------------------------------------------
 # By a table that was measured: `python -m benchmarks.durations` makes it, `durations.json`.
@@ -303,7 +302,7 @@ LINKAGE_FILES = Files(
 def find_drives(request: DrivesRequest, resources: Resources) -> la.Drives:
     """Drives of each kind, best first, and why there are none elsewhere."""
     if request.linkage is None and request.rocker is None:
-        raise la.FieldError("/linkage", "needed, or `rocker`, a link on a hinge")
+        raise la.FieldError("/linkage", "is required: a solution of a reply; or in its place `rocker`, a link on a hinge")
     unit = request.angle_unit or ("deg" if request.request is None else request.request.angle_unit)
     motion = None
     if request.request is not None:
@@ -384,12 +383,6 @@ def is_long_assembly(request: AssemblyRequest) -> bool:
     return request.request is not None and (is_long_search(request.request) or has_much_to_arrange(request, "crank"))
 
 
-def _from_table(text: str, also: dict[str, Any], unwrap: bool) -> dict[str, Any]:
-    """A table of samples is the motion of the request."""
-    inner = also.get("request")
-    return also | {"request": request_from_csv(text, inner if isinstance(inner, dict) else {}, unwrap)}
-
-
 _WORKED = {
     "links": {"crank": 19, "coupler": 72, "rocker": 144, "ground": 165},
     "branch": 1,
@@ -465,7 +458,6 @@ QUERIES = (
             "rocker": {**_ROTATION, "curve": "rocker", "top": 5},
             "slider_crank": {**_ROTATION, "mechanisms": ["four_bar", "slider_crank"], "top": 5},
         },
-        from_csv=match_from_csv,
         is_long=is_long_search,
         reads_atlas=True,
     ),
@@ -500,7 +492,6 @@ QUERIES = (
             },
         },
         SYNTHESIZE_EXPORTS,
-        request_from_csv,
         is_long_search,
         LINKAGE_FILES,
         reads_atlas=True,
@@ -514,7 +505,6 @@ QUERIES = (
             ("csv", "svg", "dxf", "mjcf"),
             lambda request, resources, kind: solve_function(request, resources).render(kind).encode(),
         ),
-        from_csv=function_from_csv,
         is_long=is_long_function,
         files=FUNCTION_FILES,
     ),
@@ -545,7 +535,6 @@ QUERIES = (
                 },
             },
         },
-        from_csv=_from_table,
         is_long=is_long_assembly,
         reads_atlas=True,
     ),

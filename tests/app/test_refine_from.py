@@ -1,6 +1,7 @@
 """A linkage to refine, in Python, over HTTP and on the command line: the same answer, honest words, errors at their fields."""
 
 import json
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
@@ -108,8 +109,8 @@ def test_the_command_refines_what_was_written(tmp_path, capsys, exact) -> None:
         assert cli.main(["synthesize", str(request), "--no-preset", "--refine-from", str(begin)]) == 0
         out = capsys.readouterr().out
         assert out.startswith("reached: 1 solution") and f"note: {LOCAL}" in out
-    for content, words in (('{"solutions": []}', "without solutions"), ("{", "Invalid JSON"), ("3", "refine_from")):
-        begin.write_text(content)
-        assert cli.main(["synthesize", str(request), "--refine-from", str(begin)]) == 2
+    for content, words in (('{"solutions": []}', "0 solutions"), ("{", "not valid JSON"), ("3", "refine_from"), (None, "No such")):
+        begin.unlink() if content is None else begin.write_text(content)
+        with pytest.raises(SystemExit, match="2") if content != "3" else nullcontext():
+            assert cli.main(["synthesize", str(request), "--refine-from", str(begin)]) == 2
         assert words in capsys.readouterr().err
-    assert cli.main(["synthesize", str(request), "--refine-from", str(tmp_path / "none.json")]) == 2

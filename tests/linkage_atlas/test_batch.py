@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import linkage_atlas as la
-from linkage_atlas.many_requests import without_times
+from linkage_atlas.batch import without_times
 
 
 def motions(count: int) -> list[dict]:
@@ -30,7 +30,7 @@ def test_answers_are_those_of_synthesize() -> None:
     for k in (0, 1, 3, 5):
         assert found[k]["reply"] == plain(la.synthesize(**asked[k]))
     assert "wanted 3 to 1024 samples" in found[2]["error"] and "spin" in found[4]["error"]
-    with pytest.raises(la.FieldError, match="0: wanted numbers"):
+    with pytest.raises(la.FieldError, match="requests, item 1: must hold numbers"):
         list(la.study([{"rotation": object()}], jobs=1))
 
 
