@@ -115,6 +115,7 @@ class _Parser(argparse.ArgumentParser):
             word = unknown[0].partition("=")[0]
             near = get_close_matches(word, self._option_string_actions, 1)
             hint = f"; did you mean {near[0]}?" if near else f"; see {self.prog} --help"
+            hint = "; a list is written with commas, as in 0,0,200,100" if re.match(r"-?[\d.]", word) else hint
             self.error(f"unrecognized arguments: {' '.join(unknown)}{hint}")
         return options, unknown
 

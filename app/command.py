@@ -37,10 +37,11 @@ def _read(target: Target, options: argparse.Namespace, more: Sequence[Setting] =
     """Read the request that the options name, and say what the file holds."""
     name = options.example or ("standard input" if options.file == "-" else options.file)
     try:
-        source = read_source(
+        return read_source(
             target,
             text_of(options),
             [*more, *options.set],
+            say=lambda note: None if options.example else print(f"read {name}: {note}", file=sys.stderr),
             unwrap=options.unwrap,
             columns=options.columns,
             rank=options.rank or 1,
@@ -50,9 +51,6 @@ def _read(target: Target, options: argparse.Namespace, more: Sequence[Setting] =
         if not error.field and type(error) is FieldError:
             error.args = (f"{name}: {error.message}",)
         raise
-    if source.note and not options.example:
-        print(f"read {name}: {source.note}", file=sys.stderr)
-    return source
 
 
 def run_question(options: argparse.Namespace, query: Query) -> int:

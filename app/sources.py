@@ -6,7 +6,7 @@ import argparse
 import json
 import re
 from codecs import BOM_UTF8, BOM_UTF16_BE, BOM_UTF16_LE
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -68,8 +68,6 @@ class Source:
 
     request: Any
     table: Table | None = None
-    note: str = ""
-    """What the file holds, if it is not simply a request of this question."""
 
 
 def read_source(
@@ -77,6 +75,7 @@ def read_source(
     text: bytes,
     settings: Sequence[Setting] = (),
     *,
+    say: Callable[[str], None] = lambda note: None,
     unwrap: bool = False,
     columns: Mapping[str, str] | None = None,
     rank: int = 1,
@@ -84,22 +83,24 @@ def read_source(
 ) -> Source:
     """Read the request in a file and set fields in it.
 
-    ``rank`` selects the solution of a reply. ``length_unit``, and the unit in the heads of a table, is set if the request has
+    ``say`` is told what a file holds that is not simply a request of this question. ``rank`` selects the solution of a reply. ``length_unit``, and the unit in the heads of a table, is set if the request has
     such a field. Raises `FieldError`.
     """
     settings = [(target.full_path(path), value) for path, value in settings]
     # Windows PowerShell writes UTF-16
     text = text.decode("utf-16", "replace").encode() if text[:2] in (BOM_UTF16_LE, BOM_UTF16_BE) else text
     text = text.removeprefix(BOM_UTF8)
-    table, note = None, ""
+    table = None
     if not text.strip():
         if not settings:
-            raise FieldError("", "there is none: name a file or an --example, or give it on standard input")
+            raise FieldError("", "is empty: name a file or an --example, or give the request on standard input")
         body: dict[str, Any] = {}
     elif _is_json(target, text):
         if unwrap or columns:
             raise FieldError("", f"{'--unwrap' if unwrap else '--columns'} is for a table of samples, and this is JSON")
         body, note = _body_of(target, parsed(text), rank)
+        if note:
+            say(note)
     elif target.table is None:
         raise FieldError("", f"this is not JSON, and `linkage-atlas {target.command}` reads no tables")
     else:
@@ -112,7 +113,7 @@ def read_source(
         body = {"request": table.fields} if target.motion else table.fields
     if length_unit is not None and "length_unit" in target.model.model_fields:
         settings = [*settings, (["length_unit"], length_unit)]
-    return Source(_validated(target, with_settings(body, settings), table is not None), table, note)
+    return Source(_validated(target, with_settings(body, settings), table is not None), table)
 
 
 def parsed(text: bytes) -> Any:
@@ -137,22 +138,23 @@ def _validated(target: Target, body: Any, of_table: bool) -> Any:
             rows, least = (first["ctx"][name] for name in ("actual_length", "min_length"))
             raise FieldError("", f"the table has {plural(rows, 'row')}, at least {least} are needed") from None
         rows = invalid(error, target.model, quoting=True).errors
+    if any(row["type"] == "extra_forbidden" and len(row["loc"]) == 1 for row in rows):
+        _check_question(target, body)
     if target.motion:  # the spelling of `--set`
         rows = [
             row | {"loc": row["loc"][row["loc"][0:1] == ("request",) :], "msg": row["msg"].replace("request.", "")}
             for row in rows
         ]
-    if isinstance(body, dict) and any(row["type"] == "extra_forbidden" for row in rows):
-        rows[0] = rows[0] | {"msg": rows[0]["msg"] + _other_question(target, body)}
     raise Invalid(rows)
 
 
-def _other_question(target: Target, body: Mapping[str, Any]) -> str:
-    """Return a hint if a body is the request of another question."""
+def _check_question(target: Target, body: Mapping[str, Any]) -> None:
+    """Raise an error that names the command if a body is the request of another one."""
     from app.registry import all_queries
 
-    fitting = [query.command for query in all_queries() if body.keys() <= query.request.model_fields.keys()]
-    return f"; this is a request for `linkage-atlas {fitting[0]}`" if fitting and len(body) > 1 else ""
+    for query in all_queries():
+        if len(body) > 1 and body.keys() <= query.request.model_fields.keys():
+            raise FieldError("", f"this is a request for `linkage-atlas {query.command}`, not for `{target.command}`")
 
 
 # -- what files hold --------------------------------------------------------------------------------------------------
@@ -162,8 +164,7 @@ def _body_of(target: Target, content: Any, rank: int) -> tuple[dict[str, Any], s
     """Return the request in the content of a file, and what else the file is."""
     if not isinstance(content, dict):
         raise FieldError("", "this is JSON, but not an object with the fields of a request")
-    if isinstance(content.get("reply"), dict):  # saved by a machine's page, or a line of a study
-        content = content["reply"] | {name: content[name] for name in ("request",) if name in content}
+    content = _with_reply(content)
     what = "a reply" if _is_reply(content) else "a solution and its request" if "solution" in content else "a saved request"
     inner = content.get("request")
     if target.motion is None:
@@ -180,7 +181,7 @@ def _body_of(target: Target, content: Any, rank: int) -> tuple[dict[str, Any], s
         if inner is None and content.keys() & {"rotation", "position"}:
             return {"request": content}, "a request, which is solved"
         body = {name if key in LINKAGES else key: value for key, value in content.items()}
-        return body, what if "solution" in content and name != "solution" else ""
+        return body, what if "solution" in content else ""
     body = {}
     if isinstance(inner, dict):
         nested = inner.keys() & {"request", *LINKAGES}
@@ -192,6 +193,12 @@ def _body_of(target: Target, content: Any, rank: int) -> tuple[dict[str, Any], s
     if "request" not in body and target.command == "export":
         raise FieldError("", "this reply does not hold its request: give the request as FILE and the reply with --linkage")
     return body, what
+
+
+def _with_reply(content: dict[str, Any]) -> dict[str, Any]:
+    """Return a reply in place of a line of a study, or of what a machine's page saves, with its request."""
+    reply = content.get("reply")
+    return {**reply, **{name: content[name] for name in ("request",) if name in content}} if reply else content
 
 
 def _is_reply(content: Mapping[str, Any]) -> bool:
@@ -235,6 +242,7 @@ def solution_of(content: Any, rank: int = 1) -> Any:
     """Return the linkage in the content of a file: alone, beside its request, or a solution of a reply."""
     if not isinstance(content, dict):
         return content
+    content = _with_reply(content)
     if isinstance(content.get("solutions"), list):
         return _ranked(content["solutions"], rank)
     nested = content.get("solution", content.get("linkage"))
@@ -295,13 +303,13 @@ def with_settings(body: Any, settings: Sequence[Setting]) -> dict[str, Any]:
 def _merged(old: Any, new: Any, path: str) -> Any:
     if not isinstance(new, dict):
         return new
-    if isinstance(old, list):
-        items = list(old)
+    if isinstance(old, list) or (old is None and all(name.isdecimal() for name in new)):
+        items = list(old or [])
         for name, value in new.items():
-            if not name.isdecimal() or not 1 <= int(name) <= len(items):
-                count = f"an item from 1 to {len(items)}" if items else "no item: it is empty"
-                raise FieldError(path, f"has {count}; found '{name}'")
-            items[int(name) - 1] = _merged(items[int(name) - 1], value, f"{path}/{int(name) - 1}")
+            index = int(name) - 1 if name.isdecimal() else -1
+            if not 0 <= index <= len(items):
+                raise FieldError(path, f"is a list: its items are set by 1 to {len(items) + 1}, found '{name}'")
+            items[index : index + 1] = [_merged(items[index] if index < len(items) else None, value, f"{path}/{index}")]
         return items
     old = old if isinstance(old, dict) else {}
     return {**old, **{name: _merged(old.get(name), value, f"{path}/{name}") for name, value in new.items()}}

@@ -93,7 +93,7 @@ def answer(command: str, settings: Sequence[Setting], atlas: str | None, questio
         request = read_source(Target.of(query), question.text, settings).request
         return answer_line(question, json.loads(json_of(query.answer(request, resources))))
     except FieldError as error:
-        return answer_line(question, error=str(error).partition("\n")[0])
+        return answer_line(question, error=str(error).partition("\n")[0] if error.field else error.message)
     except AtlasError:
         raise  # concerns all requests
     except Exception as error:  # one request must not end the study of all others

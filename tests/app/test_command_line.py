@@ -74,7 +74,7 @@ GOOD = '"rotation": [1, 2, 4], "crank_span": 70'
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("", "standard input: there is none"),
+        ("", "standard input: is empty"),
         ("nonsense", "the table has no rows"),
         ('{"rotation": 1'.encode("utf-16"), "not valid JSON"),
         ("[" * 100_000, "not valid JSON"),
@@ -116,7 +116,7 @@ def test_examples_with_one_sentence_have_it_once(run) -> None:
 
 def test_what_is_no_request_is_told_in_words(run) -> None:
     assert run("synthesize", stdin="x,y,angle\n1,2,3\n")[2] == "standard input: the table has 1 row, at least 2 are needed\n"
-    said = "standard input: there is none: name a file or an --example, or give it on standard input\n"
+    said = "standard input: is empty: name a file or an --example, or give the request on standard input\n"
     assert run("function")[::2] == (USAGE, said)
     code, _, err = run("drive", stdin="x,y,angle\n0,0,0\n1,2,3\n")
     assert code == USAGE and err.startswith("linkage: is required")
