@@ -112,7 +112,6 @@ bench: $(READY) $(ATLAS)
 	$(BIN)/python -m benchmarks.retrieval --atlas $(ATLAS)
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.index --atlases $(ATLAS)
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.sliders
-	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.many_requests
 
 docs: $(READY)
 	$(BIN)/python -m docs.figures
