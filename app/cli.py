@@ -191,9 +191,8 @@ def _index(options: argparse.Namespace) -> int:
     from app.resources import opened
     from app.settings import atlas_of, settings_of
 
-    settings = settings_of(options).model_copy(update={"index": True})
-    atlas = opened(atlas_of(settings), settings)
-    atlas.prepare(positions=settings.prepare_positions)
+    atlas = opened(atlas_of(settings_of(options)))
+    atlas.prepare()
     for path in atlas.index_files:
         print(f"{path}: {sum(file.stat().st_size for file in path.iterdir()):,} bytes")
     return Exit.OK if atlas.index_files else Exit.FAILED
@@ -206,32 +205,31 @@ def _add_serve(parser: argparse.ArgumentParser, name: str) -> None:
     group.add_argument(
         "--no-atlas", action="store_true", help="start at once: searching needs none, what needs one says so"
     )
-    parser.add_argument("--no-index", action="store_true", help="prepare the scan in memory, at every start")
     parser.add_argument("--host", default="127.0.0.1", help="(%(default)s)")
     parser.add_argument("--port", type=whole_number(0, 65535), default=8000, help="(%(default)s)")
     parser.add_argument(
         "--workers",
         type=whole_number(1, 64),
         metavar="N",
-        help="processes that compute, a request each at a time (default: one for each core, at least 2 and at most 4)",
+        help="number of processes that compute answers (default: one for each core, at least 2 and at most 4)",
     )
     parser.set_defaults(run=_serve)
 
 
 def _serve(options: argparse.Namespace) -> int:
-    from app.resources import ServiceResources
     from app.server import serve
     from app.settings import atlas_of, settings_of
 
     settings = settings_of(options)
+    changes: dict[str, Any] = {"workers": options.workers} if options.workers else {}
     if options.no_atlas:
-        settings = settings.model_copy(update={"with_atlas": False})
-    if options.no_index:
-        settings = settings.model_copy(update={"index": False})
-    resources = ServiceResources(settings, atlas_of)
-    if settings.with_atlas:
-        _ = resources.atlas  # fail here, with an exit code
-    return serve(resources, options.host, options.port, options.workers)
+        changes["with_atlas"] = False
+    elif settings.with_atlas:
+        changes["atlas"] = atlas_of(settings)  # builds the default atlas if it does not exist
+        if not changes["atlas"].exists():
+            raise AtlasError(AtlasFault.MISSING, str(changes["atlas"]))
+    serve(settings.model_copy(update=changes), options.host, options.port)
+    return Exit.OK
 
 
 _COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser, str], None]]] = {
