@@ -21,14 +21,11 @@ import { SWINGS, defects, limitName, plainNote } from "./verdict.js";
 
 const EASED = /^(\w+) excludes .* at (.+) there is one$/;
 const FIRST = { size: "the smallest found", transmission: "the best transmission angle found", crank_span: "the shortest swing found", layers: "the simplest layers found" };
-const CLEARLY = 0.5; // times the error of the linkage on show: another one with less takes its place when the user lets go
 const EXCLUDES = /^(\w+) excludes .* without it there are some$/;
 
 let answer = null; // the last answer: {request, reply, motion, stored}
 let running = null; // AbortController of the search that runs
 let passed = false; // a later search has not brought anything in the place of the last answer
-let dragStart = null; // what was on show when a pose was first dragged: {kind, answer, solution}
-let latest = null; // the last answer of a drag, {request, motion, reply, found}
 let linkedCard = null; // the card that a link chose, until the search for it has ended
 
 const editor = new Editor(motionChanged, pathDrawn, jointDragged, { get: asShown, put: putBack });
@@ -36,7 +33,7 @@ const results = new Results(editor.board, (kind) => editor.keep(kind));
 const sources = new Sources(() => editor.motion, useMotion);
 const draft = new Draft("linkage-atlas-motion", (content) => sources.openDraft(content), () => sources.useExample(sources.examples[0]?.name));
 const gallery = new Gallery((name) => sources.useExample(name));
-const follower = new Live(() => [...new Set([dragStart.solution, results.solution])], followed);
+const follower = new Live({ isDragged: dragged, shown: () => ({ answer, solution: results.solution }), fits, show: (shown, solution) => { if (!running) display(shown, solution); } });
 
 function pathDrawn(places, closed) {
   sources.useDrawn(places, closed);
@@ -161,38 +158,15 @@ function motionChanged() {
   else if (editor.board.stale || !passed) sayAnswer();
 }
 
-const dragged = () => /^drag \d/.test(editor.history.kind ?? "");
+function dragged() {
+  return /^drag \d/.test(editor.history.kind ?? "");
+}
 
-/** Lets the linkage on show follow a drag, and brings it back where the drag returns to its beginning. */
+/** Lets the linkage on show follow a drag. */
 function follow() {
-  if (!dragged()) {
-    [dragStart, latest] = [null, null];
-    return;
-  }
-  const motion = structuredClone(editor.motion), { kind } = editor.history;
-  if (!results.solution?.links || editor.fault || fault(motion)) return;
-  if (dragStart?.kind !== kind) dragStart = { kind, answer, solution: results.solution };
-  if (!fits(dragStart.answer)) {
-    follower.follow(toRequest(motion), motion);
-    return;
-  }
-  follower.forget();
-  latest = null;
-  if (answer !== dragStart.answer) display(dragStart.answer, dragStart.solution);
-}
-
-/** Takes an answer that came while dragging, unless the motion has been left for another one. */
-function followed(request, motion, reply, found) {
-  if (running || !dragStart || fits(dragStart.answer) || !(dragged() || fits({ request }))) return;
-  latest = { request, motion, reply, found };
-  showLatest();
-}
-
-/** Shows only the linkage that continues while the drag lasts, then also others, and first one that is clearly better. */
-function showLatest() {
-  const { request, motion, reply, found } = latest, lasts = dragged(), [best] = reply.solutions;
-  const live = { request, motion, reply: { ...reply, solutions: lasts ? [found] : reply.solutions }, last: true, live: true, seconds: reply.report.elapsed_ms.total / 1000 };
-  display(live, !lasts && best.errors.objective < CLEARLY * found.errors.objective ? best : found);
+  const motion = structuredClone(editor.motion);
+  if (!dragged()) follower.forget();
+  else if (results.solution?.links && !editor.fault && !fault(motion)) follower.follow(editor.history.kind, toRequest(motion), motion);
 }
 
 function display(shown, solution) {
@@ -349,7 +323,6 @@ function bindButtons() {
   $("form").addEventListener("submit", (event) => { event.preventDefault(); startSearch(); });
   document.addEventListener("keydown", (event) => { if (event.key === "Enter" && (event.ctrlKey || event.metaKey)) { event.preventDefault(); startSearch(); } });
   addEventListener("hashchange", addressChanged);
-  document.addEventListener("settled", () => { if (latest && fits(latest)) showLatest(); });
   document.addEventListener("refinehere", startRefinement);
   document.addEventListener("searchnear", () => { const { solution } = results; startSearch(solution); });
   $("stop").addEventListener("click", () => { stopSearch(); $("solve").focus(); say(answer?.reply.solutions.length ? "Stopped; these are the best found so far." : "Stopped."); });

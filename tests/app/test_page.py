@@ -28,7 +28,7 @@ MEDIA_TYPES = {
     ".svg": "image/svg+xml",
 }
 FILES = sorted(path for path in STATIC.rglob("*") if path.suffix in MEDIA_TYPES)
-MAX_WEIGHT = {"index.html": 440_000, "function.html": 175_000, "scene.html": 250_000}
+MAX_WEIGHT = {"index.html": 444_000, "function.html": 175_000, "scene.html": 250_000}
 """Bytes of a page with all that it loads, uncompressed."""
 
 
