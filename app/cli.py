@@ -292,7 +292,9 @@ def _add_request(parser: argparse.ArgumentParser, target: Any, query: Any, verb:
         help="set a field of the request, as in top=3, limits.pivot_box=[0,0,200,100], drives.1.stroke=90 (items count from "
         "1) or limits=@limits.json (a file); objects are merged; may be repeated. Fields: see below",
     )
-    limits = (target.motion if target.motion and target.command != "drive" else target.model).model_fields.get("limits")
+    limits = (target.motion if target.motion and target.command != "drive" else target.model).model_fields.get(
+        "limits"
+    )
     if limits is not None and "preset" in limits.annotation.model_fields:
         for option, (field, text, metavar) in _LIMITS.items():
             if field in limits.annotation.model_fields:
@@ -306,7 +308,11 @@ def _add_request(parser: argparse.ArgumentParser, target: Any, query: Any, verb:
         )
     name = target.linkage or ("refine_from" if "refine_from" in target.model.model_fields else None)
     if name is not None:
-        text = "the linkage: a saved solution or a reply" if target.linkage else "refine this linkage instead of searching"
+        text = (
+            "the linkage: a saved solution or a reply"
+            if target.linkage
+            else "refine this linkage instead of searching"
+        )
         add_file(
             parser,
             "--linkage" if target.linkage else "--refine-from",
@@ -411,10 +417,16 @@ def _add_study(parser: argparse.ArgumentParser, name: str) -> None:
     add_file(parser, "--out", required=True, help="the results; a study that was ended continues this file")
     commands = [query.command for query in all_queries()]
     parser.add_argument(
-        "--command", choices=commands, metavar="COMMAND", default="synthesize", help=f"of {', '.join(commands)} (%(default)s)"
+        "--command",
+        choices=commands,
+        metavar="COMMAND",
+        default="synthesize",
+        help=f"of {', '.join(commands)} (%(default)s)",
     )
     cores = os.cpu_count() or 1
-    parser.add_argument("--jobs", type=whole_number(1), default=cores, help="number of processes (default: one per core)")
+    parser.add_argument(
+        "--jobs", type=whole_number(1), default=cores, help="number of processes (default: one per core)"
+    )
     parser.add_argument("--scheduler", metavar="ADDRESS", help="run on the Dask cluster at this address")
     parser.add_argument("--no-preset", action="store_true", help="no limits except those of each request")
     add_atlas(parser, "the atlas, if one is needed")
@@ -485,9 +497,8 @@ def _index(options: argparse.Namespace) -> int:
     from app.resources import opened
     from app.settings import atlas_of, settings_of
 
-    settings = settings_of(options).model_copy(update={"index": True})
-    atlas = opened(atlas_of(settings), settings)
-    atlas.prepare(positions=settings.prepare_positions)
+    atlas = opened(atlas_of(settings_of(options)))
+    atlas.prepare()
     for path in atlas.index_files:
         print(f"{path}: {sum(file.stat().st_size for file in path.iterdir()):,} bytes")
     return Exit.OK if atlas.index_files else Exit.FAILED
@@ -500,32 +511,31 @@ def _add_serve(parser: argparse.ArgumentParser, name: str) -> None:
     group.add_argument(
         "--no-atlas", action="store_true", help="start at once: searching needs none, what needs one says so"
     )
-    parser.add_argument("--no-index", action="store_true", help="prepare the scan in memory, at every start")
     parser.add_argument("--host", default="127.0.0.1", help="(%(default)s)")
     parser.add_argument("--port", type=whole_number(0, 65535), default=8000, help="(%(default)s)")
     parser.add_argument(
         "--workers",
         type=whole_number(1, 64),
         metavar="N",
-        help="processes that compute, a request each at a time (default: one for each core, at least 2 and at most 4)",
+        help="number of processes that compute answers (default: one for each core, at least 2 and at most 4)",
     )
     parser.set_defaults(run=_serve)
 
 
 def _serve(options: argparse.Namespace) -> int:
-    from app.resources import ServiceResources
     from app.server import serve
     from app.settings import atlas_of, settings_of
 
     settings = settings_of(options)
+    changes: dict[str, Any] = {"workers": options.workers} if options.workers else {}
     if options.no_atlas:
-        settings = settings.model_copy(update={"with_atlas": False})
-    if options.no_index:
-        settings = settings.model_copy(update={"index": False})
-    resources = ServiceResources(settings, atlas_of)
-    if settings.with_atlas:
-        _ = resources.atlas  # fail here, with an exit code
-    return serve(resources, options.host, options.port, options.workers)
+        changes["with_atlas"] = False
+    elif settings.with_atlas:
+        changes["atlas"] = atlas_of(settings)  # builds the default atlas if it does not exist
+        if not changes["atlas"].exists():
+            raise AtlasError(AtlasFault.MISSING, str(changes["atlas"]))
+    serve(settings.model_copy(update=changes), options.host, options.port)
+    return Exit.OK
 
 
 _COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser, str], None]]] = {

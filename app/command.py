@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 from app.query import FILES, Query, Resources, in_unit, json_of, plain_of
-from app.registry import queries_named
 from app.sources import Setting, Source, Target, read_source
 from app.terminal import Exit, Units, exit_of, plural, waiting
 from linkage_atlas import FieldError
@@ -84,7 +83,9 @@ def run_question(options: argparse.Namespace, query: Query) -> int:
         print(f"there is no solution of rank {rank}: there {verb} {plural(found, 'solution')}", file=sys.stderr)
         code = code or Exit.USAGE
     else:
-        files = {path: _file(query, request, reply, rank, name, length_unit, resources) for path, name in wanted.items()}
+        files = {
+            path: _file(query, request, reply, rank, name, length_unit, resources) for path, name in wanted.items()
+        }
         code = write(files) or code
         if options.plot:
             _show(_file(query, request, reply, rank, "svg", length_unit, resources))

@@ -51,7 +51,7 @@ from linkage_atlas.formats import FORMATS, Format
 from linkage_atlas.records import names_of, plain
 
 if TYPE_CHECKING:
-    from linkage_atlas import Atlas, Live, Work
+    from linkage_atlas import Atlas, Work
 
 MAX_ERRORS = 20
 """Errors that are told of one request; a request of a thousand wrong numbers needs no thousand lines."""
@@ -264,17 +264,11 @@ class Resources(Protocol):
     def atlas(self) -> Atlas:
         """The atlas; loaded when it is first asked for."""
 
-    def need(self, part: str) -> None:
-        """Said before the atlas is asked for what a part of its index is for.
-
-        "rockers", "slider_cranks", or rows by "positions".
-        """
+    def describe_atlas(self) -> dict[str, Any]:
+        """Describe the atlas in plain JSON values."""
 
     def work(self, budget: float | None = None) -> Work:
-        """What watches over an answer's time, in seconds, and over whether its client is still connected."""
-
-    def live(self) -> Live:
-        """What the last answer under a request's `live` left, and what this one leaves."""
+        """Begin to watch the time of an answer, with a budget in seconds, and whether its client is still there."""
 
 
 FILES = {**FORMATS, "json": Format("application/json", ("json",))}

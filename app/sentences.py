@@ -57,7 +57,9 @@ def sentence(error: Mapping[str, Any], quoting: bool = False) -> str:
         return SENTENCES[kind].format(**context)
     if kind in ("too_short", "too_long"):
         count = context.get("min_length", context.get("max_length"))
-        allowed = _shape_of(error["loc"], count) or SENTENCES[kind].format(**context, items=_items(error["loc"], count))
+        allowed = _shape_of(error["loc"], count) or SENTENCES[kind].format(
+            **context, items=_items(error["loc"], count)
+        )
         return f"{allowed}, found {context['actual_length']}"
     choices = re.findall(r"'([^']*)'", str(context.get("expected", "")))
     words = {name: _short(bound) if isinstance(bound, (int, float)) else bound for name, bound in context.items()}

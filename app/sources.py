@@ -97,7 +97,9 @@ def read_source(
         body: dict[str, Any] = {}
     elif _is_json(target, text):
         if unwrap or columns:
-            raise FieldError("", f"{'--unwrap' if unwrap else '--columns'} is for a table of samples, and this is JSON")
+            raise FieldError(
+                "", f"{'--unwrap' if unwrap else '--columns'} is for a table of samples, and this is JSON"
+            )
         body, note = _body_of(target, parsed(text), rank)
         if note:
             say(note)
@@ -108,7 +110,9 @@ def read_source(
         beside = beside.get("request", {}) if target.motion else beside
         table = read_table(decoded(text), target.table, beside, unwrap, columns)
         if None not in (table.length_unit, length_unit) and table.length_unit != length_unit:
-            raise FieldError("/length_unit", f"the heads of the table say {table.length_unit}, --length-unit {length_unit}")
+            raise FieldError(
+                "/length_unit", f"the heads of the table say {table.length_unit}, --length-unit {length_unit}"
+            )
         length_unit = length_unit or table.length_unit
         body = {"request": table.fields} if target.motion else table.fields
     if length_unit is not None and "length_unit" in target.model.model_fields:
@@ -165,7 +169,13 @@ def _body_of(target: Target, content: Any, rank: int) -> tuple[dict[str, Any], s
     if not isinstance(content, dict):
         raise FieldError("", "this is JSON, but not an object with the fields of a request")
     content = _with_reply(content)
-    what = "a reply" if _is_reply(content) else "a solution and its request" if "solution" in content else "a saved request"
+    what = (
+        "a reply"
+        if _is_reply(content)
+        else "a solution and its request"
+        if "solution" in content
+        else "a saved request"
+    )
     inner = content.get("request")
     if target.motion is None:
         if not isinstance(inner, dict):
@@ -191,7 +201,9 @@ def _body_of(target: Target, content: Any, rank: int) -> tuple[dict[str, Any], s
         body[name] = _ranked(content["solutions"], rank)
         what += f", of which solution {rank} is used"
     if "request" not in body and target.command == "export":
-        raise FieldError("", "this reply does not hold its request: give the request as FILE and the reply with --linkage")
+        raise FieldError(
+            "", "this reply does not hold its request: give the request as FILE and the reply with --linkage"
+        )
     return body, what
 
 
@@ -202,7 +214,10 @@ def _with_reply(content: dict[str, Any]) -> dict[str, Any]:
 
 
 def _is_reply(content: Mapping[str, Any]) -> bool:
-    return any(isinstance(content.get(name), list) for name in ("solutions", "matches", "refused")) or "report" in content
+    return (
+        any(isinstance(content.get(name), list) for name in ("solutions", "matches", "refused"))
+        or "report" in content
+    )
 
 
 def _is_linkage(content: Mapping[str, Any]) -> bool:
@@ -309,7 +324,9 @@ def _merged(old: Any, new: Any, path: str) -> Any:
             index = int(name) - 1 if name.isdecimal() else -1
             if not 0 <= index <= len(items):
                 raise FieldError(path, f"is a list: its items are set by 1 to {len(items) + 1}, found '{name}'")
-            items[index : index + 1] = [_merged(items[index] if index < len(items) else None, value, f"{path}/{index}")]
+            items[index : index + 1] = [
+                _merged(items[index] if index < len(items) else None, value, f"{path}/{index}")
+            ]
         return items
     old = old if isinstance(old, dict) else {}
     return {**old, **{name: _merged(old.get(name), value, f"{path}/{name}") for name, value in new.items()}}

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from linkage_atlas.assemblies import Assembly
     from linkage_atlas.atlases import Atlas, build_atlas, load_atlas
     from linkage_atlas.batch import study
-    from linkage_atlas.door import Live, prepare, synthesize
+    from linkage_atlas.door import prepare, synthesize
     from linkage_atlas.driving import Drives, drives
     from linkage_atlas.functions import FunctionResult, FunctionSolution, function
     from linkage_atlas.limits import Limits
@@ -39,7 +39,7 @@ BATCH_COMMANDS = {
 """The commands of the batch job, which `data_build` runs."""
 
 _HOMES = {
-    "linkage_atlas.door": ("synthesize", "Live", "prepare"),
+    "linkage_atlas.door": ("synthesize", "prepare"),
     "linkage_atlas.matching": ("match",),
     "linkage_atlas.driving": ("drives", "Drives"),
     "linkage_atlas.functions": ("function", "FunctionResult", "FunctionSolution"),
@@ -74,7 +74,6 @@ __all__ = [
     "GuidedSolution",
     "Joints",
     "Limits",
-    "Live",
     "Match",
     "Matches",
     "Motion",

@@ -354,14 +354,6 @@ AnySolution: TypeAlias = Solution | GuidedSolution
 
 
 @dataclass(frozen=True)
-class Continued(Record):
-    """How an answer to a `live` request began."""
-
-    continued: bool
-    """Whether with what the last answer left."""
-
-
-@dataclass(frozen=True)
 class Report(Record):
     """How an answer came about."""
 
@@ -379,8 +371,8 @@ class Report(Record):
     exhaustive: bool | None
     """Whether all windows were considered; null for effort refine."""
     notes: list[str]
-    live: Continued | None = None
-    """With `live`: whether the search went on from the last answer."""
+    continued: list[int | None] | None = None
+    """With `start_from`: the rank of the solution to which each of its linkages led, null if there is none."""
     unseen: float | None = None
     """The estimated chance that a better linkage was missed: of the searches that say 10 %, one in ten was beaten by more than
     1 % by ten seconds of search. Of several kinds: that of the search that found the best. Null for exact answers, of a search

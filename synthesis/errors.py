@@ -53,6 +53,10 @@ class FieldError(ValueError):
         self.message = message
         self.details = details
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle the parts, so that the error passes unchanged between processes."""
+        return _field_error, (type(self), self.field, self.message, self.details)
+
     @classmethod
     def no_such(
         cls, where: str, name: str, known: Sequence[str], what: str = "field", others: Mapping[str, str] | None = None
@@ -68,6 +72,10 @@ class FieldError(ValueError):
         near = [others[nearest]] if nearest and nearest not in known else get_close_matches(short, known)
         rest = f"near: {', '.join(near)}" if near else f"there are {', '.join(known)}"
         return cls(f"{where}/{name}", f"there is no {what} {short!r}; {rest}")
+
+
+def _field_error(kind: type[FieldError], field: str, message: str, details: dict[str, Any]) -> FieldError:
+    return kind(field, message, **details)
 
 
 class AtlasFault(StrEnum):

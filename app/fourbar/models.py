@@ -20,6 +20,7 @@ from app.query import (
 from linkage_atlas.arguments import LARGEST
 from linkage_atlas.assemblies import FIXED_PINS, LAYERS_MOST, MOST_CORNERS, MOST_LAYERS
 from linkage_atlas.catalogues import ACTUATORS, MOST_ROWS, MOST_SPRING_ROWS
+from linkage_atlas.door import MAX_STARTS
 from linkage_atlas.driving import MOST_DRIVES, MOST_MASSES, MOST_SPRINGS
 from linkage_atlas.kinds import MECHANISMS
 from linkage_atlas.limits import FUNCTION_LIMITS, LIMITS
@@ -651,10 +652,10 @@ class SynthesizeRequest(CrankMotion):
     limits: LimitsRequest = Field(default_factory=LimitsRequest)
     tolerance: Tolerance = Field(1e-10, description="The search ends when the objective is below this.")
     budget_ms: PositiveNumber | None = Field(None, description="Return the best found within this time.")
-    live: Annotated[str, Field(min_length=8, max_length=64)] | None = Field(
+    start_from: Annotated[list[GivenSolution], Field(min_length=1, max_length=MAX_STARTS)] | None = Field(
         None,
-        description="An id of the client's own, while a motion is being changed: the search begins with what the last answer "
-        "under it left, which is kept for a minute, and takes at most 60 ms.",
+        description="Four-bars to begin with, for example the solution on show while a motion is dragged: each is refined to its "
+        "nearest optimum within the limits, then the search continues. `report.continued` has the rank of each result.",
     )
     length_scale: Length | None = Field(
         None,

@@ -261,7 +261,9 @@ def _drive_words(drive: Drive, units: Units) -> str:
     words = [f"{kind} on the {drive.link}"]
     if (start := drive.ground_point or drive.motor) is not None:
         on = "" if drive.on == "ground" else f" on the {drive.on}"
-        words.append(f"from {_place(start)}{on}" + ("" if drive.pin is None else f" to its pin at {_place(drive.pin)}"))
+        words.append(
+            f"from {_place(start)}{on}" + ("" if drive.pin is None else f" to its pin at {_place(drive.pin)}")
+        )
     if bar is not None:
         words.append(f"crank {number(bar.crank)}, rod {number(bar.coupler)}, time ratio {number(bar.time_ratio, 3)}")
         words.append(f"transmission angle at least {units.value(bar.transmission_angle_min, angle)}")

@@ -24,7 +24,7 @@ export class Editor {
     this.chosen = 0;
     this.cellFaults = new Map();
     this.history = new History(emptyMotion(), () => this.refresh(), beside);
-    const edit = (change, kind) => this.history.change((motion) => { change(motion); }, kind), settle = () => this.history.settle();
+    const edit = (change, kind) => this.history.change((motion) => { change(motion); }, kind), settle = () => { this.history.settle(); document.dispatchEvent(new Event("settled")); };
     this.board = new Board($("canvas"), $("canvas-help"), {
       edit, settle, hand,
       choose: (k) => this.#choose(k),

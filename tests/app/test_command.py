@@ -264,7 +264,10 @@ def test_an_export_does_not_replace_its_own_request(run, tmp_path, monkeypatch) 
     assert code != Exit.OK and "one.json is the request itself" in err and file.read_text() == text
     assert run("export", "one.json", "--out", "two.json")[0] == Exit.OK
     for _ in range(2):  # from standard input a file of before is made anew
-        assert run("export", stdin=text)[::2] == (Exit.OK, "read standard input: a request, which is solved\nwrote linkage.json\n")
+        assert run("export", stdin=text)[::2] == (
+            Exit.OK,
+            "read standard input: a request, which is solved\nwrote linkage.json\n",
+        )
 
 
 def test_json_with_the_mark_of_utf_8_is_read(run, tmp_path) -> None:

@@ -25,7 +25,9 @@ def folder(tmp_path_factory) -> Path:
 @pytest.fixture
 def files(run, folder) -> dict[str, Path]:
     """One file of each kind, made by the commands themselves."""
-    names = {name: folder / f"{name}.json" for name in ("request", "saved", "reply", "http", "page", "answer", "linkage")}
+    names = {
+        name: folder / f"{name}.json" for name in ("request", "saved", "reply", "http", "page", "answer", "linkage")
+    }
     if not names["linkage"].exists():
         names["request"].write_text(json.dumps(EXAMPLE | {"top": 2}))
         code, out, _ = run("synthesize", names["request"], "--rank", 2, "--json", "--export", names["saved"])
@@ -190,7 +192,11 @@ def test_too_few_numbers_of_a_box_are_no_rows_of_the_table(run) -> None:
 @pytest.mark.parametrize("query", all_queries(), ids=lambda query: query.command)
 def test_the_help_lists_every_field(query, run) -> None:
     code, out, _ = run(*query.command.split(), "--help")
-    listed = {line.split()[0] for line in out.partition("fields of the request")[2].splitlines() if line[:2] == "  " != line[2:4]}
+    listed = {
+        line.split()[0]
+        for line in out.partition("fields of the request")[2].splitlines()
+        if line[:2] == "  " != line[2:4]
+    }
     assert code == Exit.OK and query.request.model_fields.keys() - {"request"} <= listed
     if query.command == "synthesize":
         assert {"limits.pivot_box", "limits.links.crank", "analysis.load.masses", "assembly.boards"} <= listed
@@ -240,7 +246,9 @@ def test_the_drives_and_springs_of_a_solution_are_described(run) -> None:
     kinds = {"rotary": "rotary drive", "actuator": "actuator", "dyad": "motor with a rod", "toggle": "knee"}
     assert {drive["kind"] for drive in reply["drives"]} == kinds.keys()
     for drive in reply["drives"]:
-        words = out.partition(f"drive of rank 1: {kinds[drive['kind']]} on the {drive['link']}")[2].partition("drive of")[0]
+        words = out.partition(f"drive of rank 1: {kinds[drive['kind']]} on the {drive['link']}")[2].partition(
+            "drive of"
+        )[0]
         assert drive["stops"] in words and drive["holds"] in words
         for name in ("peak_force", "peak_torque"):
             assert drive[name] is None or f"{drive[name]:.5g}" in words, name
@@ -248,7 +256,10 @@ def test_the_drives_and_springs_of_a_solution_are_described(run) -> None:
         assert drive["pin"] is None or f"({drive['pin'][0]:.5g}, {drive['pin'][1]:.5g})" in words
     for spring in reply["springs"]:
         words = out.partition(f"; stiffness {spring['stiffness']:.4g}; ")[2].splitlines()
-        assert f"{spring['torque']['before']['rms']:.5g} without" in words[0] and words[1] == f"  by itself: {spring['stays']}"
+        assert (
+            f"{spring['torque']['before']['rms']:.5g} without" in words[0]
+            and words[1] == f"  by itself: {spring['stays']}"
+        )
     for no in reply["refused"]:
         assert f"no {no['kind']} on the {no['link']}" in out
 
@@ -257,4 +268,6 @@ def test_a_wanted_drive_that_does_not_exist_is_said(run) -> None:
     wish = {"kind": "actuator", "stroke": 1, "retracted": 1e5, "ground_box": [0, 0, 1, 1]}
     asked = EXAMPLE | {"top": 1, "refine_from": SOLUTION, "drive": wish}
     code, out, _ = run("synthesize", stdin=json.dumps(asked))
-    assert code == Exit.OK and "rank 1 has no drive within the limits of `drive`" in out and "no actuator on the" in out
+    assert (
+        code == Exit.OK and "rank 1 has no drive within the limits of `drive`" in out and "no actuator on the" in out
+    )

@@ -30,7 +30,10 @@ CASES = [
     ({"budget_ms": -1}, "budget_ms: must be above 0, found -1"),
     ({"closed": 1}, "closed: must be true or false, found 1"),
     ({"limits": [1]}, 'limits: must be an object, as {"name": value}, found a list of 1'),
-    ({"limits": {"pivot_box": [0, 0, 1]}}, "limits.pivot_box: must be four numbers, [xmin, ymin, xmax, ymax], found 3"),
+    (
+        {"limits": {"pivot_box": [0, 0, 1]}},
+        "limits.pivot_box: must be four numbers, [xmin, ymin, xmax, ymax], found 3",
+    ),
     ({"limits": {"link_min": 1e99}}, "limits.link_min: must be at most 1e50, found 1e99"),
     ({"effort": "refin"}, "effort: must be one of atlas, refine; did you mean refine?"),
     ({"live": "short"}, "live: must have at least 8 characters"),
@@ -60,13 +63,21 @@ def test_no_error_of_any_field_has_the_validators_words(client) -> None:
     document = json.loads(PLACE.read_text())
     seen = set()
     for path, methods in document["paths"].items():
-        schema = methods.get("post", {}).get("requestBody", {}).get("content", {}).get("application/json", {}).get("schema")
+        schema = (
+            methods.get("post", {})
+            .get("requestBody", {})
+            .get("content", {})
+            .get("application/json", {})
+            .get("schema")
+        )
         if schema is None:
             continue
         fields = document["components"]["schemas"][schema["$ref"].rpartition("/")[2]]["properties"]
         for name in fields:
             for value in ("text", 1e99, -1e99, 2.5, [], [[]], [1] * 2000, {}, None, True, [None], ["text"]):
-                reply = client.post(path, content=json.dumps({name: value}), headers={"content-type": "application/json"})
+                reply = client.post(
+                    path, content=json.dumps({name: value}), headers={"content-type": "application/json"}
+                )
                 for row in reply.json().get("errors", []) if reply.status_code == 422 else []:
                     seen.add(row["detail"])
     assert len(seen) > 50
@@ -75,7 +86,16 @@ def test_no_error_of_any_field_has_the_validators_words(client) -> None:
 
 def test_every_sentence_fits_its_error() -> None:
     """A row of the table that asks for a word which pydantic does not give would raise an error."""
-    given = {"gt": 1, "ge": 1, "lt": 1, "le": 1, "min_length": 1, "max_length": 1, "actual_length": 3, "expected": "'a' or 'b'"}
+    given = {
+        "gt": 1,
+        "ge": 1,
+        "lt": 1,
+        "le": 1,
+        "min_length": 1,
+        "max_length": 1,
+        "actual_length": 3,
+        "expected": "'a' or 'b'",
+    }
     given |= {"discriminator": "'kind'", "expected_tags": "'a'", "tag": "b", "error": ValueError("is odd")}
     assert {*SENTENCES} <= {*core_schema.ErrorType.__args__} | {"none"}
     for kind in SENTENCES:
@@ -89,14 +109,27 @@ def test_what_was_found_is_short_and_never_fails() -> None:
     class Model(BaseModel):
         number: int
 
-    for value in ("x" * 9999, "\ud800", float("nan"), float("inf"), [0] * 9, {}, object(), None, PydanticUndefined, b"x"):
+    for value in (
+        "x" * 9999,
+        "\ud800",
+        float("nan"),
+        float("inf"),
+        [0] * 9,
+        {},
+        object(),
+        None,
+        PydanticUndefined,
+        b"x",
+    ):
         with pytest.raises(ValidationError) as error:
             Model.model_validate({"number": value})
         for quoting in (False, True):
             words = sentence(error.value.errors()[0], quoting)
             assert len(words) < 120 and ("x" * 50) not in words
             assert quoting or "xx" not in words
-    assert sentence({"type": "less_than", "loc": (), "ctx": {"lt": 1}, "input": 10**400}).endswith("beyond all bounds")
+    assert sentence({"type": "less_than", "loc": (), "ctx": {"lt": 1}, "input": 10**400}).endswith(
+        "beyond all bounds"
+    )
 
 
 def test_items_count_from_one_in_errors_of_python_too() -> None:

@@ -276,6 +276,30 @@ def test_the_answer_follows_a_drag(standing) -> None:
     assert standing.text("status") == before
 
 
+def links_on_show(page) -> list[float]:
+    """Lengths of the four links of the selected solution, from the page's table of numbers."""
+    rows = "[...document.querySelectorAll('#numbers tr')].map((row) => [...row.children].map((cell) => cell.textContent))"
+    found = {name: value for name, value in page.run(f"return {rows}")}
+    return [float(found[name].split()[0]) for name in ("Crank", "Coupler", "Rocker", "Ground")]
+
+
+@pytest.mark.parametrize("name", ["wiper", "pick"])
+def test_a_drag_by_a_pixel_keeps_the_linkage_and_back_restores_it(name, standing) -> None:
+    standing.choose(name)
+    before, status = links_on_show(standing), standing.text("status")
+    pose = standing.actions(50).move_to_element(standing.centre(standing.pick("[data-pose='4'] .hit")))
+    pose.click_and_hold().move_by_offset(1, 0).perform()
+    standing.wait("document.getElementById('status').textContent.includes('Found while dragging')")
+    assert standing.earlier() is False
+    assert links_on_show(standing) == pytest.approx(before, rel=0.05), "the same linkage, a little changed"
+    standing.actions(50).move_by_offset(-1, 0).perform()
+    standing.wait(f"document.getElementById('status').textContent === {json.dumps(status)}")
+    assert links_on_show(standing) == before
+    standing.actions(50).move_by_offset(2, 0).release().perform()
+    standing.wait("document.getElementById('status').textContent.includes('Found while dragging')")
+    assert links_on_show(standing) == pytest.approx(before, rel=0.05), "no other one is clearly better"
+
+
 def test_a_pivot_box_is_drawn_and_kept_to(standing) -> None:
     standing.choose("worked")
     standing.unhurried()
