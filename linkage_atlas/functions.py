@@ -263,7 +263,7 @@ def render(
     travel = wanted.crank * (1.0 if dial.input == ANGLE else scales.length)
     if kind != "csv":
         shown = type(linkage).of(linkage.plain, radian, Target(None, None, crank=travel))
-        return shown.render(kind, length_unit=length_unit)
+        return shown.render(kind, length_unit=None if kind == "svg" else length_unit)
     if isinstance(linkage, FourBar):
         return to_csv(wanted, linkage.plain, output_offset * radian, radian)
     plain = linkage.plain

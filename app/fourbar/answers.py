@@ -274,7 +274,7 @@ def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
         return "/format" if field == "/kind" else prefixes.get(field.lstrip("/").partition("/")[0], "") + field
 
     with pointing(in_export):
-        unit = body.length_unit or (request.analysis.length_unit if request.analysis else "mm")
+        unit = body.length_unit or (request.analysis.length_unit if request.analysis else None)
         asked = request.given("analysis") | held
         return linkage.file(body.format, motion, unit, place, **asked, work=resources.work())
 
