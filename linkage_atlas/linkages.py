@@ -470,6 +470,14 @@ class FourBar(AnyLinkage):
         for name, length in lengths.items():
             if not number(name, length) > 0:
                 raise FieldError(f"/{name}", f"wanted a length above 0, found {length}")
+        longest = max(lengths, key=lambda name: lengths[name])
+        others = [name for name in lengths if name != longest]
+        if lengths[longest] > (together := sum(lengths[name] for name in others)) * (1 + 1e-12):
+            raise FieldError(
+                f"/{longest}",
+                f"the linkage cannot be assembled: {longest} {lengths[longest]:g} is longer than {others[0]}, {others[1]} and "
+                f"{others[2]} together, {together:g}",
+            )
         if branch not in (-1, 1):
             raise FieldError("/branch", f"wanted 1 or -1, found {branch}")
         point = None if coupler_point is None else (float(coupler_point[0]), float(coupler_point[1]) * radian)
@@ -566,14 +574,20 @@ class FourBar(AnyLinkage):
 
         Parameters
         ----------
-        crank : array_like, shape (n,) or a number
-            Crank angles from the start angle on.
+        crank : array_like, any shape
+            Crank angles from the start angle on; a number is taken as shape (1,).
 
         Returns
         -------
         Joints
+            Arrays in the shape of ``crank``, points with x and y along a further axis.
         """
-        found = self._linkage.joints(np.asarray(crank, dtype=float) * self._radian)
+        travel = np.atleast_1d(column("crank", crank)) * self._radian
+        found = self._linkage.joints(travel.ravel())
+
+        def shaped(values: Any) -> Any:
+            return np.reshape(values, travel.shape)
+
         point = found.body_point
         angles = (
             found.crank_angle,
@@ -585,10 +599,10 @@ class FourBar(AnyLinkage):
         return Joints(
             plane(found.pivot_a),
             plane(found.pivot_b),
-            plane(found.crank_pin),
-            plane(found.coupler_pin),
-            None if point is None else plane(point),
-            *(angle / self._radian for angle in angles),
+            plane(shaped(found.crank_pin)),
+            plane(shaped(found.coupler_pin)),
+            None if point is None else plane(shaped(point)),
+            *(shaped(angle) / self._radian for angle in angles),
         )
 
     def transmission_angle_min(self, first: float | None = None, last: float | None = None) -> float:

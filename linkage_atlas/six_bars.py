@@ -211,19 +211,23 @@ class SixBarLinkage(AnyLinkage):
 
         Parameters
         ----------
-        motor : array_like, shape (n,) or a number
-            Angles of the motor from the first end on, any number of turns.
+        motor : array_like, any shape
+            Angles of the motor from the first end on, any number of turns; a number is taken as shape (1,).
         """
         six = self._linkage
         turned = np.atleast_1d(column("motor", motor)) * self._radian
-        machine = six.machine(turned)
-        travel = six.travel(turned) / self._base._unit
+        flat = turned.ravel()
+        machine = six.machine(flat)
+        travel = np.reshape(six.travel(flat), turned.shape) / self._base._unit
         return SixBarJoints(
-            {one.name: plane(one.place) for one in joints_of(self._base.plain, six.motor, machine)},
+            {
+                joint.name: plane(np.broadcast_to(joint.place, flat.shape).reshape(turned.shape))
+                for joint in joints_of(self._base.plain, six.motor, machine)
+            },
             self._base.joints(travel),
             travel,
             (six.start + turned) / self._radian,
-            six.transmission(machine) / self._radian,
+            np.reshape(six.transmission(machine), turned.shape) / self._radian,
         )
 
     def transmission_angle_min(self) -> float:
