@@ -239,6 +239,7 @@ _COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser, str], None]]]
     "function": (QUESTIONS["function"], _add_questions),
     "drive": (QUESTIONS["drive"], _add_questions),
     **{scene: (f"the {scene} scene", _add_questions) for scene in SCENES},
+    "motion": (QUESTIONS["motion"], _add_questions),
     "match": (QUESTIONS["match"], _add_questions),
     "assembly": (QUESTIONS["assembly"], _add_questions),
     "export": ("write a linkage as a file: for CAD, a printer, a simulator, a workshop", _add_export),

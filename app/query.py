@@ -338,8 +338,8 @@ class Query:
     files : Files, optional
         Of a reply's solutions. Without it the exports are what the command writes.
     from_csv : callable, optional
-        ``from_csv(text, also, unwrap) -> request body``, with fields ``also``, of a table of samples (CSV or pasted),
-        which the command then takes too.
+        ``from_csv(text, also, unwrap, columns=None) -> request body`` of a table of samples, with fields ``also`` and the
+        columns to read; the command then takes tables too.
     is_long : callable
         ``is_long(request) -> bool``: whether the answer may take more than a fraction of a second. Over HTTP long requests
         wait for one another and not the short ones for them.
@@ -357,7 +357,7 @@ class Query:
     table: Callable[..., str]
     examples: Mapping[str, dict[str, Any]] = field(default_factory=dict)
     exports: Mapping[str, Callable[[Any, Resources], bytes]] = field(default_factory=dict)
-    from_csv: Callable[[str, dict[str, Any], bool], dict[str, Any]] | None = None
+    from_csv: Callable[..., dict[str, Any]] | None = None
     is_long: Callable[[Any], bool] = lambda _: False
     files: Files | None = None
     shows_units: bool = True

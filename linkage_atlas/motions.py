@@ -41,8 +41,8 @@ __all__ = [
     "Motion",
 ]
 
-_TURNS, _RADIANS = 2.0, 0.7
-"""Turns in radians from which on an angle is asked about; and what 40 degrees are, given as degrees."""
+_TURNS, _RADIANS = 2.0, 0.25
+"""Turns in radians, and radians given as degrees (14 degrees), from which on the unit of an angle is questioned."""
 
 _WRAPPED = 0.75
 """Part of a turn from which on a jump between two samples is one of its way of writing."""
@@ -322,7 +322,7 @@ class Motion:
         notes: list[str] = []
         if isinstance(self.samples, Target):
             notes = unit_notes("crank", self.samples.crank[[0, -1]] / self.radian, self.degrees)
-        if self.asked.rotation is None or self.asked.position is None:
+        if self.asked.rotation is None:
             return notes
         weights = self.asked.rotation_weights
         given = self.asked.rotation if weights is None else self.asked.rotation[weights > 0]
@@ -348,13 +348,20 @@ class Motion:
 
 def unit_notes(what: str, values: Floats, degrees: bool) -> list[str]:
     """The question whether angles are in the other unit, where they look so."""
-    most, span = float(np.abs(values).max(initial=0.0)), float(np.ptp(values)) if values.size else 0.0
+    span = float(np.ptp(values)) if values.size else 0.0
     if not degrees and span > _TURNS * TURN:
         return [f"the {what} goes through {span / TURN:.3g} turns: is it in degrees? `angle_unit` says radians"]
-    fine = bool(np.any(np.abs(10 * values - np.round(10 * values)) > 1e-6))
-    if degrees and fine and most <= TURN and span >= _RADIANS:
+    if degrees and looks_like_radians(values):
         return [f"the {what} goes through {span:.3g} degrees only: is it in radians? `angle_unit` says degrees"]
     return []
+
+
+def looks_like_radians(values: ArrayLike) -> bool:
+    """Return whether angles are likely to be in radians: within a turn, over more than a little, not in tenths."""
+    given = np.array([value for value in np.atleast_1d(np.asarray(values, dtype=object)) if value is not None], dtype=float)
+    if given.size < 2 or not np.abs(given).max() <= TURN + 1e-9:
+        return False
+    return bool(np.ptp(given) >= _RADIANS and np.any(np.abs(10 * given - np.round(10 * given)) > 1e-6))
 
 
 def _one_pole(samples: Samples) -> complex | None:

@@ -156,6 +156,8 @@ class Table:
     columns: list[Column]
     note: str
     """How the columns were read, as one sentence."""
+    heads: tuple[str, ...]
+    """All columns of the table; without heads their numbers."""
     angle_named: bool = field(default=False, repr=False)
     """Whether the table names the unit of its angles."""
 
@@ -253,7 +255,7 @@ def read_table(
         )
     if kind is POSES and not fields.keys() & {"crank_angle", "crank_span", "travel", "travel_span"}:
         fields = {"timing": "free"} | fields
-    return Table(fields, reading.length_unit, reading.columns(), reading.note(), reading.angle_named)
+    return Table(fields, reading.length_unit, reading.columns(), reading.note(), reading.heads, reading.angle_named)
 
 
 _EXAMPLES = {
@@ -294,12 +296,16 @@ class _Reading:
 
     def refuse(self, message: str, choose: bool = False) -> FieldError:
         """Return an error of the line of heads; with ``choose`` it asks for `columns` and carries the heads."""
-        heads = [head.text or f"column {k + 1}" for k, head in enumerate(self.sheet.heads)]
-        heads = heads or [str(k + 1) for k in range(self.sheet.width)]
         if not choose:
             return FieldError("", f"line {self.sheet.line}: {message}")
         example = _EXAMPLES[self.kind.described]
-        return FieldError("", f"line {self.sheet.line}: {message}; or choose columns, as in columns {example}", heads=heads)
+        return FieldError("", f"line {self.sheet.line}: {message}; or choose columns, as in columns {example}", heads=list(self.heads))
+
+    @property
+    def heads(self) -> tuple[str, ...]:
+        """Heads of all columns, or their numbers."""
+        named = tuple(head.text or str(k + 1) for k, head in enumerate(self.sheet.heads))
+        return named or tuple(str(k + 1) for k in range(self.sheet.width))
 
     def chosen(self, columns: Mapping[str, str]) -> dict[int, str]:
         """Return the roles of the columns that a user has named by head or number."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache
 from importlib.resources import files
 from typing import Any
@@ -21,6 +21,7 @@ from app.fourbar.models import (
     MatchRequest,
     SynthesizeRequest,
 )
+from app.fourbar.motion import MOTION as MOTION_QUERY
 from app.fourbar.tables import assembly_table, drives_table, function_table, matches_table, synthesize_table
 from app.query import (
     FILES,
@@ -384,10 +385,12 @@ def is_long_assembly(request: AssemblyRequest) -> bool:
     return request.request is not None and (is_long_search(request.request) or has_much_to_arrange(request, "crank"))
 
 
-def _from_table(text: str, also: dict[str, Any], unwrap: bool) -> dict[str, Any]:
-    """A table of samples is the motion of the request."""
+def _from_table(
+    text: str, also: dict[str, Any], unwrap: bool, columns: Mapping[str, str] | None = None
+) -> dict[str, Any]:
+    """Return a body whose request has the motion of a table."""
     inner = also.get("request")
-    return also | {"request": request_from_csv(text, inner if isinstance(inner, dict) else {}, unwrap)}
+    return also | {"request": request_from_csv(text, inner if isinstance(inner, dict) else {}, unwrap, columns)}
 
 
 _WORKED = {
@@ -549,5 +552,6 @@ QUERIES = (
         is_long=is_long_assembly,
         reads_atlas=True,
     ),
+    MOTION_QUERY,
     Query("drive", QUESTIONS["drive"], find_drives, drives_table, is_long=is_long_drives, route="/v1/drives"),
 )
