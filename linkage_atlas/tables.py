@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from linkage_atlas.arguments import MILLIMETRES, radians_in
 from linkage_atlas.cells import ANGLE_NAMES, LENGTH_NAMES, UNITS, Head, Numbers, Sheet, decoded, sheet_of
 from synthesis.errors import FieldError
-from synthesis.target import MAX_SAMPLES
+from synthesis.target import MAX_LENGTH, MAX_SAMPLES
 
 __all__ = [
     "FUNCTIONS",
@@ -475,6 +475,9 @@ class _Reading:
             for k, role in self.roles.items():
                 where = f"line {row.line}, column {k + 1}{f' ({heads[k].text[:20]})' if heads else ''}: "
                 value, unit = numbers.read(cells[k], where, self.kind.gaps)
+                if value is not None and not abs(value) <= MAX_LENGTH:
+                    bound = f"more than {MAX_LENGTH:g}" if value > 0 else f"less than {-MAX_LENGTH:g}"
+                    raise FieldError("", f"{where}'{cells[k][:20]}' is {bound}")
                 self.values.setdefault(role, []).append(value)
                 if unit:
                     self._take_unit(k, role, unit, where)

@@ -55,25 +55,33 @@ class ColumnRead(ReplyModel):
 class MotionReply(ReplyModel):
     """The samples of a table as fields of a request."""
 
-    request: dict[str, Any] = Field(description="Fields of a request to the question.")
-    length_unit: LengthUnit | None = Field(description="Unit of the lengths; null if the table names none.")
-    columns: list[ColumnRead]
-    heads: list[str] = Field(description="All columns of the table, to choose from.")
-    notes: list[str]
+    status: Literal["read", "refused"]
+    message: str | None = Field(None, description="Why the table was refused.")
+    request: dict[str, Any] | None = Field(None, description="Fields of a request to the question.")
+    length_unit: LengthUnit | None = Field(
+        None, description="Unit of the lengths; null if the table names none."
+    )
+    columns: list[ColumnRead] = []
+    heads: list[str] = Field(
+        [], description="All columns to choose from; empty if the table was refused for another reason."
+    )
+    notes: list[str] = []
 
 
 def answer_motion(request: MotionRequest, _: Resources) -> MotionReply:
-    """Read a table. An error about the choice of columns has the heads of all columns, ``heads``, in its row."""
+    """Read a table; a table that cannot be read is refused with a sentence, and with its heads if the choice of columns helps."""
     if (request.table is None) == (request.file is None):
         raise FieldError("/table", "give either `table`, the text, or `file`, its bytes in base64")
-    text = request.table
-    if text is None:
-        try:
-            text = decoded(base64.b64decode(request.file or "", validate=True))
-        except binascii.Error:
-            raise FieldError("/file", "wanted the bytes of a file in base64") from None
+    try:
+        content = None if request.file is None else base64.b64decode(request.file, validate=True)
+    except binascii.Error:
+        raise FieldError("/file", "wanted the bytes of a file in base64") from None
     kind, also = KINDS[request.question], {"angle_unit": request.angle_unit}
-    found = read_table(text, kind, also, request.unwrap, request.columns, request.length_unit)
+    try:
+        text = (request.table or "") if content is None else decoded(content)
+        found = read_table(text, kind, also, request.unwrap, request.columns, request.length_unit)
+    except FieldError as error:
+        return MotionReply(status="refused", message=error.message, heads=error.details.get("heads", []))
     fields = dict(found.fields)
     if request.angle_unit == "deg":
         del fields["angle_unit"]
@@ -83,12 +91,19 @@ def answer_motion(request: MotionRequest, _: Resources) -> MotionReply:
         notes.append(RADIANS)
     columns = [ColumnRead(**column._asdict()) for column in found.columns]
     return MotionReply(
-        request=fields, length_unit=found.length_unit, columns=columns, heads=list(found.heads), notes=notes
+        status="read",
+        request=fields,
+        length_unit=found.length_unit,
+        columns=columns,
+        heads=list(found.heads),
+        notes=notes,
     )
 
 
 def motion_table(reply: MotionReply) -> str:
-    """Say how a table was read, for a terminal."""
+    """Say how a table was read, for a terminal. Raises `FieldError` if it was refused."""
+    if reply.request is None:
+        raise FieldError("", str(reply.message))
     counts = ", ".join(
         f"{name} ({len(value)})" if isinstance(value, list) else f"{name} {value}"
         for name, value in reply.request.items()
