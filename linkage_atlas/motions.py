@@ -358,7 +358,9 @@ def unit_notes(what: str, values: Floats, degrees: bool) -> list[str]:
 
 def looks_like_radians(values: ArrayLike) -> bool:
     """Return whether angles are likely to be in radians: within a turn, over more than a little, not in tenths."""
-    given = np.array([value for value in np.atleast_1d(np.asarray(values, dtype=object)) if value is not None], dtype=float)
+    given = np.array(
+        [value for value in np.atleast_1d(np.asarray(values, dtype=object)) if value is not None], dtype=float
+    )
     if given.size < 2 or not np.abs(given).max() <= TURN + 1e-9:
         return False
     return bool(np.ptp(given) >= _RADIANS and np.any(np.abs(10 * given - np.round(10 * given)) > 1e-6))

@@ -337,7 +337,9 @@ class SixBarLinkage(AnyLinkage):
         length_unit = self.unit_for(motion, length_unit)
         if kind in (*OF_PARTS, "plates"):
             turn = self.target_of(None, None)
-            return self._solids(turn, assembly or {}, read_solids(solids), length_unit or "mm", work or Work()).file(kind)
+            return self._solids(turn, assembly or {}, read_solids(solids), length_unit or "mm", work or Work()).file(
+                kind
+            )
         base, plain = self._base, self._base.plain
         if kind == "csv":
             return self._table(motor, analysis, length_unit)

@@ -899,9 +899,9 @@ class FunctionRequest(RequestModel):
         description="Crank angle at the first sample, from the ground line A->B or the rail; or the place of slider or cylinder.",
     )
     output_zero: Number | None = Field(None, description="The output that is wanted there, measured alike.")
-    weights: Annotated[list[Annotated[Number, Field(ge=0)]], Field(min_length=MIN_PAIRS, max_length=MAX_SAMPLES)] | None = (
-        Field(None, description="What each squared error counts; for `max` each error, linear between samples.")
-    )
+    weights: (
+        Annotated[list[Annotated[Number, Field(ge=0)]], Field(min_length=MIN_PAIRS, max_length=MAX_SAMPLES)] | None
+    ) = Field(None, description="What each squared error counts; for `max` each error, linear between samples.")
     one_way: Flag = Field(False, description="The rocker must not turn back within the interval.")
     limits: FunctionLimitsRequest = FunctionLimitsRequest()
     top: Annotated[Count, Field(ge=1, le=100)] = Field(10, description="How many different linkages to return.")

@@ -34,10 +34,12 @@ class MotionRequest(RequestModel):
     )
     columns: Annotated[dict[str, str], Field(max_length=MAX_COLUMNS)] | None = Field(
         None,
-        description="Head, or number from 1, of the column to read for each of x, y, angle, crank, x1, y1, x2, y2, cos, sin, input, "
-        "output. Default: columns are recognised by their heads.",
+        description="Head, or number from 1, of the column to read for each of x, y, angle, crank, x1, y1, x2, y2, cos, sin, "
+        "input, output. Default: columns are recognised by their heads.",
     )
-    unwrap: Flag = Field(False, description="Move each angle by whole turns to within half a turn of the angle before.")
+    unwrap: Flag = Field(
+        False, description="Move each angle by whole turns to within half a turn of the angle before."
+    )
     angle_unit: AngleUnit = Field("deg", description="Unit of the angles in the reply.")
     length_unit: LengthUnit | None = Field(
         None, description="Unit of the lengths in the reply. Default: the unit of the table."
@@ -58,14 +60,12 @@ class MotionReply(ReplyModel):
     status: Literal["read", "refused"]
     message: str | None = Field(None, description="Why the table was refused.")
     request: dict[str, Any] | None = Field(None, description="Fields of a request to the question.")
-    length_unit: LengthUnit | None = Field(
-        None, description="Unit of the lengths; null if the table names none."
-    )
-    columns: list[ColumnRead] = []
+    length_unit: LengthUnit | None = Field(None, description="Unit of the lengths; null if the table names none.")
+    columns: list[ColumnRead] = Field([])
     heads: list[str] = Field(
         [], description="All columns to choose from; empty if the table was refused for another reason."
     )
-    notes: list[str] = []
+    notes: list[str] = Field([])
 
 
 def answer_motion(request: MotionRequest, _: Resources) -> MotionReply:

@@ -92,6 +92,7 @@ export class Sources {
     if (!linked && this.addressed) history.replaceState(null, "", location.pathname); // the link there is of another motion
     Object.assign(this, { shown: null, linked, addressed: linked });
     $("paste-error").textContent = "";
+    $("paste-box").hidden = true;
     if (!how.table) {
       this.reading = null; // what is still being read is not wanted any more
       this.#offerColumns(null);
@@ -147,20 +148,18 @@ export class Sources {
       if (start.trimStart().startsWith("{")) {
         const motion = this.#fromJson(typeof source === "string" ? source : await source.text());
         if (this.reading === turn) this.#take(motion, { note: from, mode: "move" });
-        return true;
+        return;
       }
       if ((source.size ?? source.length) > MAX_FILE_BYTES) throw new Error("The file is larger than 0.7 MB, which is too large for a table of at most 1024 samples.");
       const read = await readTable(source, "synthesize", columns);
-      if (this.reading !== turn) return false;
+      if (this.reading !== turn) return;
       this.#take(withSamples(this.#settings(), read), { note: [from, ...read.notes.map((note) => `${capital(note)}.`)].join(" "), mode: "move", table: true });
       this.#offerColumns(read.heads, read.columns);
-      return true;
     } catch (error) {
       if (this.reading === turn) {
         failed(error.message);
         this.#offerColumns(error.heads ?? null);
       }
-      return false;
     } finally {
       if (!this.reading || this.reading === turn) $("paste-use").disabled = false;
     }
@@ -191,9 +190,9 @@ export class Sources {
     $("paste").addEventListener("click", () => { box.hidden = !box.hidden; if (!box.hidden) $("paste-text").focus(); });
     $("paste-text").addEventListener("input", () => { $("paste-error").textContent = ""; });
     $("paste-cancel").addEventListener("click", () => { box.hidden = true; });
-    $("paste-use").addEventListener("click", async () => {
+    $("paste-use").addEventListener("click", () => {
       const failed = (sentence) => { box.hidden = false; $("paste-error").textContent = sentence; };
-      if (await this.#read($("paste-text").value, "Pasted.", failed)) box.hidden = true;
+      this.#read($("paste-text").value, "Pasted.", failed);
     });
   }
 

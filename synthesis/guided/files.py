@@ -118,9 +118,7 @@ def _outline(linkage: GuidedLinkage, found: _Shown) -> Complexes:
     return np.array([*corners, complex(found.body.origin[0])])
 
 
-def to_svg(
-    linkage: GuidedLinkage, target: Target, extra: Extra | None = None, length_unit: str | None = None
-) -> str:
+def to_svg(linkage: GuidedLinkage, target: Target, extra: Extra | None = None, length_unit: str | None = None) -> str:
     """A drawing at the first sample, y up, with rails, slots, and the names of the joints."""
     found = shown(linkage, target.interval)
     body, path, marks = found.body, found.links[1].origin, requested_positions(target)

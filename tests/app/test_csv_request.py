@@ -127,7 +127,13 @@ def test_the_unit_of_the_table_is_not_that_of_the_options() -> None:
 )
 def test_usual_spellings_of_units(unit, spellings) -> None:
     for spelling in spellings:
-        for head in (f"x [{spelling}];y", f"x ({spelling});y", f"x/{spelling};y", f"x in {spelling};y", f"x;y\n{spelling};"):
+        for head in (
+            f"x [{spelling}];y",
+            f"x ({spelling});y",
+            f"x/{spelling};y",
+            f"x in {spelling};y",
+            f"x;y\n{spelling};",
+        ):
             assert read_table(f"{head}\n1;2\n3;4\n").length_unit == unit, head
 
 

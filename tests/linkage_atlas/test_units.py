@@ -36,7 +36,9 @@ def in_cm(tmp_path_factory):
 def test_files_of_every_format_are_in_the_unit_of_the_table(in_cm, kind) -> None:
     motion, best = in_cm
     assert motion.length_unit == best.linkage.length_unit == "cm"
-    asked = {"solids": {"nevertheless": True}} if kind in ("step", "3mf", "stl", "urdf", "sdf", "parts", "plates") else {}
+    asked = (
+        {"solids": {"nevertheless": True}} if kind in ("step", "3mf", "stl", "urdf", "sdf", "parts", "plates") else {}
+    )
     own, named, other = (
         comparable(kind, best.linkage.file(kind, **unit, **asked))
         for unit in ({}, {"length_unit": "cm"}, {"length_unit": "mm"})
@@ -80,7 +82,9 @@ def test_the_table_converts_to_the_units_that_are_asked_for(tmp_path) -> None:
     motion = la.Motion.read(path, length_unit="mm", tolerances={"rotation": 1.0})
     assert motion.asked.position.tolist() == pytest.approx([0, 10 + 20j, 30 + 40j])
     assert motion.length_unit == "mm" and motion.degrees
-    assert motion.tolerances.rotation[0] == pytest.approx(0.0174533), "an option is in degrees whatever the table is in"
+    assert motion.tolerances.rotation[0] == pytest.approx(0.0174533), (
+        "an option is in degrees whatever the table is in"
+    )
     radians = la.Motion.read(path, degrees=False)
     assert radians.asked.rotation.tolist() == pytest.approx([0, 1, 2]) and not radians.degrees
     with pytest.raises(la.FieldError, match="length_unit"):
