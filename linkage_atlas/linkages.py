@@ -19,6 +19,7 @@ from linkage_atlas.arguments import (
     number,
     one_of,
     pair,
+    pointing,
     radians_in,
     read_length_unit,
 )
@@ -669,16 +670,17 @@ class FourBar(AnyLinkage):
         """A linkage from what `to_dict` gives, or from a solution of a reply over HTTP."""
         mount = values.get("mount") or {}
         point = mount.get("coupler_point")
-        return cls(
-            **{name: values["links"][name] for name in ("crank", "coupler", "rocker", "ground")},
-            branch=values["branch"],
-            start_angle=values.get("start_angle", 0.0),
-            pivot_a=mount.get("pivot_a", (0.0, 0.0)),
-            ground_angle=mount.get("ground_angle", 0.0),
-            coupler_point=None if point is None else (point["radius"], point["angle"]),
-            body_offset=values.get("body_offset"),
-            degrees=degrees,
-        )
+        with pointing(lambda field: f"/links{field}" if field.lstrip("/") in Links._fields else field):
+            return cls(
+                **{name: values["links"][name] for name in Links._fields},
+                branch=values["branch"],
+                start_angle=values.get("start_angle", 0.0),
+                pivot_a=mount.get("pivot_a", (0.0, 0.0)),
+                ground_angle=mount.get("ground_angle", 0.0),
+                coupler_point=None if point is None else (point["radius"], point["angle"]),
+                body_offset=values.get("body_offset"),
+                degrees=degrees,
+            )
 
     def target_of(self, motion: Motion | None, travel: ArrayLike | None) -> Target:
         """A motion with the crank angles of this solution where its own are free; without one the default."""
