@@ -137,7 +137,11 @@ def sheet_of(text: str, known: frozenset[str], needed: Sequence[str] = ()) -> Sh
     FieldError
         Naming the line; without any row of numbers too.
     """
-    lines = list(enumerate(text.lstrip("\ufeff").splitlines(), 1))
+    text = text.lstrip("\ufeff")
+    if text.lstrip().startswith(("[", "(")):  # a list of lists, or points
+        text = re.sub(r"[\])]\s*,?\s*[\[(]", "\n", text)
+        text = "\n".join(re.sub(r"^[\s\[(]+|[\s\]),;]+$", "", line) for line in text.splitlines())
+    lines = list(enumerate(text.splitlines(), 1))
     tabs = any("\t" in line.strip() for _, line in lines)
     lines = [
         (number, line)
@@ -190,10 +194,19 @@ def _holds_numbers(line: str) -> bool:
     separators = "\t;|" if re.search(r"[\t;|]", line) else "," if "," in line else " "
     cells = [cell.strip(' "') for cell in re.split(f"[{separators}]", line)]
     filled = [cell for cell in cells if cell]
-    numbers = sum(bool(_NUMBER.match(cell)) or bool(_MISSING.fullmatch(cell.lower())) for cell in filled)
+    numbers = sum(map(_is_number, filled))
     if not filled or numbers > 1:
         return True
     return 2 * numbers > len(filled) or (2 * numbers == len(filled) and separators != " ")
+
+
+def _is_number(cell: str) -> bool:
+    """Return whether a cell is a number, perhaps with a unit, a time, or a text in place of a missing number."""
+    found = _NUMBER.match(cell)
+    rest = cell[found.end() :].strip().lower() if found else ""
+    if found and (rest in UNITS or not re.search(r"[^\W\d_]", rest)):
+        return True
+    return _MISSING.fullmatch(cell.lower()) is not None
 
 
 def _are_units(cells: list[str]) -> bool:
@@ -253,11 +266,6 @@ def _trimmed(cells: list[str], minimum: int = 1) -> list[str]:
 _GREEK = str.maketrans(
     {"γ": "gamma", "φ": "phi", "ϕ": "phi", "θ": "theta", "ϑ": "theta", "ψ": "psi", "α": "alpha", "β": "beta"}
 )
-
-
-def name_of(text: str) -> str:
-    """Return the name in a head without its unit."""
-    return head_of(text).name
 
 
 def _name(text: str) -> str:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from linkage_atlas.arguments import MILLIMETRES, radians_in
-from linkage_atlas.cells import ANGLE_NAMES, LENGTH_NAMES, UNITS, Head, Numbers, Sheet, decoded, name_of, sheet_of
+from linkage_atlas.cells import ANGLE_NAMES, LENGTH_NAMES, UNITS, Head, Numbers, Sheet, decoded, head_of, sheet_of
 from linkage_atlas.heads import (
     ANGLES,
     COORDINATE,
@@ -178,6 +178,8 @@ def _with_aliases(columns: Mapping[str, str] | None, kind: Kind) -> dict[str, st
     aliases = {"angle": "output", "crank": "input"} if kind is FUNCTIONS else _ALIASES
     roles = {role for role in kind.roles if role != "angle"} | ({"x1", "y1", "x2", "y2"} if kind is POSES else set())
     found = {}
+    if not isinstance(columns, Mapping | None):
+        raise FieldError("/columns", f"wanted a mapping such as {{'x': 'TX', 'y': 'TY'}}, found {columns!r}")
     for name, head in (columns or {}).items():
         role = aliases.get(name, name)
         if role not in roles:
@@ -228,7 +230,7 @@ class _Reading:
         heads, found = self.sheet.heads, dict[int, str]()
         for role, text in columns.items():
             alike = [k for k, head in enumerate(heads) if head.text.casefold() == text.strip().casefold()]
-            alike = alike or [k for k, head in enumerate(heads) if head.name and head.name == name_of(text)]
+            alike = alike or [k for k, head in enumerate(heads) if head.name and head.name == head_of(text).name]
             if not alike and text.isdigit() and 1 <= int(text) <= self.sheet.width:
                 alike = [int(text) - 1]
             if len(alike) != 1 or alike[0] in found:
@@ -526,10 +528,14 @@ class _Reading:
             read = []
             for k, role in self.roles.items():
                 named = self.units[k]
+                text = self.sheet.heads[k].text
+                beside = (
+                    f" in {named}" if named and not head_of(text).unit else ""
+                )  # of a row of units or of the cells
                 converted = f" (converted to {wanted})" if named in ANGLE_NAMES and named != wanted[:3] else ""
                 if named in LENGTH_NAMES and self.length_unit not in (None, named):
                     converted = f" (converted to {self.length_unit})"
-                read.append(f"{_word(role)} from '{self.sheet.heads[k].text[:40]}'{converted}")
+                read.append(f"{_word(role)} from '{text[:40]}'{beside}{converted}")
             parts.insert(0, "columns read: " + ", ".join(read))
             left = [head.text for k, head in enumerate(self.sheet.heads) if k not in self.roles and head.text]
             if left:

@@ -102,6 +102,7 @@ def test_one_note_says_how_columns_were_read() -> None:
         "not read: 'Frame', 'Part Name', 'Z'; no position for sample 2"
     )
     assert read_table("1,2\n3,4\n").note == "columns without heads were read as x, y"
+    assert read_table("x;y\ncm;cm\n1;2\n").note == "columns read: x from 'x' in cm, y from 'y' in cm"
 
 
 def test_the_unit_of_the_table_is_not_that_of_the_options() -> None:
