@@ -545,6 +545,7 @@ _COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser, str], None]]]
     "assembly": (QUESTIONS["assembly"], _add_questions),
     "function": (QUESTIONS["function"], _add_questions),
     "match": (QUESTIONS["match"], _add_questions),
+    "motion": (QUESTIONS["motion"], _add_questions),
     **{scene: (f"questions about the {scene}", _add_questions) for scene in SCENES},
     "study": ("answer many requests, a line each", _add_study),
     "example": ("print a request to edit, or the list of examples", _add_example),

@@ -95,7 +95,7 @@ Places = Annotated[
 FiniteOrNull = Annotated[float | None, BeforeValidator(lambda x: x if x is None or math.isfinite(x) else None)]
 """A number of a result that is NaN or infinite where there is none."""
 AngleUnit = Literal["deg", "rad"]
-LengthUnit = Literal["mm", "cm", "m", "in"]
+LengthUnit = Literal["um", "mm", "cm", "m", "in", "ft"]
 
 
 @dataclass(frozen=True)

@@ -54,7 +54,7 @@ class Target(NamedTuple):
     @property
     def table(self) -> Kind | None:
         """Kind of table that the question reads."""
-        return POSES if "request" in self.model.model_fields else KINDS.get(self.command)
+        return POSES if "request" in self.model.model_fields or self.command == "motion" else KINDS.get(self.command)
 
     def full_path(self, path: Sequence[str]) -> list[str]:
         """Return the path of a field in the request; the fields of the motion need no ``request`` in front."""
@@ -103,6 +103,8 @@ def read_source(
         body, note = _body_of(target, parsed(text), rank)
         if note:
             say(note)
+    elif target.command == "motion":
+        body = {"table": decoded(text), "unwrap": unwrap, "columns": None if columns is None else dict(columns)}
     elif target.table is None:
         raise FieldError("", f"this is not JSON, and `linkage-atlas {target.command}` reads no tables")
     else:
@@ -121,9 +123,9 @@ def read_source(
 
 
 def parsed(text: bytes) -> Any:
-    """Parse JSON without NaN and infinity."""
+    """Parse JSON."""
     try:
-        return pydantic_core.from_json(text, allow_inf_nan=False)
+        return pydantic_core.from_json(text)
     except ValueError as error:
         raise FieldError("", f"this is not valid JSON: {error}") from None
 

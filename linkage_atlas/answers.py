@@ -657,7 +657,7 @@ def _described(
         if isinstance(samples, Poses):
             faults += spin_faults(samples, turned[k])
         kind = None if one.row is None or type_of is None else type_of(one.row)
-        linkage = FourBar.of(one.linkage, own.radian, own.target)
+        linkage = FourBar.of(one.linkage, own.radian, own.target, own.length_unit)
         solutions.append(
             Solution(
                 rank=0,
@@ -706,7 +706,7 @@ def _guided_described(one: guided.GuidedSolution, motion: Motion, limits: Limits
     """A solution without studies."""
     samples, radian, allowed = motion.samples, motion.radian, motion.tolerances
     target = guided.as_target(samples, one.linkage, one.travel)
-    own = Motion.of(target, motion.degrees, allowed)
+    own = Motion.of(target, motion.degrees, allowed, motion.length_unit)
     way: dict[str, bool] = {"timed": True}
     strays = None
     if isinstance(samples, Poses):
@@ -716,7 +716,7 @@ def _guided_described(one: guided.GuidedSolution, motion: Motion, limits: Limits
     faults = guided.practical_faults(one, target, limits, strays)
     if isinstance(samples, Poses):
         faults += spin_faults(samples, guided.rotation_of(one, samples))
-    linkage = GuidedLinkage.of(one.linkage, radian, target)
+    linkage = GuidedLinkage.of(one.linkage, radian, target, own.length_unit)
     turns, turn = one.linkage.driver.turns, one.transmission_angle_min_turn
     kind: Any = one.linkage.kind.value
     return GuidedSolution(
@@ -764,7 +764,7 @@ def _guided_rounded(
         return GuidedRounded(**values)
     again, radian, free = found.solution, own.radian, isinstance(samples, Poses)
     target = guided.as_target(samples, again.linkage, again.travel)
-    linkage = GuidedLinkage.of(again.linkage, radian, target)
+    linkage = GuidedLinkage.of(again.linkage, radian, target, own.length_unit)
     turns = again.linkage.driver.turns
     values |= {
         "lengths": again.linkage.lengths,
@@ -906,9 +906,10 @@ def _rounded(
     if isinstance(asked, Poses):
         again = refined_in_place(asked, limits, again, motion.target.crank, work)
         if again.crank is not None:
-            motion = Motion.of(asked, motion.degrees, motion.tolerances).of_solution(again.linkage, again.crank)
+            free = Motion.of(asked, motion.degrees, motion.tolerances, motion.length_unit)
+            motion = free.of_solution(again.linkage, again.crank)
         values["crank_angle"] = in_turn(motion.target.crank, asked.ordered) / motion.radian
-    linkage = FourBar.of(again.linkage, motion.radian, motion.target)
+    linkage = FourBar.of(again.linkage, motion.radian, motion.target, motion.length_unit)
     dimensions = linkage.dimensions._asdict()
     del dimensions["branch"]
     values |= dimensions | {

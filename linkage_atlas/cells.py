@@ -24,9 +24,7 @@ ANGLE_NAMES = {
     "rad": ("rad", "rads", "radian", "radians"),
 }
 """Spellings of each unit of angle, in lower case; "grad" is the German degree."""
-UNITS = {
-    spelling: unit for names in (LENGTH_NAMES, ANGLE_NAMES) for unit, all_ in names.items() for spelling in all_
-}
+UNITS = {spelling: unit for names in (LENGTH_NAMES, ANGLE_NAMES) for unit, all_ in names.items() for spelling in all_}
 OTHER_UNITS = frozenset("nm dm km mil mils thou yd px pixel pixels gon".split())
 """Names of units that are recognised in "x_km" and refused."""
 
@@ -139,7 +137,11 @@ def sheet_of(text: str, known: frozenset[str], needed: Sequence[str] = ()) -> Sh
     FieldError
         Naming the line; without any row of numbers too.
     """
-    lines = list(enumerate(text.lstrip("\ufeff").splitlines(), 1))
+    text = text.lstrip("\ufeff")
+    if text.lstrip().startswith(("[", "(")):  # a list of lists, or points
+        text = re.sub(r"[\])]\s*,?\s*[\[(]", "\n", text)
+        text = "\n".join(re.sub(r"^[\s\[(]+|[\s\]),;]+$", "", line) for line in text.splitlines())
+    lines = list(enumerate(text.splitlines(), 1))
     tabs = any("\t" in line.strip() for _, line in lines)
     lines = [
         (number, line)
@@ -167,23 +169,24 @@ def sheet_of(text: str, known: frozenset[str], needed: Sequence[str] = ()) -> Sh
         if comments:
             number, line = comments[-1]
             cells = _head_cells(line.lstrip("#%/ "), separator, width, number)
-            named = sum(_head(cell).name in known for cell in cells)
+            named = sum(head_of(cell).name in known for cell in cells)
             if len(cells) == width and 2 * named >= width:
                 titles = [(number, cells)]
     if not titles:
         return Sheet([], rows, rows[0].line)
     wanted = {_name(one) for one in needed}
-    heads = [(number, [_head(cell) for cell in _trimmed(cells)]) for number, cells in titles]
+    heads = [(number, [head_of(cell) for cell in _trimmed(cells)]) for number, cells in titles]
     at = max(range(len(heads)), key=lambda k: (any(one.name in known | wanted for one in heads[k][1]), k))
     if at < len(heads) - 1:
         number, extra = heads[at + 1]
         raise FieldError("", f"line {number}: '{extra[0].text[:20]}' is not a number, and this is no row of units")
-    line, found = heads[at]
+    at_line, found = heads[at]
     if units:
         found = [
-            one._replace(unit=one.unit or unit) for one, unit in zip(found, [*units, *[""] * len(found)], strict=False)
+            one._replace(unit=one.unit or unit)
+            for one, unit in zip(found, [*units, *[""] * len(found)], strict=False)
         ]
-    return Sheet(found, rows, line)
+    return Sheet(found, rows, at_line)
 
 
 def _holds_numbers(line: str) -> bool:
@@ -191,10 +194,19 @@ def _holds_numbers(line: str) -> bool:
     separators = "\t;|" if re.search(r"[\t;|]", line) else "," if "," in line else " "
     cells = [cell.strip(' "') for cell in re.split(f"[{separators}]", line)]
     filled = [cell for cell in cells if cell]
-    numbers = sum(bool(_NUMBER.match(cell)) or bool(_MISSING.fullmatch(cell.lower())) for cell in filled)
+    numbers = sum(map(_is_number, filled))
     if not filled or numbers > 1:
         return True
     return 2 * numbers > len(filled) or (2 * numbers == len(filled) and separators != " ")
+
+
+def _is_number(cell: str) -> bool:
+    """Return whether a cell is a number, perhaps with a unit, a time, or a text in place of a missing number."""
+    found = _NUMBER.match(cell)
+    rest = cell[found.end() :].strip().lower() if found else ""
+    if found and (rest in UNITS or not re.search(r"[^\W\d_]", rest)):
+        return True
+    return _MISSING.fullmatch(cell.lower()) is not None
 
 
 def _are_units(cells: list[str]) -> bool:
@@ -251,14 +263,16 @@ def _trimmed(cells: list[str], minimum: int = 1) -> list[str]:
     return cells
 
 
-_GREEK = str.maketrans({"γ": "gamma", "φ": "phi", "ϕ": "phi", "θ": "theta", "ϑ": "theta", "ψ": "psi", "α": "alpha", "β": "beta"})
+_GREEK = str.maketrans(
+    {"γ": "gamma", "φ": "phi", "ϕ": "phi", "θ": "theta", "ϑ": "theta", "ψ": "psi", "α": "alpha", "β": "beta"}
+)
 
 
 def _name(text: str) -> str:
     return re.sub(r"[^\w]+|_+", "_", text.strip().casefold().translate(_GREEK)).strip("_")
 
 
-def _head(text: str) -> Head:
+def head_of(text: str) -> Head:
     """Split a head into name and unit: "X [mm]", "x_mm", "x/mm", "x in mm" and "x mm" are x in mm."""
     text = text.strip()
     if (found := _BRACKETS.fullmatch(text)) and found[1]:
@@ -306,7 +320,9 @@ class Numbers:
         found = re.fullmatch(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\D.*)?", plain, re.ASCII | re.DOTALL)
         if found and (not found[2] or found[2].strip().lower() in UNITS):
             return Cell(float(found[1]), (found[2] or "").strip())
-        missing = "; leave the cell empty if the number is missing" if gaps and _MISSING.fullmatch(plain.lower()) else ""
+        missing = (
+            "; leave the cell empty if the number is missing" if gaps and _MISSING.fullmatch(plain.lower()) else ""
+        )
         unit = ""
         if found and found[2] and re.fullmatch(r"[^\W\d_]+", found[2]):
             unit = f"; '{found[2][:10]}' is no unit of {', '.join(dict.fromkeys(UNITS.values()))}"

@@ -870,7 +870,9 @@ def _measure(prefer: Prefer, motion: Motion, limits: Limits) -> _Measure:
 
     def shorter(span: float) -> tuple[Motion, Limits]:
         assert isinstance(samples, Poses)
-        return Motion.of(replace(samples, span_max=span), motion.degrees, motion.tolerances), limits
+        return Motion.of(
+            replace(samples, span_max=span), motion.degrees, motion.tolerances, motion.length_unit
+        ), limits
 
     return {
         "size": _Measure(lambda one: measures_of(one, samples, 0.0).size, smaller, _SMALLEST, 0.03),

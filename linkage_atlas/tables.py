@@ -3,15 +3,27 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from linkage_atlas.arguments import MILLIMETRES, radians_in
-from linkage_atlas.cells import ANGLE_NAMES, LENGTH_NAMES, UNITS, Head, Numbers, Sheet, decoded, sheet_of
+from linkage_atlas.cells import ANGLE_NAMES, LENGTH_NAMES, UNITS, Head, Numbers, Sheet, decoded, head_of, sheet_of
+from linkage_atlas.heads import (
+    ANGLES,
+    COORDINATE,
+    FUNCTIONS,
+    KINDS,
+    NO_POINTS,
+    POSES,
+    RADIAN_ANGLES,
+    ROTATIONS,
+    SHARES,
+    Kind,
+    axis_names,
+)
 from synthesis.errors import FieldError
-from synthesis.target import MAX_SAMPLES
+from synthesis.target import MAX_LENGTH, MAX_SAMPLES
 
 __all__ = [
     "FUNCTIONS",
@@ -26,112 +38,6 @@ __all__ = [
     "read_table",
     "request_from_csv",
 ]
-
-SHARES = ("weight", "weight_rotation", "weight_position", "tolerance_rotation", "tolerance_position")
-"""Columns with the weight of each sample, for both parts or one of them, and with the allowed errors."""
-
-
-def _names(words: str) -> frozenset[str]:
-    return frozenset(words.split())
-
-
-def _axis(axis: str, number: int) -> frozenset[str]:
-    """Names of a column that holds a coordinate of the body point."""
-    before = "p pos position t trans translation translate tvec loc location coord coordinate c center centre point pt com".split()
-    behind = "pos position coord coordinate koordinate wert value".split()
-    names = {axis, *(f"{word}_{axis}" for word in before), *(f"{word}{axis}" for word in before)}
-    names |= {f"{axis}_{word}" for word in behind} | {f"{axis}{word}" for word in behind}
-    return frozenset(names | {f"{word}_{number}" for word in ("t", "tvec", "translation")})
-
-
-_NUMBERING = _names("no nr number nummer n id pose point sample index frame pos step timestep row i k name label part_name part")
-_TIMES = _names("t time zeit timestamp datetime date seconds sec")
-_X, _Y = _axis("x", 0) | {"easting"}, _axis("y", 1) | {"northing"}
-_CRANK = _names(
-    "crank crank_angle crankangle theta1 theta_1 theta2 theta_2 input input_angle motor motor_angle kurbel kurbelwinkel"
-)
-_ANGLE = _names(
-    "angle rotation rot gamma phi theta alpha beta psi yaw heading orientation direction winkel drehung drehwinkel "
-    "body_angle coupler_angle rotation_angle tilt "
-    "rz r_z rotz rot_z rotation_z rotationz angle_z anglez theta_z euler_z yaw_z z_rot z_rotation z_angle"
-)
-_RADIAN_ANGLE = _names("rvec_z rvec_2 rotation_euler_z rotation_euler_2")
-"""Angles that programs always write in radians: rotation vectors of OpenCV, Blender's Python interface."""
-_OUTPUT = _names("output output_angle rocker rocker_angle follower theta3 theta_3 theta4 theta_4 psi out abtrieb")
-_COSINE = _names(
-    "cos c cosine cos_theta costheta cos_phi cosphi cos_angle cos_alpha ux u_x dir_x direction_x r11 r_11 r00 r_00"
-)
-_SINE = _names(
-    "sin s sine sin_theta sintheta sin_phi sinphi sin_angle sin_alpha uy u_y dir_y direction_y r21 r_21 r10 r_10"
-)
-
-
-def _quaternion(part: str) -> frozenset[str]:
-    return frozenset(f"{word}{part}" for word in ("q", "q_", "quat_", "rotation_quaternion_", "orientation_"))
-
-
-_COORDINATE = re.compile(r"(?P<before>.*?)_?(?P<axis>[xy])|(?P<first>[xy])_?(?P<behind>.+)")
-"""Name of a column with a coordinate of a labelled point: x1, p1_x, joint_a_x, model_x."""
-_NO_POINTS = _names(
-    "v vel velocity speed acc accel acceleration f force rot rotation rotation_euler rvec euler omega q d delta err error std "
-    "weight tolerance"
-)
-"""Labels of vectors that are no points."""
-
-
-@dataclass(frozen=True)
-class Kind:
-    """Columns that the tables of one question have."""
-
-    roles: Mapping[str, frozenset[str]]
-    """Names of the columns that have each role."""
-    bare: Mapping[int, tuple[str, ...]]
-    """Roles of the columns of a table without heads, by their number."""
-    angles: tuple[str, ...]
-    lengths: tuple[str, ...] = ()
-    gaps: bool = False
-    """A cell may be empty."""
-    described: str = ""
-    """Heads that are read, for messages."""
-
-    @property
-    def known(self) -> frozenset[str]:
-        """All names that mark a line as a line of heads."""
-        return frozenset().union(*self.roles.values(), _NUMBERING, _TIMES, _axis("z", 2), {"x1", "y1", "x2", "y2"})
-
-
-POSES = Kind(
-    {
-        "crank_angle": _CRANK,
-        "x": _X,
-        "y": _Y,
-        "rotation": _ANGLE | _RADIAN_ANGLE,
-        "cos": _COSINE,
-        "sin": _SINE,
-        **{f"q{part}": _quaternion(part) for part in "wxyz"},
-        **{name: frozenset({name}) for name in SHARES},
-    },
-    {1: ("rotation",), 2: ("x", "y"), 3: ("x", "y", "rotation"), 4: ("crank_angle", "x", "y", "rotation")},
-    ("crank_angle", "rotation", "tolerance_rotation"),
-    ("x", "y", "x1", "y1", "x2", "y2", "tolerance_position"),
-    gaps=True,
-    described="x and y, angle, crank; or x1, y1, x2, y2; or x, y, cos, sin",
-)
-"""Tables of /v1/synthesize."""
-ROTATIONS = Kind(
-    {"crank_angle": _CRANK, "rotation": _ANGLE | _RADIAN_ANGLE, "cos": _COSINE, "sin": _SINE},
-    {1: ("rotation",), 2: ("crank_angle", "rotation")},
-    ("crank_angle", "rotation"),
-    described="angle, crank",
-)
-"""Tables of /v1/match."""
-FUNCTIONS = Kind(
-    {"input": _CRANK, "output": _OUTPUT, "angle": _ANGLE - _OUTPUT, "x": frozenset({"x"}), "y": frozenset({"y"})},
-    {1: ("output",), 2: ("input", "output")},
-    ("input", "output", "angle"),
-    described="input and output, or x and y",
-)
-"""Tables of /v1/function."""
 
 
 class Column(NamedTuple):
@@ -156,6 +62,8 @@ class Table:
     columns: list[Column]
     note: str
     """How the columns were read, as one sentence."""
+    heads: tuple[str, ...]
+    """All columns of the table; without heads their numbers."""
     angle_named: bool = field(default=False, repr=False)
     """Whether the table names the unit of its angles."""
 
@@ -200,7 +108,7 @@ def read_table(
     columns: Mapping[str, str] | None = None,
     length_unit: str | None = None,
 ) -> Table:
-    """Read a table of samples.
+    r"""Read a table of samples.
 
     Cells are separated by tabs, semicolons, bars, commas or blanks. A comma in a number is its decimal mark unless commas
     separate cells; a table in which some numbers have a decimal comma and others a decimal point is refused. Titles above the
@@ -229,7 +137,7 @@ def read_table(
     Examples
     --------
     >>> from linkage_atlas.tables import read_table
-    >>> table = read_table("TX [cm];TY [cm];RZ [rad];Frame\\n0;0;0;1\\n1,5;2;1,5708;2")
+    >>> table = read_table("TX [cm];TY [cm];RZ [rad];Frame\n0;0;0;1\n1,5;2;1,5708;2")
     >>> table.length_unit, [round(angle) for angle in table.fields["rotation"]]
     ('cm', [0, 90])
     >>> print(table.note)
@@ -253,7 +161,7 @@ def read_table(
         )
     if kind is POSES and not fields.keys() & {"crank_angle", "crank_span", "travel", "travel_span"}:
         fields = {"timing": "free"} | fields
-    return Table(fields, reading.length_unit, reading.columns(), reading.note(), reading.angle_named)
+    return Table(fields, reading.length_unit, reading.columns(), reading.note(), reading.heads, reading.angle_named)
 
 
 _EXAMPLES = {
@@ -270,11 +178,19 @@ def _with_aliases(columns: Mapping[str, str] | None, kind: Kind) -> dict[str, st
     aliases = {"angle": "output", "crank": "input"} if kind is FUNCTIONS else _ALIASES
     roles = {role for role in kind.roles if role != "angle"} | ({"x1", "y1", "x2", "y2"} if kind is POSES else set())
     found = {}
+    if not isinstance(columns, Mapping | None):
+        raise FieldError("/columns", f"wanted a mapping such as {{'x': 'TX', 'y': 'TY'}}, found {columns!r}")
     for name, head in (columns or {}).items():
         role = aliases.get(name, name)
         if role not in roles:
-            known = ("input", "output", "x", "y") if kind is FUNCTIONS else ("x", "y", "angle", "crank", "x1", "y1", "x2", "y2")
-            raise FieldError.no_such("/columns", name, (*known, *(("cos", "sin") if "cos" in roles else ())), "column")
+            known = (
+                ("input", "output", "x", "y")
+                if kind is FUNCTIONS
+                else ("x", "y", "angle", "crank", "x1", "y1", "x2", "y2")
+            )
+            raise FieldError.no_such(
+                "/columns", name, (*known, *(("cos", "sin") if "cos" in roles else ())), "column"
+            )
         found[role] = str(head)
     return found
 
@@ -294,19 +210,27 @@ class _Reading:
 
     def refuse(self, message: str, choose: bool = False) -> FieldError:
         """Return an error of the line of heads; with ``choose`` it asks for `columns` and carries the heads."""
-        heads = [head.text or f"column {k + 1}" for k, head in enumerate(self.sheet.heads)]
-        heads = heads or [str(k + 1) for k in range(self.sheet.width)]
         if not choose:
             return FieldError("", f"line {self.sheet.line}: {message}")
         example = _EXAMPLES[self.kind.described]
-        return FieldError("", f"line {self.sheet.line}: {message}; or choose columns, as in columns {example}", heads=heads)
+        return FieldError(
+            "",
+            f"line {self.sheet.line}: {message}; or choose columns, as in columns {example}",
+            heads=list(self.heads),
+        )
+
+    @property
+    def heads(self) -> tuple[str, ...]:
+        """Heads of all columns, or their numbers."""
+        named = tuple(head.text or str(k + 1) for k, head in enumerate(self.sheet.heads))
+        return named or tuple(str(k + 1) for k in range(self.sheet.width))
 
     def chosen(self, columns: Mapping[str, str]) -> dict[int, str]:
         """Return the roles of the columns that a user has named by head or number."""
         heads, found = self.sheet.heads, dict[int, str]()
         for role, text in columns.items():
             alike = [k for k, head in enumerate(heads) if head.text.casefold() == text.strip().casefold()]
-            alike = alike or [k for k, head in enumerate(heads) if head.name and head.name == _plain_name(text)]
+            alike = alike or [k for k, head in enumerate(heads) if head.name and head.name == head_of(text).name]
             if not alike and text.isdigit() and 1 <= int(text) <= self.sheet.width:
                 alike = [int(text) - 1]
             if len(alike) != 1 or alike[0] in found:
@@ -329,7 +253,9 @@ class _Reading:
                 exact = [k for k in alike if names[k] == role]
                 if len(exact) != 1:
                     same = " and ".join(f"'{self.sheet.heads[k].text}'" for k in alike[:3])
-                    raise self.refuse(f"the columns {same} may both be {_word(role)}: rename all but one of them", True)
+                    raise self.refuse(
+                        f"the columns {same} may both be {_word(role)}: rename all but one of them", True
+                    )
                 alike = exact
             found |= dict.fromkeys(alike, role)
         roles = set(found.values())
@@ -346,20 +272,26 @@ class _Reading:
         """Return the columns of two points of the body, or of a single labelled point."""
         columns: dict[str, dict[str, int]] = {}
         for k, name in enumerate(names):
-            if found := _COORDINATE.fullmatch(name):
+            if found := COORDINATE.fullmatch(name):
                 label, axis = found["before"] or found["behind"] or "", found["axis"] or found["first"]
-                if label not in _NO_POINTS:
+                if label not in NO_POINTS:
                     columns.setdefault(label, {})[axis] = k
         points = {label: found for label, found in columns.items() if len(found) == 2}
         if len(points) > 2:
-            raise self.refuse(f"there are {len(points)} points, and a body is given by one or two: leave out the others", True)
+            raise self.refuse(
+                f"there are {len(points)} points, and a body is given by one or two: leave out the others", True
+            )
         labels = ("1", "2") if len(points) == 2 else ("",)
         roles = {
-            point[axis]: f"{axis}{label}" for point, label in zip(points.values(), labels, strict=False) for axis in "xy"
+            point[axis]: f"{axis}{label}"
+            for point, label in zip(points.values(), labels, strict=False)
+            for axis in "xy"
         }
         if len(points) == 1:
             (label,) = points
-            roles |= {k: "rotation" for k, name in enumerate(names) if name in {f"{label}_{angle}" for angle in _ANGLE}}
+            roles |= {
+                k: "rotation" for k, name in enumerate(names) if name in {f"{label}_{angle}" for angle in ANGLES}
+            }
         return roles
 
     def _input_and_output(self, found: dict[int, str]) -> dict[int, str]:
@@ -377,7 +309,11 @@ class _Reading:
         return rest | dict(zip(sorted(angles), missing, strict=False))
 
     def _by_number(self) -> dict[int, str]:
-        width = len([cell for cell in self.sheet.rows[0].cells if cell]) if len(self.sheet.rows) == 1 else self.sheet.width
+        width = (
+            len([cell for cell in self.sheet.rows[0].cells if cell])
+            if len(self.sheet.rows) == 1
+            else self.sheet.width
+        )
         width = max(width, min(self.sheet.width, max(self.kind.bare)))
         roles = self.kind.bare.get(width)
         if roles is None:
@@ -400,7 +336,7 @@ class _Reading:
             return  # reported with its line and column when the numbers are read
         if any(None in row for row in rows):
             return
-        values: list[list[float]] = [list(column) for column in zip(*rows)]  # type: ignore[arg-type]
+        values: list[list[float]] = [list(column) for column in zip(*rows)]
         if len(roles) == 3 and len(set(values[2])) == 1:
             raise self.refuse(
                 f"the third of three columns without heads is {values[2][0]:g} in every row, which may be a z or an angle: "
@@ -428,7 +364,7 @@ class _Reading:
         for k, role in self.roles.items():
             head = self.sheet.heads[k] if self.sheet.heads else Head("", "", "")
             self.units[k] = self.unit_of(head.unit, role, f"line {self.sheet.line}: the head '{head.text[:30]}'")
-            if not self.units[k] and head.name in _RADIAN_ANGLE:
+            if not self.units[k] and head.name in RADIAN_ANGLES:
                 self.units[k] = "rad"
 
     def unit_of(self, text: str, role: str, where: str) -> str:
@@ -442,7 +378,9 @@ class _Reading:
             return ""
         if unit not in known:
             there = f"known are {', '.join(known)}" if known else "it has none"
-            raise FieldError("", f"{where} has the unit '{text[:20]}', and the unit of {_word(role)} must be known: {there}")
+            raise FieldError(
+                "", f"{where} has the unit '{text[:20]}', and the unit of {_word(role)} must be known: {there}"
+            )
         return unit
 
     def is_angle(self, role: str) -> bool:
@@ -464,11 +402,16 @@ class _Reading:
             while len(cells) > width and not cells[-1]:
                 cells = cells[:-1]
             if len(cells) != width:
-                commas = "; a number with a decimal comma is quoted, or semicolons separate" if len(cells) > width else ""
+                commas = (
+                    "; a number with a decimal comma is quoted, or semicolons separate" if len(cells) > width else ""
+                )
                 raise FieldError("", f"line {row.line}: wanted {width} cells, found {len(cells)}{commas}")
             for k, role in self.roles.items():
                 where = f"line {row.line}, column {k + 1}{f' ({heads[k].text[:20]})' if heads else ''}: "
                 value, unit = numbers.read(cells[k], where, self.kind.gaps)
+                if value is not None and not abs(value) <= MAX_LENGTH:
+                    bound = f"more than {MAX_LENGTH:g}" if value > 0 else f"less than {-MAX_LENGTH:g}"
+                    raise FieldError("", f"{where}'{cells[k][:20]}' is {bound}")
                 self.values.setdefault(role, []).append(value)
                 if unit:
                     self._take_unit(k, role, unit, where)
@@ -498,7 +441,9 @@ class _Reading:
 
     def _scale(self, role: str, factor: float) -> None:
         if factor != 1:
-            self.values[role] = [None if value is None else float(f"{value * factor:.15g}") for value in self.values[role]]
+            self.values[role] = [
+                None if value is None else float(f"{value * factor:.15g}") for value in self.values[role]
+            ]
 
     @property
     def turn(self) -> float:
@@ -523,7 +468,7 @@ class _Reading:
         if "rotation" in values:
             raise self.refuse("wanted either two points or an angle, found both")
         ends = [values.pop(name) for name in ("x1", "y1", "x2", "y2")]
-        along = [None if None in row else (row[2] - row[0], row[3] - row[1]) for row in zip(*ends)]  # type: ignore[operator]
+        along = [None if None in row else (row[2] - row[0], row[3] - row[1]) for row in zip(*ends)]
         lengths = [math.hypot(*one) for one in along if one is not None]
         middle = math.fsum(lengths) / max(len(lengths), 1)
         off = max((abs(length - middle) for length in lengths), default=0.0)
@@ -536,10 +481,16 @@ class _Reading:
         if off > 1e-3 * middle:
             self.remarks.append(f"the distance of the two points varies by {100 * off / middle:.2g} %")
         values["x"], values["y"] = ends[0], ends[1]
-        values["rotation"] = self._directions(*([None if one is None else one[i] for one in along] for i in (0, 1)), 0.0)
+        values["rotation"] = self._directions(
+            [None if vector is None else vector[0] for vector in along],
+            [None if vector is None else vector[1] for vector in along],
+            0.0,
+        )
         self.angle_named = True
 
-    def _directions(self, cosines: Sequence[Any], sines: Sequence[Any], factor: float) -> list[float | None]:
+    def _directions(
+        self, cosines: Sequence[float | None], sines: Sequence[float | None], factor: float
+    ) -> list[float | None]:
         """Return continuous angles of vectors; of unit vectors if ``factor``, which multiplies the angles, is not 0."""
         angles: list[float | None] = []
         self.angle_named = True
@@ -565,7 +516,8 @@ class _Reading:
     def columns(self) -> list[Column]:
         heads = self.sheet.heads
         return [
-            Column(heads[k].text if heads else str(k + 1), _word(role), self.units[k]) for k, role in self.roles.items()
+            Column(heads[k].text if heads else str(k + 1), _word(role), self.units[k])
+            for k, role in self.roles.items()
         ]
 
     def note(self) -> str:
@@ -576,10 +528,14 @@ class _Reading:
             read = []
             for k, role in self.roles.items():
                 named = self.units[k]
+                text = self.sheet.heads[k].text
+                beside = (
+                    f" in {named}" if named and not head_of(text).unit else ""
+                )  # of a row of units or of the cells
                 converted = f" (converted to {wanted})" if named in ANGLE_NAMES and named != wanted[:3] else ""
                 if named in LENGTH_NAMES and self.length_unit not in (None, named):
                     converted = f" (converted to {self.length_unit})"
-                read.append(f"{_word(role)} from '{self.sheet.heads[k].text[:40]}'{converted}")
+                read.append(f"{_word(role)} from '{text[:40]}'{beside}{converted}")
             parts.insert(0, "columns read: " + ", ".join(read))
             left = [head.text for k, head in enumerate(self.sheet.heads) if k not in self.roles and head.text]
             if left:
@@ -596,10 +552,6 @@ class _Reading:
                 which = ", ".join(map(str, lacking[:6])) + (" and more" if len(lacking) > 6 else "")
                 parts.append(f"no {words} for sample{'s' if len(lacking) > 1 else ''} {which}")
         return "; ".join(parts)
-
-
-def _plain_name(text: str) -> str:
-    return sheet_of(f"{text}\n0", frozenset()).heads[0].name if text.strip() and not text.strip().isdigit() else ""
 
 
 def _word(role: str) -> str:
@@ -658,17 +610,22 @@ def _poses(reading: _Reading) -> dict[str, Any]:
 def _check_plane(reading: _Reading) -> None:
     """Refuse a motion in another plane than x and y, and remark on a z that varies."""
     axis = {head.name: k for k, head in enumerate(reading.sheet.heads)}
-    at = next((axis[name] for name in sorted(_axis("z", 2)) if name in axis and axis[name] not in reading.roles), None)
+    at = next(
+        (axis[name] for name in sorted(axis_names("z", 2)) if name in axis and axis[name] not in reading.roles), None
+    )
     if at is None or "x" not in reading.values:
         return
     texts = {row.cells[at].strip() for row in reading.sheet.rows if at < len(row.cells)}
     still = [name for name in ("x", "y") if len(set(reading.values[name])) == 1]
     if len(texts) > 1 and still and len(reading.sheet.rows) > 1:
         raise reading.refuse(
-            f"{still[0]} is the same in every row and '{reading.sheet.heads[at].text}' is not: the motion lies in another plane", True
+            f"{still[0]} is the same in every row and '{reading.sheet.heads[at].text}' is not: the motion lies in another plane",
+            True,
         )
     if len(texts) > 1:
-        reading.remarks.append(f"'{reading.sheet.heads[at].text}' varies and is ignored, the motion is taken as plane")
+        reading.remarks.append(
+            f"'{reading.sheet.heads[at].text}' varies and is ignored, the motion is taken as plane"
+        )
 
 
 def _rotations(reading: _Reading) -> dict[str, Any]:
@@ -688,7 +645,3 @@ def _function(reading: _Reading) -> dict[str, Any]:
         raise reading.refuse("wanted columns with the heads input and output, or x and y", True)
     units = {role: reading.units[k] for k, role in reading.roles.items()}
     return columns | {f"{role}_unit": "length" for role, unit in units.items() if unit in LENGTH_NAMES}
-
-
-KINDS: Mapping[str, Kind] = {"synthesize": POSES, "assembly": POSES, "match": ROTATIONS, "function": FUNCTIONS}
-"""Kind of table of each question."""

@@ -291,6 +291,7 @@ def make_target(
     length_scale: float | None = None,
     rotation_weights: Floats | None = None,
     position_weights: Floats | None = None,
+    least: int = MIN_SAMPLES,
 ) -> Target:
     """A checked `Target`.
 
@@ -308,9 +309,11 @@ def make_target(
         Default: the largest distance of a position from the mean position.
     rotation_weights, position_weights : ndarray, shape (N,), optional
         At least 0 and somewhere above it; a sample of weight 0 is missing, whatever its value. Default: all alike.
+    least : int
+        Minimum number of samples.
     """
     part, given = read_samples(
-        rotation, position, length_scale, rotation_weights, position_weights, crank_angle=crank_angle
+        rotation, position, length_scale, rotation_weights, position_weights, least, crank_angle=crank_angle
     )
     target = Target(**part, crank=_crank(crank_span, given.get("crank_angle"), next(iter(given.values())).size))
     if target.position is not None and _whole_turns(target.position_mean, target.crank):

@@ -19,6 +19,7 @@ from app.fourbar.models import (
     MatchRequest,
     SynthesizeRequest,
 )
+from app.fourbar.motion import MOTION as MOTION_QUERY
 from app.fourbar.tables import assembly_table, drives_table, function_table, matches_table, synthesize_table
 from app.query import (
     FILES,
@@ -201,7 +202,7 @@ def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
         return "/format" if field == "/kind" else prefixes.get(field.lstrip("/").partition("/")[0], "") + field
 
     with pointing(in_export):
-        unit = body.length_unit or (request.analysis.length_unit if request.analysis else "mm")
+        unit = body.length_unit or (request.analysis.length_unit if request.analysis else None)
         asked = request.given("analysis") | held
         return linkage.file(body.format, motion, unit, place, **asked, work=resources.work())
 
@@ -471,5 +472,6 @@ QUERIES = (
         is_long=is_long_assembly,
         reads_atlas=True,
     ),
+    MOTION_QUERY,
     Query("drive", QUESTIONS["drive"], find_drives, drives_table, is_long=is_long_drives, route="/v1/drives"),
 )

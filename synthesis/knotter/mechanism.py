@@ -78,7 +78,7 @@ class Table:
             raise ValueError("a table needs two rows or more, each a driver angle and an angle")
         steps = np.diff(self.driver)
         if not np.all(steps > 0):
-            row = int(np.argmin(steps > 0)) + 1
+            row = int(np.argmin(steps > 0)) + 2  # counted from 1
             raise ValueError(f"the driver angles must increase, but row {row} is not above the row before it")
 
     @property

@@ -102,6 +102,7 @@ def test_one_note_says_how_columns_were_read() -> None:
         "not read: 'Frame', 'Part Name', 'Z'; no position for sample 2"
     )
     assert read_table("1,2\n3,4\n").note == "columns without heads were read as x, y"
+    assert read_table("x;y\ncm;cm\n1;2\n").note == "columns read: x from 'x' in cm, y from 'y' in cm"
 
 
 def test_the_unit_of_the_table_is_not_that_of_the_options() -> None:
@@ -127,7 +128,13 @@ def test_the_unit_of_the_table_is_not_that_of_the_options() -> None:
 )
 def test_usual_spellings_of_units(unit, spellings) -> None:
     for spelling in spellings:
-        for head in (f"x [{spelling}];y", f"x ({spelling});y", f"x/{spelling};y", f"x in {spelling};y", f"x;y\n{spelling};"):
+        for head in (
+            f"x [{spelling}];y",
+            f"x ({spelling});y",
+            f"x/{spelling};y",
+            f"x in {spelling};y",
+            f"x;y\n{spelling};",
+        ):
             assert read_table(f"{head}\n1;2\n3;4\n").length_unit == unit, head
 
 
@@ -226,3 +233,27 @@ def test_any_text_is_a_table_or_an_error_that_says_where(text) -> None:
 def test_files_in_the_encodings_of_spreadsheets(encoding) -> None:
     text = "x;y;phi [°]\n1,5;2;5\n"
     assert decoded(text.encode(encoding)) == text
+
+
+def test_a_wrong_option_beside_a_table_is_named(tmp_path, capsys) -> None:
+    """Three numbers of a pivot box used to be reported as too few rows of the table."""
+    path = tmp_path / "motion.csv"
+    path.write_text("x,y\n0,0\n10,2\n20,8\n")
+    assert cli.main(["synthesize", str(path), "--set", "limits.pivot_box=[0,0,9]"]) == 2
+    said = capsys.readouterr().err
+    assert "pivot_box" in said and "rows" not in said
+    path.write_text("x,y\n0,0\n")
+    assert cli.main(["synthesize", str(path)]) == 2
+    assert "wanted at least 2 rows, found 1" in capsys.readouterr().err
+
+
+def test_the_command_says_how_the_table_was_read(tmp_path, capsys) -> None:
+    path = tmp_path / "motion.csv"
+    path.write_text("Frame,X [cm],Y [cm],Z\n1,0,0,0\n2,10,2,0\n3,20,8,0\n")
+    assert cli.main(["synthesize", str(path), "--set", "top=1", "--set", "budget_ms=50", "--json"]) == 0
+    notes = json.loads(capsys.readouterr().out)["report"]["notes"]
+    assert [note for note in notes if "columns read" in note] == [
+        "columns read: x from 'X [cm]', y from 'Y [cm]'; not read: 'Frame', 'Z'"
+    ]
+    assert cli.main(["synthesize", str(path), "--set", "top=1", "--set", "budget_ms=50"]) == 0
+    assert "columns read: x from 'X [cm]'" in capsys.readouterr().out

@@ -89,7 +89,7 @@ def test_law_keeps_extended_precision() -> None:
 
 
 @pytest.mark.parametrize(
-    ("rows", "word"), [((), "two rows"), ((1.0,), "two rows"), ((1.0, 1.0), "row 1"), ((2.0, 1.0), "row 1")]
+    ("rows", "word"), [((), "two rows"), ((1.0,), "two rows"), ((1.0, 1.0), "row 2"), ((2.0, 1.0), "row 2")]
 )
 def test_table_that_is_no_function_is_refused(rows, word: str) -> None:
     with pytest.raises(ValueError, match=word):
