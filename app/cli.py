@@ -103,11 +103,11 @@ def _near_file(error: OSError) -> str:
 
 _PLAIN = argparse.RawDescriptionHelpFormatter
 FILE: dict[str, str] = {}
-"""Completion of file names in each shell; shtab's, once a completion is asked for."""
+"""Completion of file names in each shell, filled by the command `completion`."""
 
 
 class _Parser(argparse.ArgumentParser):
-    """Parser of a command, which reports unknown options with its own usage and names similar ones."""
+    """Parser of a command, which reports unknown options with its own usage and names similar options."""
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         options, unknown = super().parse_known_args(args, namespace)
@@ -120,7 +120,7 @@ class _Parser(argparse.ArgumentParser):
         return options, unknown
 
     def error(self, message: str) -> Any:
-        """End with the usage, the message, and the choice closest to an invalid one."""
+        """End with the usage and the message; name the closest choice if a choice is invalid."""
         if found := re.search(r"invalid choice: '(.*?)' \(choose from (.*)\)", message):
             near = get_close_matches(found[1], re.findall(r"[\w.-]+", found[2]), 1)
             message += f"; did you mean {near[0]}?" if near else ""
@@ -215,7 +215,7 @@ def _add_query(parser: argparse.ArgumentParser, query: Any) -> None:
 def _add_export(parser: argparse.ArgumentParser, name: str) -> None:
     from app.command import run_export
     from app.fourbar.answers import LINKAGE_FILES
-    from app.fourbar.models import ExportRequest, Material, SolidsRequest
+    from app.fourbar.models import ExportRequest
     from app.sources import Target
 
     (query,) = queries_named("synthesize")
@@ -226,39 +226,25 @@ def _add_export(parser: argparse.ArgumentParser, name: str) -> None:
         "--format", choices=LINKAGE_FILES.formats, help="default: as the ending of --out or the request says"
     )
     add_atlas(parser, "the atlas, if one is needed")
-    parts = parser.add_argument_group("parts (step, 3mf, stl, urdf, sdf, parts; masses in mjcf)")
-    fits = get_args(SolidsRequest.model_fields["fit"].annotation)
-    materials = get_args(Material)
-    for option, path, text, choices in (
-        ("--fit", "solids.fit", "tolerances for a workshop (H7) or play for a printer", fits),
-        ("--material", "solids.material", "material of plates and boards", materials),
-        ("--scale", "solids.scale", "scale of a model (1)", None),
-        ("--boards", "assembly.boards", "boards that hold the fixed pins", ("below", "above", "both", "bar")),
-        ("--thickness", "assembly.thickness", "thickness of the plates", None),
-    ):
-        metavar = "{" + ",".join(choices) + "}" if choices else option[2:].upper()
-        _add_setting(parts, option, path, f"{text} (--set {path})", metavar)
-    parts.add_argument(
-        "--heads", dest="set", action="append_const", const=(["assembly", "heads"], True), help="pins with heads"
-    )
-    parts.add_argument(
-        "--nevertheless",
-        dest="set",
-        action="append_const",
-        const=(["solids", "nevertheless"], True),
-        help="write parts even if they would collide",
-    )
     parser.set_defaults(run=run_export, examples=examples)
 
 
-_LIMITS = {
-    "--family": ("family", "family of the linkages: full_crank, crank_rocker, double_crank or any", "FAMILY"),
-    "--pivot-box": ("pivot_box", "box for both fixed pivots, as in 0,0,200,100", "XMIN,YMIN,XMAX,YMAX"),
-    "--link-min": ("link_min", "shortest length of any link", "LENGTH"),
-    "--link-max": ("link_max", "longest length of any link", "LENGTH"),
-    "--transmission": ("transmission_angle_min", "smallest transmission angle", "ANGLE"),
+_FIELDS = {
+    "--family": "limits.family",
+    "--pivot-box": "limits.pivot_box",
+    "--link-min": "limits.link_min",
+    "--link-max": "limits.link_max",
+    "--transmission": "limits.transmission_angle_min",
+    "--no-preset": "limits.preset=none",
+    "--fit": "solids.fit",
+    "--material": "solids.material",
+    "--scale": "solids.scale",
+    "--nevertheless": "solids.nevertheless=true",
+    "--boards": "assembly.boards",
+    "--heads": "assembly.heads=true",
+    "--thickness": "assembly.thickness",
 }
-"""Options for common limits: field, help and value."""
+"""Options that set a field of the request, or set it to a value."""
 
 
 def _add_request(parser: argparse.ArgumentParser, target: Any, query: Any, verb: str) -> dict[str, Any]:
@@ -276,7 +262,7 @@ def _add_request(parser: argparse.ArgumentParser, target: Any, query: Any, verb:
     if target.table:
         reads.append("a table of samples (CSV, or pasted from a spreadsheet)")
     parser.description = query.summary
-    parser.epilog = f"{fields_help(target)}\n\n{EPILOG}"
+    parser.epilog = f"{_fields_help(target)}\n\n{EPILOG}"
     files = f"{', '.join(reads[:-1])}{' or ' if reads[1:] else ''}{reads[-1]}; - or nothing: standard input"
     add_file(parser, "file", nargs="?", default="-", type=str, help=files, metavar="file")
     shown = ", ".join(name for name in examples if not name.startswith(prefix))
@@ -292,20 +278,16 @@ def _add_request(parser: argparse.ArgumentParser, target: Any, query: Any, verb:
         help="set a field of the request, as in top=3, limits.pivot_box=[0,0,200,100], drives.1.stroke=90 (items count from "
         "1) or limits=@limits.json (a file); objects are merged; may be repeated. Fields: see below",
     )
-    limits = (target.motion if target.motion and target.command != "drive" else target.model).model_fields.get(
-        "limits"
-    )
-    if limits is not None and "preset" in limits.annotation.model_fields:
-        for option, (field, text, metavar) in _LIMITS.items():
-            if field in limits.annotation.model_fields:
-                _add_setting(parser, option, f"limits.{field}", f"{text} (--set limits.{field})", metavar)
-        parser.add_argument(
-            "--no-preset",
-            dest="set",
-            action="append_const",
-            const=NO_PRESET,
-            help="no limits except those of the request (--set limits.preset=none)",
-        )
+    fields = dict(_fields(target.model)) | dict(_fields(target.motion) if target.motion else ())
+    for option, assignment in _FIELDS.items():
+        path, _, value = assignment.partition("=")
+        is_used = "solids" in fields or (path.startswith("limits.") and target.command != "drive")
+        if path in fields and is_used:
+            action = {"action": "append_const", "const": setting(assignment)} if value else {"action": "append"}
+            metavar = "XMIN,YMIN,XMAX,YMAX" if option.endswith("box") else "VALUE"
+            action |= {} if value else {"type": partial(_field, path), "metavar": metavar}
+            text = "No limits except those of the request." if value == "none" else fields[path]
+            parser.add_argument(option, dest="set", help=f"{text} (--set {assignment})", **action)
     name = target.linkage or ("refine_from" if "refine_from" in target.model.model_fields else None)
     if name is not None:
         text = (
@@ -347,15 +329,11 @@ def _add_request(parser: argparse.ArgumentParser, target: Any, query: Any, verb:
     return examples
 
 
-def _add_setting(parser: Any, option: str, path: str, text: str, metavar: str) -> None:
-    """Add an option that sets one field."""
+def _field(path: str, value: str) -> Any:
+    """Read the value of a field; a list needs no brackets."""
     from app.sources import setting
 
-    def read(value: str) -> Any:
-        is_list = "," in value and not value.startswith("[")
-        return setting(f"{path}={f'[{value}]' if is_list else value}")
-
-    parser.add_argument(option, dest="set", action="append", type=read, metavar=metavar, help=text)
+    return setting(f"{path}=[{value}]" if "," in value and not value.startswith("[") else f"{path}={value}")
 
 
 def _argument(read: Callable[[str], Any]) -> Callable[[str], Any]:
@@ -370,7 +348,7 @@ def _argument(read: Callable[[str], Any]) -> Callable[[str], Any]:
     return checked
 
 
-def fields_help(target: Any) -> str:
+def _fields_help(target: Any) -> str:
     """Return the fields of a request with a line of help for each."""
     lines, width = ["fields of the request, for --set or as JSON:"], min(shutil.get_terminal_size().columns, 120)
     for path, text in _fields(target.model):
@@ -399,10 +377,6 @@ def _fields(model: Any, path: str = "") -> Iterator[tuple[str, str]]:
         yield path + name, " ".join(filter(None, parts))
         if within and not is_list and path.count(".") < 2:
             yield from _fields(within[0], f"{path}{name}.")
-
-
-NO_PRESET = (["limits", "preset"], "none")
-"""Setting that turns the practical limits off."""
 
 
 # -- other commands ---------------------------------------------------------------------------------------------------
@@ -474,7 +448,7 @@ def _example(options: argparse.Namespace) -> int:
 
 
 def _pretty(value: Any, indent: str = "") -> str:
-    """Format JSON for editing: a field on each line, but lists of numbers, such as a pose, on one line."""
+    """Format JSON for editing: each field on a line of its own, but a list of numbers, such as a pose, on a single line."""
     inner = indent + "  "
     if isinstance(value, Mapping) and value:
         rows = [f"{inner}{json.dumps(name)}: {_pretty(part, inner)}" for name, part in value.items()]
@@ -553,4 +527,4 @@ _COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser, str], None]]]
     "index": ("prepare an atlas for scanning, so that later starts take no time", _add_index),
     "completion": ("print a script that completes this command in a shell", _add_completion),
 }
-"""Commands except those of the batch job: their help, and the function that adds their arguments."""
+"""Help of each command outside the batch job, and the function that adds its arguments."""

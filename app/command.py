@@ -146,7 +146,7 @@ def _kind_of(name: str) -> str:
 
 
 def format_of(query: Query, path: Path) -> str:
-    """Return the format that the name of a file means; of two endings that fit the longer one: plates.dxf before dxf."""
+    """Return the format that the name of a file means; if two endings fit, the longer ending counts: plates.dxf before dxf."""
     formats = {name: name for name in (*query.exports, "json")}
     for known in FILES.values():
         if known.endings[0] in query.exports:
@@ -170,7 +170,7 @@ def _file(
 
 
 def write(files: Mapping[Path, bytes]) -> Exit:
-    """Write files and print their names; return `Exit.FAILED` if one cannot be written."""
+    """Write files and print their names; return `Exit.FAILED` if a file cannot be written."""
     for path, content in files.items():
         try:
             path.write_bytes(content)

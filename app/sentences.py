@@ -46,9 +46,9 @@ _LONGEST = 40
 
 
 def sentence(error: Mapping[str, Any], quoting: bool = False) -> str:
-    """Return what is wrong with a field, without the field's name: what is allowed, and what was found.
+    """State the allowed values of a field and the value that was found, as a predicate without the field's name.
 
-    ``quoting``: whether to repeat a text that was found. Replies over HTTP never do.
+    ``quoting`` repeats texts of the request, which replies over HTTP never do.
     """
     kind, context, value = error["type"], dict(error.get("ctx") or {}), error.get("input")
     if kind not in SENTENCES:

@@ -23,7 +23,7 @@ from linkage_atlas.tables import FUNCTIONS, KINDS, POSES, Kind, Table, decoded, 
 Setting = tuple[list[str], Any]
 """Path of a field and its value."""
 LINKAGES = ("refine_from", "linkage", "solution")
-"""Fields that hold one solution of a reply."""
+"""Fields that hold a solution of a reply."""
 
 
 class Target(NamedTuple):
@@ -83,8 +83,9 @@ def read_source(
 ) -> Source:
     """Read the request in a file and set fields in it.
 
-    ``say`` is told what a file holds that is not simply a request of this question. ``rank`` selects the solution of a reply. ``length_unit``, and the unit in the heads of a table, is set if the request has
-    such a field. Raises `FieldError`.
+    ``say`` is called with a description of the file, unless it is simply a request of this question. ``rank`` selects the
+    solution of a reply. ``length_unit``, or else the unit in the heads of a table, is set if the request has such a field.
+    Raises `FieldError`.
     """
     settings = [(target.full_path(path), value) for path, value in settings]
     # Windows PowerShell writes UTF-16
@@ -155,7 +156,7 @@ def _validated(target: Target, body: Any, of_table: bool) -> Any:
 
 
 def _check_question(target: Target, body: Mapping[str, Any]) -> None:
-    """Raise an error that names the command if a body is the request of another one."""
+    """Raise an error that names the command if a body is a request for another command."""
     from app.registry import all_queries
 
     for query in all_queries():
@@ -256,7 +257,7 @@ def _ranked(solutions: Sequence[Any], rank: int) -> Any:
 
 
 def solution_of(content: Any, rank: int = 1) -> Any:
-    """Return the linkage in the content of a file: alone, beside its request, or a solution of a reply."""
+    """Return the linkage in the content of a file: a bare linkage, a saved solution, or a solution of a reply."""
     if not isinstance(content, dict):
         return content
     content = _with_reply(content)

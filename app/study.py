@@ -1,4 +1,4 @@
-"""Studies on the command line: a file of requests, one on each line, answered into a file of replies."""
+"""Studies on the command line: a file with a request on each line is answered into a file of replies."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ file at a time. A request without budget_ms has the same reply on every run: no 
 
 
 def run_study(options: argparse.Namespace) -> int:
-    """Answer the requests of a file, or the remaining ones if some are answered already."""
+    """Answer the requests of a file that have no answer yet."""
     limits = options.no_preset and "limits" in _query(options.command).request.model_fields
     settings: list[Setting] = [(["limits", "preset"], "none")] if limits else []
     atlas = None if options.atlas is None else str(options.atlas.resolve())
@@ -96,5 +96,5 @@ def answer(command: str, settings: Sequence[Setting], atlas: str | None, questio
         return answer_line(question, error=str(error).partition("\n")[0] if error.field else error.message)
     except AtlasError:
         raise  # concerns all requests
-    except Exception as error:  # one request must not end the study of all others
+    except Exception as error:  # a faulty request must not end the study
         return answer_line(question, error=f"a fault of the program: {type(error).__name__}: {error}")

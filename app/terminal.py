@@ -12,9 +12,9 @@ from operator import attrgetter
 from typing import Any
 
 DELAY = 1.0
-"""Seconds before a line says that a command still works: most answers take less."""
+"""Seconds before progress is shown: most answers take less."""
 STEP = 0.2
-"""Seconds between two updates of that line."""
+"""Seconds between two updates of the progress."""
 
 
 class Exit(IntEnum):

@@ -1,4 +1,4 @@
-"""Studies: many requests answered in order on processes or a Dask cluster, one line for each answer."""
+"""Studies: many requests answered in order on processes or a Dask cluster, with a line for each answer."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def key_of(text: bytes, *depends: str) -> str:
 
 
 def answer_line(question: Question, reply: Any = None, error: str | None = None) -> bytes:
-    """Return the line with an answer: the reply without times, or one line of text that says what is wrong."""
+    """Return the line with an answer: the reply without times, or the error."""
     row: dict[str, Any] = {"line": question.line, "key": question.key}
     row |= {"reply": without_times(reply)} if error is None else {"error": " ".join(error.split())}
     return json.dumps(row).encode()
@@ -66,7 +66,7 @@ def answers(
 ) -> Iterator[bytes]:
     """Yield the lines with the answers to all questions, in order.
 
-    Complete lines that are in the file ``out`` already are not computed again; new ones are appended. The lines are the same
+    Complete lines that are in the file ``out`` already are not computed again; new lines are appended. The lines are the same
     for any number of processes. Raises `FieldError` if the file holds anything else.
     """
     remaining = iter(questions)
@@ -104,7 +104,7 @@ def _in_order(
 
 
 def _continued(out: Path, questions: Iterator[Question]) -> Iterator[bytes]:
-    """Yield the complete lines of a file of answers, each to the next question, and cut off an incomplete one."""
+    """Yield the complete lines of a file of answers, and cut off an incomplete line."""
     if not out.is_file():
         raise FieldError("/out", f"{out} is not a regular file")
     complete = 0
@@ -166,7 +166,7 @@ def study(
     ------
     dict
         ``line``, the number of the request from 1; ``key``, a digest of the request and the version; and ``reply``, the
-        `Result.to_dict` of `synthesize` without times, or ``error``, one line of text that says what is wrong.
+        `Result.to_dict` of `synthesize` without times, or ``error``, the error message.
 
     Raises
     ------

@@ -9,7 +9,6 @@ import pytest
 from pydantic import BaseModel, ValidationError
 from pydantic_core import PydanticUndefined, core_schema
 
-from app.fourbar.models import SynthesizeRequest
 from app.openapi import PLACE
 from app.registry import worked_example
 from app.sentences import SENTENCES, sentence
@@ -19,7 +18,7 @@ BODY = worked_example()
 CASES = [
     ({"crank_span": "70"}, "crank_span: must be a number, found text"),
     ({"crank_span": True}, "crank_span: must be a number, found true"),
-    ({"rotation": [1, 2]}, "rotation: must have at least 2 samples, found 1"),
+    ({"rotation": [1]}, "rotation: must have at least 2 samples, found 1"),
     ({"crank_angle": [1]}, "crank_angle: must have at least 3 samples, found 1"),
     ({"position": [[0, 0], [1, "x"], [2, 2]]}, "position, sample 2, y: must be a number, found text"),
     ({"position": [[0, 0], [1], [2, 2]]}, "position, sample 2: must be two numbers, [x, y], found 1"),
@@ -36,18 +35,13 @@ CASES = [
     ),
     ({"limits": {"link_min": 1e99}}, "limits.link_min: must be at most 1e50, found 1e99"),
     ({"effort": "refin"}, "effort: must be one of atlas, refine; did you mean refine?"),
-    ({"live": "short"}, "live: must have at least 8 characters"),
-    ({"drives": [{}]}, "drives, item 1.kind: is required"),
+    ({"drives": [{}]}, "drives, item 1, kind: is required"),
     ({"toop": 3}, "toop: there is no field 'toop'; near: top"),
 ]
-CASES[2] = ({"rotation": [1]}, CASES[2][1])
 
 
 @pytest.mark.parametrize(("change", "said"), CASES, ids=[str(change)[:50] for change, _ in CASES])
 def test_an_error_is_a_sentence_about_the_field(change, said, client, run) -> None:
-    if "live" in change and "live" not in SynthesizeRequest.model_fields:
-        pytest.skip("withdrawn")
-    said = said.replace("item 1.", "item 1, ")
     problem = client.post("/v1/synthesize", json=BODY | change).json()
     assert problem["detail"] == said
     field, _, words = said.partition(": ")
@@ -72,14 +66,13 @@ def test_no_error_of_any_field_has_the_validators_words(client) -> None:
         )
         if schema is None:
             continue
-        fields = document["components"]["schemas"][schema["$ref"].rpartition("/")[2]]["properties"]
-        for name in fields:
-            for value in ("text", 1e99, -1e99, 2.5, [], [[]], [1] * 2000, {}, None, True, [None], ["text"]):
-                reply = client.post(
-                    path, content=json.dumps({name: value}), headers={"content-type": "application/json"}
-                )
-                for row in reply.json().get("errors", []) if reply.status_code == 422 else []:
-                    seen.add(row["detail"])
+        fields = [*document["components"]["schemas"][schema["$ref"].rpartition("/")[2]]["properties"]]
+        for first in range(0, len(fields), 12):  # the unknown field keeps a valid request from being answered
+            for value in ("text", 1e99, -1e99, 2.5, [], [[]], [1] * 2000, {}, True, [None]):
+                body = {"unknown": 1, **dict.fromkeys(fields[first : first + 12], value)}
+                reply = client.post(path, json=body)
+                assert reply.status_code in (400, 422)
+                seen |= {row["detail"] for row in reply.json().get("errors", [])}
     assert len(seen) > 50
     assert not [words for words in seen if "should" in words or "valid " in words or "validation" in words], seen
 
