@@ -175,7 +175,7 @@ def add_atlas(parser: Any, what: str = "the atlas") -> None:
 # -- questions and exports --------------------------------------------------------------------------------------------
 
 _LACKING = {"catalogue": None, "export": [], "plot": False, "rank": None, "length_unit": None, "columns": None}
-_LACKING |= {"unwrap": False, "set": [], "json": False}
+_LACKING |= {"unwrap": False, "set": [], "json": False, "linkage": None}
 """Values of the options that a command does not have."""
 
 
@@ -251,7 +251,7 @@ def _add_request(parser: argparse.ArgumentParser, target: Any, query: Any, verb:
     """Add the arguments that say what the request is; return the requests of the examples by name."""
     from app.query import LengthUnit
     from app.registry import examples_of
-    from app.sources import file_value, setting
+    from app.sources import setting
     from linkage_atlas.tables import read_columns
 
     examples = {name: example.request for name, example in examples_of(query).items()}
@@ -263,7 +263,7 @@ def _add_request(parser: argparse.ArgumentParser, target: Any, query: Any, verb:
         reads.append("a table of samples (CSV, or pasted from a spreadsheet)")
     parser.description = query.summary
     parser.epilog = f"{_fields_help(target)}\n\n{EPILOG}"
-    files = f"{', '.join(reads[:-1])}{' or ' if reads[1:] else ''}{reads[-1]}; - or nothing: standard input"
+    files = f"{', '.join(reads[:-1])}{', or ' if reads[1:] else ''}{reads[-1]}; - or nothing: standard input"
     add_file(parser, "file", nargs="?", default="-", type=str, help=files, metavar="file")
     shown = ", ".join(name for name in examples if not name.startswith(prefix))
     parser.add_argument(
@@ -271,7 +271,7 @@ def _add_request(parser: argparse.ArgumentParser, target: Any, query: Any, verb:
     )
     parser.add_argument(
         "--set",
-        type=setting,
+        type=_argument(setting),
         metavar="FIELD=VALUE",
         action="append",
         default=[],
@@ -285,24 +285,14 @@ def _add_request(parser: argparse.ArgumentParser, target: Any, query: Any, verb:
         if path in fields and is_used:
             action = {"action": "append_const", "const": setting(assignment)} if value else {"action": "append"}
             metavar = "XMIN,YMIN,XMAX,YMAX" if option.endswith("box") else "VALUE"
-            action |= {} if value else {"type": partial(_field, path), "metavar": metavar}
+            action |= {} if value else {"type": _argument(partial(_field, path)), "metavar": metavar}
             text = "No limits except those of the request." if value == "none" else fields[path]
             parser.add_argument(option, dest="set", help=f"{text} (--set {assignment})", **action)
     name = target.linkage or ("refine_from" if "refine_from" in target.model.model_fields else None)
     if name is not None:
-        text = (
-            "the linkage: a saved solution or a reply"
-            if target.linkage
-            else "refine this linkage instead of searching"
-        )
-        add_file(
-            parser,
-            "--linkage" if target.linkage else "--refine-from",
-            dest="set",
-            action="append",
-            type=lambda file: ([name], file_value(name, file)),
-            help=f"{text} (--set {name}=@FILE)",
-        )
+        option = "--linkage" if target.linkage else "--refine-from"
+        text = "the linkage" if target.linkage else "refine this linkage instead of searching"
+        add_file(parser, option, dest="linkage", help=f"{text}: a saved solution or a reply (--set {name}=@FILE)")
     if target.table:
         parser.add_argument(
             "--columns",

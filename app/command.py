@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from app.query import FILES, Query, Resources, in_unit, json_of, plain_of
-from app.sources import Setting, Source, Target, read_source
+from app.sources import Setting, Source, Target, file_value, read_source
 from app.terminal import Exit, Units, exit_of, plural, waiting
 from linkage_atlas import FieldError
 from linkage_atlas.arguments import pointing
@@ -35,6 +35,10 @@ def text_of(options: argparse.Namespace) -> bytes:
 def _read(target: Target, options: argparse.Namespace, more: Sequence[Setting] = ()) -> Source:
     """Read the request that the options name, and say what the file holds."""
     name = options.example or ("standard input" if options.file == "-" else options.file)
+    if options.linkage is not None:
+        field = target.linkage or "refine_from"
+        rank = (options.rank or 1) if target.linkage else 1
+        more = [*more, ([field], file_value(field, options.linkage, rank))]
     try:
         return read_source(
             target,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import re
 from codecs import BOM_UTF8, BOM_UTF16_BE, BOM_UTF16_LE
@@ -274,8 +273,8 @@ def setting(text: str) -> Setting:
     """Read ``FIELD=VALUE``: the value is JSON, a word, words in brackets, or the content of a file: ``@FILE``."""
     path, equals, value = text.partition("=")
     if not equals or not all(path.split(".")):
-        raise argparse.ArgumentTypeError(f"must be FIELD=VALUE, as in top=3, found {text!r}")
-    return path.split("."), file_value(path, value[1:]) if value.startswith("@") else _value(value)
+        raise FieldError("", f"must be FIELD=VALUE, as in top=3, found {text!r}")
+    return path.split("."), file_value(path, Path(value[1:])) if value.startswith("@") else _value(value)
 
 
 def _value(text: str) -> Any:
@@ -286,24 +285,24 @@ def _value(text: str) -> Any:
         return [_value(word.strip()) for word in words[1].split(",")] if words else text
 
 
-def file_value(path: str, name: str) -> Any:
+def file_value(path: str, file: Path, rank: int = 1) -> Any:
     """Return the value of a field from a file: JSON, a linkage, the field's column of a table, or the text itself."""
     field = path.rpartition(".")[2]
     try:
-        text = Path(name).read_bytes().removeprefix(BOM_UTF8)
+        text = file.read_bytes().removeprefix(BOM_UTF8)
         if text.lstrip()[:1] in (b"{", b"["):
             content = parsed(text)
-            return solution_of(content) if field in LINKAGES else content
+            return solution_of(content, rank) if field in LINKAGES else content
         if field in SAMPLED:
             kind = FUNCTIONS if field in ("input", "output") else POSES
             return read_table(decoded(text), kind).fields[field]
         return decoded(text)
     except OSError as error:
-        raise argparse.ArgumentTypeError(f"{name}: {error.strerror}") from None
+        raise FieldError(f"/{field}", f"{file}: {error.strerror}") from None
     except KeyError:
-        raise argparse.ArgumentTypeError(f"{name}: the table has no column for {field}") from None
+        raise FieldError(f"/{field}", f"{file}: the table has no column for {field}") from None
     except FieldError as error:
-        raise argparse.ArgumentTypeError(f"{name}: {error.message}") from None
+        raise FieldError(f"/{field}", f"{file}: {error.message}") from None
 
 
 def with_settings(body: Any, settings: Sequence[Setting]) -> dict[str, Any]:

@@ -64,8 +64,7 @@ def test_a_linkage_is_read_from_each_file(command, kind, run, files, tmp_path) -
     assert err.startswith("read ")
     if command == "export":
         found = json.loads(out_file.read_text())["solution"]["links"]
-        rank = 0 if alone and kind != "linkage" else 1
-        assert found == json.loads(files["reply"].read_text())["solutions"][rank]["links"]
+        assert found == json.loads(files["reply"].read_text())["solutions"][1]["links"]
     else:
         assert json.loads(out)[{"drive": "drives", "assembly": "layers"}[command]]
 

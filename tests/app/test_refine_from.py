@@ -1,7 +1,6 @@
 """A linkage to refine, in Python, over HTTP and on the command line: the same answer, honest words, errors at their fields."""
 
 import json
-from contextlib import nullcontext
 
 import numpy as np
 import pytest
@@ -116,6 +115,5 @@ def test_the_command_refines_what_was_written(tmp_path, capsys, exact) -> None:
         (None, "No such"),
     ):
         begin.unlink() if content is None else begin.write_text(content)
-        with pytest.raises(SystemExit, match="2") if content != "3" else nullcontext():
-            assert cli.main(["synthesize", str(request), "--refine-from", str(begin)]) == 2
+        assert cli.main(["synthesize", str(request), "--refine-from", str(begin)]) == 2
         assert words in capsys.readouterr().err
