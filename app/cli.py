@@ -194,7 +194,9 @@ def _add_query(parser: argparse.ArgumentParser, query: Any) -> None:
 
     target = Target.of(query)
     examples = _add_request(parser, target, query, "answer")
-    parser.add_argument("--json", action="store_true", help="print request and reply as JSON, not as a table")
+    parser.add_argument(
+        "--json", action="store_true", help="print the reply as JSON" + (", with its request" if query.files else "")
+    )
     if query.command == "drive":
         add_file(
             parser,
