@@ -60,17 +60,22 @@ function drawnTable() {
 const isTable = (name) => name === "table" || name === "pairs";
 
 /** Has the service read the table, if it is asked for and not read yet; the fields follow what it holds. */
-async function readTyped() {
+function readTyped() {
   const text = $("table").value;
-  if (!isTable($("name").value) || table.text === text) return;
-  table = { text, error: new Error("The table is being read.") };
+  if (isTable($("name").value) && table.text !== text) {
+    table = { text, error: new Error("The table is being read.") };
+    table.done = fillIn(table);
+  }
+  return table.done;
+}
+
+async function fillIn(now) {
   document.body.dataset.reading = "true";
-  const now = table;
   try {
-    const { request, columns } = await readTable(text, "function");
-    table = now === table ? { text, request, bare: columns.every(({ head }) => /^\d+$/.test(head)) } : table;
+    const { request, columns } = await readTable(now.text, "function");
+    Object.assign(now, { request, error: null, bare: columns.every(({ head }) => /^\d+$/.test(head)) });
   } catch (error) { now.error = error; }
-  if (now.text !== table.text) return;
+  if (now !== table) return;
   delete document.body.dataset.reading;
   showFields();
 }
