@@ -77,6 +77,7 @@ function wantedOf(name) {
 function toRequest() {
   const drive = $("drive").value, { asks } = DRIVES[drive], travels = drive !== "four_bar";
   const { crank_span, ...others } = wantedOf($("name").value);
+  if (others.output) rowsTyped.check(asks);
   const span = crank_span === undefined ? {} : { [asks.input_unit ? "travel_span" : "crank_span"]: crank_span };
   const wanted = { ...others, ...span, ...asks }, limits = travels ? {} : { family: $("family").value };
   if ($("practical").checked) limits.preset = "practical";
@@ -103,6 +104,7 @@ function showFields() {
   if (columns.x && $("name").value === "pairs") $("name").value = "table";
   if (columns.output && $("name").value === "table") $("name").value = "pairs";
   const name = $("name").value, pairs = name === "pairs";
+  $("table-note").textContent = rowsTyped.notes;
   const kinds = { name: !["drawn", "table", "pairs"].includes(name), crank: !pairs || !columns.input, rocker: !pairs, [name]: true };
   for (const block of document.querySelectorAll("[data-for]")) block.hidden = !block.dataset.for.split(" ").some((kind) => kinds[kind]);
   const { asks, says } = DRIVES[$("drive").value];
