@@ -146,6 +146,7 @@ def read_table(
     given, chosen = dict(also or {}), _with_aliases(columns, kind)
     sheet = sheet_of(text, kind.known, tuple(chosen.values()))
     reading = _Reading(sheet, kind, given.get("angle_unit", "deg") != "rad", length_unit)
+    reading.ends = {role: unit for role in ("input", "output") if (unit := given.get(f"{role}_unit"))}
     reading.assign(reading.chosen(chosen) if chosen else reading.recognised())
     reading.read_numbers()
     reading.combine_points()
@@ -203,6 +204,8 @@ class _Reading:
         self.roles: dict[int, str] = {}
         self.units: dict[int, str] = {}
         self.values: dict[str, list[float | None]] = {}
+        self.ends: dict[str, str] = {}
+        """Units of input and output that the request asks for: deg, rad or length."""
         self.remarks: list[str] = []
         self.angle_named = False
 
@@ -434,10 +437,14 @@ class _Reading:
             for role, unit in units.items():
                 if unit in lengths.values() or (role in self.kind.lengths and not unit):
                     self._scale(role, MILLIMETRES[unit or own] / MILLIMETRES[self.length_unit])
-        wanted = "deg" if self.degrees else "rad"
         for role, unit in units.items():
-            if self.is_angle(role) and unit in ANGLE_NAMES and unit != wanted:
-                self._scale(role, radians_in(unit == "deg") / radians_in(self.degrees))
+            asked = self.ends.get(role, "")
+            if unit and asked and (asked == "length") != (unit in LENGTH_NAMES):
+                kind = "a length" if unit in LENGTH_NAMES else "an angle"
+                raise FieldError(f"/{role}_unit", f"is {asked!r}, and the table has {kind} in {unit} for {role}")
+            wanted = asked if asked in ANGLE_NAMES else "deg" if self.degrees else "rad"
+            if unit in ANGLE_NAMES and unit != wanted:
+                self._scale(role, radians_in(unit == "deg") / radians_in(wanted == "deg"))
 
     def _scale(self, role: str, factor: float) -> None:
         if factor != 1:

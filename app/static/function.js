@@ -2,12 +2,12 @@
 
 import { redrawOn, titledChart } from "./charts.js";
 import { numberIn as number, startNumbers } from "./decimal.js";
-import { readTable } from "./csv.js";
 import { Draft } from "./draft.js";
 import { LinkageShape, View, button, element, make, namedRows, put, text, thumbnail } from "./drawing.js";
 import { linkageOf } from "./guided.js";
 import { Linkage } from "./kinematics.js";
 import { fromFragment, toFragment } from "./link.js";
+import { Pairs } from "./pairs.js";
 import { ask, download } from "./service.js";
 import { $, capital, copy, markEarlier, say, startScenes, startTheme } from "./shell.js";
 import { DRIVES, sign, travelRows } from "./travel.js";
@@ -35,9 +35,9 @@ let charts = []; // of its error
 let running = null; // AbortController of the search that runs
 let linked = null; // the question of a link as it came
 let named = "log10"; // the function that was chosen before
-let table = { text: null }; // what the service has read in the table, of which text
 
 const untouched = JSON.stringify(asIs());
+const rowsTyped = new Pairs(showFields);
 const draft = new Draft("linkage-atlas-function", (content) => fill(content), clear);
 
 // -- the question
@@ -57,34 +57,10 @@ function drawnTable() {
   return smooth(smooth(smooth(heights))).map((y, n) => [n / (DRAWN - 1), Number(y.toFixed(6))]);
 }
 
-const isTable = (name) => name === "table" || name === "pairs";
+const typed = () => rowsTyped.of($("table").value, $("name").value === "table");
 
-/** Has the service read the table, if it is asked for and not read yet; the fields follow what it holds. */
-async function readTyped() {
-  const text = $("table").value;
-  if (!isTable($("name").value) || table.text === text) return;
-  table = { text, error: new Error("The table is being read.") };
-  document.body.dataset.reading = "true";
-  const now = table;
-  try {
-    const { request, columns } = await readTable(text, "function");
-    table = now === table ? { text, request, bare: columns.every(({ head }) => /^\d+$/.test(head)) } : table;
-  } catch (error) { now.error = error; }
-  if (now.text !== table.text) return;
-  delete document.body.dataset.reading;
-  showFields();
-}
-
-/** {x, y} or {output, input} of the table; of two columns without heads the kind that is chosen says which. */
-function typed() {
-  if (table.text !== $("table").value) throw new Error("The table is being read.");
-  if (table.error) throw table.error;
-  const { input, output, function: given } = table.request;
-  if (given) return { x: given.table.map(([x]) => x), y: given.table.map(([, y]) => y) };
-  if ($("name").value !== "table" || !table.bare) return { input, output };
-  if (!input) throw new Error("Each row must hold x, y.");
-  return { x: input, y: output };
-}
+/** Has the service read the table, if it is asked for. */
+const readTyped = () => (["table", "pairs"].includes($("name").value) ? rowsTyped.read($("table").value) : null);
 
 /** What of a request says which function is wanted; given angles are asked for as they are, in their unit. */
 function wantedOf(name) {
@@ -101,6 +77,7 @@ function wantedOf(name) {
 function toRequest() {
   const drive = $("drive").value, { asks } = DRIVES[drive], travels = drive !== "four_bar";
   const { crank_span, ...others } = wantedOf($("name").value);
+  if (others.output) rowsTyped.check(asks);
   const span = crank_span === undefined ? {} : { [asks.input_unit ? "travel_span" : "crank_span"]: crank_span };
   const wanted = { ...others, ...span, ...asks }, limits = travels ? {} : { family: $("family").value };
   if ($("practical").checked) limits.preset = "practical";
@@ -127,6 +104,7 @@ function showFields() {
   if (columns.x && $("name").value === "pairs") $("name").value = "table";
   if (columns.output && $("name").value === "table") $("name").value = "pairs";
   const name = $("name").value, pairs = name === "pairs";
+  $("table-note").textContent = rowsTyped.notes;
   const kinds = { name: !["drawn", "table", "pairs"].includes(name), crank: !pairs || !columns.input, rocker: !pairs, [name]: true };
   for (const block of document.querySelectorAll("[data-for]")) block.hidden = !block.dataset.for.split(" ").some((kind) => kinds[kind]);
   const { asks, says } = DRIVES[$("drive").value];

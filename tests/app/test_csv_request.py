@@ -9,6 +9,7 @@ import json
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -136,6 +137,18 @@ def test_usual_spellings_of_units(unit, spellings) -> None:
             f"x;y\n{spelling};",
         ):
             assert read_table(f"{head}\n1;2\n3;4\n").length_unit == unit, head
+
+
+def test_units_of_a_function_fit_what_is_asked_for() -> None:
+    """Millimetres used to be taken as degrees."""
+    text = "crank [rad];output [cm]\n0;0\n1;2\n2;3\n"
+    found = function_from_csv(text)
+    assert found["output_unit"] == "length" and found["input"] == pytest.approx(np.degrees([0, 1, 2]))
+    assert function_from_csv(text, {"input_unit": "rad"})["input"] == [0, 1, 2]
+    with pytest.raises(FieldError, match="output_unit: is 'deg', and the table has a length in cm for output"):
+        function_from_csv(text, {"output_unit": "deg"})
+    with pytest.raises(FieldError, match="input_unit: is 'length', and the table has an angle"):
+        function_from_csv(text, {"input_unit": "length"})
 
 
 def test_lengths_are_converted_to_a_given_unit() -> None:
