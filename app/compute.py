@@ -29,7 +29,7 @@ SMALL = 1 << 14
 """Bytes of a body that this process may parse, in half a millisecond, to see if its answer takes long; larger bodies do."""
 OVERTIME = 1.2
 """Times the longest budget after which a worker is replaced; at least a second more than the budget."""
-GRACE_SECONDS = 2.0
+GRACE_SECONDS = 10.0
 """Time for a worker to notice that its answer is no longer wanted."""
 CHECK_SECONDS = 0.5
 """Interval between two checks that idle workers are alive."""
@@ -58,7 +58,9 @@ class Worker:
     def ask(self, path: str, content: bytes) -> asyncio.Future[Response]:
         """Begin to compute an answer. Raises BrokenProcessPool."""
         self.cancelled.value = 0
-        return asyncio.wrap_future(self.executor.submit(worker.answer, path, content))
+        reply = asyncio.wrap_future(self.executor.submit(worker.answer, path, content))
+        reply.add_done_callback(lambda done: done.cancelled() or done.exception())  # nobody may wait for it any more
+        return reply
 
     def is_alive(self) -> bool:
         """Return false if the process has ended."""
@@ -87,6 +89,7 @@ class Workers:
         self.waiting = {False: 0, True: 0}
         """Requests that wait, short and long ones."""
         self._background: set[asyncio.Task[None]] = set()
+        self._stopping = False
 
     @property
     def failure(self) -> AtlasError | None:
@@ -96,6 +99,7 @@ class Workers:
     @asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
         """Start the workers, and end them after the block."""
+        self._stopping = False
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
         if CONTEXT.get_start_method() == "forkserver":
             CONTEXT.set_forkserver_preload(["app.preload"])
@@ -108,6 +112,7 @@ class Workers:
         try:
             yield
         finally:
+            self._stopping = True
             for task in self._background:
                 task.cancel()
             for one in self._all:
@@ -172,6 +177,8 @@ class Workers:
         if reply is not None and not reply.done():
             one.cancelled.value = 1
             await asyncio.wait([reply], timeout=GRACE_SECONDS)
+        if self._stopping:
+            return
         if reply is None or not reply.done() or isinstance(reply.exception(), BrokenProcessPool):
             one = await self._replaced(one)
         self.idle.append(one)
@@ -180,7 +187,7 @@ class Workers:
             self._long_places.release()
 
     async def _replaced(self, one: Worker) -> Worker:
-        log.error("A worker died or did not end its answer; another one takes its place")
+        log.error("Worker %d died or did not end its answer; another one takes its place", one.process)
         one.end()
         other = await Worker(self.settings).begin()
         self._all[self._all.index(one)] = other

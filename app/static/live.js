@@ -3,10 +3,10 @@
 import { ask } from "./service.js";
 
 const TOP = 3;
-const BUDGET_MS = 60;
+const BUDGETS_MS = [60, 500]; // of each answer, and of a second one to the last motion where the first did not continue the linkage
 const RETRY_MS = 300; // after a busy service has refused a request
 const RETRIES = 20;
-const NEAR = 0.2; // times the longest link: lengths and pivots of a linkage that continues another one differ by less
+const NEAR = 0.4; // times the longest link: lengths and pivots of a linkage that continues another one differ by less
 const CLEARLY = 0.5; // times the error of the linkage on show: another one with less takes its place when the user lets go
 
 const start = ({ links, branch, start_angle, body_offset, mount, crank_angle }) => ({ links, branch, start_angle, body_offset, mount, crank_angle });
@@ -50,18 +50,19 @@ export class Live {
   async #ask() {
     this.#busy = true;
     for (let tries = 0; this.#next && tries < RETRIES;) {
-      const [wanted, motion] = this.#next, { mechanisms: _kinds, ...request } = wanted, begun = this.#begun;
+      const [wanted, motion, turn = 0] = this.#next, { mechanisms: _kinds, ...request } = wanted, begun = this.#begun;
       const starts = [...new Set([begun.solution, this.page.shown().solution])];
       this.#next = null;
       try {
-        const reply = await (await ask("/v1/synthesize", { ...request, start_from: starts.map(start), budget_ms: BUDGET_MS, top: TOP })).json(), found = continuation(reply, starts);
+        const reply = await (await ask("/v1/synthesize", { ...request, start_from: starts.map(start), budget_ms: BUDGETS_MS[turn], top: TOP })).json(), found = continuation(reply, starts);
         tries = 0;
+        if (!found && turn + 1 < BUDGETS_MS.length) this.#next ??= [wanted, motion, turn + 1];
         if (!found || begun !== this.#begun || this.page.fits(begun.answer) || !(this.page.isDragged() || this.page.fits({ request: wanted }))) continue;
         this.#latest = { request: wanted, motion, reply, found };
         this.#show();
       } catch (error) { // Solve says what is wrong with a request
         if (error.status !== 503) continue;
-        this.#next ??= [wanted, motion];
+        this.#next ??= [wanted, motion, turn];
         tries += 1;
         await new Promise((done) => { setTimeout(done, RETRY_MS); });
       }
