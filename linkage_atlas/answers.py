@@ -504,7 +504,7 @@ class Matches(Record, Ranked[Match]):
             f"branch {m.branch:+d}, rms error {m.similarity:.3g}"
             for m in self.matches
         ]
-        return "\n".join([f"{len(self.matches)} match{'es' * (len(self.matches) != 1)}", *rows])
+        return "\n".join([f"{len(self.matches)} matches", *rows])
 
 
 # -- from what a search found to what a user reads --------------------------------------------------------------------

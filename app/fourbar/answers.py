@@ -30,7 +30,6 @@ from app.query import (
     bundled_requests,
     in_unit,
 )
-from app.terminal import plural
 from linkage_atlas.arguments import pointing
 from linkage_atlas.assemblies import ASSEMBLY
 from linkage_atlas.formats import HELD
@@ -134,8 +133,9 @@ def ranked(request: SynthesizeRequest, rank: int, resources: Resources) -> la.So
     """The solution of a rank of a request that is solved; FieldError where there are fewer."""
     found = answer_synthesize(request.model_copy(update={"top": max(request.top, rank)}), resources).solutions
     if len(found) < rank:
-        there = f"there {'is' if len(found) == 1 else 'are'} {plural(len(found), 'linkage')} within these limits"
-        raise la.FieldError("/rank" if found else "/limits", there)
+        raise la.FieldError(
+            "/limits" if not found else "/rank", f"there are {len(found)} linkages within these limits"
+        )
     return found[rank - 1]
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 import linkage_atlas as la
-from app.terminal import DEGREES, Units, columns, left_table, number, plural
+from app.terminal import DEGREES, Units, columns, left_table, number
 from linkage_atlas import GuidedSolution, Matches, Result, Solution
 from linkage_atlas.answers import Errors
 from linkage_atlas.driving import Drive, Refusal, Spring
@@ -43,7 +43,7 @@ def matches_table(reply: Matches, units: Units = DEGREES) -> str:
         ("offset", ".6g", "offset"),
         (units.head("rms error", units.angle), ".3g", "similarity"),
     )
-    return f"{text}\n\nbest of {plural(reply.report.windows, 'window')}; {_elapsed(reply.report)}"
+    return f"{text}\n\nbest of {reply.report.windows:,} windows; {_elapsed(reply.report)}"
 
 
 def _elapsed(report: Any) -> str:
@@ -52,7 +52,7 @@ def _elapsed(report: Any) -> str:
 
 
 def _found(reply: Any, what: str) -> str:
-    return f"{reply.status}: {plural(len(reply.solutions), what)}"
+    return f"{reply.status}: {len(reply.solutions)} {what}{'s' if len(reply.solutions) != 1 else ''}"
 
 
 def _search_lines(report: Any) -> list[str]:
@@ -194,7 +194,7 @@ def synthesize_table(reply: Result, units: Units = DEGREES) -> str:
                 lines.append(f"{words} of rank 1: {', '.join(number(value, 4) for value in values)}")
         if best.verdict.assembly is not None and best.verdict.assembly.free:
             found = best.verdict.assembly
-            lines.append(f"rank 1 can be built in {plural(found.count, 'layer')}: {found.reasons[0]}")
+            lines.append(f"rank 1 has {found.count} free layers: {found.reasons[0]}")
         if best.verdict.reasons:
             lines.append(f"rank 1: {'; '.join(best.verdict.reasons)}")
         lines += _rounded_lines(best, units) + _analysis_lines(best) + _tolerance_lines(best, units)
@@ -391,7 +391,7 @@ def assembly_table(reply: la.Assembly, units: Units = DEGREES) -> str:
         pins = [pin.name for pin in reply.pins if pin.layers[0] <= layer <= pin.layers[1]]
         if parts or heads or layer not in ends:
             rows.append((str(layer), ", ".join([*parts, *heads]) or "-", " ".join(pins)))
-    lines = [f"{reply.status}: {plural(reply.count, 'layer')}", "", left_table(("layer", "parts", "pins"), rows), ""]
+    lines = [f"{reply.status}: {reply.count} layers", "", left_table(("layer", "parts", "pins"), rows), ""]
     if reply.least_gap is not None:
         gap = reply.least_gap
         where = f"at {number(gap.crank_angle)}{units.behind(units.angle)}"
