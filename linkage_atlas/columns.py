@@ -108,7 +108,7 @@ class Reading:
             if len(alike) != 1 or alike[0] in found:
                 there = ", ".join(repr(head.text) for head in heads) or f"{self.sheet.width} columns without heads"
                 what = "is named twice" if alike else "is no column of the table"
-                raise FieldError(f"/columns/{role}", f"{text!r} {what}; there are {there}")
+                raise FieldError(f"/columns/{_word(role)}", f"{text!r} {what}; there are {there}")
             found[alike[0]] = role
         return found
 
