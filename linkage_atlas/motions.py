@@ -350,9 +350,13 @@ def unit_notes(what: str, values: Floats, degrees: bool) -> list[str]:
     """The question whether angles are in the other unit, where they look so."""
     span = float(np.ptp(values)) if values.size else 0.0
     if not degrees and span > _TURNS * TURN:
-        return [f"the {what} goes through {span / TURN:.3g} turns: is it in degrees? `angle_unit` says radians"]
+        return [
+            f"the {what} goes through {span / TURN:.3g} turns: is it in degrees? It was taken in radians (see `angle_unit`)"
+        ]
     if degrees and looks_like_radians(values):
-        return [f"the {what} goes through {span:.3g} degrees only: is it in radians? `angle_unit` says degrees"]
+        return [
+            f"the {what} goes through {span:.3g} degrees only: is it in radians? It was taken in degrees (see `angle_unit`)"
+        ]
     return []
 
 

@@ -1,7 +1,7 @@
 // The table of a function as the service has read it: pairs of x and y, or of input and output.
 
-import { readTable } from "./csv.js";
 import { capital } from "./shell.js";
+import { readTable } from "./tables.js";
 
 const READING = "The table is being read.";
 

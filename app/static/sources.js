@@ -1,11 +1,12 @@
 // Where a motion comes from: an example, pasted rows, a file or a link; and the links to a request.
 
-import { readTable, toCsv, withSamples } from "./csv.js";
+import { toCsv, withSamples } from "./csv.js";
 import { fromPage, fromRequest, toPage, toRequest } from "./formats.js";
 import { fromFragment, toFragment } from "./link.js";
 import { emptyMotion, itemOf, jump, repeated, unwrapped } from "./motion.js";
 import { download } from "./service.js";
 import { $, capital, say } from "./shell.js";
+import { readTable } from "./tables.js";
 
 const MAX_FILE_BYTES = 7e5; // the service takes a megabyte, and base64 is longer by a third
 const ROLES = ["x", "y", "angle", "crank"];

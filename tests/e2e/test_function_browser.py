@@ -134,7 +134,9 @@ def test_angle_pairs_keep_their_unit_and_their_zeros(page) -> None:
     page.pick("#exports [data-format=svg]").click()
     page.wait("document.getElementById('export-note').textContent.startsWith('Saved')")
     ask_table(page, "time;crank;output [mm]\n0;0;0\n1;20;11\n2;45;33\n")
-    assert page.text("table-note").startswith("Columns read: input from 'crank', output from 'output [mm]'; not read: 'time'.")
+    assert page.text("table-note").startswith(
+        "Columns read: input from 'crank', output from 'output [mm]'; not read: 'time'."
+    )
     solve(page)
     said = "The table has the output in mm, and here it is an angle: choose another linkage, or change the head."
     assert page.text("status") == said

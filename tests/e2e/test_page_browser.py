@@ -747,7 +747,7 @@ def test_requests_keep_all_their_fields(standing, body) -> None:
         "const l = await import('/static/link.js');"
         "const again = f.toRequest(motion), link = await l.fromFragment(await l.toFragment(again));"
         "const c = await import('/static/csv.js');"
-        "const read = await c.readTable(c.toCsv(motion), 'synthesize');"
+        "const t = await import('/static/tables.js'), read = await t.readTable(c.toCsv(motion), 'synthesize');"
         "done([again, f.toRequest(f.fromRequest(link)), f.toRequest(c.withSamples(motion, read))]); })",
         {**body, "top": 5},
     )

@@ -526,17 +526,19 @@ def test_what_a_limit_would_have_to_be_is_so() -> None:
         ({"crank_span": 5}, None),
         ({"crank_span": 90}, None),
         ({"rotation": [0, 0.2, 0.5, 1.13], "crank_span": 90}, "rotation"),
+        ({"rotation": [0, 0.2, 0.5, 1.13], "position": None, "crank_span": 90}, "rotation"),
+        ({"rotation": [0, 0.2, 0.5, 0.9], "crank_span": 90}, None),
         ({"crank_span": 45, "rotation": [0, 0.2, 0.5, 1.13], "degrees": False}, "crank"),
     ],
 )
 def test_angles_that_look_as_if_in_the_other_unit_are_asked_about(angles, told) -> None:
     motion = la.Motion(**{"rotation": [0, 10, 25, 45], "position": [[0, 0], [50, 10], [100, 35], [140, 75]]} | angles)
-    assert [note.split()[1] for note in motion.notes() if "says" in note] == ([] if told is None else [told])
+    assert [note.split()[1] for note in motion.notes() if "taken in" in note] == ([] if told is None else [told])
 
 
 def test_angles_of_a_function_too() -> None:
     found = la.function([0, 0.13, 0.27, 0.58, 0.94], 1.57, top=1, budget=0.05)
-    assert [note.split()[1] for note in found.report.notes if "says degrees" in note] == ["crank", "output"]
+    assert [note.split()[1] for note in found.report.notes if "taken in degrees" in note] == ["crank", "output"]
 
 
 @pytest.mark.parametrize("name", ["rotation", "position"])
