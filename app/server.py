@@ -12,8 +12,10 @@ from app.settings import Settings
 
 LOOPBACK = ("localhost", "127.0.0.1", "::1", "[::1]")
 """Host names of a service that only its own machine reaches."""
-ENDING_SECONDS = 3
+ENDING_SECONDS = 2
 """Time for requests to end after SIGTERM or SIGINT; then their clients read 503."""
+KEEP_ALIVE_SECONDS = 75
+"""Time for which an idle connection is kept; longer than that of nginx, which must not use a connection that is being closed."""
 
 
 def serve(settings: Settings, host: str, port: int) -> None:
@@ -27,5 +29,6 @@ def serve(settings: Settings, host: str, port: int) -> None:
         port=port,
         ws="none",
         server_header=False,
+        timeout_keep_alive=KEEP_ALIVE_SECONDS,
         timeout_graceful_shutdown=ENDING_SECONDS,
     )

@@ -257,7 +257,7 @@ def test_a_wrong_option_beside_a_table_is_named(tmp_path, capsys) -> None:
     assert "pivot_box" in said and "rows" not in said
     path.write_text("x,y\n0,0\n")
     assert cli.main(["synthesize", str(path)]) == 2
-    assert "wanted at least 2 rows, found 1" in capsys.readouterr().err
+    assert "the table has 1 row, at least 2 are needed" in capsys.readouterr().err
 
 
 def test_the_command_says_how_the_table_was_read(tmp_path, capsys) -> None:

@@ -214,8 +214,9 @@ def test_workers_end_with_a_service_that_is_killed(tmp_path) -> None:
 
 def children(number: int) -> list[int]:
     """All processes below a process."""
-    found = Path(f"/proc/{number}/task/{number}/children").read_text().split()
-    return [each for child in map(int, found) for each in (child, *children(child))]
+    lists = Path(f"/proc/{number}/task").glob("*/children")
+    found = [int(child) for each in lists for child in each.read_text().split()]
+    return [each for child in found for each in (child, *children(child))]
 
 
 def alive(number: int) -> bool:
