@@ -20,7 +20,7 @@ help:
 	@echo "make lint       style of Python (ruff) and JavaScript (oxlint), types (mypy)"
 	@echo "make test       the default tests (five to six minutes), the slowest fifty listed"
 	@echo "make map        the packages by floor and who imports whom; fails on an arrow up or a circle"
-	@echo "make fault      what it withstands: kills, bit flips, changed bodies, hostile clients: docs/reliability.md (hours)"
+	@echo "make fault      what it withstands: kills, bit flips, hostile clients behind nginx: docs/reliability.md"
 	@echo "make audit      known weaknesses of the locked parts (asks a database over the network)"
 	@echo "make parts      the list of parts as CycloneDX: parts.cdx.json"
 	@echo "make lock       the parts of the container and of its build with their hashes: requirements.lock, build.lock"
@@ -68,10 +68,9 @@ run: $(READY) $(ATLAS)
 test: $(READY)  # compiled modules are kept, whatever the environment says: the tests start many processes
 	OMP_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n 3 --no-loadscope-reorder --durations=50
 
-fault: $(READY) $(ATLAS)
+fault: $(READY)
+	.ci/nginx
 	$(BIN)/python -m pytest -m fault
-	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.reliability --atlas $(ATLAS)
-	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.memory --atlas $(ATLAS)
 
 wheel: $(READY)
 	rm -rf build
@@ -112,7 +111,6 @@ bench: $(READY) $(ATLAS)
 	$(BIN)/python -m benchmarks.retrieval --atlas $(ATLAS)
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.index --atlases $(ATLAS)
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.sliders
-	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.many_requests
 
 docs: $(READY)
 	$(BIN)/python -m docs.figures

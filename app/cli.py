@@ -1,18 +1,24 @@
-"""The command: questions as the service answers them, the batch job, examples, and the service itself."""
+"""The command ``linkage-atlas``: its commands, their options and help, and its exit codes."""
 
 from __future__ import annotations
 
 import argparse
 import json
 import os
+import re
+import shutil
 import sys
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+import textwrap
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from difflib import get_close_matches
+from functools import partial
+from pathlib import Path
+from typing import Any, get_args
 
 from app.fourbar import QUESTIONS
 from app.registry import queries_named
 from app.scenes import SCENES
-from app.terminal import EPILOG, FILE, Exit, add_atlas, whole_number
+from app.terminal import EPILOG, Exit
 from linkage_atlas import (
     BATCH_COMMANDS,
     AtlasError,
@@ -25,31 +31,41 @@ from linkage_atlas import (
 
 DESCRIPTION = """Finds planar linkages for a required motion.
 
-  linkage-atlas example casement > request.json   a request to edit
-  linkage-atlas synthesize request.json           linkages for it
+  linkage-atlas example casement > request.json   print a request to edit
+  linkage-atlas synthesize request.json           find linkages for it
   linkage-atlas synthesize poses.csv --length-unit mm --export linkage.dxf
-  linkage-atlas export request.json --format step its first solution for CAD
-  linkage-atlas serve                             the page, at http://127.0.0.1:8000
+  linkage-atlas export request.json --format step write its best linkage for CAD
+  linkage-atlas serve                             open the page at http://127.0.0.1:8000
+  linkage-atlas COMMAND --help                    list options and fields of a command
 """
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command; returns its exit code, as `app.exits` lists them."""
+    """Run a command and return its exit code."""
     return run(parsed(sys.argv[1:] if argv is None else argv))
 
 
 def parsed(argv: Sequence[str]) -> argparse.Namespace:
-    """The arguments of a command, and as ``run`` what it does with them; imports what the command needs."""
+    """Parse the arguments of a command; ``run`` of the result runs it."""
     if argv and argv[0] in BATCH_COMMANDS:
         return argparse.Namespace(run=lambda _: run_batch(argv))
     parser = make_parser(named=next((word for word in argv if not word.startswith("-")), None))
     if not argv:
         return argparse.Namespace(run=lambda _: parser.print_help(sys.stderr) or Exit.USAGE)
-    return parser.parse_args(list(argv))
+    return parser.parse_args(list(_with_negative_values(argv)))
+
+
+def _with_negative_values(argv: Sequence[str]) -> Iterator[str]:
+    """Join an option and a value such as -10,0,90,90, which argparse would take for another option."""
+    words = list(argv)
+    while words:
+        word = words.pop(0)
+        is_value = word.startswith("--") and "=" not in word and words and re.match(r"-[\d.]", words[0])
+        yield f"{word}={words.pop(0)}" if is_value else word
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run a command with its arguments; returns its exit code."""
+    """Run a parsed command; report its errors and return its exit code."""
     try:
         code: int = options.run(options)
         sys.stdout.flush()
@@ -57,14 +73,14 @@ def run(options: argparse.Namespace) -> int:
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return Exit.INTERRUPTED
-    except BrokenPipeError:  # the reader, say `head`, has enough; at exit nothing more may be flushed into the pipe
+    except BrokenPipeError:  # the reader has closed the pipe; nothing may be flushed into it at exit
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return Exit.OK
     except FieldError as error:
         print(error, file=sys.stderr)
         return Exit.USAGE
     except OSError as error:
-        print(f"{error.filename}: {error.strerror}" if error.filename else error, file=sys.stderr)
+        print(f"{error.filename}: {error.strerror}{_near_file(error)}" if error.filename else error, file=sys.stderr)
         return Exit.USAGE
     except AtlasError as error:
         print(error, file=sys.stderr)
@@ -74,26 +90,52 @@ def run(options: argparse.Namespace) -> int:
         return Exit.USAGE
 
 
-class _Command(argparse.ArgumentParser):
-    """Of one command: what it does not know it says itself, with its own usage."""
+def _near_file(error: OSError) -> str:
+    """Return a hint to a file of a similar name."""
+    path = Path(str(error.filename))
+    if not isinstance(error, FileNotFoundError) or not path.parent.is_dir():
+        return ""
+    near = get_close_matches(path.name, [file.name for file in path.parent.iterdir()], 1)
+    return f"; did you mean {path.with_name(near[0])}?" if near else ""
+
+
+# -- the parser -------------------------------------------------------------------------------------------------------
+
+_PLAIN = argparse.RawDescriptionHelpFormatter
+FILE: dict[str, str] = {}
+"""Completion of file names in each shell, filled by the command `completion`."""
+
+
+class _Parser(argparse.ArgumentParser):
+    """Parser of a command, which reports unknown options with its own usage and names similar options."""
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         options, unknown = super().parse_known_args(args, namespace)
         if unknown:
-            self.error(f"unrecognized arguments: {' '.join(unknown)}")
+            word = unknown[0].partition("=")[0]
+            near = get_close_matches(word, self._option_string_actions, 1)
+            hint = f"; did you mean {near[0]}?" if near else f"; see {self.prog} --help"
+            hint = "; a list is written with commas, as in 0,0,200,100" if re.match(r"-?[\d.]", word) else hint
+            self.error(f"unrecognized arguments: {' '.join(unknown)}{hint}")
         return options, unknown
+
+    def error(self, message: str) -> Any:
+        """End with the usage and the message; name the closest choice if a choice is invalid."""
+        if found := re.search(r"invalid choice: '(.*?)' \(choose from (.*)\)", message):
+            near = get_close_matches(found[1], re.findall(r"[\w.-]+", found[2]), 1)
+            message += f"; did you mean {near[0]}?" if near else ""
+            if Path(found[1]).is_file():
+                message = f"name a command before the file: {self.prog} synthesize {found[1]}"
+        super().error(message)
 
 
 def make_parser(whole: bool = False, named: str | None = None) -> argparse.ArgumentParser:
-    """The parser of a command that is ``named``, or the ``whole`` one; the arguments of the others are not loaded."""
-    plain = argparse.RawDescriptionHelpFormatter
-    parser = argparse.ArgumentParser(
-        prog="linkage-atlas", description=DESCRIPTION, epilog=EPILOG, formatter_class=plain
-    )
+    """Return the parser with the options of the command that is ``named``, or of all; others are not imported."""
+    parser = _Parser(prog="linkage-atlas", description=DESCRIPTION, epilog=EPILOG, formatter_class=_PLAIN)
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
-    commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=_Command)
+    commands = parser.add_subparsers(metavar="COMMAND", required=True)
     for name, (text, add) in _COMMANDS.items():
-        command = commands.add_parser(name, help=text)
+        command = commands.add_parser(name, help=text, formatter_class=_PLAIN)
         if whole or name == named:
             add(command, name)
     if whole:
@@ -104,31 +146,261 @@ def make_parser(whole: bool = False, named: str | None = None) -> argparse.Argum
     return parser
 
 
-def _add_questions(parser: argparse.ArgumentParser, name: str) -> None:
-    from app.command import add_query
+def whole_number(least: int, most: int | None = None) -> Callable[[str], int]:
+    """Return a reader of whole numbers from ``least`` to ``most``, for the type of an argument."""
 
+    def read(text: str) -> int:
+        wanted = f"a whole number of at least {least}" if most is None else f"a whole number from {least} to {most}"
+        if not re.fullmatch(r"-?\d+", text) or int(text) < least or (most is not None and int(text) > most):
+            raise argparse.ArgumentTypeError(f"must be {wanted}, found {text}")
+        return int(text)
+
+    return read
+
+
+def add_file(parser: Any, *names: str, **options: Any) -> None:
+    """Add an argument that is the name of a file, for completion."""
+    parser.add_argument(*names, **{"type": Path, "metavar": "FILE"} | options).complete = FILE
+
+
+def add_atlas(parser: Any, what: str = "the atlas") -> None:
+    """Add the option that names an atlas."""
+    add_file(
+        parser,
+        "--atlas",
+        help=f"{what} (default: atlas.h5 in this folder, else the default atlas, built once in the cache folder)",
+    )
+
+
+# -- questions and exports --------------------------------------------------------------------------------------------
+
+_LACKING = {"catalogue": None, "export": [], "plot": False, "rank": None, "length_unit": None, "columns": None}
+_LACKING |= {"unwrap": False, "set": [], "json": False, "linkage": None}
+"""Values of the options that a command does not have."""
+
+
+def _add_questions(parser: argparse.ArgumentParser, name: str) -> None:
     queries = queries_named(name)
     if queries[0].command == name:
-        return add_query(parser, queries[0])
+        return _add_query(parser, queries[0])
     verbs = parser.add_subparsers(metavar="COMMAND", required=True)
     for query in queries:
-        add_query(verbs.add_parser(query.command.split()[1], help=query.summary), query)
+        _add_query(verbs.add_parser(query.command.split()[1], help=query.summary, formatter_class=_PLAIN), query)
+
+
+def _add_query(parser: argparse.ArgumentParser, query: Any) -> None:
+    from app.command import run_question
+    from app.sources import Target
+
+    target = Target.of(query)
+    examples = _add_request(parser, target, query, "answer")
+    parser.add_argument(
+        "--json", action="store_true", help="print the reply as JSON" + (", with its request" if query.files else "")
+    )
+    if query.command == "drive":
+        add_file(
+            parser,
+            "--catalogue",
+            help="a CSV file of actuators (name, retracted, stroke, force, ..) for all actuators and cylinders",
+        )
+    if query.exports:
+        endings = ", ".join((*query.exports, "json"))
+        text = f"also write a file in the format of its ending: {endings}; may be repeated"
+        add_file(parser, "--export", action="append", default=[], help=text)
+    if "svg" in query.exports:
+        parser.add_argument("--plot", action="store_true", help="also draw the linkage and open the picture")
+    if query.reads_atlas:
+        add_atlas(parser, "the atlas, if one is needed")
+    parser.set_defaults(run=partial(run_question, query=query), examples=examples)
 
 
 def _add_export(parser: argparse.ArgumentParser, name: str) -> None:
-    from app.command import add_export
+    from app.command import run_export
+    from app.fourbar.answers import LINKAGE_FILES
+    from app.fourbar.models import ExportRequest
+    from app.sources import Target
 
-    add_export(parser)
+    (query,) = queries_named("synthesize")
+    examples = _add_request(parser, Target("export", ExportRequest), query, "export the linkage of")
+    parser.description = LINKAGE_FILES.summary
+    add_file(parser, "--out", help="the file to write (default: named after the example or the request)")
+    parser.add_argument(
+        "--format", choices=LINKAGE_FILES.formats, help="default: as the ending of --out or the request says"
+    )
+    add_atlas(parser, "the atlas, if one is needed")
+    parser.set_defaults(run=run_export, examples=examples)
+
+
+_FIELDS = {
+    "--family": "limits.family",
+    "--pivot-box": "limits.pivot_box",
+    "--link-min": "limits.link_min",
+    "--link-max": "limits.link_max",
+    "--transmission": "limits.transmission_angle_min",
+    "--no-preset": "limits.preset=none",
+    "--fit": "solids.fit",
+    "--material": "solids.material",
+    "--scale": "solids.scale",
+    "--nevertheless": "solids.nevertheless=true",
+    "--boards": "assembly.boards",
+    "--heads": "assembly.heads=true",
+    "--thickness": "assembly.thickness",
+}
+"""Options that set a field of the request, or set it to a value."""
+
+
+def _add_request(parser: argparse.ArgumentParser, target: Any, query: Any, verb: str) -> dict[str, Any]:
+    """Add the arguments that say what the request is; return the requests of the examples by name."""
+    from app.query import LengthUnit
+    from app.registry import examples_of
+    from app.sources import setting
+    from linkage_atlas.tables import read_columns
+
+    examples = {name: example.request for name, example in examples_of(query).items()}
+    prefix = query.command.replace(" ", "-") + "-"
+    reads = ["a request (JSON)"]
+    if target.linkage:
+        reads.append("a saved solution or a reply")
+    if target.table:
+        reads.append("a table of samples (CSV, or pasted from a spreadsheet)")
+    parser.description = query.summary
+    parser.epilog = f"{_fields_help(target)}\n\n{EPILOG}"
+    files = f"{', '.join(reads[:-1])}{', or ' if reads[1:] else ''}{reads[-1]}; - or nothing: standard input"
+    add_file(parser, "file", nargs="?", default="-", type=str, help=files, metavar="file")
+    shown = ", ".join(name for name in examples if not name.startswith(prefix))
+    parser.add_argument(
+        "--example", choices=sorted(examples), metavar="NAME", help=f"{verb} a bundled example: {shown}"
+    )
+    parser.add_argument(
+        "--set",
+        type=_argument(setting),
+        metavar="FIELD=VALUE",
+        action="append",
+        default=[],
+        help="set a field of the request, as in top=3, limits.pivot_box=[0,0,200,100], drives.1.stroke=90 (items count from "
+        "1) or limits=@limits.json (a file); objects are merged; may be repeated. Fields: see below",
+    )
+    fields = dict(_fields(target.model)) | dict(_fields(target.motion) if target.motion else ())
+    for option, assignment in _FIELDS.items():
+        path, _, value = assignment.partition("=")
+        is_used = "solids" in fields or (path.startswith("limits.") and target.command != "drive")
+        if path in fields and is_used:
+            action = {"action": "append_const", "const": setting(assignment)} if value else {"action": "append"}
+            metavar = "XMIN,YMIN,XMAX,YMAX" if option.endswith("box") else "VALUE"
+            action |= {} if value else {"type": _argument(partial(_field, path)), "metavar": metavar}
+            text = "No limits except those of the request." if value == "none" else fields[path]
+            parser.add_argument(option, dest="set", help=f"{text} (--set {assignment})", **action)
+    name = target.linkage or ("refine_from" if "refine_from" in target.model.model_fields else None)
+    if name is not None:
+        option = "--linkage" if target.linkage else "--refine-from"
+        text = "the linkage" if target.linkage else "refine this linkage instead of searching"
+        add_file(parser, option, dest="linkage", help=f"{text}: a saved solution or a reply (--set {name}=@FILE)")
+    if target.table:
+        parser.add_argument(
+            "--columns",
+            type=_argument(read_columns),
+            metavar="x=TX,y=TY,angle=RZ",
+            help="heads of the columns of a table, or their numbers; only these are read",
+        )
+        parser.add_argument(
+            "--unwrap",
+            action="store_true",
+            help="take each angle of a table within half a turn of the one before: 350, 10, 30 as 350, 370, 390",
+        )
+    if query.files is not None or target.linkage:
+        parser.add_argument(
+            "--rank", type=whole_number(1, 100), help="which solution to write or draw, or to take from a reply (1)"
+        )
+    if query.shows_units:
+        parser.add_argument(
+            "--length-unit",
+            choices=get_args(LengthUnit),
+            help="unit of the request's lengths, for tables and for files with a unit (mm)",
+        )
+    parser.set_defaults(**_LACKING)
+    return examples
+
+
+def _field(path: str, value: str) -> Any:
+    """Read the value of a field; a list needs no brackets."""
+    from app.sources import setting
+
+    return setting(f"{path}=[{value}]" if "," in value and not value.startswith("[") else f"{path}={value}")
+
+
+def _argument(read: Callable[[str], Any]) -> Callable[[str], Any]:
+    """Return a reader whose `FieldError` argparse shows."""
+
+    def checked(text: str) -> Any:
+        try:
+            return read(text)
+        except FieldError as error:
+            raise argparse.ArgumentTypeError(error.message) from None
+
+    return checked
+
+
+def _fields_help(target: Any) -> str:
+    """Return the fields of a request with a line of help for each."""
+    lines, width = ["fields of the request, for --set or as JSON:"], min(shutil.get_terminal_size().columns, 120)
+    for path, text in _fields(target.model):
+        lines += textwrap.wrap(f"{path}  {text}", width, initial_indent="  ", subsequent_indent=" " * 8)
+    if target.motion:
+        lines.append("  and the fields of the motion: see linkage-atlas synthesize --help")
+    return "\n".join(lines)
+
+
+def _fields(model: Any, path: str = "") -> Iterator[tuple[str, str]]:
+    """Yield the path and help of each field, also of those within objects."""
+    from app.query import models_in
+
+    for name, info in model.model_fields.items():
+        within = [] if name in ("solution", "linkage", "refine_from") else models_in(info.annotation)
+        is_list = "list[" in str(info.annotation)
+        if name == "request":
+            continue
+        parts = [info.description or ((within and within[0].__doc__) or "").partition("\n")[0]]
+        if values := [str(value) for value in get_args(info.annotation) if isinstance(value, str)]:
+            parts.append(f"One of {', '.join(values)}.")
+        if within and is_list:
+            parts.append(f"Fields of each: {', '.join(within[0].model_fields)}.")
+        if not (info.is_required() or info.default is None or info.default_factory):
+            parts.append(f"({json.dumps(info.default, default=str)})")
+        yield path + name, " ".join(filter(None, parts))
+        if within and not is_list and path.count(".") < 2:
+            yield from _fields(within[0], f"{path}{name}.")
+
+
+# -- other commands ---------------------------------------------------------------------------------------------------
 
 
 def _add_study(parser: argparse.ArgumentParser, name: str) -> None:
-    from app.study import add_study
+    from app.registry import all_queries
+    from app.study import DESCRIPTION, run_study
 
-    add_study(parser)
+    parser.description, parser.epilog = DESCRIPTION, EPILOG
+    add_file(parser, "requests", help="requests, a line of JSON each; empty lines do not count", metavar="requests")
+    add_file(parser, "--out", required=True, help="the results; a study that was ended continues this file")
+    commands = [query.command for query in all_queries()]
+    parser.add_argument(
+        "--command",
+        choices=commands,
+        metavar="COMMAND",
+        default="synthesize",
+        help=f"of {', '.join(commands)} (%(default)s)",
+    )
+    cores = os.cpu_count() or 1
+    parser.add_argument(
+        "--jobs", type=whole_number(1), default=cores, help="number of processes (default: one per core)"
+    )
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="run on the Dask cluster at this address")
+    parser.add_argument("--no-preset", action="store_true", help="no limits except those of each request")
+    add_atlas(parser, "the atlas, if one is needed")
+    parser.set_defaults(run=run_study)
 
 
 def _add_completion(parser: argparse.ArgumentParser, name: str) -> None:
-    parser.description = "Prints a script that completes commands and options; what to do with it stands at its top."
+    parser.description = "Prints a script that completes commands and options; its first lines say how to install it."
     parser.add_argument("shell", choices=("bash", "zsh", "fish"))
     parser.set_defaults(run=_completion)
 
@@ -168,13 +440,13 @@ def _example(options: argparse.Namespace) -> int:
 
 
 def _pretty(value: Any, indent: str = "") -> str:
-    """JSON to edit: a field a line, but what holds only numbers, such as a pose, on one line."""
+    """Format JSON for editing: each field on a line of its own, but a list of numbers, such as a pose, on a single line."""
     inner = indent + "  "
     if isinstance(value, Mapping) and value:
-        rows = [f"{inner}{json.dumps(name)}: {_pretty(one, inner)}" for name, one in value.items()]
+        rows = [f"{inner}{json.dumps(name)}: {_pretty(part, inner)}" for name, part in value.items()]
         return "{\n" + ",\n".join(rows) + f"\n{indent}}}"
-    if isinstance(value, list) and any(isinstance(one, (list, Mapping)) for one in value):
-        return "[\n" + ",\n".join(inner + _pretty(one, inner) for one in value) + f"\n{indent}]"
+    if isinstance(value, list) and any(isinstance(part, (list, Mapping)) for part in value):
+        return "[\n" + ",\n".join(inner + _pretty(part, inner) for part in value) + f"\n{indent}]"
     return json.dumps(value)
 
 
@@ -191,9 +463,8 @@ def _index(options: argparse.Namespace) -> int:
     from app.resources import opened
     from app.settings import atlas_of, settings_of
 
-    settings = settings_of(options).model_copy(update={"index": True})
-    atlas = opened(atlas_of(settings), settings)
-    atlas.prepare(positions=settings.prepare_positions)
+    atlas = opened(atlas_of(settings_of(options)))
+    atlas.prepare()
     for path in atlas.index_files:
         print(f"{path}: {sum(file.stat().st_size for file in path.iterdir()):,} bytes")
     return Exit.OK if atlas.index_files else Exit.FAILED
@@ -206,46 +477,46 @@ def _add_serve(parser: argparse.ArgumentParser, name: str) -> None:
     group.add_argument(
         "--no-atlas", action="store_true", help="start at once: searching needs none, what needs one says so"
     )
-    parser.add_argument("--no-index", action="store_true", help="prepare the scan in memory, at every start")
     parser.add_argument("--host", default="127.0.0.1", help="(%(default)s)")
     parser.add_argument("--port", type=whole_number(0, 65535), default=8000, help="(%(default)s)")
     parser.add_argument(
         "--workers",
         type=whole_number(1, 64),
         metavar="N",
-        help="processes that compute, a request each at a time (default: one for each core, at least 2 and at most 4)",
+        help="number of processes that compute answers (default: one for each core, at least 2 and at most 4)",
     )
     parser.set_defaults(run=_serve)
 
 
 def _serve(options: argparse.Namespace) -> int:
-    from app.resources import ServiceResources
     from app.server import serve
     from app.settings import atlas_of, settings_of
 
     settings = settings_of(options)
+    changes: dict[str, Any] = {"workers": options.workers} if options.workers else {}
     if options.no_atlas:
-        settings = settings.model_copy(update={"with_atlas": False})
-    if options.no_index:
-        settings = settings.model_copy(update={"index": False})
-    resources = ServiceResources(settings, atlas_of)
-    if settings.with_atlas:
-        _ = resources.atlas  # fail here, with an exit code
-    return serve(resources, options.host, options.port, options.workers)
+        changes["with_atlas"] = False
+    elif settings.with_atlas:
+        changes["atlas"] = atlas_of(settings)  # builds the default atlas if it does not exist
+        if not changes["atlas"].exists():
+            raise AtlasError(AtlasFault.MISSING, str(changes["atlas"]))
+    serve(settings.model_copy(update=changes), options.host, options.port)
+    return Exit.OK
 
 
 _COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser, str], None]]] = {
     "synthesize": (QUESTIONS["synthesize"], _add_questions),
-    "function": (QUESTIONS["function"], _add_questions),
-    "drive": (QUESTIONS["drive"], _add_questions),
-    **{scene: (f"the {scene} scene", _add_questions) for scene in SCENES},
-    "match": (QUESTIONS["match"], _add_questions),
-    "assembly": (QUESTIONS["assembly"], _add_questions),
     "export": ("write a linkage as a file: for CAD, a printer, a simulator, a workshop", _add_export),
+    "drive": (QUESTIONS["drive"], _add_questions),
+    "assembly": (QUESTIONS["assembly"], _add_questions),
+    "function": (QUESTIONS["function"], _add_questions),
+    "match": (QUESTIONS["match"], _add_questions),
+    "motion": (QUESTIONS["motion"], _add_questions),
+    **{scene: (f"questions about the {scene}", _add_questions) for scene in SCENES},
     "study": ("answer many requests, a line each", _add_study),
     "example": ("print a request to edit, or the list of examples", _add_example),
     "serve": ("answer over HTTP, with a page to draw motions on", _add_serve),
     "index": ("prepare an atlas for scanning, so that later starts take no time", _add_index),
-    "completion": ("print what completes this command in a shell", _add_completion),
+    "completion": ("print a script that completes this command in a shell", _add_completion),
 }
-"""Commands by name, but the batch's: their help, and what adds their arguments once they are called."""
+"""Help of each command outside the batch job, and the function that adds its arguments."""

@@ -1,50 +1,52 @@
-"""The HTTP service: one route a query, files, the atlas, health, the page, and the OpenAPI description."""
+"""The HTTP service: a route for each question, the atlas, health, the pages, and the OpenAPI description."""
 
 from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import AsyncIterator, Callable, Mapping
+from collections.abc import AsyncIterator, Callable, Coroutine
 from contextlib import asynccontextmanager
-from importlib import import_module
+from functools import cache
 from typing import Annotated, Any, Literal
 
-from fastapi import FastAPI
+from fastapi import FastAPI, params
 from fastapi import Query as QueryParameters
 from fastapi.routing import APIRoute
+from fastapi.utils import create_model_field
 from pydantic import BaseModel, BeforeValidator, Field
 from pydantic.warnings import UnsupportedFieldAttributeWarning
+from starlette.middleware.gzip import GZipMiddleware
+from starlette.middleware.trustedhost import TrustedHostMiddleware
 from starlette.requests import Request
 from starlette.responses import Response
 
 import linkage_atlas as la
-from app import computed, page, problems
-from app.admission import Admission
-from app.bodies import Reply
-from app.query import FILES, MEDIA_TYPES, Files, Query, ReplyModel, RequestModel, Resources, reply_model
-from app.registry import all_queries
-from app.resources import ServiceResources
+from app import page, problems
+from app.bodies import says_json
+from app.compute import Workers
+from app.middleware import BodyLimit, SecurityHeaders
+from app.query import ReplyModel
+from app.questions import (
+    ATLAS,
+    ATLAS_TYPE,
+    AtlasReply,
+    AtlasTypeReply,
+    AtlasTypeRequest,
+    Question,
+    all_questions,
+    problem_responses,
+)
 from app.settings import Settings
-from app.turns import Turns
 
 
-def create_app(
-    settings: Settings | None = None,
-    resources: ServiceResources | None = None,
-    make_computing: Callable[[Turns], computed.Computing] | None = None,
-) -> FastAPI:
-    """The application; settings come from the environment unless given, resources are made from them unless given.
-
-    Answers are computed by threads unless ``make_computing`` says otherwise.
-    """
-    settings = settings or (resources.settings if resources else Settings())
-    resources = resources or ServiceResources(settings)
-    turns = Turns(settings.max_waiting)
-    computing = make_computing(turns) if make_computing else computed.Threads(resources, turns)
+def create_app(settings: Settings | None = None) -> FastAPI:
+    """Create the application; its settings come from the environment unless they are given."""
+    settings = settings or Settings()
+    workers = Workers(settings)
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        async with computing.running():
+        async with workers.running():
             yield
 
     app = FastAPI(
@@ -53,61 +55,75 @@ def create_app(
         summary="Finds planar linkages for a required motion.",
         lifespan=lifespan,
         redirect_slashes=False,
-        openapi_url=None,  # its own route would make the document on the event loop
+        openapi_url=None,
+        docs_url=None,
+        redoc_url=None,
     )
-    app.add_middleware(problems.BodyLimit, max_body_size=settings.max_body_bytes)
-    app.add_middleware(Admission, hosts=settings.allowed_hosts)
+    app.state.workers = workers
+    app.add_middleware(BodyLimit, max_body_size=settings.max_body_bytes)
+    app.add_middleware(GZipMiddleware, compresslevel=6)
+    app.add_middleware(TrustedHostMiddleware, allowed_hosts=list(settings.allowed_hosts), www_redirect=False)
+    app.add_middleware(SecurityHeaders)
     problems.install(app)
-    app.state.turns = turns
-    computed.install(app, computing, settings)
-    for query in all_queries():
-        _add_query(app, query)
+    for question in all_questions().values():
+        if question.described:
+            _add_question(app, question, workers)
+    _add_atlas_routes(app, workers)
+    _add_health_routes(app, workers)
     page.install(app)
-    _add_atlas_routes(app, resources, computing)
-    _add_health_routes(app, resources, computing)
-    _add_heads(app)
-    if settings.log_json or settings.metrics:
-        observed = import_module("app.observed")  # and with it the client library of Prometheus
-        observed.install(app, settings, computing)
-    description = page.MadeOnce(app, "/openapi.json", lambda _: described(app), long=True)
-    app.add_route("/openapi.json", description.reply, ["GET"], include_in_schema=False)
+
+    @cache
+    def document() -> dict[str, Any]:
+        return described(app)
+
+    @app.get("/openapi.json", include_in_schema=False)
+    def openapi() -> dict[str, Any]:
+        return document()
+
+    for route in [route for route in app.routes if isinstance(route, APIRoute) and "GET" in route.methods]:
+        app.add_api_route(route.path, route.endpoint, methods=["HEAD"], include_in_schema=False, response_model=None)
+    if settings.metrics:
+        _add_metrics(app, workers)
+
     return app
 
 
 def described(app: FastAPI) -> dict[str, Any]:
-    with warnings.catch_warnings():  # FastAPI's own, which it keeps quiet where models are built at once
+    """Return the OpenAPI document."""
+    with warnings.catch_warnings():  # FastAPI silences these if models are built at once
         warnings.simplefilter("ignore", UnsupportedFieldAttributeWarning)
         document = app.openapi()
     document["components"]["schemas"]["Problem"] = problems.SCHEMA
     return document
 
 
-class AtlasReply(ReplyModel):
-    kind: str
-    types: int
-    schema_version: int
-    content_sha256: str
-    parameters: dict[str, int | str]
-    generator: dict[str, str]
-    scan_bytes: int
-    load_ms: float
+# -- questions --------------------------------------------------------------------------------------------------------
 
 
-class AtlasTypeReply(ReplyModel):
-    kind: str
-    number: int
-    lengths: list[int]
-    family: str | None
-    samples: int
-    winding: int
-    normalisation: Literal["mean"]
-    unit: Literal["rad"]
-    average: float
-    details: list[float]
+class _QuestionRoute(APIRoute):
+    """A POST route that FastAPI describes by its models; a worker parses the body and writes the reply."""
+
+    def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
+        return self.endpoint  # type: ignore[return-value]
+
+
+def _add_question(app: FastAPI, question: Question, workers: Workers) -> None:
+    async def answer(request: Request) -> Response:
+        content = await request.body()
+        if content and not says_json(request.headers):
+            raise problems.NotJson
+        return await workers.answer(request, question, content)
+
+    route = _QuestionRoute(question.path, answer, methods=["POST"], **question.described)
+    route.body_field = create_model_field("body", question.model, field_info=params.Body(annotation=question.model))
+    app.router.routes.append(route)
+
+
+# -- the atlas --------------------------------------------------------------------------------------------------------
 
 
 def _written_plainly(number: str) -> str:
-    """A whole number in digits alone: ``1_0``, ``+10`` and ``010`` are no other names of type 10."""
+    """Refuse other spellings of a whole number than digits: ``1_0``, ``+10`` and ``010`` are no names of type 10."""
     if not re.fullmatch("-?(0|[1-9][0-9]*)", number) and re.fullmatch(r"\s*[+-]?[0-9][0-9_]*(\.0*)?\s*", number):
         raise problems.NotFound("types are numbered in plain digits")
     return number
@@ -117,140 +133,66 @@ class OfKind(BaseModel, extra="forbid"):
     kind: Literal["four_bar", "slider_crank"] | None = None
 
 
-class OfType(RequestModel):
-    number: int
-    kind: Literal["four_bar", "slider_crank"] | None
-
-
 TypeNumber = Annotated[int, Field(ge=1, le=2**53), BeforeValidator(_written_plainly)]
 
 
-def _add_atlas_routes(app: FastAPI, resources: ServiceResources, computing: computed.Computing) -> None:
-    loaded = page.MadeOnce(app, "/v1/atlas", lambda resources: resources.describe_atlas())
-
+def _add_atlas_routes(app: FastAPI, workers: Workers) -> None:
     @app.get(
-        "/v1/atlas", tags=["atlas"], summary="What is loaded.", response_model=AtlasReply, responses=_problems(503)
+        "/v1/atlas",
+        tags=["atlas"],
+        summary="What is loaded.",
+        response_model=AtlasReply,
+        responses=problem_responses(503),
     )
     async def atlas(request: Request) -> Response:
-        return await loaded.reply(request)
+        return await workers.answer(request, ATLAS, b"{}")
 
     path, about = "/v1/types/{number}", "One dimension type."
-    question = computed.Question(path, OfType, _details, lambda _: False)
-    app.state.questions[path] = (
-        question  # its row is unpacked from the file: milliseconds that the front does not have
-    )
 
-    @app.get(path, tags=["atlas"], summary=about, response_model=AtlasTypeReply, responses=_problems(404, 422, 503))
+    @app.get(
+        path,
+        tags=["atlas"],
+        summary=about,
+        response_model=AtlasTypeReply,
+        responses=problem_responses(404, 422, 503),
+    )
     async def dimension_type(
         number: TypeNumber, of: Annotated[OfKind, QueryParameters()], request: Request
     ) -> Response:
         """Lengths, family and the Haar average and details of the body's rotation over the whole turn, of a kind (four_bar)."""
-        content = OfType(number=number, kind=of.kind).model_dump_json()
-        return await computing.answer(request, question, content.encode())
+        content = AtlasTypeRequest(number=number, kind=of.kind).model_dump_json()
+        return await workers.answer(request, ATLAS_TYPE, content.encode())
 
 
-def _details(of: OfType, resources: Resources) -> Reply:
-    try:
-        return Reply(AtlasTypeReply(**resources.atlas.of(of.kind or resources.atlas.kind).details_of(of.number)))
-    except la.FieldError as error:
-        raise problems.NotFound(error.message) from None
+# -- health and figures -----------------------------------------------------------------------------------------------
 
 
 class Ready(ReplyModel):
     status: Literal["ready"] = "ready"
-    preparing: list[str] = Field(
-        description="Parts of the atlas's index that are being made, without which answers take longer: `positions`, "
-        "`short_spans`, `rockers`, `slider_cranks`, or `index`, where a file of it could not be read."
-    )
 
 
-def _add_health_routes(app: FastAPI, resources: ServiceResources, computing: computed.Computing) -> None:
+def _add_health_routes(app: FastAPI, workers: Workers) -> None:
     @app.get("/livez", tags=["health"], summary="The process answers.")
     async def livez() -> dict[str, str]:
         return {"status": "ok"}
 
-    whole = "The atlas is loaded and verified."
+    about = "The atlas is loaded and verified."
 
-    @app.get("/readyz", tags=["health"], summary=whole, responses=_problems(503))
+    @app.get("/readyz", tags=["health"], summary=about, responses=problem_responses(503))
     async def readyz() -> Ready:
-        if resources.settings.with_atlas:
-            _ = resources.atlas
-        return Ready(preparing=list(computing.preparing))
+        if workers.failure is not None:
+            raise workers.failure
+        return Ready()
 
 
-def _add_heads(app: FastAPI) -> None:
-    """What can be got can be asked for its head alone (RFC 9110, 9.1)."""
-    for route in [one for one in app.routes if isinstance(one, APIRoute) and "GET" in one.methods]:
-        app.add_api_route(route.path, route.endpoint, methods=["HEAD"], include_in_schema=False, response_model=None)
+def _add_metrics(app: FastAPI, workers: Workers) -> None:
+    from prometheus_client import CollectorRegistry, Gauge
+    from prometheus_fastapi_instrumentator import Instrumentator
 
-
-_PROBLEM_RESPONSES: dict[int | str, dict[str, Any]] = {
-    status: {
-        "description": text,
-        "content": {"application/problem+json": {"schema": {"$ref": "#/components/schemas/Problem"}}},
-    }
-    for status, text in {
-        400: "The body is not JSON.",
-        404: "There is no such route or type.",
-        413: "The body is too large.",
-        415: "The body is not declared as JSON.",
-        422: "The request is malformed or has no answer; `errors` points to the fields.",
-        503: "The service is not ready or too many requests wait.",
-    }.items()
-}
-
-
-def _problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
-    return {status: _PROBLEM_RESPONSES[status] for status in statuses}
-
-
-def _described(summary: str, query: Query, examples: Mapping[str, Any], *media_types: str) -> dict[str, Any]:
-    """What is said of a route beside its models; with media types it answers with a file."""
-    bodies = {name: {"value": body} for name, body in examples.items()}
-    details = {
-        "summary": summary,
-        "tags": [query.command.split()[0]],
-        "responses": _problems(400, 413, 415, 422, 503),
-        "openapi_extra": {"requestBody": {"content": {"application/json": {"examples": bodies}}}},
-    }
-    if media_types:
-        details["responses"] |= {200: {"content": {media_type: {} for media_type in media_types}}}
-        details |= {"response_class": Response, "response_model": None}
-    return details
-
-
-def _add_query(app: FastAPI, query: Query) -> None:
-    """The routes of a question: its reply, its exports, and files of the reply's solutions."""
-    name = query.command.replace(" ", "_")
-
-    def add(path: str, name: str, answer: Callable[[Any, Any], Response], **described: Any) -> None:
-        computed.add(app, computed.Question(path, query.request, answer, query.is_long), name, **described)
-
-    add(
-        query.path,
-        name,
-        lambda body, resources: Reply(query.answer(body, resources)),
-        response_model=reply_model(query.reply),
-        **_described(query.summary, query, query.examples),
-    )
-    for kind, render in query.exports.items():
-        add(
-            f"{query.path}.{kind}",
-            f"{name}_{kind}",
-            lambda body, resources, render=render, kind=kind: Reply(render(body, resources), MEDIA_TYPES[kind]),
-            **_described(f"{query.summary} As {kind.upper()}.", query, query.examples, MEDIA_TYPES[kind]),
-        )
-    if query.files is not None:
-        _add_files(app, query, query.files)
-
-
-def _add_files(app: FastAPI, query: Query, files: Files) -> None:
-    def answer(body: Any, resources: Any) -> Response:
-        media_type, endings = FILES[body.format]
-        name = f'attachment; filename="{files.stem}.{endings[-1]}"'
-        return Reply(files.render(body, resources), media_type, {"Content-Disposition": name})
-
-    examples = {kind: {**files.example, "format": kind} for kind in files.formats}
-    media_types = [FILES[kind].media_type for kind in files.formats]
-    question = computed.Question(files.path, files.request, answer, files.is_long)
-    computed.add(app, question, files.name, **_described(files.summary, query, examples, *media_types))
+    registry = CollectorRegistry()
+    waiting = Gauge("linkage_atlas_waiting", "Requests that wait for a worker.", registry=registry)
+    waiting.set_function(lambda: sum(workers.waiting.values()))
+    busy = Gauge("linkage_atlas_computing", "Requests that a worker computes.", registry=registry)
+    busy.set_function(lambda: workers.count - len(workers.idle))
+    instrumentator = Instrumentator(should_group_status_codes=False, registry=registry)
+    instrumentator.instrument(app).expose(app, include_in_schema=False)

@@ -6,10 +6,7 @@ A reply never repeats the input, so values that JSON cannot hold (NaN, lone surr
 from __future__ import annotations
 
 import json
-import logging
-import time
 from collections.abc import Callable, Iterable, Sequence
-from functools import cache
 from http import HTTPStatus
 from typing import Any
 from urllib.parse import quote
@@ -17,17 +14,14 @@ from urllib.parse import quote
 from fastapi import FastAPI
 from fastapi.exceptions import RequestValidationError
 from pydantic import ValidationError
-from starlette.datastructures import Headers
 from starlette.exceptions import HTTPException
-from starlette.middleware.body_limit import RequestBodyLimitMiddleware
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
-from starlette.types import Receive, Scope, Send
 
 from app.query import MAX_ERRORS, Invalid
+from app.sentences import sentence
 from linkage_atlas import AtlasError, AtlasFault, Cancelled, FieldError, OutOfTime
 
-log = logging.getLogger("uvicorn.error")
 MAX_POINTER = 200
 """Longest part of a pointer in characters: a field's name is the client's and may be of any length."""
 
@@ -55,28 +49,8 @@ SCHEMA: dict[str, Any] = {
 """JSON schema of a problem, for the API's description."""
 
 
-HEADERS = {
-    "Content-Security-Policy": "default-src 'none'; frame-ancestors 'none'",
-    "X-Content-Type-Options": "nosniff",
-    "Referrer-Policy": "no-referrer",
-}
-"""Of every reply that does not set them itself."""
-
-
 class Overloaded(Exception):
     """More requests wait than the service lets wait."""
-
-
-class Superseded(Exception):
-    """A request whose client has asked anew since, under the same `live`."""
-
-
-class Unread(Exception):
-    """Replies that their clients do not take hold all the memory that there is for them."""
-
-
-class SlowBody(Exception):
-    """A large body that came too slowly to keep its place."""
 
 
 class Malformed(Exception):
@@ -110,7 +84,7 @@ def pointer(location: Iterable[str | int]) -> str:
 
 
 def error_rows(errors: Sequence[Any]) -> list[dict[str, Any]]:
-    """Pydantic's error list as rows ``{"pointer", "detail"}``, without the input."""
+    """Return errors as rows ``{"pointer", "detail"}``."""
     return [{"pointer": pointer(error["loc"]), "detail": error["msg"]} for error in errors[:MAX_ERRORS]]
 
 
@@ -137,17 +111,6 @@ def problem(
     )
 
 
-@cache
-def raw(status: int, detail: str) -> bytes:
-    """A problem as the bytes of a whole HTTP reply, for what is refused before it is a request."""
-    reply = problem(status, detail, headers={"Connection": "close", **HEADERS})
-    lines = [
-        f"HTTP/1.1 {status} {HTTPStatus(status).phrase}".encode(),
-        *(b": ".join(row) for row in reply.raw_headers),
-    ]
-    return b"\r\n".join([*lines, b"", bytes(reply.body)])
-
-
 def field_problem(error: FieldError) -> Response:
     """422 for input that is well-formed but has no answer."""
     row = {"pointer": "#" + error.field, "detail": error.message, **error.details}
@@ -168,24 +131,24 @@ def http_problem(error: HTTPException) -> Response:
 
 
 def _invalid(error: Invalid) -> Response:
-    rows = error_rows(error.errors)
-    where = rows[0]["pointer"][2:].replace("/", ".") or "the body"
-    return problem(422, f"{where}: {rows[0]['detail']}", rows)
+    return problem(422, str(error).partition("\n")[0], error_rows(error.errors))
 
 
 def _parameter(error: RequestValidationError) -> Response:
-    """Of a route whose parameters FastAPI checks: errors are told by their names, without where they stand."""
-    rows = [{**entry, "loc": entry["loc"][1:]} for entry in error.errors()]
-    return _invalid(
-        Invalid(
-            [row | {"msg": "there is no such parameter"} if row["type"] == "extra_forbidden" else row for row in rows]
-        )
-    )
+    """Answer wrong parameters of a route that FastAPI checks; the path of an error begins with the parameter's name."""
+    rows = [
+        {
+            "loc": row["loc"][1:],
+            "msg": "there is no such parameter" if row["type"] == "extra_forbidden" else sentence(row),
+        }
+        for row in error.errors()
+    ]
+    return _invalid(Invalid(rows))
 
 
 def _model(error: ValidationError) -> Response:
-    rows = error_rows(error.errors(include_input=False, include_url=False))
-    return problem(422, rows[0]["detail"], rows)
+    rows = [{"loc": row["loc"], "msg": sentence(row)} for row in error.errors(include_url=False)]
+    return _invalid(Invalid(rows))
 
 
 def _atlas(error: AtlasError) -> Response:
@@ -209,13 +172,9 @@ _REPLIES: dict[type[Exception], Callable[[Any], Response]] = {
     AtlasError: _atlas,
     NotFound: lambda error: problem(404, str(error)),
     Overloaded: _later(1, "too many requests are waiting"),
-    Superseded: lambda _: problem(503, "a newer request under the same `live` has taken its place"),
-    Unread: _later(2, "too many replies wait for their clients to read them"),
-    SlowBody: lambda _: problem(408, "the body came too slowly", headers={"Connection": "close"}),
     Ending: _later(5, "the service is ending"),
     OutOfTime: _later(5, "the answer took longer than its `budget_ms` or this service allows"),
     Died: _later(1, "the process that computed this answer has ended before it; the service's log says how"),
-    MemoryError: _later(5, "the answer takes more memory than this service gives a request"),
     ClientDisconnect: lambda _: Response(status_code=499),  # it left before it had said what it wanted
     Cancelled: lambda _: Response(status_code=499),  # the client is gone; 499 is what proxies log for that
     HTTPException: http_problem,
@@ -229,40 +188,11 @@ def reply_to(error: Exception) -> Response:
     return next(_REPLIES[kind] for kind in type(error).__mro__ if kind in _REPLIES)(error)
 
 
-def told(error: Exception, path: str, size: int | str, seconds: float) -> Response:
-    """The response, with a line in the log where the service could not answer a request of so many bytes."""
-    reply = reply_to(error)
-    if reply.status_code == 503 and not isinstance(error, (Overloaded, Superseded)):
-        log.warning("503 to %s (%s bytes, after %.2f s): %s", path, size, seconds, type(error).__name__)
-    return reply
-
-
 def install(app: FastAPI) -> None:
     """Register the replies on an application."""
 
     async def handle(request: Request, error: Exception) -> Response:
-        now = time.perf_counter()
-        seconds = now - getattr(request.state, "begun", now)
-        return told(error, request.url.path, request.headers.get("content-length", "unknown"), seconds)
+        return reply_to(error)
 
     for kind in _REPLIES:
         app.add_exception_handler(kind, handle)
-
-
-def says_json(headers: Headers) -> bool:
-    """Whether a body is declared as JSON, as it is."""
-    if headers.get("content-encoding", "identity").strip().lower() != "identity":
-        return False
-    kind = headers.get("content-type", "").partition(";")[0].strip().lower()
-    return kind == "application/json" or (kind.startswith("application/") and kind.endswith("+json"))
-
-
-class BodyLimit(RequestBodyLimitMiddleware):
-    """Refuses a body that says it is too large before any of it is read; counts the others."""
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        declared = Headers(scope=scope).get("content-length", "") if scope["type"] == "http" else ""
-        if declared.isdecimal() and (len(declared) > 18 or int(declared) > self.max_body_size):
-            await http_problem(HTTPException(413))(scope, receive, send)
-        else:
-            await super().__call__(scope, receive, send)

@@ -45,12 +45,13 @@ from pydantic import (
 )
 from pydantic_core import to_json
 
+from app.sentences import sentence
 from linkage_atlas import FieldError
 from linkage_atlas.formats import FORMATS, Format
 from linkage_atlas.records import names_of, plain
 
 if TYPE_CHECKING:
-    from linkage_atlas import Atlas, Live, Work
+    from linkage_atlas import Atlas, Work
 
 MAX_ERRORS = 20
 """Errors that are told of one request; a request of a thousand wrong numbers needs no thousand lines."""
@@ -94,7 +95,7 @@ Places = Annotated[
 FiniteOrNull = Annotated[float | None, BeforeValidator(lambda x: x if x is None or math.isfinite(x) else None)]
 """A number of a result that is NaN or infinite where there is none."""
 AngleUnit = Literal["deg", "rad"]
-LengthUnit = Literal["mm", "cm", "m", "in"]
+LengthUnit = Literal["um", "mm", "cm", "m", "in", "ft"]
 
 
 @dataclass(frozen=True)
@@ -149,7 +150,7 @@ def in_unit(request: Any, length_unit: str | None) -> Any:
 
 
 class Invalid(FieldError):
-    """A request that is not what its question takes: pydantic's list of errors."""
+    """A request that does not fit its model, with a row for each error: ``loc``, the path of the field, and ``msg``."""
 
     def __init__(self, errors: Sequence[Any]) -> None:
         super().__init__("".join(f"/{part}" for part in errors[0]["loc"]), errors[0]["msg"])
@@ -159,22 +160,20 @@ class Invalid(FieldError):
         return "\n".join(str(FieldError("/".join(map(str, row["loc"])), row["msg"])) for row in self.errors)
 
 
-def invalid(error: ValidationError, model: type[BaseModel]) -> Invalid:
-    """The first errors of a request, without what it holds; of an unknown field, which ones are near it."""
-    rows = _of_fields(error.errors(include_input=False, include_url=False))[:MAX_ERRORS]
-    for row in rows:
+def invalid(error: ValidationError, model: type[BaseModel], quoting: bool = False) -> Invalid:
+    """Return the first errors of a request as sentences; for an unknown field they name the fields close to it.
+
+    ``quoting``: see `app.sentences.sentence`.
+    """
+    rows = []
+    for row in _of_fields(error.errors(include_url=False))[:MAX_ERRORS]:
         if row["type"] == "extra_forbidden":
             *path, name = row["loc"]
-            others = _ways(model)
-            row["msg"] = FieldError.no_such("", str(name), _fields_at(model, path), others=others).message
-        elif row["type"] == "model_type":
-            row["msg"] = "Input should be an object"
-        elif row["type"] == "list_type":
-            row["msg"] = "Input should be a list, as [1, 2]"
-        elif row["type"] == "greater_than_equal" and 0 < row["ctx"]["ge"] < 1e-6:  # pydantic writes all of its zeros
-            row["msg"] = f"Input should be above 0, at least {row['ctx']['ge']:g}"
-        elif row["type"] == "less_than_equal" and row["ctx"]["le"] > 1e15:
-            row["msg"] = f"Input should be at most {row['ctx']['le']:g}"
+            known, others = _fields_at(model, path), _ways(model)
+            message = FieldError.no_such("", str(name), known, others=others).message
+        else:
+            message = sentence(row, quoting)
+        rows.append({"loc": row["loc"], "type": row["type"], "msg": message})
     return Invalid(rows)
 
 
@@ -210,7 +209,7 @@ def _fields_at(model: type[BaseModel], path: Iterable[str | int]) -> list[str]:
     for part in path:  # a number is a place in a list: of models, or of none
         if isinstance(part, str):
             models = [
-                m for one in models if part in one.model_fields for m in _models(one.model_fields[part].annotation)
+                m for one in models if part in one.model_fields for m in models_in(one.model_fields[part].annotation)
             ]
     return [name for one in models for name in one.model_fields]
 
@@ -219,15 +218,16 @@ def _ways(model: type[BaseModel], way: str = "") -> dict[str, str]:
     """Names of all fields of an object and those within it, and the way to each; of several the shortest."""
     ways = {name: way + name for name in model.model_fields}
     for name, info in model.model_fields.items():
-        for one in _models(info.annotation):
+        for one in models_in(info.annotation):
             ways = _ways(one, f"{way}{name}.") | ways
     return ways
 
 
-def _models(annotation: Any) -> list[type[BaseModel]]:
+def models_in(annotation: Any) -> list[type[BaseModel]]:
+    """Return the models in the type of a field."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
-    return [model for part in get_args(annotation) for model in _models(part)]
+    return [model for part in get_args(annotation) for model in models_in(part)]
 
 
 _NO_FIELDS: set[str] = set()
@@ -264,17 +264,11 @@ class Resources(Protocol):
     def atlas(self) -> Atlas:
         """The atlas; loaded when it is first asked for."""
 
-    def need(self, part: str) -> None:
-        """Said before the atlas is asked for what a part of its index is for.
-
-        "rockers", "slider_cranks", or rows by "positions".
-        """
+    def describe_atlas(self) -> dict[str, Any]:
+        """Describe the atlas in plain JSON values."""
 
     def work(self, budget: float | None = None) -> Work:
-        """What watches over an answer's time, in seconds, and over whether its client is still connected."""
-
-    def live(self) -> Live:
-        """What the last answer under a request's `live` left, and what this one leaves."""
+        """Begin to watch the time of an answer, with a budget in seconds, and whether its client is still there."""
 
 
 FILES = {**FORMATS, "json": Format("application/json", ("json",))}
@@ -337,9 +331,6 @@ class Query:
         over HTTP a POST of the same body to ``path.ending``.
     files : Files, optional
         Of a reply's solutions. Without it the exports are what the command writes.
-    from_csv : callable, optional
-        ``from_csv(text, also, unwrap) -> request body``, with fields ``also``, of a table of samples (CSV or pasted),
-        which the command then takes too.
     is_long : callable
         ``is_long(request) -> bool``: whether the answer may take more than a fraction of a second. Over HTTP long requests
         wait for one another and not the short ones for them.
@@ -357,7 +348,6 @@ class Query:
     table: Callable[..., str]
     examples: Mapping[str, dict[str, Any]] = field(default_factory=dict)
     exports: Mapping[str, Callable[[Any, Resources], bytes]] = field(default_factory=dict)
-    from_csv: Callable[[str, dict[str, Any], bool], dict[str, Any]] | None = None
     is_long: Callable[[Any], bool] = lambda _: False
     files: Files | None = None
     shows_units: bool = True

@@ -1,202 +1,81 @@
-"""What answers need beyond their request: the atlas, loaded once when it is needed, and a watch over their time."""
+"""What answers need beside their request: the atlas, loaded when it is first needed, and limits of time."""
 
 from __future__ import annotations
 
-import ctypes
-import gc
-import os
-import sys
 import time
 from collections.abc import Callable
-from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from threadpoolctl import threadpool_limits
 
 import linkage_atlas as la
-from app.query import build_models
 from app.settings import Settings
 
-PARTS = ("positions", "short_spans", "rockers", "slider_cranks")
-"""Parts of the index that are made once the service is ready, or when they are first asked for: see `linkage_atlas.Atlas`."""
-INDEX = "index"
-"""All of it that is there, of which what is damaged is made anew."""
 
+def opened(place: Path) -> la.Atlas:
+    """Open an atlas file, ready for matching."""
+    from linkage_atlas.atlases import index_of, open_atlas
 
-def opened(place: Path, settings: Settings) -> la.Atlas:
-    """The atlas of a file, as far as the settings allow, with its index if that is to be kept."""
-    from linkage_atlas.atlases import open_atlas
-
-    limits = {"max_bytes": settings.atlas_max_bytes, "max_types": settings.atlas_max_types}
-    return open_atlas(place, settings.index, **limits)
-
-
-_TAKES_MEMORY = 50
-"""Rows of a matrix that is large enough for it."""
-
-
-class Unprepared(Exception):
-    """What an answer needs is not there, and is not to be made by the process that answers; the message names it."""
+    atlas = open_atlas(place, index_of(place).exists())
+    atlas.prepare(positions=False, threads=1, short_spans=False)
+    return atlas
 
 
 class ServiceResources:
-    """Loads what is asked for, once: a scene's request never loads the atlas."""
+    """The atlas and the limits of time of one process.
+
+    Parameters
+    ----------
+    settings : Settings
+    find_atlas : callable, optional
+        Return the file of the atlas for settings; default: the configured file.
+    cancelled : callable, optional
+        Return true when the answer that is being computed is no longer wanted.
+    """
 
     def __init__(
-        self, settings: Settings, find_atlas: Callable[[Settings], Path] = lambda settings: settings.atlas
+        self,
+        settings: Settings,
+        find_atlas: Callable[[Settings], Path] = lambda settings: settings.atlas,
+        cancelled: Callable[[], bool] | None = None,
     ) -> None:
         self.settings = settings
-        self._find_atlas = find_atlas
         self.max_budget_ms = settings.max_budget_ms
-        self.failure: la.AtlasError | None = None
         self.load_seconds = 0.0
-        self.alone = False
-        """Whether this process answers one request at a time, within bounds of its own."""
-        self.makes = True
-        """Whether it may make a part of the index that an answer needs; otherwise that raises `Unprepared`."""
-        self._damaged = False
-        """Whether a file of the index cannot be read, until it is made anew: those that compute do without it."""
-        # Several requests at a time, each with small matrices: threads inside a product would only wait for each other.
-        import numpy  # noqa: F401  # for only a library that is loaded is limited
+        self._find_atlas, self._cancelled = find_atlas, cancelled
+        import numpy  # noqa: F401 - only a loaded library can be limited
 
-        self._blas = threadpool_limits(1, "blas")
-        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # of scipy's own, which is loaded where it is needed
+        self._blas = threadpool_limits(1, "blas")  # matrices are small: threads would only wait for each other
 
     @property
     def atlas(self) -> la.Atlas:
-        """The atlas, loaded and verified. Raises AtlasError: the one that `load` met, if it met one, without reading again."""
-        return self._plain if self._damaged and self.alone else self._loaded
+        """The atlas, loaded and verified. Raises AtlasError, always the first."""
+        if isinstance(self._loaded, la.AtlasError):
+            raise self._loaded
+        return self._loaded
 
     @cached_property
-    def _plain(self) -> la.Atlas:
-        return self._loaded.plain()
-
-    @cached_property
-    def _loaded(self) -> la.Atlas:
-        if self.failure is not None:
-            raise self.failure
+    def _loaded(self) -> la.Atlas | la.AtlasError:
         if not self.settings.with_atlas:
-            raise la.AtlasError(la.AtlasFault.NOT_WANTED, "--no-atlas; searching needs none")
-        place = self._find_atlas(self.settings)
+            return la.AtlasError(la.AtlasFault.NOT_WANTED, "--no-atlas; searching needs none")
         begin = time.perf_counter()
-        atlas = opened(place, self.settings)
-        # Prepared by all cores; a scan is of one request among several, and its budget is one of processor time too.
-        atlas.prepare(positions=False, threads=1, short_spans=False)
+        try:
+            atlas = opened(self._find_atlas(self.settings))
+        except la.AtlasError as error:
+            return error
         self.load_seconds = time.perf_counter() - begin
         return atlas
 
-    def need(self, part: str) -> None:
-        """Said before an answer uses a part of the index, one of `PARTS`."""
-        shared = self.settings.with_atlas and self.settings.index and not self._damaged
-        if shared and not self.makes and not self.atlas.has(part):
-            raise Unprepared(part)
-
     def describe_atlas(self) -> dict[str, Any]:
-        """What is loaded, as plain JSON values."""
+        """Describe the atlas in plain JSON values."""
         atlas = self.atlas
         return {**atlas.describe(), "scan_bytes": atlas.scan.nbytes, "load_ms": 1000 * self.load_seconds}
 
-    def work(self, budget: float | None = None, cancelled: Callable[[], bool] | None = None) -> la.Work:
-        """A watch over the time of an answer, in seconds, and over whether it is still wanted."""
-        return la.Work(budget, cancelled, processor_clock() if self.alone else time.perf_counter)
-
-    def live(self) -> la.Live:
-        """Nothing: who answers one request for itself has no last answer."""
-        return la.Live()
-
-    def load(self) -> None:
-        """Load what a match needs now; an atlas that cannot be used is remembered as the `failure` and not raised."""
-        try:
-            if self.settings.with_atlas:
-                _ = self.atlas.content_sha256
-        except la.AtlasError as error:
-            self.failure = error
-        _ = la.match
-        give_back_memory()
-        gc.freeze()  # what is loaded stays: looking through it again and again would hold up everyone
-
-    def leave_index(self) -> None:
-        """Leave the index alone, of which a file cannot be read, until `renew`: each process scans plainly, as it began."""
-        self._damaged = True
-
-    @property
-    def missing_index(self) -> str:
-        """`INDEX` where this process has answered without it."""
-        return INDEX if "_plain" in vars(self) else ""
-
-    def renew(self) -> None:
-        """Open the atlas again: what is missing of its index is made anew."""
-        vars(self).pop("_loaded", None)
-        self._damaged, self.failure = False, None
-        self.load()
-
-    def prepare_rest(self) -> None:
-        """Have now what the first answer of each kind would else import or make: searches, their tables, models."""
-        import scipy.interpolate  # noqa: F401 - the first spline would
-
-        self._blas = threadpool_limits(1, "blas")  # scipy has a library of its own
-        build_models()
-        la.prepare()
-        give_back_memory()
-        gc.freeze()
-
-    def look(self) -> None:
-        """Take up what another process has made of the index meanwhile."""
-        if "_loaded" in vars(self):
-            self._loaded.has("short_spans")
-
-    def missing(self) -> list[str]:
-        """Parts of the index that are to be made once the service is ready."""
-        if self.failure is not None or not (self.settings.with_atlas and self.settings.index):
-            return []
-        wanted = ["positions"] * self.settings.prepare_positions + ["short_spans"]
-        return [part for part in wanted if not self.atlas.has(part)]
-
-    def make(self, part: str, cancelled: Callable[[], bool] | None = None) -> None:
-        """Make a part of the index, unless that is cancelled."""
-        if part == INDEX:
-            with suppress(la.AtlasError):
-                self.atlas.drop_damaged()
-            return self.renew()
-        with suppress(la.Cancelled):
-            self.atlas.make(part, la.Work(cancelled=cancelled))
-        give_back_memory()
-
-
-def processor_clock() -> Callable[[], float]:
-    """A clock of this process's processor time, so that an answer is as good on a busy machine; but at least half the time."""
-    processor, passed = time.process_time(), time.perf_counter()
-    return lambda: max(time.process_time() - processor, (time.perf_counter() - passed) / 2)
-
-
-def take_working_memory() -> None:
-    """Have the libraries of linear algebra map their working memory now, 34 MB each, of which little is used.
-
-    Each does so at its first call, and waits for it forever where the process may not have it.
-    """
-    np.linalg.qr(np.ones((_TAKES_MEMORY, _TAKES_MEMORY)))
-    if linalg := sys.modules.get("scipy.linalg"):  # imported with what all processes share, or not at all yet
-        linalg.lapack.dgbsv(1, 1, np.ones((4, 3)), np.ones(3))
-
-
-_given_back = 0.0
-
-
-def give_back_memory(every: float = 0.0) -> None:
-    """Return to the system what has been freed, unless that was done less than ``every`` seconds ago.
-
-    glibc keeps it otherwise, after preparing about 130 MB with the default atlas.
-    """
-    global _given_back
-    now = time.monotonic()
-    if now - _given_back < every:
-        return
-    _given_back = now
-    try:
-        trim = ctypes.CDLL(None).malloc_trim
-    except (AttributeError, OSError, TypeError):  # other C libraries have no such function
-        return
-    trim(0)
+    def work(self, budget: float | None = None) -> la.Work:
+        """Begin to watch the time of an answer, with a budget in seconds, and whether its client is still there."""
+        if self._cancelled is not None:  # in a worker every answer has a budget
+            longest = self.max_budget_ms / 1000
+            budget = longest if budget is None else min(budget, longest)
+        return la.Work(budget, self._cancelled)

@@ -1,126 +1,70 @@
-"""Studies on the command line: a file of requests, a line each, into a file of replies that can be gone on with."""
+"""Studies on the command line: a file with a request on each line is answered into a file of replies."""
 
 from __future__ import annotations
 
 import argparse
 import json
 import math
-import os
-import signal
 import sys
-import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import BrokenExecutor
-from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
-from typing import Any
 
 from tqdm import tqdm
 
-from app.command import NO_PRESET, read_request
-from app.query import Query, json_of, plain_of
+from app.query import Query, json_of
 from app.registry import all_queries
 from app.resources import ServiceResources
 from app.settings import atlas_of, settings_of
-from app.terminal import EPILOG, FILE, Exit, whole_number
+from app.sources import Setting, Target, parsed, read_source
+from app.terminal import Exit, plural
 from linkage_atlas import AtlasError, FieldError
-from linkage_atlas.many_requests import (
-    Question,
-    StudyLocked,
-    answer_of,
-    is_error,
-    key_of,
-    places_of,
-    study_lines,
-    without_times,
-)
+from linkage_atlas.batch import Question, answer_line, answers, key_of
 
 DESCRIPTION = """Answers many requests, a line of JSON each, in order.
 
-Each line of the result bears the number of the request's line and its reply as --json prints it, without times,
-or one line of what is wrong with it. Killed or interrupted, the same command goes on: no line is lost or
-doubled. A request without budget_ms has the same reply on every run; no time limits its search.
+Each line of the result has the number of the request's line and its reply as --json prints it, without times, or one
+line of text that says what is wrong. A study that was ended continues with the same command; only one may write a
+file at a time. A request without budget_ms has the same reply on every run: no time limits its search.
 """
 
 
-def add_study(parser: argparse.ArgumentParser) -> None:
-    parser.description, parser.epilog = DESCRIPTION, EPILOG
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.add_argument(
-        "requests", type=Path, help="requests, a line of JSON each; empty lines do not count"
-    ).complete = (  # type: ignore[attr-defined]
-        FILE
-    )
-    parser.add_argument(
-        "--out", type=Path, required=True, metavar="FILE", help="the results; a study that was cut off goes on here"
-    ).complete = FILE  # type: ignore[attr-defined]
-    parser.add_argument(
-        "--command",
-        choices=[query.command for query in all_queries()],
-        default="synthesize",
-        help="the question that all requests are of (%(default)s)",
-    )
-    parser.add_argument(
-        "--jobs", type=whole_number(1), default=os.cpu_count() or 1, help="processes (default: one a core)"
-    )
-    parser.add_argument("--scheduler", metavar="ADDRESS", help="run on the Dask cluster at this address instead")
-    parser.add_argument("--no-preset", action="store_true", help="no limits but those of each request")
-    parser.add_argument("--atlas", type=Path, metavar="FILE", help="the atlas, for questions that need one")
-    parser.set_defaults(run=run_study)
-
-
 def run_study(options: argparse.Namespace) -> int:
-    place = None if options.atlas is None else str(options.atlas.resolve())
-    also = NO_PRESET if options.no_preset and "limits" in _query(options.command).request.model_fields else ()
-    work = partial(answer_line, options.command, also, place)
-    depends = (options.command, f"preset {not options.no_preset}", f"atlas {place}")
+    """Answer the requests of a file that have no answer yet."""
+    limits = options.no_preset and "limits" in _query(options.command).request.model_fields
+    settings: list[Setting] = [(["limits", "preset"], "none")] if limits else []
+    atlas = None if options.atlas is None else str(options.atlas.resolve())
+    depends = (options.command, f"preset {not options.no_preset}", f"atlas {atlas}")
     if options.out.exists() and options.out.samefile(options.requests):
         raise FieldError("/out", "the results cannot be the file of the requests")
-    total = sum(1 for _ in _questions(options.requests, depends))
-    executor, places = places_of(options.jobs, options.scheduler)
-    asked_to_stop = threading.Event()
-    for name in (signal.SIGTERM, signal.SIGINT):  # a flag: raised within a callback an exception would be lost
-        if signal.getsignal(name) is not signal.SIG_IGN:
-            signal.signal(name, lambda *_: asked_to_stop.set())
-    refused, first = 0, ""
-    lines = study_lines(
-        work,
-        lambda: _questions(options.requests, depends),
-        total,
+    total, errors = sum(1 for _ in _questions(options.requests, depends)), []
+    lines = answers(
+        partial(answer, options.command, settings, atlas),
+        _questions(options.requests, depends),
         options.out,
-        executor,
-        places,
-        asked_to_stop.is_set,
+        jobs=options.jobs,
+        scheduler=options.scheduler,
     )
     try:
-        with tqdm(total=total, disable=None, unit="request", desc="study", file=sys.stderr) as bar:
-            for line, was_there in lines:
-                if is_error(line):
-                    refused += 1
-                    error = json.loads(line)
-                    first = first or f"line {error['line']}: {error['error']}"
-                if was_there and not bar.disable:
-                    bar.initial += 1  # so that the time left is told from what is done now
-                bar.update()
+        for line in tqdm(lines, total=total, disable=None, unit="request", desc="study", file=sys.stderr):
+            if '"error"' in str(line[:80]) and "error" in (row := json.loads(line)):
+                errors.append(f"line {row['line']}: {row['error']}")
     except KeyboardInterrupt:
-        print("interrupted; the same command goes on from here", file=sys.stderr)
+        print("interrupted; the same command continues from here", file=sys.stderr)
         return Exit.INTERRUPTED
-    except OSError as error:
-        print(f"cannot write: {error}; the same command goes on from here", file=sys.stderr)
+    except (OSError, BrokenExecutor) as error:
+        what = "a worker process ended" if isinstance(error, BrokenExecutor) else "cannot write"
+        print(f"{what}: {error}; the same command continues from here", file=sys.stderr)
         return Exit.FAILED
-    except StudyLocked as error:
-        raise FieldError("/out", str(error)) from None
-    except BrokenExecutor as error:
-        print(f"a worker process ended: {error}; the same command goes on from here", file=sys.stderr)
-        return Exit.FAILED
-    rest = f", {refused:,} refused; the first: {first}" if refused else ""
-    print(f"wrote {options.out}: {total:,} requests, {total - refused:,} answered{rest}", file=sys.stderr)
-    return Exit.FAILED if refused else Exit.OK
+    refused = f", {len(errors):,} refused; the first: {errors[0]}" if errors else ""
+    answered = f"{plural(total, 'request')}, {total - len(errors):,} answered{refused}"
+    print(f"wrote {options.out}: {answered}", file=sys.stderr)
+    return Exit.FAILED if errors else Exit.OK
 
 
-def _questions(path: Path, depends: tuple[str, ...]) -> Iterator[Question]:
-    """The lines of a file that are not empty."""
+def _questions(path: Path, depends: Sequence[str]) -> Iterator[Question]:
+    """Yield the lines of a file that are not empty."""
     with path.open("rb") as file:
         for number, line in enumerate(file, 1):
             if text := line.strip():
@@ -129,28 +73,28 @@ def _questions(path: Path, depends: tuple[str, ...]) -> Iterator[Question]:
 
 @cache
 def _query(command: str) -> Query:
-    query = next(query for query in all_queries() if query.command == command)
-    return replace(query, from_csv=None)  # a line is JSON
+    return next(query for query in all_queries() if query.command == command)
 
 
 @cache
 def _resources(atlas: str | None) -> ServiceResources:
-    """What all answers of this process share. No time limits them: a reply must not depend on the machine's speed."""
+    """Return the resources of this process, without a limit of time: a reply must not depend on the machine's speed."""
     settings = settings_of(argparse.Namespace(atlas=atlas))
     return ServiceResources(settings.model_copy(update={"max_budget_ms": math.inf}), atlas_of)
 
 
-def answer_line(command: str, also: Sequence[tuple[list[str], Any]], atlas: str | None, question: Question) -> bytes:
-    """The line that answers a question: what the command prints for that request alone with ``--json``, without times."""
+def answer(command: str, settings: Sequence[Setting], atlas: str | None, question: Question) -> bytes:
+    """Return the line that answers a question: the reply that the command prints for this request with ``--json``."""
     query, resources = _query(command), _resources(atlas)
     try:
         if len(question.text) > resources.settings.max_body_bytes:
-            raise FieldError("", f"longer than {resources.settings.max_body_bytes:,} bytes")
-        reply = query.answer(read_request(query, question.text, also), resources)
+            raise FieldError("", f"the line is longer than {resources.settings.max_body_bytes:,} bytes")
+        parsed(question.text)  # a line is JSON and no table
+        request = read_source(Target.of(query), question.text, settings).request
+        return answer_line(question, json.loads(json_of(query.answer(request, resources))))
     except FieldError as error:
-        return answer_of(question, error=str(error).partition("\n")[0])
+        return answer_line(question, error=str(error).partition("\n")[0] if error.field else error.message)
     except AtlasError:
-        raise  # of all requests, not of this one
-    except Exception as error:  # one request must not end the study of all others
-        return answer_of(question, error=f"a fault of the program: {type(error).__name__}: {error}")
-    return answer_of(question, json_of(without_times(plain_of(reply))))
+        raise  # concerns all requests
+    except Exception as error:  # a faulty request must not end the study
+        return answer_line(question, error=f"a fault of the program: {type(error).__name__}: {error}")

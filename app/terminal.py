@@ -1,43 +1,24 @@
-"""What all commands share: arguments that several have, exit codes that tell a script of an answer it does not read, tables."""
+"""Text for a terminal: exit codes, tables, numbers with units, and a line that shows progress."""
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Callable, Iterable, Sequence
+import sys
+import threading
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import IntEnum
 from operator import attrgetter
-from pathlib import Path
 from typing import Any
 
-FILE: dict[str, str] = {}
-"""What completes the name of a file in each shell: shtab's, once it is asked for a completion."""
-
-
-def add_atlas(parser: Any, what: str = "the atlas") -> None:
-    parser.add_argument(
-        "--atlas",
-        type=Path,
-        metavar="FILE",
-        help=f"{what} (default: atlas.h5 here, or else the default one, built once in the cache folder)",
-    ).complete = FILE
-
-
-def whole_number(least: int, most: int | None = None) -> Callable[[str], int]:
-    """Reads a whole number from ``least`` to ``most``, as the type of an argument."""
-
-    def number(text: str) -> int:
-        value = int(text)
-        if value < least or (most is not None and value > most):
-            wanted = f"at least {least}" if most is None else f"{least} to {most}"
-            raise argparse.ArgumentTypeError(f"must be {wanted}, found {value}")
-        return value
-
-    return number
+DELAY = 1.0
+"""Seconds before progress is shown: most answers take less."""
+STEP = 0.2
+"""Seconds between two updates of the progress."""
 
 
 class Exit(IntEnum):
-    """Exit codes, each with one meaning; `MEANINGS` has them in words."""
+    """Exit codes of all commands."""
 
     OK = 0
     FAILED = 1
@@ -59,27 +40,52 @@ MEANINGS = {
     Exit.UNKNOWN: "unknown: nothing was found before the time was up",
     Exit.INTERRUPTED: "interrupted",
 }
-NOTHING = {
-    "infeasible": Exit.INFEASIBLE,
-    "never": Exit.INFEASIBLE,
-    "blocked": Exit.INFEASIBLE,
-    "unknown": Exit.UNKNOWN,
-}
-"""Statuses of replies that hold no answer; those of the scenes too."""
+NOTHING = {**dict.fromkeys(("infeasible", "never", "blocked"), Exit.INFEASIBLE), "unknown": Exit.UNKNOWN}
+"""Exit codes by the status of replies without an answer."""
 EPILOG = "exit codes:\n" + "\n".join(f"  {code:<4} {words}" for code, words in MEANINGS.items())
 
 
 def exit_of(request: Any, reply: Any) -> Exit:
-    """The exit code of a reply, from its status and whether the request says what is good enough."""
+    """Return the exit code for the status of a reply, and for whether the request has tolerances."""
     status = getattr(reply, "status", "")
     if status == "closest" and {"tolerance", "tolerances"} & request.model_fields_set:
         return Exit.CLOSEST
     return NOTHING.get(status, Exit.OK)
 
 
+@contextmanager
+def waiting(words: str, limit: float) -> Iterator[None]:
+    """Show the seconds that have passed on standard error while the block runs, if it is a terminal."""
+    if sys.stderr is None or not sys.stderr.isatty():
+        yield
+        return
+    done = threading.Event()
+
+    def draw() -> None:
+        seconds = DELAY
+        while not done.wait(DELAY if seconds == DELAY else STEP):
+            print(f"\r{words}: {seconds:.0f} s of at most {limit:g}", end="", file=sys.stderr, flush=True)
+            seconds += STEP
+        if seconds > DELAY:
+            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+
+    drawing = threading.Thread(target=draw, daemon=True)
+    drawing.start()
+    try:
+        yield
+    finally:
+        done.set()
+        drawing.join()
+
+
+def plural(count: int, noun: str) -> str:
+    """Return a count with its noun."""
+    return f"{count:,} {noun}{'' if count == 1 else 'es' if noun.endswith(('s', 'x', 'ch')) else 's'}"
+
+
 @dataclass(frozen=True)
 class Units:
-    """What a table calls the units of its request: of angle, and of length where that is known."""
+    """Names of the units of angle and length in a table; the length's is empty if it is not known."""
 
     angle: str = "deg"
     length: str = ""
@@ -88,11 +94,11 @@ class Units:
         return f"{word} {unit}" if unit else word
 
     def behind(self, unit: str) -> str:
-        """A unit as it stands behind a number; nothing where it is not known."""
+        """Return a unit as it follows a number."""
         return f" {unit}" if unit else ""
 
     def value(self, number: float | None, unit: str, digits: int = 3) -> str:
-        """An error with its unit."""
+        """Return a number with its unit; a dash for None."""
         return "-" if number is None else f"{number:.{digits}g}{self.behind(unit)}"
 
 
@@ -100,7 +106,7 @@ DEGREES = Units()
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
-    """Right-aligned columns under a head."""
+    """Lay out right-aligned columns under their heads."""
     cells = [[str(value) for value in row] for row in (head, *rows)]
     widths = [max(len(row[k]) for row in cells) for k in range(len(head))]
     lines = ["  ".join(value.rjust(width) for value, width in zip(row, widths)) for row in cells]
@@ -108,7 +114,7 @@ def table(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
 
 
 def columns(items: Iterable[Any], *shown: tuple[str, str, str | Callable[[Any], Any]]) -> str:
-    """A table with a row for each item: of each column the head, the format, and the attribute that it shows; a dash for None."""
+    """Lay out a row for each item. Each column has a head, a format and an attribute or function; None is shown as a dash."""
 
     def cell(item: Any, spec: str, what: str | Callable[[Any], Any]) -> str:
         value = attrgetter(what)(item) if isinstance(what, str) else what(item)
@@ -118,12 +124,12 @@ def columns(items: Iterable[Any], *shown: tuple[str, str, str | Callable[[Any], 
 
 
 def number(value: float | None, digits: int = 6) -> str:
-    """A number in as few characters as it needs; a dash for none."""
+    """Format a number in as few characters as it needs; a dash for None."""
     return "-" if value is None else f"{value:.{digits}g}"
 
 
 def left_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Columns of words under a head, the last one as long as it likes."""
+    """Lay out left-aligned columns of words under their heads; the last column is not padded."""
     widths = [max(len(row[k]) for row in (head, *rows)) for k in range(len(head) - 1)]
     rule = ["-" * width for width in widths] + ["-" * len(head[-1])]
     lines = [[cell.ljust(width) for cell, width in zip(row, widths)] + [row[-1]] for row in (head, rule, *rows)]

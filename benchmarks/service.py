@@ -132,9 +132,8 @@ class Service:
             raise RuntimeError(f"the service is not ready: {self.ready.body.decode()}")
 
     def processes(self) -> list[int]:
-        """The numbers of the service's processes, its own first; only that one without /proc."""
-        own = self.process.pid
-        return [own, *map(int, _proc(own, f"task/{own}/children").split())]
+        """Return the numbers of the service's processes, its own first; only that one without /proc."""
+        return [self.process.pid, *_below(self.process.pid)]
 
     def peak(self) -> int | None:
         """Bytes that its first process, which loads everything, held at most so far; None without /proc."""
@@ -159,23 +158,12 @@ class Service:
         found = {process: _times(process) for process in self.processes()}
         return {process: sum(times[:2]) for process, times in found.items() if times}
 
-    def settle(self) -> None:
-        """Wait until it has prepared all that it prepares once it is ready."""
-        spent, until = -1.0, time.perf_counter() + 120  # on a full disk something is missing for ever
-        while (now := sum(self.cpu_seconds().values())) - spent > 0.05 or (
-            time.perf_counter() < until and self.ask("GET", "/readyz").json()["preparing"]
-        ):
-            spent = now
-            time.sleep(1.0)
-            self.connection.close()
-        self.connection.close()  # perhaps the service has closed it meanwhile; it is opened again
 
-    def computing_seconds(self) -> float:
-        """Processor time of the processes that compute, those that have ended included; of all where there is only one."""
-        own, *others = self.processes()
-        if not others:
-            return sum(self.cpu_seconds().values())
-        return sum(_times(own)[2:]) + sum(sum(_times(process)[:2]) for process in others[1:])
+def _below(process: int) -> list[int]:
+    """Return the children of all threads of a process, and theirs."""
+    lists = Path(f"/proc/{process}/task").glob("*/children")
+    children = sorted(int(child) for each in lists for child in each.read_text().split())
+    return [each for child in children for each in (child, *_below(child))]
 
 
 def _times(process: int) -> list[float]:
@@ -187,12 +175,6 @@ def _times(process: int) -> list[float]:
 def _bytes(text: str, key: str) -> int:
     found = re.search(rf"^{key}:\s*(\d+)", text, re.MULTILINE)
     return 1024 * int(found[1]) if found else 0
-
-
-def status(process: int, key: str) -> str:
-    """What the system says of a process; empty once it has ended."""
-    found = re.search(rf"^{key}:\s*(\S+)", _proc(process, "status"), re.MULTILINE)
-    return found[1] if found else ""
 
 
 def _proc(process: int, name: str) -> str:
@@ -219,13 +201,15 @@ def environment(**settings: Any) -> dict[str, str]:
 
 
 @contextmanager
-def running(command: Callable[[int], list[str]], **settings: Any) -> Iterator[Service]:
+def running(command: Callable[[int], list[str]], root: Path = ROOT, **settings: Any) -> Iterator[Service]:
     """A service from its first answer at /readyz to the end of the block.
 
     Parameters
     ----------
     command : callable
         ``command(port)``, the command's words.
+    root : Path
+        The checkout that is measured.
     **settings
         Of `app.settings.Settings`; the others are at their defaults.
 
@@ -239,7 +223,7 @@ def running(command: Callable[[int], list[str]], **settings: Any) -> Iterator[Se
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))  # a port that nothing listens on
             port = probe.getsockname()[1]
-        begin, told = time.perf_counter(), {"cwd": ROOT, "env": environment(**settings), "stderr": subprocess.STDOUT}
+        begin, told = time.perf_counter(), {"cwd": root, "env": environment(**settings), "stderr": subprocess.STDOUT}
         with log.open("wb") as file:
             process = subprocess.Popen(command(port), stdout=file, **told)
         service = Service(process, port, log, http.client.HTTPConnection("127.0.0.1", port))

@@ -16,12 +16,12 @@ if TYPE_CHECKING:
     from linkage_atlas.answers import GuidedSolution, Match, Matches, Result, Solution
     from linkage_atlas.assemblies import Assembly
     from linkage_atlas.atlases import Atlas, build_atlas, load_atlas
-    from linkage_atlas.door import Live, prepare, synthesize
+    from linkage_atlas.batch import study
+    from linkage_atlas.door import prepare, synthesize
     from linkage_atlas.driving import Drives, drives
     from linkage_atlas.functions import FunctionResult, FunctionSolution, function
     from linkage_atlas.limits import Limits
     from linkage_atlas.linkages import FourBar, GuidedJoints, GuidedLinkage, Joints, assembly
-    from linkage_atlas.many_requests import StudyLocked, study
     from linkage_atlas.matching import match
     from linkage_atlas.motions import Motion
     from linkage_atlas.six_bars import SixBarJoints, SixBarLinkage
@@ -39,7 +39,7 @@ BATCH_COMMANDS = {
 """The commands of the batch job, which `data_build` runs."""
 
 _HOMES = {
-    "linkage_atlas.door": ("synthesize", "Live", "prepare"),
+    "linkage_atlas.door": ("synthesize", "prepare"),
     "linkage_atlas.matching": ("match",),
     "linkage_atlas.driving": ("drives", "Drives"),
     "linkage_atlas.functions": ("function", "FunctionResult", "FunctionSolution"),
@@ -51,7 +51,7 @@ _HOMES = {
     "linkage_atlas.assemblies": ("Assembly",),
     "linkage_atlas.answers": ("Result", "Solution", "GuidedSolution", "Matches", "Match"),
     "linkage_atlas.atlases": ("Atlas", "load_atlas", "build_atlas"),
-    "linkage_atlas.many_requests": ("study", "StudyLocked"),
+    "linkage_atlas.batch": ("study",),
     "synthesis.errors": ("FieldError", "AtlasError", "AtlasFault"),
     "synthesis.work": ("Work", "Cancelled", "OutOfTime"),
 }
@@ -74,7 +74,6 @@ __all__ = [
     "GuidedSolution",
     "Joints",
     "Limits",
-    "Live",
     "Match",
     "Matches",
     "Motion",
@@ -84,7 +83,6 @@ __all__ = [
     "SixBarLinkage",
     "SolidParts",
     "Solution",
-    "StudyLocked",
     "Work",
     "__version__",
     "add_batch_commands",

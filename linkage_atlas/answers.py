@@ -354,14 +354,6 @@ AnySolution: TypeAlias = Solution | GuidedSolution
 
 
 @dataclass(frozen=True)
-class Continued(Record):
-    """How an answer to a `live` request began."""
-
-    continued: bool
-    """Whether with what the last answer left."""
-
-
-@dataclass(frozen=True)
 class Report(Record):
     """How an answer came about."""
 
@@ -379,8 +371,8 @@ class Report(Record):
     exhaustive: bool | None
     """Whether all windows were considered; null for effort refine."""
     notes: list[str]
-    live: Continued | None = None
-    """With `live`: whether the search went on from the last answer."""
+    continued: list[int | None] | None = None
+    """With `start_from`: the rank of the solution to which each of its linkages led, null if there is none."""
     unseen: float | None = None
     """The estimated chance that a better linkage was missed: of the searches that say 10 %, one in ten was beaten by more than
     1 % by ten seconds of search. Of several kinds: that of the search that found the best. Null for exact answers, of a search
@@ -665,7 +657,7 @@ def _described(
         if isinstance(samples, Poses):
             faults += spin_faults(samples, turned[k])
         kind = None if one.row is None or type_of is None else type_of(one.row)
-        linkage = FourBar.of(one.linkage, own.radian, own.target)
+        linkage = FourBar.of(one.linkage, own.radian, own.target, own.length_unit)
         solutions.append(
             Solution(
                 rank=0,
@@ -714,7 +706,7 @@ def _guided_described(one: guided.GuidedSolution, motion: Motion, limits: Limits
     """A solution without studies."""
     samples, radian, allowed = motion.samples, motion.radian, motion.tolerances
     target = guided.as_target(samples, one.linkage, one.travel)
-    own = Motion.of(target, motion.degrees, allowed)
+    own = Motion.of(target, motion.degrees, allowed, motion.length_unit)
     way: dict[str, bool] = {"timed": True}
     strays = None
     if isinstance(samples, Poses):
@@ -724,7 +716,7 @@ def _guided_described(one: guided.GuidedSolution, motion: Motion, limits: Limits
     faults = guided.practical_faults(one, target, limits, strays)
     if isinstance(samples, Poses):
         faults += spin_faults(samples, guided.rotation_of(one, samples))
-    linkage = GuidedLinkage.of(one.linkage, radian, target)
+    linkage = GuidedLinkage.of(one.linkage, radian, target, own.length_unit)
     turns, turn = one.linkage.driver.turns, one.transmission_angle_min_turn
     kind: Any = one.linkage.kind.value
     return GuidedSolution(
@@ -772,7 +764,7 @@ def _guided_rounded(
         return GuidedRounded(**values)
     again, radian, free = found.solution, own.radian, isinstance(samples, Poses)
     target = guided.as_target(samples, again.linkage, again.travel)
-    linkage = GuidedLinkage.of(again.linkage, radian, target)
+    linkage = GuidedLinkage.of(again.linkage, radian, target, own.length_unit)
     turns = again.linkage.driver.turns
     values |= {
         "lengths": again.linkage.lengths,
@@ -914,9 +906,10 @@ def _rounded(
     if isinstance(asked, Poses):
         again = refined_in_place(asked, limits, again, motion.target.crank, work)
         if again.crank is not None:
-            motion = Motion.of(asked, motion.degrees, motion.tolerances).of_solution(again.linkage, again.crank)
+            free = Motion.of(asked, motion.degrees, motion.tolerances, motion.length_unit)
+            motion = free.of_solution(again.linkage, again.crank)
         values["crank_angle"] = in_turn(motion.target.crank, asked.ordered) / motion.radian
-    linkage = FourBar.of(again.linkage, motion.radian, motion.target)
+    linkage = FourBar.of(again.linkage, motion.radian, motion.target, motion.length_unit)
     dimensions = linkage.dimensions._asdict()
     del dimensions["branch"]
     values |= dimensions | {

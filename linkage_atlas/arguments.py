@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 from synthesis.errors import FieldError
 from synthesis.target import MAX_LENGTH
 
-MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
-"""Units of length of files that know one, and of inertia."""
+MILLIMETRES = {"um": 0.001, "mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4, "ft": 304.8}
+"""Units of length and their millimetres."""
 LARGEST = 1e12
 """Of speeds, forces, torques and masses, in the user's units."""
 
@@ -35,6 +35,11 @@ def radians_in(degrees: bool) -> float:
 def millimetres_in(unit: Any, where: str = "") -> float:
     """Millimetres in one unit of length; ``where``: what stands before its field in the name that an error has."""
     return MILLIMETRES[one_of(f"{where}length_unit", unit, MILLIMETRES)]
+
+
+def read_length_unit(unit: Any) -> str | None:
+    """Return a unit of length after a check; None if there is none."""
+    return None if unit is None else str(one_of("length_unit", unit, MILLIMETRES))
 
 
 def one_of(field: str, value: Any, known: Iterable[str]) -> Any:

@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike
 
 from linkage_atlas.answers import (
     FINISHING,
-    Continued,
     Report,
     Result,
     by_rounded,
@@ -71,7 +70,6 @@ from synthesis.free.screen import PathScreen
 from synthesis.free.search import path_screens, search_free
 from synthesis.from_linkage import refine_motion, refine_poses
 from synthesis.guided.search import NOTHING_ROUND
-from synthesis.kept import Kept
 from synthesis.ranking import APART, FAIR, PROPORTION, Status, distinct, motion_errors, spread
 from synthesis.search.search import DEFAULT_TOLERANCE, search
 from synthesis.search.seeds import SeedTables
@@ -114,9 +112,10 @@ FEW_POSES = (
     "infinitely many four-bars pass {0} poses exactly: those listed differ clearly from one another, and the first are compact "
     "with a good transmission angle; add a pose, or limits, to narrow the choice"
 )
-LIVE_SECONDS, LIVE_FINISHING, LIVE_FINISHING_EACH = 0.06, 0.1, 0.025
-"""Longest budget of an answer that goes on from the last, and the parts of it that are left for finishing: in any case, and for
-each of the first ten solutions."""
+MAX_STARTS = 10
+"""Maximum number of linkages in `start_from`."""
+_FOR_STARTS = 0.6
+"""Fraction of the budget for the refinement of the linkages of `start_from`."""
 _LAYERED, _LAYERED_LEAST, _FOR_LAYERS = 3, 20, 0.3
 """Where layers are preferred: times as many linkages whose layers are compared, and at least so many; and the part of a budget
 that is left for them."""
@@ -171,29 +170,6 @@ def prepare() -> None:
     screens("full_crank")
 
 
-class Live:
-    """What one answer leaves for the next, while a motion is being changed: `synthesize` begins with it, and leaves its own.
-
-    Attributes
-    ----------
-    state : bytes
-        The best linkages so far, to be kept or sent elsewhere; none: nothing to begin with.
-
-    Examples
-    --------
-    >>> import linkage_atlas as la
-    >>> live, path = la.Live(), [[0, 0], [40, 10], [60, 40], [40, 60], [0, 50]]
-    >>> la.synthesize(position=path, timing="free", live=live).report.live.continued
-    False
-    >>> path[2] = [62, 41]
-    >>> la.synthesize(position=path, timing="free", live=live).report.live.continued
-    True
-    """
-
-    def __init__(self, state: bytes = b"") -> None:
-        self.state = state
-
-
 class MotionAndStudies(TypedDict, total=False):
     """Arguments of a `Motion` by name, and studies of each solution as of `Solution.studied`."""
 
@@ -235,7 +211,7 @@ def synthesize(
     refine_from: StartingLinkage | None = None,
     atlas: Atlas | None = None,
     work: Callable[[float | None], Work] = Work,
-    live: Live | None = None,
+    start_from: Sequence[StartingLinkage] | None = None,
     mechanisms: Sequence[KindName] | Literal["all"] | None = None,
     driver: DriverName | None = None,
     **more: Unpack[MotionAndStudies],
@@ -273,8 +249,10 @@ def synthesize(
         For effort "atlas"; default: as for `match`.
     work : callable
         Makes what watches over time and cancellation from a budget in seconds.
-    live : Live, optional
-        What the last answer left, while a motion is being changed: this one begins with it, in at most 60 ms, and leaves its own.
+    start_from : sequence of FourBar, Solution or mapping, optional
+        Linkages to begin with, for example the one on show while a motion is changed. Each is refined to its nearest optimum
+        within the limits before the search begins; ``report.continued`` has the rank of each result. With free timing each
+        is a solution or its plain values, since its mount is needed.
     mechanisms : sequence of str or "all", optional
         Kinds of mechanism: "four_bar" (default alone), "slider_crank", "swinging_block", "rail_slot", "two_rails", "two_slots".
         Of several kinds those come back that no other one driven alike beats in error, size and transmission angle at once.
@@ -305,6 +283,9 @@ def synthesize(
         raise FieldError("/effort", f"wanted 'refine' or 'atlas', found {effort!r}")
     if effort == "atlas" and refine_from is not None:
         raise FieldError("/refine_from", "rows of the atlas are not refined: only effort 'refine' does that")
+    if start_from is not None and (effort == "atlas" or refine_from is not None):
+        other = "effort 'atlas'" if effort == "atlas" else "refine_from"
+        raise FieldError("/start_from", f"a search begins with these linkages, and with {other} there is none")
     check_top(top)
     check_above_zero(budget=budget)
     tolerance = number("tolerance", tolerance, 0.0)
@@ -321,17 +302,10 @@ def synthesize(
         raise FieldError("/effort", "the atlas holds curves over crank angles: with free ones only 'refine' answers")
     kinds = read_kinds(mechanisms, driver, wanted)
     if not kinds.four_bars_alone:
-        check_kinds_alone(effort, refine_from, live)
+        check_kinds_alone(effort, refine_from, start_from)
     # made once, by whoever asks first: no part of this request's time
     source: SeedTables | Scan | Start
     source = seed_tables() if effort == "refine" else (atlas := atlas or default_atlas()).scan
-    if live is not None:
-        if effort == "atlas" or refine_from is not None:
-            raise FieldError(
-                "/live", "a search goes on from its last answer; without one there is nothing to go on from"
-            )
-        budget = LIVE_SECONDS if budget is None else min(budget, LIVE_SECONDS)
-    begun = None if live is None else Kept.unpacked(live.state)
     watch = work(budget)
     notes, kept, studies = wanted.notes(), read_limits(limits, wanted), read_studies(asked, wanted)
     notes += _envelope_notes(wanted, kept)
@@ -339,6 +313,7 @@ def synthesize(
         source = read_start(refine_from, wanted.degrees)
         _check_start(source, wanted)
         notes.append(LOCAL)
+    starts = [] if start_from is None else _read_starts(start_from, wanted)
     if studies.drives is not None:
         check_asked(studies.drives, wanted.radian)
     if studies.analysis is not None:
@@ -354,12 +329,11 @@ def synthesize(
         studies,
         _fair_within(limits, wanted, kept, source),
         watch,
-        FINISHING if live is None else LIVE_FINISHING + LIVE_FINISHING_EACH * min(top, 10),
     )
     if kinds.four_bars_alone:
         check_sliders_alone(kept)
         check_lengths(studies, kept)
-        found, course, studies, look = _best_four_bars(question, source, begun)
+        found, course, studies, look = _best_four_bars(question, source, starts)
     else:
         found, course, studies, look = _best_of_kinds(question, kinds)
     notes += course.notes
@@ -406,12 +380,10 @@ def synthesize(
         stopped_by=course.stopped_by,
         length_scale=None if wanted.samples.position is None else wanted.samples.length_scale,
         notes=notes,
-        live=None if begun is None else Continued(bool(len(begun.branch))),
+        continued=None if start_from is None else _ranks_of(course.continued, solutions),
         unseen=None if cut_short else course.unseen,
         **course.counts,
     )
-    if live is not None and course.left is not None:
-        live.state = course.left.packed()
     return Result(status, list(solutions), report)
 
 
@@ -437,8 +409,6 @@ class _Question:
     fair: _Fair | None
     """See `_fair_within`."""
     watch: Work
-    spare: float
-    """Part of the budget beyond it that is left for finishing."""
 
     @property
     def by_error(self) -> bool:
@@ -452,11 +422,11 @@ class _Question:
 
     def searching(self, less: float = 0.0) -> Work:
         """What watches over the search; ``less``: the part of the budget that is left for what comes after it."""
-        return self.watch.extended(-self.spare - less)
+        return self.watch.extended(-FINISHING - less)
 
 
-def _best_four_bars(question: _Question, source: SeedTables | Scan | Start, begun: Kept | None) -> Answered:
-    """The best four-bars."""
+def _best_four_bars(question: _Question, source: SeedTables | Scan | Start, starts: Sequence[Start]) -> Answered:
+    """Find the best four-bars."""
     wanted, kept, prefers, top = question.motion, question.limits, question.prefers, question.top
     studies, searching = question.studies, question.searching()
     goal = question.tolerance if question.by_error else goal_of(_allowed(wanted), question.tolerance)
@@ -472,8 +442,9 @@ def _best_four_bars(question: _Question, source: SeedTables | Scan | Start, begu
     ) -> tuple[list[Solution], Course]:
         return _search(source, asked, within, most, near, work, rounds)
 
+    continued = [_continued(question, start, goal) for start in starts]
     pool = many + _POOL * bool(question.fair)
-    found, course = _search(source, wanted, kept, pool, goal, question.searching(wish), begun=begun)
+    found, course = _search(source, wanted, kept, pool, goal, question.searching(wish))
     if question.fair:
         work = question.searching(wish)
         found, course = _with_fair(found, course, source, wanted, question.fair, many, goal, work)
@@ -494,7 +465,48 @@ def _best_four_bars(question: _Question, source: SeedTables | Scan | Start, begu
         course = course.ended_by(searching.expired())
     if question.diverse:
         found = spread(found, top, DIVERSE_LOSS, goal)
+    if continued:
+        found, continued = _with_continued(found, continued, many, question.by_error)
+        course = course._replace(continued=continued)
     return found, course, studies, look
+
+
+def _continued(question: _Question, start: Start, goal: float) -> Solution | None:
+    """Refine a given linkage in its fraction of the time; return None if that leads to nothing within the limits."""
+    work = question.searching()
+    found, _ = _search(start, question.motion, question.limits, 1, goal, work.part(_FOR_STARTS * work.budget))
+    return found[0] if found else None
+
+
+def _with_continued(
+    found: Sequence[Solution], continued: Sequence[Solution | None], top: int, by_error: bool
+) -> tuple[list[Solution], list[Solution | None]]:
+    """Return at most ``top`` linkages with those of ``continued`` among them, and those of ``continued`` as they are there.
+
+    A linkage that was both found and continued is there once, with the smaller of its errors.
+    """
+    every, held = list(found), list(continued)
+    for k, solution in enumerate(held):
+        if solution is None:
+            continue
+        twin = next((other for other in every if len(distinct([other, solution], 2)) == 1), None)
+        if twin is not None:
+            if twin.errors.objective <= solution.errors.objective:
+                held[k] = twin
+                continue
+            every.remove(twin)
+            held = [solution if other is twin else other for other in held]
+        worse = (j for j, other in enumerate(every) if other.errors.objective > solution.errors.objective)
+        every.insert(next(worse, len(every)) if by_error else len(every), solution)
+    others = [other for other in every if all(other is not one for one in held)]
+    dropped = others[max(0, len(others) - max(0, len(every) - top)) :]
+    return [one for one in every if all(one is not other for other in dropped)], held
+
+
+def _ranks_of(continued: Sequence[Solution | None], solutions: Sequence[Any]) -> list[int | None]:
+    """Return the rank of each linkage among the finished solutions; None if it is not there."""
+    ranks = {id(solution.origin.found): solution.rank for solution in solutions}
+    return [ranks.get(id(one)) for one in continued]
 
 
 def _best_of_kinds(question: _Question, kinds: Kinds) -> Answered:
@@ -603,7 +615,6 @@ def _search(
     tolerance: float,
     work: Work,
     rounds: int | None = None,
-    begun: Kept | None = None,
 ) -> tuple[list[Solution], Course]:
     """The best linkages: by the search with free crank angles or with given ones, from the atlas, or from a given linkage."""
     counts: dict[str, Any] = {"seeds": None, "windows": None, "exhaustive": None}
@@ -617,19 +628,19 @@ def _search(
         return found, Course({"screen": searched}, trace, stopped_by, counts)
     samples = motion.samples
     if isinstance(source, Start):
-        with pointing_to_start():
+        with pointing_to_start(source.place):
             if isinstance(samples, Poses):
                 found, report = refine_poses(samples, limits, source.linkage, source.crank, tolerance, work)
             else:
                 found, report = refine_motion(samples, limits, source.linkage, tolerance, work)
     elif isinstance(samples, Poses):
-        found, report = search_free(samples, limits, top, tolerance, work, screens, source.windows, rounds, begun)
+        found, report = search_free(samples, limits, top, tolerance, work, screens, source.windows, rounds)
     else:
-        found, report = search(source, samples, limits, top, tolerance, work, kept=begun)
+        found, report = search(source, samples, limits, top, tolerance, work)
         found = smaller_first(found, samples)
     stages = {"screen": report.screen_seconds, "refine": work.elapsed - report.screen_seconds}
     counts["seeds"] = report.seeds
-    return found, Course(stages, report.trace, report.stopped_by.value, counts, report.kept, report.unseen)
+    return found, Course(stages, report.trace, report.stopped_by.value, counts, report.unseen)
 
 
 class _Fair(NamedTuple):
@@ -866,7 +877,9 @@ def _measure(prefer: Prefer, motion: Motion, limits: Limits) -> _Measure:
 
     def shorter(span: float) -> tuple[Motion, Limits]:
         assert isinstance(samples, Poses)
-        return Motion.of(replace(samples, span_max=span), motion.degrees, motion.tolerances), limits
+        return Motion.of(
+            replace(samples, span_max=span), motion.degrees, motion.tolerances, motion.length_unit
+        ), limits
 
     return {
         "size": _Measure(lambda one: measures_of(one, samples, 0.0).size, smaller, _SMALLEST, 0.03),
@@ -886,28 +899,32 @@ class Start(NamedTuple):
     """(N,): its crank angles at the samples, from the first."""
     offset: float | None = None
     """Of a function generator: the output less the rocker's angle."""
+    place: str = "refine_from"
+    """The argument that holds it."""
 
 
-def _in_start(field: str) -> str:
-    """Where ``refine_from`` has a field of a linkage."""
-    link = field.lstrip("/") in ("crank", "coupler", "rocker", "ground")
-    return f"/refine_from{'/links' if link else ''}{field}"
+def pointing_to_start(place: str = "refine_from") -> AbstractContextManager[None]:
+    """Make errors of the linkage's fields point into an argument."""
+
+    def within(field: str) -> str:
+        link = field.lstrip("/") in ("crank", "coupler", "rocker", "ground")
+        return f"/{place}{'/links' if link else ''}{field}"
+
+    return pointing(within)
 
 
-def pointing_to_start() -> AbstractContextManager[None]:
-    """Errors of the linkage's fields point into ``refine_from``."""
-    return pointing(_in_start)
+def read_start(given: StartingLinkage, degrees: bool, place: str = "refine_from") -> Start:
+    """Read a linkage to refine: a `FourBar`, a solution, or the plain values of either in the request's unit of angle.
 
-
-def read_start(given: StartingLinkage, degrees: bool) -> Start:
-    """The linkage to refine: a `FourBar`, a solution, or what either gives as plain values in the request's unit of angle.
-
-    Raises `FieldError`: naming the field within ``refine_from``.
+    Raises
+    ------
+    FieldError
+        With the field within the argument ``place``.
     """
     if isinstance(given, FourBar):
-        return _checked(given)
+        return _checked(given, place)
     if isinstance(given, Mapping):
-        with pointing_to_start():
+        with pointing_to_start(place):
             try:
                 linkage = FourBar.from_dict(given, degrees)
             except (KeyError, TypeError, ValueError) as error:
@@ -919,31 +936,45 @@ def read_start(given: StartingLinkage, degrees: bool) -> Start:
         found: Any = getattr(given, "linkage", None)
         crank, offset = getattr(given, "crank_angle", None), getattr(given, "output_offset", None)
         if not isinstance(found, FourBar):
-            raise FieldError("/refine_from", "wanted a FourBar, a solution, or its plain values")
+            raise FieldError(f"/{place}", "wanted a FourBar, a solution, or its plain values")
         linkage = found
     radian = np.pi / 180 if linkage.degrees else 1.0
-    angles = None if crank is None else column("refine_from/crank_angle", crank) * radian
+    angles = None if crank is None else column(f"{place}/crank_angle", crank) * radian
     if angles is not None and not np.isfinite(angles).all():
-        raise FieldError("/refine_from/crank_angle", "wanted finite numbers")
-    own = None if offset is None else number("refine_from/output_offset", offset) * radian
-    return _checked(linkage)._replace(crank=angles, offset=own)
+        raise FieldError(f"/{place}/crank_angle", "wanted finite numbers")
+    own = None if offset is None else number(f"{place}/output_offset", offset) * radian
+    return _checked(linkage, place)._replace(crank=angles, offset=own)
 
 
-def _checked(given: FourBar) -> Start:
+def _checked(given: FourBar, place: str) -> Start:
     """A linkage whose numbers can be computed with, its angles within a turn."""
     one = given.plain
     for name, length in zip(("crank", "coupler", "rocker", "ground"), one.links):
         if not MIN_LENGTH <= length <= MAX_LENGTH:
-            field = f"/refine_from/links/{name}"
+            field = f"/{place}/links/{name}"
             raise FieldError(field, f"wanted a length from {MIN_LENGTH:g} to {MAX_LENGTH:g}, found {length:g}")
         if length * FAR < max(one.links):
-            raise FieldError(f"/refine_from/links/{name}", f"wanted no link more than {FAR:g} times another")
+            raise FieldError(f"/{place}/links/{name}", f"wanted no link more than {FAR:g} times another")
     point = one.coupler_point
     for name, angles in (("start_angle", one.start), ("mount/ground_angle", one.ground_angle)):
-        number(f"refine_from/{name}", angles)
+        number(f"{place}/{name}", angles)
     if point is not None and not (np.isfinite(point).all() and point[0] >= 0):
-        raise FieldError("/refine_from/mount/coupler_point", "wanted a radius of at least 0 and an angle")
-    return Start(replace(one, start=one.start % TURN, ground_angle=wrap(one.ground_angle)))
+        raise FieldError(f"/{place}/mount/coupler_point", "wanted a radius of at least 0 and an angle")
+    return Start(replace(one, start=one.start % TURN, ground_angle=wrap(one.ground_angle)), place=place)
+
+
+def _read_starts(given: Sequence[StartingLinkage], motion: Motion) -> list[Start]:
+    """Read the linkages of ``start_from``."""
+    if not 1 <= len(given) <= MAX_STARTS:
+        raise FieldError("/start_from", f"wanted 1 to {MAX_STARTS} linkages, found {len(given)}")
+    starts = []
+    for k, linkage in enumerate(given):
+        start = read_start(linkage, motion.degrees, f"start_from/{k}")
+        if start.crank is not None and start.crank.shape != (motion.asked.samples,):  # samples were added or removed
+            start = start._replace(crank=None)
+        _check_start(start, motion)
+        starts.append(start)
+    return starts
 
 
 def _check_start(begin: Start, motion: Motion) -> None:
@@ -951,19 +982,19 @@ def _check_start(begin: Start, motion: Motion) -> None:
     one, asked = begin.linkage, motion.asked
     if motion.free:
         if not one.mounted:
-            raise FieldError("/refine_from/mount", "needed, with its coupler point: the crank angles are free")
+            raise FieldError(f"/{begin.place}/mount", "needed, with its coupler point: the crank angles are free")
         if begin.crank is not None and begin.crank.shape != (asked.samples,):
             found = begin.crank.size
-            raise FieldError("/refine_from/crank_angle", f"wanted {asked.samples} crank angles, found {found}")
+            raise FieldError(f"/{begin.place}/crank_angle", f"wanted {asked.samples} crank angles, found {found}")
     if asked.position is not None and one.mounted:
-        _check_place(one, asked)
+        _check_place(one, asked, begin.place)
 
 
-def _check_place(one: Linkage, samples: Samples) -> None:
+def _check_place(one: Linkage, samples: Samples, place: str) -> None:
     """FieldError for a linkage that is too far from the positions, too large or too small beside them."""
     assert samples.position is not None and one.coupler_point is not None
     scale = samples.length_scale
     if abs(one.pivot_a - complex(samples.position_mean(samples.position))) > FAR * scale:
-        raise FieldError("/refine_from/mount/pivot_a", f"lies farther than {FAR:g} times the motion's extent from it")
+        raise FieldError(f"/{place}/mount/pivot_a", f"lies farther than {FAR:g} times the motion's extent from it")
     if max(one.coupler_point[0], *one.links) > FAR * scale or min(one.links) * FAR < scale:
-        raise FieldError("/refine_from/links", f"wanted lengths within {FAR:g} times the motion's extent, either way")
+        raise FieldError(f"/{place}/links", f"wanted lengths within {FAR:g} times the motion's extent, either way")

@@ -440,7 +440,7 @@ def drives(
     crank_angle: ArrayLike | None = None,
     rocker: Mapping[str, Any] | None = None,
     hand: ArrayLike | None = None,
-    length_unit: Literal["mm", "cm", "m", "in"] = "mm",
+    length_unit: str | None = None,
     top: int = 5,
     degrees: bool = True,
     budget: float | None = None,
@@ -470,8 +470,9 @@ def drives(
         In place of a linkage a link on a hinge: ``pivot`` [x, y], ``start`` and ``swing`` (angles), ``length``.
     hand : array_like, shape (2,), optional
         A place on the body at the first position, for the force of a hand there.
-    length_unit : {"mm", "cm", "m", "in"}
-        The unit of its lengths, for catalogues that come along; forces are then in newtons.
+    length_unit : {"um", "mm", "cm", "m", "in", "ft"}, optional
+        Unit of its lengths, for the bundled catalogues; forces are then in newtons. Default: the unit of the motion, or
+        millimetres.
     top : int
         Drives of each kind at most.
     degrees : bool
@@ -502,6 +503,8 @@ def drives(
     check_top(top)
     check_above_zero(budget=budget)
     watch = work(budget)
+    if length_unit is None:
+        length_unit = next((unit for one in (motion, linkage) if (unit := _unit_of(one))), "mm")
     millimetres = millimetres_in(length_unit)
     if rocker is not None:
         if any(one is not None for one in (linkage, motion, crank_angle)):
@@ -546,7 +549,14 @@ class _Place(NamedTuple):
         return masses_of_parts(self.view.plain, ends_of(self.samples), length_unit)
 
     @classmethod
-    def of(cls, linkage: Linkage | Guided, crank: Floats, radian: float, target: Target | None = None) -> _Place:
+    def of(
+        cls,
+        linkage: Linkage | Guided,
+        crank: Floats,
+        radian: float,
+        target: Target | None = None,
+        length_unit: str | None = None,
+    ) -> _Place:
         """A linkage over the way between the least and the largest travel of its drive at the samples, perhaps of a motion."""
         ends, four_bar = ends_of(crank), isinstance(linkage, Linkage)
         if not abs(ends.last - ends.first) > (1e-6 if four_bar else 0.0):
@@ -555,7 +565,8 @@ class _Place(NamedTuple):
         if isinstance(linkage, Guided) and not linkage.closes_over(ends.after(linkage.start)):
             raise FieldError("/linkage", "does not close over its way")
         coarse, fine = (motions_of(linkage, ends, many) for many in (SAMPLES, FINE))
-        view = FourBar.of(linkage, radian, target) if four_bar else GuidedLinkage.of(linkage, radian, target)
+        kind = FourBar if four_bar else GuidedLinkage
+        view = kind.of(linkage, radian, target, length_unit)
         place = cls(lambda at: motions_at(linkage, at), coarse, fine, radian, crank, view)
         place.check()
         return place
@@ -617,6 +628,12 @@ class _Place(NamedTuple):
         return ""
 
 
+def _unit_of(given: Any) -> str | None:
+    """Return the unit of lengths of a motion, a linkage or a solution; None if it is unknown."""
+    unit: str | None = getattr(getattr(given, "linkage", given), "length_unit", None)
+    return unit
+
+
 def _place_of(linkage: Any, motion: Motion | None, crank_angle: ArrayLike | None, degrees: bool) -> _Place:
     """The linkage over the way that a motion, its own or given crank angles say."""
     given = None if crank_angle is None else np.atleast_1d(column("crank_angle", crank_angle))
@@ -642,7 +659,7 @@ def _place_of(linkage: Any, motion: Motion | None, crank_angle: ArrayLike | None
         way, target = one.way, one._motion
     else:
         raise FieldError("/crank_angle", "needed: this linkage answers no motion that would say its way")
-    return _Place.of(one.plain, way, radian, target)
+    return _Place.of(one.plain, way, radian, target, one.length_unit)
 
 
 def read_asked(

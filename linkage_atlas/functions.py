@@ -71,6 +71,8 @@ UNITS = ("deg", "rad", LENGTH)
 _LIMITS = ("transmission_angle_min", "link_min", "link_max", "link_ratio_max", "links", "offset", "family", "preset")
 _LINKS = {"crank": "crank", "coupler": "rod", "ground": "ground"}
 """Names of limits' links, and of the lengths that they are."""
+MIN_PAIRS = 2
+"""Minimum number of pairs of a function; two leave freedom, and the answers are a spread of exact linkages."""
 _OTHERS = "; `input_unit` and `output_unit` say what is a length"
 _SHOWN = 361
 """Places of an error curve."""
@@ -263,7 +265,7 @@ def render(
     travel = wanted.crank * (1.0 if dial.input == ANGLE else scales.length)
     if kind != "csv":
         shown = type(linkage).of(linkage.plain, radian, Target(None, None, crank=travel))
-        return shown.render(kind, length_unit=length_unit)
+        return shown.render(kind, length_unit=None if kind == "svg" else length_unit)
     if isinstance(linkage, FourBar):
         return to_csv(wanted, linkage.plain, output_offset * radian, radian)
     plain = linkage.plain
@@ -359,7 +361,7 @@ def function(
     Parameters
     ----------
     output : array_like, shape (N,), or callable, optional
-        Rocker angles at the samples, continuous, up to a constant; falling ones turn against a rising input. 3 to 1,024.
+        Rocker angles at the samples, continuous, up to a constant; falling ones turn against a rising input. 2 to 1,024.
         Or y = f(x) on two linear dials: a callable of arrays or of numbers.
     crank_span : float, optional
         Crank angle from the first sample to the last, evenly spaced; negative: clockwise.
@@ -527,7 +529,13 @@ def function(
             "with more samples the largest error would mean more"
         )
     notes += told if begin is None else []
-    if solutions and solutions[0].determination.ill_posed:
+    few = wanted.crank.size == MIN_PAIRS and wanted.exact is None
+    if few and found and found[0].errors.objective < tolerance:
+        notes.append(
+            "two pairs leave freedom: these are some of many linkages that pass through both; a third pair or limits choose "
+            "among them" + (", and between the pairs a straight line is wanted" if largest else "")
+        )
+    elif solutions and solutions[0].determination.ill_posed:
         notes.append("the problem is ill-posed: quite different linkages make this function to within the resolution")
     return asked.result(found, solutions, limits, course, searched, watch, notes, begin is not None)
 
@@ -622,7 +630,9 @@ def _in_radians(
         values = column("output", output) * of_output
     given = None if weights is None else column("weights", weights)
     try:
-        target = make_target(rotation=values, crank_span=span, crank_angle=angles, rotation_weights=given)
+        target = make_target(
+            rotation=values, crank_span=span, crank_angle=angles, rotation_weights=given, min_samples=MIN_PAIRS
+        )
     except FieldError as error:
         named = {"/rotation": "/output", "/crank_angle": "/input", "/crank_span": "/crank_span"}
         named["/weights/rotation"] = "/weights"
@@ -645,7 +655,7 @@ def _finite(name: str, given: ArrayLike | None) -> Floats:
     """Samples that tell how far an input or output goes."""
     values: Floats = column(name, given)  # type: ignore[arg-type]
     if values.ndim != 1 or values.size < 2 or not np.isfinite(values).all():
-        raise FieldError(f"/{name}", "wanted at least 3 finite numbers")
+        raise FieldError(f"/{name}", f"wanted at least {MIN_PAIRS} finite numbers")
     return values
 
 
@@ -1063,8 +1073,8 @@ def read_dials(function: Mapping[str, Any], crank_span: float | None, degrees: b
 
 def _table(table: Any) -> tuple[Floats, Floats]:
     rows = column("function/table", table)
-    if rows.ndim != 2 or rows.shape[1] != 2 or not MIN_SAMPLES <= len(rows) <= MAX_SAMPLES:
-        raise FieldError("/function/table", f"wanted {MIN_SAMPLES} to {MAX_SAMPLES} pairs [x, y]")
+    if rows.ndim != 2 or rows.shape[1] != 2 or not MIN_PAIRS <= len(rows) <= MAX_SAMPLES:
+        raise FieldError("/function/table", f"wanted {MIN_PAIRS} to {MAX_SAMPLES} pairs [x, y]")
     if np.any(bad := ~np.isfinite(rows).all(axis=1)):
         raise FieldError(f"/function/table/{int(np.argmax(bad))}", "wanted finite numbers")
     x, y = rows.T

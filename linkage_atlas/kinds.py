@@ -31,7 +31,6 @@ from synthesis.guided.by_crank import BY_CRANK, linkages_by_crank
 from synthesis.guided.linkage import Driver, GuidedLinkage, Kind
 from synthesis.guided.search import NOTHING_ROUND, search_guided
 from synthesis.guided.solution import broken_limits
-from synthesis.kept import Kept
 from synthesis.ranking import APART, FAIR, behind, by_proportion, distinct
 from synthesis.search.search import StoppedBy
 from synthesis.target import Samples, Target
@@ -142,12 +141,12 @@ def _check(asked: Kinds, motion: Motion) -> None:
         raise FieldError(f"/{field}", "linkages with sliders need rotation and position at two samples or more")
 
 
-def check_kinds_alone(effort: str, refine_from: Any, live: Any) -> None:
+def check_kinds_alone(effort: str, refine_from: Any, start_from: Any) -> None:
     """FieldError for what only a request for four-bars alone can have."""
     for name, asked, why in (
         ("effort", effort == "atlas", "the atlas holds four-bars alone"),
         ("refine_from", refine_from is not None, "four-bars alone are refined"),
-        ("live", live is not None, "only the search among four-bars goes on from its last answer"),
+        ("start_from", start_from is not None, "only the search among four-bars begins with given linkages"),
     ):
         if asked:
             raise FieldError(f"/{name}", f"{why}: leave `mechanisms` out")
@@ -224,10 +223,10 @@ class Course(NamedTuple):
     trace: list[tuple[float, float]]
     stopped_by: str
     counts: dict[str, Any]
-    left: Kept | None = None
-    """For the search after it, where that was asked for."""
     unseen: float | None = None
     notes: Sequence[str] = ()
+    continued: Sequence[fourbar.Solution | None] = ()
+    """The result of each linkage of `start_from`."""
 
     def ended_by(self, time_up: bool) -> Course:
         """The same, ended by its budget if the time was up."""

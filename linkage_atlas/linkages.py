@@ -12,7 +12,17 @@ from typing import Annotated, Any, Literal, NamedTuple, Self, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkage_atlas.arguments import column, known_fields, millimetres_in, number, one_of, pair, radians_in
+from linkage_atlas.arguments import (
+    column,
+    known_fields,
+    millimetres_in,
+    number,
+    one_of,
+    pair,
+    pointing,
+    radians_in,
+    read_length_unit,
+)
 from linkage_atlas.assemblies import Assembly, assembled, read_assembly
 from linkage_atlas.formats import FORMATS, HELD, OF_PARTS, kind_of
 from linkage_atlas.motions import Motion
@@ -53,15 +63,17 @@ class AnyLinkage(ABC):
     _linkage: Any
     _radian: float
     _motion: Target | None
+    length_unit: str | None = None
+    """Unit of its lengths, taken over from the motion; None if it is unknown: files then take millimetres."""
     _drive: str
     """What moves it, in a sentence."""
 
     @classmethod
-    def of(cls, linkage: Any, radian: float, motion: Target | None) -> Self:
-        """The view of a linkage that answers a motion, whose crank angles are the travel of its drive."""
-        one = object.__new__(cls)
-        one._linkage, one._radian, one._motion = linkage, radian, motion
-        return one
+    def of(cls, linkage: Any, radian: float, motion: Target | None, length_unit: str | None = None) -> Self:
+        """Return the view of a linkage that answers a motion, whose crank angles are the travel of its drive."""
+        view = object.__new__(cls)
+        view._linkage, view._radian, view._motion, view.length_unit = linkage, radian, motion, length_unit
+        return view
 
     @property
     def degrees(self) -> bool:
@@ -177,7 +189,7 @@ class AnyLinkage(ABC):
         motion: Motion | None = None,
         crank_angle: ArrayLike | None = None,
         *,
-        length_unit: str = "mm",
+        length_unit: str | None = None,
         work: Work | None = None,
         **asked: Any,
     ) -> SolidParts:
@@ -187,8 +199,8 @@ class AnyLinkage(ABC):
         ----------
         motion, crank_angle, work
             As of `assembly`; of a drive that slides ``crank_angle`` is its travel.
-        length_unit : {"mm", "cm", "m", "in"}
-            The unit of its lengths; solids are in millimetres.
+        length_unit : {"um", "mm", "cm", "m", "in", "ft"}, optional
+            Unit of its lengths; default: the unit of the motion, or millimetres. Solids are in millimetres.
         fit : {"H7", "print"}
             How pins fit. "H7": drawn at the nominal size, with tolerances in the parts list. "print": with 0.4 mm play where a
             plate turns and 0.1 mm where it holds the pin, and plates and gaps that a printer makes well.
@@ -220,7 +232,8 @@ class AnyLinkage(ABC):
         """
         of_assembly, of_solids = split(asked)
         target = self.target_of(motion, crank_angle)
-        return self._solids(target, of_assembly, read_solids(of_solids, ""), length_unit, work or Work(), "")
+        unit = self.unit_for(motion, length_unit) or "mm"
+        return self._solids(target, of_assembly, read_solids(of_solids, ""), unit, work or Work(), "")
 
     def _solids(
         self,
@@ -238,7 +251,7 @@ class AnyLinkage(ABC):
         self,
         kind: str,
         motion: Motion | None = None,
-        length_unit: str = "mm",
+        length_unit: str | None = None,
         crank_angle: ArrayLike | None = None,
         analysis: Mapping[str, Any] | None = None,
         plates: Mapping[str, float] | None = None,
@@ -257,8 +270,8 @@ class AnyLinkage(ABC):
             ``plates``: a DXF of the links as plates to cut. ``stl``: a zip file with a file a part. ``parts``: a list (CSV).
         motion : Motion, optional
             What was asked for; default: the motion that the linkage answers, or else a whole turn.
-        length_unit : {"mm", "cm", "m", "in"}
-            The unit of its lengths, for files that know one.
+        length_unit : {"um", "mm", "cm", "m", "in", "ft"}, optional
+            Unit of its lengths; default: the unit of the motion, or millimetres.
         crank_angle, travel : array_like, shape (N,), optional
             Of a motion whose timing is free: crank angles, or the place of a drive that slides, from the first sample on.
         analysis : mapping, optional
@@ -280,15 +293,21 @@ class AnyLinkage(ABC):
         assembly, drive = with_motor(kind, assembly, drive)
         arranged = bool(assembly or solids)
         made = read_solids(solids or {})
+        unit = self.unit_for(motion, length_unit)
+        if analysis is not None and unit is not None:
+            analysis = {"length_unit": unit, **analysis}
         read_assembly(assembly or {})  # what is wrong there is told also where masses are left out
 
         def parts(nevertheless: bool) -> SolidParts:
             asked = made._replace(nevertheless=True) if nevertheless else made
-            return self._solids(target, assembly or {}, asked, length_unit, work or Work())
+            return self._solids(target, assembly or {}, asked, unit or "mm", work or Work())
 
-        return content_of(
-            self._linkage, target, self._radian, kind, length_unit, analysis, drive, parts, plates, arranged
-        )
+        return content_of(self._linkage, target, self._radian, kind, unit, analysis, drive, parts, plates, arranged)
+
+    def unit_for(self, motion: Motion | None, length_unit: str | None) -> str | None:
+        """Return the unit of lengths that is given, or that of the motion or of the linkage; None if it is unknown."""
+        own = self.length_unit if motion is None or motion.length_unit is None else motion.length_unit
+        return own if length_unit is None else read_length_unit(length_unit)
 
     def render(self, kind: str, *arguments: Any, **more: Any) -> str:
         """The linkage as the text of a file; arguments as of `file`. FieldError for 3MF and STL, which are no text."""
@@ -296,7 +315,7 @@ class AnyLinkage(ABC):
             raise FieldError("/kind", f"{kind} is no text: `file` has its content, and `save` writes it")
         return self.file(kind, *arguments, **more).decode()
 
-    def save(self, path: str | Path, length_unit: str = "mm", **asked: Any) -> None:
+    def save(self, path: str | Path, length_unit: str | None = None, **asked: Any) -> None:
         """Write a file; its ending says which.
 
         .csv, .svg, .dxf, .xml (MJCF, also .mjcf), of a four-bar .pylinkage.json; of its parts .step, .3mf, .stl.zip, .parts.csv,
@@ -452,6 +471,14 @@ class FourBar(AnyLinkage):
         for name, length in lengths.items():
             if not number(name, length) > 0:
                 raise FieldError(f"/{name}", f"wanted a length above 0, found {length}")
+        longest = max(lengths, key=lambda name: lengths[name])
+        others = [name for name in lengths if name != longest]
+        if lengths[longest] > (together := sum(lengths[name] for name in others)) * (1 + 1e-12):
+            raise FieldError(
+                f"/{longest}",
+                f"the linkage cannot be assembled: {longest} {lengths[longest]:g} is longer than {others[0]}, {others[1]} and "
+                f"{others[2]} together, {together:g}",
+            )
         if branch not in (-1, 1):
             raise FieldError("/branch", f"wanted 1 or -1, found {branch}")
         point = None if coupler_point is None else (float(coupler_point[0]), float(coupler_point[1]) * radian)
@@ -548,14 +575,20 @@ class FourBar(AnyLinkage):
 
         Parameters
         ----------
-        crank : array_like, shape (n,) or a number
-            Crank angles from the start angle on.
+        crank : array_like, any shape
+            Crank angles from the start angle on; a number is taken as shape (1,).
 
         Returns
         -------
         Joints
+            Arrays in the shape of ``crank``, points with x and y along a further axis.
         """
-        found = self._linkage.joints(np.asarray(crank, dtype=float) * self._radian)
+        travel = np.atleast_1d(column("crank", crank)) * self._radian
+        found = self._linkage.joints(travel.ravel())
+
+        def shaped(values: Any) -> Any:
+            return np.reshape(values, travel.shape)
+
         point = found.body_point
         angles = (
             found.crank_angle,
@@ -567,10 +600,10 @@ class FourBar(AnyLinkage):
         return Joints(
             plane(found.pivot_a),
             plane(found.pivot_b),
-            plane(found.crank_pin),
-            plane(found.coupler_pin),
-            None if point is None else plane(point),
-            *(angle / self._radian for angle in angles),
+            plane(shaped(found.crank_pin)),
+            plane(shaped(found.coupler_pin)),
+            None if point is None else plane(shaped(point)),
+            *(shaped(angle) / self._radian for angle in angles),
         )
 
     def transmission_angle_min(self, first: float | None = None, last: float | None = None) -> float:
@@ -584,7 +617,7 @@ class FourBar(AnyLinkage):
         load: Mapping[str, Any] | None = None,
         crank: ArrayLike | None = None,
         *,
-        length_unit: str = "mm",
+        length_unit: str | None = None,
     ) -> Analysis:
         """Velocities, accelerations and, with a load, the torque of the drive and the forces in the pins.
 
@@ -600,10 +633,11 @@ class FourBar(AnyLinkage):
         crank : array_like, shape (n,), optional
             Crank angles from the start angle on. Default: the samples of the motion that it answers (or a whole turn), with the
             `curve` over their interval.
-        length_unit : {"mm", "cm", "m", "in"}
-            The unit of its lengths, which tells the forces of inertia.
+        length_unit : {"um", "mm", "cm", "m", "in", "ft"}, optional
+            Unit of its lengths, which the forces of inertia depend on; default: the unit of the motion, or millimetres.
         """
-        given = {"crank_speed": crank_speed, "load": load, "length_unit": length_unit}
+        unit = self.unit_for(None, length_unit) or "mm"
+        given = {"crank_speed": crank_speed, "load": load, "length_unit": unit}
         asked = read_analysis(given, self._linkage.mounted)
         found: Analysis = self._analysed_at(asked, "crank", crank)
         return found
@@ -636,16 +670,17 @@ class FourBar(AnyLinkage):
         """A linkage from what `to_dict` gives, or from a solution of a reply over HTTP."""
         mount = values.get("mount") or {}
         point = mount.get("coupler_point")
-        return cls(
-            **{name: values["links"][name] for name in ("crank", "coupler", "rocker", "ground")},
-            branch=values["branch"],
-            start_angle=values.get("start_angle", 0.0),
-            pivot_a=mount.get("pivot_a", (0.0, 0.0)),
-            ground_angle=mount.get("ground_angle", 0.0),
-            coupler_point=None if point is None else (point["radius"], point["angle"]),
-            body_offset=values.get("body_offset"),
-            degrees=degrees,
-        )
+        with pointing(lambda field: f"/links{field}" if field.lstrip("/") in Links._fields else field):
+            return cls(
+                **{name: values["links"][name] for name in Links._fields},
+                branch=values["branch"],
+                start_angle=values.get("start_angle", 0.0),
+                pivot_a=mount.get("pivot_a", (0.0, 0.0)),
+                ground_angle=mount.get("ground_angle", 0.0),
+                coupler_point=None if point is None else (point["radius"], point["angle"]),
+                body_offset=values.get("body_offset"),
+                degrees=degrees,
+            )
 
     def target_of(self, motion: Motion | None, travel: ArrayLike | None) -> Target:
         """A motion with the crank angles of this solution where its own are free; without one the default."""
@@ -942,7 +977,8 @@ class GuidedLinkage(AnyLinkage):
             Of the drive from its start on. Default: the samples of the motion that it answers (or a whole turn), with the
             `curve` over their interval.
         """
-        asked = read_analysis({"crank_speed": speed, "load": load}, True)
+        unit = self.length_unit or "mm"
+        asked = read_analysis({"crank_speed": speed, "load": load, "length_unit": unit}, True)
         found: GuidedAnalysis = self._analysed_at(asked, "travel", travel)
         return found
 
@@ -1067,7 +1103,7 @@ def content_of(
     target: Target,
     radian: float,
     kind: str,
-    length_unit: str,
+    length_unit: str | None,
     analysis: Mapping[str, Any] | None,
     drive: Mapping[str, Any] | None,
     parts: Callable[[bool], Any] | None = None,
@@ -1079,7 +1115,9 @@ def content_of(
 
     ``parts``: makes the `SolidParts` of a four-bar, with an error where they collide, or (True) nevertheless.
     ``arranged``: plates are those of an assembly, not the links alone. ``more``: further columns of a CSV file.
+    ``length_unit``: None if it is unknown, which CSV and SVG do not mention and other files take as millimetres.
     """
+    one_of("kind", kind, FORMATS)
     if isinstance(linkage, guided.GuidedLinkage) and kind == "pylinkage":
         raise FieldError("/format", _FOUR_BARS_ONLY[kind])
     attached = drive_on(linkage, target, drive)
@@ -1090,15 +1128,16 @@ def content_of(
     if kind == "csv":
         more = _analysis_columns(linkage, target, radian, analysis) | dict(more or {})
         more |= {} if attached is None else attached.columns()
+        more |= {"length_unit": [length_unit] * target.samples} if length_unit else {}
         text = files.to_csv(linkage, target, radian, more)
         return text.encode()
     if kind == "svg":
-        text = files.to_svg(linkage, target, None if attached is None else attached.shown())
+        text = files.to_svg(linkage, target, None if attached is None else attached.shown(), length_unit)
         return text.encode()
     if kind == "pylinkage":
         assert isinstance(linkage, Linkage)
-        return of_four_bars.to_pylinkage(linkage, target).encode()
-    unit_mm = millimetres_in(length_unit)
+        return of_four_bars.to_pylinkage(linkage, target, length_unit).encode()
+    unit_mm = millimetres_in(length_unit or "mm")
     if kind in (*OF_PARTS, "plates"):
         assert parts is not None
         if plates and (arranged or on_guides):
@@ -1113,6 +1152,8 @@ def content_of(
     if kind == "dxf":
         text = files.to_dxf(linkage, target, unit_mm, layer)
         return text.encode()
+    if kind != "mjcf":
+        raise FieldError("/kind", f"there is no writer for {kind!r}")
     assert parts is not None
     try:
         masses = {one.link: Mass(one.link, one.mass, complex(*one.at), one.inertia) for one in parts(True).masses}

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkage_atlas.arguments import column, number, radians_in
-from linkage_atlas.tables import decoded, request_from_csv
+from linkage_atlas.arguments import column, number, radians_in, read_length_unit
+from linkage_atlas.tables import POSES, decoded, read_table
 from synthesis.arrays import Complexes, Floats
 from synthesis.errors import FieldError
 from synthesis.fourbar.kinematics import coupler_angle
@@ -41,8 +41,8 @@ __all__ = [
     "Motion",
 ]
 
-_TURNS, _RADIANS = 2.0, 0.7
-"""Turns in radians from which on an angle is asked about; and what 40 degrees are, given as degrees."""
+_TURNS, _RADIANS = 2.0, 0.25
+"""Turns in radians, and radians given as degrees (14 degrees), from which on the unit of an angle is questioned."""
 
 _WRAPPED = 0.75
 """Part of a turn from which on a jump between two samples is one of its way of writing."""
@@ -131,6 +131,8 @@ class Motion:
         Weighs position errors against rotation errors in radians; default: the largest distance from the mean position.
     degrees : bool
         Unit of every angle in and out; False: radians.
+    length_unit : {"um", "mm", "cm", "m", "in", "ft"}, optional
+        Unit of the positions, which solutions and their files take over. Default: unknown; files take millimetres.
 
     Raises
     ------
@@ -150,7 +152,10 @@ class Motion:
     tolerances: Tolerances | None = None
     travel: Floats | None = None
     """(N,): of slider or cylinder from the first sample on, where it is given."""
+    length_unit: str | None = None
+    """Unit of the positions; None if it is unknown."""
     _wraps: Sequence[str] = ()
+    _table_notes: Sequence[str] = ()
 
     def __init__(
         self,
@@ -169,8 +174,10 @@ class Motion:
         tolerances: Mapping[str, ArrayLike] | None = None,
         length_scale: float | None = None,
         degrees: bool = True,
+        length_unit: str | None = None,
     ) -> None:
         self.degrees, radian = degrees, radians_in(degrees)
+        self.length_unit = read_length_unit(length_unit)
         weights = dict(weights or {})
         if unknown := weights.keys() - {"rotation", "position"}:
             raise FieldError(f"/weights/{min(unknown)}", "there are weights of rotation and position only")
@@ -217,27 +224,45 @@ class Motion:
         return f"Motion({samples.samples} samples of {parts}, {timed})"
 
     @classmethod
-    def of(cls, samples: Target | Poses, degrees: bool, tolerances: Tolerances | None = None) -> Motion:
-        """A motion whose samples are checked, in radians."""
+    def of(
+        cls,
+        samples: Target | Poses,
+        degrees: bool,
+        tolerances: Tolerances | None = None,
+        length_unit: str | None = None,
+    ) -> Motion:
+        """Return a motion of samples that are checked and in radians."""
         motion = object.__new__(cls)
         motion.samples, motion.degrees, motion.tolerances = samples, degrees, tolerances
+        motion.length_unit = length_unit
         return motion
 
     @classmethod
-    def read(cls, path: str | Path, unwrap: bool = False, **arguments: Any) -> Motion:
-        """The motion of a table of samples: CSV, or pasted from a spreadsheet.
+    def read(
+        cls, path: str | Path, unwrap: bool = False, columns: Mapping[str, str] | None = None, **arguments: Any
+    ) -> Motion:
+        """Read the motion in a table of samples: CSV, or pasted from a spreadsheet.
 
         Parameters
         ----------
         path : str or Path
         unwrap : bool
-            Take each angle within half a turn of the one before: 350, 10, 30 as 350, 370, 390.
+            Move each angle by whole turns to within half a turn of the angle before: 350, 10, 30 becomes 350, 370, 390.
+        columns : mapping, optional
+            Head of the column to read for each field, ``{"x": "TX", "y": "TY", "angle": "RZ"}``; see
+            `linkage_atlas.tables.read_table`. Default: columns are recognised by their heads.
         **arguments
-            Further arguments of `Motion`, which go before those of the table. Without crank angles in either they are free.
+            Further arguments of `Motion`, which take precedence over the table. Angles and lengths are converted to the units
+            of these: ``degrees`` (True) and ``length_unit`` (that of the table). Without crank angles the timing is free.
         """
-        fields = request_from_csv(decoded(Path(path).read_bytes()), arguments, unwrap)
-        unit = fields.pop("angle_unit", "deg")
-        return cls(**({"degrees": unit == "deg"} | fields))
+        unit = {"angle_unit": "deg" if arguments.get("degrees", True) else "rad"}
+        length_unit = read_length_unit(arguments.pop("length_unit", None))
+        text = decoded(Path(path).read_bytes())
+        table = read_table(text, POSES, arguments | unit, unwrap, columns, length_unit)
+        fields = {name: value for name, value in table.fields.items() if name != "angle_unit"}
+        motion = cls(**fields, length_unit=table.length_unit)
+        motion._table_notes = [table.note]
+        return motion
 
     @property
     def free(self) -> bool:
@@ -267,7 +292,7 @@ class Motion:
         """The motion with the crank angles of one linkage, from those of several that `with_angles` gave."""
         if not target.found:
             return self
-        return Motion.of(target.one_of(place), self.degrees, self.tolerances)
+        return Motion.of(target.one_of(place), self.degrees, self.tolerances, self.length_unit)
 
     def of_solution(self, linkage: Linkage, crank: Any) -> Motion:
         """The motion with the crank angles that one solution found."""
@@ -291,13 +316,13 @@ class Motion:
 
     def notes(self) -> list[str]:
         """What a user should know: a rotation that looks like another unit's, or wrapped; a motion that needs no linkage."""
-        return [*self._wraps, *self._unit_notes(), *self._motion_notes()]
+        return [*self._table_notes, *self._wraps, *self._unit_notes(), *self._motion_notes()]
 
     def _unit_notes(self) -> list[str]:
         notes: list[str] = []
         if isinstance(self.samples, Target):
             notes = unit_notes("crank", self.samples.crank[[0, -1]] / self.radian, self.degrees)
-        if self.asked.rotation is None or self.asked.position is None:
+        if self.asked.rotation is None:
             return notes
         weights = self.asked.rotation_weights
         given = self.asked.rotation if weights is None else self.asked.rotation[weights > 0]
@@ -323,13 +348,26 @@ class Motion:
 
 def unit_notes(what: str, values: Floats, degrees: bool) -> list[str]:
     """The question whether angles are in the other unit, where they look so."""
-    most, span = float(np.abs(values).max(initial=0.0)), float(np.ptp(values)) if values.size else 0.0
+    span = float(np.ptp(values)) if values.size else 0.0
     if not degrees and span > _TURNS * TURN:
-        return [f"the {what} goes through {span / TURN:.3g} turns: is it in degrees? `angle_unit` says radians"]
-    fine = bool(np.any(np.abs(10 * values - np.round(10 * values)) > 1e-6))
-    if degrees and fine and most <= TURN and span >= _RADIANS:
-        return [f"the {what} goes through {span:.3g} degrees only: is it in radians? `angle_unit` says degrees"]
+        return [
+            f"the {what} goes through {span / TURN:.3g} turns: is it in degrees? It was taken in radians (see `angle_unit`)"
+        ]
+    if degrees and looks_like_radians(values):
+        return [
+            f"the {what} goes through {span:.3g} degrees only: is it in radians? It was taken in degrees (see `angle_unit`)"
+        ]
     return []
+
+
+def looks_like_radians(values: ArrayLike) -> bool:
+    """Return whether angles are likely to be in radians: within a turn, over more than a little, not in tenths."""
+    given = np.array(
+        [value for value in np.atleast_1d(np.asarray(values, dtype=object)) if value is not None], dtype=float
+    )
+    if given.size < 2 or not np.abs(given).max() <= TURN + 1e-9:
+        return False
+    return bool(np.ptp(given) >= _RADIANS and np.any(np.abs(10 * given - np.round(10 * given)) > 1e-6))
 
 
 def _one_pole(samples: Samples) -> complex | None:

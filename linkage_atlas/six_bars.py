@@ -127,6 +127,7 @@ class SixBarLinkage(AnyLinkage):
         read = read_assembly({"drive": drive}, "")
         assert read is not None and read.motor is not None
         self._base, self._radian, self._motion, self._samples = base, base._radian, None, places
+        self.length_unit = base.length_unit
         self._linkage = SixBar.of(base.plain, ends_of(places), read.motor)
 
     @classmethod
@@ -134,6 +135,7 @@ class SixBarLinkage(AnyLinkage):
         """Of a linkage and a motor that were found together; ``samples`` (n,): places of its drive, radians or lengths."""
         one = object.__new__(cls)
         one._base, one._radian, one._motion, one._samples = linkage, linkage._radian, None, samples
+        one.length_unit = linkage.length_unit
         one._linkage = six
         return one
 
@@ -209,19 +211,23 @@ class SixBarLinkage(AnyLinkage):
 
         Parameters
         ----------
-        motor : array_like, shape (n,) or a number
-            Angles of the motor from the first end on, any number of turns.
+        motor : array_like, any shape
+            Angles of the motor from the first end on, any number of turns; a number is taken as shape (1,).
         """
         six = self._linkage
         turned = np.atleast_1d(column("motor", motor)) * self._radian
-        machine = six.machine(turned)
-        travel = six.travel(turned) / self._base._unit
+        flat = turned.ravel()
+        machine = six.machine(flat)
+        travel = np.reshape(six.travel(flat), turned.shape) / self._base._unit
         return SixBarJoints(
-            {one.name: plane(one.place) for one in joints_of(self._base.plain, six.motor, machine)},
+            {
+                joint.name: plane(np.broadcast_to(joint.place, flat.shape).reshape(turned.shape))
+                for joint in joints_of(self._base.plain, six.motor, machine)
+            },
             self._base.joints(travel),
             travel,
             (six.start + turned) / self._radian,
-            six.transmission(machine) / self._radian,
+            np.reshape(six.transmission(machine), turned.shape) / self._radian,
         )
 
     def transmission_angle_min(self) -> float:
@@ -242,7 +248,7 @@ class SixBarLinkage(AnyLinkage):
         load: Mapping[str, Any] | None = None,
         motor: ArrayLike | None = None,
         *,
-        length_unit: str = "mm",
+        length_unit: str | None = None,
     ) -> SixBarAnalysis:
         """Velocities, accelerations and, with a load, the motor's torque and the forces in all seven joints.
 
@@ -255,15 +261,16 @@ class SixBarLinkage(AnyLinkage):
             end of its crank and lie along them.
         motor : array_like, shape (n,), optional
             Angles of the motor from the first end on. Default: a whole turn.
-        length_unit : {"mm", "cm", "m", "in"}
-            The unit of its lengths, which tells the forces of inertia.
+        length_unit : {"um", "mm", "cm", "m", "in", "ft"}, optional
+            Unit of its lengths, which the forces of inertia depend on; default: the unit of the motion, or millimetres.
         """
         six, speed = self._linkage, bounded("motor_speed", motor_speed) * self._radian
         turned = np.linspace(0.0, TURN, _CURVE)
         if motor is not None:
             turned = np.atleast_1d(column("motor", motor)) * self._radian
         machine, held = six.machine(turned), None
-        metre = millimetres_in(length_unit) / 1000
+        unit = self.unit_for(None, length_unit) or "mm"
+        metre = millimetres_in(unit) / 1000
         if load is not None:
             links = (*machine.links, "body")
             read, parts = read_load(
@@ -271,7 +278,7 @@ class SixBarLinkage(AnyLinkage):
             )
             masses = read.masses
             if parts:
-                weights = self.solids(length_unit=length_unit, nevertheless=True).masses
+                weights = self.solids(length_unit=unit, nevertheless=True).masses
                 masses += tuple(Mass(one.link, one.mass, complex(*one.at), one.inertia) for one in weights)
             read = read._replace(masses=masses, speed=speed, metre=metre)
             held = six.held(machine, joints_of(self._base.plain, six.motor, machine), read)
@@ -303,7 +310,7 @@ class SixBarLinkage(AnyLinkage):
         self,
         kind: str,
         motion: Motion | None = None,
-        length_unit: str = "mm",
+        length_unit: str | None = None,
         motor: ArrayLike | None = None,
         analysis: Mapping[str, Any] | None = None,
         assembly: Mapping[str, Any] | bool | None = None,
@@ -318,8 +325,8 @@ class SixBarLinkage(AnyLinkage):
             Drawings and models stand at the first sample of a motion, otherwise at the first end, and so do parts.
         motion : Motion, optional
             What was asked of the linkage, to be drawn with it; with given crank angles.
-        length_unit : {"mm", "cm", "m", "in"}
-            The unit of its lengths, for files that know one.
+        length_unit : {"um", "mm", "cm", "m", "in", "ft"}, optional
+            Unit of its lengths; default: the unit of the motion, or millimetres.
         motor : array_like, shape (n,), optional
             Angles of the motor that are the rows of a CSV file. Default: a turn in steps of 5 degrees.
         analysis : mapping, optional
@@ -327,9 +334,12 @@ class SixBarLinkage(AnyLinkage):
         assembly, solids, work
             As of `FourBar.file`.
         """
+        length_unit = self.unit_for(motion, length_unit)
         if kind in (*OF_PARTS, "plates"):
             turn = self.target_of(None, None)
-            return self._solids(turn, assembly or {}, read_solids(solids), length_unit, work or Work()).file(kind)
+            return self._solids(turn, assembly or {}, read_solids(solids), length_unit or "mm", work or Work()).file(
+                kind
+            )
         base, plain = self._base, self._base.plain
         if kind == "csv":
             return self._table(motor, analysis, length_unit)
@@ -342,7 +352,7 @@ class SixBarLinkage(AnyLinkage):
         shown = type(base).of(plain, self._radian, target)
         return shown.file(kind, length_unit=length_unit, drive=self.drive)
 
-    def _table(self, motor: ArrayLike | None, analysis: Mapping[str, Any] | None, length_unit: str) -> bytes:
+    def _table(self, motor: ArrayLike | None, analysis: Mapping[str, Any] | None, length_unit: str | None) -> bytes:
         turned = np.linspace(0.0, TURN, _STEPS) / self._radian
         if motor is not None:
             turned = np.atleast_1d(column("motor", motor))

@@ -581,7 +581,7 @@ def read_studies(given: Mapping[str, Any], motion: Motion) -> Studies:
         values["round_to"],
         _lengths(values["lengths_from"]),
         bool(values["sensitivity"]),
-        None if values["analysis"] is None else read_analysis(values["analysis"], positions),
+        None if values["analysis"] is None else read_analysis(_in_unit(values["analysis"], motion), positions),
         None if values["tolerance_study"] is None else read_manufacture(values["tolerance_study"]),
         _drives(values),
         None if values["assembly"] is None else read_assembly(values["assembly"]),
@@ -594,6 +594,13 @@ def read_studies(given: Mapping[str, Any], motion: Motion) -> Studies:
         if values[name] is not None and not positions:
             raise FieldError(f"/{name}", "needs `position`: without it no length is actual")
     return asked
+
+
+def _in_unit(analysis: Any, motion: Motion) -> Any:
+    """Return an analysis in the motion's unit of length, unless it has its own."""
+    if motion.length_unit is None or not isinstance(analysis, Mapping):
+        return analysis
+    return {"length_unit": motion.length_unit, **analysis}
 
 
 def check_lengths(asked: Studies, limits: Limits) -> None:

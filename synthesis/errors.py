@@ -9,6 +9,31 @@ from typing import Any
 _LONGEST_NAME = 40
 
 
+def field_in_words(field: str) -> str:
+    """Return a JSON pointer as people read it: names joined by points, items of lists counted from 1.
+
+    >>> field_in_words("/limits/pivot_box"), field_in_words("/position/2/0")
+    ('limits.pivot_box', 'position, sample 3, x')
+    """
+    words, names = "", field.lstrip("/").split("/")
+    for k, name in enumerate(names):
+        last = names[k - 1] if k else ""
+        if name.isdecimal() and k:
+            axis = names[k - 2] == "position" and last.isdecimal() and int(name) < 2
+            words += f", {'xy'[int(name)]}" if axis else f", {_ITEMS.get(last, 'item')} {int(name) + 1}"
+        else:
+            words += f"{', ' if last.isdecimal() else '.' if k else ''}{name}"
+    return words or "request"
+
+
+_ITEMS = {
+    **dict.fromkeys(("rotation", "position", "crank_angle", "travel", "output", "input", "weights"), "sample"),
+    "table": "row",
+    "catalogue": "row",
+}
+"""Names of the items of lists."""
+
+
 class FieldError(ValueError):
     """Input that cannot be worked with: which field, what is wrong, and by how much.
 
@@ -23,10 +48,14 @@ class FieldError(ValueError):
     """
 
     def __init__(self, field: str, message: str, **details: Any) -> None:
-        super().__init__(f"{field.lstrip('/').replace('/', '.') or 'request'}: {message}")
+        super().__init__(f"{field_in_words(field)}: {message}")
         self.field = field
         self.message = message
         self.details = details
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle the parts, so that the error passes unchanged between processes."""
+        return _field_error, (type(self), self.field, self.message, self.details)
 
     @classmethod
     def no_such(
@@ -43,6 +72,10 @@ class FieldError(ValueError):
         near = [others[nearest]] if nearest and nearest not in known else get_close_matches(short, known)
         rest = f"near: {', '.join(near)}" if near else f"there are {', '.join(known)}"
         return cls(f"{where}/{name}", f"there is no {what} {short!r}; {rest}")
+
+
+def _field_error(kind: type[FieldError], field: str, message: str, details: dict[str, Any]) -> FieldError:
+    return kind(field, message, **details)
 
 
 class AtlasFault(StrEnum):

@@ -73,10 +73,6 @@ FEWER_ON = Plan((_SOON,), 12, (_LATER, *_ON), 4, _END)
 
 LAST = (Stage(60, 1e-9, 100.0), Stage(60, 1e-10, 300.0), Stage(60, 1e-12, 300.0), Stage(60, 1e-13, 300.0))
 """How the best answers descend in the end, on all samples."""
-GO_ON = Plan((Stage(15, 1e-3, 100.0),), ended=8, end=_END)
-"""Of candidates that an earlier search left."""
-
-
 class Found:
     """What is known within the limits, with J on all samples; it only gets better.
 
@@ -150,8 +146,6 @@ class Rounds:
     found : Found
         Where answers go.
     work : Work
-    before : int
-        Searches that this one goes on from: its seeds and hops are others.
     """
 
     bent_below = np.inf
@@ -172,7 +166,6 @@ class Rounds:
         family: str,
         found: Found,
         work: Work,
-        before: int = 0,
     ) -> None:
         self.whole, self.thin, self.found, self.work = whole, thin, found, work
         self.plain, self.within, self.problem = problems
@@ -180,8 +173,7 @@ class Rounds:
         self.holds, self.limited = self.within.limited, self.problem.limited
         """Whether limits hold, and whether descents keep to them."""
         self._exchanges = family in ("full_crank", "any")
-        self.before = before
-        self.random = np.random.default_rng([20, before] if before else 20)
+        self.random = np.random.default_rng(20)
         self.pool: Pool | None = None
         self._used: Counter[float] = Counter()
         """How often hops started from a valley, by its cost."""
@@ -238,17 +230,9 @@ class Rounds:
 
     # -- rounds until they gain nothing -----------------------------------------------------------------------------
 
-    def go_on(self, timed: Timed) -> None:
-        """Begin with candidates at all samples that an earlier search left: as they are, then to their end."""
-        if timed.branch.size:
-            self.keep(self.plain.measured(timed, posed=not self.within.posed), rounds=4)
-            self.round(self.thinned(timed), GO_ON)
-
-    def in_turn(self, seeds: Timed, most: int, had: int = 0) -> Iterator[Timed]:
-        """Seeds, at most so many at a time, beginning behind those that so many earlier searches had."""
-        chunks = -(-seeds.branch.size // most)
-        for k in range(chunks):
-            first = most * ((had + k) % chunks)
+    def in_turn(self, seeds: Timed, most: int) -> Iterator[Timed]:
+        """Yield seeds, at most this many at a time."""
+        for first in range(0, seeds.branch.size, most):
             yield seeds.take(slice(first, first + most))
 
     def closest(self, seeds: Iterator[Timed], most: float = np.inf) -> Iterator[Timed]:

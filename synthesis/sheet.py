@@ -105,6 +105,12 @@ class Sheet:
         x, y = self.at(point).split(",")
         return f'<text {attributes}{" " if attributes else ""}x="{x}" y="{y}" dx="12" dy="-10">{escape(words)}</text>'
 
+    def unit_text(self, length_unit: str | None) -> str:
+        """Return words in the lower left corner that name the unit of lengths, if it is known."""
+        if not length_unit:
+            return ""
+        return f'<text class="size" x="12" y="{self.height - 12:.{self.digits}g}">lengths in {escape(length_unit)}</text>'
+
     def text(self, title: str, parts: Sequence[str]) -> str:
         """Return the text of the SVG file."""
         head = (

@@ -322,6 +322,7 @@ def make_target(
     length_scale: float | None = None,
     rotation_weights: Floats | None = None,
     position_weights: Floats | None = None,
+    min_samples: int = MIN_SAMPLES,
 ) -> Target:
     """Check the values of a request and build its `Target`.
 
@@ -342,6 +343,8 @@ def make_target(
     rotation_weights, position_weights : ndarray, shape (N,), optional
         Weights of at least 0, not all 0; a sample of weight 0 is missing, regardless of its value.
         By default all samples have equal weight.
+    min_samples : int
+        Minimum number of samples.
 
     Returns
     -------
@@ -354,7 +357,7 @@ def make_target(
         A value is missing or not allowed; the error names the field and the sample.
     """
     fields, columns = read_samples(
-        rotation, position, length_scale, rotation_weights, position_weights, crank_angle=crank_angle
+        rotation, position, length_scale, rotation_weights, position_weights, min_samples, crank_angle=crank_angle
     )
     samples = next(iter(columns.values())).size
     target = Target(**fields, crank=_crank(crank_span, columns.get("crank_angle"), samples))

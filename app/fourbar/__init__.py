@@ -11,6 +11,7 @@ QUESTIONS = {
     "function": "Function generation: whose rocker, crank or slider moves as a wanted function of the input?",
     "drive": "What moves a linkage: rotary drives, cylinders, motors that turn on, locks and springs.",
     "assembly": "Plates in layers: can a linkage be built so that its parts pass one another, and how far does it move?",
+    "motion": "How is a table of samples read: which column is what, in which unit?",
     "match": "Rotation only: which atlas rows, at which start?",
 }
 """One line of help of each question; their modules are imported when they are asked."""

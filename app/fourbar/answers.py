@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
-from functools import cache
-from importlib.resources import files
 from typing import Any
 
 import linkage_atlas as la
@@ -21,6 +19,7 @@ from app.fourbar.models import (
     MatchRequest,
     SynthesizeRequest,
 )
+from app.fourbar.motion import MOTION as MOTION_QUERY
 from app.fourbar.tables import assembly_table, drives_table, function_table, matches_table, synthesize_table
 from app.query import (
     FILES,
@@ -35,97 +34,23 @@ from linkage_atlas.arguments import pointing
 from linkage_atlas.assemblies import ASSEMBLY
 from linkage_atlas.formats import HELD
 from linkage_atlas.studies import DRIVE_STUDIES
-from linkage_atlas.tables import function_from_csv, match_from_csv, request_from_csv
-
-# -- how long an answer takes -----------------------------------------------------------------------------------------
-# By a table that was measured: `python -m benchmarks.durations` makes it, `durations.json`.
-
-REFERENCE_SAMPLES = 12
-"""Samples of the requests that the table is of; others take in proportion to a power of theirs, which is measured too."""
-
-
-def kind_of(request: Any) -> str:
-    """The row of the table that a request of synthesize or function belongs to."""
-    if not hasattr(request, "timing"):
-        words = ["function", request.objective]
-    else:
-        given = [name for name in ("rotation", "position") if getattr(request, name) is not None]
-        words = ["free" if request.timing else "timed", *given]
-        if request.timing is not None:
-            left = freedom_of(request)
-            words += ["few"] * (left >= 2) + ["determined"] * (0 <= left < 2)
-        words += [request.order] * (request.order != "given") + ["closed"] * request.closed
-    limits = request.limits.model_fields_set - {"family", "preset"}
-    practical = request.limits.preset == "practical"
-    words += [request.limits.family] * (request.limits.family == "any") + ["limits"] * bool(limits)
-    return " ".join([*words, *["practical"] * practical])
-
-
-def freedom_of(request: Any) -> int:
-    """Unknowns of a four-bar that samples with free timing leave free: nine points or five poses leave none.
-
-    It has nine for the path of a point and one more for the angle of its body; each sample gives an equation for each number
-    that it states, and takes one for its crank angle.
-    """
-    blank = [None] * samples_of(request)
-    rows = zip(request.position or blank, request.rotation or blank)
-    stated = [2 * (place is not None) + (angle is not None) for place, angle in rows]
-    return 9 + (request.rotation is not None) - sum(max(count - 1, 0) for count in stated)
-
-
-def samples_of(request: Any) -> int:
-    columns = [getattr(request, name, None) for name in ("rotation", "position", "output")]
-    return max((len(column) for column in columns if column is not None), default=101)
-
-
-def seconds_of(request: Any) -> float:
-    """Processor seconds that the search of a request will take, its budget at most."""
-    table = _durations()
-    found = _typical(kind_of(request)) * (samples_of(request) / REFERENCE_SAMPLES) ** table["power"]
-    budget = getattr(request, "budget_ms", None)
-    return float(found if budget is None else min(found, budget / 1000))
-
-
-@cache
-def _typical(kind: str) -> float:
-    """Of a kind that was not measured: the slowest of those that have most words with it in common."""
-    words = set(kind.split())
-    return max((-len(words ^ set(known.split())), seconds) for known, seconds in _durations()["kinds"].items())[1]
-
-
-@cache
-def _durations() -> Any:
-    return json.loads(files("app.fourbar").joinpath("durations.json").read_text())
-
 
 # -- motions ----------------------------------------------------------------------------------------------------------
 
 SHORT_MS = 200.0
-"""What a request takes at most for which a process is kept: by its budget, or as it was measured for those of its kind."""
-
-
+"""Milliseconds that a short request takes at most; a worker is kept free for short requests."""
 MANY_SAMPLES = 64
-"""From here on a match may take longer, and what an answer under `live` does beside its search."""
-
-
+"""Number of samples above which an answer may take long."""
 SHORT_SPAN = 5.0
-"""Degrees of the crank: a match over less has many rows that are alike."""
-
-
+"""Span of the crank in degrees below which many rows of the atlas are alike, so that a match may take long."""
 MANY_CORNERS = 12
-"""Of a body that is to pass plates and pins."""
-
-
+"""Number of corners of a body above which its passage between plates and pins may take long."""
 STUDIED = (*DRIVE_STUDIES, "lengths_from", "round_to", "tolerance_study", "assembly")
-"""What takes long of each solution."""
+"""Studies of each solution that take long."""
 
 
 def answer_match(request: MatchRequest, resources: Resources) -> la.Matches:
     """The best rows by rotation alone; no pose is computed."""
-    if request.curve == "rocker":
-        resources.need("rockers")
-    if "slider_crank" in request.mechanisms or request.mechanisms == "all":
-        resources.need("slider_cranks")
     return la.match(
         **request.given(but=("angle_unit", "budget_ms")),
         atlas=resources.atlas,
@@ -136,17 +61,23 @@ def answer_match(request: MatchRequest, resources: Resources) -> la.Matches:
 
 
 def is_long_search(request: SynthesizeRequest | MatchRequest) -> bool:
+    """Return whether an answer may take more than `SHORT_MS`, judged by the fields of its request."""
     if request.budget_ms is not None and request.budget_ms <= SHORT_MS:
         return False
     if isinstance(request, MatchRequest):
         return len(request.rotation) > MANY_SAMPLES or request.top > 100 or abs(_span_of(request)) < SHORT_SPAN
-    studied = any(getattr(request, name) is not None for name in STUDIED)
-    if studied or request.live is not None:
-        return studied or samples_of(request) > MANY_SAMPLES
-    wished = request.diverse or request.tolerances is not None or request.prefer not in (None, "error")
-    windows = request.effort == "atlas" and request.position is not None
-    kinds = request.mechanisms not in (None, ["four_bar"])
-    return kinds or wished or windows or request.top > 20 or seconds_of(request) > SHORT_MS / 1000
+    samples = max(len(column) for column in (request.rotation, request.position, [None]) if column is not None)
+    return (
+        request.timing is not None
+        or samples > MANY_SAMPLES
+        or request.top > 20
+        or request.diverse
+        or request.tolerances is not None
+        or request.prefer not in (None, "error")
+        or request.mechanisms not in (None, ["four_bar"])
+        or (request.effort == "atlas" and request.position is not None)
+        or any(getattr(request, name) is not None for name in STUDIED)
+    )
 
 
 def _span_of(request: MatchRequest) -> float:
@@ -172,9 +103,7 @@ def budget_of(budget_ms: float | None, resources: Resources) -> float | None:
 
 def answer_synthesize(request: SynthesizeRequest, resources: Resources) -> la.Result:
     """Linkages with actual dimensions and pose, best first."""
-    if request.effort == "atlas" and request.position is not None:
-        resources.need("positions")
-    asked = request.given(but=("angle_unit", "budget_ms", "live"))
+    asked = request.given(but=("angle_unit", "budget_ms"))
     if "family" not in request.limits.model_fields_set:  # what was not asked for may be told of
         del asked["limits"]["family"]
     return la.synthesize(
@@ -183,7 +112,6 @@ def answer_synthesize(request: SynthesizeRequest, resources: Resources) -> la.Re
         budget=budget_of(request.budget_ms, resources),
         atlas=resources.atlas if request.effort == "atlas" else None,
         work=resources.work,
-        live=None if request.live is None else resources.live(),
     )
 
 
@@ -274,7 +202,7 @@ def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
         return "/format" if field == "/kind" else prefixes.get(field.lstrip("/").partition("/")[0], "") + field
 
     with pointing(in_export):
-        unit = body.length_unit or (request.analysis.length_unit if request.analysis else "mm")
+        unit = body.length_unit or (request.analysis.length_unit if request.analysis else None)
         asked = request.given("analysis") | held
         return linkage.file(body.format, motion, unit, place, **asked, work=resources.work())
 
@@ -303,7 +231,9 @@ LINKAGE_FILES = Files(
 def find_drives(request: DrivesRequest, resources: Resources) -> la.Drives:
     """Drives of each kind, best first, and why there are none elsewhere."""
     if request.linkage is None and request.rocker is None:
-        raise la.FieldError("/linkage", "needed, or `rocker`, a link on a hinge")
+        raise la.FieldError(
+            "/linkage", "is required: a solution of a reply; or in its place `rocker`, a link on a hinge"
+        )
     unit = request.angle_unit or ("deg" if request.request is None else request.request.angle_unit)
     motion = None
     if request.request is not None:
@@ -384,12 +314,6 @@ def is_long_assembly(request: AssemblyRequest) -> bool:
     return request.request is not None and (is_long_search(request.request) or has_much_to_arrange(request, "crank"))
 
 
-def _from_table(text: str, also: dict[str, Any], unwrap: bool) -> dict[str, Any]:
-    """A table of samples is the motion of the request."""
-    inner = also.get("request")
-    return also | {"request": request_from_csv(text, inner if isinstance(inner, dict) else {}, unwrap)}
-
-
 _WORKED = {
     "links": {"crank": 19, "coupler": 72, "rocker": 144, "ground": 165},
     "branch": 1,
@@ -417,9 +341,12 @@ def solve_function(request: FunctionRequest, resources: Resources) -> la.Functio
 
 
 def is_long_function(request: FunctionRequest) -> bool:
-    if "length" in (request.input_unit, request.output_unit):
-        return request.budget_ms is None or request.budget_ms > SHORT_MS
-    return request.round_to is not None or request.top > 20 or seconds_of(request) > SHORT_MS / 1000
+    """Return whether an answer may take more than `SHORT_MS`, judged by the fields of its request."""
+    if request.round_to is not None:
+        return True
+    if request.budget_ms is not None and request.budget_ms <= SHORT_MS:
+        return False
+    return request.top > 20 or request.objective == "max" or "length" in (request.input_unit, request.output_unit)
 
 
 def _function_file(body: FunctionExportRequest, resources: Resources) -> bytes:
@@ -465,7 +392,6 @@ QUERIES = (
             "rocker": {**_ROTATION, "curve": "rocker", "top": 5},
             "slider_crank": {**_ROTATION, "mechanisms": ["four_bar", "slider_crank"], "top": 5},
         },
-        from_csv=match_from_csv,
         is_long=is_long_search,
         reads_atlas=True,
     ),
@@ -500,7 +426,6 @@ QUERIES = (
             },
         },
         SYNTHESIZE_EXPORTS,
-        request_from_csv,
         is_long_search,
         LINKAGE_FILES,
         reads_atlas=True,
@@ -514,7 +439,6 @@ QUERIES = (
             ("csv", "svg", "dxf", "mjcf"),
             lambda request, resources, kind: solve_function(request, resources).render(kind).encode(),
         ),
-        from_csv=function_from_csv,
         is_long=is_long_function,
         files=FUNCTION_FILES,
     ),
@@ -545,9 +469,9 @@ QUERIES = (
                 },
             },
         },
-        from_csv=_from_table,
         is_long=is_long_assembly,
         reads_atlas=True,
     ),
+    MOTION_QUERY,
     Query("drive", QUESTIONS["drive"], find_drives, drives_table, is_long=is_long_drives, route="/v1/drives"),
 )

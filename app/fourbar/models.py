@@ -20,7 +20,9 @@ from app.query import (
 from linkage_atlas.arguments import LARGEST
 from linkage_atlas.assemblies import FIXED_PINS, LAYERS_MOST, MOST_CORNERS, MOST_LAYERS
 from linkage_atlas.catalogues import ACTUATORS, MOST_ROWS, MOST_SPRING_ROWS
+from linkage_atlas.door import MAX_STARTS
 from linkage_atlas.driving import MOST_DRIVES, MOST_MASSES, MOST_SPRINGS
+from linkage_atlas.functions import MIN_PAIRS
 from linkage_atlas.kinds import MECHANISMS
 from linkage_atlas.limits import FUNCTION_LIMITS, LIMITS
 from linkage_atlas.linkages import DriverName, KindName
@@ -47,6 +49,9 @@ Box = Annotated[list[Coordinate], Field(min_length=4, max_length=4)]
 
 
 MAX_KEEP_OUT = 20
+
+
+Pairs = Annotated[list[Number], Field(min_length=MIN_PAIRS, max_length=MAX_SAMPLES)]
 
 
 SampledCurve = Annotated[list[Number | None], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)]
@@ -651,10 +656,10 @@ class SynthesizeRequest(CrankMotion):
     limits: LimitsRequest = Field(default_factory=LimitsRequest)
     tolerance: Tolerance = Field(1e-10, description="The search ends when the objective is below this.")
     budget_ms: PositiveNumber | None = Field(None, description="Return the best found within this time.")
-    live: Annotated[str, Field(min_length=8, max_length=64)] | None = Field(
+    start_from: Annotated[list[GivenSolution], Field(min_length=1, max_length=MAX_STARTS)] | None = Field(
         None,
-        description="An id of the client's own, while a motion is being changed: the search begins with what the last answer "
-        "under it left, which is kept for a minute, and takes at most 60 ms.",
+        description="Four-bars to begin with, for example the solution on show while a motion is dragged: each is refined to its "
+        "nearest optimum within the limits, then the search continues. `report.continued` has the rank of each result.",
     )
     length_scale: Length | None = Field(
         None,
@@ -818,7 +823,7 @@ class FunctionOfX(RequestModel):
     name: Literal["log10", "ln", "exp", "power", "sin", "cos", "tan", "reciprocal"] | None = Field(
         None, description="sin, cos and tan take x in `angle_unit`."
     )
-    table: Annotated[list[NumberPair], Field(min_length=MIN_SAMPLES, max_length=MAX_SAMPLES)] | None = Field(
+    table: Annotated[list[NumberPair], Field(min_length=MIN_PAIRS, max_length=MAX_SAMPLES)] | None = Field(
         None, description="Pairs [x, y] in place of a name."
     )
     x: NumberPair | None = Field(None, description="First and last x.")
@@ -859,7 +864,7 @@ MakerKind = Literal["four_bar", "slider_crank", "swinging_block", "rail_slot", "
 class FunctionRequest(RequestModel):
     """Which linkage's output, of rocker, crank or slider, is a wanted function of its input?"""
 
-    output: Curve | None = Field(
+    output: Pairs | None = Field(
         None,
         description="Rocker angles, or travel, at the samples, continuous, up to a constant; falling: against a rising input.",
     )
@@ -869,7 +874,7 @@ class FunctionRequest(RequestModel):
     travel_span: Number | None = Field(
         None, description="Where the input is a travel: from the first sample to the last, evenly spaced."
     )
-    input: Curve | None = Field(
+    input: Pairs | None = Field(
         None,
         description="Crank angles, or travel, in place of the span; what counts is the increment from the first.",
     )
@@ -895,9 +900,9 @@ class FunctionRequest(RequestModel):
         description="Crank angle at the first sample, from the ground line A->B or the rail; or the place of slider or cylinder.",
     )
     output_zero: Number | None = Field(None, description="The output that is wanted there, measured alike.")
-    weights: Annotated[list[Annotated[Number, Field(ge=0)]], Field(min_length=3, max_length=MAX_SAMPLES)] | None = (
-        Field(None, description="What each squared error counts; for `max` each error, linear between samples.")
-    )
+    weights: (
+        Annotated[list[Annotated[Number, Field(ge=0)]], Field(min_length=MIN_PAIRS, max_length=MAX_SAMPLES)] | None
+    ) = Field(None, description="What each squared error counts; for `max` each error, linear between samples.")
     one_way: Flag = Field(False, description="The rocker must not turn back within the interval.")
     limits: FunctionLimitsRequest = FunctionLimitsRequest()
     top: Annotated[Count, Field(ge=1, le=100)] = Field(10, description="How many different linkages to return.")

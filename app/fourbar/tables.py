@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -11,9 +12,10 @@ import linkage_atlas as la
 from app.terminal import DEGREES, Units, columns, left_table, number
 from linkage_atlas import GuidedSolution, Matches, Result, Solution
 from linkage_atlas.answers import Errors
+from linkage_atlas.driving import Drive, Refusal, Spring
 
 _ROUNDING = 1e-10
-"""Places in a guide nearer to zero than this part of its size are zero."""
+"""Numbers below this fraction of their size are shown as zero."""
 
 
 _LENGTHS = ("crank", "coupler", "rocker", "ground")
@@ -196,6 +198,7 @@ def synthesize_table(reply: Result, units: Units = DEGREES) -> str:
         if best.verdict.reasons:
             lines.append(f"rank 1: {'; '.join(best.verdict.reasons)}")
         lines += _rounded_lines(best, units) + _analysis_lines(best) + _tolerance_lines(best, units)
+        lines += _drive_lines(best, units)
     return "\n".join(lines + _search_lines(reply.report))
 
 
@@ -248,6 +251,72 @@ def function_table(reply: Any, units: Units = DEGREES) -> str:
     return "\n".join(lines + _search_lines(reply.report))
 
 
+_DRIVES = {"rotary": "rotary drive", "dyad": "motor with a rod", "toggle": "knee"}
+
+
+def _drive_words(drive: Drive, units: Units) -> str:
+    """Describe a drive: kind, ends, stroke, force or torque, and what it needs and holds."""
+    angle, length, bar, lock = units.angle, units.length, drive.six_bar, drive.lock
+    kind = _DRIVES.get(drive.kind, drive.kind) + ("" if drive.name is None else f" ({drive.name})")
+    words = [f"{kind} on the {drive.link}"]
+    if (start := drive.ground_point or drive.motor) is not None:
+        on = "" if drive.on == "ground" else f" on the {drive.on}"
+        words.append(
+            f"from {_place(start)}{on}" + ("" if drive.pin is None else f" to its pin at {_place(drive.pin)}")
+        )
+    if bar is not None:
+        words.append(f"crank {number(bar.crank)}, rod {number(bar.coupler)}, time ratio {number(bar.time_ratio, 3)}")
+        words.append(f"transmission angle at least {units.value(bar.transmission_angle_min, angle)}")
+    if lock is not None:
+        words.append(f"handle {number(lock.handle)}, strut {number(lock.strut)}")
+    if drive.stroke is not None:
+        span = f", length {_length(drive)}" if drive.length else ""
+        words.append(f"stroke {units.value(drive.stroke, length, 4)}{span}")
+    else:
+        words.append(f"swing {units.value(abs(drive.swing), angle, 4)}")
+    if drive.peak_force is not None:
+        bound = "" if drive.over_bound is None else f", {drive.over_bound:.4g} times the smallest possible"
+        words.append(f"force at most {number(drive.peak_force, 5)}{bound}")
+    torque = drive.peak_torque if bar is None else bar.motor_torque_max
+    if torque is not None:
+        words.append(f"torque at most {number(torque, 5)}")
+    elif drive.peak_force is None and lock is None:
+        words.append("no load was given, so its force is not known")
+    if drive.arm_min is not None:
+        words.append(f"least arm {units.value(drive.arm_min, length, 4)}")
+    if drive.buckling is not None and drive.buckling.safety is not None:
+        words.append(f"safety against buckling {drive.buckling.safety:.3g}")
+    return f"{'; '.join(words)}\n  stops: {drive.stops}\n  holds without power: {drive.holds}"
+
+
+def _spring_words(spring: Spring, units: Units) -> str:
+    """Describe a spring: kind, ends, length, the torque that it leaves, and what the linkage does by itself."""
+    before, after = spring.torque.before.rms, spring.torque.after.rms
+    after = 0.0 if after < _ROUNDING * before else after
+    return (
+        f"{spring.name or f'{spring.kind} spring'} between {' and '.join(spring.between)}; from {_place(spring.points[0])} to "
+        f"{_place(spring.points[1])}; stiffness {spring.stiffness:.4g}; length {spring.length[0]:.4g} to "
+        f"{units.value(spring.length[1], units.length, 4)}; rms torque {number(before, 5)} without and "
+        f"{number(after, 5)} with it\n  by itself: {spring.stays}"
+    )
+
+
+def _drive_lines(best: Solution | GuidedSolution, units: Units) -> list[str]:
+    """Describe the drives and springs of a solution, and why there are none of a kind."""
+    lines = [f"drive of rank 1: {_drive_words(drive, units)}" for drive in best.drives or ()]
+    lines += [f"spring of rank 1: {_spring_words(spring, units)}" for spring in best.springs or ()]
+    if best.drivable is False:
+        lines.append("rank 1 has no drive within the limits of `drive`")
+    return lines + _refusals(best.refused or ())
+
+
+def _refusals(refused: Iterable[Refusal]) -> list[str]:
+    """Say why there is no drive or spring of a kind on a link."""
+    return [
+        f"no {no.kind} on the {no.link}{'' if no.name is None else f' ({no.name})'}: {no.reason}" for no in refused
+    ]
+
+
 def drives_table(reply: la.Drives, units: Units = DEGREES) -> str:
     """Drives by kind with their places, arm and force, the springs, and why there is nothing elsewhere."""
     lines = []
@@ -294,9 +363,7 @@ def drives_table(reply: la.Drives, units: Units = DEGREES) -> str:
                 ("by itself", "", "stays"),
             )
         )
-    for refusal in reply.refused:
-        named = "" if refusal.name is None else f" ({refusal.name})"
-        lines.append(f"no {refusal.kind} on the {refusal.link}{named}: {refusal.reason}")
+    lines += _refusals(reply.refused)
     if not lines:
         lines.append("nothing was asked for")
     return "\n".join([*lines, *(f"note: {note}" for note in reply.notes)])

@@ -14,6 +14,20 @@ export function typed(entry) {
 /** Why an entry is no number. */
 export const unreadable = (entry) => (EITHER.test(entry.trim()) ? entry.trim().replace(EITHER, "“$&” may be $1$2 or $1.$2") : `“${entry.trim().slice(0, 20)}” is not a number`);
 
+/** Rows of numbers that a spreadsheet has copied, each of at most `width` cells; null for an empty cell. Throws Error naming row and cell. */
+export function pastedRows(content, width) {
+  const lines = content.replace(/[\r\n]+$/, "").split(/\r\n|\r|\n/);
+  return lines.map((line, n) => {
+    const cells = line.split("\t");
+    if (cells.length > width) throw new Error(`The pasted row ${n + 1} has ${cells.length} cells, and there ${width === 1 ? "is 1 column" : `are ${width} columns`} from here on. For a whole table use Paste above.`);
+    return cells.map((cell, k) => {
+      const value = typed(cell.replace(/\s*°$/, ""));
+      if (Number.isNaN(value)) throw new Error(`Pasted row ${n + 1}, cell ${k + 1}: ${unreadable(cell)}. For rows with heads use Paste above.`);
+      return value;
+    });
+  });
+}
+
 /** What is wrong with a typed value, as a sentence without its field's name; null if nothing is. */
 export function wrong(value, entry, { range: [low, high], needed, whole }) {
   if (value === null) return needed ? "a number is needed" : null;

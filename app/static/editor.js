@@ -1,7 +1,7 @@
 // The motion editor: canvas, pose table and form fields show one motion and change it, with undo and redo.
 
 import { Board } from "./board.js";
-import { typed, wrong } from "./decimal.js";
+import { pastedRows, typed, wrong } from "./decimal.js";
 import { button } from "./drawing.js";
 import { Fields } from "./fields.js";
 import { History, emptyMotion, itemOf, nextPose, travels, wantsAngles, wantsPlaces } from "./motion.js";
@@ -24,7 +24,7 @@ export class Editor {
     this.chosen = 0;
     this.cellFaults = new Map();
     this.history = new History(emptyMotion(), () => this.refresh(), beside);
-    const edit = (change, kind) => this.history.change((motion) => { change(motion); }, kind), settle = () => this.history.settle();
+    const edit = (change, kind) => this.history.change((motion) => { change(motion); }, kind), settle = () => { this.history.settle(); document.dispatchEvent(new Event("settled")); };
     this.board = new Board($("canvas"), $("canvas-help"), {
       edit, settle, hand,
       choose: (k) => this.#choose(k),
@@ -167,9 +167,38 @@ export class Editor {
         if (name === "t" && k === motion.poses.length - 1) motion.span = used;
       }, `cell ${key}`);
     });
+    input.addEventListener("paste", (event) => this.#pasteRows(event, k, name));
     input.addEventListener("change", () => { this.history.settle(); this.board.reveal(); });
     input.addEventListener("blur", () => this.#showTable());
     return input;
+  }
+
+  /** Fills the table from a cell on with the rows that a spreadsheet has copied; a single number is left to the browser. */
+  #pasteRows(event, first, name) {
+    const content = event.clipboardData.getData("text/plain");
+    const names = COLUMNS.map(([column]) => column).filter((column) => !this.#hidden(column)), from = names.indexOf(name);
+    if (from < 0 || !/[\t\n\r]/.test(content.trim())) return;
+    event.preventDefault();
+    try {
+      const rows = pastedRows(content, names.length - from);
+      if (name === "t" && rows.some(([value]) => value === null)) throw new Error("Each pasted row needs a crank angle.");
+      this.#forget();
+      this.history.change((motion) => {
+        rows.forEach((row, n) => {
+          if (first + n === motion.poses.length) motion.poses.push(nextPose(motion));
+          row.forEach((value, column) => { motion.poses[first + n][names[from + column]] = value; });
+        });
+        if (motion.timing === "table") motion.span = motion.poses.at(-1).t;
+      });
+      event.target.value = this.motion.poses[first][name] ?? "";
+      this.board.reveal();
+    } catch (error) { $("table-error").textContent = error.message; }
+  }
+
+  /** Whether a column of the table is not shown. */
+  #hidden(name) {
+    const { motion } = this;
+    return name === "t" ? motion.timing !== "table" : name === "angle" ? !wantsAngles(motion) : !wantsPlaces(motion);
   }
 
   /** Arrows up and down, and Enter, lead from cell to cell of a column. */

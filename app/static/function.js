@@ -7,7 +7,7 @@ import { LinkageShape, View, button, element, make, namedRows, put, text, thumbn
 import { linkageOf } from "./guided.js";
 import { Linkage } from "./kinematics.js";
 import { fromFragment, toFragment } from "./link.js";
-import { functionTable } from "./rows.js";
+import { Pairs } from "./pairs.js";
 import { ask, download } from "./service.js";
 import { $, capital, copy, markEarlier, say, startScenes, startTheme } from "./shell.js";
 import { DRIVES, sign, travelRows } from "./travel.js";
@@ -37,6 +37,7 @@ let linked = null; // the question of a link as it came
 let named = "log10"; // the function that was chosen before
 
 const untouched = JSON.stringify(asIs());
+const rowsTyped = new Pairs(showFields);
 const draft = new Draft("linkage-atlas-function", (content) => fill(content), clear);
 
 // -- the question
@@ -56,17 +57,19 @@ function drawnTable() {
   return smooth(smooth(smooth(heights))).map((y, n) => [n / (DRAWN - 1), Number(y.toFixed(6))]);
 }
 
-const typed = () => functionTable($("table").value, $("name").value);
+const typed = () => rowsTyped.of($("table").value, $("name").value === "table");
+
+/** Has the service read the table, if it is asked for. */
+const readTyped = () => (["table", "pairs"].includes($("name").value) ? rowsTyped.read($("table").value) : null);
 
 /** What of a request says which function is wanted; given angles are asked for as they are, in their unit. */
 function wantedOf(name) {
   const dials = { output_span: number("output-span") }, crank_span = number("crank-span");
   if (name === "drawn") return { function: { ...dials, table: drawnTable() }, crank_span };
   if (name === "table" || name === "pairs") {
-    const { x, y, input, output, radians } = typed();
+    const { x, y, input, output } = typed();
     if (x) return { function: { ...dials, table: x.map((value, k) => [value, y[k]]) }, crank_span };
-    const turned = input ? { input } : { crank_span: radians ? crank_span * RAD : crank_span };
-    return { output, ...turned, ...(radians ? { angle_unit: "rad" } : {}) };
+    return { output, ...(input ? { input } : { crank_span }) };
   }
   return { function: { ...dials, name, x: [number("x0"), number("x1")], ...(name === "power" ? { exponent: number("exponent") } : {}) }, crank_span };
 }
@@ -74,11 +77,11 @@ function wantedOf(name) {
 function toRequest() {
   const drive = $("drive").value, { asks } = DRIVES[drive], travels = drive !== "four_bar";
   const { crank_span, ...others } = wantedOf($("name").value);
-  if (travels && others.angle_unit) throw new Error("Give angles in degrees here.");
+  if (others.output) rowsTyped.check(asks);
   const span = crank_span === undefined ? {} : { [asks.input_unit ? "travel_span" : "crank_span"]: crank_span };
   const wanted = { ...others, ...span, ...asks }, limits = travels ? {} : { family: $("family").value };
   if ($("practical").checked) limits.preset = "practical";
-  if (number("transmission") !== null) limits.transmission_angle_min = number("transmission") * (wanted.angle_unit === "rad" ? RAD : 1);
+  if (number("transmission") !== null) limits.transmission_angle_min = number("transmission");
   if (number("ratio") !== null) limits.link_ratio_max = number("ratio");
   if (number("ground") !== null && ["four_bar", "crank_cylinder", "cylinder_crank"].includes(drive)) limits.links = { ground: number("ground") };
   if (number("offset") !== null && asks.mechanisms?.[0] === "slider_crank") limits.offset = number("offset");
@@ -93,6 +96,7 @@ function toRequest() {
 
 /** The fields that the function needs; columns that are named say what a table holds. */
 function showFields() {
+  readTyped();
   if (named !== $("name").value && ["x0", "x1"].every((id, k) => $(id).value === endsOf(named)[k])) endsOf($("name").value).forEach((end, k) => { $(`x${k}`).value = end; });
   named = $("name").value;
   let columns = {};
@@ -100,6 +104,7 @@ function showFields() {
   if (columns.x && $("name").value === "pairs") $("name").value = "table";
   if (columns.output && $("name").value === "table") $("name").value = "pairs";
   const name = $("name").value, pairs = name === "pairs";
+  $("table-note").textContent = rowsTyped.notes;
   const kinds = { name: !["drawn", "table", "pairs"].includes(name), crank: !pairs || !columns.input, rocker: !pairs, [name]: true };
   for (const block of document.querySelectorAll("[data-for]")) block.hidden = !block.dataset.for.split(" ").some((kind) => kinds[kind]);
   const { asks, says } = DRIVES[$("drive").value];
@@ -314,19 +319,6 @@ function card(solution, k) {
   return item;
 }
 
-/** A reply with its angles in degrees, each of which is `unit` of them. */
-function inDegrees(reply, unit) {
-  const all = (angles) => angles.map((angle) => angle * unit), some = (angle) => angle && angle * unit;
-  const errorsOf = (errors) => errors && { ...errors, rms: errors.rms * unit, max: errors.max * unit };
-  const solutions = reply.solutions.map((one) => ({
-    ...one, start_angle: one.start_angle * unit, output_offset: one.output_offset * unit, errors: errorsOf(one.errors),
-    transmission_angle_min: one.transmission_angle_min * unit, transmission_angle_min_turn: some(one.transmission_angle_min_turn),
-    rounded: one.rounded && { ...one.rounded, errors: errorsOf(one.rounded.errors) },
-    error_curve: { input: all(one.error_curve.input), error: all(one.error_curve.error) },
-  }));
-  return { ...reply, input: all(reply.input), output: all(reply.output), solutions };
-}
-
 function sayStatus() {
   const { status, solutions: [best] } = answer.reply;
   const rounded = best?.rounded?.closes ? ` With rounded links: ${text(best.rounded.errors.max, 3)}°.` : "";
@@ -334,9 +326,8 @@ function sayStatus() {
 }
 
 function show(request, reply) {
-  const unit = request.angle_unit === "rad" ? 1 / RAD : 1;
   const signs = [sign(request.input_unit), sign(request.output_unit)];
-  answer = { request, reply: inDegrees(reply, unit), solutions: reply.solutions, signs, from: unit * (request.input?.[0] ?? 0) };
+  answer = { request, reply, solutions: reply.solutions, signs, from: request.input?.[0] ?? 0 };
   shown = null;
   const found = reply.solutions.length > 0;
   for (const id of ["picture-card", "error-card", "results", "numbers-card"]) $(id).hidden = !found;
@@ -353,6 +344,7 @@ async function solve() {
   running = control;
   markEarlier(Boolean(answer));
   try {
+    await readTyped();
     const request = toRequest();
     say("Searching…");
     const reply = await (await ask("/v1/function", request, control.signal)).json();

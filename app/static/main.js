@@ -33,7 +33,7 @@ const results = new Results(editor.board, (kind) => editor.keep(kind));
 const sources = new Sources(() => editor.motion, useMotion);
 const draft = new Draft("linkage-atlas-motion", (content) => sources.openDraft(content), () => sources.useExample(sources.examples[0]?.name));
 const gallery = new Gallery((name) => sources.useExample(name));
-const follower = new Live(followed);
+const follower = new Live({ isDragged: dragged, shown: () => ({ answer, solution: results.solution }), fits, show: (shown, solution) => { if (!running) display(shown, solution); } });
 
 function pathDrawn(places, closed) {
   sources.useDrawn(places, closed);
@@ -87,7 +87,7 @@ function sentenceOf({ reply: { status, solutions, report }, request, motion, sto
   if (report.stopped_by === "budget" && !stored && !live) parts.push(`The time was up after ${seconds.toFixed(1)} s: there may be better ones.`);
   if (stored) parts.push("Searched beforehand.");
   if (request.tolerances && status !== "reached") parts.push(`The allowed errors are not kept at every ${itemOf(motion)}.`);
-  if (live) parts.push("Found while dragging, among four-bars: Solve searches on.");
+  if (live) parts.push("Found while dragging: Solve searches for others.");
   if (defects(solutions[0].verdict).length) parts.push("But none is free of defects: see the verdicts.");
   return parts.join(" ");
 }
@@ -158,21 +158,22 @@ function motionChanged() {
   else if (editor.board.stale || !passed) sayAnswer();
 }
 
-const dragged = () => /^drag \d/.test(editor.history.kind ?? "");
-
-/** Lets the answer that is shown follow. */
-function follow() {
-  const motion = structuredClone(editor.motion);
-  if (dragged() && answer?.reply.solutions.length && !editor.fault && !fault(motion)) follower.follow(toRequest(motion), motion);
+function dragged() {
+  return /^drag \d/.test(editor.history.kind ?? "");
 }
 
-/** Shows an answer that came while dragging, unless the motion has been left for another. */
-function followed(request, motion, reply) {
-  if (running || !answer || !reply.solutions.length || !(dragged() || fits({ request }))) return;
-  answer = { request, reply, motion, last: true, live: true, seconds: reply.report.elapsed_ms.total / 1000 };
-  passed = false;
+/** Lets the linkage on show follow a drag. */
+function follow() {
+  const motion = structuredClone(editor.motion);
+  if (!dragged()) follower.forget();
+  else if (results.solution?.links && !editor.fault && !fault(motion)) follower.follow(editor.history.kind, toRequest(motion), motion);
+}
+
+function display(shown, solution) {
+  [answer, passed] = [shown, false];
   updateStale();
   results.show(answer, true);
+  results.choose(solution);
   editor.board.draw();
   sayAnswer();
 }

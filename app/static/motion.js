@@ -3,7 +3,7 @@
 export const clone = (value) => JSON.parse(JSON.stringify(value));
 
 /** Units of length. */
-export const UNITS = ["mm", "cm", "m", "in"];
+export const UNITS = ["mm", "cm", "m", "in", "ft", "um"];
 
 /** The practical limits of the service's preset by their names here; `reach` alone has no field of its own in a request. */
 export const PRESET = { use: 35, turn: 15, ratio: 10, reach: 10 };

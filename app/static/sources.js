@@ -1,13 +1,15 @@
 // Where a motion comes from: an example, pasted rows, a file or a link; and the links to a request.
 
-import { fromCsv, toCsv } from "./csv.js";
+import { toCsv, withSamples } from "./csv.js";
 import { fromPage, fromRequest, toPage, toRequest } from "./formats.js";
 import { fromFragment, toFragment } from "./link.js";
 import { emptyMotion, itemOf, jump, repeated, unwrapped } from "./motion.js";
 import { download } from "./service.js";
 import { $, capital, say } from "./shell.js";
+import { readTable } from "./tables.js";
 
-const MAX_FILE_BYTES = 2e6;
+const MAX_FILE_BYTES = 7e5; // the service takes a megabyte, and base64 is longer by a third
+const ROLES = ["x", "y", "angle", "crank"];
 
 /** All of a motion that a link holds, to be compared. */
 const contentOf = (motion) => JSON.stringify(toPage(toRequest(motion), motion));
@@ -18,12 +20,13 @@ export class Sources {
    * the canvas, fitted into the view or not, with the stored reply of an example or the chosen card of a link.
    */
   constructor(current, use) {
-    Object.assign(this, { current, use, examples: [], shown: null, asCame: new Set(), linked: false, addressed: false });
+    Object.assign(this, { current, use, examples: [], shown: null, asCame: new Set(), linked: false, addressed: false, reading: null });
     $("new-motion").addEventListener("click", () => this.begin("both"));
     $("new-path").addEventListener("click", () => this.begin("position"));
     $("save").addEventListener("click", () => download(new Blob([toCsv(this.current())], { type: "text/csv" }), "motion.csv"));
     this.#bindPaste();
     this.#bindFiles();
+    this.#bindColumns();
   }
 
   async loadExamples() {
@@ -89,6 +92,12 @@ export class Sources {
   #take(motion, { note = "", linked = false, ...how }) {
     if (!linked && this.addressed) history.replaceState(null, "", location.pathname); // the link there is of another motion
     Object.assign(this, { shown: null, linked, addressed: linked });
+    $("paste-error").textContent = "";
+    $("paste-box").hidden = true;
+    if (!how.table) {
+      this.reading = null; // what is still being read is not wanted any more
+      this.#offerColumns(null);
+    }
     this.#offerUnwrapped(motion);
     this.use({ ...motion, note }, how);
   }
@@ -120,13 +129,61 @@ export class Sources {
     };
   }
 
-  /** The motion in CSV or in a request, also as exported with its solution. Throws for anything else. */
-  #read(content) {
-    const start = content.trimStart();
-    if (!start.startsWith("{")) return fromCsv(content, this.#settings());
+  /** The motion of a request as JSON, also as exported with its solution. Throws for anything else. */
+  #fromJson(content) {
     let body;
-    try { body = JSON.parse(start); } catch (error) { throw new Error("The file is not valid JSON.", { cause: error }); }
+    try { body = JSON.parse(content); } catch (error) { throw new Error("The file is not valid JSON.", { cause: error }); }
     return fromRequest(body.request ?? body);
+  }
+
+  /**
+   * Takes the motion in a text or a file: a request as JSON, or a table, perhaps with `columns` chosen. `failed(sentence)` gets what is
+   * wrong. Only the last source that was given counts.
+   */
+  async #read(source, from, failed, columns = null) {
+    const turn = { source, from, failed };
+    this.reading = turn;
+    $("paste-use").disabled = true;
+    try {
+      const start = typeof source === "string" ? source : await source.slice(0, 1000).text();
+      if (start.trimStart().startsWith("{")) {
+        const motion = this.#fromJson(typeof source === "string" ? source : await source.text());
+        if (this.reading === turn) this.#take(motion, { note: from, mode: "move" });
+        return;
+      }
+      if ((source.size ?? source.length) > MAX_FILE_BYTES) throw new Error("The file is larger than 0.7 MB, which is too large for a table of at most 1024 samples.");
+      const read = await readTable(source, "synthesize", columns);
+      if (this.reading !== turn) return;
+      this.#take(withSamples(this.#settings(), read), { note: [from, ...read.notes.map((note) => `${capital(note)}.`)].join(" "), mode: "move", table: true });
+      this.#offerColumns(read.heads, read.columns);
+    } catch (error) {
+      if (this.reading === turn) {
+        failed(error.message);
+        this.#offerColumns(error.heads ?? null);
+      }
+    } finally {
+      if (!this.reading || this.reading === turn) $("paste-use").disabled = false;
+    }
+  }
+
+  /** Offers the columns of the table that was read last, of which some are `used`; hides the offer without heads. */
+  #offerColumns(heads, used = []) {
+    $("columns").hidden = !heads;
+    if (!heads) return;
+    for (const role of ROLES) {
+      const select = $(`column-${role}`), at = used.find((column) => column.role === role)?.head;
+      select.replaceChildren(new Option("–", ""), ...heads.map((head, k) => new Option(head, String(k + 1))));
+      select.selectedIndex = at === undefined ? 0 : heads.indexOf(at) + 1;
+    }
+    $("columns").open = !used.length;
+  }
+
+  #bindColumns() {
+    $("columns-use").addEventListener("click", () => {
+      const columns = Object.fromEntries(ROLES.map((role) => [role, $(`column-${role}`).value]).filter(([, value]) => value));
+      const { source, from, failed } = this.reading;
+      this.#read(source, from, failed, columns);
+    });
   }
 
   #bindPaste() {
@@ -135,22 +192,13 @@ export class Sources {
     $("paste-text").addEventListener("input", () => { $("paste-error").textContent = ""; });
     $("paste-cancel").addEventListener("click", () => { box.hidden = true; });
     $("paste-use").addEventListener("click", () => {
-      try {
-        this.#take(this.#read($("paste-text").value), { note: "Pasted.", mode: "move" });
-        box.hidden = true;
-        $("paste-error").textContent = "";
-      } catch (error) { $("paste-error").textContent = error.message; }
+      const failed = (sentence) => { box.hidden = false; $("paste-error").textContent = sentence; };
+      this.#read($("paste-text").value, "Pasted.", failed);
     });
   }
 
   #bindFiles() {
-    const take = async (file) => {
-      if (!file) return;
-      try {
-        if (file.size > MAX_FILE_BYTES) throw new Error("The file is larger than 2 MB, which is too large for a motion.");
-        this.#take(this.#read(await file.text()), { note: `From ${file.name}`, mode: "move" });
-      } catch (error) { say(error.message, true); }
-    };
+    const take = (file) => file && this.#read(file, `From ${file.name}.`, (sentence) => say(sentence, true));
     $("open").addEventListener("click", () => $("file").click());
     $("file").addEventListener("change", () => { take($("file").files[0]); $("file").value = ""; });
     document.addEventListener("dragover", (event) => event.preventDefault());

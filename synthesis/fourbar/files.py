@@ -74,7 +74,7 @@ def requested_poses(target: Target, turned: Floats) -> Iterable[tuple[complex, f
     return ((place, turn) for place, turn in zip(places, turns) if np.isfinite(place))
 
 
-def to_svg(linkage: Linkage, target: Target, extra: Extra | None = None) -> str:
+def to_svg(linkage: Linkage, target: Target, extra: Extra | None = None, length_unit: str | None = None) -> str:
     """A drawing at the first sample, y up, with the names of the joints and the lengths of the links; `Extra`: further parts."""
     used, turn, now = used_joints(linkage, target.interval), linkage.turn(), linkage.joints(np.zeros(1))
     a, b, d, c = now.pivot_a, now.pivot_b, now.crank_pin[0], now.coupler_pin[0]
@@ -106,7 +106,8 @@ def to_svg(linkage: Linkage, target: Target, extra: Extra | None = None) -> str:
         sheet.label(z, f"{length:.5g}", 'class="size"') for z, length in zip(middles, linkage.links, strict=True)
     )
     return sheet.text(
-        "Four-bar linkage: crank {:.6g}, coupler {:.6g}, rocker {:.6g}, ground {:.6g}".format(*linkage.links),
+        "Four-bar linkage: crank {:.6g}, coupler {:.6g}, rocker {:.6g}, ground {:.6g}".format(*linkage.links)
+        + unit_in_words(length_unit),
         [
             STYLE,
             f'<g id="GROUND">{sheet.line(np.array([a, b]), "ground")}</g>',
@@ -116,8 +117,14 @@ def to_svg(linkage: Linkage, target: Target, extra: Extra | None = None) -> str:
             f"<g>{pins}{'' if point is None else dot(point, 7, 'point')}</g>",
             *([] if extra is None else [f'<g id="DRIVE">{extra.draw(sheet)}</g>']),
             f'<g id="NAMES">{names}{sizes}</g>',
+            sheet.unit_text(length_unit),
         ],
     )
+
+
+def unit_in_words(length_unit: str | None) -> str:
+    """Return the end of a title that names the unit of lengths, if it is known."""
+    return f"; lengths in {length_unit}" if length_unit else ""
 
 
 def to_csv(linkage: Linkage, target: Target, unit: float, more: Mapping[str, Iterable[Any]] | None = None) -> str:
@@ -354,7 +361,7 @@ def model_text(
 """
 
 
-def to_pylinkage(linkage: Linkage, target: Target) -> str:
+def to_pylinkage(linkage: Linkage, target: Target, length_unit: str | None = None) -> str:
     """The linkage as the JSON of a pylinkage ``Mechanism``, at the first sample: its ``mechanism_from_json`` reads it.
 
     Joints: pivot_a, pivot_b, crank_pin, coupler_pin, and body_point where the linkage guides one, which follows the coupler. A
@@ -392,7 +399,7 @@ def to_pylinkage(linkage: Linkage, target: Target) -> str:
         drive = {"type": "arc_driver", "angular_velocity": abs(step)}
         drive |= {"arc_start": min(first, last), "arc_end": max(first, last)}
     mechanism = {
-        "name": "four-bar linkage",
+        "name": "four-bar linkage" + unit_in_words(length_unit),
         "joints": parts,
         "links": [
             {"id": "ground", "type": "ground", "joints": ["pivot_a", "pivot_b"]},

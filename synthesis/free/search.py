@@ -39,7 +39,6 @@ from synthesis.free.joint import JointProblem
 from synthesis.free.limited import guessed_windows, limited_problem, placed_within
 from synthesis.free.poses import Poses
 from synthesis.free.screen import COARSE, FINE, PathScreen, way_along
-from synthesis.kept import MOST, Kept
 from synthesis.mechanism import Chart, Placed
 from synthesis.ranking import APART, Status, behind, distinct
 from synthesis.rounds import FEWER_ON, GAIN, Found, Plan, Rounds
@@ -352,7 +351,6 @@ class FreeRounds(Rounds):
         work: Work,
         samples: int,
         limited: bool = True,
-        before: int = 0,
     ) -> None:
         self.poses = poses
         self.few = poses.spread(samples)
@@ -364,7 +362,7 @@ class FreeRounds(Rounds):
         problem = within if limited else plain
         if thin is not poses:
             problem = limited_problem(thin, chart, limits) if problem.limited else JointProblem(thin, chart)
-        super().__init__(poses, thin, (plain, within, problem), limits.family, found, work, before)
+        super().__init__(poses, thin, (plain, within, problem), limits.family, found, work)
 
     def signature(self, timed: Timed) -> tuple[Floats, Floats]:
         """The timing, and the span."""
@@ -452,11 +450,6 @@ _FROM_THE_WAY = 2
 """Rounds that begin from crank angles which the way between the samples suggests; others from such at random."""
 _GUESSES_BESIDE = 2
 """Guesses beside what dyads lead to: more of them were not worth their time in `benchmarks.engine`."""
-_FRESH = 3
-"""Of searches that go on from one another so many times one takes fresh seeds too."""
-_DRAGGED = 0.05
-"""J that the best of what an earlier search left loses on its way to its end, from which on fresh seeds follow one round of
-hops."""
 _IN_SIGHT = 1e-2, 1e-3
 """J of the first look, without limits and within them, from which on an exact answer is not sought further."""
 
@@ -482,7 +475,6 @@ def search_free(
     screens: Screens = path_screens,
     windows: Callable[[str], Windows] = bounded_windows,
     rounds: int | None = None,
-    kept: Kept | None = None,
 ) -> tuple[list[Solution], SearchReport]:
     """The best four-bars for samples whose crank angles are free.
 
@@ -500,8 +492,6 @@ def search_free(
         For paths, and for limits, by family; made once by whoever keeps them.
     rounds : int, optional
         Of descents within the limits at most so many; default: until they gain nothing.
-    kept : Kept, optional
-        What a search for nearly the same left: this one begins with it, and reports what it leaves itself.
 
     Returns
     -------
@@ -528,7 +518,7 @@ def search_free(
             trace = [(work.elapsed, min(solution.errors.objective for solution in exact))]
             return exact, SearchReport(StoppedBy.TOLERANCE, trace, 0.0, candidates.merit.size)
     found = Found(tolerance, note)
-    search = _Search(poses, limits, found, work, screens, windows, rounds, kept or Kept.of([], 0))
+    search = _Search(poses, limits, found, work, screens, windows, rounds)
     ended = search.run()
     solutions: list[Solution] = []
     for chart, pool in found.pools.items():
@@ -542,9 +532,8 @@ def search_free(
         if not trace or trace[-1][1] != least:
             trace.append((work.elapsed, least))
     stopped = StoppedBy.TOLERANCE if reached else StoppedBy.CONVERGED if ended else StoppedBy.BUDGET
-    left = None if kept is None else search.left()
     unseen = found.unseen(FreeRounds.odds) if solutions else None
-    return solutions, SearchReport(stopped, trace, 0.0, search.seeds, unseen=unseen, kept=left)
+    return solutions, SearchReport(stopped, trace, 0.0, search.seeds, unseen=unseen)
 
 
 class _Search:
@@ -559,10 +548,8 @@ class _Search:
         screens: Screens,
         windows: Callable[[str], Windows],
         rounds: int | None,
-        kept: Kept,
     ) -> None:
         self.poses, self.limits, self.found, self.work = poses, limits, found, work
-        self.kept = kept
         self._near: dict[str, FreeRounds] = {}
         """Rounds within the limits, by family."""
         self.most = np.inf if rounds is None else rounds
@@ -580,10 +567,6 @@ class _Search:
     def run(self) -> bool:
         """Search until the tolerance is reached, the time is up or nothing is gained; whether it ran to its end."""
         family = self.limits.family
-        if len(self.kept.branch):
-            self._go_on()
-            if self.found.reached or self.work.expired():
-                return self.found.reached
         if family != "any" or self.limits.swings:
             return self._among(family)
         # what turns fully first, so that the larger family is never worse; but an exact one of any family is seen at once
@@ -649,54 +632,8 @@ class _Search:
                 self._near[family].idle_at_first = _BEYOND_FULL_CRANKS
         return self._near[family]
 
-    # -- from what a search left, and what this one leaves ------------------------------------------------------------
-
-    def _go_on(self) -> None:
-        """Begin with what an earlier search left: as it is, to its end, and mostly with hops from the best of it."""
-        poses, kept = self.poses, self.kept
-        crank = kept.at(poses.samples + (poses.asked is not None))[:, : poses.samples]
-        if poses.ordered:
-            longest = np.maximum(np.abs(crank).max(axis=1, initial=0.0), 1e-9)[:, None]
-            crank = crank * np.minimum(1.0, _LONGEST * poses.span_max / longest)
-            steps = np.diff(crank, axis=1)
-            one_way = np.all(steps > 0, axis=1) | np.all(steps < 0, axis=1)
-            kept, crank = kept.take(one_way), crank[one_way]
-        kept = kept._replace(crank=crank)
-        family = self.limits.family
-        as_it_was = np.inf
-        for each in ("full_crank", "any") if family == "any" else (family,):
-            run, some = self._rounds_near(each), kept.among(each)
-            self.seeds += some.branch.size
-            timed = some.candidates(poses, run.chart, some.crank)
-            as_it_was = min(as_it_was, float(run.plain.measured(timed, posed=False).cost.min(initial=np.inf)))
-            run.go_on(timed)
-        best = min(self._near.values(), key=lambda run: run.least)
-        # far from what it was: valleys elsewhere may be lower now
-        dragged = as_it_was - best.least**2 > _DRAGGED**2
-        # the screens, where fresh seeds come from, take longer than a round of hops
-        rounds = min(self.most, 1) if dragged else self.most
-        for seeds in best.closest(iter(()), rounds) if dragged or self.kept.searches % _FRESH else ():
-            self.seeds += seeds.branch.size
-            if self.found.reached or self.work.expired():
-                return
-
-    def left(self) -> Kept:
-        """The best that is known, for the search after this one."""
-        searches = self.kept.searches + 1
-        parts = [
-            _Mounted.of(self.poses, pool.take(slice(0, MOST)), chart) for chart, pool in self.found.pools.items()
-        ]
-        if not parts:
-            return self.kept._replace(searches=searches)
-        columns = [np.concatenate(column) for column in zip(*(one[1:] for one in parts))]
-        every = _Mounted(self.poses, *columns)
-        best = every.take(every.order(self.found.tolerance)[:MOST])
-        alone = best.links, best.branch, best.start, best.pivot, best.turn, best.coupler, best.offset
-        return Kept(searches, *alone, best.crank)
-
     def _rounds(self, chart: Chart, samples: int, limited: bool = True) -> FreeRounds:
-        before = self.kept.searches
-        return FreeRounds(self.poses, self.limits, chart, self.found, self.work, samples, limited, before)
+        return FreeRounds(self.poses, self.limits, chart, self.found, self.work, samples, limited)
 
     def _keep_dyads(self, pool: Pool, family: str) -> None:
         """Pairs of dyads that keep the limits as they are are answers."""
@@ -770,6 +707,6 @@ class _Search:
         seeds, look = placed(screen.seeds(run.thin, run.chart, missing))
         few = run.spread(seeds.take(look[look < seeds.branch.size]))
         run.keep(run.plain.measured(few, posed=not run.holds), rounds=4)
-        yield from islice(run.in_turn(seeds, _SEEDS, run.before // _FRESH), _FROM_THE_WAY)
+        yield from islice(run.in_turn(seeds, _SEEDS), _FROM_THE_WAY)
         while True:
             yield placed(screen.seeds(run.thin, run.chart, missing, run.random))[0]

@@ -351,7 +351,9 @@ class FunctionSearch:
         for branch in branches:
             side = np.full(len(unknowns), float(branch))
             placed = problem.with_offset(unknowns, side, crank, root)
-            gap = root * problem.gap(placed, side, np.broadcast_to(crank, (len(placed), crank.size)))
+            gap = problem.gap(placed, side, np.broadcast_to(crank, (len(placed), crank.size)))
+            # also infinite if a sample of weight 0 cannot be reached
+            gap = np.multiply(root, gap, out=np.full_like(gap, np.inf), where=np.isfinite(gap))
             cost = np.sum(gap * gap, axis=1) / np.sum(root * root) + far
             cells = self.place(placed) / 0.4 if cell is None else placed[:, :4] / cell
             first = first_of_cells(np.floor(cells), cost, most)

@@ -25,6 +25,7 @@ from synthesis.fourbar.files import (
     places,
     requested_poses,
     requested_positions,
+    unit_in_words,
     xy0,
 )
 from synthesis.fourbar.linkage import Mass
@@ -117,7 +118,7 @@ def _outline(linkage: GuidedLinkage, found: _Shown) -> Complexes:
     return np.array([*corners, complex(found.body.origin[0])])
 
 
-def to_svg(linkage: GuidedLinkage, target: Target, extra: Extra | None = None) -> str:
+def to_svg(linkage: GuidedLinkage, target: Target, extra: Extra | None = None, length_unit: str | None = None) -> str:
     """A drawing at the first sample, y up, with rails, slots, and the names of the joints."""
     found = shown(linkage, target.interval)
     body, path, marks = found.body, found.links[1].origin, requested_positions(target)
@@ -156,7 +157,7 @@ def to_svg(linkage: GuidedLinkage, target: Target, extra: Extra | None = None) -
     words = linkage.kind.replace("_", " ")
     dots.append(sheet.dot(body.origin[0], 7, 'class="point"'))
     return sheet.text(
-        f"{words}, driven by a {linkage.driver}",
+        f"{words}, driven by a {linkage.driver}{unit_in_words(length_unit)}",
         [
             STYLE,
             _OWN_STYLE,
@@ -167,6 +168,7 @@ def to_svg(linkage: GuidedLinkage, target: Target, extra: Extra | None = None) -
             f"<g>{''.join(dots)}</g>",
             *([] if extra is None else [f'<g id="DRIVE">{extra.draw(sheet)}</g>']),
             f'<g id="NAMES">{"".join(labels)}</g>',
+            sheet.unit_text(length_unit),
         ],
     )
 

@@ -27,7 +27,6 @@ import numpy as np
 
 from synthesis.arrays import Floats
 from synthesis.descents import Pool, Stage, Timed
-from synthesis.kept import MOST, Kept
 from synthesis.mechanism import Bounded, Chart, Limits, Mechanism
 from synthesis.ranking import APART, Status, distinct
 from synthesis.rounds import Found, Rounds
@@ -125,29 +124,27 @@ class GivenRounds(Rounds):
     family : str
     found : Found
     work : Work
-    before : int
-        Searches that this one goes on from.
     """
 
     bent_below, idle, odds = 1e-3, 2, (-2.0, 2.4)
     within: GivenProblem
     problem: GivenProblem
 
-    def __init__(self, target: Target, way: Bounded, family: str, found: Found, work: Work, before: int = 0) -> None:
+    def __init__(self, target: Target, way: Bounded, family: str, found: Found, work: Work) -> None:
         thin = target if target.samples <= _SAMPLES else target.condensed(_FEWER)
         within = problem_of(target, way)
         problem = within if thin is target else problem_of(thin, way)
         self._moved = target.off(thin)
         self.way = way
         problems = GivenProblem(target, way.chart), within, problem
-        super().__init__(target, thin, problems, family, found, work, before)
+        super().__init__(target, thin, problems, family, found, work)
 
     def seeds(self, windows: Windows) -> Iterator[Timed]:
         """Seeds, some at a time; the best are looked at as answers."""
         seeds = windows.seeds(self.problem, self.way.on_shape, self.way.boxes)
         first = self._shifted(seeds.take(slice(0, _FIRST)))
         self.keep(self.plain.measured(first, posed=not self.within.posed), rounds=4)
-        yield from self.in_turn(seeds, _SEEDS, self.before)
+        yield from self.in_turn(seeds, _SEEDS)
 
     def signature(self, timed: Timed) -> tuple[Floats, Floats]:
         """Shape and start."""
@@ -192,8 +189,6 @@ _IN_SIGHT, _IDLE_IN_SIGHT = 1e-4, 6
 _BENT_BELOW = 1e-3
 """J from which on valleys are narrow: steps are bent along them."""
 _EDGE_STARTS, _EDGE_SAMPLES = 24, 12
-_ON = 60
-"""Steps of what an earlier search left."""
 _FEW_STEPS = 6
 """That are worth while for alternatives to an exact answer."""
 
@@ -225,8 +220,6 @@ class SearchReport(NamedTuple):
     """False where the best was still getting better when the steps that it is given were used up."""
     unseen: float | None = None
     """The estimated chance that a better valley was missed, of a search in rounds that found nothing exact."""
-    kept: Kept | None = None
-    """What it leaves, where that was asked for."""
 
 
 class _Search:
@@ -240,9 +233,7 @@ class _Search:
         tolerance: float,
         work: Work,
         mechanism: Mechanism | None = None,
-        kept: Kept | None = None,
     ) -> None:
-        self.kept = kept or Kept.of([], 0)
         self.tables, self.mechanism = tables, mechanism or tables.mechanism
         self.target, self.limits, self.tolerance, self.work = target, limits, tolerance, work
         self.thin_target = target.thinned(SEARCH_SAMPLES)
@@ -315,19 +306,6 @@ class _Search:
         return table.take(np.concatenate(places))
 
     # -- rounds -------------------------------------------------------------------------------------------------------
-
-    def go_on(self) -> None:
-        """Begin with what an earlier search left, descended to its end without limits."""
-        if len(self.kept.branch):
-            timed = self._left("full_crank" if self.limits.family == "any" else self.limits.family, self.chart)
-            self.seeds += timed.branch.size
-            exact = 0.3 * self.tolerance
-            self.pool = self.problem.descended(timed, [Stage(_ON)], exact, self.work, bent_below=_BENT_BELOW)
-
-    def _left(self, family: str, chart: Chart) -> Timed:
-        """What an earlier search left of a family, as candidates in a chart."""
-        some = self.kept.among(family)
-        return some.candidates(self.target, chart, np.zeros((len(some.branch), 1)))
 
     def free_search(self, rounds: Sequence[Round]) -> None:
         """Rounds without limits until reached, out of time or out of rounds."""
@@ -409,9 +387,7 @@ class _Search:
         for chart, way in zip(charts, ways):
             # the first way is that of full cranks alone, so that the larger family is never worse
             family = "full_crank" if self.limits.family == "any" and way is ways[0] else self.limits.family
-            run = GivenRounds(self.target, way, family, found, self.work, self.kept.searches)
-            if len(self.kept.branch):
-                run.go_on(self._left(family, way.chart))
+            run = GivenRounds(self.target, way, family, found, self.work)
             seeds = run.seeds(windows(family))
             late = self.work.expired() and way.chart in found.pools
             begin = [] if late else list(islice(seeds, 1))
@@ -481,7 +457,6 @@ def search(
     tolerance: float = DEFAULT_TOLERANCE,
     work: Work | None = None,
     mechanism: Mechanism | None = None,
-    kept: Kept | None = None,
 ) -> tuple[list[Any], SearchReport]:
     """The best linkages for a motion.
 
@@ -499,8 +474,6 @@ def search(
         Once it has expired the best found so far is returned.
     mechanism : Mechanism, optional
         Moves as that of the tables, and makes other solutions of linkages. Default: that of the tables.
-    kept : Kept, optional
-        Four-bars that a search for nearly the same left: this one begins with them, and reports what it leaves itself.
 
     Returns
     -------
@@ -511,21 +484,13 @@ def search(
     clockwise = target.clockwise
     if clockwise:  # a mirror image: one search serves both
         target, limits = target.mirrored(), limits.mirrored()
-        kept = None if kept is None else kept.mirrored()
-    run = _Search(tables, target, limits, tolerance, work or Work(), mechanism, kept)
+    run = _Search(tables, target, limits, tolerance, work or Work(), mechanism)
     solutions: list[Any] = []
     if limits.only_family:
-        run.go_on()
         solutions = run.look(FIRST_LOOK, top)
     run.note(np.array([s.errors.objective for s in solutions]) ** 2)
-    goes_on = not solutions and len(run.kept.branch) > 0  # there is an answer, however little time there is
-    if goes_on or not (run.done(solutions) or (solutions and run.reached)):
+    if not (run.done(solutions) or (solutions and run.reached)):
         solutions = run.bounded_search(tables.windows, solutions, top)
-    if kept is not None:
-        best = distinct(solutions, MOST, APART, exact=tolerance)
-        searches = kept.searches + 1
-        left = Kept.of([(one.linkage, target.crank) for one in best], searches) if best else kept
-        kept = (left.mirrored() if clockwise else left)._replace(searches=searches)
     solutions = distinct(solutions, top, APART, exact=tolerance)
-    report = run.report(solutions)._replace(kept=kept)
+    report = run.report(solutions)
     return [s.mirrored() for s in solutions] if clockwise else solutions, report

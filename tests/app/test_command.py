@@ -14,7 +14,7 @@ import ezdxf
 import pytest
 
 import linkage_atlas as la
-from app import cli, command
+from app import cli, sources, terminal
 from app.fourbar.models import SynthesizeRequest
 from app.registry import all_examples, all_queries, worked_example
 from app.settings import Settings, atlas_of
@@ -51,7 +51,7 @@ def test_one_answer_gives_table_and_files(run, tmp_path, monkeypatch) -> None:
     assert f"crank {second['links']['crank']:.6g}, coupler {second['links']['coupler']:.6g}" in title
     assert err.splitlines() == [f"wrote {file}" for file in files]
     code, out, err = run("function", "--example", "five_pairs", "--export", tmp_path / "no" / "one.svg")
-    assert code == Exit.FAILED and out.startswith("reached") and err.startswith("cannot write: ")
+    assert code == Exit.FAILED and out.startswith("reached") and err.startswith("cannot write ")
 
 
 def test_a_rank_beyond_the_requests_top_is_looked_for(run, tmp_path) -> None:
@@ -67,11 +67,11 @@ def test_the_file_of_a_solution_is_asked_about(question, part, run, tmp_path) ->
     file = tmp_path / "one.json"
     run("synthesize", "--example", "worked_example", "--export", file)
     content = json.loads(file.read_text())
-    content["linkage"] = content.pop("solution")
     code, out, err = run(question, file, "--json")
-    assert (code, err) == (Exit.OK, "")
+    content["linkage"] = content.pop("solution")
+    assert (code, err) == (Exit.OK, f"read {file}: a solution and its request\n")
     assert json.loads(out)[part] == json.loads(run(question, "--json", stdin=json.dumps(content))[1])[part] != []
-    assert "synthesize --export" in run(question, "--help")[1]
+    assert "a saved solution" in run(question, "--help")[1]
 
 
 def test_an_export_is_of_the_rank_that_is_asked_for(run, tmp_path) -> None:
@@ -89,7 +89,7 @@ def test_where_there_is_no_such_solution_nothing_is_written(run, tmp_path) -> No
     request = {"output": [0, 10, 30], "crank_span": 60, "limits": {"links": links, "preset": None}}
     code, out, err = run("function", "--export", file, "--plot", stdin=json.dumps(request))
     assert code == Exit.INFEASIBLE and not file.exists()
-    assert out.startswith("infeasible") and err == "no solution of rank 1: there are 0 solutions\n"
+    assert out.startswith("infeasible") and err == "there is no solution of rank 1: there are 0 solutions\n"
 
 
 @pytest.mark.parametrize("more", [(), ("--json",), ("--export", "one.svg")])
@@ -264,7 +264,10 @@ def test_an_export_does_not_replace_its_own_request(run, tmp_path, monkeypatch) 
     assert code != Exit.OK and "one.json is the request itself" in err and file.read_text() == text
     assert run("export", "one.json", "--out", "two.json")[0] == Exit.OK
     for _ in range(2):  # from standard input a file of before is made anew
-        assert run("export", stdin=text)[::2] == (Exit.OK, "wrote linkage.json\n")
+        assert run("export", stdin=text)[::2] == (
+            Exit.OK,
+            "read standard input: a request, which is solved\nwrote linkage.json\n",
+        )
 
 
 def test_json_with_the_mark_of_utf_8_is_read(run, tmp_path) -> None:
@@ -360,7 +363,7 @@ def test_every_example_is_a_request_of_its_command(run) -> None:
 
 def test_a_question_answers_every_example_of_its_own_by_the_same_name(run, monkeypatch) -> None:
     asked = []
-    monkeypatch.setattr("app.command.read_request", lambda query, text, *rest: asked.append(text) or 1 / 0)
+    monkeypatch.setattr("app.command.read_source", lambda target, text, *rest, **more: asked.append(text) or 1 / 0)
     for name, example in all_examples().items():
         with pytest.raises(ZeroDivisionError):
             run(*example.command.split(), "--example", name)
@@ -424,12 +427,12 @@ class Terminal(io.StringIO):
 
 @pytest.mark.parametrize(("on_terminal", "delay"), [(True, 0.0), (True, PATIENCE), (False, 0.0)])
 def test_what_takes_long_says_so_on_a_terminal_only(on_terminal, delay, monkeypatch) -> None:
-    monkeypatch.setattr(command, "DELAY", delay)
-    monkeypatch.setattr(command, "STEP", 0.01)
+    monkeypatch.setattr(terminal, "DELAY", delay)
+    monkeypatch.setattr(terminal, "STEP", 0.01)
     stream = Terminal() if on_terminal else io.StringIO()
     monkeypatch.setattr(sys, "stderr", stream)
     said = on_terminal and delay == 0
-    with command.waiting("searching", 30):
+    with terminal.waiting("searching", 30):
         until(lambda: "searching" in stream.getvalue()) if said else time.sleep(0.1)
     assert (stream.getvalue().rstrip(" \r") != "") == said == ("of at most 30" in stream.getvalue())
 
@@ -455,9 +458,9 @@ def test_what_is_set_is_json_or_words() -> None:
     words = {"prefer=size": "size", "mechanisms=[slider_crank, rail_slot]": ["slider_crank", "rail_slot"]}
     numbers = {"top=3": 3, "limits.pivot_box=[0, 0, 9, 9]": [0, 0, 9, 9], "lengths_from=[1,2": "[1,2"}
     for text, wanted in {**words, "mechanisms=[four_bar]": ["four_bar"], **numbers}.items():
-        assert command.setting(text) == (text.partition("=")[0].split("."), wanted)
+        assert sources.setting(text) == (text.partition("=")[0].split("."), wanted)
 
 
 def test_a_box_without_brackets_is_told_how_lists_are_written(run) -> None:
     code, _, err = run("synthesize", "--set", "limits.pivot_box=0,0,9,9", stdin=json.dumps(RIGHT_ANGLE))
-    assert code == Exit.USAGE and "limits.pivot_box: Input should be a list, as [1, 2]" in err
+    assert code == Exit.USAGE and "limits.pivot_box: must be a list, as [1, 2], found '0,0,9,9'" in err

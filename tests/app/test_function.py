@@ -12,7 +12,9 @@ def test_export_of_what_does_not_close_or_was_not_asked(client: TestClient) -> N
     links = {"crank": 5, "coupler": 1, "rocker": 1, "ground": 1}
     solution = {"links": links, "branch": 1, "start_angle": 0, "output_offset": 0}
     body = {"request": PAIRS, "solution": solution, "format": "svg"}
-    assert client.post("/v1/function/export", json=body).status_code == 422
+    refused = client.post("/v1/function/export", json=body).json()["errors"][0]
+    assert refused["pointer"] == "#/solution/links/crank" and "cannot be assembled" in refused["detail"]
+    links["crank"] = 0.5
     bad = client.post("/v1/function/export", json={**body, "request": {"output": [1, 2, 3]}})
     assert bad.json()["errors"][0]["pointer"] == "#/request/crank_span"
 

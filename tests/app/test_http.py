@@ -3,7 +3,6 @@
 import gzip
 import json
 import math
-import threading
 from collections.abc import Callable, Iterator
 from itertools import count, pairwise
 from pathlib import Path
@@ -14,19 +13,23 @@ import pytest
 from fastapi.testclient import TestClient
 
 import linkage_atlas as la
-from app.computed import Threads
+from app import worker
+from app.bodies import MAX_CONTAINERS, MAX_KEYS, MAX_VALUES
+from app.fourbar.answers import LINKAGE_FILES, answer_synthesize
+from app.fourbar.models import SynthesizeRequest
 from app.main import create_app
+from app.query import plain_of
 from app.registry import all_queries, worked_example
 from app.resources import ServiceResources
 from app.scenes import scene_queries
 from app.settings import Settings
-from tests.conftest import PATIENCE, changed, finite, some_of, until
+from tests.conftest import changed, finite, some_of
 from tests.oracles.recompute import broken_limits, compare
 
 EXAMPLE = worked_example()
 ROTATION, POSITION = EXAMPLE["rotation"], EXAMPLE["position"]
 JSON = {"content-type": "application/json"}
-BODY_LIMIT = 200_000
+BODY_LIMIT = 300_000
 
 
 @pytest.fixture(scope="module")
@@ -40,11 +43,9 @@ def client(small_bytes: bytes, tmp_path_factory: pytest.TempPathFactory) -> Iter
 
 @pytest.fixture(scope="module")
 def paper(atlas_path: Path) -> Iterator[TestClient]:
-    """The service with the published atlas of 101,408 types, without what is prepared behind the first answers."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(ServiceResources, "missing", lambda resources: [])
-        with TestClient(create_app(Settings(atlas=atlas_path))) as client:
-            yield client
+    """The service with the published atlas of 101,408 types."""
+    with TestClient(create_app(Settings(atlas=atlas_path))) as client:
+        yield client
 
 
 def ask(client: TestClient, path: str, **fields: Any) -> dict[str, Any]:
@@ -208,14 +209,16 @@ def test_tolerance_decides_the_status(client) -> None:
 
 
 class TickingResources(ServiceResources):
-    """A clock that goes on by ten milliseconds whenever it is looked at: the same budget on every machine."""
+    """A clock that advances by ten milliseconds at each look: the same budget on every machine."""
 
-    def work(self, budget: float | None = None, cancelled: Callable[[], bool] | None = None) -> la.Work:
-        return la.Work(budget, cancelled, count(step=0.01).__next__)
+    def work(self, budget: float | None = None) -> la.Work:
+        return la.Work(budget, None, count(step=0.01).__next__)
 
 
-def ticking(**settings: Any) -> TestClient:
-    return TestClient(create_app(resources=TickingResources(Settings(atlas=Path("none"), **settings))))
+def ticking(**settings: Any) -> Callable[..., dict[str, Any]]:
+    """Return ``ask(**fields)``, the answer of the service to a request with such a clock."""
+    resources = TickingResources(Settings(with_atlas=False, **settings))
+    return lambda **fields: plain_of(answer_synthesize(SynthesizeRequest(**fields), resources))
 
 
 ZIGZAG = {"rotation": [10.0 * (k % 2) for k in range(16)], "crank_span": 300, "top": 2}
@@ -223,9 +226,8 @@ ZIGZAG = {"rotation": [10.0 * (k % 2) for k in range(16)], "crank_span": 300, "t
 
 
 def test_a_budget_ends_the_search_and_the_trace_falls() -> None:
-    with ticking() as client:
-        reply = ask(client, "/v1/synthesize", **ZIGZAG, budget_ms=250)
-        longer = ask(client, "/v1/synthesize", **ZIGZAG, budget_ms=500)
+    ask = ticking()
+    reply, longer = ask(**ZIGZAG, budget_ms=250), ask(**ZIGZAG, budget_ms=500)
     report = reply["report"]
     assert reply["status"] == "closest" and report["stopped_by"] == longer["report"]["stopped_by"] == "budget"
     assert 250 <= report["elapsed_ms"]["total"] < 400 < longer["report"]["elapsed_ms"]["total"]
@@ -240,8 +242,7 @@ def test_a_budget_ends_the_search_and_the_trace_falls() -> None:
 
 
 def test_no_request_computes_longer_than_the_service_allows() -> None:
-    with ticking(max_budget_ms=500) as hasty:
-        reply = ask(hasty, "/v1/synthesize", **ZIGZAG, budget_ms=60_000)
+    reply = ticking(max_budget_ms=500)(**ZIGZAG, budget_ms=60_000)
     assert reply["report"]["stopped_by"] == "budget" and reply["report"]["elapsed_ms"]["total"] < 700
 
 
@@ -318,6 +319,23 @@ def test_what_is_no_json_object_is_refused(body, client) -> None:
         assert pointers(values) == ["#"] and "Request" not in values["detail"], "no name of the code"
 
 
+MALFORMED = {
+    "keys": "{" + ",".join(f'"k{k}":1' for k in range(MAX_KEYS + 1)) + "}",
+    "arrays": '{"position":[' + ",".join(["[]"] * (MAX_CONTAINERS + 1)) + "]}",
+    "values": '{"times":[' + ",".join("1" * (MAX_VALUES + 1)) + "]}",
+    "depth": '{"rotation":' + "[" * 5000 + "]" * 5000 + "}",
+    "depth of objects without an end": '{"rotation":' * 10_000,
+    "digits": '{"rotation":[1,2,' + "9" * 5000 + "]}",
+    "key twice within": '{"limits":{"family":"any","family":"full_crank"}}',
+}
+
+
+@pytest.mark.parametrize("why", MALFORMED)
+def test_a_body_that_would_keep_the_parser_busy_is_refused(why, client) -> None:
+    values = refusal(client, "/v1/match", MALFORMED[why])
+    assert values["status"] == 400 and pointers(values) == ["#"]
+
+
 def test_a_body_that_is_packed_is_refused_by_what_is_wrong(client) -> None:
     headers = {"content-type": "application/json", "content-encoding": "gzip"}
     reply = client.post("/v1/knotter/needle", content=gzip.compress(b"{}"), headers=headers)
@@ -330,31 +348,6 @@ def test_what_can_be_got_can_be_asked_for_its_head_alone(path, client) -> None:
     assert head.status_code == whole.status_code == 200 and not head.content
     assert head.headers.get("etag") == whole.headers.get("etag")
     assert client.head(path.rstrip("/") + "/nowhere").status_code == 404
-
-
-def test_what_is_loaded_is_told_once(client) -> None:
-    etag = client.get("/v1/atlas").headers["etag"]
-    assert client.get("/v1/atlas", headers={"if-none-match": etag}).status_code == 304
-
-
-def test_what_takes_milliseconds_is_made_where_answers_are_computed(small_bytes, tmp_path) -> None:
-    """Made by the process that talks to the clients, a description held all of them up."""
-    asked: list[str] = []
-
-    class Computing(Threads):
-        async def answer(self, request, question, content):
-            asked.append(question.path)
-            return await super().answer(request, question, content)
-
-    (tmp_path / "small.h5").write_bytes(small_bytes)
-    settings = Settings(atlas=tmp_path / "small.h5")
-    resources = ServiceResources(settings)
-    app = create_app(settings, resources, lambda turns: Computing(resources, turns))
-    paths = ["/openapi.json", "/v1/atlas", "/scenes/lift/queries", "/v1/types/3"]
-    with TestClient(app) as client:
-        for _ in range(2):
-            assert [client.get(path).status_code for path in paths] == [200] * 4
-    assert asked == [*paths[:3], "/v1/types/{number}", "/v1/types/{number}"]
 
 
 REFUSALS = json.loads((Path(__file__).parent / "refusals.json").read_text())
@@ -436,31 +429,30 @@ def test_an_impossible_type_is_pointed_at(number, client) -> None:
     assert number in ("0", "1.5") or number not in json.dumps(values)
 
 
-def test_a_fault_of_the_service_is_a_problem_too(client, monkeypatch) -> None:
+def test_a_fault_of_the_service_is_a_problem_too(monkeypatch, caplog) -> None:
     def fail(*_: object, **__: object) -> None:
         raise RuntimeError(MARK)
 
     monkeypatch.setattr("linkage_atlas.synthesize", fail)
-    with TestClient(create_app(Settings(atlas=Path("none"))), raise_server_exceptions=False) as blunt:
-        reply = blunt.post("/v1/synthesize", json=EXAMPLE)
-    values = problem(reply, range(500, 501))
-    assert MARK not in json.dumps(values)
+    monkeypatch.setattr(worker, "_resources", ServiceResources(Settings(with_atlas=False)), raising=False)
+    reply = worker.answer("/v1/synthesize", json.dumps(EXAMPLE).encode())
+    assert reply.status_code == 500 and reply.media_type == "application/problem+json"
+    assert MARK not in reply.body.decode() and MARK in caplog.text, "the log says more"
 
 
-# -- health, overload, a missing atlas --------------------------------------------------------------------------------
+# -- a missing atlas --------------------------------------------------------------------------------
 
 
 def without_atlas(fault: str, small_bytes: bytes, path: Path) -> TestClient:
     """The service with an atlas file that it cannot use."""
-    settings = {"too large": {"atlas_max_bytes": 1000}, "too many types": {"atlas_max_types": 10}}.get(fault, {})
     if fault == "folder":
         path.mkdir()
     elif fault != "missing":
         path.write_bytes(small_bytes[:-1] if fault == "damaged" else small_bytes)
-    return TestClient(create_app(Settings(atlas=path, **settings)))
+    return TestClient(create_app(Settings(atlas=path)))
 
 
-@pytest.mark.parametrize("fault", ["missing", "damaged", "too large", "too many types", "folder"])
+@pytest.mark.parametrize("fault", ["missing", "damaged", "folder"])
 def test_without_an_atlas_the_rest_answers(fault, small_bytes, tmp_path) -> None:
     with without_atlas(fault, small_bytes, tmp_path / "atlas.h5") as client:
         assert client.get("/livez").status_code == 200
@@ -494,40 +486,6 @@ def test_an_atlas_that_appears_later_changes_nothing_until_a_restart(small_bytes
         assert client.post("/v1/match", content=MATCH, headers=JSON).status_code == 503
 
 
-def test_overload_is_refused_at_once_while_health_answers(tmp_path) -> None:
-    release, running = threading.Event(), threading.Event()
-    settings = Settings(atlas=tmp_path / "none", max_concurrent=1, max_waiting=1)
-
-    def held() -> bool:
-        running.set()
-        assert release.wait(PATIENCE)
-        return False
-
-    class Slow(ServiceResources):
-        def work(self, budget: float | None = None, cancelled: Callable[[], bool] | None = None) -> la.Work:
-            return la.Work(budget, held)
-
-    statuses: list[int] = []
-    with TestClient(create_app(resources=Slow(settings))) as client:
-
-        def post() -> None:
-            statuses.append(client.post("/v1/synthesize", json={**EXAMPLE, "top": 1}).status_code)
-
-        threads = [threading.Thread(target=post) for _ in range(2)]
-        threads[0].start()
-        assert running.wait(PATIENCE)
-        threads[1].start()
-        until(lambda: client.app.state.turns.waiting)
-        reply, health = client.post("/v1/synthesize", json=EXAMPLE), client.get("/livez")
-        release.set()
-        for thread in threads:
-            thread.join(PATIENCE)
-        problem(reply, range(503, 504))
-        assert int(reply.headers["retry-after"]) > 0
-        assert health.status_code == 200
-    assert statuses == [200, 200]
-
-
 # -- OpenAPI ----------------------------------------------------------------------------------------------------------
 
 EXAMPLES = [
@@ -536,7 +494,7 @@ EXAMPLES = [
     for name in query.examples
     for mark in [f"{query.command}-{name}"]
 ]
-"""That of a slider-crank makes all of their types for one answer; test_processes.py asks for few of them."""
+"""The example of a slider-crank makes all of their types for one answer."""
 
 
 @pytest.fixture(scope="module")
@@ -567,10 +525,11 @@ def test_the_description_is_valid_openapi(document) -> None:
                     assert list(answer["content"]) == ["application/problem+json"], (path, status)
 
 
-def test_a_file_that_there_is_not_is_refused_before_the_search(client, monkeypatch) -> None:
+def test_a_file_that_there_is_not_is_refused_before_the_search(monkeypatch) -> None:
     monkeypatch.setattr("app.fourbar.answers.ranked", lambda *_: pytest.fail("searched"))
     request = {"rotation": [0, 30, 60], "position": [[0, 0], [9, 1], [15, 7]], "timing": "free"}
     for kind in ("urdf", "sdf", "pylinkage"):
-        body = {"request": request | {"mechanisms": ["rail_slot"]}, "format": kind}
-        reply = client.post("/v1/export", json=body)
-        assert reply.status_code == 422 and reply.json()["errors"][0]["pointer"] == "#/format"
+        body = LINKAGE_FILES.request(request=request | {"mechanisms": ["rail_slot"]}, format=kind)
+        with pytest.raises(la.FieldError) as error:
+            LINKAGE_FILES.render(body, ServiceResources(Settings(with_atlas=False)))
+        assert error.value.field == "/format"

@@ -108,8 +108,12 @@ def test_the_command_refines_what_was_written(tmp_path, capsys, exact) -> None:
         assert cli.main(["synthesize", str(request), "--no-preset", "--refine-from", str(begin)]) == 0
         out = capsys.readouterr().out
         assert out.startswith("reached: 1 solution") and f"note: {LOCAL}" in out
-    for content, words in (('{"solutions": []}', "without solutions"), ("{", "Invalid JSON"), ("3", "refine_from")):
-        begin.write_text(content)
+    for content, words in (
+        ('{"solutions": []}', "0 solutions"),
+        ("{", "not valid JSON"),
+        ("3", "refine_from"),
+        (None, "No such"),
+    ):
+        begin.unlink() if content is None else begin.write_text(content)
         assert cli.main(["synthesize", str(request), "--refine-from", str(begin)]) == 2
         assert words in capsys.readouterr().err
-    assert cli.main(["synthesize", str(request), "--refine-from", str(tmp_path / "none.json")]) == 2

@@ -62,6 +62,7 @@ def test_each_result_is_the_single_requests(requests, tmp_path, capsys, monkeypa
         single = json.loads(capsys.readouterr().out)
         for name in TIMES:
             del single["report"][name]
+        assert single.pop("request") == json.loads(request)
         assert row["reply"] == single
 
 
@@ -91,7 +92,7 @@ def test_other_requests_another_command_or_preset_are_not_mixed(requests, tmp_pa
     assert study(requests, "--out", out, "--jobs", 1) == Exit.OK
     before = out.read_bytes()
     assert study(requests, "--out", out, "--jobs", 1, "--no-preset") == Exit.USAGE
-    assert "another request, or of another version or command" in capsys.readouterr().err
+    assert "another request in line 1, or is of another version or command" in capsys.readouterr().err
     assert study(requests, "--out", requests) == Exit.USAGE
     assert study(tmp_path / "none.ndjson", "--out", out) == Exit.USAGE
     assert out.read_bytes() == before
@@ -165,6 +166,6 @@ def test_an_interrupt_ends_a_study_that_can_be_gone_on_with(tmp_path) -> None:
     process.send_signal(signal.SIGINT)
     messages = process.communicate(timeout=PATIENCE)[1].decode()
     assert process.returncode == Exit.INTERRUPTED
-    assert messages.strip() == "interrupted; the same command goes on from here"
+    assert messages.strip() == "interrupted; the same command continues from here"
     done = out.read_bytes()
     assert done.endswith(b"\n") and 0 < done.count(b"\n") < 400

@@ -62,7 +62,7 @@ def kept(app: Any) -> Any:
 
         await app(scope, received, answered)
         whole = sent and sent[0]["status"] == 200 and not sent[-1].get("more_body")
-        if posted and whole and b'"live"' not in content:
+        if posted and whole and b'"start_from"' not in content:
             replies[asked] = sent
 
     return answer

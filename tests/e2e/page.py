@@ -46,7 +46,7 @@ SERIOUS = (
 ASKED = (
     "window.asked=[];const own=window.fetch;window.fetch=async(...a)=>{"
     "if(a[0]==='/v1/assembly')return window.stub?new Promise(()=>{}):own(...a);"
-    "if(!String(a[0]).startsWith('/v1/'))return own(...a);"
+    "if(!String(a[0]).startsWith('/v1/')||a[0]==='/v1/motion')return own(...a);"
     "window.asked.push(JSON.parse(a[1].body));const s=a[0]==='/v1/synthesize'&&window.stub;"
     "return s?new Response(JSON.stringify(s),{headers:{'content-type':'application/json'}}):own(...a)}"
 )
@@ -342,6 +342,7 @@ class MotionPage(Page):
             "part('paste').click(); part('paste-text').value = arguments[0]; part('paste-use').click()",
             rows,
         )
+        self.wait("!document.getElementById('paste-use').disabled")
 
     def take(self, request: dict[str, Any]) -> None:
         self.paste(json.dumps(request))

@@ -33,7 +33,7 @@ def solved(page, drive, **studies):
     one, motion = reply_of(drive, noise=0.01, **studies)
     report = {"elapsed_ms": {"total": 5.0}, "trace": [[5.0, one.errors.objective]], "stopped_by": "converged"}
     report |= {"length_scale": motion.asked.length_scale, "seeds": 1, "notes": []}
-    report |= dict.fromkeys(("windows", "exhaustive", "live"))
+    report |= dict.fromkeys(("windows", "exhaustive", "continued"))
     reply = {"status": "closest", "solutions": [json.loads(json.dumps(plain_of(one)))], "report": report}
     page.run(ANSWERED, reply)
     page.take(request_of(motion))

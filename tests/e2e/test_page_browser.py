@@ -276,6 +276,30 @@ def test_the_answer_follows_a_drag(standing) -> None:
     assert standing.text("status") == before
 
 
+def links_on_show(page) -> list[float]:
+    """Lengths of the four links of the selected solution, from the page's table of numbers."""
+    rows = "[...document.querySelectorAll('#numbers tr')].map((row) => [...row.children].map((cell) => cell.textContent))"
+    found = {name: value for name, value in page.run(f"return {rows}")}
+    return [float(found[name].split()[0]) for name in ("Crank", "Coupler", "Rocker", "Ground")]
+
+
+@pytest.mark.parametrize("name", ["wiper", "pick"])
+def test_a_drag_by_a_pixel_keeps_the_linkage_and_back_restores_it(name, standing) -> None:
+    standing.choose(name)
+    before, status = links_on_show(standing), standing.text("status")
+    pose = standing.actions(50).move_to_element(standing.centre(standing.pick("[data-pose='4'] .hit")))
+    pose.click_and_hold().move_by_offset(1, 0).perform()
+    standing.wait("document.getElementById('status').textContent.includes('Found while dragging')")
+    assert standing.earlier() is False
+    assert links_on_show(standing) == pytest.approx(before, rel=0.05), "the same linkage, a little changed"
+    standing.actions(50).move_by_offset(-1, 0).perform()
+    standing.wait(f"document.getElementById('status').textContent === {json.dumps(status)}")
+    assert links_on_show(standing) == before
+    standing.actions(50).move_by_offset(2, 0).release().perform()
+    standing.wait("document.getElementById('status').textContent.includes('Found while dragging')")
+    assert links_on_show(standing) == pytest.approx(before, rel=0.05), "no other one is clearly better"
+
+
 def test_a_pivot_box_is_drawn_and_kept_to(standing) -> None:
     standing.choose("worked")
     standing.unhurried()
@@ -329,25 +353,28 @@ def test_rows_are_pasted(standing, rows, wanted) -> None:
     assert shown == wanted and standing.value("length-unit") == ("in" if "x in" in rows else "mm")
 
 
-TIME = (
-    "The column '{}' is a time, and no crank angle: name it 'crank' if it holds crank angles in degrees, or leave it out "
-    "(then crank angles are free, or even over a crank span)."
-)
-
-
 @pytest.mark.parametrize(
     ("rows", "said"),
     [
-        *((rows, None) for rows in ("", "a,b\n1,2", "1,2,3\n1,x,3", "1\n2\n3", "{", '{"x": 1}')),
-        ("x,y,phi\n1,2,3\n4,two,6", "Line 3, column 2: 'two' is not a number."),
+        *((rows, None) for rows in ("", "a,b\n1,2", "1,2,3\n1,x,3", "{", '{"x": 1}')),
+        ("x,y,phi\n1,2,3\n4,two,6", "Line 3, column 2 (y): 'two' is not a number."),
+        ("x,y,angle\n1,2\n3,4,5", "Line 2: wanted 3 cells, found 2."),
         (
-            "x\ty\tWinkel\n1\t2\t3",
-            "The first line names a column “winkel”, which is not known; x, y, angle and crank are.",
+            "x [furlong],y\n1,2\n3,4",
+            "Line 1: the head 'x [furlong]' has the unit 'furlong', and the unit of x must be known: known are um, mm, cm, m, "
+            "in, ft.",
         ),
-        *((f"{name},x,y\n0,1,2\n1,2,3", TIME.format(name.split()[0])) for name in ("t", "Time", "time [s]")),
-        ("x;y\n1,5;2\n2.5;3", "Some numbers have a decimal comma and others a decimal point."),
-        ("x,y\n0,0\n1e308,1", "Line 3, column 1: '1e308' is more than 1e+50."),
-        ("x;y;phi\n1;2;5°30'", "Line 2, column 3: '5°30'' is not a number."),
+        (
+            "x;y\n1,5;2\n2.5;3",
+            "Line 3, column 1 (x): '2.5': wanted one decimal mark in the whole table, found comma and point.",
+        ),
+        ("x,y\n0,0\n1e308,1", "Line 3, column 1 (x): '1e308' is more than 1e+50."),
+        ("x;y;phi\n1;2;5°30'", "Line 2, column 3 (phi): '5°30'' is not a number."),
+        (
+            "300,0,0\n296,-43,0",
+            "Line 1: the third of three columns without heads is 0 in every row, which may be a z or an angle: write x,y,z or "
+            "x,y,angle above them; or choose the columns below.",
+        ),
     ],
 )
 def test_rows_that_cannot_be_read_say_why(standing, rows, said) -> None:
@@ -360,10 +387,82 @@ def test_rows_that_cannot_be_read_say_why(standing, rows, said) -> None:
     standing.click("paste-cancel")
 
 
+def test_the_page_says_how_a_table_was_read(standing) -> None:
+    standing.paste("Frame,Part,X (cm),Y (cm),Z,theta\n1,arm,0,0,0,0\n2,arm,22,5,0,0.21\n3,arm,41,17,0,\n")
+    said = standing.text("example-note")
+    assert (
+        "Columns read: x from 'X (cm)', y from 'Y (cm)', angle from 'theta'; not read: 'Frame', 'Part', 'Z'" in said
+    )
+    assert "no angle for sample 3" in said, "a missing angle is no longer accepted silently"
+    assert standing.value("length-unit") == "cm"
+    standing.paste("x,y,theta\n0,0,0\n22,5,0.21\n41,17,0.475\n")
+    assert "if they are radians, say so in the head of their column" in standing.text("example-note")
+
+
+def test_columns_are_picked(standing) -> None:
+    standing.paste("left,right,lift,turn\n0,1,2,3\n4,5,6,7\n8,9,9,8\n")
+    assert "or choose the columns below" in standing.text("paste-error") and standing.shown("columns-use")
+    for name, head in (("x", "2"), ("y", "3"), ("angle", "4")):
+        standing.select(f"column-{name}", head)
+    standing.click("columns-use")
+    standing.wait("document.getElementById('paste-error').textContent === ''")
+    assert [row[1:] for row in standing.table()] == [[1, 2, 3], [5, 6, 7], [9, 9, 8]]
+    assert not standing.shown("paste-box")
+    standing.choose("casement")
+    assert not standing.shown("columns"), "the choice belongs to the table that is gone"
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("picture.png", b"\x89PNG\r\n\x1a\n", "This is a PNG picture, not a table of samples"),
+        ("drawing.dxf", b"  0\nSECTION\n  2\nHEADER\n", "This is a DXF drawing"),
+        ("part.step", b"ISO-10303-21;\nHEADER;\n", "This is a STEP model"),
+        ("paper.pdf", b"%PDF-1.7\n", "This is a PDF document"),
+        ("book.xlsx", b"PK\x03\x04", "This is an Excel workbook"),
+    ],
+)
+def test_a_file_that_is_no_table_is_named(standing, tmp_path, name, content, said) -> None:
+    (tmp_path / name).write_bytes(content)
+    standing.find("file").send_keys(str(tmp_path / name))
+    standing.wait(f"document.getElementById('status').textContent.startsWith({json.dumps(said)})")
+    assert "save the samples as CSV" in standing.text("status")
+
+
+def test_an_error_of_pasted_rows_ends_with_a_good_file(standing, tmp_path) -> None:
+    standing.paste("x,y\n1,two\n")
+    assert standing.text("paste-error")
+    file = tmp_path / "points.csv"
+    file.write_bytes("x;y\n1,5;2\n3;4\n5;7\n".encode("utf-16"))
+    standing.find("file").send_keys(str(file))
+    standing.wait("document.querySelectorAll('#poses tbody tr').length === 3")
+    assert standing.text("paste-error") == "" and not standing.shown("paste-box")
+
+
+PASTE = (
+    "const cell = document.querySelector(`#poses [aria-label='${arguments[0]}']`), data = new DataTransfer();"
+    "cell.focus(); data.setData('text/plain', arguments[1]);"
+    "cell.dispatchEvent(new ClipboardEvent('paste', {clipboardData: data, bubbles: true, cancelable: true}))"
+)
+
+
+def test_rows_of_a_spreadsheet_are_pasted_into_cells(standing) -> None:
+    standing.paste("x,y,angle\n1,2,3\n4,5,6\n7,8,10\n")
+    standing.run(PASTE, "Pose 2, x", "40,5\t50\r\n70\t\r\n90\t91\r\n")
+    assert [row[1:3] for row in standing.table()] == [[1, 2], [40.5, 50], [70, 0], [90, 91]]
+    before = standing.table()
+    standing.run(PASTE, "Pose 1, y", "X [mm]\t3\n4\t5\n")
+    assert standing.table() == before and "“X [mm]” is not a number" in standing.text("table-error")
+    standing.run(PASTE, "Pose 1, angle", "1\t2\n")
+    assert standing.table() == before and "has 2 cells" in standing.text("table-error")
+    standing.click("undo")
+    assert [row[1:3] for row in standing.table()] == [[1, 2], [4, 5], [7, 8]]
+
+
 def test_poses_that_are_the_same_and_angles_that_wrap_are_named(standing) -> None:
     standing.paste("0,0,0\n10,4,6\n10,4,6\n20,5,15")
-    said = "Pasted. Poses 2 and 3 are the same: a crank that turns on cannot meet both exactly."
-    assert standing.text("example-note") == said
+    said = "Pasted. Columns without heads were read as x, y, angle. Poses 2 and 3 are the same: a crank that turns on cannot meet"
+    assert standing.text("example-note").startswith(said)
     standing.paste("x,y,angle\n0,0,0\n10,3,350\n20,5,10")
     assert [row[3] for row in standing.table()] == [0, 350, 10], "nothing is changed unasked"
     standing.click("unwrap-use")
@@ -648,7 +747,8 @@ def test_requests_keep_all_their_fields(standing, body) -> None:
         "const l = await import('/static/link.js');"
         "const again = f.toRequest(motion), link = await l.fromFragment(await l.toFragment(again));"
         "const c = await import('/static/csv.js');"
-        "done([again, f.toRequest(f.fromRequest(link)), f.toRequest(c.fromCsv(c.toCsv(motion), motion))]); })",
+        "const t = await import('/static/tables.js'), read = await t.readTable(c.toCsv(motion), 'synthesize');"
+        "done([again, f.toRequest(f.fromRequest(link)), f.toRequest(c.withSamples(motion, read))]); })",
         {**body, "top": 5},
     )
     assert again == {**body, "top": 5} and linked == again
@@ -736,7 +836,7 @@ def test_an_empty_cell_is_a_missing_value(standing) -> None:
 def test_a_motion_is_saved_as_rows(standing, tmp_path) -> None:
     standing.choose("casement")
     rows = standing.saved("motion.csv", "#save").decode().splitlines()
-    assert rows[0] == "x,y,angle" and rows[2] == "296,-43,-8.3" and len(rows) == 9
+    assert rows[0] == "x [mm],y [mm],angle" and rows[2] == "296,-43,-8.3" and len(rows) == 9
     file = tmp_path / f"{'long' * 50}.csv"
     file.write_text("\n".join(rows[:4]))
     standing.find("file").send_keys(str(file))

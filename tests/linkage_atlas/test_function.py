@@ -312,3 +312,31 @@ def test_what_linkages_within_the_limits_make_badly_is_not_infeasible(x, span, c
     limits = {"family": family, "preset": "practical"}
     found = la.function(function=wanted, crank_span=crank, limits=limits, objective=objective)
     assert found.status == "closest" and found.best.verdict.practical
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        {},
+        {"limits": {"preset": "practical"}},
+        {"limits": {"links": {"ground": 2.2, "coupler": 3.5}}},
+        {"output_unit": "length"},
+    ],
+)
+def test_two_pairs_are_answered_by_a_spread_of_exact_linkages(asked) -> None:
+    """They used to be refused, although two precision points are the first example of many textbooks."""
+    found = la.function([-40, 30], input=[-50, 30], top=4, **asked)
+    assert found.status == "reached" and len(found.solutions) > 1
+    for solution in found.solutions:
+        assert solution.errors.max < 1e-6
+    lengths = [str(one.linkage) for one in found.solutions]
+    assert len(set(lengths)) == len(lengths)
+    if not asked.get("output_unit"):
+        assert any(note.startswith("two pairs leave freedom") for note in found.report.notes)
+
+
+@pytest.mark.parametrize("asked", [{"limits": {"preset": "practical"}}, {"objective": "max"}])
+def test_a_sample_of_weight_0_that_cannot_be_reached_gives_no_warning(asked) -> None:
+    """Warnings are errors here: infinity times 0 used to give one."""
+    found = la.function([60, 80, 100], input=[45, 90, 135], weights=[1, 1, 0], top=2, **asked)
+    assert found.solutions

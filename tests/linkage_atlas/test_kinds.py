@@ -261,8 +261,8 @@ def test_one_kind_may_be_named_without_a_list() -> None:
     with pytest.raises(la.FieldError, match="railslot") as refused:
         la.synthesize(*poses, timing="free", mechanisms="railslot")
     assert refused.value.field.startswith("/mechanisms")
-    with pytest.raises(la.FieldError, match="live"):
-        la.synthesize(*poses, timing="free", mechanisms="all", live=la.Live())
+    with pytest.raises(la.FieldError, match="start_from"):
+        la.synthesize(*poses, timing="free", mechanisms="all", start_from=[la.FourBar(19, 72, 144, 165)])
 
 
 @pytest.mark.parametrize("seeds", some_of([[0, 3], [0, 1, 2, 3]], 1), ids=len)

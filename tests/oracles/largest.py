@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import base64
 import functools
 import json
 from typing import Any, NamedTuple
@@ -116,7 +117,16 @@ QUICK = {
 
 def requests() -> dict[str, Largest]:
     """What they are, by name."""
-    return {**_timed(), **_free(), **_sliders(), **_functions(), **_matches(), **_machines(), **_scenes()}
+    return {
+        **_timed(),
+        **_free(),
+        **_sliders(),
+        **_functions(),
+        **_matches(),
+        **_tables(),
+        **_machines(),
+        **_scenes(),
+    }
 
 
 def _asked(path: str, bodies: dict[str, Any], atlas: bool = False, always: bool = False) -> dict[str, Largest]:
@@ -281,6 +291,14 @@ def _functions() -> dict[str, Largest]:
         "refined from a linkage": {**common, "function": named, "objective": "max", **limits, "refine_from": given},
     }
     return _asked("/v1/function", {f"function: {name}": body for name, body in bodies.items()}, always=True)
+
+
+def _tables() -> dict[str, Largest]:
+    """A table of as many samples and columns as the body has room for."""
+    rows = "".join(f"{k},12.3456789,-98.7654321,{'1.25,' * 120}\n" for k in range(SAMPLES))
+    table = "Frame,x [mm],y [mm]," + ",".join(f"column {k}" for k in range(120)) + "\n" + rows
+    content = base64.b64encode(table.encode()).decode()
+    return {"table of 123 columns": Largest("/v1/motion", {"file": content})}
 
 
 def _matches() -> dict[str, Largest]:

@@ -102,7 +102,7 @@ class Table:
             raise ValueError("a table needs at least two rows, each with a driver angle and an angle")
         steps = np.diff(self.driver)
         if not np.all(steps > 0):
-            row = int(np.argmin(steps > 0)) + 1
+            row = int(np.argmin(steps > 0)) + 2  # counted from 1
             raise ValueError(f"the driver angles must increase, but row {row} is not above the row before it")
 
     @property

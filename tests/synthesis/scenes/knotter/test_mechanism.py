@@ -95,7 +95,7 @@ def test_laws_preserve_extended_precision() -> None:
 
 @pytest.mark.parametrize(
     ("rows", "word"),
-    [((), "at least two rows"), ((1.0,), "at least two rows"), ((1.0, 1.0), "row 1"), ((2.0, 1.0), "row 1")],
+    [((), "at least two rows"), ((1.0,), "at least two rows"), ((1.0, 1.0), "row 2"), ((2.0, 1.0), "row 2")],
 )
 def test_table_that_does_not_define_a_function_is_refused(rows, word: str) -> None:
     with pytest.raises(ValueError, match=word):

@@ -1,0 +1,217 @@
+"""Processes that compute answers: who waits, who computes, and the replacement of a process that died or does not end.
+
+Each worker is an executor of the standard library with a single process, so that the death of a process costs one request.
+One worker is always free of long requests.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import multiprocessing
+import os
+import signal
+from collections.abc import AsyncIterator
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import asynccontextmanager, suppress
+
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import Response
+
+from app import problems, worker
+from app.bodies import check_counts, read_request
+from app.questions import Question
+from app.settings import Settings
+from linkage_atlas import AtlasError, OutOfTime
+
+SMALL = 1 << 14
+"""Bytes of a body that this process may parse, in half a millisecond, to see if its answer takes long; larger bodies do."""
+OVERTIME = 1.2
+"""Times the longest budget after which a worker is replaced; at least a second more than the budget."""
+GRACE_SECONDS = 10.0
+"""Time for a worker to notice that its answer is no longer wanted."""
+CHECK_SECONDS = 0.5
+"""Interval between two checks that idle workers are alive."""
+
+CONTEXT = multiprocessing.get_context(
+    "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
+)
+log = logging.getLogger("uvicorn.error")
+
+
+class Worker:
+    """An executor with one process."""
+
+    def __init__(self, settings: Settings) -> None:
+        self.cancelled = CONTEXT.RawValue("b", 0)
+        self.executor = ProcessPoolExecutor(1, CONTEXT, worker.start, (settings, self.cancelled))
+        self.process = 0
+        self.failure: AtlasError | None = None
+
+    async def begin(self) -> Worker:
+        """Start the process and have it load the atlas."""
+        started = await asyncio.to_thread(self.executor.submit, worker.ready)
+        self.process, self.failure = await asyncio.wrap_future(started)
+        return self
+
+    def ask(self, path: str, content: bytes) -> asyncio.Future[Response]:
+        """Begin to compute an answer. Raises BrokenProcessPool."""
+        self.cancelled.value = 0
+        reply = asyncio.wrap_future(self.executor.submit(worker.answer, path, content))
+        reply.add_done_callback(lambda done: done.cancelled() or done.exception())  # nobody may wait for it any more
+        return reply
+
+    def is_alive(self) -> bool:
+        """Return false if the process has ended."""
+        try:
+            self.executor.submit(os.getpid)
+        except BrokenProcessPool:
+            return False
+        return True
+
+    def end(self) -> None:
+        """End the process."""
+        with suppress(ProcessLookupError):
+            os.kill(self.process, signal.SIGKILL)
+        self.executor.shutdown(wait=False, cancel_futures=True)
+
+
+class Workers:
+    """All workers, and the requests that wait for them in the order in which they came."""
+
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings
+        self.count = settings.workers or min(max(2, os.cpu_count() or 1), 4)
+        budget = settings.max_budget_ms / 1000
+        self.longest = max(OVERTIME * budget, budget + 1.0)
+        self.idle: list[Worker] = []
+        self.waiting = {False: 0, True: 0}
+        """Requests that wait, short and long ones."""
+        self._background: set[asyncio.Task[None]] = set()
+        self._stopping = False
+
+    @property
+    def failure(self) -> AtlasError | None:
+        """Why the atlas cannot be used."""
+        return self._all[0].failure
+
+    @asynccontextmanager
+    async def running(self) -> AsyncIterator[None]:
+        """Start the workers, and end them after the block."""
+        self._stopping = False
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+        if CONTEXT.get_start_method() == "forkserver":
+            CONTEXT.set_forkserver_preload(["app.preload"])
+        self._places, self._long_places = asyncio.Semaphore(self.count), asyncio.Semaphore(max(1, self.count - 1))
+        self._all = list(await asyncio.gather(*(Worker(self.settings).begin() for _ in range(self.count))))
+        self.idle = list(self._all)
+        if self.failure is not None:
+            log.error("The atlas cannot be used: %s", self.failure)
+        self._behind(self._check())
+        try:
+            yield
+        finally:
+            self._stopping = True
+            for task in self._background:
+                task.cancel()
+            for one in self._all:
+                one.end()
+
+    async def answer(self, request: Request, question: Question, content: bytes) -> Response:
+        """Return the reply to a body, computed by a worker; the work ends when the client leaves.
+
+        Raises
+        ------
+        problems.Overloaded, problems.Died, problems.Ending, OutOfTime, ClientDisconnect, and what `read_request` raises.
+        """
+        check_counts(content)
+        is_long = len(content) > SMALL or question.is_long(read_request(content, question.model))
+        answer = asyncio.create_task(self._answer(question.path, content, is_long))
+        leaving = asyncio.create_task(_left(request))
+        try:
+            await asyncio.wait((answer, leaving), return_when=asyncio.FIRST_COMPLETED)
+            if not answer.done():
+                raise ClientDisconnect
+            return answer.result()
+        except asyncio.CancelledError:  # the server ends
+            raise problems.Ending from None
+        finally:
+            answer.cancel()
+            leaving.cancel()
+
+    async def _answer(self, path: str, content: bytes, is_long: bool) -> Response:
+        await self._turn(is_long)
+        one, reply = self.idle.pop(), None
+        try:
+            reply = one.ask(path, content)
+            return await asyncio.wait_for(asyncio.shield(reply), self.longest)
+        except TimeoutError:
+            raise OutOfTime from None
+        except BrokenProcessPool:
+            raise problems.Died from None
+        finally:
+            self._behind(self._give_back(one, reply, is_long))
+
+    async def _turn(self, is_long: bool) -> None:
+        """Wait until a worker is idle. Raises `problems.Overloaded` if too many requests wait."""
+        most = self.settings.max_waiting
+        if self._places.locked() or (is_long and self._long_places.locked()):
+            if sum(self.waiting.values()) >= most or (is_long and self.waiting[True] >= -(-most // 2)):
+                raise problems.Overloaded
+        self.waiting[is_long] += 1
+        try:
+            if is_long:
+                await self._long_places.acquire()
+            try:
+                await self._places.acquire()
+            except BaseException:
+                if is_long:
+                    self._long_places.release()
+                raise
+        finally:
+            self.waiting[is_long] -= 1
+
+    async def _give_back(self, one: Worker, reply: asyncio.Future[Response] | None, is_long: bool) -> None:
+        """Make a worker idle once its answer has ended; replace it if it died or does not end."""
+        if reply is not None and not reply.done():
+            one.cancelled.value = 1
+            await asyncio.wait([reply], timeout=GRACE_SECONDS)
+        if self._stopping:
+            return
+        if reply is None or not reply.done() or isinstance(reply.exception(), BrokenProcessPool):
+            one = await self._replaced(one)
+        self.idle.append(one)
+        self._places.release()
+        if is_long:
+            self._long_places.release()
+
+    async def _replaced(self, one: Worker) -> Worker:
+        log.error("Worker %d died or did not end its answer; another one takes its place", one.process)
+        one.end()
+        other = await Worker(self.settings).begin()
+        self._all[self._all.index(one)] = other
+        return other
+
+    async def _check(self) -> None:
+        """Replace idle workers whose process has ended."""
+        while True:
+            await asyncio.sleep(CHECK_SECONDS)
+            for one in [one for one in self.idle if not one.is_alive()]:
+                await self._places.acquire()
+                if one in self.idle:
+                    self.idle.remove(one)
+                    self.idle.append(await self._replaced(one))
+                self._places.release()
+
+    def _behind(self, work: object) -> None:
+        """Run a coroutine in the background."""
+        task = asyncio.create_task(work)  # type: ignore[arg-type]
+        self._background.add(task)
+        task.add_done_callback(self._background.discard)
+
+
+async def _left(request: Request) -> None:
+    """Return when the client has left."""
+    while (await request.receive())["type"] != "http.disconnect":
+        pass

@@ -1,0 +1,55 @@
+// The table of a function as the service has read it: pairs of x and y, or of input and output.
+
+import { capital } from "./shell.js";
+import { readTable } from "./tables.js";
+
+const READING = "The table is being read.";
+
+export class Pairs {
+  /** `changed()` is called when a table has been read. */
+  constructor(changed) { Object.assign(this, { changed, table: { content: null } }); }
+
+  /** Has the service read a text, unless it is read or being read; resolves when it is done. */
+  read(content) {
+    if (this.table.content !== content) {
+      this.table = { content, error: new Error(READING) };
+      this.table.done = this.#fill(this.table);
+    }
+    return this.table.done;
+  }
+
+  async #fill(table) {
+    document.body.dataset.reading = "true";
+    try {
+      const { request, columns, notes } = await readTable(table.content, "function");
+      const units = Object.fromEntries(columns.map(({ role, unit }) => [role, unit]));
+      Object.assign(table, { request, notes, units, error: null, bare: columns.every(({ head }) => /^\d+$/.test(head)) });
+    } catch (error) { table.error = error; }
+    if (table !== this.table) return;
+    delete document.body.dataset.reading;
+    this.changed();
+  }
+
+  /** How the table was read, as sentences; "" if it was not. */
+  get notes() { return (this.table.notes ?? []).map((note) => `${capital(note)}.`).join(" "); }
+
+  /** Checks the units of the table against the ends of a linkage, whose `asks` say which of them are lengths. Throws Error. */
+  check(asks) {
+    for (const end of ["input", "output"]) {
+      const unit = this.table.units?.[end], turns = ["deg", "rad"].includes(unit);
+      if (unit && turns === (asks[`${end}_unit`] === "length")) throw new Error(`The table has the ${end} in ${unit}, and here it is ${turns ? "a length" : "an angle"}: choose another linkage, or change the head.`);
+    }
+  }
+
+  /** {x, y} or {output, input} of a text that was read; `numbers`: two columns without heads are x and y. Throws Error for any other text. */
+  of(content, numbers) {
+    const { table } = this;
+    if (table.content !== content) throw new Error(READING);
+    if (table.error) throw table.error;
+    const { input, output, function: given } = table.request;
+    if (given) return { x: given.table.map(([x]) => x), y: given.table.map(([, y]) => y) };
+    if (!numbers || !table.bare) return { input, output };
+    if (!input) throw new Error("Each row must hold x, y.");
+    return { x: input, y: output };
+  }
+}

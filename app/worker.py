@@ -1,0 +1,62 @@
+"""The code of a process that computes answers, one at a time, for `app.compute`."""
+
+from __future__ import annotations
+
+import logging
+import multiprocessing
+import os
+import signal
+import threading
+from typing import Any
+
+from starlette.responses import Response
+
+import linkage_atlas as la
+from app import problems
+from app.bodies import read_request
+from app.questions import all_questions
+from app.resources import ServiceResources
+from app.settings import Settings
+
+NICE = 5
+"""Processes that compute yield to the process that talks to the clients."""
+_resources: ServiceResources
+
+
+def start(settings: Settings, cancelled: Any) -> None:
+    """Prepare the process; ``cancelled``: a shared value that is not zero when the current answer is no longer wanted."""
+    global _resources
+    for name in (signal.SIGINT, signal.SIGTERM):  # the service ends its workers itself
+        signal.signal(name, signal.SIG_IGN)
+    threading.Thread(target=_end_with_service, daemon=True).start()
+    os.nice(NICE)
+    _resources = ServiceResources(settings, cancelled=lambda: bool(cancelled.value))
+
+
+def _end_with_service() -> None:
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)
+
+
+def ready() -> tuple[int, la.AtlasError | None]:
+    """Load the atlas; return the number of the process and, if the atlas cannot be used, why."""
+    try:
+        if _resources.settings.with_atlas:
+            _ = _resources.atlas
+    except la.AtlasError as error:
+        return os.getpid(), error
+    return os.getpid(), None
+
+
+def answer(path: str, content: bytes) -> Response:
+    """Answer a body, or return the problem that it has."""
+    question = all_questions()[path]
+    try:
+        return question.answer(read_request(content, question.model), _resources)
+    except Exception as error:
+        reply = problems.reply_to(error)
+        if reply.status_code == 500:
+            logging.getLogger("uvicorn.error").exception("A fault in %s", path)
+        return reply

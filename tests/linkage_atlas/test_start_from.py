@@ -1,0 +1,98 @@
+"""Searches that begin with given linkages: the linkage on show continues while its motion is dragged.
+
+A search without memory would answer a motion that was moved by one pixel with another linkage, which jumps about on the page.
+"""
+
+import json
+from itertools import count
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import linkage_atlas as la
+
+ROOT = Path(__file__).parents[2]
+EXAMPLES = {row["name"]: row["request"] for row in json.loads((ROOT / "app/static/examples.json").read_text())}
+TIMED = json.loads((ROOT / "app/examples/worked_example.json").read_text()) | {"limits": {"preset": "practical"}}
+QUESTIONS = {name: EXAMPLES[name] for name in ("casement", "wiper", "bucket", "film", "pick")} | {"timed": TIMED}
+ARGUMENTS = ("rotation", "position", "crank_span", "timing", "closed", "limits", "tolerances", "order")
+WIDTH = 400
+"""Pixels of the canvas that the motion fills."""
+
+
+def question(name: str, pixels: float = 0.0) -> dict:
+    """The question of an example, with its middle sample dragged to the right."""
+    asked = {key: value for key, value in QUESTIONS[name].items() if key in ARGUMENTS}
+    places = [list(place) for place in asked["position"]]
+    places[len(places) // 2][0] += pixels * np.ptp(np.array(places), axis=0).max() / WIDTH
+    return asked | {"position": places}
+
+
+def stepped(budget: float | None) -> la.Work:
+    """Each reading of the clock takes a fifth of a millisecond, on every machine."""
+    return la.Work(budget, clock=count(step=2e-4).__next__)
+
+
+def plain(solution: la.Solution) -> dict:
+    """The solution as a client has it."""
+    return json.loads(json.dumps(solution.to_dict()))
+
+
+def links(solution: dict) -> np.ndarray:
+    return np.array(list(solution["links"].values()))
+
+
+def continued(asked: dict, start: dict, budget: float | None = 0.5) -> dict:
+    """The solution that continues a linkage."""
+    result = la.synthesize(**asked, start_from=[start], top=3, budget=budget, work=stepped)
+    (rank,) = result.report.continued
+    return plain(result.solutions[rank - 1])
+
+
+@pytest.mark.parametrize("name", QUESTIONS)
+def test_a_drag_by_a_pixel_continues_the_linkage_on_show_and_back_restores_it(name) -> None:
+    shown = plain(la.synthesize(**question(name), top=1, budget=2.0, work=stepped).best)
+    other = continued(question(name, pixels=1), shown)
+    assert other["branch"] == shown["branch"]
+    assert np.abs(links(other) - links(shown)).max() < 0.1 * links(shown).max(), "the same linkage, a little changed"
+    back = continued(question(name), other)
+    assert np.abs(links(back) - links(shown)).max() < 0.01 * links(shown).max()
+    assert back["errors"]["objective"] <= 1.01 * shown["errors"]["objective"] + 1e-9
+
+
+def test_the_answer_is_no_worse_than_the_given_linkage_however_short_the_time() -> None:
+    good = la.synthesize(**question("film"), top=1, budget=2.0, work=stepped).best
+    again = continued(question("film"), plain(good), budget=1e-3)
+    assert again["errors"]["objective"] <= good.errors.objective * (1 + 1e-9)
+
+
+def test_the_search_runs_too() -> None:
+    far = {"links": dict(crank=30, coupler=80, rocker=70, ground=100), "branch": 1, "start_angle": 0}
+    asked = {key: TIMED[key] for key in ("rotation", "position", "crank_span")}
+    begun = la.synthesize(**asked, start_from=[far, la.FourBar(19, 70, 140, 160)], top=3)
+    assert begun.status == "reached" and len(begun.report.continued) == 2
+
+
+@pytest.mark.parametrize("change", [1, -1])
+def test_samples_may_be_added_and_removed(change) -> None:
+    asked = question("film")
+    start = plain(la.synthesize(**asked, top=1, budget=1.0, work=stepped).best)
+    places = [*asked["position"][:3], asked["position"][3], *asked["position"][3:]]
+    asked["position"] = [place for k, place in enumerate(places) if change > 0 or k not in (3, 4)]
+    if change > 0:
+        asked["position"][3] = list(np.mean(places[2:4], axis=0))
+    assert continued(asked, start)["links"]
+
+
+def test_errors_point_to_the_linkage() -> None:
+    good = {"links": dict(crank=19, coupler=72, rocker=144, ground=165), "branch": 1, "start_angle": 30}
+    for wrong, field in [
+        ([], "/start_from"),
+        ([good] * 11, "/start_from"),
+        ([good, good | {"links": dict(crank=0, coupler=72, rocker=144, ground=165)}], "/start_from/1/links/crank"),
+        ([good, 3], "/start_from/1"),
+    ]:
+        with pytest.raises(la.FieldError) as error:
+            la.synthesize(**question("timed"), start_from=wrong)
+        assert error.value.field == field
