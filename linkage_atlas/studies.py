@@ -24,6 +24,7 @@ from linkage_atlas.arguments import (
 )
 from linkage_atlas.assemblies import AskedAssembly, Assembly, read_assembly
 from linkage_atlas.motions import MOST_STOCK, Motion
+from linkage_atlas.notes import counted
 from linkage_atlas.records import Record, Values, Vectors, plain, plane
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
@@ -327,7 +328,7 @@ def check_rows(solutions: int, interval: Interval | None) -> None:
     if rows > MOST_ROWS:
         most = MOST_ROWS * solutions // rows
         raise FieldError(
-            "/top", f"with `analysis` over this interval wanted at most {most} linkages, found {solutions}"
+            "/top", f"with `analysis` over this interval wanted at most {counted(most, 'linkage')}, found {solutions}"
         )
 
 
@@ -444,13 +445,13 @@ def share_of(manufacture: Manufacture, points: int, solutions: int, budget: floa
 
 
 def study_notes(asked: Manufacture | None, solutions: Sequence[Any]) -> list[str]:
-    """What a user should know of the studies of solutions."""
+    """Return that fewer linkages were simulated than the request says."""
     studies = [one.tolerance_study for one in solutions]
     if asked is None or not studies or studies[0].samples == asked.samples:
         return []
     return [
-        f"each tolerance study simulates {studies[0].samples:,} linkages instead of {asked.samples:,}, to bound the time of the "
-        "request: ask for fewer solutions, or give it more time"
+        f"Each tolerance study simulates {studies[0].samples:,} linkages instead of {asked.samples:,}, to bound the time of the "
+        "request: ask for fewer solutions, or give it more time."
     ]
 
 

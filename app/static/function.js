@@ -255,7 +255,7 @@ function showLinkage() {
   const move = () => {
     const share = Number($("slider").value), joints = linkage.at(share * span);
     shape.show(joints, view);
-    const made = joints && (shown.links ? joints.rocker / RAD + shown.output_offset : wantedAt(share) - errorAt(share));
+    const made = joints && (shown.links ? joints.rocker / RAD + shown.output_offset : wantedAt(share) + errorAt(share));
     const wrapped = made === null || !out ? made : made - 360 * Math.round((made - wantedAt(share)) / 360);
     const crank = answer.from + (share * span) / RAD;
     $("where").textContent = joints ? `${text(crank, 4)}${into}, ${shown.links ? "rocker" : "output"} ${text(wrapped, 5)}${out}` : "does not close here";
@@ -274,7 +274,7 @@ function wantedAt(share) {
   return output[k - 1] + ((output[k] - output[k - 1]) * (x - input[k - 1])) / (input[k] - input[k - 1]);
 }
 
-/** The error of the solution that is shown, at a share of the interval. */
+/** The error of the solution on show, got minus wanted, at a fraction of the interval. */
 function errorAt(share) {
   const { error } = shown.error_curve, place = share * (error.length - 1), k = Math.min(Math.floor(place), error.length - 2);
   return error[k] + (error[k + 1] - error[k]) * (place - k);
@@ -285,11 +285,11 @@ function showCurves() {
   const [input, samples] = [shown.error_curve.input, answer.reply.input].map((angles) => angles.map((angle) => angle + answer.from));
   const turn = answer.reply.input.at(-1) < 0 ? (values) => values.slice().reverse() : (values) => values;
   $("curves").replaceChildren();
-  charts = [titledChart($("curves"), `Error ${shown.links ? "in degrees of the rocker" : out ? "in degrees" : "of the travel"}`, { x: turn(input), degreesX, degreesY: Boolean(out), series: [{ values: turn(error), colour: "accent" }] })];
+  charts = [titledChart($("curves"), `Error (got minus wanted) ${shown.links ? "in degrees of the rocker" : out ? "in degrees" : "of the travel"}`, { x: turn(input), degreesX, degreesY: Boolean(out), series: [{ values: turn(error), colour: "accent" }] })];
   const range = (values) => Math.max(...values) - Math.min(...values);
   if (y && range(output)) {
     const unit = range(y) / range(output);
-    charts.push(titledChart($("curves"), "Error in units of y", { x: turn(input), degreesX, series: [{ values: turn(error.map((value) => value * unit)), colour: "path" }] }));
+    charts.push(titledChart($("curves"), "Error (got minus wanted) in units of y", { x: turn(input), degreesX, series: [{ values: turn(error.map((value) => value * unit)), colour: "path" }] }));
   }
   charts.push(titledChart($("curves"), shown.links ? "Wanted angle of the rocker" : "Wanted output", { x: turn(samples), degreesX, degreesY: Boolean(out), series: [{ values: turn(output), colour: "ink" }] }));
   const ends = x ? `x from ${text(x[0])} to ${text(x.at(-1))} over this interval. ` : "";
