@@ -796,7 +796,7 @@ def _preference(prefer: str | None, motion: Motion, searches: bool) -> Prefer:
         if name != "error" and not searches:
             raise FieldError("/prefer", "linkages are not searched for here, so that only 'error' has a meaning")
         if name == "size" and not positions:
-            raise FieldError("/prefer", "'size' needs `position`: without it no length is actual")
+            raise FieldError("/prefer", "'size' needs `position`: only positions fix the size of a linkage")
         if name == "crank_span" and (not motion.free or motion.travel is not None):
             raise FieldError("/prefer", "the crank angles or the travel are given: all linkages turn alike far")
         return name

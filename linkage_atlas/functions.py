@@ -507,7 +507,9 @@ def function(
         return _with_travel(asked, kinds, limits, top, watch, curves, wraps)
     kept = read_function_limits(limits, wanted.target, degrees)
     if round_to is not None and kept.links[3] is None:
-        raise FieldError("/round_to", "needs `limits.links.ground`: without it no length is actual")
+        raise FieldError(
+            "/round_to", "needs the length of the ground (`limits.links.ground`), which fixes the size"
+        )
     if isinstance(tables, Start):
         with pointing_to_start():
             found, course = refine_function(wanted, kept, largest, tables.linkage, tables.offset, tolerance, watch)

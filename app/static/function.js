@@ -12,6 +12,7 @@ import { ask, download } from "./service.js";
 import { $, capital, copy, markEarlier, say, startScenes, startTheme } from "./shell.js";
 import { DRIVES, sign, travelRows } from "./travel.js";
 import { mark, plainNote, reasons } from "./verdict.js";
+import { Visits, readdress } from "./visits.js";
 
 const RAD = Math.PI / 180;
 const DRAWN = 41; // samples of a drawn curve
@@ -38,6 +39,7 @@ let named = "log10"; // the function that was chosen before
 
 const untouched = JSON.stringify(asIs());
 const draft = new Draft("linkage-atlas-function", (content) => fill(content), clear);
+const visits = new Visits(showAgain, (question) => { fill(question); solve(); });
 
 // -- the question
 
@@ -117,7 +119,8 @@ function changed() {
   showRequest();
   const content = asIs(), own = ![untouched, linked].includes(JSON.stringify(content));
   draft.see(content, own);
-  if (own && /^#[zj]=/.test(location.hash)) history.replaceState(null, "", location.pathname);
+  visits.leave(content);
+  if (own && /^#[zj]=/.test(location.hash)) readdress("");
   if (!answer || running) return;
   let request = null;
   try { request = toRequest(); } catch { /* it cannot be asked as it is */ }
@@ -161,7 +164,7 @@ function clear() {
   showFields();
 }
 
-/** The question in the page's address, which is asked at once; false if there is none. */
+/** Asks the question in the page's address; false if there is none. */
 async function openLink() {
   const { hash } = location, content = await fromFragment(hash);
   if (!content || location.hash !== hash) return false;
@@ -172,16 +175,15 @@ async function openLink() {
 
 /** After another address: the question in it; after a link that is as it came, what was there before. */
 async function addressChanged() {
-  try {
-    if (!(await openLink()) && !location.hash && linked === JSON.stringify(asIs()) && !draft.restore()) clear();
-  } catch (error) { say(error.message, true); }
+  const opened = await openLink().catch((error) => { say(error.message, true); return true; });
+  if (!opened && !location.hash && linked === JSON.stringify(asIs()) && !draft.restore()) clear();
 }
 
 async function copyLink() {
   const link = new URL(location.href), content = asIs();
   linked = JSON.stringify(content);
   link.hash = await toFragment(content);
-  history.replaceState(null, "", link);
+  readdress(link.hash);
   await copy(link.href, "The link is copied; it holds the question.", (words) => { $("export-note").textContent = words; });
 }
 
@@ -347,9 +349,17 @@ function show(request, reply) {
   changed();
 }
 
+/** Shows an answer of this page again, with its question in the form. */
+function showAgain({ content, request, reply }, left) {
+  running = running?.abort();
+  fill(content);
+  show(request, reply);
+  if (left) fill(left);
+}
+
 async function solve() {
   running?.abort();
-  const control = new AbortController();
+  const control = new AbortController(), content = asIs();
   running = control;
   markEarlier(Boolean(answer));
   try {
@@ -357,6 +367,7 @@ async function solve() {
     say("Searching…");
     const reply = await (await ask("/v1/function", request, control.signal)).json();
     running = null;
+    visits.add(content, { content, request, reply });
     show(request, reply);
   } catch (error) {
     if (error.name !== "AbortError") say(error.message, true);
@@ -375,11 +386,7 @@ async function save(format) {
   } catch (error) { $("export-note").textContent = error.message; }
 }
 
-startTheme();
-startNumbers();
-startScenes();
-startPad();
-showFields();
+for (const begin of [startTheme, startNumbers, startScenes, startPad, showFields]) begin();
 for (const kind of ["input", "change"]) $("form").addEventListener(kind, showFields);
 $("request").addEventListener("toggle", showRequest);
 $("form").addEventListener("submit", (event) => { event.preventDefault(); solve(); });
