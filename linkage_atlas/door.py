@@ -57,7 +57,7 @@ from linkage_atlas.kinds import (
 from linkage_atlas.limits import QUICK, QUICK_ROUNDS, read_limits, thinned, what_excludes
 from linkage_atlas.linkages import DriverName, FourBar, KindName
 from linkage_atlas.motions import Motion
-from linkage_atlas.notes import counted, limit_label, listed, sentences
+from linkage_atlas.notes import counted, in_percent, limit_label, listed, sentences
 from linkage_atlas.studies import STUDIES, Studies, check_lengths, check_rows, read_studies, study_notes
 from synthesis.arrays import Floats
 from synthesis.atlas.scan import Scan, best_rows
@@ -107,8 +107,8 @@ HOPELESS = (
 _HOPELESS = 0.5
 """Ratio to the error of a body at rest from which on a linkage is said not to make the motion."""
 IN_ANY_ORDER = (
-    "The samples go back and forth. In their order the best linkage meets them with {0}; in any order (`order`) a linkage was "
-    "found that meets them with {1}."
+    "The samples go back and forth. In their order the best linkage meets them with {0}; in any order a linkage was found that "
+    "meets them with {1} (`order`)."
 )
 _IN_ANY_ORDER = 0.5
 """Ratio of errors in any order and in the given one up to which the first is mentioned."""
@@ -118,7 +118,7 @@ _HALF_TURN = np.pi
 _SHIFTED = 1e-9
 """Radians that a body turns at most which is only shifted."""
 ILL_POSED = (
-    "The problem is ill-posed: clearly different linkages make this motion equally well "
+    "The problem is ill-posed: lengths that differ by {0} make this motion about equally well "
     "(see `determination` of each solution)."
 )
 LIVE_SECONDS, LIVE_FINISHING, LIVE_FINISHING_EACH = 0.06, 0.1, 0.025
@@ -389,7 +389,7 @@ def synthesize(
             found = found[:-same]
             notes.append(SAME_LENGTHS.format(len(solutions), reported))
     if kinds.four_bars_alone and solutions and solutions[0].determination.ill_posed:
-        notes.append(ILL_POSED)
+        notes.append(ILL_POSED.format(in_percent(solutions[0].determination.length_uncertainty)))
     notes += _hopeless_notes(solutions, wanted)
     notes += _order_notes(question, solutions, look)
     notes += _unasked_notes(question, solutions)

@@ -36,7 +36,7 @@ from linkage_atlas.door import (
 from linkage_atlas.limits import read_function_limits
 from linkage_atlas.linkages import AnyGuide, DriverName, FourBar, GuidedLinkage, KindName, Links, guides_of
 from linkage_atlas.motions import unit_notes, unwound
-from linkage_atlas.notes import counted, sentences
+from linkage_atlas.notes import counted, in_percent, sentences
 from linkage_atlas.records import KEPT, Record, Values, names_of
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
@@ -327,7 +327,7 @@ DOUBTFUL = (
     "Between the samples the wanted curve is a spline that is uncertain by up to {0:.2g}: more samples would make the largest "
     "error more meaningful."
 )
-ILL_POSED = "The problem is ill-posed: clearly different linkages make this function equally well."
+ILL_POSED = "The problem is ill-posed: lengths that differ by {0} make this function about equally well."
 SEVERAL_KINDS = "Linkages of several kinds are ordered by error only; they differ in transmission angle and size."
 _STILL = 1e-12
 """Radians by which an output must move to be one."""
@@ -507,9 +507,7 @@ def function(
         return _with_travel(asked, kinds, limits, top, watch, curves, wraps)
     kept = read_function_limits(limits, wanted.target, degrees)
     if round_to is not None and kept.links[3] is None:
-        raise FieldError(
-            "/round_to", "needs the length of the ground (`limits.links.ground`), which fixes the size"
-        )
+        raise FieldError("/round_to", "needs the length of the ground (`limits.links.ground`), which fixes the size")
     if isinstance(tables, Start):
         with pointing_to_start():
             found, course = refine_function(wanted, kept, largest, tables.linkage, tables.offset, tolerance, watch)
@@ -533,7 +531,7 @@ def function(
         notes.append(DOUBTFUL.format(wanted.doubt / radian))
     notes += told if begin is None else []
     if solutions and solutions[0].determination.ill_posed:
-        notes.append(ILL_POSED)
+        notes.append(ILL_POSED.format(in_percent(solutions[0].determination.length_uncertainty)))
     return asked.result(found, solutions, limits, course, searched, watch, notes, begin is not None)
 
 
@@ -707,11 +705,11 @@ class FunctionDetermination(Record):
     """How well the function fixes each length."""
 
     ill_posed: bool
-    """A length is not even fixed to a thousandth by the function at this resolution, whatever limits hold it."""
+    """A length that is not given is not even fixed to a thousandth by the function at this resolution."""
     resolution: float
     """Error that is considered: the objective, at least the tolerance."""
     length_uncertainty: Values
-    """Relative change of crank, coupler, rocker, ground within that resolution; null: not determined at all."""
+    """Relative change of crank, coupler, rocker, ground within that resolution, 0 if given; null: not determined at all."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -929,7 +927,9 @@ def described(
     linkages = [one.linkage for one in found]
     # how a rocker's angle changes with the lengths is how the coupler's does with coupler and rocker exchanged
     others = [exchanged(one) for one in linkages]
-    fixed = determinations(wanted.target, others, [max(one.errors.objective, asked.tolerance) for one in found])
+    resolutions = [max(one.errors.objective, asked.tolerance) for one in found]
+    given = [k for k, name in enumerate(_EXCHANGED[:3]) if limits.links[name] is not None]
+    fixed = determinations(wanted.target, others, resolutions, given)
     changes: list[Any] = sensitivities(wanted.target, others) if sensitivity else [None] * len(found)
     start = np.array([one.start for one in linkages])[:, None]
     side = np.broadcast_to(np.array([one.branch for one in linkages])[:, None], (len(found), wanted.crank.size))

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+import numpy as np
+
+from synthesis.arrays import Floats
 from synthesis.fourbar.limits import FORMS
 
 LABELS = {
@@ -82,6 +85,12 @@ def counted(number: int, noun: str) -> str:
 def listed(words: Sequence[str]) -> str:
     """Return words as a list in a sentence: "a", "a and b", "a, b and c"."""
     return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
+
+
+def in_percent(changes: Floats) -> str:
+    """Return the largest of relative changes: "2.5 %", "more than 100 %"."""
+    largest = 100 * float(np.max(changes))
+    return f"{largest:.2g} %" if largest <= 100 else "more than 100 %"
 
 
 def limit_label(name: str) -> str:

@@ -10,7 +10,7 @@ import { Gallery } from "./gallery.js";
 import { fromHere, nearby } from "./hand.js";
 import { Live } from "./live.js";
 import { fault, itemOf, wantsAngles } from "./motion.js";
-import { offered } from "./offers.js";
+import { matters, offered } from "./offers.js";
 import { Results, note } from "./results.js";
 import { STAGES, preferred, refine, solve, together } from "./service.js";
 import { fillSheet } from "./sheet.js";
@@ -107,6 +107,7 @@ function sentenceOf({ reply: { status, solutions, report }, request, motion, sto
   if (rounded) parts.push(`With rounded links: ${rounded}.`);
   if (report.stopped_by === "budget" && !stored && !live) parts.push(`The time was up after ${seconds.toFixed(1)} s: there may be better ones.`);
   if (stored) parts.push("Searched beforehand.");
+  parts.push(...report.notes.filter(matters).map((one) => plainNote(one, itemOf(motion))));
   if (request.tolerances && status !== "reached") parts.push(`The allowed errors are not kept at every ${itemOf(motion)}.`);
   if (live) parts.push("Found while dragging, among four-bars: Solve searches on.");
   if (defects(solutions[0].verdict).length) parts.push("But none is free of defects: see the verdicts.");

@@ -2,6 +2,9 @@
 
 import { limitName } from "./verdict.js";
 
+/** Whether a note belongs beside the error of the best linkage: no linkage comes near, or another order is much nearer. */
+export const matters = (note) => note.startsWith("No linkage that was found comes near") || note.endsWith("(`order`).");
+
 /**
  * [words, request] of a button for what a note offers, or null; the names in its parentheses say which field of the request it is
  * about. `found`: whether there are solutions.

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from synthesis.arrays import Complexes, Floats
 from synthesis.fourbar.kinematics import EXCESSES, close_loop, coupler_angle, grashof_excesses
-from synthesis.fourbar.limits import Constraints, Limits
+from synthesis.fourbar.limits import SPARE, Constraints, Limits
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.solution import four, placed_linkages
 from synthesis.target import Mean, Target
@@ -32,7 +32,7 @@ from synthesis.target import Mean, Target
 FREE = 1e3
 """A relative uncertainty of a length above this says that the motion does not determine it at all."""
 _TOUCHED = 1e-5
-"""A limit is touched where it is kept by less, over the length scale."""
+"""Distance over the length scale up to which a limit is touched; a search keeps `SPARE` from the envelope."""
 _CHANGE_POINT = 1e-6
 """An excess of so small a part of the perimeter is a bound of the family."""
 _PUSHES = 1e-6
@@ -119,24 +119,34 @@ def sensitivities(target: Target, linkages: list[Linkage]) -> list[Sensitivity]:
     return [Sensitivity(r, p) for r, p in zip(rotation, position)]
 
 
-def determinations(target: Target, linkages: list[Linkage], resolutions: list[float]) -> list[Determination]:
-    """How well the motion fixes each linkage; see `Determination`.
+def determinations(
+    target: Target, linkages: list[Linkage], resolutions: list[float], given: Sequence[int] = ()
+) -> list[Determination]:
+    """Return how well the motion fixes each linkage; see `Determination`.
 
-    ``resolutions``: error of the motion, in the objective's measure, that is considered for each.
+    Parameters
+    ----------
+    target : Target
+    linkages : list of Linkage
+    resolutions : list of float
+        Error of the motion, in the objective's measure, that is considered for each.
+    given : sequence of int
+        Links whose lengths are given, so that the motion need not fix them.
     """
     if not linkages:
         return []
     matrix, free = derivative_matrix(target, linkages)
+    matrix, lengths = np.delete(matrix, list(given), axis=2), [k for k in range(free) if k not in given]
     _, singular, vectors = np.linalg.svd(matrix, full_matrices=False)
     floor = np.finfo(float).eps * singular[:, :1] * np.sqrt(matrix.shape[1])
     inverse = 1 / np.maximum(singular, np.maximum(floor, np.finfo(float).tiny))
-    share = vectors[:, :, :free] ** 2
+    share = vectors[:, :, : len(lengths)] ** 2
     uncertainty = np.zeros((len(linkages), 4))
-    uncertainty[:, :free] = np.sqrt(np.einsum("nkf,nk->nf", share, inverse**2))
+    uncertainty[:, lengths] = np.sqrt(np.einsum("nkf,nk->nf", share, inverse**2))
     uncertainty *= np.array(resolutions)[:, None]
     # a direction without a singular value is free, and so is every length that has a part in it
     lost = np.einsum("nkf,nk->nf", share, (singular <= floor).astype(float)) > 1e-12
-    uncertainty[:, :free][lost] = np.inf
+    uncertainty[:, lengths] = np.where(lost, np.inf, uncertainty[:, lengths])
     uncertainty[uncertainty > FREE] = np.inf
     condition = singular[:, 0] * inverse.max(axis=1)
     return [Determination(float(c), row, r) for c, row, r in zip(condition, uncertainty, resolutions)]
@@ -292,7 +302,8 @@ def _limit_rows(target: Target, linkages: list[Linkage], limits: Limits, free: i
         placed = placed.over(middle, scale)
     found = Constraints(limits, middle, scale)(placed)
     slopes = found.slopes
-    near = found.equal | (found.values <= _TOUCHED)
+    touched = np.where(np.array(found.names) == "envelope", _TOUCHED + 2 * SPARE, _TOUCHED)
+    near = found.equal | (found.values <= touched)
     size = links.sum(axis=1)[:, None]
     excesses = np.stack(grashof_excesses(links), axis=1) / size
     edges = (np.abs(excesses) <= _CHANGE_POINT) & (limits.family != "any")

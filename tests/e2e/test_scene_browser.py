@@ -147,7 +147,7 @@ def test_choosing_only_shows_a_double_click_asks_once_and_back_steps_through_ans
     page.wait(ANSWERED)
     assert page.run("return window.asked") == 1 and not page.shown("stop")
     page.click("run")
-    page.wait("document.getElementById('stop').checkVisibility()")
+    page.wait("!document.getElementById('stop').hidden")
     page.click("stop")
     assert page.text("status") == "Stopped." and page.focus == "run"
     page.browser.back()

@@ -452,9 +452,10 @@ def test_solve_is_few_tabs_away_and_keeps_the_focus(page) -> None:
 
 def test_texts_are_free_of_jargon(standing) -> None:
     note = standing.later(
-        "const [note, done] = arguments; import('/static/verdict.js').then(v => done(v.plainNote(note)))", ILL_POSED
+        "const [note, done] = arguments; import('/static/verdict.js').then(v => done(v.plainNote(note)))",
+        ILL_POSED.format("2 %"),
     )
-    assert note == "The problem is ill-posed: clearly different linkages make this motion equally well."
+    assert note == "The problem is ill-posed: lengths that differ by 2 % make this motion about equally well."
     reason = "the body point goes 2.94 times as far between two samples as they are apart, above 2.5"
     said = standing.later(
         "const [reasons, done] = arguments; import('/static/verdict.js').then(v => done("

@@ -174,3 +174,24 @@ def test_every_limit_has_its_words() -> None:
         words = condition(Limits(**{name: values[form.kind]}), name, np.pi / 180)
         assert "{" not in words and "_" not in words
         assert form.kind != "angle" or "28.6 degrees" in words
+
+
+def test_an_envelope_that_holds_the_best_linkage_is_named() -> None:
+    """The search keeps a little away from it, which once hid that it holds."""
+    asked = relaxed(LID, {"envelope": [0, 0, 90, 60]})
+    best = la.synthesize(**asked, top=1).best
+    wider = la.synthesize(**relaxed(asked, {"envelope": [-1, -1, 91, 61]}), top=1).best
+    assert wider.errors.objective < 0.99 * best.errors.objective
+    assert "envelope" in best.determination.at_limits
+
+
+def test_given_lengths_are_not_called_loosely_determined() -> None:
+    """A trapezoid with ground and arms given: only the coupler is open, which the function fixes."""
+    turned = np.deg2rad(np.linspace(-35, 35, 15))
+    output = np.rad2deg(np.arctan2(np.tan(turned), 1 + 0.4 * np.tan(turned)))
+    asked: dict[str, Any] = {"input": np.rad2deg(turned), "output": output, "objective": "max", "top": 1}
+    found = la.function(**asked, limits={"links": {"ground": 315, "crank": 90, "rocker": 90}})
+    fixed = found.best.determination.length_uncertainty
+    assert fixed[[0, 2, 3]].tolist() == [0, 0, 0] and fixed[1] > 0
+    shown = [note for note in found.report.notes if "ill-posed" in note]
+    assert [f"{100 * fixed[1]:.2g} %" in note for note in shown] == [True] * int(fixed[1] > 1e-3)
