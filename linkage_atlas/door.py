@@ -111,9 +111,9 @@ IN_ANY_ORDER = (
     "meets them with {1} (`order`)."
 )
 _IN_ANY_ORDER = 0.5
-"""Ratio of errors in any order and in the given one up to which the first is mentioned."""
+"""Largest ratio of the error in any order to the error in the given order for which a note mentions the former."""
 _BACK_AND_FORTH = 1.1
-"""Ratio of the way through the samples in their order to the shortest one from which on they go back and forth."""
+"""Smallest ratio of the way through the samples in their order to the shortest way for which they go back and forth."""
 _HALF_TURN = np.pi
 _SHIFTED = 1e-9
 """Radians that a body turns at most which is only shifted."""
@@ -559,7 +559,7 @@ def _hopeless_notes(solutions: Sequence[Any], motion: Motion) -> list[str]:
 
 
 def _order_notes(question: _Question, solutions: Sequence[Any], look: Look) -> list[str]:
-    """Return how near a linkage comes that passes jumbled samples in any order, if it is much nearer."""
+    """Return the errors of a linkage that passes jumbled samples in any order, if they are much smaller."""
     motion, samples = question.motion, question.motion.samples
     if (
         not (solutions and isinstance(samples, Poses) and samples.ordered)

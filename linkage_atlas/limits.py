@@ -141,8 +141,8 @@ def what_excludes(
 ) -> list[str]:
     """Return sentences on the limits, single ones or else pairs, without which there are linkages.
 
-    The number of searches is bounded, so that the same request gets the same sentences; if the time is up before, a sentence
-    says so.
+    The number of searches is bounded, so that the same request gets the same sentences. If the time is up before, the last
+    sentence is about that.
 
     Parameters
     ----------
@@ -230,7 +230,7 @@ def _without(limits: fourbar.Limits, name: str, extent: float) -> fourbar.Limits
 
 
 def _changed(limits: fourbar.Limits, name: str, value: Any, extent: float) -> fourbar.Limits:
-    """Return the limits with another value of one, as a request with that value would have them."""
+    """Return the limits with another value of one limit, as a request with that value would have them."""
     changes: dict[str, Any] = {name: value}
     if name == "link_min" and limits.practical and limits.link_max == ROOM * (limits.link_min or 0.0):
         # it has lifted the preset's longest
@@ -256,7 +256,7 @@ def _sentence(limits: fourbar.Limits, name: str, motion: Motion, eased: fourbar.
 def _eased_until(
     limits: fourbar.Limits, name: str, motion: Motion, trials: _Trials, extent: float
 ) -> fourbar.Limits | None:
-    """Return the limits with one relaxed until there is a linkage, by bisection; None if no value is known."""
+    """Return the limits with a limit relaxed by bisection until there is a linkage; None if no value is known."""
     low, high, best = 0.0, 1.0, None
     for _ in range(_STEPS):
         middle = (low + high) / 2
@@ -271,7 +271,7 @@ def _eased_until(
 
 
 def _eased(limits: fourbar.Limits, name: str, share: float, extent: float, radian: float) -> fourbar.Limits | None:
-    """Return the limits with one relaxed by a share of the whole way, to a number of four digits; None if it has no degrees."""
+    """Return the limits with a limit relaxed by a share of the whole way, to four digits; None if it has no degrees."""
     value, form = getattr(limits, name), FORMS[name]
     match form.kind:
         case "angle":

@@ -61,7 +61,7 @@ _CONDITIONS = {
     "cylinder_extended_max": "a cylinder of at most {}",
     "arm_min": "a moment arm of at least {}",
 }
-"""What each limit asks of a linkage, to follow "a linkage with"."""
+"""Condition of each limit, to follow "a linkage with"."""
 
 
 def sentences(notes: Iterable[str]) -> list[str]:

@@ -445,7 +445,7 @@ def share_of(manufacture: Manufacture, points: int, solutions: int, budget: floa
 
 
 def study_notes(asked: Manufacture | None, solutions: Sequence[Any]) -> list[str]:
-    """Return that fewer linkages were simulated than the request says."""
+    """Return a note if fewer linkages were simulated than requested."""
     studies = [one.tolerance_study for one in solutions]
     if asked is None or not studies or studies[0].samples == asked.samples:
         return []

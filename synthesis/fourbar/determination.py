@@ -166,7 +166,7 @@ def derivative_matrix(target: Target, linkages: list[Linkage], kept: Sequence[in
 
 
 def _derivatives(target: Target, linkages: list[Linkage]) -> tuple[Floats, int]:
-    """Return the same with the crank angle as one unknown; if crank angles were found, each row's is that of its sample."""
+    """Return the matrix with the crank angle as an unknown; if crank angles were found, each row has the angle of its sample."""
     motion = _Motion(target, linkages)
     count, samples = len(linkages), target.samples
     free = 3 if motion.position is None else 4
@@ -329,7 +329,7 @@ def _limit_rows(target: Target, linkages: list[Linkage], limits: Limits, free: i
 
 
 def _end_samples(target: Target) -> list[int]:
-    """Return the samples at the first and the last crank angle of the used interval; of a closed one both are the same."""
+    """Return the samples at the first and the last crank angle of the used interval, twice the first if it is closed."""
     first = int(np.argmin(np.abs(target.crank - target.interval.first)))
     last = first if target.closed else int(np.argmin(np.abs(target.crank - target.interval.last)))
     return [first, last]

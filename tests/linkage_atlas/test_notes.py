@@ -38,7 +38,7 @@ def relaxed(request: dict[str, Any], more: dict[str, Any]) -> dict[str, Any]:
 
 @pytest.mark.parametrize("family", ["full_crank", "any"])
 def test_a_transmission_angle_that_holds_the_best_linkage_is_named(family: str) -> None:
-    """It depends on the first and last crank angle, which are unknowns of free timing: once only the pivots were named."""
+    """The limit depends on the first and last crank angle, which are unknowns of free timing: only the pivots were named."""
     asked = relaxed(GIVEN_PIVOTS, {"family": family})
     best = la.synthesize(**asked, top=1).best
     held = best.determination.at_limits
@@ -51,7 +51,7 @@ def test_a_transmission_angle_that_holds_the_best_linkage_is_named(family: str) 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_only_limits_without_which_the_error_falls_are_named(seed: int) -> None:
-    """A transmission angle at its limit is named if, and only if, a slightly smaller one gives a smaller error nearby."""
+    """A transmission angle at its limit is named if, and only if, a slightly smaller limit gives a smaller error nearby."""
     random = np.random.default_rng(seed)
     turned, way = random.uniform(20, 60, 5).cumsum(), random.normal(size=(5, 2)).cumsum(axis=0) * 30
     asked = {"timing": "free", "rotation": turned, "position": way, "limits": {"transmission_angle_min": 50}}
