@@ -27,6 +27,7 @@ from linkage_atlas.linkages import (
     guides_of,
 )
 from linkage_atlas.motions import Motion
+from linkage_atlas.notes import counted
 from linkage_atlas.records import KEPT, LAST, Record, Values, names_of
 from linkage_atlas.studies import (
     STUDIES,
@@ -225,12 +226,8 @@ class Driven(_Parts):
         return found
 
     def errors_in_words(self) -> str:
-        """The largest errors at the samples, rotation in the linkage's unit of angle, position in the unit of the positions."""
-        largest = {"rotation": self.errors.rotation_max, "position": self.errors.position_max}
-        unit = {"rotation": " deg" if self.linkage.degrees else " rad", "position": ""}
-        return ", ".join(
-            f"{name} within {value:.3g}{unit[name]}" for name, value in largest.items() if value is not None
-        )
+        """Return the largest errors at the samples in words, in the units of the motion."""
+        return errors_in_words(self.errors, self.linkage.degrees)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -431,8 +428,7 @@ class Result(Record, Ranked[AnySolution]):
 
     def __repr__(self) -> str:
         rows = [f"  {s.rank}  {s.linkage!r}  {s.errors_in_words()}" for s in self.solutions]
-        count = len(self.solutions)
-        return "\n".join([f"{self.status}: {count} solution{'' if count == 1 else 's'}", *rows])
+        return "\n".join([f"{self.status}: {counted(len(self.solutions), 'solution')}", *rows])
 
 
 @dataclass(frozen=True)
@@ -504,7 +500,7 @@ class Matches(Record, Ranked[Match]):
             f"branch {m.branch:+d}, rms error {m.similarity:.3g}"
             for m in self.matches
         ]
-        return "\n".join([f"{len(self.matches)} matches", *rows])
+        return "\n".join([counted(len(self.matches), "match"), *rows])
 
 
 # -- from what a search found to what a user reads --------------------------------------------------------------------
@@ -668,7 +664,7 @@ def _described(
                 crank_angle=in_turn(own.target.crank, samples.ordered) / radian
                 if isinstance(samples, Poses)
                 else None,
-                errors=_in_unit(one.errors, radian),
+                errors=in_unit(one.errors, radian),
                 verdict=_judged(passed[k], own, one.linkage, faults),
                 excursion=ways[k],
                 size=size_of(one.linkage, samples),
@@ -728,7 +724,7 @@ def _guided_described(one: guided.GuidedSolution, motion: Motion, limits: Limits
         start=linkage.start,
         crank_angle=_angles(samples, target, turns, radian),
         travel=None if turns or not motion.free else target.crank,
-        errors=_in_unit(one.errors, radian),
+        errors=in_unit(one.errors, radian),
         verdict=_judged(passed, own, one.linkage, faults, turns),
         excursion=strays,
         size=guided.size_of(one, target),
@@ -773,7 +769,7 @@ def _guided_rounded(
         "start": linkage.start,
         "crank_angle": _angles(samples, target, turns, radian),
         "travel": None if turns or not free else target.crank,
-        "errors": _in_unit(again.errors, radian),
+        "errors": in_unit(again.errors, radian),
         "transmission_angle_min": again.transmission_angle_min / radian,
     }
     return GuidedRounded(**values, linkage=linkage)
@@ -864,12 +860,19 @@ def cognate_notes(solutions: Sequence[Solution]) -> list[str]:
     pairs = itertools.combinations(solutions, 2)
     alike = [(one.rank, other.rank) for one, other in pairs if one.linkage.is_cognate_of(other.linkage)]
     return [
-        f"solutions {a} and {b} are Roberts cognates: different linkages that draw the same curve" for a, b in alike
+        f"Solutions {a} and {b} are Roberts cognates: different linkages that draw the same curve." for a, b in alike
     ]
 
 
-def _in_unit(errors: Errors, radian: float) -> Errors:
-    """Errors with their rotations in a user's unit of angle."""
+def errors_in_words(errors: Errors, degrees: bool) -> str:
+    """Return the largest errors in words: "rotation within 0.5 deg, position within 1.2"."""
+    largest = {"rotation": errors.rotation_max, "position": errors.position_max}
+    unit = {"rotation": " deg" if degrees else " rad", "position": ""}
+    return ", ".join(f"{name} within {value:.3g}{unit[name]}" for name, value in largest.items() if value is not None)
+
+
+def in_unit(errors: Errors, radian: float) -> Errors:
+    """Return errors with rotations in the user's unit of angle."""
     rms, largest = errors.rotation_rms, errors.rotation_max
     return replace(
         errors,
@@ -913,7 +916,7 @@ def _rounded(
     dimensions = linkage.dimensions._asdict()
     del dimensions["branch"]
     values |= dimensions | {
-        "errors": _in_unit(again.errors, motion.radian),
+        "errors": in_unit(again.errors, motion.radian),
         "transmission_angle_min": again.transmission_angle_min / motion.radian,
     }
     return Rounded(**values, linkage=linkage)

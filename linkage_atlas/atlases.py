@@ -15,6 +15,7 @@ from threading import Lock
 from typing import Any
 
 from linkage_atlas.answers import AtlasType
+from linkage_atlas.notes import counted
 from synthesis.atlas import table
 from synthesis.atlas.header import MAX_TYPES, Stamp, file_hash
 from synthesis.atlas.index import Index, InMemory, Unread, remove_damaged, temporary_arrays
@@ -243,7 +244,7 @@ class Atlas:
 
     def __repr__(self) -> str:
         rule = ", ".join(f"{name} {value}" for name, value in self.stored.rule.as_json().items())
-        return f"Atlas({len(self):,} types: {rule})"
+        return f"Atlas({counted(len(self), 'type')}: {rule})"
 
 
 def _quietly(done: int, total: int) -> None:

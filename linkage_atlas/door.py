@@ -21,7 +21,9 @@ from linkage_atlas.answers import (
     Result,
     by_rounded,
     cognate_notes,
+    errors_in_words,
     finished,
+    in_unit,
     proportion_of,
     status_of,
 )
@@ -51,9 +53,10 @@ from linkage_atlas.kinds import (
     strays_between,
     target_of,
 )
-from linkage_atlas.limits import QUICK, QUICK_ROUNDS, read_limits, what_excludes
+from linkage_atlas.limits import QUICK, QUICK_ROUNDS, read_limits, thinned, what_excludes
 from linkage_atlas.linkages import DriverName, FourBar, KindName
 from linkage_atlas.motions import Motion
+from linkage_atlas.notes import counted, in_percent, limit_label, listed, sentences
 from linkage_atlas.studies import STUDIES, Studies, check_lengths, check_rows, read_studies, study_notes
 from synthesis.arrays import Floats
 from synthesis.atlas.scan import Scan, best_rows
@@ -70,7 +73,7 @@ from synthesis.free.screen import PathScreen
 from synthesis.free.search import path_screens, search_free
 from synthesis.from_linkage import refine_motion, refine_poses
 from synthesis.guided.search import NOTHING_ROUND
-from synthesis.ranking import APART, FAIR, PROPORTION, Status, distinct, motion_errors, spread
+from synthesis.ranking import APART, FAIR, NEAR, PROPORTION, Status, distinct, spread
 from synthesis.search.search import DEFAULT_TOLERANCE, search
 from synthesis.search.seeds import SeedTables
 from synthesis.target import MAX_LENGTH, MIN_LENGTH, MIN_SPAN, TURN, Samples
@@ -80,37 +83,47 @@ NUMERALS = {2: "two", 3: "three", 4: "four"}
 DIVERSE_LOSS = 2.0
 """Times the best objective that the objectives of diverse solutions may be."""
 UNASKED = (
-    "the crank angles are given, and then the practical limits are kept only where `limits.preset` asks for them; "
-    "the verdict says which of them the best linkage breaks"
+    "With given {drive} the practical limits apply only if they are switched on (`limits.preset`): "
+    "the verdict names those that the best linkage violates."
 )
 OUT_OF_PROPORTION = (
-    "the linkage of least error (objective {error:.2g}) is out of all proportion, its largest part {times:.2g} times the "
-    "motion's extent or the shortest link: linkages within {fair:g} times come before it; "
-    "with `limits.preset` 'none' the error alone counts"
+    "The linkage of least error (objective {error:.2g}) is out of all proportion: its largest part is {times:.2g} times the "
+    "extent of the motion or the shortest link. Linkages within {fair:g} times come before it; only the error counts if the "
+    "request declines the practical limits (`limits.preset`)."
 )
 FIRST_OUT_OF_PROPORTION = (
-    "the {which} linkage is out of all proportion, its largest part {times:.2g} times the motion's extent or the shortest "
-    "link: "
+    "The {which} linkage is out of all proportion: its largest part is {times:.2g} times the extent of the motion or the "
+    "shortest link. "
 )
-FAIR_FOUND = "the best that was found of fair size has the objective {:.2g}", "none of fair size was found"
-"""Where there is one, and where there is none."""
+FAIR_FOUND = "The best linkage of fair size has the objective {:.2g}.", "No linkage of fair size was found."
+"""With such a linkage, and without."""
 SWINGS = (
-    "cranks were looked for that can turn fully, but this motion needs no more than half a turn of them: "
-    "with `limits.family` 'any' four-bars that only swing are looked at too, and may come nearer"
+    "Only linkages whose crank can turn fully were searched, but this motion takes no more than half a turn of it: "
+    "linkages that only swing may come nearer if any family is allowed (`limits.family`)."
 )
-HOPELESS = "the best linkage hardly makes this motion: it is {0:.2g} times as far off as a body that stands still"
+HOPELESS = (
+    "No linkage that was found comes near this motion: the error of the best is {0:.2g} times that of a body at rest"
+)
 _HOPELESS = 0.5
-"""Parts of the error of a body that stands still."""
+"""Ratio to the error of a body at rest from which on a linkage is said not to make the motion."""
+IN_ANY_ORDER = (
+    "The samples go back and forth. In their order the best linkage meets them with {0}; in any order a linkage was found that "
+    "meets them with {1} (`order`)."
+)
+_IN_ANY_ORDER = 0.5
+"""Largest ratio of the error in any order to the error in the given order for which a note mentions the former."""
+_BACK_AND_FORTH = 1.1
+"""Smallest ratio of the way through the samples in their order to the shortest way for which they go back and forth."""
 _HALF_TURN = np.pi
 _SHIFTED = 1e-9
 """Radians that a body turns at most which is only shifted."""
 ILL_POSED = (
-    "the problem is ill-posed: quite different linkages give this motion to within the resolution; "
-    "see `determination` of each solution"
+    "The problem is ill-posed: lengths that differ by {0} make this motion about equally well "
+    "(see `determination` of each solution)."
 )
 FEW_POSES = (
-    "infinitely many four-bars pass {0} poses exactly: those listed differ clearly from one another, and the first are compact "
-    "with a good transmission angle; add a pose, or limits, to narrow the choice"
+    "Infinitely many four-bars pass {0} poses exactly: those listed differ clearly from one another, and the first are compact "
+    "with a good transmission angle. Add a pose, or limits, to narrow the choice."
 )
 MAX_STARTS = 10
 """Maximum number of linkages in `start_from`."""
@@ -138,14 +151,17 @@ _SHARE = 0.35
 """Part of what is allowed at which a search ends: the largest error of a linkage is some two to three times its mean."""
 FAR = 1e6
 """Largest ratio of a given linkage's lengths and distances to one another and to the motion's extent."""
-SAME_LENGTHS = "{0} of {1} linkages: the others come to the same lengths, and each is shown once, where it is best"
+SAME_LENGTHS = "{0} of {1} linkages are listed: the others have the same lengths once rounded, and a larger error."
 LOCAL = (
-    "refined from the given linkage to the nearest optimum that the descent came to: linkages elsewhere were not looked at, "
-    "and may be better"
+    "The given linkage was refined to the nearest optimum that the descent reached: linkages elsewhere were not searched and "
+    "may be better."
 )
-UNARRANGED = "the time was up: of the {1} linkages that are near enough the layers of {0} were not looked at"
-CUT_SHORT = "nothing within the limits was found before the search was cut short; that proves nothing"
-NOWHERE = "no descent from the given linkage led within the limits; that proves nothing about other linkages"
+UNARRANGED = "The time was up: the layers of {0} of the {1} linkages that are near enough were not examined."
+CUT_SHORT = "No linkage within the limits was found before the time was up; that does not prove that there is none."
+NOWHERE = (
+    "No descent from the given linkage led within the limits; that does not prove that there is no other linkage."
+)
+TIME_UP = "The time was up: only the best {0} of {1} found are reported."
 
 
 StartingLinkage = Any
@@ -354,8 +370,10 @@ def synthesize(
             notes.append(SAME_LENGTHS.format(len(solutions), reported))
     if kinds.four_bars_alone and solutions and solutions[0].determination.ill_posed:
         few = isinstance(wanted.samples, Poses) and wanted.samples.full.size == wanted.samples.samples <= FEW
-        notes.append(FEW_POSES.format(NUMERALS[wanted.samples.samples]) if few else ILL_POSED)
-    notes += _hopeless_notes(solutions)
+        uncertainty = in_percent(solutions[0].determination.length_uncertainty)
+        notes.append(FEW_POSES.format(NUMERALS[wanted.samples.samples]) if few else ILL_POSED.format(uncertainty))
+    notes += _hopeless_notes(solutions, wanted)
+    notes += _order_notes(question, solutions, look)
     notes += _unasked_notes(question, solutions)
     notes += _swing_notes(solutions, wanted, limits, tolerance)
     notes += study_notes(studies.manufacture, solutions)
@@ -368,18 +386,18 @@ def synthesize(
     elif not (solutions or kept.only_family or effort == "atlas" or set(notes) & set(NOTHING_ROUND.values())):
 
         def quick(eased: Limits, some: Work) -> tuple[Sequence[Found], Course]:
-            return look(wanted, eased, max(tolerance, QUICK), some, QUICK_ROUNDS, 1)
+            return look(thinned(wanted), eased, max(tolerance, QUICK), some, QUICK_ROUNDS, 1)
 
         notes += what_excludes(kept, wanted, quick, watch, limits)
     if len(solutions) < len(found):
-        notes.append(f"the time was up: of {len(found)} linkages found the best {len(solutions)} are reported")
+        notes.append(TIME_UP.format(len(solutions), counted(len(found), "linkage")))
     seconds = course.stages | {"report": watch.elapsed - searched, "total": watch.elapsed}
     report = Report(
         elapsed_ms={name: 1000 * value for name, value in seconds.items()},
         trace=[(1000 * value, objective) for value, objective in course.trace],
         stopped_by=course.stopped_by,
         length_scale=None if wanted.samples.position is None else wanted.samples.length_scale,
-        notes=notes,
+        notes=sentences(notes),
         continued=None if start_from is None else _ranks_of(course.continued, solutions),
         unseen=None if cut_short else course.unseen,
         **course.counts,
@@ -548,18 +566,40 @@ def _best_of_kinds(question: _Question, kinds: Kinds) -> Answered:
     return chosen, course, studies, look
 
 
-def _hopeless_notes(solutions: Sequence[Any]) -> list[str]:
-    """That the best linkage hardly makes the motion, and the limits it stands at."""
+def _hopeless_notes(solutions: Sequence[Any], motion: Motion) -> list[str]:
+    """Return that the best linkage does not make the motion, with the limits that hold it."""
     if not solutions or solutions[0].verdict.within_tolerance:
         return []
-    best, target = solutions[0], solutions[0].origin.motion.target
-    place = None if target.position is None else np.full((1, target.samples), target.middle)
-    (still,) = motion_errors(target, np.zeros((1, target.samples)), place)[1]
-    if not still.objective or (share := best.errors.objective / still.objective) <= _HOPELESS:
+    best, at_rest = solutions[0], motion.asked.error_at_rest(modulo_turn=motion.free)
+    if not at_rest or (ratio := best.errors.objective / at_rest) <= _HOPELESS:
         return []
     limits = best.determination.at_limits if best.kind == "four_bar" else ()
-    said = HOPELESS.format(share)
-    return [f"{said}; at its limits: {', '.join(limits)}" if limits else said]
+    held = f"; it is held by {listed([limit_label(name) for name in limits])}" if limits else ""
+    return [f"{HOPELESS.format(ratio)}{held}."]
+
+
+def _order_notes(question: _Question, solutions: Sequence[Any], look: Look) -> list[str]:
+    """Return the errors of a linkage that passes jumbled samples in any order, if they are much smaller."""
+    motion, samples = question.motion, question.motion.samples
+    if (
+        not (solutions and isinstance(samples, Poses) and samples.ordered)
+        or samples.closed
+        or motion.travel is not None
+    ):
+        return []
+    best = solutions[0]
+    if best.verdict.within_tolerance or best.errors.objective <= NEAR or samples.detour < _BACK_AND_FORTH:
+        return []
+    any_order = Motion.of(replace(samples, ordered=False, span_max=TURN), motion.degrees, motion.tolerances)
+    found, _ = look(any_order, question.limits, question.tolerance, question.watch, None, 1)
+    if not found:
+        return []
+    nearest = min(found, key=lambda one: one.errors.objective)
+    if nearest.errors.objective > _IN_ANY_ORDER * best.errors.objective:
+        return []
+    errors = in_unit(nearest.errors, motion.radian)
+    ordered, any_way = (errors_in_words(found, motion.degrees) for found in (best.errors, errors))
+    return [IN_ANY_ORDER.format(ordered, any_way)]
 
 
 def _unasked_notes(question: _Question, solutions: Sequence[Any]) -> list[str]:
@@ -569,7 +609,7 @@ def _unasked_notes(question: _Question, solutions: Sequence[Any]) -> list[str]:
         return []
     if not solutions or solutions[0].verdict.practical:
         return []
-    return [UNASKED if motion.travel is None else UNASKED.replace("crank angles are", "travel is", 1)]
+    return [UNASKED.format(drive="crank angles" if motion.travel is None else "travel")]
 
 
 def _envelope_notes(motion: Motion, limits: Limits) -> list[str]:
@@ -586,8 +626,10 @@ def _envelope_notes(motion: Motion, limits: Limits) -> list[str]:
     if not out.size:
         return []
     worst = int(out[np.argmax(beyond[out])])
-    count = f"{out.size} positions lie" if out.size > 1 else f"sample {worst + 1} lies"
-    return [f"{count} outside of `limits.envelope`: sample {worst + 1} is missed by at least {beyond[worst]:.4g}"]
+    missed = f"missed by at least {beyond[worst]:.4g} (`limits.envelope`)"
+    if out.size == 1:
+        return [f"The position of sample {worst + 1} lies outside the envelope and is {missed}."]
+    return [f"{out.size} positions lie outside the envelope; that of sample {worst + 1} is {missed}."]
 
 
 def _swing_notes(
@@ -773,7 +815,7 @@ def _preference(prefer: str | None, motion: Motion, searches: bool) -> Prefer:
         if name != "error" and not searches:
             raise FieldError("/prefer", "linkages are not searched for here, so that only 'error' has a meaning")
         if name == "size" and not positions:
-            raise FieldError("/prefer", "'size' needs `position`: without it no length is actual")
+            raise FieldError("/prefer", "'size' needs `position`: only positions fix the size of a linkage")
         if name == "crank_span" and (not motion.free or motion.travel is not None):
             raise FieldError("/prefer", "the crank angles or the travel are given: all linkages turn alike far")
         return name

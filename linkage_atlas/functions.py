@@ -36,6 +36,7 @@ from linkage_atlas.door import (
 from linkage_atlas.limits import read_function_limits
 from linkage_atlas.linkages import AnyGuide, DriverName, FourBar, GuidedLinkage, KindName, Links, guides_of
 from linkage_atlas.motions import unit_notes, unwound
+from linkage_atlas.notes import counted, in_percent, sentences
 from linkage_atlas.records import KEPT, Record, Values, names_of
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
@@ -212,11 +213,11 @@ class FunctionErrors(Record):
 
 
 class ErrorCurve(NamedTuple):
-    """The error over the interval."""
+    """Error of the output over the interval."""
 
     input: Floats
     error: Floats
-    """Wanted less made."""
+    """Output got minus output wanted, in the unit of the output."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -276,7 +277,7 @@ def render(
         "input": wanted.crank / scales.input,
         "output_wanted": output,
         "output": made,
-        "error": output - made,
+        "error": made - output,
         "transmission_angle": body.transmission_angle / radian,
         "drive": (plain.start + travel) / (radian if plain.driver.turns else 1.0),
     }
@@ -311,18 +312,25 @@ _CALLED = {
 _STEEP = 8.0
 """A step of the output this many times as steep as any other is called a jump."""
 UNASKED = (
-    "of functions the practical limits are kept only where `limits.preset` asks for them; the verdict says which of them "
-    "the best linkage breaks"
+    "For functions the practical limits apply only if they are switched on (`limits.preset`): the verdict names those that "
+    "the best linkage violates."
 )
 OUT_OF_PROPORTION = (
-    "the linkage of least error (objective {error:.2g}) is out of all proportion, its longest link {ratio:.2g} times the "
-    "shortest: linkages within 100 times come before it"
+    "The linkage of least error (objective {error:.2g}) is out of all proportion: its longest link is {ratio:.2g} times the "
+    "shortest. Linkages within 100 times come before it."
 )
 FIRST_OUT_OF_PROPORTION = (
-    "the {which} linkage is out of all proportion, its longest link {ratio:.2g} times the shortest: "
+    "The {which} linkage is out of all proportion: its longest link is {ratio:.2g} times the shortest. "
 )
-FOUND_WITHIN = "the best that was found within 100 times has the objective {:.2g}", "none within 100 times was found"
-"""Where there is one, and where there is none."""
+FOUND_WITHIN = "The best linkage within 100 times has the objective {:.2g}.", "No linkage within 100 times was found."
+"""With such a linkage, and without."""
+STILL_BETTER = "The error was still falling slightly when the search had used all its steps."
+DOUBTFUL = (
+    "Between the samples the wanted curve is a spline that is uncertain by up to {0:.2g}: more samples would make the largest "
+    "error more meaningful."
+)
+ILL_POSED = "The problem is ill-posed: lengths that differ by {0} make this function about equally well."
+SEVERAL_KINDS = "Linkages of several kinds are ordered by error only; they differ in transmission angle and size."
 _STILL = 1e-12
 """Radians by which an output must move to be one."""
 
@@ -416,7 +424,7 @@ def function(
     sensitivity : bool
         Also give the change of the output per unit of each length.
     curves : bool
-        Also give each solution's error over the interval.
+        Also return each solution's error over the interval, output got minus output wanted: ``error_curve``.
     work : callable
         Makes what watches over time and cancellation from a budget in seconds.
 
@@ -501,7 +509,7 @@ def function(
         return _with_travel(asked, kinds, limits, top, watch, curves, wraps)
     kept = read_function_limits(limits, wanted.target, degrees)
     if round_to is not None and kept.links[3] is None:
-        raise FieldError("/round_to", "needs `limits.links.ground`: without it no length is actual")
+        raise FieldError("/round_to", "needs the length of the ground (`limits.links.ground`), which fixes the size")
     if isinstance(tables, Start):
         with pointing_to_start():
             found, course = refine_function(wanted, kept, largest, tables.linkage, tables.offset, tolerance, watch)
@@ -520,23 +528,19 @@ def function(
         units += unit_notes("output", wanted.output / radian, degrees)
     notes = [*wraps, *units, *_notes(wanted), *([] if begin is None else [LOCAL])]
     if not course.settled:
-        notes.append(
-            "the best linkage was still getting better, by little, when the steps of the search were used up"
-        )
+        notes.append(STILL_BETTER)
     if largest and found and wanted.doubt > 0.2 * found[0].errors.max:
-        notes.append(
-            f"between the samples the wanted curve is a spline, in doubt by up to {wanted.doubt / radian:.2g}: "
-            "with more samples the largest error would mean more"
-        )
+        notes.append(DOUBTFUL.format(wanted.doubt / radian))
     notes += told if begin is None else []
     few = wanted.crank.size == MIN_PAIRS and wanted.exact is None
     if few and found and found[0].errors.objective < tolerance:
+        straight = " Between the pairs a straight line is requested." if largest else ""
         notes.append(
-            "two pairs leave freedom: these are some of many linkages that pass through both; a third pair or limits choose "
-            "among them" + (", and between the pairs a straight line is wanted" if largest else "")
+            "Infinitely many linkages pass through two pairs: these are some of them. A third pair, or limits, narrow the "
+            f"choice.{straight}"
         )
     elif solutions and solutions[0].determination.ill_posed:
-        notes.append("the problem is ill-posed: quite different linkages make this function to within the resolution")
+        notes.append(ILL_POSED.format(in_percent(solutions[0].determination.length_uncertainty)))
     return asked.result(found, solutions, limits, course, searched, watch, notes, begin is not None)
 
 
@@ -559,7 +563,7 @@ def _with_travel(
     solutions = [described_travel(asked, one, rank, kept, curves) for rank, one in enumerate(found, 1)]
     notes = [*wraps, *(_notes(wanted) if dial.output == ANGLE else [])]
     if len(kinds) > 1:
-        notes.append("linkages of several kinds are listed by error alone: transmission angle and size differ")
+        notes.append(SEVERAL_KINDS)
     return asked.result(found, solutions, limits, course, searched, watch, notes)
 
 
@@ -681,9 +685,10 @@ def _notes(wanted: Wanted) -> list[str]:
     step = abs(wanted.output[place + 1] - wanted.output[place])
     if slope[place] <= _STEEP * others.max() or step <= np.deg2rad(1.0):
         return []
+    steepness = slope[place] / max(others.max(), 1e-300)
     return [
-        f"the output jumps from sample {place + 1} to {place + 2}, {slope[place] / max(others.max(), 1e-300):.3g} times as steep "
-        "as anywhere else: no rocker follows a jump; if it is a wrap at a whole turn, unwrap it"
+        f"The output jumps from sample {place + 1} to {place + 2}, {steepness:.3g} times as steeply as anywhere else. "
+        "No rocker follows a jump; if the angle wraps there by a full turn, write it without the wrap."
     ]
 
 
@@ -711,11 +716,11 @@ class FunctionDetermination(Record):
     """How well the function fixes each length."""
 
     ill_posed: bool
-    """A length is not even fixed to a thousandth by the function at this resolution, whatever limits hold it."""
+    """A length that is not given is not even fixed to a thousandth by the function at this resolution."""
     resolution: float
     """Error that is considered: the objective, at least the tolerance."""
     length_uncertainty: Values
-    """Relative change of crank, coupler, rocker, ground within that resolution; null: not determined at all."""
+    """Relative change of crank, coupler, rocker, ground within that resolution, 0 if given; null: not determined at all."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -802,11 +807,14 @@ class FunctionResult(Record, Ranked[FunctionSolution | TravelSolution]):
         return self.best.linkage
 
     def render(self, kind: str, rank: int = 1, length_unit: str = "mm") -> str:
-        """A solution as the text of a file: csv (the function at the samples), svg, dxf or mjcf."""
+        """Return a solution as the text of a file: csv (the function at the samples), svg, dxf or mjcf.
+
+        The column ``error`` of the CSV file is output got minus output wanted.
+        """
         if len(self.solutions) < rank:
             raise FieldError(
                 "/limits" if not self.solutions else "/rank",
-                f"there are {len(self.solutions)} linkages in this reply",
+                f"this reply has {counted(len(self.solutions), 'linkage')}",
             )
         chosen = self.solutions[rank - 1]
         linkage, offset = chosen.linkage, chosen.output_offset
@@ -815,7 +823,7 @@ class FunctionResult(Record, Ranked[FunctionSolution | TravelSolution]):
     def __repr__(self) -> str:
         unit = ("deg" if self.degrees else "rad") if self.dial.output == "angle" else "(length)"
         rows = [f"  {s.rank}  {s.linkage!r}  within {s.errors.max:.3g} {unit}" for s in self.solutions]
-        return "\n".join([f"{self.status}: {len(self.solutions)} linkage{'s' * (len(self.solutions) != 1)}", *rows])
+        return "\n".join([f"{self.status}: {counted(len(self.solutions), 'linkage')}", *rows])
 
 
 @dataclass(frozen=True)
@@ -873,7 +881,7 @@ class AskedFunction:
             trace=[(1000 * seconds, value) for seconds, value in course.trace],
             stopped_by=course.stopped_by.value,
             seeds=course.seeds,
-            notes=notes,
+            notes=sentences(notes),
         )
         wanted, scales = self.wanted, self.scales
         x, y = (None, None) if self.dials is None else (self.dials.x, self.dials.y)
@@ -899,7 +907,7 @@ def described_travel(
     curve = None
     if curves:
         shown = np.linspace(0.0, float(wanted.crank[-1]), _SHOWN)
-        curve = ErrorCurve(shown / scales.input, (wanted.curve(shown) - one.output(shown)) / scales.output)
+        curve = ErrorCurve(shown / scales.input, (one.output(shown) - wanted.curve(shown)) / scales.output)
     units = [1 / asked.radian if name == "angle" else scales.length for name in law.lengths]
     used = Interval(float(travel.min()), float(travel.max()))
     return TravelSolution(
@@ -930,7 +938,9 @@ def described(
     linkages = [one.linkage for one in found]
     # how a rocker's angle changes with the lengths is how the coupler's does with coupler and rocker exchanged
     others = [exchanged(one) for one in linkages]
-    fixed = determinations(wanted.target, others, [max(one.errors.objective, asked.tolerance) for one in found])
+    resolutions = [max(one.errors.objective, asked.tolerance) for one in found]
+    given = [k for k, name in enumerate(_EXCHANGED[:3]) if limits.links[name] is not None]
+    fixed = determinations(wanted.target, others, resolutions, given)
     changes: list[Any] = sensitivities(wanted.target, others) if sensitivity else [None] * len(found)
     start = np.array([one.start for one in linkages])[:, None]
     side = np.broadcast_to(np.array([one.branch for one in linkages])[:, None], (len(found), wanted.crank.size))
@@ -969,12 +979,11 @@ def described(
 
 
 def _error_curves(asked: AskedFunction, found: list[Generator]) -> list[ErrorCurve | None]:
-    """Input and error of each generator over the interval."""
+    """Return input and error of each generator over the interval."""
     wanted, radian = asked.wanted, asked.radian
     shown = np.linspace(0.0, wanted.crank[-1], _SHOWN)
-    gaps = wanted.curve(shown) - rocker_angles([one.linkage for one in found], shown)
-    gaps -= np.array([one.offset for one in found])[:, None]
-    return [ErrorCurve(shown / radian, gap / radian) for gap in gaps]
+    output = rocker_angles([one.linkage for one in found], shown) + np.array([one.offset for one in found])[:, None]
+    return [ErrorCurve(shown / radian, error / radian) for error in output - wanted.curve(shown)]
 
 
 def rounded(asked: AskedFunction, one: Generator, grid: float, work: Work) -> RoundedFunction:

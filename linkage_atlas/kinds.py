@@ -38,14 +38,12 @@ from synthesis.work import OutOfTime, Work
 
 MECHANISMS = get_args(KindName)
 DRIVERS = tuple(one.value for one in Driver)
-NO_ROTATION = (
-    "linkages with sliders need positions, alone or with two rotations or more: only four-bars were searched for"
-)
-NO_LEAD = "no four-bar goes this way, whose rotations linkages with sliders begin with: they were not searched for"
+NO_ROTATION = "Only four-bars were searched: linkages with sliders need positions without rotations, or with two of them or more."
+NO_LEAD = "Linkages with sliders were not searched: they begin with rotations of a four-bar, and none was found for this path."
 ROUND_AGAIN = (
-    "sliders and cylinders would have to turn back on a closed way: only drives that turn fully are answered"
+    "Only drives that turn fully were searched: sliders and cylinders would have to turn back on a closed path."
 )
-NO_TIME = "the time was up before linkages with sliders were searched for"
+NO_TIME = "The time was up before linkages with sliders were searched."
 _FOUR_BARS = 0.4
 """Part of a budget that the search among four-bars takes at most, where other kinds are asked for too."""
 _LEADS, _FIRST_ROUNDS, _OTHERWISE = 3, 4, 1e-2

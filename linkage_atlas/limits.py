@@ -11,13 +11,14 @@ import numpy as np
 
 from linkage_atlas.arguments import check_names, column, number, radians_in
 from linkage_atlas.motions import Motion
+from linkage_atlas.notes import condition, counted
 from synthesis.errors import FieldError
 from synthesis.fourbar import limits as fourbar
 from synthesis.fourbar.kinematics import Family, family
 from synthesis.fourbar.limits import FORMS, LINKS, REACH, ROOM, Form, in_family, practical_limits
 from synthesis.free.poses import Poses
 from synthesis.target import Samples
-from synthesis.work import Work
+from synthesis.work import OutOfTime, Work
 
 PRESETS = ("practical", "none")
 """Sets of limits by name: the first holds by default where the crank angles are free, the second where they are given."""
@@ -26,9 +27,11 @@ LIMITS = {name: form for name, form in FORMS.items() if form.kind != "reach"}
 FUNCTION_LIMITS = {name: form for name, form in LIMITS.items() if form.concerns not in ("place", "sliders")}
 """Those of a request for function generators."""
 _STEPS = 6
-"""Halvings of the way that a limit gives."""
-_SECONDS = 1.5
-"""Longest time that is spent on the reason."""
+"""Number of bisection steps for the value at which a limit no longer excludes every linkage."""
+_SEARCHES = 24
+"""Largest number of quick searches, of 40 to 120 ms each, for the limits that exclude every linkage."""
+_FEW_SAMPLES = 48
+"""Largest number of samples of the motions of these searches."""
 QUICK, QUICK_ROUNDS = 0.1, 2
 """J at which a search for some linkage ends, and its rounds."""
 
@@ -115,8 +118,8 @@ def _value(field: str, kind: str, value: Any, radian: float) -> Any:
 def _numbers(field: str, values: Any, size: int, form: str) -> list[float]:
     found = column(field, values)
     if found.shape != (size,):
-        rows = f" in {len(found)} rows" if found.ndim > 1 else ""
-        raise FieldError(f"/{field}", f"wanted {form}, found {found.size} numbers{rows}")
+        rows = f" in {counted(len(found), 'row')}" if found.ndim > 1 else ""
+        raise FieldError(f"/{field}", f"wanted {form}, found {counted(found.size, 'number')}{rows}")
     if not np.all(np.isfinite(found)):
         raise FieldError(f"/{field}/{int(np.argmin(np.isfinite(found)))}", "wanted a finite number")
     return found.tolist()
@@ -130,52 +133,104 @@ def _lengths(field: str, given: Any) -> tuple[float | None, ...]:
     return tuple(None if value is None else number(f"{field}/{name}", value) for name, value in zip(LINKS, values))
 
 
-# -- what excludes every linkage --------------------------------------------------------------------------------------
+# -- limits that exclude every linkage --------------------------------------------------------------------------------
 
 
 def what_excludes(
     limits: fourbar.Limits, motion: Motion, search: Search, work: Work, own: Mapping[str, Any] | None = None
 ) -> list[str]:
-    """Sentences on the limits, one or two, without which there are linkages; none where that was not found out in time.
+    """Return sentences on the limits, single ones or else pairs, without which there are linkages.
 
-    ``limits``: within which a search found nothing. ``search``: a quick one for other limits and work of its own. ``work``:
-    what is left of its time may be used. ``own``: the limits that the request names, which are tried first.
+    The number of searches is bounded, so that the same request gets the same sentences. If the time is up before, the last
+    sentence is about that.
+
+    Parameters
+    ----------
+    limits : Limits
+        A search within them found nothing.
+    motion : Motion
+    search : callable
+        A quick search within other limits.
+    work : Work
+    own : mapping, optional
+        The limits that the request names, which are tried first.
     """
-    watch = work.part(_SECONDS)
-    extent = 1.0 if motion.samples.position is None else motion.samples.extent
     names = [name for name in limits.given if name != "family"]
-    if limits.family != "any":  # also where it is the default, and nobody thought of it
+    if limits.family != "any":  # it may be the default, which the user has not thought of
         names.insert(0, "family")
-    if given := all(limits.links):  # which keep the limits of lengths; that others would do is no news
+    if given := all(limits.links):  # the given lengths satisfy the limits of lengths: these exclude nothing
         idle = ["link_min", "link_max", "link_ratio_max", *["transmission_angle_min_turn"] * limits.swings]
         names = [name for name in names if name not in idle]
     names.sort(key=lambda name: (given and name == "links", name not in (own or {})))
-    notes: list[str] = []
     if given and not in_family(limits.family, np.array([limits.links], dtype=float))[0]:
-        made = Family(family(np.array(limits.links, dtype=float)).item()).value
-        return [f"the given lengths are those of a {made}, which family '{limits.family}' excludes; 'any' takes them"]
-    for name in names:
-        if watch.expired():
-            return notes
-        found, _ = search(_without(limits, name, extent), watch)
-        if found:
-            notes.append(_sentence(limits, name, motion, search, watch, extent))
-    for one, other in combinations(names, 2):
-        if notes or watch.expired():
-            break
-        found, _ = search(_without(_without(limits, one, extent), other, extent), watch)
-        if found:
-            notes.append(f"no linkage was found within {one} and {other} together; without these two there are")
+        made = Family(family(np.array(limits.links, dtype=float)).item()).value.replace("_", "-")
+        return [f"The given lengths make a {made}, which the family excludes: allow any family (`limits.family`)."]
+    trials = _Trials(search, work)
+    extent = 1.0 if motion.samples.position is None else motion.samples.extent
+    single: list[str] = []
+    notes: list[str] = []
+    try:
+        for name in names:
+            if trials.find(_without(limits, name, extent)):
+                single.append(name)
+        for name in single:
+            notes.append(_sentence(limits, name, motion, _eased_until(limits, name, motion, trials, extent)))
+        if not single:
+            notes.append(_pairs(limits, names, motion, trials, extent))
+    except OutOfTime:
+        notes += [_sentence(limits, name, motion, None) for name in single[len(notes) :]]
+        notes.append("The time was up before all limits were examined.")
     return notes
 
 
+def thinned(motion: Motion) -> Motion:
+    """Return a motion with few samples, both ends among them: enough to find linkages within limits, whatever their errors."""
+    samples = motion.samples
+    if motion.travel is not None or samples.samples <= _FEW_SAMPLES:
+        return motion
+    if isinstance(samples, Poses):
+        return Motion.of(replace(samples.at(samples.spread(_FEW_SAMPLES)), asked=None), motion.degrees)
+    return Motion.of(samples.thinned(_FEW_SAMPLES), motion.degrees)
+
+
+class _Trials:
+    """A bounded number of searches within relaxed limits. Raises `OutOfTime` if the time ends one of them."""
+
+    def __init__(self, search: Search, work: Work) -> None:
+        self._search, self._work = search, work
+        self.left = _SEARCHES
+
+    def find(self, limits: fourbar.Limits) -> bool:
+        """Return whether there is a linkage; false too if no search is left."""
+        if not self.left:
+            return False
+        self.left -= 1
+        self._work.go_on()
+        found = bool(self._search(limits, self._work)[0])
+        if not found:
+            self._work.go_on()
+        return found
+
+
+def _pairs(limits: fourbar.Limits, names: Sequence[str], motion: Motion, trials: _Trials, extent: float) -> str:
+    """Return a sentence on the first two limits without which there are linkages."""
+    for pair in combinations(names, 2):
+        if trials.find(_without(_without(limits, pair[0], extent), pair[1], extent)):
+            one, other = (_condition(limits, name, motion) for name in pair)
+            fields = ", ".join(f"`limits.{name}`" for name in pair)
+            return f"No linkage was found with {one} and {other}; without these two limits there are some ({fields})."
+    pairs = ", or two," if trials.left else ", or one of the pairs that were tried,"
+    dropped = f"one of the limits{pairs}" if len(names) > 1 else "the limit"
+    return f"Dropping {dropped} did not lead to a linkage."
+
+
 def _without(limits: fourbar.Limits, name: str, extent: float) -> fourbar.Limits:
-    """The limits without one of them; a family gives way to any."""
+    """Return the limits without one of them; without a family any is allowed."""
     return _changed(limits, name, "any" if name == "family" else getattr(fourbar.Limits(), name), extent)
 
 
 def _changed(limits: fourbar.Limits, name: str, value: Any, extent: float) -> fourbar.Limits:
-    """The limits with another value of one, as a request with that value would have them."""
+    """Return the limits with another value of one limit, as a request with that value would have them."""
     changes: dict[str, Any] = {name: value}
     if name == "link_min" and limits.practical and limits.link_max == ROOM * (limits.link_min or 0.0):
         # it has lifted the preset's longest
@@ -183,43 +238,59 @@ def _changed(limits: fourbar.Limits, name: str, value: Any, extent: float) -> fo
     return replace(limits, **changes)
 
 
-def _sentence(limits: fourbar.Limits, name: str, motion: Motion, search: Search, watch: Work, extent: float) -> str:
+def _condition(limits: fourbar.Limits, name: str, motion: Motion) -> str:
+    return condition(limits, name, motion.radian)
+
+
+def _sentence(limits: fourbar.Limits, name: str, motion: Motion, eased: fourbar.Limits | None) -> str:
+    """Return that a limit excludes every linkage, with its value in eased limits that do not."""
+    instead = "without this limit there are some"
+    if name == "family":
+        instead = "in any family there are some"
+    elif eased is not None:
+        instead = f"with {_condition(eased, name, motion)} there is one"
+    field = "preset" if name == "pivot_reach" else name
+    return f"No linkage was found with {_condition(limits, name, motion)}; {instead} (`limits.{field}`)."
+
+
+def _eased_until(
+    limits: fourbar.Limits, name: str, motion: Motion, trials: _Trials, extent: float
+) -> fourbar.Limits | None:
+    """Return the limits with a limit relaxed by bisection until there is a linkage; None if no value is known."""
     low, high, best = 0.0, 1.0, None
     for _ in range(_STEPS):
         middle = (low + high) / 2
-        eased = _eased(limits, name, middle, extent)
-        if eased is None or watch.expired():
+        eased = _eased(limits, name, middle, extent, motion.radian)
+        if eased is None or not trials.left:
             break
-        if search(eased, watch)[0]:
+        if trials.find(eased):
             high, best = middle, eased
-        elif not watch.expired():
+        else:
             low = middle
-    shown = name if name != "pivot_reach" else "the distance of the pivots"
-    if name == "family":
-        return f"family '{limits.family}' excludes every linkage that was looked for; among 'any' there are some"
-    if best is None:
-        return f"{shown} excludes every linkage that was looked for; without it there are some"
-    return f"{shown} excludes every linkage that was looked for; at {_shown(best, name, motion)} there is one"
+    return best
 
 
-def _eased(limits: fourbar.Limits, name: str, part: float, extent: float) -> fourbar.Limits | None:
-    """The limits with one that has given way by a part of all that it can; None where it cannot in degrees."""
+def _eased(limits: fourbar.Limits, name: str, share: float, extent: float, radian: float) -> fourbar.Limits | None:
+    """Return the limits with a limit relaxed by a share of the whole way, to four digits; None if it has no degrees."""
     value, form = getattr(limits, name), FORMS[name]
     match form.kind:
         case "angle":
-            return _changed(limits, name, value * (1 - part), extent)
+            return _changed(limits, name, _rounded(value * (1 - share) / radian, -1, 3) * radian, extent)
         case "length" | "ratio":
-            return _changed(limits, name, value * (1 - part) if form.least else value / (1 - part), extent)
+            eased = _rounded(value * (1 - share), -1) if form.least else _rounded(value / (1 - share), 1)
+            return _changed(limits, name, eased, extent)
         case "box":
-            by = part / (1 - part) * extent
-            return _changed(limits, name, (value[0] - by, value[1] - by, value[2] + by, value[3] + by), extent)
+            by, far = share / (1 - share) * extent, max(map(abs, value))
+            moved = [_rounded(value[k] + side * by, side, 4, far + by) for k, side in enumerate((-1, -1, 1, 1))]
+            return _changed(limits, name, tuple(moved), extent)
     return None
 
 
-def _shown(limits: fourbar.Limits, name: str, motion: Motion) -> str:
-    value = getattr(limits, name)
-    if FORMS[name].kind == "angle":
-        return f"{value / motion.radian:.3g} {'degrees' if motion.degrees else 'radians'}"
-    if isinstance(value, tuple):
-        return f"[{', '.join(f'{number:.4g}' for number in value)}]"
-    return f"{value:.4g}"
+def _rounded(value: float, side: int, digits: int = 4, size: float | None = None) -> float:
+    """Return a value rounded up (side 1) or down (-1) to significant digits of a size, by default its own."""
+    size = abs(value) if size is None else size
+    if not size:
+        return value
+    places = digits - 1 - int(np.floor(np.log10(size)))
+    scaled = value * 10.0**places
+    return float(f"{(np.ceil(scaled) if side > 0 else np.floor(scaled)) / 10.0**places:.{digits}g}")

@@ -14,6 +14,7 @@ from linkage_atlas.arguments import check_above_zero, check_top, kinds_among
 from linkage_atlas.atlases import MECHANISMS, SLIDER_CRANK, Atlas, default_atlas, default_slider_cranks
 from linkage_atlas.linkages import FourBar, GuidedLinkage
 from linkage_atlas.motions import Motion
+from linkage_atlas.notes import counted, sentences
 from synthesis.atlas.haar import features as haar_features
 from synthesis.atlas.haar import resample
 from synthesis.atlas.scan import Scan
@@ -144,9 +145,10 @@ def match(
     elapsed = {name: 1000 * seconds for name, seconds in stages.items()}
     notes = motion.notes()
     if len(matches) < len(rows):
-        notes.append(f"the time was up: of {len(rows)} rows the best {len(matches)} are reported")
+        notes.append(f"The time was up: only the best {len(matches)} of {counted(len(rows), 'row')} are reported.")
     if not report.exhaustive:
-        notes.append("the scan was cut short: rows that it did not come to may be better")
+        notes.append("The time was up before all rows of the atlas were examined: others may be better.")
+    notes = sentences(notes)
     return Matches(matches, MatchReport(elapsed, report.windows, report.evaluated, report.exhaustive, notes, asked))
 
 

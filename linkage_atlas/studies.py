@@ -24,10 +24,11 @@ from linkage_atlas.arguments import (
 )
 from linkage_atlas.assemblies import AskedAssembly, Assembly, read_assembly
 from linkage_atlas.motions import MOST_STOCK, Motion
+from linkage_atlas.notes import counted
 from linkage_atlas.records import Record, Values, Vectors, plain, plane
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
-from synthesis.fourbar.limits import Limits
+from synthesis.fourbar.limits import BETWEEN_LENGTHS, Limits
 from synthesis.fourbar.linkage import Linkage, Mass
 from synthesis.fourbar.rounding import given_lengths, multiples
 from synthesis.fourbar.tolerance_study import SOURCES, Spread, Study, Tolerances, simulate
@@ -327,7 +328,7 @@ def check_rows(solutions: int, interval: Interval | None) -> None:
     if rows > MOST_ROWS:
         most = MOST_ROWS * solutions // rows
         raise FieldError(
-            "/top", f"with `analysis` over this interval wanted at most {most} linkages, found {solutions}"
+            "/top", f"with `analysis` over this interval wanted at most {counted(most, 'linkage')}, found {solutions}"
         )
 
 
@@ -444,13 +445,13 @@ def share_of(manufacture: Manufacture, points: int, solutions: int, budget: floa
 
 
 def study_notes(asked: Manufacture | None, solutions: Sequence[Any]) -> list[str]:
-    """What a user should know of the studies of solutions."""
+    """Return a note if fewer linkages were simulated than requested."""
     studies = [one.tolerance_study for one in solutions]
     if asked is None or not studies or studies[0].samples == asked.samples:
         return []
     return [
-        f"each tolerance study simulates {studies[0].samples:,} linkages instead of {asked.samples:,}, to bound the time of the "
-        "request: ask for fewer solutions, or give it more time"
+        f"Each tolerance study simulates {studies[0].samples:,} linkages instead of {asked.samples:,}, to bound the time of the "
+        "request: ask for fewer solutions, or give it more time."
     ]
 
 
@@ -592,7 +593,7 @@ def read_studies(given: Mapping[str, Any], motion: Motion) -> Studies:
         raise FieldError("/lengths_from", "give either this or `round_to`")
     for name in ("round_to", "lengths_from", "tolerance_study", "drives", "springs", "drive"):
         if values[name] is not None and not positions:
-            raise FieldError(f"/{name}", "needs `position`: without it no length is actual")
+            raise FieldError(f"/{name}", "needs `position`: only positions fix the size of a linkage")
     return asked
 
 
@@ -611,14 +612,14 @@ def check_lengths(asked: Studies, limits: Limits) -> None:
         lengths = multiples(np.maximum(1.0, np.round(low / grid) + np.arange(2.0)), grid).tolist()
     if lengths and np.isnan(given_lengths(limits)).any() and not any(low <= length <= high for length in lengths):
         name = "lengths_from" if grid is None else "round_to"
-        raise FieldError(f"/{name}", "has no length from `limits.link_min` to `link_max`")
+        raise FieldError(f"/{name}", f"none of the lengths is within {BETWEEN_LENGTHS}")
 
 
 def _drives(values: Mapping[str, Any]) -> Mapping[str, Any] | None:
     given = {name: values[name] for name in DRIVE_STUDIES if values[name] is not None}
     if not given.keys() - {"load"}:
         if given:
-            raise FieldError("/load", "of `drives`, `springs` or `drive`; none of them is asked for")
+            raise FieldError("/load", "has no effect without `drives`, `springs` or `drive`")
         return None
     return given
 

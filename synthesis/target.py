@@ -160,6 +160,28 @@ class Samples:
         """Return the mean position of a subset of the samples, relative to the mean of all, over the length scale."""
         return (subset.middle - self.middle) / self.length_scale
 
+    def error_at_rest(self, modulo_turn: bool) -> float:
+        """Return the objective of a body at rest in its best pose.
+
+        ``modulo_turn``: whether rotations count modulo a turn, as they do if the crank angles are free. The best angle is then
+        the mean of the sorted angles with a turn added to the first k, for the best k.
+        """
+        square = 0.0
+        if self.position is not None:
+            square = float(self.position_mean.spread(self.position / self.length_scale)) ** 2
+        if self.rotation is None:
+            return float(np.sqrt(square))
+        if not modulo_turn:
+            return float(np.sqrt(square + self.rotation_mean.spread(self.rotation) ** 2))
+        angles = self.rotation % TURN
+        order = np.argsort(angles)
+        angles, weights = angles[order], self.rotation_mean.weighted(np.ones(self.samples))[order]
+        weights = weights / self.rotation_mean.total
+        raised = np.concatenate([[0.0], np.cumsum(weights)[:-1]]) * TURN
+        moment = np.concatenate([[0.0], np.cumsum(weights * (2 * angles + TURN))[:-1]]) * TURN
+        variance = weights @ angles**2 + moment - (weights @ angles + raised) ** 2
+        return float(np.sqrt(square + max(0.0, variance.min())))
+
     @cached_property
     def scaled(self) -> Complexes:
         """Positions relative to their mean, over the length scale, shape (N,); zeros for missing positions."""

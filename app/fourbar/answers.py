@@ -33,6 +33,7 @@ from app.query import (
 from linkage_atlas.arguments import pointing
 from linkage_atlas.assemblies import ASSEMBLY
 from linkage_atlas.formats import HELD
+from linkage_atlas.notes import counted
 from linkage_atlas.studies import DRIVE_STUDIES
 
 # -- motions ----------------------------------------------------------------------------------------------------------
@@ -132,10 +133,10 @@ def motion_of(request: SynthesizeRequest) -> la.Motion:
 def ranked(request: SynthesizeRequest, rank: int, resources: Resources) -> la.Solution | la.GuidedSolution:
     """The solution of a rank of a request that is solved; FieldError where there are fewer."""
     found = answer_synthesize(request.model_copy(update={"top": max(request.top, rank)}), resources).solutions
+    if not found:
+        raise la.FieldError("/limits", "no linkage was found within these limits")
     if len(found) < rank:
-        raise la.FieldError(
-            "/limits" if not found else "/rank", f"there are {len(found)} linkages within these limits"
-        )
+        raise la.FieldError("/rank", f"within these limits there is no more than {counted(len(found), 'linkage')}")
     return found[rank - 1]
 
 

@@ -13,6 +13,7 @@ from app.terminal import DEGREES, Units, columns, left_table, number
 from linkage_atlas import GuidedSolution, Matches, Result, Solution
 from linkage_atlas.answers import Errors
 from linkage_atlas.driving import Drive, Refusal, Spring
+from linkage_atlas.notes import counted
 
 _ROUNDING = 1e-10
 """Numbers below this fraction of their size are shown as zero."""
@@ -43,7 +44,7 @@ def matches_table(reply: Matches, units: Units = DEGREES) -> str:
         ("offset", ".6g", "offset"),
         (units.head("rms error", units.angle), ".3g", "similarity"),
     )
-    return f"{text}\n\nbest of {reply.report.windows:,} windows; {_elapsed(reply.report)}"
+    return f"{text}\n\nbest of {counted(reply.report.windows, 'window')}; {_elapsed(reply.report)}"
 
 
 def _elapsed(report: Any) -> str:
@@ -52,7 +53,7 @@ def _elapsed(report: Any) -> str:
 
 
 def _found(reply: Any, what: str) -> str:
-    return f"{reply.status}: {len(reply.solutions)} {what}{'s' if len(reply.solutions) != 1 else ''}"
+    return f"{reply.status}: {counted(len(reply.solutions), what)}"
 
 
 def _search_lines(report: Any) -> list[str]:
@@ -129,7 +130,7 @@ def _rounded_lines(best: Solution | GuidedSolution, units: Units) -> list[str]:
     if rounded is None:
         return []
     if not rounded.closes:
-        return [f"rounded: none of {rounded.tried} combinations of lengths closes within the limits"]
+        return [f"rounded: none of {counted(rounded.tried, 'combination')} of lengths closes within the limits"]
     if isinstance(best, Solution):
         words = _lengths(rounded.links)
     else:
@@ -194,7 +195,7 @@ def synthesize_table(reply: Result, units: Units = DEGREES) -> str:
                 lines.append(f"{words} of rank 1: {', '.join(number(value, 4) for value in values)}")
         if best.verdict.assembly is not None and best.verdict.assembly.free:
             found = best.verdict.assembly
-            lines.append(f"rank 1 has {found.count} free layers: {found.reasons[0]}")
+            lines.append(f"rank 1 has {counted(found.count, 'free layer')}: {found.reasons[0]}")
         if best.verdict.reasons:
             lines.append(f"rank 1: {'; '.join(best.verdict.reasons)}")
         lines += _rounded_lines(best, units) + _analysis_lines(best) + _tolerance_lines(best, units)
@@ -215,8 +216,8 @@ def _travel_lines(reply: Any, units: Units) -> list[str]:
         ("input zero", ".6g", "input_zero"),
         ("offset", ".6g", "output_offset"),
         ("transm.", ".4g", "transmission_angle_min"),
-        (units.head("rms", unit), ".3g", "errors.rms"),
-        (units.head("max", unit), ".3g", "errors.max"),
+        (units.head("rms error", unit), ".3g", "errors.rms"),
+        (units.head("max error", unit), ".3g", "errors.max"),
         ("max y", ".3g", "errors.max_y"),
         ("alt.", "d", "errors.alternations"),
     )
@@ -236,8 +237,8 @@ def function_table(reply: Any, units: Units = DEGREES) -> str:
             ("offset", ".6g", "output_offset"),
             ("family", "", "family"),
             ("transm.", ".4g", "transmission_angle_min"),
-            (units.head("rms", units.angle), ".3g", "errors.rms"),
-            (units.head("max", units.angle), ".3g", "errors.max"),
+            (units.head("rms error", units.angle), ".3g", "errors.rms"),
+            (units.head("max error", units.angle), ".3g", "errors.max"),
             ("max y", ".3g", "errors.max_y"),
             ("alt.", "d", "errors.alternations"),
         )
@@ -391,7 +392,7 @@ def assembly_table(reply: la.Assembly, units: Units = DEGREES) -> str:
         pins = [pin.name for pin in reply.pins if pin.layers[0] <= layer <= pin.layers[1]]
         if parts or heads or layer not in ends:
             rows.append((str(layer), ", ".join([*parts, *heads]) or "-", " ".join(pins)))
-    lines = [f"{reply.status}: {reply.count} layers", "", left_table(("layer", "parts", "pins"), rows), ""]
+    lines = [f"{reply.status}: {counted(reply.count, 'layer')}", "", left_table(("layer", "parts", "pins"), rows), ""]
     if reply.least_gap is not None:
         gap = reply.least_gap
         where = f"at {number(gap.crank_angle)}{units.behind(units.angle)}"

@@ -2,6 +2,7 @@
 
 import { titledChart } from "./charts.js";
 import { text } from "./drawing.js";
+import { counted } from "./shell.js";
 
 const ROWS = 1000; // rows of a table that are shown; files hold all
 const LONG = 60; // letters of a cell that is written in several lines
@@ -135,5 +136,5 @@ export function everything(host, reply) {
     const names = [...new Set(rows.flatMap((row) => Object.keys(row)))];
     table(host, said(path), ["", ...names.map(said)], rows.map((row, k) => [k + 1, ...names.map((name) => row[name])]));
   }
-  for (const [count, group] of columns) table(host, `${count} rows`, ["", ...group.map(([name]) => name)], Array.from({ length: Math.min(count, ROWS + 1) }, (_, k) => [k + 1, ...group.map(([, values]) => values[k])]));
+  for (const [count, group] of columns) table(host, counted(count, "row"), ["", ...group.map(([name]) => name)], Array.from({ length: Math.min(count, ROWS + 1) }, (_, k) => [k + 1, ...group.map(([, values]) => values[k])]));
 }

@@ -14,7 +14,7 @@ function worstOf(list) {
 
 /**
  * A solution's linkage and, for each pose of the motion, joints `at`, `places` (distance from the wanted place) and `turns`
- * (degrees from the wanted angle), null where nothing is wanted or the loop is open; `worst` has the pose of the largest of each.
+ * (degrees got minus wanted), null where nothing is wanted or the loop is open; `worst` has the pose of the largest of each.
  */
 export function fitOf(solution, motion) {
   const linkage = linkageOf(solution), pass = passing(solution, motion, linkage.turnsFully);

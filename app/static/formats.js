@@ -1,6 +1,7 @@
 // The motion as a request and as what a link or a draft holds of it, and back.
 
 import { PRESET, UNITS, emptyMotion, fixTravels, placeOf, preferable, slidable, wantsAngles, wantsPlaces } from "./motion.js";
+import { counted } from "./shell.js";
 
 const NO_RATIO = 1e6; // a ratio of lengths that limits nothing
 
@@ -111,7 +112,7 @@ function spread(part, poses, names, unit, what) {
     const value = part?.[side] ?? null, scale = k === 0 ? unit : 1;
     whole[side] = Number.isFinite(value) ? value * scale : null;
     if (!Array.isArray(value)) continue;
-    if (!isNumbers(value) || value.length !== poses.length) throw new Error(`The request has ${poses.length} poses but not ${poses.length} ${what}.`);
+    if (!isNumbers(value) || value.length !== poses.length) throw new Error(`The request has ${counted(poses.length, "pose")} but not as many ${what}.`);
     value.forEach((entry, at) => { poses[at][names[k]] = entry * scale; });
   }
   return whole;
@@ -139,9 +140,9 @@ export function fromRequest(body) {
   if (!count || (rotation && !isColumn(rotation, isNumber)) || (position && !isColumn(position, isPlace)))
     throw new Error("This is not a request: it has neither a rotation nor positions.");
   if (rotation && position && rotation.length !== position.length)
-    throw new Error(`There are ${rotation.length} angles and ${position.length} positions.`);
+    throw new Error(`There are ${counted(rotation.length, "angle")} and ${counted(position.length, "position")}.`);
   if (crank_angle && !(isNumbers(crank_angle) && crank_angle.length === count))
-    throw new Error(`The request has ${count} poses but not ${count} crank angles.`);
+    throw new Error(`The request has ${counted(count, "pose")} but not as many crank angles.`);
   if (!free && !crank_angle && !isNumber(crank_span)) throw new Error("The request has no crank span, and its crank angles are not free.");
   const motion = emptyMotion(rotation && position ? "both" : rotation ? "rotation" : "position");
   motion.timing = free ? "free" : crank_angle ? "table" : "even";

@@ -12,6 +12,7 @@ import { ask, download } from "./service.js";
 import { $, capital, copy, markEarlier, say, startScenes, startTheme } from "./shell.js";
 import { DRIVES, sign, travelRows } from "./travel.js";
 import { mark, plainNote, reasons } from "./verdict.js";
+import { Visits, readdress } from "./visits.js";
 
 const RAD = Math.PI / 180;
 const DRAWN = 41; // samples of a drawn curve
@@ -39,6 +40,7 @@ let named = "log10"; // the function that was chosen before
 const untouched = JSON.stringify(asIs());
 const rowsTyped = new Pairs(showFields);
 const draft = new Draft("linkage-atlas-function", (content) => fill(content), clear);
+const visits = new Visits(showAgain, (question) => { fill(question); solve(); });
 
 // -- the question
 
@@ -122,7 +124,8 @@ function changed() {
   showRequest();
   const content = asIs(), own = ![untouched, linked].includes(JSON.stringify(content));
   draft.see(content, own);
-  if (own && /^#[zj]=/.test(location.hash)) history.replaceState(null, "", location.pathname);
+  visits.leave(content);
+  if (own && /^#[zj]=/.test(location.hash)) readdress("");
   if (!answer || running) return;
   let request = null;
   try { request = toRequest(); } catch { /* it cannot be asked as it is */ }
@@ -166,7 +169,7 @@ function clear() {
   showFields();
 }
 
-/** The question in the page's address, which is asked at once; false if there is none. */
+/** Asks the question in the page's address; false if there is none. */
 async function openLink() {
   const { hash } = location, content = await fromFragment(hash);
   if (!content || location.hash !== hash) return false;
@@ -177,16 +180,15 @@ async function openLink() {
 
 /** After another address: the question in it; after a link that is as it came, what was there before. */
 async function addressChanged() {
-  try {
-    if (!(await openLink()) && !location.hash && linked === JSON.stringify(asIs()) && !draft.restore()) clear();
-  } catch (error) { say(error.message, true); }
+  const opened = await openLink().catch((error) => { say(error.message, true); return true; });
+  if (!opened && !location.hash && linked === JSON.stringify(asIs()) && !draft.restore()) clear();
 }
 
 async function copyLink() {
   const link = new URL(location.href), content = asIs();
   linked = JSON.stringify(content);
   link.hash = await toFragment(content);
-  history.replaceState(null, "", link);
+  readdress(link.hash);
   await copy(link.href, "The link is copied; it holds the question.", (words) => { $("export-note").textContent = words; });
 }
 
@@ -260,7 +262,7 @@ function showLinkage() {
   const move = () => {
     const share = Number($("slider").value), joints = linkage.at(share * span);
     shape.show(joints, view);
-    const made = joints && (shown.links ? joints.rocker / RAD + shown.output_offset : wantedAt(share) - errorAt(share));
+    const made = joints && (shown.links ? joints.rocker / RAD + shown.output_offset : wantedAt(share) + errorAt(share));
     const wrapped = made === null || !out ? made : made - 360 * Math.round((made - wantedAt(share)) / 360);
     const crank = answer.from + (share * span) / RAD;
     $("where").textContent = joints ? `${text(crank, 4)}${into}, ${shown.links ? "rocker" : "output"} ${text(wrapped, 5)}${out}` : "does not close here";
@@ -279,7 +281,7 @@ function wantedAt(share) {
   return output[k - 1] + ((output[k] - output[k - 1]) * (x - input[k - 1])) / (input[k] - input[k - 1]);
 }
 
-/** The error of the solution that is shown, at a share of the interval. */
+/** The error of the solution on show, got minus wanted, at a fraction of the interval. */
 function errorAt(share) {
   const { error } = shown.error_curve, place = share * (error.length - 1), k = Math.min(Math.floor(place), error.length - 2);
   return error[k] + (error[k + 1] - error[k]) * (place - k);
@@ -290,11 +292,11 @@ function showCurves() {
   const [input, samples] = [shown.error_curve.input, answer.reply.input].map((angles) => angles.map((angle) => angle + answer.from));
   const turn = answer.reply.input.at(-1) < 0 ? (values) => values.slice().reverse() : (values) => values;
   $("curves").replaceChildren();
-  charts = [titledChart($("curves"), `Error ${shown.links ? "in degrees of the rocker" : out ? "in degrees" : "of the travel"}`, { x: turn(input), degreesX, degreesY: Boolean(out), series: [{ values: turn(error), colour: "accent" }] })];
+  charts = [titledChart($("curves"), `Error (got minus wanted) ${shown.links ? "in degrees of the rocker" : out ? "in degrees" : "of the travel"}`, { x: turn(input), degreesX, degreesY: Boolean(out), series: [{ values: turn(error), colour: "accent" }] })];
   const range = (values) => Math.max(...values) - Math.min(...values);
   if (y && range(output)) {
     const unit = range(y) / range(output);
-    charts.push(titledChart($("curves"), "Error in units of y", { x: turn(input), degreesX, series: [{ values: turn(error.map((value) => value * unit)), colour: "path" }] }));
+    charts.push(titledChart($("curves"), "Error (got minus wanted) in units of y", { x: turn(input), degreesX, series: [{ values: turn(error.map((value) => value * unit)), colour: "path" }] }));
   }
   charts.push(titledChart($("curves"), shown.links ? "Wanted angle of the rocker" : "Wanted output", { x: turn(samples), degreesX, degreesY: Boolean(out), series: [{ values: turn(output), colour: "ink" }] }));
   const ends = x ? `x from ${text(x[0])} to ${text(x.at(-1))} over this interval. ` : "";
@@ -338,9 +340,17 @@ function show(request, reply) {
   changed();
 }
 
+/** Shows an answer of this page again, with its question in the form. */
+function showAgain({ content, request, reply }, left) {
+  running = running?.abort();
+  fill(content);
+  show(request, reply);
+  if (left) fill(left);
+}
+
 async function solve() {
   running?.abort();
-  const control = new AbortController();
+  const control = new AbortController(), content = asIs();
   running = control;
   markEarlier(Boolean(answer));
   try {
@@ -349,6 +359,7 @@ async function solve() {
     say("Searching…");
     const reply = await (await ask("/v1/function", request, control.signal)).json();
     running = null;
+    visits.add(content, { content, request, reply });
     show(request, reply);
   } catch (error) {
     if (error.name !== "AbortError") say(error.message, true);
@@ -367,11 +378,7 @@ async function save(format) {
   } catch (error) { $("export-note").textContent = error.message; }
 }
 
-startTheme();
-startNumbers();
-startScenes();
-startPad();
-showFields();
+for (const begin of [startTheme, startNumbers, startScenes, startPad, showFields]) begin();
 for (const kind of ["input", "change"]) $("form").addEventListener(kind, showFields);
 $("request").addEventListener("toggle", showRequest);
 $("form").addEventListener("submit", (event) => { event.preventDefault(); solve(); });

@@ -5,11 +5,12 @@ import { Draft } from "./draft.js";
 import { button } from "./drawing.js";
 import { Editor } from "./editor.js";
 import { alike, fitOf, roundedText, worstRows, worstWords } from "./fit.js";
-import { fromRequest, requestText, toPage, toRequest } from "./formats.js";
+import { fromPage, fromRequest, requestText, toPage, toRequest } from "./formats.js";
 import { Gallery } from "./gallery.js";
 import { fromHere, nearby } from "./hand.js";
 import { Live } from "./live.js";
 import { fault, itemOf, wantsAngles } from "./motion.js";
+import { matters, offered } from "./offers.js";
 import { Results, note } from "./results.js";
 import { STAGES, preferred, refine, solve, together } from "./service.js";
 import { fillSheet } from "./sheet.js";
@@ -17,11 +18,10 @@ import { $, copy, markEarlier, say, startScenes, startTheme } from "./shell.js";
 import { Sources } from "./sources.js";
 import { startStage } from "./extras.js";
 import { explainTerms, startTour } from "./tour.js";
-import { SWINGS, defects, limitName, plainNote } from "./verdict.js";
+import { defects, limitName, plainNote } from "./verdict.js";
+import { Visits, readdress } from "./visits.js";
 
-const EASED = /^(\w+) excludes .* at (.+) there is one$/;
 const FIRST = { size: "the smallest found", transmission: "the best transmission angle found", crank_span: "the shortest swing found", layers: "the simplest layers found" };
-const EXCLUDES = /^(\w+) excludes .* without it there are some$/;
 
 let answer = null; // the last answer: {request, reply, motion, stored}
 let running = null; // AbortController of the search that runs
@@ -34,6 +34,11 @@ const sources = new Sources(() => editor.motion, useMotion);
 const draft = new Draft("linkage-atlas-motion", (content) => sources.openDraft(content), () => sources.useExample(sources.examples[0]?.name));
 const gallery = new Gallery((name) => sources.useExample(name));
 const follower = new Live({ isDragged: dragged, shown: () => ({ answer, solution: results.solution }), fits, show: (shown, solution) => { if (!running) display(shown, solution); } });
+const visits = new Visits(showAgain, (question) => {
+  const { motion, card } = fromPage(question);
+  useMotion(motion, { card, fit: false });
+  startSearch();
+});
 
 function pathDrawn(places, closed) {
   sources.useDrawn(places, closed);
@@ -65,6 +70,22 @@ function putBack({ answer: shown, state }) {
   if (state) results.restore(state);
 }
 
+/** Makes an entry of the browser's history of the answer that is shown. */
+function visit() {
+  visits.add(toPage(answer.request, answer.motion), answer);
+}
+
+/** Shows an answer of this page again, with its motion. */
+function showAgain(earlier, left) {
+  useMotion(structuredClone(earlier.motion), { fit: false });
+  [answer, passed] = [earlier, false];
+  updateStale();
+  results.show(earlier, true);
+  if (left) editor.replace(fromPage(left).motion, false);
+  editor.board.draw();
+  sayAnswer();
+}
+
 /** What the best linkage found really does, in a few words: "off by 0.27 mm (pose 5) and 0.08° (pose 4)". */
 function howNear({ reply, motion }) {
   const best = reply.solutions[0], rows = worstRows(fitOf(best, motion), motion, reply.report.length_scale ?? 1), off = rows.filter(([, , pose]) => pose !== null);
@@ -74,7 +95,7 @@ function howNear({ reply, motion }) {
 
 function sentenceOf({ reply: { status, solutions, report }, request, motion, stored, live, seconds }) {
   if (!solutions.length) {
-    const why = report.notes.filter((one) => !one.startsWith("nothing within")).map((one) => plainNote(one, itemOf(motion))).join(" ");
+    const why = report.notes.filter((one) => !one.startsWith("No linkage within")).map((one) => plainNote(one, itemOf(motion))).join(" ");
     const proved = status === "infeasible" ? "No linkage was found within these limits, and the search ran to its end." : `None found in ${seconds.toFixed(1)} s, when the time was up; that proves nothing.`;
     return [proved, why || "Loosen a limit, allow any family, or let the pivots lie elsewhere.", ""].join(" ").trim();
   }
@@ -86,29 +107,20 @@ function sentenceOf({ reply: { status, solutions, report }, request, motion, sto
   if (rounded) parts.push(`With rounded links: ${rounded}.`);
   if (report.stopped_by === "budget" && !stored && !live) parts.push(`The time was up after ${seconds.toFixed(1)} s: there may be better ones.`);
   if (stored) parts.push("Searched beforehand.");
+  parts.push(...report.notes.filter(matters).map((one) => plainNote(one, itemOf(motion))));
   if (request.tolerances && status !== "reached") parts.push(`The allowed errors are not kept at every ${itemOf(motion)}.`);
   if (live) parts.push("Found while dragging: Solve searches for others.");
   if (defects(solutions[0].verdict).length) parts.push("But none is free of defects: see the verdicts.");
   return parts.join(" ");
 }
 
-/** Offers what the reply says a limit would have to be, as a button. */
+/** Offers what the notes of an answer suggest, as buttons. */
 function suggest({ reply: { report, solutions }, request }) {
-  const found = report.notes.flatMap((one) => {
-    if (one.startsWith(SWINGS)) return [["Allow four-bars that only swing", { ...request.limits, family: "any" }]];
-    if (solutions.length) return [];
-    const [, name, value] = EASED.exec(one) ?? [], [, dropped] = EXCLUDES.exec(one) ?? [];
-    if (name && request.limits?.[name] !== undefined) {
-      const numbers = value.startsWith("[") ? JSON.parse(value) : Number.parseFloat(value);
-      return [[`Set ${limitName(name)} to ${value.replace(" degrees", "°")}`, { ...request.limits, [name]: numbers }]];
-    }
-    if (!dropped || request.limits?.[dropped] === undefined) return [];
-    const { [dropped]: _gone, ...others } = request.limits;
-    return [[`Drop the limit: ${limitName(dropped)}`, dropped === "family" ? { ...others, family: "any" } : others]];
-  });
+  const all = report.notes.map((one) => offered(one, request, solutions.length > 0)).filter(Boolean);
+  const found = all.filter(([words], k) => all.findIndex(([other]) => other === words) === k);
   $("suggestions").hidden = !found.length;
-  $("suggestions").replaceChildren(...found.map(([words, limits]) => button(words, () => {
-    editor.replace({ ...fromRequest({ ...request, limits }), unit: editor.motion.unit, outline: editor.motion.outline, note: editor.motion.note }, false);
+  $("suggestions").replaceChildren(...found.map(([words, eased]) => button(words, () => {
+    editor.replace({ ...fromRequest(eased), unit: editor.motion.unit, outline: editor.motion.outline, note: editor.motion.note }, false);
     startSearch();
   })));
 }
@@ -130,9 +142,10 @@ function updateStale() {
 
 /** Keeps a motion of the user's own as the draft; the page's address no longer holds it, if it did. */
 function keepDraft() {
-  const { motion } = editor, own = sources.isOwn(motion);
-  draft.see(toPage(toRequest(motion), motion), own);
-  if (own && /^#(path$|[zj]=)/.test(location.hash)) history.replaceState(null, "", location.pathname);
+  const { motion } = editor, own = sources.isOwn(motion), content = toPage(toRequest(motion), motion);
+  draft.see(content, own);
+  visits.leave(content);
+  if (own && /^#(path$|[zj]=)/.test(location.hash)) readdress("");
 }
 
 function showRequest() {
@@ -190,6 +203,7 @@ function useMotion(motion, { mode = null, fit = true, reply = null, card = null 
   say("");
   if (!reply) return;
   answer = { request: toRequest(motion), reply, motion: structuredClone(motion), stored: true };
+  visit();
   results.show(answer);
   results.player.run();
   updateStale();
@@ -274,6 +288,7 @@ async function startSearch(near = null) {
       const { hand } = (further && results.state) || {};
       if (hand) reply.solutions.push(hand);
       answer = Object.assign(made, { request, reply, motion, last, seconds: (performance.now() - begin) / 1000 });
+      if (!further) visit();
       passed = false;
       updateStale();
       results.show(answer, further);
@@ -308,6 +323,7 @@ async function startRefinement() {
     const others = same ? answer.reply.solutions.filter((one) => one.source !== "hand") : [];
     reply.solutions = together(request, others, reply, others.length + 1, alike);
     answer = { request, reply, motion, seconds: (performance.now() - begin) / 1000, refined: true };
+    visit();
     passed = false;
     updateStale();
     results.show(answer, true);

@@ -200,12 +200,12 @@ export class Player {
 
     const rotation = [{ values: over((j) => j.rotation / RAD), colour: "body" }];
     // wanted angles are drawn beside the curve, whole turns away where they do not count
-    if (wantsAngles(motion)) rotation.push(dots((k) => { const j = joints[x.indexOf(this.marks[k])]; return miss[k] === null || !j ? null : j.rotation / RAD + miss[k]; }, "pose"));
+    if (wantsAngles(motion)) rotation.push(dots((k) => { const j = joints[x.indexOf(this.marks[k])]; return miss[k] === null || !j ? null : j.rotation / RAD - miss[k]; }, "pose"));
     add(wantsAngles(motion) ? "Rotation of the body, degrees (dots: wanted)" : "Rotation of the coupler, degrees", rotation, { degreesY: true, height: 160 });
 
     const zero = { values: over(() => 0), colour: "line" };
     if (worst.place !== null) add(`Position error at the ${itemOf(motion)}s, ${motion.unit}`, [dots((k) => places[k], "bad"), zero]);
-    if (wantsAngles(motion)) add(`Rotation error at the ${itemOf(motion)}s, degrees`, [dots((k) => miss[k], "bad"), zero]);
+    if (wantsAngles(motion)) add(`Rotation error (got minus wanted) at the ${itemOf(motion)}s, degrees`, [dots((k) => miss[k], "bad"), zero]);
 
     const transmission = [{ values: over((j) => j.transmission / RAD), colour: "path" }];
     const least = motion.limits.kept.use ? motion.limits.transmission ?? PRESET.use : null;

@@ -9,6 +9,7 @@ import { knotter } from "./knotter.js";
 import { lift } from "./lift.js";
 import { ask, download } from "./service.js";
 import { $, copy, markEarlier, say, startScenes, startTheme } from "./shell.js";
+import { Visits } from "./visits.js";
 
 /**
  * What a machine's module exports: `show(answer, hosts)`, which draws an answer {query, request, reply, ask} into the
@@ -18,7 +19,14 @@ import { $, copy, markEarlier, say, startScenes, startTheme } from "./shell.js";
 const MACHINES = { lift, chain, knotter };
 const HOSTS = ["picture", "facts", "curves", "tables"];
 
+const CHOSEN = "Press Answer to compute it.";
+
 let scene = null, machine = null, query = null, form = null, answered = null, running = null, run = null, own = "", edited = false;
+
+const visits = new Visits(
+  (earlier) => showAgain(earlier).catch((error) => say(error.message, true)),
+  () => {}, // what the address asks is asked for by `hashchange`
+);
 
 function chooseQuery(path) {
   query = scene.queries.find((one) => one.path === path);
@@ -31,47 +39,64 @@ function fill(request) {
   form = buildForm($("fields"), query.schema, request);
 }
 
+/** Fills the form with an example; Answer asks it. */
 function chooseExample(name) {
   $("example").value = name;
   fill(query.examples[name] ?? {});
-  return answer();
+  if (answered) markEarlier(edited = true);
+  if (!running) say(CHOSEN);
 }
 
-/** Until an answer is there the button stops the search, in the service too. */
+/** While a search runs a button stops it, in the service too. */
 function busy(now) {
-  $("run").textContent = now ? "Stop" : "Answer";
-  $("run").classList.toggle("primary", !now);
+  $("stop").hidden = !now;
   $("form").setAttribute("aria-busy", String(now));
 }
 
 async function answer(at = null) {
-  running?.abort();
-  const mine = new AbortController();
+  const mine = new AbortController(), asking = form;
   let request = null;
-  edited = false;
   try {
     request = form.read();
+    const question = { query: query.path, request };
+    if (running && JSON.stringify(question) === JSON.stringify(running.question)) return; // as after a double click
+    running?.abort();
+    edited = false;
     const begin = performance.now();
-    running = mine;
+    running = Object.assign(mine, { question });
     say("Computing…");
     busy(true);
-    const sent = machine.request?.(query, request) ?? request;
+    const asked = query, sent = machine.request?.(asked, request) ?? request;
     const get = async (path, body) => (await ask(path, body, mine.signal)).json();
-    const reply = await get(query.path, sent);
-    answered = { query, request, sent, reply };
-    await show({ ...answered, ask: get }, at);
+    const reply = await get(asked.path, sent);
+    answered = { query: asked, request, sent, reply, ask: get, words: `Answered in ${Math.round(performance.now() - begin)} ms.` };
+    await show(answered, at);
     markEarlier(edited);
-    say(`Answered in ${Math.round(performance.now() - begin)} ms.`);
-    own = await toFragment({ query: query.path, request });
-    history.replaceState(null, "", `#${own}`);
+    say(answered.words);
+    own = await toFragment(question);
+    visits.add(question, { ...answered, own }, `#${own}`);
   } catch (error) {
     markEarlier(edited || answered?.request !== request);
     if (error.name === "AbortError") { if (running === mine) say("Stopped."); return; }
-    if (mine === running) form.mark(error.rows ?? []);
+    if (form === asking) form.mark(error.rows ?? []);
     say(error.message, true);
   } finally {
     if (running === mine) [running] = [null, busy(false)];
   }
+}
+
+/** Shows an answer of this page again, with its question in the form. */
+async function showAgain(earlier) {
+  running?.abort();
+  running = null;
+  busy(false);
+  own = earlier.own;
+  if (query !== earlier.query) chooseQuery(earlier.query.path);
+  fill(earlier.request);
+  answered = earlier;
+  await show(earlier, null);
+  markEarlier(edited = false);
+  say(earlier.words);
 }
 
 async function show(answer_, at) {
@@ -134,18 +159,18 @@ async function start() {
   const change = () => markEarlier(edited = true);
   $("fields").addEventListener("input", change);
   $("fields").addEventListener("click", ({ target }) => { if (target.type === "button") change(); }); // rows that come and go
-  $("form").addEventListener("submit", (event) => {
-    event.preventDefault();
-    if (running) running.abort();
-    else answer();
-  });
+  $("form").addEventListener("submit", (event) => { event.preventDefault(); answer(); });
+  $("stop").addEventListener("click", () => { running?.abort(); $("run").focus(); });
   $("link").addEventListener("click", () => copyLink().catch((error) => say(error.message, true)));
   $("all-fold").addEventListener("toggle", () => { if ($("all-fold").open && !$("all").childElementCount) everything($("all"), machine.numbers?.(answered.reply) ?? answered.reply); });
   addEventListener("hashchange", () => { if (location.hash !== `#${own}`) openLink().catch((error) => say(error.message, true)); });
   chooseQuery(scene.queries[0].path);
   let wrong = null;
   const opened = await openLink().catch((error) => { wrong = error; });
-  if (!opened) await chooseExample($("example").value);
+  if (!opened) {
+    chooseExample($("example").value);
+    await answer();
+  }
   if (wrong) say(wrong.message, true);
   performance.measure("first answer", { start: begin });
   document.body.dataset.ready = "true";

@@ -6,6 +6,9 @@ const system = matchMedia("(prefers-color-scheme: dark)");
 /** Words as they begin a sentence. */
 export const capital = (words) => words[0].toUpperCase() + words.slice(1);
 
+/** A number with its noun: "1 row", "2 rows". */
+export const counted = (count, noun) => `${count} ${noun}${count === 1 ? "" : "s"}`;
+
 export const $ = (id) => document.getElementById(id);
 
 /** Writes the status line; `bad` marks an error. */

@@ -7,6 +7,7 @@ import { emptyMotion, itemOf, jump, repeated, unwrapped } from "./motion.js";
 import { download } from "./service.js";
 import { $, capital, say } from "./shell.js";
 import { readTable } from "./tables.js";
+import { readdress } from "./visits.js";
 
 const MAX_FILE_BYTES = 7e5; // the service takes a megabyte, and base64 is longer by a third
 const ROLES = ["x", "y", "angle", "crank"];
@@ -84,13 +85,13 @@ export class Sources {
   async linkTo(request, motion, card) {
     const url = new URL(location.href);
     url.hash = await toFragment(toPage(request, motion, card));
-    history.replaceState(null, "", url);
+    readdress(url.hash);
     this.addressed = true;
     return url.href;
   }
 
   #take(motion, { note = "", linked = false, ...how }) {
-    if (!linked && this.addressed) history.replaceState(null, "", location.pathname); // the link there is of another motion
+    if (!linked && this.addressed) readdress(""); // the link there is of another motion
     Object.assign(this, { shown: null, linked, addressed: linked });
     $("paste-error").textContent = "";
     $("paste-box").hidden = true;

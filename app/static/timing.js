@@ -44,8 +44,8 @@ export function marksWithin({ angles, sense, turns }, low, high) {
   });
 }
 
-/** The difference of two angles in degrees; where the crank angles are free, whole turns do not count. */
-export function angleError(motion, wanted, found) {
-  const gap = wanted - found;
+/** The error of an angle in degrees, got minus wanted; with free crank angles whole turns do not count. */
+export function angleError(motion, wanted, got) {
+  const gap = got - wanted;
   return motion.timing === "free" ? gap - TURN * Math.round(gap / TURN) : gap;
 }

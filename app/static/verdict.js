@@ -1,24 +1,26 @@
 // The verdict of a solution in words: a mark for the list, and what was judged, with all reasons, for the details.
 
-import { capital } from "./shell.js";
-
-/** How the note begins that four-bars without a crank may come nearer. */
-export const SWINGS = "cranks were looked for";
+import { capital, counted } from "./shell.js";
 
 const DEFECTS = ["order", "branch", "circuit"];
-const LIMITS = {
-  transmission_angle_min: "the transmission angle in use", transmission_angle_min_turn: "the transmission angle over the turn",
-  link_min: "links at least", link_max: "links at most", link_ratio_max: "the ratio of the links", links: "given lengths",
-  pivot_a: "given pivot A", pivot_b: "given pivot B", pivot_box: "the pivot box", pivot_a_box: "the box of pivot A", pivot_b_box: "the box of pivot B",
-  keep_out: "places kept free of pivots", coupler_radius_max: "the reach of the body point", envelope: "the envelope", family: "the family",
-  pivot_reach: "the distance of the pivots", crank_span_max: "the crank's turn", lengths_from: "stock lengths",
+const LABELS = {
+  family: "the family",
+  transmission_angle_min: "the transmission angle in use", transmission_angle_min_turn: "the transmission angle over the whole turn",
+  pivot_a: "the given pivot A", pivot_b: "the given pivot B",
+  pivot_box: "the pivot box", pivot_a_box: "the box of pivot A", pivot_b_box: "the box of pivot B",
+  pivot_reach: "the largest distance of the pivots", keep_out: "the boxes kept free of pivots",
+  link_ratio_max: "the ratio of longest to shortest link", link_min: "the least link length", link_max: "the greatest link length",
+  links: "the given lengths", coupler_radius_max: "the reach of the body point", envelope: "the envelope",
+  stroke_max: "the longest stroke", rail_box: "the box of the rails",
+  cylinder_dead_length: "the shortest cylinder", cylinder_extended_max: "the longest cylinder", arm_min: "the least moment arm",
+  crank_span_max: "the crank's turn", lengths_from: "stock lengths", ground_box: "the box of the ground point", motor_box: "the box of the motor",
 };
 
 /** The name of a limit of the service in sentences. */
-export const limitName = (name) => LIMITS[name] ?? name.replace("links.", "given ").replaceAll("_", " ");
+export const limitName = (name) => (name.startsWith("links.") ? `the given ${name.slice(6)} length` : LABELS[name] ?? name.replaceAll("_", " "));
 
 /** A number of layers in words. */
-export const layersOf = (count) => `${count} layer${count === 1 ? "" : "s"}`;
+export const layersOf = (count) => counted(count, "layer");
 
 /** A reason as a sentence of its own, in which a sample is called what the page calls it: an `item`. */
 const sentence = (reason, item = "sample") => {
@@ -66,13 +68,14 @@ export function judged(verdict, motion, item, drive = "crank", turns = true) {
 
 export const reasons = (verdict, item) => (verdict.reasons ?? []).map((one) => sentence(one, item));
 
-/** Words of the service, with the page's names of its fields. */
-export const plainWords = (words) => words.replace("limits links ", "given ").replace("`nevertheless` in `solids`", "“even where parts collide”").replaceAll(/`?(?:limits[. ])?\b(?<!constraints )([a-z]+_\w+)`?/gi, (all, name) => LIMITS[name.toLowerCase()] ?? all).replaceAll("`", "");
+/**
+ * Words of the service for people: without the names in parentheses that are for those who write requests, and with the page's names
+ * of fields. Words in quotation marks stay as they are.
+ */
+export const plainWords = (words) => words.replaceAll(/ \((?:see )?`[^)]*\)/g, "")
+  .replace(/limits links (\w+)/, "the given $1 length").replace("`nevertheless` in `solids`", "“even where parts collide”")
+  .replaceAll(/“[^”]*”|'[^' ]*'|"[^"]*"|`?\b(?:limits[. ])?([a-z]+(?:_[a-z]+)+)\b`?/gi, (all, name) => (name ? LABELS[name.toLowerCase()] ?? name.replaceAll("_", " ") : all))
+  .replaceAll("`", "");
 
 /** A note of a report in the page's words, as a sentence. */
-export function plainNote(note, item) {
-  if (note.startsWith("the problem is ill-posed")) return "Clearly different linkages do about equally well.";
-  if (note.startsWith("the crank angles are given")) return "With given crank angles the practical limits hold only where they are switched on under Limits.";
-  if (note.startsWith(SWINGS)) return "Four-bars that only swing may come nearer: any family, under Limits.";
-  return sentence(plainWords(note).replace(/^\w+(?= excludes )/, limitName), item);
-}
+export const plainNote = (note, item) => sentence(plainWords(note), item);

@@ -7,12 +7,15 @@ Wright, Numerical Optimization, 12.3)::
 
     change = Z (Z' M Z)^-1 Z' D' (change of the motion),    M = half the Hessian of J^2 - sum lambda c
 
-A direction that limits block is no freedom, and the misfit is no tolerance. Where the crank angles were found with the linkage,
-M is D' D, and limits that depend on the first or last crank angle count as not pushing.
+A direction that limits block is no freedom, and the misfit is no tolerance. If the crank angles were found with the linkage,
+M is D' D, and each crank angle is an unknown that is eliminated; those of the first and last sample stay unknowns if a limit
+that pushes depends on them. The multipliers follow from the rows of the other unknowns, which hold whether or not the
+order of the samples blocks a crank angle.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -21,7 +24,7 @@ from numpy.typing import NDArray
 
 from synthesis.arrays import Complexes, Floats
 from synthesis.fourbar.kinematics import EXCESSES, close_loop, coupler_angle, grashof_excesses
-from synthesis.fourbar.limits import Constraints, Limits
+from synthesis.fourbar.limits import SPARE, Constraints, Limits
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.solution import four, placed_linkages
 from synthesis.target import Mean, Target
@@ -29,7 +32,7 @@ from synthesis.target import Mean, Target
 FREE = 1e3
 """A relative uncertainty of a length above this says that the motion does not determine it at all."""
 _TOUCHED = 1e-5
-"""A limit is touched where it is kept by less, over the length scale."""
+"""Distance over the length scale up to which a limit is touched; a search keeps `SPARE` from the envelope."""
 _CHANGE_POINT = 1e-6
 """An excess of so small a part of the perimeter is a bound of the family."""
 _PUSHES = 1e-6
@@ -116,31 +119,54 @@ def sensitivities(target: Target, linkages: list[Linkage]) -> list[Sensitivity]:
     return [Sensitivity(r, p) for r, p in zip(rotation, position)]
 
 
-def determinations(target: Target, linkages: list[Linkage], resolutions: list[float]) -> list[Determination]:
-    """How well the motion fixes each linkage; see `Determination`.
+def determinations(
+    target: Target, linkages: list[Linkage], resolutions: list[float], given: Sequence[int] = ()
+) -> list[Determination]:
+    """Return how well the motion fixes each linkage; see `Determination`.
 
-    ``resolutions``: error of the motion, in the objective's measure, that is considered for each.
+    Parameters
+    ----------
+    target : Target
+    linkages : list of Linkage
+    resolutions : list of float
+        Error of the motion, in the objective's measure, that is considered for each.
+    given : sequence of int
+        Links whose lengths are given, so that the motion need not fix them.
     """
     if not linkages:
         return []
     matrix, free = derivative_matrix(target, linkages)
+    matrix, lengths = np.delete(matrix, list(given), axis=2), [k for k in range(free) if k not in given]
     _, singular, vectors = np.linalg.svd(matrix, full_matrices=False)
     floor = np.finfo(float).eps * singular[:, :1] * np.sqrt(matrix.shape[1])
     inverse = 1 / np.maximum(singular, np.maximum(floor, np.finfo(float).tiny))
-    share = vectors[:, :, :free] ** 2
+    share = vectors[:, :, : len(lengths)] ** 2
     uncertainty = np.zeros((len(linkages), 4))
-    uncertainty[:, :free] = np.sqrt(np.einsum("nkf,nk->nf", share, inverse**2))
+    uncertainty[:, lengths] = np.sqrt(np.einsum("nkf,nk->nf", share, inverse**2))
     uncertainty *= np.array(resolutions)[:, None]
     # a direction without a singular value is free, and so is every length that has a part in it
     lost = np.einsum("nkf,nk->nf", share, (singular <= floor).astype(float)) > 1e-12
-    uncertainty[:, :free][lost] = np.inf
+    uncertainty[:, lengths] = np.where(lost, np.inf, uncertainty[:, lengths])
     uncertainty[uncertainty > FREE] = np.inf
     condition = singular[:, 0] * inverse.max(axis=1)
     return [Determination(float(c), row, r) for c, row, r in zip(condition, uncertainty, resolutions)]
 
 
-def derivative_matrix(target: Target, linkages: list[Linkage]) -> tuple[Floats, int]:
-    """Derivatives of the objective's residual (n, rows, unknowns), and how many logarithms of lengths come first."""
+def derivative_matrix(target: Target, linkages: list[Linkage], kept: Sequence[int] = ()) -> tuple[Floats, int]:
+    """Return derivatives of the objective's residual (n, rows, unknowns), and how many first unknowns are logarithms of lengths.
+
+    ``kept``: samples whose crank angles, if these were found, remain unknowns, as last columns; the others are eliminated.
+    """
+    matrix, free = _derivatives(target, linkages)
+    if target.found:
+        matrix = _angles_eliminated(matrix, target.samples, free, kept)
+    if (missing := matrix.shape[2] - matrix.shape[1]) > 0:
+        matrix = np.concatenate([matrix, np.zeros((len(linkages), missing, matrix.shape[2]))], axis=1)
+    return matrix, free
+
+
+def _derivatives(target: Target, linkages: list[Linkage]) -> tuple[Floats, int]:
+    """Return the matrix with the crank angle as an unknown; if crank angles were found, each row has the angle of its sample."""
     motion = _Motion(target, linkages)
     count, samples = len(linkages), target.samples
     free = 3 if motion.position is None else 4
@@ -169,25 +195,23 @@ def derivative_matrix(target: Target, linkages: list[Linkage]) -> tuple[Floats, 
         assert turn is not None
         matrix = turn
     held = ([free] if target.start is not None else []) + ([free + 1] if target.offset is not None else [])
-    matrix = np.delete(matrix, held, axis=2)
-    if target.found:
-        matrix = _angles_eliminated(matrix, samples, free)
-    if (missing := matrix.shape[2] - matrix.shape[1]) > 0:
-        matrix = np.concatenate([matrix, np.zeros((count, missing, matrix.shape[2]))], axis=1)
-    return np.nan_to_num(matrix, posinf=0.0, neginf=0.0), free
+    return np.nan_to_num(np.delete(matrix, held, axis=2), posinf=0.0, neginf=0.0), free
 
 
-def _angles_eliminated(matrix: Floats, samples: int, start: int) -> Floats:
-    """The matrix where each sample has a crank angle of its own: what that angle can make up is projected out, sample by sample.
+def _angles_eliminated(matrix: Floats, samples: int, start: int, kept: Sequence[int]) -> Floats:
+    """Return the matrix with crank angles that are free at each sample: their directions are projected out, sample by sample.
 
-    The column ``start`` holds each sample's derivative by its own crank angle; it goes.
+    The column ``start`` holds each sample's derivative by its own crank angle and is removed. The samples ``kept`` are not
+    projected; their derivatives by their own crank angles are appended as columns.
     """
     rows = matrix.reshape(len(matrix), -1, samples, matrix.shape[2])
     turn = rows[..., start]
     square = np.einsum("nrk,nrk->nk", turn, turn)
     along = np.einsum("nrk,nrkc->nkc", turn, rows) / np.where(square > 0, square, 1.0)[..., None]
-    rest = rows - turn[..., None] * along[:, None]
-    return np.delete(rest, start, axis=3).reshape(len(matrix), -1, matrix.shape[2] - 1)
+    along[:, list(kept)] = 0.0
+    rest = np.delete(rows - turn[..., None] * along[:, None], start, axis=3)
+    own = turn[..., None] * (np.arange(samples)[:, None] == np.array(kept, dtype=int))
+    return np.concatenate([rest, own], axis=3).reshape(len(matrix), -1, matrix.shape[2] - 1 + len(kept))
 
 
 class _Rows(NamedTuple):
@@ -197,6 +221,8 @@ class _Rows(NamedTuple):
     """(n, C)"""
     equal: NDArray[np.bool_]
     names: list[str]
+    ends: Floats
+    """(n, C, 2): derivatives by the first and the last crank angle of the interval, which are unknowns if these were found."""
 
 
 def determinations_within(
@@ -211,15 +237,23 @@ def determinations_within(
 
 
 def _determination(target: Target, linkage: Linkage, resolution: float, limits: Limits) -> Determination:
-    matrix, free = derivative_matrix(target, [linkage])
-    derivatives, rest = matrix[0], residuals(target, [linkage])[0]
-    count, unknowns = derivatives.shape[0], derivatives.shape[1]
-    rest = np.concatenate([rest, np.zeros(count - rest.size)])
-    rows = _limit_rows(target, [linkage], limits, free, unknowns)
-    force = _multipliers(rows, -2 * derivatives.T @ rest)
+    by_unknown, free = _derivatives(target, [linkage])
+    rest = residuals(target, [linkage])[0]
+    gradient = -2 * by_unknown[0].T @ rest
+    if target.found:
+        gradient = np.delete(gradient, free)
+    rows = _limit_rows(target, [linkage], limits, free, gradient.size)
+    force = _multipliers(rows, gradient)
     pushes = rows.touched[0] & (rows.equal | (force > _PUSHES * (rest @ rest)))
     names = tuple(dict.fromkeys(name for name, on in zip(rows.names, pushes) if on))
-    face = _null_space(rows.slopes[0, pushes], unknowns)
+    slopes, ends = rows.slopes[0, pushes], rows.ends[0, pushes]
+    kept = _end_samples(target) if target.found and np.any(ends) else []
+    if kept:
+        at_ends, kept = kept, sorted(set(kept))
+        slopes = np.hstack([slopes, ends @ np.equal.outer(at_ends, kept)])
+    derivatives = derivative_matrix(target, [linkage], kept)[0][0]
+    unknowns = derivatives.shape[1]
+    face = _null_space(slopes, unknowns)
     along = derivatives @ face
     inner = along.T @ along
     if not target.found:
@@ -268,9 +302,8 @@ def _limit_rows(target: Target, linkages: list[Linkage], limits: Limits, free: i
         placed = placed.over(middle, scale)
     found = Constraints(limits, middle, scale)(placed)
     slopes = found.slopes
-    near = found.equal | (found.values <= _TOUCHED)
-    if target.found:
-        near &= ~np.any(slopes[:, :, 4:6] != 0, axis=2)
+    touched = np.where(np.array(found.names) == "envelope", _TOUCHED + 2 * SPARE, _TOUCHED)
+    near = found.equal | (found.values <= touched)
     size = links.sum(axis=1)[:, None]
     excesses = np.stack(grashof_excesses(links), axis=1) / size
     edges = (np.abs(excesses) <= _CHANGE_POINT) & (limits.family != "any")
@@ -291,7 +324,15 @@ def _limit_rows(target: Target, linkages: list[Linkage], limits: Limits, free: i
         limited[:, :, at + 3] = zx * ground.real + zy * ground.imag
         limited[:, :, at + 4] = -zx * ground.imag + zy * ground.real
     equal = np.concatenate([found.equal, np.zeros(3, dtype=bool)])
-    return _Rows(rows, np.concatenate([near, edges], axis=1), equal, [*found.names, *["family"] * 3])
+    at_ends = np.concatenate([slopes[:, :, 4:6], np.zeros((count, 3, 2))], axis=1)
+    return _Rows(rows, np.concatenate([near, edges], axis=1), equal, [*found.names, *["family"] * 3], at_ends)
+
+
+def _end_samples(target: Target) -> list[int]:
+    """Return the samples at the first and the last crank angle of the used interval, twice the first if it is closed."""
+    first = int(np.argmin(np.abs(target.crank - target.interval.first)))
+    last = first if target.closed else int(np.argmin(np.abs(target.crank - target.interval.last)))
+    return [first, last]
 
 
 def _multipliers(rows: _Rows, gradient: Floats) -> Floats:

@@ -152,7 +152,10 @@ def to_csv(linkage: Linkage, target: Target, unit: float, more: Mapping[str, Ite
 def motion_columns(
     target: Target, unit: float, rotation: Floats, position: Complexes | None
 ) -> dict[str, Iterable[Any]]:
-    """Columns of what was asked for and of what a linkage does; an empty cell is a number that was not asked for."""
+    """Return columns of the wanted and the actual motion, and of its errors: rotation got minus wanted, and a distance.
+
+    A cell is empty if its number was not given.
+    """
     asked, rows = target.asked, target.samples
     wanted = None if asked.rotation is None else asked.rotation / unit
     turned = rotation - asked.moved
@@ -165,7 +168,7 @@ def motion_columns(
         **places("{}_wanted", asked.position, rows),
         "rotation": turned,
         **places("{}", position, rows),
-        "rotation_error": given_cells(None if wanted is None else wanted - turned, rows),
+        "rotation_error": given_cells(None if wanted is None else turned - wanted, rows),
         "position_error": given_cells(off, rows),
     }
 

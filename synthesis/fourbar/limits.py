@@ -37,6 +37,7 @@ ROOM = 2.0
 # tuning of the constraints
 _TRACED = {True: (257, 3), False: (25, 1)}
 """Crank angles at which joints are looked at, and how often their extremes are then refined: exactly, and in a search."""
+BETWEEN_LENGTHS = "the least and the greatest link length (`limits.link_min`, `limits.link_max`)"
 SPARE = 1e-4
 """Part of the length scale by which the envelope of a search is smaller."""
 
@@ -165,39 +166,47 @@ class Limits:
     def _check_lengths(self) -> None:
         low, high = self.link_min or 0.0, self.link_max or np.inf
         if low > high:
-            raise FieldError("/limits/link_min", "is above link_max")
+            raise FieldError(
+                "/limits/link_min", f"{low:g} is above the greatest link length {high:g} (`limits.link_max`)"
+            )
         for name, length in zip(LINKS, self.links):
             if length is not None and not low <= length <= high:
-                raise FieldError(f"/limits/links/{name}", "lies outside of link_min and link_max")
+                raise FieldError(f"/limits/links/{name}", f"{length:g} is not within {BETWEEN_LENGTHS}")
         given = [length for length in self.links if length is not None]
         if self.link_ratio_max is not None and given and max(given) > self.link_ratio_max * min(given):
-            raise FieldError("/limits/link_ratio_max", "the given lengths exceed it")
+            ratio = max(given) / min(given)
+            raise FieldError(
+                "/limits/link_ratio_max",
+                f"the longest given length is {ratio:.4g} times the shortest (`limits.links`)",
+            )
 
     def _check_pivots(self) -> None:
         if self.pivot_a is not None and self.pivot_b is not None:
             apart, ground = abs(self.pivot_b - self.pivot_a), self.links[3]
             if not apart > 0:
-                raise FieldError("/limits/pivot_b", "is the same point as pivot_a")
+                raise FieldError("/limits/pivot_b", "is the same point as pivot A (`limits.pivot_a`)")
             if ground is not None and abs(apart - ground) > 1e-9 * ground:
-                raise FieldError("/limits/links/ground", f"the given pivots are {apart:.6g} apart")
+                raise FieldError("/limits/links/ground", f"the given pivots are {apart:.6g} apart, not {ground:g}")
             low, high = self.link_min or 0.0, self.link_max or np.inf
             if not low <= apart <= high:
                 raise FieldError(
-                    "/limits/pivot_b", "the given pivots are nearer than link_min or farther than link_max"
+                    "/limits/pivot_b",
+                    f"the given pivots are {apart:.6g} apart, which is not within {BETWEEN_LENGTHS}",
                 )
         for name, point in (("pivot_a", self.pivot_a), ("pivot_b", self.pivot_b)):
             box = self.box(f"{name}_box")
             if box is not None and (box[0] > box[2] or box[1] > box[3]):
-                raise FieldError(f"/limits/{name}_box", "has no point in common with pivot_box or envelope")
+                raise FieldError(f"/limits/{name}_box", "has no point in common with the pivot box or the envelope")
             if point is not None:
                 if box is not None and not (box[0] <= point.real <= box[2] and box[1] <= point.imag <= box[3]):
-                    raise FieldError(f"/limits/{name}", "lies outside of the box that it must lie in")
+                    raise FieldError(f"/limits/{name}", "lies outside the box of this pivot")
                 box = (point.real, point.imag, point.real, point.imag)
             for number, out in enumerate(self.keep_out):
                 if box is not None and out[0] < box[0] and out[1] < box[1] and box[2] < out[2] and box[3] < out[3]:
                     if point is not None:
-                        raise FieldError(f"/limits/{name}", "lies in a box of keep_out")
-                    raise FieldError(f"/limits/keep_out/{number}", f"covers the whole box that {name} must lie in")
+                        raise FieldError(f"/limits/{name}", "lies in a box kept free of pivots (`limits.keep_out`)")
+                    pivot = name.replace("pivot_a", "pivot A").replace("pivot_b", "pivot B")
+                    raise FieldError(f"/limits/keep_out/{number}", f"covers the whole box of {pivot}")
 
     def box(self, name: str) -> Box | None:
         """Where a pivot may lie by all boxes that concern it; ``name`` is its own: pivot_a_box or pivot_b_box."""

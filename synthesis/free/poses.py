@@ -15,6 +15,8 @@ from synthesis.target import MIN_SPAN, TURN, Samples, Target, read_samples
 
 MIN_POSES = 2
 """Fewest samples that fix anything."""
+_STARTS = 32
+"""Largest number of samples from which shorter ways through all samples begin."""
 HALF = np.pi * (1 + 1e-9)
 """Half a turn: angles that differ by no more are taken as they are."""
 
@@ -89,6 +91,26 @@ class Poses(Samples):
             name: None if (given := getattr(self, name)) is None else given[kept] for name in names
         }
         return replace(self, **part)
+
+    @cached_property
+    def detour(self) -> float:
+        """Ratio of the way through the samples in their order to the shortest way that is known.
+
+        Distances combine positions over the length scale and rotations, as the objective does. Each shorter way leads from one of
+        the samples to the nearest that is left. The ratio is 1 if a rotation or a position is missing.
+        """
+        if self.rotation is None or self.full.size < self.samples or self.samples < 3:
+            return 1.0
+        gaps = np.hypot(*(np.abs(column[:, None] - column) for column in (self.scaled, self.turned)))
+        starts = self.spread(_STARTS)
+        length, at, row = np.zeros(starts.size), starts, np.arange(starts.size)
+        left = np.ones((starts.size, self.samples), dtype=bool)
+        for _ in range(self.samples - 1):
+            left[row, at] = False
+            beside = np.where(left, gaps[at], np.inf)
+            at = beside.argmin(axis=1)
+            length += beside[row, at]
+        return float(np.trace(gaps, 1) / min(length.min(), np.trace(gaps, 1)))
 
     @cached_property
     def turned(self) -> Complexes:

@@ -284,7 +284,10 @@ def turns_back(wanted: Wanted, linkages: Sequence[Linkage]) -> list[str | None]:
 
 
 def to_csv(wanted: Wanted, linkage: Linkage, offset: float, unit: float) -> str:
-    """The function at the samples; angles are divided by ``unit`` (radians in one unit of angle)."""
+    """Return the function at the samples as CSV; the error is output got minus output wanted.
+
+    Angles are divided by ``unit`` (radians in one unit of angle).
+    """
     used_joints(linkage, wanted.interval)
     joints = linkage.joints(wanted.crank)
     output = rocker_angles([linkage], wanted.crank)[0] + offset
@@ -292,7 +295,7 @@ def to_csv(wanted: Wanted, linkage: Linkage, offset: float, unit: float) -> str:
         "input": wanted.crank,
         "output_wanted": wanted.output,
         "output": output,
-        "error": wanted.output - output,
+        "error": output - wanted.output,
         "transmission_angle": joints.transmission_angle,
         "crank_direction": joints.crank_angle,
         "coupler_direction": joints.coupler_angle,

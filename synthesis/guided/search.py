@@ -131,13 +131,10 @@ _PATIENCE = 16
 """Rounds more for a drive that nothing was found of."""
 
 
-_HINGE = "comes back without a whole turn: it turns with a hinge that turns fully"
-_SLIDER = "turns round: it does not, where a crank drives a slider"
-_ROUND = "no linkage of these kinds goes this closed way, over which the body "
-_LED = (
-    "no linkage of these kinds was found for this closed way: with the rotations of the best four-bars, which alone were "
-    "tried, the body "
-)
+_HINGE = "the body comes back without a full turn, but it turns with a hinge that turns fully."
+_SLIDER = "the body makes a full turn, which it cannot if a crank drives a slider."
+_ROUND = "No linkage of these kinds passes this closed path: "
+_LED = "No linkage of these kinds was found for this closed path. Only rotations of the best four-bars were tried, with which "
 NOTHING_ROUND = {
     (led, turns): words + why
     for led, words in ((False, _ROUND), (True, _LED))
@@ -709,7 +706,7 @@ class Search:
                 worse, circle = float(line.cost[0]), float(one.cost[0])
                 chance = (worse - circle) * (self.samples.number - 5) / max(circle, 1e-300)
                 radius = self.poses.length_scale / abs(float(guides.curvature[k]))
-                words = f"a circle of radius {radius:.3g} was found in a {way.kind.value}"
+                words = f"A guide of a {way.kind.value.replace('_', '-')} came out as a circle of radius {radius:.3g}"
                 exact = max(self.tolerance, _AS_EXACT) ** 2
                 if worse <= max(exact, circle * 1.01**2) or chance < _CHANCE:
                     gone[k] = True
@@ -719,9 +716,11 @@ class Search:
                         if worse <= self.tolerance**2
                         else f"F = {max(chance, 0):.2g}, below {_CHANCE:g}"
                     )
-                    note = f"{words}: the samples do not tell it from a rail ({reason}), so the rail is answered"
+                    note = (
+                        f"{words}, which the samples do not distinguish from a rail ({reason}): a rail is reported."
+                    )
                 else:
-                    note = f"{words}: a rail in its place fits worse (F = {chance:.3g}), so the circle is answered"
+                    note = f"{words}; a rail in its place fits worse (F = {chance:.3g}): the circle is reported."
                 if note not in self.notes:
                     self.notes.append(note)
         assert self.found is not None

@@ -285,7 +285,7 @@ def test_errors_stand_in_the_unit_of_the_request(run) -> None:
     assert "rot. max rad" in out and f"{reply['solutions'][0]['errors']['rotation_rms']:.3g} rad rms" in out
     assert "pos" not in out.split("errors of rank 1")[1].splitlines()[0]
     _, out, _ = run("function", stdin=json.dumps({"input": [0, 15, 35, 60, 80], "output": [0, 12, 31, 62, 90]}))
-    assert "rms deg" in out and "max deg" in out
+    assert "rms error deg" in out and "max error deg" in out
 
 
 # -- tables from standard input ---------------------------------------------------------------------------------------

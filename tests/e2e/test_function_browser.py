@@ -49,7 +49,10 @@ def test_a_chosen_function_shows_linkage_and_error_and_is_saved(page) -> None:
     solve(page)
     assert re.fullmatch(r"Best found: off by at most 0\.0\d+°\.", page.text("status"))
     assert len(page.cards()) >= 1
-    assert page.texts("#curves h3")[:2] == ["Error in degrees of the rocker", "Error in units of y"]
+    assert page.texts("#curves h3")[:2] == [
+        "Error (got minus wanted) in degrees of the rocker",
+        "Error (got minus wanted) in units of y",
+    ]
     assert "Extremes as large, alternating" in page.text("numbers")
     before = page.one("#canvas .crank").get_attribute("d")
     page.slide(1)

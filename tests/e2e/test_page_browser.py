@@ -20,6 +20,7 @@ from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import Select
 
 import linkage_atlas as la
+from synthesis.fourbar.limits import BETWEEN_LENGTHS
 from tests.conftest import some_of, until
 from tests.e2e.page import CARDS, EXAMPLES, FREE, IDLE, READY, ROOT, VERDICTS, WORKS, keep, path_request
 
@@ -491,7 +492,7 @@ def test_a_motion_that_cannot_be_solved_says_why(standing) -> None:
 
 
 REFUSED = {
-    "/v1/synthesize": ("lengths_from", "has no length from `limits.link_min` to `link_max`"),
+    "/v1/synthesize": ("lengths_from", f"none of the lengths is within {BETWEEN_LENGTHS}"),
     "/v1/export": ("assembly", "parts would collide. `nevertheless` in `solids` writes them all the same"),
 }
 
@@ -511,12 +512,14 @@ def test_what_is_refused_has_the_words_of_the_page(page) -> None:
     )
     page.click("solve")
     page.wait(IDLE)
-    assert page.text("status") == "Stock lengths: has no length from links at least to links at most."
-    detail = "lies outside of `link_min` and `link_max`"
+    within = "is within the least and the greatest link length."
+    assert page.text("status") == f"Stock lengths: none of the lengths {within}"
+    detail = "has no point in common with `ground_box` or `some_field`"
     page.run("refused['/v1/synthesize'] = arguments[0]", ("limits/links/crank", detail))
     page.click("solve")
     page.wait(IDLE)
-    assert page.text("status") == "Given crank: lies outside of links at least and links at most."
+    common = "has no point in common with the box of the ground point or some field."
+    assert page.text("status") == f"The given crank length: {common}", "no name of the interface is shown"
     page.press("[data-format=step]")
     page.wait("document.getElementById('export-note').textContent.startsWith('Assembly')")
     assert page.text("export-note").endswith("“even where parts collide” writes them all the same.")
@@ -685,7 +688,7 @@ def test_the_limits_that_hold_the_best_linkage_are_listed(standing) -> None:
     standing.stub(request, angles, VERDICTS[:1])
     standing.run("window.stub.solutions[0].determination.at_limits = ['link_min', 'links.crank', 'pivot_box']")
     standing.solve()
-    assert "held by links at least, given crank and the pivot box." in standing.text("status")
+    assert "held by the least link length, the given crank length and the pivot box." in standing.text("status")
 
 
 def test_limits_without_a_field_are_named_and_an_angle_of_nothing_is_0(standing) -> None:

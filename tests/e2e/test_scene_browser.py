@@ -55,7 +55,8 @@ def test_every_question_is_answered_and_no_part_sticks_out(at, scene, width) -> 
     page.wait(ANSWERED)
     for k in range(len(queries_of(scene))):
         if k:
-            asked(page, lambda k=k: Select(page.find("query")).select_by_index(k))
+            Select(page.find("query")).select_by_index(k)
+            asked(page, lambda: page.click("run"))
         page.run("for (const fold of document.querySelectorAll('details')) fold.open = true")
         page.wait("document.getElementById('all').childElementCount")
         assert page.width <= width and page.run(CUT) == []
@@ -125,6 +126,43 @@ def test_a_link_restores_question_values_and_place(at) -> None:
     assert page.one(".stage") and page.text("status") == "The link is of another machine or version."
 
 
+def test_choosing_only_shows_a_double_click_asks_once_and_back_steps_through_answers(at) -> None:
+    """Once a choice ran its question, a second click stopped it, and Back left the page."""
+    page = at("lift")
+    page.wait(ANSWERED)
+    first = page.run("return [document.getElementById('query').value, location.hash]")
+    page.run("window.asked = 0; const own = fetch; window.fetch = (...a) => { window.asked++; return own(...a); }")
+    page.select("query", "/v1/lift/batch")
+    assert page.run("return window.asked") == 0 and page.text("status") == "Press Answer to compute it."
+    assert "of an earlier request" in page.text("facts-title") and not page.shown("stop")
+    page.run(
+        "const own = fetch; window.fetch = (...a) => new Promise((go, stop) => { window.go = () => go(own(...a));"
+        " a[1].signal.addEventListener('abort', () => stop(new DOMException('', 'AbortError'))); })"
+    )
+    button = page.find("run")
+    page.actions().double_click(button).perform()
+    page.wait("window.go")
+    assert button.text == "Answer" and page.shown("stop") and page.text("status") == "Computing…"
+    page.run("window.go()")
+    page.wait(ANSWERED)
+    assert page.run("return window.asked") == 1 and not page.shown("stop")
+    page.click("run")
+    page.wait("!document.getElementById('stop').hidden")
+    page.click("stop")
+    assert page.text("status") == "Stopped." and page.focus == "run"
+    page.browser.back()
+    page.wait(f"location.hash === {json.dumps(first[1])} && document.querySelector('.stage')")
+    assert page.run("return document.getElementById('query').value") == first[0] and page.text("status").startswith(
+        "Answered"
+    )
+    assert "of an earlier request" not in page.text("facts-title")
+    page.browser.forward()
+    page.wait(
+        "document.getElementById('query').value === '/v1/lift/batch' && document.querySelector('#tables table')"
+    )
+    assert page.run("return window.asked") == 1, "answers of this page are shown as they were"
+
+
 def test_what_is_wrong_is_said_at_its_field(at) -> None:
     page = at("lift")
     fields = page.all("#fields input")
@@ -146,7 +184,8 @@ def test_what_is_wrong_is_said_at_its_field(at) -> None:
 
 def test_what_is_wrong_in_a_row_is_said_at_its_field(at) -> None:
     page = at("lift")
-    asked(page, lambda: page.select("query", "/v1/lift/batch"))
+    page.select("query", "/v1/lift/batch")
+    asked(page, lambda: page.click("run"))
     page.press("#fields .row .link")  # the first goes, and one is added behind
     page.press("#fields .rows + button")
     lengths = page.all("#fields .row fieldset .field:first-child input")
@@ -170,7 +209,8 @@ def test_an_answer_of_an_earlier_request_says_so(at) -> None:
     length.send_keys(Keys.HOME, Keys.DELETE)
     asked(page, lambda: page.click("run"))
     assert mark not in page.text("facts-title")
-    asked(page, lambda: page.select("query", "/v1/lift/batch"))
+    page.select("query", "/v1/lift/batch")
+    asked(page, lambda: page.click("run"))
     page.press("#fields .rows .link")  # a cylinder less
     assert mark in page.text("tables-title")
 
@@ -236,6 +276,7 @@ def test_the_chains_pins_wheels_and_slot_are_drawn_and_follow_the_phase(at) -> N
     assert "All lengths are in the unit of the pitch." in page.text("facts")
     # a roller adds the groove's walls
     page.select("example", "roller")
+    page.click("run")
     page.wait("document.querySelectorAll('#picture .wall').length === 4")
     assert "52.09" in page.text("facts")
     assert "t^0" in page.text("tables")
@@ -245,7 +286,8 @@ def test_a_chain_of_many_samples_or_links_is_drawn(at) -> None:
     page = at("chain")
     for path, entries in (("slot", {"samples": "4000"}), ("track", {"links": "900", "pitch": "1", "samples": "99"})):
         if path == "track":
-            asked(page, lambda: page.select("query", "/v1/chain/track"))
+            page.select("query", "/v1/chain/track")
+            asked(page, lambda: page.click("run"))
         page.run("document.querySelector('#fields > details').open = true")
         for name, entry in entries.items():
             field = page.find(field_of(page, name))
@@ -333,7 +375,8 @@ def test_a_lift_at_times_of_ones_own_is_drawn_over_its_whole_motion(at) -> None:
 
 def test_what_holds_the_lifts_optimum_is_said_in_words(at) -> None:
     page = at("lift")
-    asked(page, lambda: Select(page.find("query")).select_by_index(1))
+    Select(page.find("query")).select_by_index(1)
+    asked(page, lambda: page.click("run"))
     assert "dead point at least, jerk at most" in page.text("facts")
 
 
@@ -366,6 +409,7 @@ def test_the_knotter_shows_entries_and_verdicts_and_can_be_turned(at) -> None:
         shapes.add(drawn(".body"))
     assert len(shapes) == 4 and before in shapes
     page.select("example", "fails_to_wrap")
+    page.click("run")
     page.wait("document.querySelector('.verdicts-list li.no')")
     assert "through S5S3" in page.read(".verdicts-list")
     assert page.all("circle.enter.wrong")
@@ -373,7 +417,8 @@ def test_the_knotter_shows_entries_and_verdicts_and_can_be_turned(at) -> None:
 
 def test_a_condition_without_limits_is_said_to_hold_over_the_whole_range(at) -> None:
     page = at("knotter")
-    asked(page, lambda: page.select("query", "/v1/knotter/limit"))
+    page.select("query", "/v1/knotter/limit")
+    asked(page, lambda: page.click("run"))
     page.select(field_of(page, "condition"), '"clearance"')
     asked(page, lambda: page.click("run"))
     assert "The clearance holds over the whole range of d5." in page.text("facts")
@@ -381,7 +426,8 @@ def test_a_condition_without_limits_is_said_to_hold_over_the_whole_range(at) -> 
 
 def test_a_scan_of_many_pairs_lists_them(at) -> None:
     page = at("knotter")
-    asked(page, lambda: page.select("query", "/v1/knotter/scan"))
+    page.select("query", "/v1/knotter/scan")
+    asked(page, lambda: page.click("run"))
     page.run("for (const fold of document.querySelectorAll('#fields details')) fold.open = true")
     for field, values in zip(page.all("#fields .wide input"), (range(30), range(20, 61))):
         field.send_keys(", ".join(map(str, values)))

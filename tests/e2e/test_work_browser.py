@@ -235,7 +235,8 @@ def test_cards_of_an_earlier_request_say_so_or_are_gone(opened) -> None:
     page.stub(request, [0, 60, 120], [])
     page.run(
         "window.stub.status = 'infeasible';"
-        "window.stub.report.notes = ['link_min excludes every linkage that was looked for; at 42.5 there is one']"
+        "window.stub.report.notes = ['No linkage was found with links of at least 99; with links of at least 42.5"
+        " there is one (`limits.link_min`).']"
     )
     page.click("solve")
     page.wait(IDLE)
@@ -245,6 +246,19 @@ def test_cards_of_an_earlier_request_say_so_or_are_gone(opened) -> None:
     assert not page.shown("suggestions"), "they are of the motion before"
     page.click("new-motion")
     assert page.text("status") == "" and page.count("#solutions li") == 0
+
+
+def test_back_and_forward_step_through_what_was_solved(page) -> None:
+    for angles in ([0, 60, 120], [0, 50, 140, 200]):
+        page.take(path_request(angles))
+        page.stub(path_request(angles), angles)
+        page.solve()
+    page.run("window.asked = []; window.stub = null")
+    for step, count in ((page.browser.back, 3), (page.browser.forward, 4), (page.browser.back, 3)):
+        step()
+        page.wait(f"document.querySelectorAll('#poses tbody tr').length === {count} && {CARDS} === 4")
+        assert page.earlier() is False and "off by" in page.text("status")
+    assert page.run("return window.asked") == [], "answers of this page are shown as they were"
 
 
 def test_an_answer_to_a_motion_that_was_changed_meanwhile_says_so(page) -> None:

@@ -168,7 +168,7 @@ def test_that_a_body_only_turns_is_said(mechanisms, size) -> None:
     turned = np.array([5, 20, 40, 60, 85])
     points = size * (7 + 3j + np.exp(1j * np.deg2rad(turned + 30)))
     points = np.transpose([points.real, points.imag])
-    told = f"the body only turns, about ({7 * size:.6g}, {3 * size:.6g}): a hinge there does it"
+    told = f"The body only turns, about ({7 * size:.6g}, {3 * size:.6g}): a hinge there does it."
     asked = {"timing": "free", "mechanisms": mechanisms, "top": 1, "budget": 0.05}
     assert told in la.synthesize(turned, points, **asked).report.notes
     points[2] += 1e-4 * size
@@ -204,7 +204,7 @@ def test_no_slider_drives_a_closed_way_and_that_is_said() -> None:
     motion = 10 * np.sin(turned), np.transpose([60 * np.cos(turned), 20 * np.sin(turned)])
     found = la.synthesize(*motion, timing="free", closed=True, mechanisms=["slider_crank", "rail_slot"])
     assert found and {one.driver for one in found} == {"crank"} and all(one.verdict.works for one in found)
-    assert "would have to turn back on a closed way" in " ".join(found.report.notes)
+    assert "would have to turn back on a closed path" in " ".join(found.report.notes)
     with pytest.raises(la.FieldError, match="driver: a slider would have to turn back"):
         la.synthesize(*motion, timing="free", closed=True, mechanisms="all", driver="slider")
 
@@ -231,8 +231,8 @@ def test_a_table_tells_what_was_asked_for_as_it_was(kind, tmp_path) -> None:
     assert rows[1]["rotation_error"] == rows[2]["x_wanted"] == rows[2]["y_wanted"] == rows[2]["position_error"] == ""
     errors = [float(row["rotation_error"]) for row in rows if row["rotation_error"]]
     assert max(map(abs, errors)) == pytest.approx(best.errors.rotation_max, abs=1e-9)
-    for row in (rows[k] for k in (0, 2, 3, 4)):  # wanted less made, up to whole turns
-        gap = float(row["rotation_wanted"]) - float(row["rotation"]) - float(row["rotation_error"])
+    for row in (rows[k] for k in (0, 2, 3, 4)):  # got minus wanted, up to whole turns
+        gap = float(row["rotation"]) - float(row["rotation_wanted"]) - float(row["rotation_error"])
         assert abs(gap - 360 * round(gap / 360)) < 1e-9
     made = [float(row["rotation"]) for row in rows[2:]]
     assert made == pytest.approx([0, 10, 20], abs=best.errors.rotation_max + 1e-9)
@@ -429,7 +429,9 @@ def test_that_only_cranks_that_turn_fully_were_looked_for_is_said_where_others_w
     found = [la.synthesize(*poses, timing="free", top=3, **more) for more in asked]
     full, _, swings, *_ = found
     assert swings.best.errors.objective < 0.7 * full.best.errors.objective
-    assert [any("'any'" in note for note in one.report.notes) for one in found] == [True] * 2 + [False] * 4
+    assert [any("linkages that only swing" in note for note in one.report.notes) for one in found] == [True] * 2 + [
+        False
+    ] * 4
     assert not la.synthesize([0, 90], [[0, 0], [50, 20]], timing="free").report.notes[1:]  # met exactly
 
 
@@ -504,15 +506,15 @@ def test_turning_a_motion_in_the_plane_does_not_lose_its_answers_in_any_order():
 @pytest.mark.parametrize(
     ("envelope", "said"),
     [
-        ([-50, -50, 250, 400], "sample 5 lies outside of `limits.envelope`: sample 5 is missed by at least 50"),
-        ([50, -50, 250, 400], "3 positions lie outside of `limits.envelope`: sample 1 is missed by at least 50"),
+        ([-50, -50, 250, 400], "The position of sample 5 lies outside the envelope and is missed by at least 50"),
+        ([50, -50, 250, 400], "3 positions lie outside the envelope; that of sample 1 is missed by at least 50"),
         ([-200, -200, 500, 500], None),
     ],
 )
 def test_positions_outside_of_the_envelope_are_named(envelope, said):
     rotation = [0, 20, 45, 70, 90]
     notes = la.synthesize(rotation, PLACES, timing="free", limits={"envelope": envelope}, budget=0.05).report.notes
-    outside = [note for note in notes if "outside of `limits.envelope`" in note]
+    outside = [note for note in notes if "outside the envelope" in note]
     assert any(note.startswith(said) for note in outside) if said else not outside
 
 

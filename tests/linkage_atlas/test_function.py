@@ -113,6 +113,9 @@ def test_a_reply_tells_everything_and_holds_plain_numbers() -> None:
     assert best["errors"]["max_y"] == pytest.approx(best["errors"]["max"] / 90, rel=1e-9)
     curve = np.array(best["error_curve"]["error"])
     assert np.abs(curve).max() == pytest.approx(best["errors"]["max"], rel=1e-3)
+    crank = np.array(best["error_curve"]["input"])
+    got = found.linkage.joints(crank).rocker_direction + best["output_offset"]
+    np.testing.assert_allclose(curve, (got - 90 * (crank / 90) ** 2 + 180) % 360 - 180, atol=1e-9)
     np.testing.assert_allclose(reply["y"], np.array(reply["x"]) ** 2, atol=1e-14)
     # the first-order change of the output is what a longer link does, up to the offset
     travel = np.linspace(0, 90, 101)
@@ -131,6 +134,7 @@ def test_files(tmp_path: Path) -> None:
     error = [float(row["error"]) for row in rows]
     assert len(rows) == 101 and np.sqrt(np.mean(np.square(error))) == pytest.approx(found.best.errors.rms, rel=1e-9)
     assert float(rows[-1]["output_wanted"]) == pytest.approx(90)
+    assert error == pytest.approx([float(row["output"]) - float(row["output_wanted"]) for row in rows], abs=1e-12)
     (tmp_path / "one.dxf").write_text(found.render("dxf"), newline="")
     assert not ezdxf.readfile(tmp_path / "one.dxf").audit().has_errors
     assert found.render("svg").startswith("<") and "mujoco" in found.render("mjcf")
@@ -226,7 +230,7 @@ def test_angles_written_within_one_turn_go_the_short_way() -> None:
     found = la.function([340, 350, 0, 10, 19], input=[330, 345, 0, 15, 30], top=1)
     asked = la.function([340, 350, 360, 370, 379], input=[330, 345, 360, 375, 390], top=1)
     assert found.solutions[0].to_dict() == asked.solutions[0].to_dict()
-    assert [note.split(" from ")[0] for note in found.report.notes[:2]] == ["the output", "the input"]
+    assert [note.split(" from ")[0] for note in found.report.notes[:2]] == ["The output", "The input"]
     assert len(found.report.notes) == len(asked.report.notes) + 2
 
 
@@ -268,7 +272,7 @@ def test_alternatives_are_generators_that_can_be_built() -> None:
 def test_an_exact_generator_that_nobody_builds_is_told_of() -> None:
     found = la.function([0, 10, 20, 30, 40, 50, 60], 120, top=5)
     assert found.status == "reached"
-    assert any("the exact linkage is out of all proportion" in note for note in found.report.notes)
+    assert any("The exact linkage is out of all proportion" in note for note in found.report.notes)
     assert any(max(one.links) <= 100 * min(one.links) and one.errors.max < 0.1 for one in found.solutions)
 
 

@@ -224,11 +224,11 @@ def test_why_nothing_goes_round_is_said_at_once() -> None:
     with pytest.raises(la.FieldError, match="turns fully"):  # its slot never passes the rail's direction
         la.synthesize(**oval, mechanisms=["rail_slot"])
     still = la.synthesize(**oval, rotation=10 * np.sin(turn), mechanisms=["two_slots"])
-    assert still.status == "infeasible" and "comes back without a whole turn" in still.report.notes[-1]
+    assert still.status == "infeasible" and "comes back without a full turn" in still.report.notes[-1]
     round_once = la.synthesize(**oval, rotation=np.rad2deg(turn), mechanisms=["slider_crank"])
-    assert round_once.status == "infeasible" and "turns round" in round_once.report.notes[-1]
+    assert round_once.status == "infeasible" and "makes a full turn" in round_once.report.notes[-1]
     led = la.synthesize(**oval, mechanisms=["two_slots"])
-    assert led.status == "infeasible" and "which alone were tried" in led.report.notes[-1]
+    assert led.status == "infeasible" and "Only rotations of the best four-bars were tried" in led.report.notes[-1]
 
 
 @pytest.mark.parametrize("turned", some_of([True, False], 1))

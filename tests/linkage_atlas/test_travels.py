@@ -79,7 +79,7 @@ def test_the_reply_does_what_it_says(case: str, objective: str) -> None:
     travel, wanted = found.input, found.output
     for one in found:
         made = np.atleast_2d(output_of(one, asked, travel)) + one.output_offset
-        gaps = wanted - made
+        gaps = made - wanted
         if asked.get("output_unit") != "length":
             gaps = (gaps + 180) % 360 - 180
         gap = gaps[np.argmin(np.abs(gaps).max(axis=1))]

@@ -43,4 +43,4 @@ def test_the_answers_to_a_path_name_their_cognates() -> None:
     assert any(one.linkage.links == pytest.approx([19, 72, 64, 80], rel=1e-5) for one in exact)
     assert exact[0].linkage.is_cognate_of(exact[1].linkage) and exact[1].linkage.is_cognate_of(exact[0].linkage)
     assert not exact[0].linkage.is_cognate_of(exact[0].linkage)
-    assert any("solutions 1 and 2 are Roberts cognates" in note for note in found.report.notes)
+    assert any("Solutions 1 and 2 are Roberts cognates" in note for note in found.report.notes)

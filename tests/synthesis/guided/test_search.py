@@ -165,7 +165,7 @@ def test_a_large_circle_is_told_from_a_rail_through_noise():
     assert best.errors.objective < 3e-6
     radius = max(guide.radius for guide in best.linkage.guides if hasattr(guide, "radius"))
     assert radius == pytest.approx(1e3, rel=0.05)  # as well as the noise lets it be known
-    assert any("the circle is answered" in note for note in report.notes)
+    assert any("the circle is reported" in note for note in report.notes)
 
 
 def test_a_budget_ends_the_search_and_more_of_it_gives_no_less():

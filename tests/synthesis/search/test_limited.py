@@ -22,7 +22,7 @@ from synthesis.search.search import GivenRounds
 from synthesis.search.seeds import Windows
 from synthesis.target import Target, make_target
 from synthesis.work import Work
-from tests.conftest import PATIENCE, some_of
+from tests.conftest import some_of
 from tests.oracles.classes import make_case
 from tests.oracles.limited_classes import make_limited
 from tests.oracles.recompute import broken_limits, recompute
@@ -273,16 +273,15 @@ def test_a_field_beside_the_preset_replaces_its_value() -> None:
         read({"preset": "pretty"}, motion)
 
 
-def test_what_excludes_everything_is_named(monkeypatch) -> None:
-    monkeypatch.setattr("linkage_atlas.limits._SECONDS", PATIENCE)
+def test_what_excludes_everything_is_named() -> None:
     request = make_case("any order", 4, 12).request
     middle, extent = place_of(request)
     box = _box(middle, 0.5 * extent)
     reply = la.synthesize(**request, limits={"link_min": 4 * extent, "pivot_box": box}, top=1)
     assert reply.status == "infeasible"
-    note = next(note for note in reply.report.notes if note.startswith("link_min excludes"))
-    eased = float(note.split(" at ")[1].split()[0])
-    again = la.synthesize(**request, limits={"link_min": 0.999 * eased, "pivot_box": box}, top=1)
+    note = next(note for note in reply.report.notes if "(`limits.link_min`)" in note)
+    eased = float(note.split("; with links of at least ")[1].split()[0])
+    again = la.synthesize(**request, limits={"link_min": eased, "pivot_box": box}, top=1)
     assert again.solutions
     cut = la.synthesize(**request, limits={"link_min": 4 * extent, "pivot_box": box}, top=1, budget=1e-6)
     assert cut.status == "unknown" and not cut.solutions

@@ -1,0 +1,122 @@
+"""Words for people: notes as whole sentences, counted nouns, and the limits of a request by name and as a condition."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from synthesis.arrays import Floats
+from synthesis.fourbar.limits import FORMS
+
+LABELS = {
+    "family": "the family",
+    "transmission_angle_min": "the transmission angle in use",
+    "transmission_angle_min_turn": "the transmission angle over the whole turn",
+    "pivot_a": "the given pivot A",
+    "pivot_b": "the given pivot B",
+    "pivot_box": "the pivot box",
+    "pivot_a_box": "the box of pivot A",
+    "pivot_b_box": "the box of pivot B",
+    "pivot_reach": "the largest distance of the pivots",
+    "keep_out": "the boxes kept free of pivots",
+    "link_ratio_max": "the ratio of longest to shortest link",
+    "link_min": "the least link length",
+    "link_max": "the greatest link length",
+    "links": "the given lengths",
+    "coupler_radius_max": "the reach of the body point",
+    "envelope": "the envelope",
+    "stroke_max": "the longest stroke",
+    "rail_box": "the box of the rails",
+    "cylinder_dead_length": "the shortest cylinder",
+    "cylinder_extended_max": "the longest cylinder",
+    "arm_min": "the least moment arm",
+}
+"""Name of each limit in a sentence; the page uses the same names."""
+_FAMILIES = {
+    "full_crank": "a crank that turns fully",
+    "crank_rocker": "a crank-rocker",
+    "double_crank": "a double-crank",
+}
+_CONDITIONS = {
+    "transmission_angle_min": "a transmission angle of at least {}",
+    "transmission_angle_min_turn": "a transmission angle of at least {} over the whole turn",
+    "pivot_a": "pivot A at {}",
+    "pivot_b": "pivot B at {}",
+    "pivot_box": "both fixed pivots in the box {}",
+    "pivot_a_box": "pivot A in the box {}",
+    "pivot_b_box": "pivot B in the box {}",
+    "pivot_reach": "fixed pivots within {} of the middle of the motion",
+    "keep_out": "the fixed pivots outside the boxes kept free of them",
+    "link_ratio_max": "a longest link of at most {} times the shortest",
+    "link_min": "links of at least {}",
+    "link_max": "links of at most {}",
+    "links": "the given lengths",
+    "coupler_radius_max": "the body point within {} of the crank pin",
+    "envelope": "all joints in the box {}",
+    "stroke_max": "a stroke of at most {}",
+    "rail_box": "the ends of every rail in the box {}",
+    "cylinder_dead_length": "a cylinder of at least {}",
+    "cylinder_extended_max": "a cylinder of at most {}",
+    "arm_min": "a moment arm of at least {}",
+}
+"""Condition of each limit, to follow "a linkage with"."""
+
+
+def sentences(notes: Iterable[str]) -> list[str]:
+    """Return notes that begin with a capital letter and end with a full stop."""
+    return [f"{note[:1].upper()}{note[1:]}{'' if note[-1:] in '.!?' else '.'}" for note in notes]
+
+
+def counted(number: int, noun: str) -> str:
+    """Return a number with its noun.
+
+    >>> counted(1, "row"), counted(1200, "match"), counted(2, "family")
+    ('1 row', '1,200 matches', '2 families')
+    """
+    if number != 1 and noun.endswith("y"):
+        noun = f"{noun[:-1]}ies"
+    elif number != 1:
+        noun += "es" if noun.endswith("ch") else "s"
+    return f"{number:,} {noun}"
+
+
+def listed(words: Sequence[str]) -> str:
+    """Return words as a list in a sentence: "a", "a and b", "a, b and c"."""
+    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
+
+
+def in_percent(changes: Floats) -> str:
+    """Return the largest of relative changes: "2.5 %", "more than 100 %"."""
+    largest = 100 * float(np.max(changes))
+    return f"{largest:.2g} %" if largest <= 100 else "more than 100 %"
+
+
+def limit_label(name: str) -> str:
+    """Return the name of a limit in a sentence; ``links.crank`` is one of the given lengths."""
+    whole, _, link = name.partition(".")
+    return f"the given {link} length" if link else LABELS[whole]
+
+
+def condition(limits: Any, name: str, radian: float) -> str:
+    """Return what a limit of `synthesis` asks of a linkage, in the user's unit of angle: "links of at least 40"."""
+    value = getattr(limits, name)
+    if name == "family":
+        return _FAMILIES[value]
+    return _CONDITIONS[name].format(_shown(value, FORMS[name].kind, radian))
+
+
+def _shown(value: Any, kind: str, radian: float) -> str:
+    match kind:
+        case "angle":
+            return f"{value / radian:.3g} {'radians' if radian == 1 else 'degrees'}"
+        case "point":
+            return f"({value.real:.4g}, {value.imag:.4g})"
+        case "box":
+            return f"[{', '.join(f'{number:.4g}' for number in value)}]"
+        case "reach":
+            return f"{max(far for far in value[1:] if far is not None):.4g}"
+        case "length" | "ratio":
+            return f"{value:.4g}"
+    return ""

@@ -1,0 +1,197 @@
+"""The notes of a reply are true, the same on every run, and whole sentences in the user's terms.
+
+It would catch a limit that holds the best linkage and is not named, a comparison with a wrong error, and notes that depend on
+the clock.
+"""
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import linkage_atlas as la
+from linkage_atlas.notes import LABELS, condition, counted, listed
+from synthesis.fourbar.limits import FORMS, Limits, Reach
+from synthesis.work import Work
+
+GIVEN_PIVOTS: dict[str, Any] = {
+    "timing": "free",
+    "position": [[0, 0], [-0.907, 0], [-1.447, 0]],
+    "rotation": [111.8, 191.1, 237.4],
+    "limits": {"pivot_a": [-1.788, -1.994], "pivot_b": [0.212, -1.994]},
+}
+"""Three poses with both fixed pivots: the exact four-bar is a double-rocker with a transmission angle of 10.8 degrees."""
+LID: dict[str, Any] = {
+    "timing": "free",
+    "position": [[0, 0], [40, 8], [75, 30], [90, 60]],
+    "rotation": [0, 15, 40, 60],
+}
+NOWHERE = {"pivot_box": [-30, -30, 0, 0], "link_min": 200}
+"""Limits within which no linkage lies."""
+
+
+def relaxed(request: dict[str, Any], more: dict[str, Any]) -> dict[str, Any]:
+    return {**request, "limits": {**request.get("limits", {}), **more}}
+
+
+@pytest.mark.parametrize("family", ["full_crank", "any"])
+def test_a_transmission_angle_that_holds_the_best_linkage_is_named(family: str) -> None:
+    """The limit depends on the first and last crank angle, which are unknowns of free timing: only the pivots were named."""
+    asked = relaxed(GIVEN_PIVOTS, {"family": family})
+    best = la.synthesize(**asked, top=1).best
+    held = best.determination.at_limits
+    assert {"transmission_angle_min", "pivot_a", "pivot_b"} <= set(held)
+    eased = la.synthesize(**relaxed(asked, {"transmission_angle_min": 34}), refine_from=best, top=1).best
+    assert eased.errors.objective < best.errors.objective * (1 - 1e-3)
+    exact = la.synthesize(**relaxed(asked, {"family": "any", "transmission_angle_min": 5}), top=1).best
+    assert exact.errors.objective < 1e-9 and "transmission_angle_min" not in exact.determination.at_limits
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_only_limits_without_which_the_error_falls_are_named(seed: int) -> None:
+    """A transmission angle at its limit is named if, and only if, a slightly smaller limit gives a smaller error nearby."""
+    random = np.random.default_rng(seed)
+    turned, way = random.uniform(20, 60, 5).cumsum(), random.normal(size=(5, 2)).cumsum(axis=0) * 30
+    asked = {"timing": "free", "rotation": turned, "position": way, "limits": {"transmission_angle_min": 50}}
+    best = la.synthesize(**asked, top=1).best
+    nearby = la.synthesize(**relaxed(asked, {"transmission_angle_min": 49.9}), refine_from=best, top=1).best
+    gained = nearby.errors.objective < best.errors.objective * (1 - 1e-6)
+    assert ("transmission_angle_min" in best.determination.at_limits) == gained
+
+
+def at_rest(rotation: Any, position: Any, scale: float) -> float:
+    """Return the error of the best body at rest, rotations modulo a turn, by trying angles."""
+    angles, tried = np.deg2rad(rotation), np.linspace(0, 2 * np.pi, 20_001)[:, None]
+    off = (angles - tried + np.pi) % (2 * np.pi) - np.pi
+    place = np.asarray(position) - np.mean(position, axis=0)
+    return float(np.sqrt(np.mean(off**2, axis=1).min() + np.sum(place**2) / len(place) / scale**2))
+
+
+@pytest.mark.parametrize("turns", [1, 7])
+def test_a_motion_that_no_linkage_makes_is_compared_with_a_body_at_rest(turns: int) -> None:
+    """The angles of a body that turns many times count modulo a turn: once no note came, or a ratio far too small."""
+    t = np.linspace(0, 2 * np.pi, 60, endpoint=False)
+    rotation, position = np.rad2deg(turns * t), np.c_[40 * np.cos(t), 45 * np.sin(t)]
+    found = la.synthesize(rotation, position, timing="free", closed=True, top=1)
+    share = found.best.errors.objective / at_rest(rotation, position, found.report.length_scale)
+    notes = [note for note in found.report.notes if "a body at rest" in note]
+    assert [f"{share:.2g} times" in note for note in notes] == [True] * (share > 0.5)
+    assert turns == 1 or share > 0.5
+
+
+def test_poses_in_a_jumbled_order_are_offered_any_order() -> None:
+    """In the order given the best linkage is 20.7 off; passed in any order the poses are met to 0.16."""
+    jumbled = {**LID, "position": [[0, 0], [75, 30], [40, 8], [90, 60]], "rotation": [0, 40, 15, 60]}
+    notes = la.synthesize(**jumbled).report.notes
+    (note,) = [note for note in notes if "in any order" in note]
+    given, free = [float(number) for number in re.findall(r"position within (\d+\.?\d*)", note)]
+    assert given == pytest.approx(la.synthesize(**jumbled, top=1).best.errors.position_max, rel=1e-2)
+    assert la.synthesize(**jumbled, order="any", top=1).best.errors.position_max < 1.1 * free < 0.02 * given
+    for other in (LID, {**jumbled, "order": "any"}, {**jumbled, "closed": True}):
+        assert not any("in any order" in note for note in la.synthesize(**other, top=1).report.notes)
+
+
+def ticking(seconds: float) -> Callable[[float | None], Work]:
+    """Return work whose clock moves by some seconds at each look."""
+
+    def work(budget: float | None) -> Work:
+        now = [0.0]
+
+        def clock() -> float:
+            now[0] += seconds
+            return now[0]
+
+        return Work(budget, clock=clock)
+
+    return work
+
+
+def test_what_excludes_linkages_does_not_depend_on_the_clock() -> None:
+    """Once the same request gave three different sets of notes in five runs."""
+    asked = relaxed(LID, NOWHERE)
+    found = [la.synthesize(**asked, work=ticking(seconds)) for seconds in (0.0, 0.01, 1.0)]
+    assert [one.status for one in found] == ["infeasible"] * 3
+    assert found[0].report.notes == found[1].report.notes == found[2].report.notes
+    fields = [re.findall(r"`limits\.(\w+)`", note) for note in found[0].report.notes]
+    assert fields == [["link_min"], ["pivot_box"]]
+    # what each note offers is so
+    first, second = found[0].report.notes
+    link = float(re.findall(r"at least ([\d.]+) there is one", first)[0])
+    box = [float(number) for number in second.split("; ")[1].split("[")[1].split("]")[0].split(",")]
+    for more in ({"link_min": link}, {"pivot_box": box}):
+        assert la.synthesize(**relaxed(asked, more), top=1).solutions
+
+
+def test_a_budget_that_ends_before_all_limits_were_examined_is_said() -> None:
+    asked = relaxed(LID, NOWHERE)
+    whole = la.synthesize(**asked, work=ticking(1.0)).report.elapsed_ms
+    searched = (whole["total"] - whole["report"]) / 1000
+    budget = searched / 0.8
+    assert budget < whole["total"] / 1000
+    short = la.synthesize(**asked, budget=budget, work=ticking(1.0))
+    assert short.status == "infeasible" and short.report.elapsed_ms["total"] / 1000 < 1.2 * budget
+    assert short.report.notes[-1] == "The time was up before all limits were examined."
+
+
+def test_notes_are_whole_sentences() -> None:
+    asked = [
+        relaxed(LID, NOWHERE),
+        {"rotation": [0, 6, 15, 27, 40, 52, 60], "crank_span": 90},
+        {"position": [[0, 0], [10, 2], [30, 3], [40, 10]], "timing": "free", "limits": {"envelope": [0, 0, 40, 9]}},
+    ]
+    replies: list[Any] = [la.synthesize(**one, top=3) for one in asked]
+    replies.append(la.function([0, 1, 2, 60, 61, 62, 63], 60, top=1))
+    for reply in replies:
+        assert reply.report.notes
+        for note in reply.report.notes:
+            assert re.fullmatch(r"[A-Z0-9].*[.?!]", note), note
+            assert "_" not in re.sub(r"`[^`]*`", "", note), f"a name of the interface in a sentence: {note}"
+
+
+def test_numbers_have_their_noun_in_the_right_form() -> None:
+    assert [counted(k, "match") for k in (0, 1, 2)] == ["0 matches", "1 match", "2 matches"]
+    assert counted(1000, "row") == "1,000 rows" and counted(2, "family") == "2 families"
+    assert [listed(list("abc"[:k])) for k in (1, 2, 3)] == ["a", "a and b", "a, b and c"]
+    assert repr(la.function([0, 30, 60, 90], 90, top=1)).startswith("reached: 1 linkage\n")
+
+
+def test_every_limit_has_its_words() -> None:
+    assert LABELS.keys() == FORMS.keys()
+    values: dict[str, Any] = {
+        "angle": 0.5,
+        "length": 2.0,
+        "ratio": 3.0,
+        "point": 1 + 2j,
+        "box": (0.0, 0.0, 3.0, 4.0),
+        "boxes": ((0.0, 0.0, 1.0, 1.0),),
+        "links": (1.0, None, None, 2.0),
+        "reach": Reach(0j, 5.0, None),
+        "family": "crank_rocker",
+    }
+    for name, form in FORMS.items():
+        words = condition(Limits(**{name: values[form.kind]}), name, np.pi / 180)
+        assert "{" not in words and "_" not in words
+        assert form.kind != "angle" or "28.6 degrees" in words
+
+
+def test_an_envelope_that_holds_the_best_linkage_is_named() -> None:
+    """The search keeps a little away from it, which once hid that it holds."""
+    asked = relaxed(LID, {"envelope": [0, 0, 90, 60]})
+    best = la.synthesize(**asked, top=1).best
+    wider = la.synthesize(**relaxed(asked, {"envelope": [-1, -1, 91, 61]}), top=1).best
+    assert wider.errors.objective < 0.99 * best.errors.objective
+    assert "envelope" in best.determination.at_limits
+
+
+def test_given_lengths_are_not_called_loosely_determined() -> None:
+    """A trapezoid with ground and arms given: only the coupler is open, which the function fixes."""
+    turned = np.deg2rad(np.linspace(-35, 35, 15))
+    output = np.rad2deg(np.arctan2(np.tan(turned), 1 + 0.4 * np.tan(turned)))
+    asked: dict[str, Any] = {"input": np.rad2deg(turned), "output": output, "objective": "max", "top": 1}
+    found = la.function(**asked, limits={"links": {"ground": 315, "crank": 90, "rocker": 90}})
+    fixed = found.best.determination.length_uncertainty
+    assert fixed[[0, 2, 3]].tolist() == [0, 0, 0] and fixed[1] > 0
+    shown = [note for note in found.report.notes if "ill-posed" in note]
+    assert [f"{100 * fixed[1]:.2g} %" in note for note in shown] == [True] * int(fixed[1] > 1e-3)
