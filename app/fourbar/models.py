@@ -448,13 +448,21 @@ class DriveRequest(RequestModel):
     )
 
 
+class HoldsRequest(RequestModel):
+    """The ends at which springs hold a linkage on its stop."""
+
+    open: Flag = Field(False, description="The last position.")
+    closed: Flag = Field(False, description="The first position.")
+
+
 class SpringRequest(RequestModel):
     """Springs that are to carry the load."""
 
     kind: Literal["tension", "gas"]
     between: Annotated[list[LinkName], Field(min_length=2, max_length=2)] | None = Field(
         None,
-        description="Two links, one of which may be `ground`. Default: two springs, on the two links with fixed pivots.",
+        description="Two links, one of which may be `ground`. Default: the best of all pairs; two springs, on the links with "
+        "fixed pivots, if they are ideal or one leaves more than a tenth of the torque.",
     )
     catalogue: Words | Annotated[list[CatalogueRow], Field(min_length=1, max_length=MOST_SPRING_ROWS)] | None = Field(
         None,
@@ -464,6 +472,13 @@ class SpringRequest(RequestModel):
     ground_box: Box | None = Field(None, description="Of its end on the ground.")
     reach_max: Above | None = None
     clear: Above | None = Field(None, description="Least distance of its ends from pivots.")
+    holds: HoldsRequest | None = Field(
+        None, description="Of springs of a catalogue: the linkage must stay at these ends without a hand or a drive."
+    )
+    hand_force_max: Above | None = Field(
+        None,
+        description="Of springs of a catalogue: largest force of a hand over the motion, at `hand` or else at the body point.",
+    )
 
 
 Drives = Annotated[list[DriveRequest], Field(max_length=MOST_DRIVES)]
