@@ -112,8 +112,8 @@ export class Layers {
     try {
       const assembly = await (await ask("/v1/assembly", { linkage: solution, request: answer.request, ...this.options(solution, answer.motion) }, signal)).json();
       const { verdict } = solution, free = assembly.status === "free";
-      solution.verdict = { ...verdict, practical: verdict.practical ?? verdict.buildable, assembly };
-      solution.verdict.buildable = solution.verdict.practical && free;
+      const practical = verdict.practical ?? verdict.buildable;
+      solution.verdict = { ...verdict, practical, assembly, buildable: practical && free };
       if (!free) solution.verdict.reasons = [...(verdict.reasons ?? []), `layers: ${assembly.reasons[0]}`];
     } catch (error) {
       if (error.name === "AbortError") return;
@@ -189,7 +189,7 @@ export class Layers {
 
 function forget(solution) {
   const { assembly: _gone, reasons = [], ...rest } = solution.verdict;
-  solution.verdict = { ...rest, buildable: rest.practical, reasons: reasons.filter((one) => !one.startsWith("layers:")) };
+  solution.verdict = { ...rest, buildable: null, reasons: reasons.filter((one) => !one.startsWith("layers:")) };
 }
 
 /** The stack from the side: a row a layer, plates between their pins, pins upright through the layers that they fill. */

@@ -11,7 +11,7 @@ const LIMITS = {
   link_min: "links at least", link_max: "links at most", link_ratio_max: "the ratio of the links", links: "given lengths",
   pivot_a: "given pivot A", pivot_b: "given pivot B", pivot_box: "the pivot box", pivot_a_box: "the box of pivot A", pivot_b_box: "the box of pivot B",
   keep_out: "places kept free of pivots", coupler_radius_max: "the reach of the body point", envelope: "the envelope", family: "the family",
-  pivot_reach: "the distance of the pivots", crank_span_max: "the crank's turn", lengths_from: "stock lengths",
+  pivot_reach: "the distance of the pivots", body_reach: "the distance of the body point from its joints", crank_span_max: "the crank's turn", lengths_from: "stock lengths",
 };
 
 /** The name of a limit of the service in sentences. */
@@ -32,7 +32,7 @@ const brief = (reason, item) => sentence(reason, item).replace(/\.$/, "").replac
 /** The names of what keeps a linkage from making its motion as a machine: "order", "branch", "circuit". */
 export const defects = (verdict) => DEFECTS.filter((name) => verdict && verdict[name] === false);
 
-/** Whether a linkage keeps the practical limits, judged against the user's own where there are some. */
+/** Whether a linkage satisfies the practical limits; earlier drafts have no such field. */
 const practical = ({ practical: kept, buildable }) => kept ?? buildable;
 
 /** {kind, sign, text}: what the list says of a solution; null without a verdict. */

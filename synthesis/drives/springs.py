@@ -671,7 +671,11 @@ def _together(
     def rank(z: Floats) -> tuple[float, float, float]:
         beyond = max(-float(rows(z).min()), 0.0)
         lacks = 0.0 if behaviour is None else float(behaviour.violation(left_of(z))) / rms
-        return (beyond if beyond > _HAIR / 2 else 0.0, lacks if lacks > _HAIR else 0.0, float(np.sqrt(cost(z)[0])) * rms)
+        return (
+            beyond if beyond > _HAIR / 2 else 0.0,
+            lacks if lacks > _HAIR else 0.0,
+            float(np.sqrt(cost(z)[0])) * rms,
+        )
 
     bounds = [bound for one in parts for bound in one.bounds]
     limits = [{"type": "ineq", "fun": rows, "jac": slopes}]

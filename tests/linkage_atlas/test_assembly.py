@@ -86,7 +86,7 @@ def test_a_solution_and_its_plain_values_give_the_same() -> None:
 
 def test_buildable_is_practical_and_free() -> None:
     without = la.synthesize(motion(), top=2)
-    assert all(one.verdict.buildable == one.verdict.practical for one in without)
+    assert all(one.verdict.buildable is None for one in without), "no layers were looked for"
     assert without.best.verdict.assembly is None
     # plates as wide as the ground: nothing passes
     blocked = la.synthesize(motion(), top=2, limits={"preset": "practical"}, assembly={"hole": 5, "width": 150})

@@ -20,7 +20,9 @@ HATCH = {
     "hand": [0, -1500],
 }
 PLACE = {"kind": "gas", "between": ["ground", "rocker"], "ground_box": [-200, -700, 300, 100], "reach_max": 600}
-MECHANISM = la.FourBar(25, 70, 55, 60, start_angle=60, coupler_point=(53.85164807134504, 21.80140948635181), body_offset=0)
+MECHANISM = la.FourBar(
+    25, 70, 55, 60, start_angle=60, coupler_point=(53.85164807134504, 21.80140948635181), body_offset=0
+)
 MASSES = {
     "masses": [
         {"link": "coupler", "mass": 0.4, "at": [50, 20]},
@@ -137,7 +139,13 @@ def test_springs_of_lids_help_by_their_energy(
 def test_every_pair_of_links_is_tried(catalogue: Any) -> None:
     """Ground to crank leaves 136 % of this mechanism's torque."""
     asked: dict[str, Any] = {"kind": "gas"} if catalogue is None else {"kind": "gas", "catalogue": catalogue}
-    pairs = [("ground", "crank"), ("ground", "coupler"), ("ground", "rocker"), ("crank", "coupler"), ("crank", "rocker")]
+    pairs = [
+        ("ground", "crank"),
+        ("ground", "coupler"),
+        ("ground", "rocker"),
+        ("crank", "coupler"),
+        ("crank", "rocker"),
+    ]
     left = []
     for pair in pairs:
         found = la.drives(MECHANISM, [], load=MASSES, crank_angle=[0, 90], springs=[asked | {"between": pair}])
