@@ -424,10 +424,17 @@ def add_export(parser: argparse.ArgumentParser) -> None:
         "--fit", choices=fits, help="how pins fit: tolerances for a workshop (H7), or play for a printer"
     )
     parts.add_argument("--material", choices=get_args(Material), help="of plates and boards")
-    parts.add_argument("--scale", type=float, help="of a model (1)")
     parts.add_argument("--boards", choices=("below", "above", "both", "bar"), help="where fixed pins stand (below)")
     parts.add_argument("--heads", action="store_true", default=None, help="pins with heads")
-    parts.add_argument("--thickness", type=float, help="of the plates")
+    for name, words in (
+        ("hole", "diameter of the pins"),
+        ("width", "of the plates"),
+        ("thickness", "of the plates"),
+        ("clearance", "least gap of parts that pass one another"),
+        ("kerf", "width of the cut, for plates (0)"),
+        ("scale", "of a model (1)"),
+    ):
+        parts.add_argument(f"--{name}", type=float, help=words)
     parts.add_argument("--nevertheless", action="store_true", default=None, help="also where parts would collide")
     add_set(
         parts,
@@ -437,8 +444,8 @@ def add_export(parser: argparse.ArgumentParser) -> None:
 
 
 _FIELDS = {
-    "solids": ("fit", "material", "scale", "nevertheless"),
-    "assembly": ("boards", "heads", "thickness"),
+    "solids": ("fit", "material", "nevertheless"),
+    "assembly": ("boards", "heads", "hole", "width", "thickness", "clearance", "kerf", "scale"),
 }
 
 

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal, NamedTuple, TypedDict
 import numpy as np
 
 from linkage_atlas.arguments import box, check_names, flag, number, one_of, pair, pointing, whole_number
+from linkage_atlas.part_settings import PART_SETTINGS, PartSettings
 from linkage_atlas.records import KEPT, Record
 from synthesis.assembly import layers
 from synthesis.assembly.gaps import crosses_itself, signed_area
@@ -25,11 +26,7 @@ from synthesis.target import MAX_LENGTH, Interval
 from synthesis.work import Work
 
 ASSEMBLY = (
-    "width",
-    "hole",
-    "thickness",
-    "washer",
-    "clearance",
+    *PART_SETTINGS,
     "boards",
     "heads",
     "body",
@@ -197,6 +194,10 @@ class Assembly(Record):
     """Plates and pins in radians."""
     arrangement: Arrangement = field(metadata=KEPT, repr=False)
     """What was found, in radians."""
+    settings: PartSettings = field(metadata=KEPT, repr=False)
+    """All sizes, the defaults filled in."""
+    given: PartSettings = field(metadata=KEPT, repr=False)
+    """The sizes of the request."""
 
     @property
     def free(self) -> bool:
@@ -207,9 +208,7 @@ class Assembly(Record):
 class AskedAssembly(NamedTuple):
     """What is asked of an assembly, checked."""
 
-    sizes: Sizes
-    thickness: float | None
-    washer: float | None
+    settings: PartSettings
     body: tuple[complex, ...]
     arranged: Asked
     envelope: Box | None = None
@@ -237,15 +236,12 @@ def read_assembly(given: Mapping[str, Any] | bool, where: str = "assembly/") -> 
         raise FieldError(f"/{where.rstrip('/')}", f"wanted true, or a mapping of {', '.join(ASSEMBLY)}")
     check_names(f"/{where}".rstrip("/"), given, ASSEMBLY)
     values = dict.fromkeys(ASSEMBLY) | {name: value for name, value in given.items() if value is not None}
-    lengths = {name: _length(f"{where}{name}", values[name], name) for name in ASSEMBLY[:5]}
     boards = one_of(f"{where}boards", values["boards"] or "below", BOARDS)
     most = LAYERS_MOST if values["layers_most"] is None else values["layers_most"]
     most = whole_number(f"{where}layers_most", most, 1, MOST_LAYERS)
     heads = flag(f"{where}heads", values["heads"])
     return AskedAssembly(
-        Sizes(lengths["hole"], lengths["width"], lengths["clearance"]),
-        lengths["thickness"],
-        lengths["washer"],
+        PartSettings.read(values, where),
         () if values["body"] is None else _outline(f"{where}body", values["body"]),
         Asked(boards, heads, most, _mounts(f"{where}mounts", values["mounts"], boards)),
         None if values["envelope"] is None else box(f"{where}envelope", values["envelope"]),
@@ -269,18 +265,18 @@ def _motor(name: str, given: Any) -> Motor:
         raise FieldError(f"/{name}/link", f"wanted the name of a link, found {link!r}")
     place, pin = (pair(f"{name}/{part}", of(given, part), np.inf) for part in ("motor", "pin_on_link"))
     crank, rod = (
-        _length(f"{name}/six_bar/{part}", of(of(given, "six_bar"), part), part) for part in ("crank", "coupler")
+        _length(f"{name}/six_bar/{part}", of(of(given, "six_bar"), part)) for part in ("crank", "coupler")
     )
     if crank is None or rod is None:
         raise FieldError(f"/{name}/six_bar", "wanted crank and coupler")
     return Motor(link, place, crank, rod, pin)
 
 
-def _length(name: str, value: Any, kind: str) -> float | None:
+def _length(name: str, value: Any) -> float | None:
     if value is None:
         return None
     found = number(name, value, 0.0)
-    if not found > 0 and kind not in ("clearance", "washer"):
+    if not found > 0:
         raise FieldError(f"/{name}", f"wanted a length above 0, found {found:g}")
     return found
 
@@ -324,29 +320,37 @@ def _outline(name: str, given: Any) -> tuple[complex, ...]:
 def machine_of(
     linkage: Linkage | GuidedLinkage, asked: AskedAssembly, used: Interval, where: str = "assembly/"
 ) -> Machine:
-    """Plates and pins of a linkage with the sizes that are asked for. FieldError where they leave no material.
+    """Return plates and pins of a linkage with the sizes that are asked for, and with standard sizes by default.
 
-    Where the default hole leaves none beside what is asked for, the largest of `SHARES` of it does that leaves some.
+    Where the default hole leaves no material beside what is asked for, the largest of `SHARES` of it does that leaves some.
+    Raises `FieldError` where none does.
     """
     if asked.body and isinstance(linkage, Linkage) and not linkage.mounted:
         raise FieldError(f"/{where}body", "needs `position`: without it nothing says where the body is")
     for share in SHARES:
         try:
-            return _machine(linkage, asked._replace(sizes=asked.sizes._replace(share=share)), used, where)
+            return _machine(linkage, asked, share, used, where)
         except FieldError as error:
-            if asked.sizes.hole is not None or error.field not in (f"/{where}body", f"/{where}hole"):
+            if asked.settings.hole is not None or error.field not in (f"/{where}body", f"/{where}hole"):
                 raise
             refused = error
     raise refused
 
 
-def _machine(linkage: Linkage | GuidedLinkage, asked: AskedAssembly, used: Interval, where: str) -> Machine:
+def _machine(
+    linkage: Linkage | GuidedLinkage, asked: AskedAssembly, share: float, used: Interval, where: str
+) -> Machine:
     bar = asked.arranged.boards == "bar"
-    with pointing(lambda field: f"/{where}{field.lstrip('/')}" if field.startswith(("/drive", "/body")) else field):
+
+    def made(sizes: Sizes, body: Sequence[complex]) -> Machine:
         if asked.motor is not None:
-            machine = motor_driven(linkage, used, asked.motor, asked.sizes, asked.body, bar)
-        else:
-            machine = as_plates(linkage, used, asked.sizes, asked.body, bar)
+            return motor_driven(linkage, used, asked.motor, sizes, body, bar)
+        return as_plates(linkage, used, sizes, body, bar)
+
+    with pointing(lambda field: f"/{where}{field.lstrip('/')}" if field.startswith(("/drive", "/body")) else field):
+        rough = made(asked.settings.sizes._replace(share=share), ())
+        whole = asked.settings.completed(rough.hole, rough.width, rough.clearance)
+        machine = made(whole.sizes, asked.body)
     check_sizes(machine.lengths, machine.hole, machine.width, f"/{where}".rstrip("/"))
     fixed = [pin.name for pin in machine.pins if pin.grounded]
     for pin in asked.arranged.mounts:
@@ -406,7 +410,8 @@ def described(
     machine: Machine, asked: AskedAssembly, found: Arrangement, reasons: list[str], unit: Reading
 ) -> Assembly:
     """What was found as a user reads it."""
-    stack, heights = found.stack, Heights.of(machine, asked.thickness, asked.washer)
+    settings = asked.settings.completed(machine.hole, machine.width, machine.clearance)
+    stack, heights = found.stack, Heights.of(machine, settings.thickness, settings.washer)
     names = machine.movement.names
     return Assembly(
         status=found.status,
@@ -450,6 +455,8 @@ def described(
         reasons=reasons,
         machine=machine,
         arrangement=found,
+        settings=settings,
+        given=asked.settings,
     )
 
 

@@ -12,10 +12,11 @@ from typing import Annotated, Any, Literal, NamedTuple, Self, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkage_atlas.arguments import column, known_fields, millimetres_in, number, one_of, pair, radians_in
+from linkage_atlas.arguments import column, millimetres_in, number, one_of, pair, radians_in
 from linkage_atlas.assemblies import Assembly, assembled, read_assembly
 from linkage_atlas.formats import FORMATS, HELD, OF_PARTS, kind_of
 from linkage_atlas.motions import Motion
+from linkage_atlas.part_settings import PartSettings
 from linkage_atlas.records import plain, plane, xy
 from linkage_atlas.solids import SLIDES, AskedSolids, SolidParts, read_solids, solids_in, split
 from linkage_atlas.studies import (
@@ -147,6 +148,10 @@ class AnyLinkage(ABC):
             Width of the plates, diameter of the pins, and the least gap of parts that pass one another.
         thickness, washer : float
             Of the plates, and of the washers between layers.
+        kerf, scale : float
+            Width of the cut, for plates to cut (0), and scale of a model (1); plays and kerf are not scaled.
+        length_unit : {"mm", "cm", "m", "in"}
+            The unit of its lengths ("mm"): default sizes are standard ones in millimetres.
         boards : {"below", "above", "both", "bar"}
             Where the fixed pins stand: in a board on either side or both, or in a bar, a plate of its own.
         heads : bool
@@ -167,9 +172,12 @@ class AnyLinkage(ABC):
         target = self.target_of(motion, crank_angle if travel is None else travel)
         return self._arranged(target, asked, work or Work(), "")
 
-    def _arranged(self, target: Target, asked: Mapping[str, Any], work: Work, where: str) -> Assembly:
+    def _arranged(
+        self, target: Target, asked: Mapping[str, Any], work: Work, where: str, length_unit: str = "mm"
+    ) -> Assembly:
         read = read_assembly(asked, where)
         assert read is not None
+        read = read._replace(settings=read.settings.in_unit(length_unit))
         return assembled(self._linkage, read, target.interval, self._radian, work, where)
 
     def solids(
@@ -197,8 +205,6 @@ class AnyLinkage(ABC):
             PETG or ABS.
         fillet : float
             Radius at the convex corners of the body's outline, in the unit of its lengths (0).
-        scale : float
-            Of a model (1); plays are not scaled.
         layout : {"assembled", "bed"}
             Where parts stand in STEP (assembled) and 3MF (beside one another on the bed) unless it says otherwise.
         nevertheless : bool
@@ -232,7 +238,7 @@ class AnyLinkage(ABC):
         where: str = "assembly/",
     ) -> SolidParts:
         assembly = {} if isinstance(assembly, bool) else assembly
-        return solids_in(self._arranged(target, assembly, work, where), solids, assembly, length_unit)
+        return solids_in(self._arranged(target, assembly, work, where, length_unit), solids, length_unit)
 
     def file(
         self,
@@ -241,7 +247,6 @@ class AnyLinkage(ABC):
         length_unit: str = "mm",
         crank_angle: ArrayLike | None = None,
         analysis: Mapping[str, Any] | None = None,
-        plates: Mapping[str, float] | None = None,
         assembly: Mapping[str, Any] | bool | None = None,
         solids: Mapping[str, Any] | None = None,
         work: Work | None = None,
@@ -263,8 +268,6 @@ class AnyLinkage(ABC):
             Of a motion whose timing is free: crank angles, or the place of a drive that slides, from the first sample on.
         analysis : mapping, optional
             ``crank_speed`` and ``load`` as of `analysis`: further columns of a CSV file.
-        plates : mapping, optional
-            ``hole``, the diameter of the holes, and ``width`` of the plates, for a DXF of the links of a four-bar alone.
         assembly, solids : mapping, optional
             How its parts are arranged (True: by default) and made, as of `assembly` and `solids`: for STEP and what follows it
             above, the masses in an MJCF file, and a DXF of all flat parts in place of the links alone.
@@ -275,7 +278,7 @@ class AnyLinkage(ABC):
             of an MJCF model.
         """
         one_of("kind", kind, FORMATS)
-        check_held(kind, plates=plates, assembly=assembly, solids=solids, drive=drive)
+        check_held(kind, assembly=assembly, solids=solids, drive=drive)
         target = self.target_of(motion, crank_angle if travel is None else travel)
         assembly, drive = with_motor(kind, assembly, drive)
         arranged = bool(assembly or solids)
@@ -287,7 +290,7 @@ class AnyLinkage(ABC):
             return self._solids(target, assembly or {}, asked, length_unit, work or Work())
 
         return content_of(
-            self._linkage, target, self._radian, kind, length_unit, analysis, drive, parts, plates, arranged
+            self._linkage, target, self._radian, kind, length_unit, analysis, drive, parts, arranged
         )
 
     def render(self, kind: str, *arguments: Any, **more: Any) -> str:
@@ -1071,7 +1074,6 @@ def content_of(
     analysis: Mapping[str, Any] | None,
     drive: Mapping[str, Any] | None,
     parts: Callable[[bool], Any] | None = None,
-    plates: Mapping[str, Any] | None = None,
     arranged: bool = False,
     more: Mapping[str, Any] | None = None,
 ) -> bytes:
@@ -1101,15 +1103,14 @@ def content_of(
     unit_mm = millimetres_in(length_unit)
     if kind in (*OF_PARTS, "plates"):
         assert parts is not None
-        if plates and (arranged or on_guides):
-            raise FieldError(
-                "/plates", "with `assembly` or `solids`, rails or slots sizes stand there: `hole` and `width`"
-            )
         if kind != "plates" or arranged or isinstance(linkage, guided.GuidedLinkage):
             return parts(False).file(kind)
         from synthesis.solids.plates import to_plates
 
-        return to_plates(linkage, unit_mm, **_sizes(plates or {})).encode()
+        settings = PartSettings(length_unit=length_unit)
+        hole, width = of_four_bars.plate_sizes(linkage.links)
+        settings = settings.completed(hole, width, 0.0)
+        return to_plates(linkage, unit_mm, settings.hole, settings.width).encode()
     if kind == "dxf":
         text = files.to_dxf(linkage, target, unit_mm, layer)
         return text.encode()
@@ -1193,7 +1194,3 @@ def _attached(given: Mapping[str, Any], machine: LinkMotions) -> Attached:
         None if not knee or knee[0] is None else pair("drive/curve/knee/0", knee[0], math.inf),
     )
 
-
-def _sizes(plates: Mapping[str, Any]) -> dict[str, float]:
-    known_fields("plates", plates, ("hole", "width"))
-    return {name: number(f"plates/{name}", value) for name, value in plates.items() if value is not None}

@@ -292,11 +292,14 @@ class SixBarLinkage(AnyLinkage):
 
     # -- what it becomes ----------------------------------------------------------------------------------------------
 
-    def _arranged(self, target: Target, asked: Mapping[str, Any], work: Work, where: str) -> Assembly:
+    def _arranged(
+        self, target: Target, asked: Mapping[str, Any], work: Work, where: str, length_unit: str = "mm"
+    ) -> Assembly:
         if "drive" in asked:
             raise FieldError(f"/{where}drive", "is this six-bar's own motor")
         read = read_assembly({**asked, "drive": self.drive}, where)
         assert read is not None
+        read = read._replace(settings=read.settings.in_unit(length_unit))
         return assembled(self._base.plain, read, self._linkage.used, self._radian, work, where)
 
     def file(  # type: ignore[override]

@@ -247,7 +247,7 @@ def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
     from linkage_atlas.linkages import check_format, check_held  # a command that writes no file does not load it
 
     request, given = body.request, body.solution
-    held = body.given("plates", "assembly", "solids", "drive")
+    held = body.given("assembly", "solids", "drive")
     check_held(body.format, **held)
     if given is None:
         check_format(body.format, request.mechanisms or ("four_bar",))
@@ -263,7 +263,7 @@ def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
     place = one.crank_angle if one.crank_angle is not None else getattr(one, "travel", None)
     prefixes = _PREFIXES
     if body.format in HELD["assembly"]:
-        if body.assembly is None and body.plates is None and request.assembly is not None:
+        if body.assembly is None and request.assembly is not None:
             held |= request.given("assembly")
             prefixes = {**_PREFIXES, "assembly": "/request"}
 

@@ -25,7 +25,7 @@ from linkage_atlas.kinds import MECHANISMS
 from linkage_atlas.limits import FUNCTION_LIMITS, LIMITS
 from linkage_atlas.linkages import DriverName, KindName
 from linkage_atlas.motions import MAX_LENGTH, MAX_SAMPLES, MIN_LENGTH, MIN_POSES, MIN_SAMPLES, MOST_STOCK
-from linkage_atlas.solids import LARGEST_SCALE, LEAST_SCALE
+from linkage_atlas.part_settings import LARGEST_SCALE, LEAST_SCALE
 from linkage_atlas.studies import FEWEST_SAMPLES, MOST_LINK_MASSES, MOST_SAMPLES, SAMPLES
 
 MAX_TOP = 1000
@@ -545,19 +545,29 @@ class GivenMotor(_ReplyPart):
 
 
 class AssemblyOptions(RequestModel):
-    """How plates and pins are made and held; lengths in the unit of the linkage."""
+    """Sizes of plates and pins, the same for layers and every file, and how they are held; lengths in the unit of the linkage."""
 
-    width: Length | None = Field(None, description="Of the plates. Default: 2.5 holes.")
+    width: Length | None = Field(None, description="Of the plates. Default: 2.5 holes, in whole millimetres.")
     hole: Length | None = Field(
         None,
-        description="Diameter of the pins. Default: 0.3 of the shortest link, at most 0.05 of the longest; less where `body` or "
-        "a rod's pin needs it.",
+        description="Diameter of the pins. Default: a standard one up to 0.3 of the shortest link and 0.05 of the longest; less "
+        "where `body` or a rod's pin needs it.",
     )
-    thickness: Length | None = Field(None, description="Of the plates. Default: half a hole.")
+    thickness: Length | None = Field(None, description="Of the plates. Default: a standard sheet of half a hole.")
     washer: Size | None = Field(None, description="Between two layers. Default: a fifth of the thickness.")
     clearance: Size | None = Field(
         None,
         description="Least gap of parts that pass one another. Default: 0.5 / 165 of the longest link.",
+    )
+    kerf: Size = Field(
+        0.0, description="Width of the cut: contours of plates to cut are larger by half of it, and holes smaller."
+    )
+    scale: Annotated[Number, Field(ge=LEAST_SCALE, le=LARGEST_SCALE)] = Field(
+        1.0, description="Of a model, in every file of parts; plays and `kerf` are not scaled."
+    )
+    length_unit: LengthUnit | None = Field(
+        None,
+        description="The unit of the lengths: default sizes are standard ones in millimetres. Default: that of the file, or mm.",
     )
     boards: Literal["below", "above", "both", "bar"] = Field(
         "below",
@@ -719,13 +729,6 @@ class SynthesizeRequest(CrankMotion):
 Material = Literal["steel", "stainless", "aluminium", "brass", "plywood", "acrylic", "POM", "PLA", "PETG", "ABS"]
 
 
-class PlatesRequest(RequestModel):
-    """Sizes of link plates, in the unit of the request's lengths."""
-
-    hole: FarLength | None = Field(None, description="Diameter of the holes.")
-    width: FarLength | None = Field(None, description="Width of the plates.")
-
-
 class SolidsRequest(RequestModel):
     """What parts are made of, and how they fit."""
 
@@ -739,9 +742,6 @@ class SolidsRequest(RequestModel):
     )
     pins: Material | None = Field(None, description="Of pins, washers and heads. Default: steel, to be printed PLA.")
     fillet: Size = Field(0.0, description="Radius at the convex corners of the body, in the unit of the lengths.")
-    scale: Annotated[Number, Field(ge=LEAST_SCALE, le=LARGEST_SCALE)] = Field(
-        1.0, description="Of a model; plays are not scaled."
-    )
     layout: Literal["assembled", "bed"] | None = Field(
         None,
         description="Where parts stand in STEP and 3MF. Default: assembled in STEP, beside one another on the bed in 3MF.",
@@ -764,12 +764,12 @@ class ExportRequest(RequestModel):
         None,
         description="The unit of the request's lengths, for files that know one. Default: that of its `analysis`, or mm.",
     )
-    plates: PlatesRequest | None = Field(None, description="For a DXF of plates: their sizes; each has a default.")
     assembly: AssemblyOptions | None = Field(
         None,
-        description="From `step` on, and for masses in MJCF: how plates and pins are made and held. Default: as in the request.",
+        description="From `step` on, for plates, and for masses in MJCF: sizes of plates and pins, and how they are held. Default: "
+        "as in the request.",
     )
-    solids: SolidsRequest | None = Field(None, description="For the same: fits, materials, scale.")
+    solids: SolidsRequest | None = Field(None, description="For the same: fits and materials.")
     drive: GivenDrive | None = Field(
         None,
         description="A drive of a reply, as it came: columns of CSV, lines of SVG, a layer of DXF, the drive of MJCF; of a "

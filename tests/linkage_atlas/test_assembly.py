@@ -67,7 +67,7 @@ def test_a_mirror_changes_nothing_but_signs() -> None:
 
 
 def test_a_blocked_linkage_is_told_what_would_free_it() -> None:
-    found = la.assembly(la.FourBar(60, 50, 70, 30))
+    found = la.assembly(la.FourBar(60, 50, 70, 30), hole=3.5, width=8.75)
     assert found.status == "blocked"
     assert found.longest_free == pytest.approx((12.1948754, 347.8051246))
     assert found.stops.low.cause == "pair"
