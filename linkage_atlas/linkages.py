@@ -17,7 +17,7 @@ from linkage_atlas.assemblies import Assembly, assembled, read_assembly
 from linkage_atlas.formats import FORMATS, HELD, OF_PARTS, kind_of
 from linkage_atlas.motions import Motion
 from linkage_atlas.part_settings import PartSettings
-from linkage_atlas.records import plain, plane, xy
+from linkage_atlas.records import Record, plain, plane, xy
 from linkage_atlas.solids import SLIDES, AskedSolids, SolidParts, read_solids, solids_in, split
 from linkage_atlas.studies import (
     Analysis,
@@ -250,7 +250,7 @@ class AnyLinkage(ABC):
         assembly: Mapping[str, Any] | bool | None = None,
         solids: Mapping[str, Any] | None = None,
         work: Work | None = None,
-        drive: Mapping[str, Any] | None = None,
+        drive: Mapping[str, Any] | Record | None = None,
         *,
         travel: ArrayLike | None = None,
     ) -> bytes:
@@ -274,13 +274,15 @@ class AnyLinkage(ABC):
         work : Work, optional
             Asked whether the answer is still wanted.
         drive : mapping, optional
-            A drive of `linkage_atlas.drives` as plain values: further columns of a CSV file, a layer of a DXF file, and the drive
-            of an MJCF model.
+            A drive of `linkage_atlas.drives`, or its plain values: further columns of a CSV file, lines of a drawing, the drive of
+            an MJCF model, and of files of parts a motor and its rod or a cylinder, with the arm that carries its pin.
         """
         one_of("kind", kind, FORMATS)
+        if isinstance(drive, Record):
+            drive = drive.to_dict()
         check_held(kind, assembly=assembly, solids=solids, drive=drive)
         target = self.target_of(motion, crank_angle if travel is None else travel)
-        assembly, drive = with_motor(kind, assembly, drive)
+        assembly, drive = with_drive(kind, assembly, drive)
         arranged = bool(assembly or solids)
         made = read_solids(solids or {})
         read_assembly(assembly or {})  # what is wrong there is told also where masses are left out
@@ -303,12 +305,14 @@ class AnyLinkage(ABC):
         """Write a file; its ending says which.
 
         .csv, .svg, .dxf, .xml (MJCF, also .mjcf), of a four-bar .pylinkage.json; of its parts .step, .3mf, .stl.zip, .parts.csv,
-        .plates.dxf, and where all joints turn .urdf and .sdf, for which ``asked`` are arguments as of `FourBar.solids`.
+        .plates.dxf, and where all joints turn .urdf and .sdf, for which ``asked`` are arguments as of `FourBar.solids`. ``drive``: as of
+        `file`.
         """
         path = Path(path)
+        drive = asked.pop("drive", None)
         of_assembly, of_solids = split(asked)
         kind = kind_of(path.name)
-        path.write_bytes(self.file(kind, length_unit=length_unit, assembly=of_assembly, solids=of_solids))
+        path.write_bytes(self.file(kind, length_unit=length_unit, assembly=of_assembly, solids=of_solids, drive=drive))
 
     def _default_motion(self) -> Target:
         """What it is drawn over: the motion that it answers, or a whole turn."""
@@ -1059,7 +1063,7 @@ def check_format(kind: str, mechanisms: Sequence[str]) -> None:
 
 def check_held(kind: str, **given: Any) -> None:
     """FieldError for what a file of a kind does not hold."""
-    given["assembly"], given["drive"] = with_motor(kind, given["assembly"], given["drive"])
+    given["assembly"], given["drive"] = with_drive(kind, given["assembly"], given["drive"])
     for name, kinds in HELD.items():
         if given[name] and kind not in kinds:
             raise FieldError(f"/{name}", f"a file of the kind {kind!r} holds none: ask for {' or '.join(kinds)}")
@@ -1149,11 +1153,11 @@ def drive_on(
         return found  # moved by hand, it does not swing the linkage: its ends alone are told
 
 
-def with_motor(
+def with_drive(
     kind: str, assembly: Mapping[str, Any] | bool | None, drive: Mapping[str, Any] | None
 ) -> tuple[Mapping[str, Any] | bool | None, Mapping[str, Any] | None]:
-    """What is asked of an assembly, and a drive: in files of parts a motor with its rod is two of them."""
-    if not isinstance(drive, Mapping) or kind not in (*OF_PARTS, "plates") or drive.get("kind") != "dyad":
+    """Return an assembly with a drive: in files of parts a motor and its rod, or a cylinder, are two of them."""
+    if not isinstance(drive, Mapping) or kind not in (*OF_PARTS, "plates"):
         return assembly, drive
     return {**(assembly if isinstance(assembly, Mapping) else {}), "drive": drive}, None
 

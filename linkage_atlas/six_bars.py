@@ -19,7 +19,7 @@ from linkage_atlas.solids import read_solids
 from linkage_atlas.studies import MOST_LINK_MASSES, AskedAnalysis, Manufacture, ToleranceStudy, columns_of, read_load
 from synthesis.arrays import Floats
 from synthesis.drives.links import ends_of
-from synthesis.drives.six_bar import MOTOR_CRANK, ROD, SixBar, joints_of
+from synthesis.drives.six_bar import MOTOR_CRANK, ROD, Motor, SixBar, joints_of
 from synthesis.errors import FieldError
 from synthesis.fourbar.linkage import Mass
 from synthesis.target import TURN, Interval, Target
@@ -125,9 +125,13 @@ class SixBarLinkage(AnyLinkage):
         else:
             raise FieldError("/crank_angle", "needed: this linkage answers no motion that would say its way")
         read = read_assembly({"drive": drive}, "")
-        assert read is not None and read.motor is not None
+        assert read is not None
+        if not isinstance(read.drive, Motor):
+            raise FieldError(
+                "/drive", "wanted a drive of kind dyad as a reply has it, with its motor, pin_on_link and six_bar"
+            )
         self._base, self._radian, self._motion, self._samples = base, base._radian, None, places
-        self._linkage = SixBar.of(base.plain, ends_of(places), read.motor)
+        self._linkage = SixBar.of(base.plain, ends_of(places), read.drive)
 
     @classmethod
     def of_view(cls, linkage: FourBar | GuidedLinkage, six: SixBar, samples: Floats) -> SixBarLinkage:

@@ -118,6 +118,8 @@ class SolidParts(Record):
     asked: AskedSolids = field(metadata=KEPT, repr=False)
     kerf: float = field(default=0.0, metadata=KEPT, repr=False)
     """Of plates to cut, in millimetres."""
+    driven_hinge: str = field(default="", metadata=KEPT, repr=False)
+    """The link with a drive in its hinge, which has no parts of its own."""
 
     def file(self, kind: str) -> bytes:
         """A file: step, 3mf, stl (a zip file), urdf, sdf, parts (CSV) or plates (DXF of all that is flat).
@@ -131,9 +133,13 @@ class SolidParts(Record):
 
             return parts_to_plates(solids, self.kerf).encode()
         if kind == "parts":
-            return csv_text(parts_list(solids, self.asked.fit)).encode()
+            columns = parts_list(solids, self.asked.fit)
+            if self.driven_hinge:
+                row = {"name": "drive", "kind": "rotary drive", "link": self.driven_hinge}
+                columns = {name: [*column, row.get(name)] for name, column in columns.items()}
+            return csv_text(columns).encode()
         if kind in ("urdf", "sdf"):
-            if any(one.slits for one in solids.machine.plates):
+            if any(one.slits for one in solids.machine.plates) or solids.machine.telescopes:
                 raise FieldError("/kind", SLIDES.format(kind))
             from synthesis.solids.robots import to_sdf, to_urdf
 
@@ -224,6 +230,7 @@ def solids_in(assembly: Assembly, asked: AskedSolids, length_unit: str) -> Solid
         solids,
         asked,
         settings.kerf * unit,
+        assembly.driven_hinge,
     )
 
 

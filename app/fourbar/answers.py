@@ -260,6 +260,9 @@ def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
     if body.format == "json":
         return as_json(body.request, found.to_dict() if found else given.model_dump(mode="json", exclude_none=True))
     one = found or given
+    if "drive" not in body.model_fields_set and one.drives and body.format in (*HELD["drive"], *HELD["assembly"]):
+        drive = one.drives[0]  # that the request asks for
+        held["drive"] = drive.to_dict() if found else drive.model_dump(exclude_none=True)
     place = one.crank_angle if one.crank_angle is not None else getattr(one, "travel", None)
     prefixes = _PREFIXES
     if body.format in HELD["assembly"]:

@@ -238,6 +238,35 @@ class GivenGuide(_ReplyPart):
     body_direction: Angle | None = None
 
 
+class GivenSizes(_ReplyPart):
+    crank: FarLength | None = None
+    coupler: FarLength | None = None
+    handle: FarLength | None = None
+    strut: FarLength | None = None
+
+
+class GivenDriveCurve(_ReplyPart):
+    knee: Annotated[list[FarPoint | None], Field(max_length=2000)] | None = None
+
+
+class GivenDrive(_ReplyPart):
+    """One of the `drives` of a reply, as it came or changed."""
+
+    kind: Literal["rotary", "actuator", "dyad", "toggle"]
+    link: Annotated[str, Field(max_length=40)]
+    on: Annotated[str, Field(max_length=40)] | None = None
+    ground_point: FarPoint | None = None
+    motor: FarPoint | None = None
+    pin_on_link: FarPoint | None = None
+    pin: FarPoint | None = None
+    retracted: FarLength | None = None
+    stroke: FarLength | None = None
+    extends: Flag | None = None
+    six_bar: GivenSizes | None = None
+    lock: GivenSizes | None = None
+    curve: GivenDriveCurve | None = None
+
+
 class GivenLinkage(_ReplyPart):
     """One of the `solutions` of a reply, as it came or changed: with `links` a four-bar, else with `guides` and `driver`."""
 
@@ -251,6 +280,7 @@ class GivenLinkage(_ReplyPart):
     start: FarCoordinate | None = None
     crank_angle: Annotated[list[Angle], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)] | None = None
     travel: Annotated[list[FarCoordinate], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)] | None = None
+    drives: Annotated[list[GivenDrive], Field(max_length=400)] | None = None
 
     def linkage(self, degrees: bool) -> la.FourBar | la.GuidedLinkage:
         """The linkage; FieldError naming the field that is missing."""
@@ -496,52 +526,9 @@ class RockerRequest(RequestModel):
     length: Above = Field(description="To the body point.")
 
 
-class GivenSizes(_ReplyPart):
-    crank: Above | None = None
-    coupler: Above | None = None
-    handle: Above | None = None
-    strut: Above | None = None
-
-
-class GivenDriveCurve(_ReplyPart):
-    knee: Annotated[list[PlacePair | None], Field(max_length=2000)] | None = None
-
-
-class GivenDrive(_ReplyPart):
-    """One of the `drives` of a reply, as it came or changed."""
-
-    kind: Literal["rotary", "actuator", "dyad", "toggle"]
-    link: LinkName
-    on: LinkName | None = None
-    ground_point: PlacePair | None = None
-    motor: PlacePair | None = None
-    pin_on_link: PlacePair | None = None
-    retracted: Above | None = None
-    stroke: Above | None = None
-    extends: Flag | None = None
-    six_bar: GivenSizes | None = None
-    lock: GivenSizes | None = None
-    curve: GivenDriveCurve | None = None
-
-
 # -- how it is built --------------------------------------------------------------------------------------------------
 
 Rank = Annotated[Count, Field(ge=1, le=100)]
-
-
-class GivenSixBar(_ReplyPart):
-    crank: FarLength
-    coupler: FarLength
-
-
-class GivenMotor(_ReplyPart):
-    """A drive of kind `dyad` of a reply of /v1/drives, as it came."""
-
-    kind: Literal["dyad"]
-    link: LinkName
-    motor: FarPoint
-    pin_on_link: FarPoint
-    six_bar: GivenSixBar
 
 
 class AssemblyOptions(RequestModel):
@@ -585,9 +572,10 @@ class AssemblyOptions(RequestModel):
     mounts: dict[Literal[FIXED_PINS], Literal["below", "above", "below+above"]] | None = Field(
         None, description="How fixed pins must be held, where that matters."
     )
-    drive: GivenMotor | None = Field(
+    drive: GivenDrive | None = Field(
         None,
-        description="A motor with a rod, as /v1/drives has found it: two more plates, and everything over a turn of the motor.",
+        description="A drive as /v1/drives has found it: a cylinder or a knee are two more plates, and so are a motor and its rod, with "
+        "everything over a turn of the motor.",
     )
     layers_most: Annotated[Count, Field(ge=1, le=MOST_LAYERS)] = Field(LAYERS_MOST, description="Layers at most.")
     envelope: Box | None = Field(
@@ -772,8 +760,8 @@ class ExportRequest(RequestModel):
     solids: SolidsRequest | None = Field(None, description="For the same: fits and materials.")
     drive: GivenDrive | None = Field(
         None,
-        description="A drive of a reply, as it came: columns of CSV, lines of SVG, a layer of DXF, the drive of MJCF; of a "
-        "motor and its rod also their parts.",
+        description="A drive of a reply, as it came: columns of CSV, lines of SVG, a layer of DXF, the drive of MJCF, and its parts. "
+        "Default: the first drive of the solution, if the request asks for drives.",
     )
 
 
