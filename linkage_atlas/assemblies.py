@@ -254,7 +254,7 @@ def read_assembly(given: Mapping[str, Any] | bool, where: str = "assembly/") -> 
 
 
 def read_drive(name: str, given: Any) -> Motor | Strut | str:
-    """Read a drive as a reply has it, whose parts are arranged with the linkage; of a drive in a hinge, which has none, its link."""
+    """Read a drive as a reply has it, whose parts are arranged with the linkage; of a drive in a hinge its link."""
 
     def of(one: Any, part: str) -> Any:
         return one.get(part) if isinstance(one, Mapping) else getattr(one, part, None)
@@ -281,11 +281,15 @@ def read_drive(name: str, given: Any) -> Motor | Strut | str:
     lock, knee = of(given, "lock"), of(of(given, "curve"), "knee")
     if knee is None or len(knee) == 0:
         raise FieldError(f"/{name}/curve/knee", "needed: give the drive as a reply has it")
-    top, other = (pair(f"{name}/{at}", value, np.inf) for at, value in (("curve/knee/0", knee[0]), ("pin", of(given, "pin"))))
+    top, other = (
+        pair(f"{name}/{at}", value, np.inf) for at, value in (("curve/knee/0", knee[0]), ("pin", of(given, "pin")))
+    )
     side = np.sign(np.imag(np.conj(other - end) * (top - end)))
     # the end that is locked is bent the other way than all others
     side = side if of(given, "extends") in (True, None) else -side
-    return Strut(link, "ground", pin, end, (length(lock, "handle", "lock/"), length(lock, "strut", "lock/")), int(side) or 1)
+    return Strut(
+        link, "ground", pin, end, (length(lock, "handle", "lock/"), length(lock, "strut", "lock/")), int(side) or 1
+    )
 
 
 def _length(name: str, value: Any) -> float | None:

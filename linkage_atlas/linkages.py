@@ -274,8 +274,8 @@ class AnyLinkage(ABC):
         work : Work, optional
             Asked whether the answer is still wanted.
         drive : mapping, optional
-            A drive of `linkage_atlas.drives`, or its plain values: further columns of a CSV file, lines of a drawing, the drive of
-            an MJCF model, and of files of parts a motor and its rod or a cylinder, with the arm that carries its pin.
+            A drive of `linkage_atlas.drives`, or its plain values: further columns of a CSV file, lines of a drawing, the drive
+            of an MJCF model, and of files of parts a motor and its rod or a cylinder, with the arm that carries its pin.
         """
         one_of("kind", kind, FORMATS)
         if isinstance(drive, Record):
@@ -291,9 +291,7 @@ class AnyLinkage(ABC):
             asked = made._replace(nevertheless=True) if nevertheless else made
             return self._solids(target, assembly or {}, asked, length_unit, work or Work())
 
-        return content_of(
-            self._linkage, target, self._radian, kind, length_unit, analysis, drive, parts, arranged
-        )
+        return content_of(self._linkage, target, self._radian, kind, length_unit, analysis, drive, parts, arranged)
 
     def render(self, kind: str, *arguments: Any, **more: Any) -> str:
         """The linkage as the text of a file; arguments as of `file`. FieldError for 3MF and STL, which are no text."""
@@ -305,14 +303,15 @@ class AnyLinkage(ABC):
         """Write a file; its ending says which.
 
         .csv, .svg, .dxf, .xml (MJCF, also .mjcf), of a four-bar .pylinkage.json; of its parts .step, .3mf, .stl.zip, .parts.csv,
-        .plates.dxf, and where all joints turn .urdf and .sdf, for which ``asked`` are arguments as of `FourBar.solids`. ``drive``: as of
-        `file`.
+        .plates.dxf, and where all joints turn .urdf and .sdf, for which ``asked`` are arguments as of `FourBar.solids`.
+        ``drive``: as of `file`.
         """
         path = Path(path)
         drive = asked.pop("drive", None)
         of_assembly, of_solids = split(asked)
         kind = kind_of(path.name)
-        path.write_bytes(self.file(kind, length_unit=length_unit, assembly=of_assembly, solids=of_solids, drive=drive))
+        more = {} if drive is None else {"drive": drive}
+        path.write_bytes(self.file(kind, length_unit=length_unit, assembly=of_assembly, solids=of_solids, **more))
 
     def _default_motion(self) -> Target:
         """What it is drawn over: the motion that it answers, or a whole turn."""
@@ -1197,4 +1196,3 @@ def _attached(given: Mapping[str, Any], machine: LinkMotions) -> Attached:
         bool(given.get("extends", True)),
         None if not knee or knee[0] is None else pair("drive/curve/knee/0", knee[0], math.inf),
     )
-

@@ -292,7 +292,7 @@ class Motion:
         return samples.asked if isinstance(samples, Poses) and samples.asked is not None else samples
 
     def notes(self) -> list[str]:
-        """Return what a user should know: a rotation that looks like another unit's, or wrapped; a motion that needs no linkage."""
+        """Return what a user should know: a rotation in another unit or wrapped; a motion that needs no linkage."""
         return [*self._wraps, *self._unit_notes(), *self._jump_notes(), *self._hinge_notes()]
 
     def _unit_notes(self) -> list[str]:
@@ -307,7 +307,7 @@ class Motion:
 
     def _hinge_notes(self) -> list[str]:
         """Return a note if the motion only turns about a fixed point, with the point."""
-        allowed = self.tolerances and self.tolerances.position
+        allowed = None if self.tolerances is None else self.tolerances.position
         asked = self.asked
         found = hinge_of(asked, None if allowed is None else float(np.min(allowed)))
         if found is None:

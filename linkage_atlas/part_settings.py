@@ -29,8 +29,8 @@ WASHERS = (0.2, 0.3, 0.5, 0.8, 1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10, 12, 16, 20)
 class PartSettings:
     """Sizes of plates and pins in the unit of the linkage's lengths; None: the default.
 
-    Defaults are sizes that can be bought, after scaling: holes of `HOLES`, plates of whole millimetres in width and of a thickness of
-    `SHEETS`, washers of `WASHERS`. Parts with holes below the smallest of `HOLES` are not rounded.
+    Defaults are sizes that can be bought, after scaling: holes of `HOLES`, plates of whole millimetres in width and of a
+    thickness of `SHEETS`, washers of `WASHERS`. Parts with holes below the smallest of `HOLES` are not rounded.
     """
 
     hole: float | None = None
@@ -96,7 +96,9 @@ class PartSettings:
             hole = _down(hole * unit, HOLES) / unit
         if self.width is None:
             width = WIDTH_OF_HOLE * hole
-            width = math.ceil(width * unit - 1e-9) / unit if standard and width * unit >= 1 else width  # whole millimetres
+            width = (
+                math.ceil(width * unit - 1e-9) / unit if standard and width * unit >= 1 else width
+            )  # whole millimetres
         thickness, washer = self.thickness, self.washer
         if thickness is None:
             thickness = THICKNESS * hole
@@ -104,9 +106,7 @@ class PartSettings:
         if washer is None:
             washer = WASHER * thickness
             washer = _up(washer * unit, WASHERS) / unit if standard else washer
-        return replace(
-            self, hole=hole, width=width, thickness=thickness, washer=washer, clearance=clearance
-        )
+        return replace(self, hole=hole, width=width, thickness=thickness, washer=washer, clearance=clearance)
 
 
 def _down(value: float, known: tuple[float, ...]) -> float:

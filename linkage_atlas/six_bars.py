@@ -124,12 +124,13 @@ class SixBarLinkage(AnyLinkage):
             places = base.way
         else:
             raise FieldError("/crank_angle", "needed: this linkage answers no motion that would say its way")
-        read = read_assembly({"drive": drive}, "")
-        assert read is not None
-        if not isinstance(read.drive, Motor):
+        kind = drive.get("kind") if isinstance(drive, Mapping) else getattr(drive, "kind", None)
+        if kind != "dyad":
             raise FieldError(
                 "/drive", "wanted a drive of kind dyad as a reply has it, with its motor, pin_on_link and six_bar"
             )
+        read = read_assembly({"drive": drive}, "")
+        assert read is not None and isinstance(read.drive, Motor)
         self._base, self._radian, self._motion, self._samples = base, base._radian, None, places
         self._linkage = SixBar.of(base.plain, ends_of(places), read.drive)
 

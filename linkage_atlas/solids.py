@@ -210,9 +210,7 @@ def solids_in(assembly: Assembly, asked: AskedSolids, length_unit: str) -> Solid
         scale,
     )
     solids = solids_of(machine, assembly.arrangement.stack, made, unit)
-    full = (
-        solids if scale == 1 else solids_of(machine, assembly.arrangement.stack, made._replace(scale=1.0), unit)
-    )
+    full = solids if scale == 1 else solids_of(machine, assembly.arrangement.stack, made._replace(scale=1.0), unit)
     wall, part = solids.thinnest_wall
     masses = [
         SolidPart(

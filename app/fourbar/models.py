@@ -574,8 +574,8 @@ class AssemblyOptions(RequestModel):
     )
     drive: GivenDrive | None = Field(
         None,
-        description="A drive as /v1/drives has found it: a cylinder or a knee are two more plates, and so are a motor and its rod, with "
-        "everything over a turn of the motor.",
+        description="A drive as /v1/drives has found it: a cylinder or a knee are two more plates. So are a motor and its rod; "
+        "everything is then over a turn of the motor.",
     )
     layers_most: Annotated[Count, Field(ge=1, le=MOST_LAYERS)] = Field(LAYERS_MOST, description="Layers at most.")
     envelope: Box | None = Field(
@@ -754,14 +754,14 @@ class ExportRequest(RequestModel):
     )
     assembly: AssemblyOptions | None = Field(
         None,
-        description="From `step` on, for plates, and for masses in MJCF: sizes of plates and pins, and how they are held. Default: "
-        "as in the request.",
+        description="From `step` on, for plates, and for masses in MJCF: sizes of plates and pins, and how they are held. "
+        "Default: as in the request.",
     )
     solids: SolidsRequest | None = Field(None, description="For the same: fits and materials.")
     drive: GivenDrive | None = Field(
         None,
-        description="A drive of a reply, as it came: columns of CSV, lines of SVG, a layer of DXF, the drive of MJCF, and its parts. "
-        "Default: the first drive of the solution, if the request asks for drives.",
+        description="A drive of a reply, as it came: columns of CSV, lines of SVG, a layer of DXF, the drive of MJCF, and its "
+        "parts. Default: the first drive of the solution, if the request asks for drives.",
     )
 
 

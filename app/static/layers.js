@@ -11,7 +11,7 @@ import { layersOf } from "./verdict.js";
 
 const FIRST = 10; // solutions of an answer whose layers are asked for without being selected
 const MOST_CORNERS = 200;
-const COLUMNS = ["M", "K", "Q", "A1", "A", "A2", "D", "P", "C", "B1", "B", "B2"]; // pins from left to right
+const COLUMNS = ["M", "G", "K", "Q", "A1", "A", "A2", "D", "P", "C", "B1", "B", "B2"]; // pins from left to right
 const WIDE = 64, HIGH = 26, LEFT = 42; // pixels between columns and layers of the stack, and beside it
 const EDGE = 1.5;
 const RAD = Math.PI / 180;

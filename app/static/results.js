@@ -304,7 +304,8 @@ export class Results {
     const { solution, answer: { request, motion } } = this;
     const solids = { fit: $("parts-fit").value, nevertheless: $("parts-nevertheless").checked };
     const parts = [...OF_PARTS, "mjcf", "plates"].includes(format) ? { assembly: this.layers.options(solution, motion), solids } : {};
-    const driven = ["dxf", "csv", "svg", "mjcf", ...(this.driving.shown?.kind === "dyad" ? OF_PARTS : [])];
+    // what slides is in no URDF or SDF
+    const driven = ["dxf", "csv", "svg", "mjcf", "plates", ...OF_PARTS.filter((one) => this.driving.shown?.kind !== "actuator" || !["urdf", "sdf"].includes(one))];
     const drive = this.driving.shown && driven.includes(format) ? { drive: this.driving.shown } : {};
     return ask("/v1/export", { request, solution, format, length_unit: motion.unit, ...parts, ...drive });
   }

@@ -682,16 +682,16 @@ def strut_driven(
 ) -> Machine:
     """Return a linkage with a cylinder or a knee, over an interval of the linkage's own travel.
 
-    Further plates: cylinder and piston_rod, which slides inside it, or handle and strut; further pins: G, the end on the ground or on
-    a link, K between handle and strut, Q on the link that is moved. The plate of that link reaches to Q.
+    Further plates: cylinder and piston_rod, which slides inside it, or handle and strut; further pins: G, the end on the ground
+    or on a link, K between handle and strut, Q on the link that is moved. The plate of that link reaches to Q.
 
     Raises `FieldError`: for an end on a link that is no plate.
     """
     plain = as_plates(linkage, used, sizes, body, bar)
     names, hole, width = plain.movement.names, plain.hole, plain.width
-    for link in (drive.link, drive.on):
-        if link != names[GROUND] and link not in [plate.name for plate in plain.plates]:
-            raise FieldError("/drive/link", f"an end is on the {link}, which is no plate: it is not arranged")
+    for name in (drive.link, drive.on):
+        if name != names[GROUND] and name not in [plate.name for plate in plain.plates]:
+            raise FieldError("/drive/link", f"an end is on the {name}, which is no plate: it is not arranged")
     link, on = names.index(drive.link), names.index(drive.on)
     pin = drive.pin + plain.body_at if drive.link == BODY else drive.pin
     still = plain.movement.bodies(np.zeros(1))

@@ -132,7 +132,7 @@ class Limits:
         Form(
             "box",
             "sliders",
-            "A box for both ends of the used travel of every rail, which also lies in the boxes of pivots: xmin, ymin, xmax, ymax.",
+            "A box for both ends of the used travel of every rail, beside the boxes of pivots: xmin, ymin, xmax, ymax.",
         ),
     ] = None
     cylinder_dead_length: Annotated[
@@ -344,7 +344,7 @@ def practical_limits(samples: Samples, given: dict[str, Any]) -> dict[str, Any]:
             None if given.keys() & {name, f"{name}_box", "pivot_box", "envelope"} else far
             for name in ("pivot_a", "pivot_b")
         ]
-        asked["pivot_reach"] = Reach(middle, *places, arm)
+        asked["pivot_reach"] = Reach(middle, places[0], places[1], arm)
     lengths = [one for one in given.get("links", ()) if one is not None]
     if lengths:
         asked["link_ratio_max"] = max(LINK_RATIO, max(lengths) / min(lengths))
@@ -354,8 +354,8 @@ def practical_limits(samples: Samples, given: dict[str, Any]) -> dict[str, Any]:
 def _possible_lengths(given: dict[str, Any]) -> list[float]:
     """Return lengths that the limits of a request leave its links: the shortest one is no shorter than they require."""
     found = [given.get("link_max", np.inf), *(one for one in given.get("links", ()) if one is not None)]
-    if None not in (ends := [given.get(name) for name in ("pivot_a", "pivot_b")]):
-        found.append(abs(ends[1] - ends[0]))
+    if "pivot_a" in given and "pivot_b" in given:
+        found.append(abs(given["pivot_b"] - given["pivot_a"]))
     if box := _common([given.get("pivot_box"), given.get("envelope")]):
         left, low, right, high = box
         # half of the longest ground that the box allows leaves a search room

@@ -84,7 +84,9 @@ def parts_to_plates(solids: Solids, kerf: float = 0.0) -> str:
         if part.kind in ("plate", "board", "washer", "head"):
             hole = part.prism.holes[0]
             if any(not one.radius > kerf / 2 for one in part.prism.holes):
-                raise FieldError("/assembly/kerf", f"leaves nothing of a hole of {2 * hole.radius:g} mm in {part.name}")
+                raise FieldError(
+                    "/assembly/kerf", f"leaves nothing of a hole of {2 * hole.radius:g} mm in {part.name}"
+                )
             rim = float(min(abs(corner - hole.centre) for corner in part.prism.corners)) - hole.radius
             word = hole.centre + complex(1.1 * hole.radius, -0.3 * rim)
             drawn.append(_Drawn(part.name.upper(), part.prism.grown(kerf / 2), word, 0.6 * rim))

@@ -1,13 +1,14 @@
 """A drive that was asked for is in every file that can hold it, with the arm that carries its pin.
 
-Bugs that these tests would catch: files that are the same with and without `drives`, a cylinder whose rod ends in the air, and STEP,
-plates and a parts list that drop the cylinder.
+Bugs that these tests would catch: files that are the same with and without `drives`, a cylinder whose rod ends in the air, and
+STEP, plates and a parts list that drop the cylinder.
 """
 
 import csv
 import io
 import json
 import re
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,13 @@ CASEMENT = la.FourBar(
 ANGLES = [0.0, -10.0, -20.0, -33.7138]
 KINDS: dict[str, tuple[dict[str, Any], list[str]]] = {
     "cylinder": (
-        {"kind": "actuator", "retracted": 255, "stroke": 150, "links": ["coupler"], "ground_box": [-100, -250, 400, 150]},
+        {
+            "kind": "actuator",
+            "retracted": 255,
+            "stroke": 150,
+            "links": ["coupler"],
+            "ground_box": [-100, -250, 400, 150],
+        },
         ["cylinder", "piston_rod"],
     ),
     "between links": ({"kind": "actuator", "links": ["rocker"], "on": "crank"}, ["cylinder", "piston_rod"]),
@@ -61,7 +68,9 @@ def test_every_file_holds_the_drive(name: str) -> None:
     assert "drive_ground_x" in linkage.file("csv", drive=drive).decode().splitlines()[0] and "drive" not in plain
     for kind in ("svg", "dxf"):
         assert b"DRIVE" in linkage.file(kind, drive=drive).upper()
-    listed = [row["name"] for row in csv.DictReader(io.StringIO(linkage.file("parts", drive=drive, **anyway).decode()))]
+    listed = [
+        row["name"] for row in csv.DictReader(io.StringIO(linkage.file("parts", drive=drive, **anyway).decode()))
+    ]
     assert set(parts) <= set(listed)
     if name != "hinge":
         step = linkage.file("step", drive=drive, **anyway).decode()
@@ -123,8 +132,11 @@ def test_a_free_assembly_with_a_cylinder_does_not_touch(seed: int) -> None:
         outlines = {}
         for plate in machine.plates:
             core = np.array([*plate.shape.core, plate.shape.core[0]])
-            points = np.concatenate([np.linspace(a, b, 60) for a, b in zip(core[:-1], core[1:])])
-            outlines[plate.name] = bodies.origin[plate.body, 0] + bodies.direction[plate.body, 0] * points, plate.shape.radius
+            points = np.concatenate([np.linspace(a, b, 60) for a, b in pairwise(core.tolist())])
+            outlines[plate.name] = (
+                bodies.origin[plate.body, 0] + bodies.direction[plate.body, 0] * points,
+                plate.shape.radius,
+            )
         for one, (points, radius) in outlines.items():
             for other, (others, wide) in outlines.items():
                 pair = {one, other}
@@ -159,7 +171,9 @@ def test_a_drive_of_the_request_is_in_its_files(client: TestClient, run: Any, tm
     given = tmp_path / "request.json"
     given.write_text(json.dumps(REQUEST))
     for ending in ("csv", "step"):
-        code, _, error = run("export", given, "--out", tmp_path / f"it.{ending}", "--nevertheless" if ending == "step" else "--rank=1")
+        code, _, error = run(
+            "export", given, "--out", tmp_path / f"it.{ending}", "--nevertheless" if ending == "step" else "--rank=1"
+        )
         assert code == 0, error
     assert "drive_pin_x" in (tmp_path / "it.csv").read_text()
     assert re.search("'cylinder'", (tmp_path / "it.step").read_text())

@@ -62,7 +62,8 @@ def test_default_sizes_are_standard_ones_as_made(
 
 
 @pytest.mark.parametrize(
-    "settings", [{}, {"hole": 5, "width": 14, "thickness": 4}, {"scale": 0.5}, {"hole": 6, "width": 16, "scale": 2, "kerf": 0.3}]
+    "settings",
+    [{}, {"hole": 5, "width": 14, "thickness": 4}, {"scale": 0.5}, {"hole": 6, "width": 16, "scale": 2, "kerf": 0.3}],
 )
 def test_every_file_has_the_sizes_that_were_checked(settings: dict[str, Any]) -> None:
     linkage = la.FourBar(40, 90, 80, 110, coupler_point=(50, 20))
@@ -76,7 +77,10 @@ def test_every_file_has_the_sizes_that_were_checked(settings: dict[str, Any]) ->
     assert float(crank["length"]) == pytest.approx((40 + checked.width) * scale)
     assert float(crank["thickness"]) == pytest.approx(checked.thickness * scale)
     assert linkage.solids(**settings).scale == scale
-    radii = {round(float(one), 9) for one in re.findall(r"CYLINDRICAL_SURFACE\('',#\d+,([\d.E+-]+)\)", step_of(linkage, settings))}
+    radii = {
+        round(float(one), 9)
+        for one in re.findall(r"CYLINDRICAL_SURFACE\('',#\d+,([\d.E+-]+)\)", step_of(linkage, settings))
+    }
     assert round(checked.hole * scale / 2, 9) in radii
 
 

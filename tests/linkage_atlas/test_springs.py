@@ -1,4 +1,4 @@
-"""Springs of a catalogue as a user asks for them: every pair of links is tried, and what comes back helps and behaves as asked for.
+"""Springs of a catalogue as a user asks for them: every pair of links is tried, and what comes back helps and behaves.
 
 Bugs that these tests would catch: a "best" spring that leaves more torque than none, one pair of links tried where another leaves
 a tenth as much, and a hatch that falls shut although it was to stay open.
