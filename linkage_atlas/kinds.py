@@ -46,7 +46,7 @@ NO_LEAD = "no four-bar goes this way, whose rotations linkages with sliders begi
 ROUND_AGAIN = (
     "sliders and cylinders would have to turn back on a closed way: only drives that turn fully are answered"
 )
-OUTSIDE_BOX = "left out, for none was found whose pivots, used travel of rails and pins of slots lie in the box for the pivots: {}"
+OUTSIDE_BOX = "left out, for none was found whose pivots, used travel of rails and pins of slots lie in the box of the pivots: {}"
 _PIVOT_BOXES = ("pivot_box", "pivot_a_box", "pivot_b_box")
 NO_TIME = "the time was up before linkages with sliders were searched for"
 _FOUR_BARS = 0.4
