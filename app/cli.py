@@ -240,11 +240,15 @@ _FIELDS = {
     "--no-preset": "limits.preset=none",
     "--fit": "solids.fit",
     "--material": "solids.material",
-    "--scale": "solids.scale",
     "--nevertheless": "solids.nevertheless=true",
     "--boards": "assembly.boards",
     "--heads": "assembly.heads=true",
+    "--hole": "assembly.hole",
+    "--width": "assembly.width",
     "--thickness": "assembly.thickness",
+    "--clearance": "assembly.clearance",
+    "--kerf": "assembly.kerf",
+    "--scale": "assembly.scale",
 }
 """Options that set a field of the request, or set it to a value."""
 

@@ -162,6 +162,10 @@ def examples() -> list[dict[str, Any]]:
     ]
 
 
+UNUSED = {"verdict": ("buildable", "assembly"), "mount": ("L_B", "beta")}
+"""Fields of a solution that the page does not read before it has looked for layers."""
+
+
 def rounded(value: Any) -> Any:
     """A part of a reply with numbers of `DIGITS` digits."""
     if isinstance(value, float):
@@ -176,6 +180,8 @@ def stored(reply: dict[str, Any]) -> dict[str, Any]:
     solutions = [{name: one.get(name) for name in SHOWN} for one in reply["solutions"][:STORED]]
     for one in solutions:
         one["determination"] = {name: one["determination"][name] for name in ("ill_posed", "at_limits")}
+        for part, names in UNUSED.items():
+            one[part] = {name: value for name, value in one[part].items() if name not in names}
     report = {name: reply["report"][name] for name in REPORTED}
     report["elapsed_ms"] = {"total": round(report["elapsed_ms"]["total"])}
     report["trace"] = [[round(ms), float(f"{objective:.4g}")] for ms, objective in report["trace"]]

@@ -146,8 +146,8 @@ class Verdict(Record):
     """Every sample keeps the tolerances; null without any."""
     practical: bool
     """No practical limit is broken; what the request limits itself is judged by its own limit."""
-    buildable: bool
-    """`practical`, and where an assembly was asked for, it is free."""
+    buildable: bool | None
+    """`practical`, and an assembly was found whose parts pass one another; null until an assembly was checked."""
     reasons: tuple[str, ...]
     """A sentence for everything that is amiss; samples count from 1."""
     assembly: Assembly | None = None
@@ -826,8 +826,8 @@ def _with_assembly(
             why = [f"layers were not looked for: {error}"]
         except OutOfTime:
             why = ["layers were not looked for: the time was up"]
-    free = found is not None and found.free
-    return replace(verdict, assembly=found, buildable=verdict.practical and free, reasons=(*verdict.reasons, *why))
+    buildable = None if found is None else verdict.practical and found.free
+    return replace(verdict, assembly=found, buildable=buildable, reasons=(*verdict.reasons, *why))
 
 
 def _judged(passage: Passing, motion: Motion, linkage: Any, faults: Sequence[str], turns: bool = True) -> Verdict:
@@ -850,7 +850,7 @@ def verdict_of(passage: Passing, within: bool | None, reasons: Sequence[str], pr
         circuit=passage.circuit,
         within_tolerance=within,
         practical=practical,
-        buildable=practical,
+        buildable=None,
         reasons=tuple(reasons),
     )
 

@@ -10,11 +10,12 @@ from typing import Annotated, Any, Literal, NamedTuple, TypedDict
 import numpy as np
 
 from linkage_atlas.arguments import box, check_names, flag, number, one_of, pair, pointing, whole_number
+from linkage_atlas.part_settings import PART_SETTINGS, PartSettings
 from linkage_atlas.records import KEPT, Record
 from synthesis.assembly import layers
 from synthesis.assembly.gaps import crosses_itself, signed_area
 from synthesis.assembly.layers import BOARDS, BOTH, ENVELOPE, Arrangement, Asked, Heights, arrange, outside, parts_of
-from synthesis.assembly.machine import Machine, Sizes, as_plates, motor_driven
+from synthesis.assembly.machine import Machine, Sizes, Strut, as_plates, motor_driven, strut_driven
 from synthesis.drives.six_bar import Motor
 from synthesis.errors import FieldError
 from synthesis.fourbar.files import check_sizes
@@ -25,11 +26,7 @@ from synthesis.target import MAX_LENGTH, Interval
 from synthesis.work import Work
 
 ASSEMBLY = (
-    "width",
-    "hole",
-    "thickness",
-    "washer",
-    "clearance",
+    *PART_SETTINGS,
     "boards",
     "heads",
     "body",
@@ -46,8 +43,8 @@ LAYERS_MOST, MOST_LAYERS = 6, 8
 """Layers that are tried unless a request says so, and at most."""
 MOUNTS = (layers.BELOW, layers.ABOVE, BOTH)
 """How a fixed pin may be held."""
-FIXED_PINS = ("A", "B", "M", "A1", "A2", "B1", "B2")
-"""Pins that stand in the ground: of links on circles and of slots, of a motor, and the posts of rails."""
+FIXED_PINS = ("A", "B", "M", "G", "A1", "A2", "B1", "B2")
+"""Pins that stand in the ground: of links on circles and of slots, of a motor or a cylinder, and the posts of rails."""
 MOST_TOLD = 5
 """Places outside of the envelope, or in boxes, that sentences name."""
 SHARES = (1.0, 0.5, 0.25, 0.125, 0.0625)
@@ -197,6 +194,12 @@ class Assembly(Record):
     """Plates and pins in radians."""
     arrangement: Arrangement = field(metadata=KEPT, repr=False)
     """What was found, in radians."""
+    settings: PartSettings = field(metadata=KEPT, repr=False)
+    """All sizes, the defaults filled in."""
+    given: PartSettings = field(metadata=KEPT, repr=False)
+    """The sizes of the request."""
+    driven_hinge: str = field(default="", metadata=KEPT, repr=False)
+    """The link with a drive in its hinge, where one was asked for."""
 
     @property
     def free(self) -> bool:
@@ -207,14 +210,13 @@ class Assembly(Record):
 class AskedAssembly(NamedTuple):
     """What is asked of an assembly, checked."""
 
-    sizes: Sizes
-    thickness: float | None
-    washer: float | None
+    settings: PartSettings
     body: tuple[complex, ...]
     arranged: Asked
     envelope: Box | None = None
     keep_out: tuple[Box, ...] = ()
-    motor: Motor | None = None
+    drive: Motor | Strut | str | None = None
+    """A motor with its rod, a cylinder or a knee; of a drive in a hinge its link."""
 
     def within(self, envelope: Box | None, keep_out: Sequence[Box]) -> AskedAssembly:
         """With the boxes of a request's limits, where it has none of its own."""
@@ -237,50 +239,64 @@ def read_assembly(given: Mapping[str, Any] | bool, where: str = "assembly/") -> 
         raise FieldError(f"/{where.rstrip('/')}", f"wanted true, or a mapping of {', '.join(ASSEMBLY)}")
     check_names(f"/{where}".rstrip("/"), given, ASSEMBLY)
     values = dict.fromkeys(ASSEMBLY) | {name: value for name, value in given.items() if value is not None}
-    lengths = {name: _length(f"{where}{name}", values[name], name) for name in ASSEMBLY[:5]}
     boards = one_of(f"{where}boards", values["boards"] or "below", BOARDS)
     most = LAYERS_MOST if values["layers_most"] is None else values["layers_most"]
     most = whole_number(f"{where}layers_most", most, 1, MOST_LAYERS)
     heads = flag(f"{where}heads", values["heads"])
     return AskedAssembly(
-        Sizes(lengths["hole"], lengths["width"], lengths["clearance"]),
-        lengths["thickness"],
-        lengths["washer"],
+        PartSettings.read(values, where),
         () if values["body"] is None else _outline(f"{where}body", values["body"]),
         Asked(boards, heads, most, _mounts(f"{where}mounts", values["mounts"], boards)),
         None if values["envelope"] is None else box(f"{where}envelope", values["envelope"]),
         tuple(box(f"{where}keep_out/{k}", one) for k, one in enumerate(values["keep_out"] or ())),
-        None if values["drive"] is None else _motor(f"{where}drive", values["drive"]),
+        None if values["drive"] is None else read_drive(f"{where}drive", values["drive"]),
     )
 
 
-def _motor(name: str, given: Any) -> Motor:
-    """A motor with a rod, as a reply of drives has it."""
+def read_drive(name: str, given: Any) -> Motor | Strut | str:
+    """Read a drive as a reply has it, whose parts are arranged with the linkage; of a drive in a hinge its link."""
 
     def of(one: Any, part: str) -> Any:
         return one.get(part) if isinstance(one, Mapping) else getattr(one, part, None)
 
-    if of(given, "kind") != "dyad" or of(given, "six_bar") is None:
-        raise FieldError(
-            f"/{name}", "wanted a drive of kind dyad as a reply has it, with its motor, pin_on_link and six_bar"
-        )
+    def length(one: Any, part: str, at: str = "") -> float:
+        found = _length(f"{name}/{at}{part}", of(one, part))
+        if found is None:
+            raise FieldError(f"/{name}/{at}{part}", "needed: give the drive as a reply has it")
+        return found
+
+    kind = one_of(f"{name}/kind", of(given, "kind"), ("rotary", "actuator", "dyad", "toggle"))
     link = of(given, "link")
     if not isinstance(link, str):
         raise FieldError(f"/{name}/link", f"wanted the name of a link, found {link!r}")
-    place, pin = (pair(f"{name}/{part}", of(given, part), np.inf) for part in ("motor", "pin_on_link"))
-    crank, rod = (
-        _length(f"{name}/six_bar/{part}", of(of(given, "six_bar"), part), part) for part in ("crank", "coupler")
+    if kind == "rotary":
+        return link
+    pin = pair(f"{name}/pin_on_link", of(given, "pin_on_link"), np.inf)
+    if kind == "dyad":
+        place, bar = pair(f"{name}/motor", of(given, "motor"), np.inf), of(given, "six_bar")
+        return Motor(link, place, length(bar, "crank", "six_bar/"), length(bar, "coupler", "six_bar/"), pin)
+    end, on = pair(f"{name}/ground_point", of(given, "ground_point"), np.inf), of(given, "on") or "ground"
+    if kind == "actuator":
+        return Strut(link, on, pin, end, (length(given, "retracted"), length(given, "stroke")))
+    lock, knee = of(given, "lock"), of(of(given, "curve"), "knee")
+    if knee is None or len(knee) == 0:
+        raise FieldError(f"/{name}/curve/knee", "needed: give the drive as a reply has it")
+    top, other = (
+        pair(f"{name}/{at}", value, np.inf) for at, value in (("curve/knee/0", knee[0]), ("pin", of(given, "pin")))
     )
-    if crank is None or rod is None:
-        raise FieldError(f"/{name}/six_bar", "wanted crank and coupler")
-    return Motor(link, place, crank, rod, pin)
+    side = np.sign(np.imag(np.conj(other - end) * (top - end)))
+    # the end that is locked is bent the other way than all others
+    side = side if of(given, "extends") in (True, None) else -side
+    return Strut(
+        link, "ground", pin, end, (length(lock, "handle", "lock/"), length(lock, "strut", "lock/")), int(side) or 1
+    )
 
 
-def _length(name: str, value: Any, kind: str) -> float | None:
+def _length(name: str, value: Any) -> float | None:
     if value is None:
         return None
     found = number(name, value, 0.0)
-    if not found > 0 and kind not in ("clearance", "washer"):
+    if not found > 0:
         raise FieldError(f"/{name}", f"wanted a length above 0, found {found:g}")
     return found
 
@@ -324,29 +340,39 @@ def _outline(name: str, given: Any) -> tuple[complex, ...]:
 def machine_of(
     linkage: Linkage | GuidedLinkage, asked: AskedAssembly, used: Interval, where: str = "assembly/"
 ) -> Machine:
-    """Plates and pins of a linkage with the sizes that are asked for. FieldError where they leave no material.
+    """Return plates and pins of a linkage with the sizes that are asked for, and with standard sizes by default.
 
-    Where the default hole leaves none beside what is asked for, the largest of `SHARES` of it does that leaves some.
+    Where the default hole leaves no material beside what is asked for, the largest of `SHARES` of it does that leaves some.
+    Raises `FieldError` where none does.
     """
     if asked.body and isinstance(linkage, Linkage) and not linkage.mounted:
         raise FieldError(f"/{where}body", "needs `position`: without it nothing says where the body is")
     for share in SHARES:
         try:
-            return _machine(linkage, asked._replace(sizes=asked.sizes._replace(share=share)), used, where)
+            return _machine(linkage, asked, share, used, where)
         except FieldError as error:
-            if asked.sizes.hole is not None or error.field not in (f"/{where}body", f"/{where}hole"):
+            if asked.settings.hole is not None or error.field not in (f"/{where}body", f"/{where}hole"):
                 raise
             refused = error
     raise refused
 
 
-def _machine(linkage: Linkage | GuidedLinkage, asked: AskedAssembly, used: Interval, where: str) -> Machine:
+def _machine(
+    linkage: Linkage | GuidedLinkage, asked: AskedAssembly, share: float, used: Interval, where: str
+) -> Machine:
     bar = asked.arranged.boards == "bar"
+
+    def made(sizes: Sizes, body: Sequence[complex]) -> Machine:
+        if isinstance(asked.drive, Motor):
+            return motor_driven(linkage, used, asked.drive, sizes, body, bar)
+        if isinstance(asked.drive, Strut):
+            return strut_driven(linkage, used, asked.drive, sizes, body, bar)
+        return as_plates(linkage, used, sizes, body, bar)
+
     with pointing(lambda field: f"/{where}{field.lstrip('/')}" if field.startswith(("/drive", "/body")) else field):
-        if asked.motor is not None:
-            machine = motor_driven(linkage, used, asked.motor, asked.sizes, asked.body, bar)
-        else:
-            machine = as_plates(linkage, used, asked.sizes, asked.body, bar)
+        rough = made(asked.settings.sizes._replace(share=share), ())
+        whole = asked.settings.completed(rough.hole, rough.width, rough.clearance)
+        machine = made(whole.sizes, asked.body)
     check_sizes(machine.lengths, machine.hole, machine.width, f"/{where}".rstrip("/"))
     fixed = [pin.name for pin in machine.pins if pin.grounded]
     for pin in asked.arranged.mounts:
@@ -406,7 +432,8 @@ def described(
     machine: Machine, asked: AskedAssembly, found: Arrangement, reasons: list[str], unit: Reading
 ) -> Assembly:
     """What was found as a user reads it."""
-    stack, heights = found.stack, Heights.of(machine, asked.thickness, asked.washer)
+    settings = asked.settings.completed(machine.hole, machine.width, machine.clearance)
+    stack, heights = found.stack, Heights.of(machine, settings.thickness, settings.washer)
     names = machine.movement.names
     return Assembly(
         status=found.status,
@@ -450,6 +477,9 @@ def described(
         reasons=reasons,
         machine=machine,
         arrangement=found,
+        settings=settings,
+        given=asked.settings,
+        driven_hinge=asked.drive if isinstance(asked.drive, str) else "",
     )
 
 

@@ -911,7 +911,7 @@ def _measure(prefer: Prefer, motion: Motion, limits: Limits) -> _Measure:
             limits,
             link_max=min(links),
             coupler_radius_max=min(radii),
-            pivot_reach=Reach(middle, places[0], places[1]),
+            pivot_reach=Reach(middle, places[0], places[1], None if reach is None else reach.body),
         )
 
     def straighter(minus: float) -> tuple[Motion, Limits]:

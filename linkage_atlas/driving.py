@@ -21,6 +21,7 @@ from linkage_atlas.arguments import (
     check_names,
     check_top,
     column,
+    flag,
     known_fields,
     millimetres_in,
     number,
@@ -75,12 +76,14 @@ from synthesis.drives.six_bar import (
 )
 from synthesis.drives.six_bar import SixBar as Swung
 from synthesis.drives.springs import (
+    Behaviour,
     Fitted,
     Room,
     best_pair,
     best_spring,
     fitted,
     one_spring,
+    pairs_of,
     potential_of,
     springs_on_pendulums,
     two_springs,
@@ -114,9 +117,14 @@ _DRIVE_FIELDS: dict[str, tuple[str, ...]] = {
     "dyad": ("links", "time_ratio", "motor_box", "pin_radius", "reach_max", "transmission_angle_min"),
     "toggle": ("links", "at", "over_centre", "knee", "ground_box", "reach_max", "arm_min"),
 }  # fmt: skip
-_SPRING_FIELDS = ("between", "catalogue", "stiffness", "ground_box", "reach_max", "clear")
+_SPRING_FIELDS = (
+    "between", "catalogue", "stiffness", "ground_box", "reach_max", "clear", "holds", "hand_force_max",
+)  # fmt: skip
+_HOLDS_AT = ("closed", "open")
+"""The first and the last position of a linkage that springs are to hold."""
 _ABOVE_ZERO = (
-    "retracted", "stroke", "reach_max", "pin_radius", "time_ratio", "pressure", "rod", "stiffness", "clear"
+    "retracted", "stroke", "reach_max", "pin_radius", "time_ratio", "pressure", "rod", "stiffness", "clear",
+    "hand_force_max",
 )  # fmt: skip
 _STEEL = 210_000.0
 """Newtons a square millimetre, of a rod that buckles."""
@@ -128,6 +136,12 @@ _OVER_CENTRE = 5.0
 """Degrees by which a knee goes beyond its line, where nothing is said."""
 _DWELL = 0.01
 """Part of the way within which a linkage counts as standing still at its end."""
+_HELPS = 0.5
+"""Largest part of the rms torque that a spring of a catalogue may leave."""
+_CARRIES_ALONE = 0.1
+"""Part of the rms torque up to which one spring is enough where two are possible."""
+_HOLD_MARGIN = 0.02
+"""Torque with which an end that holds is pressed onto its stop, as a part of the peak torque without springs."""
 _STOPS = {
     "rotary": "two stops, or position control",
     "actuator": "none: its own ends of stroke are the ends of the way",
@@ -337,6 +351,15 @@ class SpringCurve(NamedTuple):
     """(n, 2, 2): where its ends are."""
 
 
+class Holds(NamedTuple):
+    """Whether the linkage rests on its stop at both ends, without a drive and without friction."""
+
+    closed: bool
+    """At the first position."""
+    open: bool
+    """At the last position."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Spring(Record):
     """A spring at its place. Those with the same `set` work together."""
@@ -363,6 +386,10 @@ class Spring(Record):
     """Of a four-bar, with all springs of the set and the rest of the torque at the crank."""
     stays: str
     """What the linkage does by itself at both ends, without friction."""
+    holds: Annotated[Holds, Holds]
+    """The same for each end."""
+    hand_force_max: float | None = None
+    """Largest absolute force of a hand over the motion; null without `hand` or `hand_force_max`."""
     curve: SpringCurve
 
 
@@ -461,7 +488,8 @@ def drives(
         ``gravity`` [gx, gy] (default [0, -9.81]); ``speed``, at which the crank turns steadily: then masses resist. Without a
         load the largest least moment arm counts.
     springs : sequence of mapping
-        Each with its ``kind``, "tension" or "gas", and ``between``, two links or the ground.
+        Each with its ``kind``, "tension" or "gas", and its wishes by name, see docs/drives.md: ``between``, two links or
+        the ground (default: the best of all pairs); ``holds``, {"open": True, "closed": True}; ``hand_force_max``.
     motion : Motion, optional
         What the linkage answers; default: its own.
     crank_angle : array_like, shape (n,), optional
@@ -840,7 +868,19 @@ def _spring(at: str, given: Mapping[str, Any], machine: LinkMotions, millimetres
         if isinstance(both, str) or len(both) != 2 or both[0] == both[1] or any(one not in names for one in both):
             raise FieldError(f"/{at}/between", f"wanted two different ones of {', '.join(names)}")
         wish["between"] = (both[1], both[0]) if both[1] == GROUND else (both[0], both[1])
-    if kind == "gas" or "catalogue" in wish:
+    real = kind == "gas" or "catalogue" in wish
+    for name in ("holds", "hand_force_max"):
+        if name in wish and not real:
+            raise FieldError(
+                f"/{at}/{name}",
+                "needs springs of a `catalogue`: ideal springs balance the load at every position, so that it stays anywhere",
+            )
+    if "holds" in wish:
+        known_fields(f"{at}/holds", wish["holds"], _HOLDS_AT)
+        wish["holds"] = {name: flag(f"{at}/holds/{name}", wish["holds"].get(name)) for name in _HOLDS_AT}
+    if "hand_force_max" in wish and machine.body is None:
+        raise FieldError(f"/{at}/hand_force_max", "needs `position`: without it there is no body for a hand to move")
+    if real:
         wish["kinds"] = read_springs(f"{at}/catalogue", wish.get("catalogue"), kind, millimetres)
         if "stiffness" in wish:
             raise FieldError(f"/{at}/stiffness", "of ideal springs, which need no catalogue")
@@ -1387,28 +1427,83 @@ class _Search:
         if not self.loaded:
             self.refuse(kind, words, "there is no load to balance")
             return
-        found: Fitted | str
-        if "kinds" in wish:
-            room = Room(
-                wish.get("ground_box", self.box),
-                float(wish.get("reach_max", self.machine.extent)),
-                float(wish.get("clear", 0.05 * self.machine.extent)),
-            )
-            pivoted = [name for name, one in self.machine.links.items() if one.pivot is not None]
-            if between is None and not pivoted:
-                found = "no link turns about a fixed pivot: say in `between` where the spring is to be"
-            elif between is None and len(pivoted) > 1:
-                pairs = [(GROUND, name) for name in pivoted[:2]]
-                found = best_pair(self.machine, self.torque, pairs, wish["kinds"], room, self.work)
-            else:
-                pair = between or (GROUND, pivoted[0])
-                found = best_spring(self.machine, self.torque, pair, wish["kinds"], room, self.work)
-        else:
-            found = self._ideal(between, wish.get("stiffness"))
+        found = self._bought(wish) if "kinds" in wish else self._ideal(between, wish.get("stiffness"))
         if isinstance(found, str):
             self.refuse(kind, words, found)
         else:
-            self._sprung(kind, number_, found, "kinds" not in wish)
+            self._sprung(kind, number_, found, "kinds" not in wish, wish)
+
+    def _bought(self, wish: Mapping[str, Any]) -> Fitted | str:
+        """Find springs of a catalogue; or say why none helps, or behaves as asked for."""
+        room = Room(
+            wish.get("ground_box", self.box),
+            float(wish.get("reach_max", self.machine.extent)),
+            float(wish.get("clear", 0.05 * self.machine.extent)),
+        )
+        behaviour, kinds, between = self._behaviour(wish), wish["kinds"], wish.get("between")
+        pairs = pairs_of(self.machine) if between is None else [between]
+        found = best_spring(self.machine, self.torque, pairs, kinds, room, self.work, behaviour)
+        pivoted = [(GROUND, name) for name, link in self.machine.links.items() if link.pivot is not None]
+        if between is None and len(pivoted) > 1 and not self.work.expired():
+            if isinstance(found, str) or not self._suffices(found, behaviour, _CARRIES_ALONE):
+                two = best_pair(self.machine, self.torque, pivoted[:2], kinds, room, self.work, behaviour)
+                if not isinstance(two, str) and (isinstance(found, str) or self._better(two, found, behaviour)):
+                    found = two
+        if isinstance(found, str) or self._suffices(found, behaviour, _HELPS):
+            return found
+        return self._no_help(found, behaviour)
+
+    def _behaviour(self, wish: Mapping[str, Any]) -> Behaviour | None:
+        """Read the limits that an entry of `springs` sets on the torque with its springs."""
+        holds, force = wish.get("holds", {}), wish.get("hand_force_max")
+        if not any(holds.values()) and force is None:
+            return None
+        return Behaviour(
+            self.machine.sense,
+            _HOLD_MARGIN * float(np.abs(self.torque).max()),
+            bool(holds.get("closed")),
+            bool(holds.get("open")),
+            None if force is None else force * np.abs(self._hand_speed()),
+        )
+
+    def _hand_speed(self) -> Complexes:
+        """Return the velocity of the hand's place, by default the body point, per unit of the drive's coordinate."""
+        body = self.machine.body
+        assert body is not None
+        return body.speed(0j if self.asked.hand is None else body.point_at(self.asked.hand))
+
+    def _lacks(self, found: Fitted, behaviour: Behaviour | None) -> float:
+        """Return by which torque springs violate a behaviour; 0 up to rounding."""
+        lacks = 0.0 if behaviour is None else float(behaviour.violation(found.torque))
+        return lacks if lacks > 1e-5 * float(np.abs(self.torque).max()) else 0.0
+
+    def _suffices(self, found: Fitted, behaviour: Behaviour | None, share: float) -> bool:
+        """Check that springs behave as asked for, or without a behaviour that they leave at most a part of the torque."""
+        if behaviour is not None:
+            return self._lacks(found, behaviour) == 0
+        return found.rms <= share * _size(self.torque).rms
+
+    def _better(self, one: Fitted, other: Fitted, behaviour: Behaviour | None) -> bool:
+        return (self._lacks(one, behaviour), one.rms) < (self._lacks(other, behaviour), other.rms)
+
+    def _no_help(self, found: Fitted, behaviour: Behaviour | None) -> str:
+        """Say what the best springs leave."""
+        where = " and ".join(
+            f"{kind.name if kind else 'spring'} from {spring.between[0]} to {spring.between[1]}"
+            for kind, spring in zip(found.kinds, found.springs)
+        )
+        if behaviour is None:
+            share = 100 * found.rms / _size(self.torque).rms
+            return f"the best ({where}) leaves {share:.3g} % of the rms torque: a spring is returned if it leaves at most half"
+        wrong = []
+        first, last = found.torque[[0, -1]] * self.machine.sense
+        if behaviour.holds_first and first < behaviour.margin:
+            wrong.append("does not hold the first position (closed)")
+        if behaviour.holds_last and -last < behaviour.margin:
+            wrong.append("does not hold the last position (open)")
+        if behaviour.torque_max is not None and np.any(np.abs(found.torque) > behaviour.torque_max):
+            wrong.append(f"needs a hand force of {np.abs(found.torque / self._hand_speed()).max():.4g}")
+        return f"no spring of the catalogue behaves so: the nearest ({where}) {' and '.join(wrong)}"
 
     def _ideal(self, between: tuple[str, str] | None, stiffness: float | None) -> Fitted | str:
         """Springs of zero free length that balance in every position, or why there are none."""
@@ -1449,15 +1544,19 @@ class _Search:
             return f"one spring between {between[0]} and {between[1]} does not balance this load; {where} do: leave `between`"
         return fitted(self.machine, self.torque, springs)
 
-    def _sprung(self, kind: Any, number_: int, found: Fitted, exact: bool) -> None:
+    def _sprung(self, kind: Any, number_: int, found: Fitted, exact: bool, wish: Mapping[str, Any]) -> None:
         sizes = BeforeAfter(_size(self.torque), _size(found.torque))
+        if found.rms > _HELPS * sizes.before.rms:
+            share = 100 * found.rms / sizes.before.rms
+            self.notes.append(
+                f"springs of set {number_} behave as asked for, but leave {share:.3g} % of the rms torque of the drive"
+            )
         hand = None
-        body = self.machine.body
-        if self.asked.hand is not None and body is not None:
-            speed = body.speed(body.point_at(self.asked.hand))
-            hand = found.torque / np.abs(speed) * self.machine.sense
+        if self.machine.body is not None and (self.asked.hand is not None or "hand_force_max" in wish):
+            hand = found.torque / np.abs(self._hand_speed()) * self.machine.sense
         signs = found.torque[[0, -1]] * self.machine.sense
         quiet = 1e-9 * max(sizes.before.peak, 1e-300)
+        holds = Holds(bool(signs[0] >= -quiet), bool(signs[1] <= quiet))
         words = ["stays" if abs(one) <= quiet else "falls back" if one > 0 else "goes on" for one in signs]
         first = {"stays": "stays", "falls back": "is pressed onto its stop", "goes on": "opens by itself"}[words[0]]
         last = {"stays": "stays", "falls back": "closes by itself", "goes on": "is held open"}[words[1]]
@@ -1486,6 +1585,8 @@ class _Search:
                     exact=exact,
                     pin_forces=pins,
                     stays=f"first position: {first}; last: {last}",
+                    holds=holds,
+                    hand_force_max=None if hand is None else float(np.abs(hand).max()),
                     curve=SpringCurve(self.curve_at, length, spring.force(length), found.torque, hand, ends),
                 )
             )

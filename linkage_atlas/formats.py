@@ -32,7 +32,6 @@ FORMATS = {
 OF_PARTS = ("step", "3mf", "stl", "urdf", "sdf", "parts")
 """Kinds that are written from solid parts."""
 HELD = {
-    "plates": ("plates",),
     **dict.fromkeys(("assembly", "solids"), (*OF_PARTS, "plates", "mjcf")),
     "drive": ("csv", "svg", "dxf", "mjcf"),
 }

@@ -25,7 +25,7 @@ from synthesis.fourbar import solution as fourbar
 from synthesis.fourbar.limits import FORMS, Limits
 from synthesis.fourbar.passage import size_of
 from synthesis.free.poses import Poses
-from synthesis.free.search import go_astray, have_tiny_links
+from synthesis.free.search import go_astray
 from synthesis.guided import solution as guided
 from synthesis.guided.by_crank import BY_CRANK, linkages_by_crank
 from synthesis.guided.linkage import Driver, GuidedLinkage, Kind
@@ -43,6 +43,8 @@ NO_LEAD = "Linkages with sliders were not searched: they begin with rotations of
 ROUND_AGAIN = (
     "Only drives that turn fully were searched: sliders and cylinders would have to turn back on a closed path."
 )
+OUTSIDE_BOX = "Left out, because no such linkage has its pivots, rails and pins of slots inside the pivot box: {}."
+_PIVOT_BOXES = ("pivot_box", "pivot_a_box", "pivot_b_box")
 NO_TIME = "The time was up before linkages with sliders were searched."
 _FOUR_BARS = 0.4
 """Part of a budget that the search among four-bars takes at most, where other kinds are asked for too."""
@@ -302,6 +304,10 @@ def search_kinds(
             notes.append(ROUND_AGAIN)
     if asked.sliders and not sliders and not by_crank:
         notes.append(NO_ROTATION)
+    elif found and any(getattr(limits, name) is not None for name in _PIVOT_BOXES):
+        made = {one.linkage.kind for one in found if isinstance(one, guided.GuidedSolution)}
+        if left := [kind.value for kind in asked.sliders if kind not in made]:
+            notes.append(OUTSIDE_BOX.format(", ".join(left)))
     worst = (StoppedBy.BUDGET, StoppedBy.CONVERGED, StoppedBy.TOLERANCE)
     stopped_by = next(one.value for one in worst if one.value in stopped)
     stages = {"screen": between, "refine": work.elapsed - between}
@@ -422,7 +428,7 @@ def proportionate(found: Sequence[One], samples: Samples, tolerance: float, fair
 
 
 def _staying(found: Sequence[Found], samples: Samples, tolerance: float) -> list[Found]:
-    """Those whose body stays between samples, four-bars without a tiny link; all where no such one is near."""
+    """Return those whose body stays between samples; all if none of these is near."""
     if not isinstance(samples, Poses) or samples.position is None:
         return list(found)
     strays = strays_between(found, samples)
@@ -432,11 +438,11 @@ def _staying(found: Sequence[Found], samples: Samples, tolerance: float) -> list
 
 
 def strays_between(found: Sequence[Found], poses: Poses) -> Flags:
-    """Whether the body of each goes elsewhere between samples, or a four-bar has a tiny link, (n,)."""
+    """Check for each linkage whether the body goes elsewhere between samples, (n,)."""
     strays = np.zeros(len(found), dtype=bool)
     four_bars = [k for k, one in enumerate(found) if isinstance(one, fourbar.Solution)]
     some: list[Any] = [found[k] for k in four_bars]
-    strays[four_bars] = go_astray(some, poses) | have_tiny_links(some, poses)
+    strays[four_bars] = go_astray(some, poses)
     for k, one in enumerate(found):
         if isinstance(one, guided.GuidedSolution):
             strays[k] = guided.goes_astray(one, poses)

@@ -26,7 +26,8 @@ from linkage_atlas.arguments import (
 from linkage_atlas.assemblies import Assembly, assembled, read_assembly
 from linkage_atlas.formats import FORMATS, HELD, OF_PARTS, kind_of
 from linkage_atlas.motions import Motion
-from linkage_atlas.records import plain, plane, xy
+from linkage_atlas.part_settings import PartSettings
+from linkage_atlas.records import Record, plain, plane, xy
 from linkage_atlas.solids import SLIDES, AskedSolids, SolidParts, read_solids, solids_in, split
 from linkage_atlas.studies import (
     Analysis,
@@ -159,6 +160,10 @@ class AnyLinkage(ABC):
             Width of the plates, diameter of the pins, and the least gap of parts that pass one another.
         thickness, washer : float
             Of the plates, and of the washers between layers.
+        kerf, scale : float
+            Width of the cut, for plates to cut (0), and scale of a model (1); plays and kerf are not scaled.
+        length_unit : {"mm", "cm", "m", "in"}
+            The unit of its lengths ("mm"): default sizes are standard ones in millimetres.
         boards : {"below", "above", "both", "bar"}
             Where the fixed pins stand: in a board on either side or both, or in a bar, a plate of its own.
         heads : bool
@@ -179,9 +184,12 @@ class AnyLinkage(ABC):
         target = self.target_of(motion, crank_angle if travel is None else travel)
         return self._arranged(target, asked, work or Work(), "")
 
-    def _arranged(self, target: Target, asked: Mapping[str, Any], work: Work, where: str) -> Assembly:
+    def _arranged(
+        self, target: Target, asked: Mapping[str, Any], work: Work, where: str, length_unit: str = "mm"
+    ) -> Assembly:
         read = read_assembly(asked, where)
         assert read is not None
+        read = read._replace(settings=read.settings.in_unit(length_unit))
         return assembled(self._linkage, read, target.interval, self._radian, work, where)
 
     def solids(
@@ -209,8 +217,6 @@ class AnyLinkage(ABC):
             PETG or ABS.
         fillet : float
             Radius at the convex corners of the body's outline, in the unit of its lengths (0).
-        scale : float
-            Of a model (1); plays are not scaled.
         layout : {"assembled", "bed"}
             Where parts stand in STEP (assembled) and 3MF (beside one another on the bed) unless it says otherwise.
         nevertheless : bool
@@ -245,7 +251,7 @@ class AnyLinkage(ABC):
         where: str = "assembly/",
     ) -> SolidParts:
         assembly = {} if isinstance(assembly, bool) else assembly
-        return solids_in(self._arranged(target, assembly, work, where), solids, assembly, length_unit)
+        return solids_in(self._arranged(target, assembly, work, where, length_unit), solids, length_unit)
 
     def file(
         self,
@@ -254,11 +260,10 @@ class AnyLinkage(ABC):
         length_unit: str | None = None,
         crank_angle: ArrayLike | None = None,
         analysis: Mapping[str, Any] | None = None,
-        plates: Mapping[str, float] | None = None,
         assembly: Mapping[str, Any] | bool | None = None,
         solids: Mapping[str, Any] | None = None,
         work: Work | None = None,
-        drive: Mapping[str, Any] | None = None,
+        drive: Mapping[str, Any] | Record | None = None,
         *,
         travel: ArrayLike | None = None,
     ) -> bytes:
@@ -276,21 +281,21 @@ class AnyLinkage(ABC):
             Of a motion whose timing is free: crank angles, or the place of a drive that slides, from the first sample on.
         analysis : mapping, optional
             ``crank_speed`` and ``load`` as of `analysis`: further columns of a CSV file.
-        plates : mapping, optional
-            ``hole``, the diameter of the holes, and ``width`` of the plates, for a DXF of the links of a four-bar alone.
         assembly, solids : mapping, optional
             How its parts are arranged (True: by default) and made, as of `assembly` and `solids`: for STEP and what follows it
             above, the masses in an MJCF file, and a DXF of all flat parts in place of the links alone.
         work : Work, optional
             Asked whether the answer is still wanted.
         drive : mapping, optional
-            A drive of `linkage_atlas.drives` as plain values: further columns of a CSV file, a layer of a DXF file, and the drive
-            of an MJCF model.
+            A drive of `linkage_atlas.drives`, or its plain values: further columns of a CSV file, lines of a drawing, the drive
+            of an MJCF model, and of files of parts a motor and its rod or a cylinder, with the arm that carries its pin.
         """
         one_of("kind", kind, FORMATS)
-        check_held(kind, plates=plates, assembly=assembly, solids=solids, drive=drive)
+        if isinstance(drive, Record):
+            drive = drive.to_dict()
+        check_held(kind, assembly=assembly, solids=solids, drive=drive)
         target = self.target_of(motion, crank_angle if travel is None else travel)
-        assembly, drive = with_motor(kind, assembly, drive)
+        assembly, drive = with_drive(kind, assembly, drive)
         arranged = bool(assembly or solids)
         made = read_solids(solids or {})
         unit = self.unit_for(motion, length_unit)
@@ -302,7 +307,7 @@ class AnyLinkage(ABC):
             asked = made._replace(nevertheless=True) if nevertheless else made
             return self._solids(target, assembly or {}, asked, unit or "mm", work or Work())
 
-        return content_of(self._linkage, target, self._radian, kind, unit, analysis, drive, parts, plates, arranged)
+        return content_of(self._linkage, target, self._radian, kind, unit, analysis, drive, parts, arranged)
 
     def unit_for(self, motion: Motion | None, length_unit: str | None) -> str | None:
         """Return the unit of lengths that is given, or that of the motion or of the linkage; None if it is unknown."""
@@ -320,11 +325,14 @@ class AnyLinkage(ABC):
 
         .csv, .svg, .dxf, .xml (MJCF, also .mjcf), of a four-bar .pylinkage.json; of its parts .step, .3mf, .stl.zip, .parts.csv,
         .plates.dxf, and where all joints turn .urdf and .sdf, for which ``asked`` are arguments as of `FourBar.solids`.
+        ``drive``: as of `file`.
         """
         path = Path(path)
+        drive = asked.pop("drive", None)
         of_assembly, of_solids = split(asked)
         kind = kind_of(path.name)
-        path.write_bytes(self.file(kind, length_unit=length_unit, assembly=of_assembly, solids=of_solids))
+        more = {} if drive is None else {"drive": drive}
+        path.write_bytes(self.file(kind, length_unit=length_unit, assembly=of_assembly, solids=of_solids, **more))
 
     def _default_motion(self) -> Target:
         """What it is drawn over: the motion that it answers, or a whole turn."""
@@ -1092,7 +1100,7 @@ def check_format(kind: str, mechanisms: Sequence[str]) -> None:
 
 def check_held(kind: str, **given: Any) -> None:
     """FieldError for what a file of a kind does not hold."""
-    given["assembly"], given["drive"] = with_motor(kind, given["assembly"], given["drive"])
+    given["assembly"], given["drive"] = with_drive(kind, given["assembly"], given["drive"])
     for name, kinds in HELD.items():
         if given[name] and kind not in kinds:
             raise FieldError(f"/{name}", f"a file of the kind {kind!r} holds none: ask for {' or '.join(kinds)}")
@@ -1107,7 +1115,6 @@ def content_of(
     analysis: Mapping[str, Any] | None,
     drive: Mapping[str, Any] | None,
     parts: Callable[[bool], Any] | None = None,
-    plates: Mapping[str, Any] | None = None,
     arranged: bool = False,
     more: Mapping[str, Any] | None = None,
 ) -> bytes:
@@ -1140,15 +1147,14 @@ def content_of(
     unit_mm = millimetres_in(length_unit or "mm")
     if kind in (*OF_PARTS, "plates"):
         assert parts is not None
-        if plates and (arranged or on_guides):
-            raise FieldError(
-                "/plates", "with `assembly` or `solids`, rails or slots sizes stand there: `hole` and `width`"
-            )
         if kind != "plates" or arranged or isinstance(linkage, guided.GuidedLinkage):
             return parts(False).file(kind)
         from synthesis.solids.plates import to_plates
 
-        return to_plates(linkage, unit_mm, **_sizes(plates or {})).encode()
+        settings = PartSettings(length_unit=length_unit)
+        hole, width = of_four_bars.plate_sizes(linkage.links)
+        settings = settings.completed(hole, width, 0.0)
+        return to_plates(linkage, unit_mm, settings.hole, settings.width).encode()
     if kind == "dxf":
         text = files.to_dxf(linkage, target, unit_mm, layer)
         return text.encode()
@@ -1189,11 +1195,11 @@ def drive_on(
         return found  # moved by hand, it does not swing the linkage: its ends alone are told
 
 
-def with_motor(
+def with_drive(
     kind: str, assembly: Mapping[str, Any] | bool | None, drive: Mapping[str, Any] | None
 ) -> tuple[Mapping[str, Any] | bool | None, Mapping[str, Any] | None]:
-    """What is asked of an assembly, and a drive: in files of parts a motor with its rod is two of them."""
-    if not isinstance(drive, Mapping) or kind not in (*OF_PARTS, "plates") or drive.get("kind") != "dyad":
+    """Return an assembly with a drive: in files of parts a motor and its rod, or a cylinder, are two of them."""
+    if not isinstance(drive, Mapping) or kind not in (*OF_PARTS, "plates"):
         return assembly, drive
     return {**(assembly if isinstance(assembly, Mapping) else {}), "drive": drive}, None
 
@@ -1233,8 +1239,3 @@ def _attached(given: Mapping[str, Any], machine: LinkMotions) -> Attached:
         bool(given.get("extends", True)),
         None if not knee or knee[0] is None else pair("drive/curve/knee/0", knee[0], math.inf),
     )
-
-
-def _sizes(plates: Mapping[str, Any]) -> dict[str, float]:
-    known_fields("plates", plates, ("hole", "width"))
-    return {name: number(f"plates/{name}", value) for name, value in plates.items() if value is not None}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +15,7 @@ from linkage_atlas.arguments import column, number, radians_in, read_length_unit
 from linkage_atlas.tables import POSES, decoded, read_table
 from synthesis.arrays import Complexes, Floats
 from synthesis.errors import FieldError
+from synthesis.fourbar.hinge import hinge_of
 from synthesis.fourbar.kinematics import coupler_angle
 from synthesis.fourbar.linkage import Linkage
 from synthesis.free.dyads import in_any_order
@@ -315,8 +317,8 @@ class Motion:
         return samples.asked if isinstance(samples, Poses) and samples.asked is not None else samples
 
     def notes(self) -> list[str]:
-        """What a user should know: a rotation that looks like another unit's, or wrapped; a motion that needs no linkage."""
-        return [*self._table_notes, *self._wraps, *self._unit_notes(), *self._motion_notes()]
+        """Return what a user should know: how a table was read, a rotation in another unit or wrapped, a hinge that does it."""
+        return [*self._table_notes, *self._wraps, *self._unit_notes(), *self._jump_notes(), *self._hinge_notes()]
 
     def _unit_notes(self) -> list[str]:
         notes: list[str] = []
@@ -328,14 +330,28 @@ class Motion:
         given = self.asked.rotation if weights is None else self.asked.rotation[weights > 0]
         return notes + unit_notes("rotation", given / self.radian, self.degrees)
 
-    def _motion_notes(self) -> list[str]:
+    def _hinge_notes(self) -> list[str]:
+        """Return a note if the motion only turns about a fixed point, with the point."""
+        allowed = None if self.tolerances is None else self.tolerances.position
+        asked = self.asked
+        found = hinge_of(asked, None if allowed is None else float(np.min(allowed)))
+        if found is None:
+            return []
+        # rounding of the positions is no part of a coordinate
+        size = max(abs(found.centre), found.radius, asked.extent)
+        digits = 7 - math.ceil(math.log10(size))
+        x, y = (round(value, digits) + 0.0 for value in (found.centre.real, found.centre.imag))
+        centre, off = f"({x:.9g}, {y:.9g})", f"to within {max(found.error, 1e-9 * size):.2g}"
+        if asked.rotation is None:
+            return [
+                f"the positions lie on a circle about the point {centre}, {off}: use a hinge there with a link of length "
+                f"{found.radius:.6g}, which needs no linkage"
+            ]
+        return [f"the body only turns about the point {centre}, {off}: use a hinge there, which needs no linkage"]
+
+    def _jump_notes(self) -> list[str]:
         if self.free or self.samples.rotation is None:
-            pole = _one_pole(self.asked)
-            return (
-                []
-                if pole is None
-                else [f"the body only turns, about ({pole.real:.6g}, {pole.imag:.6g}): a hinge there does it"]
-            )
+            return []
         jump = np.abs(np.diff(self.samples.rotation))
         if jump.max() <= np.pi:
             return []
@@ -368,26 +384,6 @@ def looks_like_radians(values: ArrayLike) -> bool:
     if given.size < 2 or not np.abs(given).max() <= TURN + 1e-9:
         return False
     return bool(np.ptp(given) >= _RADIANS and np.any(np.abs(10 * given - np.round(10 * given)) > 1e-6))
-
-
-def _one_pole(samples: Samples) -> complex | None:
-    """The point about which all poses, three or more, are turns to rounding; None where there is none."""
-    if samples.rotation is None or samples.position is None:
-        return None
-    whole = np.ones(samples.samples, dtype=bool)
-    for weights in (samples.rotation_weights, samples.position_weights):
-        whole &= True if weights is None else weights > 0
-    if whole.sum() < 3:
-        return None
-    # a point of the body that stays where it is: P = c - R m, linear in c and m
-    places, turned = samples.scaled[whole], np.exp(1j * samples.rotation[whole])
-    found, _, rank, _ = np.linalg.lstsq(np.stack([np.ones_like(turned), turned], axis=1), places, rcond=1e-9)
-    off = np.abs(found[0] + found[1] * turned - places).max()
-    if rank < 2 or not off < 1e-9:
-        return None
-    pole = complex(samples.middle + found[0] * samples.length_scale)
-    x, y = (0.0 if abs(one) < 1e-9 * samples.length_scale else one for one in (pole.real, pole.imag))
-    return complex(x, y)
 
 
 def _present(name: str, values: Any, weights: Mapping[str, ArrayLike]) -> tuple[Any, Any]:

@@ -19,7 +19,7 @@ from linkage_atlas.solids import read_solids
 from linkage_atlas.studies import MOST_LINK_MASSES, AskedAnalysis, Manufacture, ToleranceStudy, columns_of, read_load
 from synthesis.arrays import Floats
 from synthesis.drives.links import ends_of
-from synthesis.drives.six_bar import MOTOR_CRANK, ROD, SixBar, joints_of
+from synthesis.drives.six_bar import MOTOR_CRANK, ROD, Motor, SixBar, joints_of
 from synthesis.errors import FieldError
 from synthesis.fourbar.linkage import Mass
 from synthesis.target import TURN, Interval, Target
@@ -124,11 +124,16 @@ class SixBarLinkage(AnyLinkage):
             places = base.way
         else:
             raise FieldError("/crank_angle", "needed: this linkage answers no motion that would say its way")
+        kind = drive.get("kind") if isinstance(drive, Mapping) else getattr(drive, "kind", None)
+        if kind != "dyad":
+            raise FieldError(
+                "/drive", "wanted a drive of kind dyad as a reply has it, with its motor, pin_on_link and six_bar"
+            )
         read = read_assembly({"drive": drive}, "")
-        assert read is not None and read.motor is not None
+        assert read is not None and isinstance(read.drive, Motor)
         self._base, self._radian, self._motion, self._samples = base, base._radian, None, places
         self.length_unit = base.length_unit
-        self._linkage = SixBar.of(base.plain, ends_of(places), read.motor)
+        self._linkage = SixBar.of(base.plain, ends_of(places), read.drive)
 
     @classmethod
     def of_view(cls, linkage: FourBar | GuidedLinkage, six: SixBar, samples: Floats) -> SixBarLinkage:
@@ -299,11 +304,14 @@ class SixBarLinkage(AnyLinkage):
 
     # -- what it becomes ----------------------------------------------------------------------------------------------
 
-    def _arranged(self, target: Target, asked: Mapping[str, Any], work: Work, where: str) -> Assembly:
+    def _arranged(
+        self, target: Target, asked: Mapping[str, Any], work: Work, where: str, length_unit: str = "mm"
+    ) -> Assembly:
         if "drive" in asked:
             raise FieldError(f"/{where}drive", "is this six-bar's own motor")
         read = read_assembly({**asked, "drive": self.drive}, where)
         assert read is not None
+        read = read._replace(settings=read.settings.in_unit(length_unit))
         return assembled(self._base.plain, read, self._linkage.used, self._radian, work, where)
 
     def file(  # type: ignore[override]

@@ -19,13 +19,12 @@ from synthesis.solids.solid import DENSITIES, FITS, Fit, Made, Solids, masses_of
 from synthesis.target import Interval
 from synthesis.work import Work
 
-SOLIDS = ("fit", "material", "pins", "fillet", "scale", "layout", "nevertheless")
+SOLIDS = ("fit", "material", "pins", "fillet", "layout", "nevertheless")
 """What may be asked of solids, by the names of the HTTP contract."""
 MATERIALS = {"H7": ("aluminium", "steel"), "print": ("PLA", "PLA")}
 """Of plates and of pins unless a request says otherwise, by fit."""
 LEAST_MM, LARGEST_MM = 0.01, 1e6
 """A pin at least, and a plate at most: what the readers of the files tell apart and hold."""
-LEAST_SCALE, LARGEST_SCALE = 1e-3, 1e3
 NAME = "linkage"
 SLIDES = "{!r} is written for linkages whose joints all turn: a file of the kind 'mjcf' has those that slide"
 
@@ -37,7 +36,6 @@ class AskedSolids(NamedTuple):
     material: str
     pins: str
     fillet: float
-    scale: float
     layout: str | None
     nevertheless: bool
 
@@ -57,9 +55,6 @@ def read_solids(given: Mapping[str, Any] | None, where: str = "solids/") -> Aske
     fillet = 0.0 if values["fillet"] is None else number(f"{where}fillet", values["fillet"])
     if fillet < 0:
         raise FieldError(f"/{where}fillet", f"wanted a radius of at least 0, found {fillet:g}")
-    scale = 1.0 if values["scale"] is None else number(f"{where}scale", values["scale"])
-    if not LEAST_SCALE <= scale <= LARGEST_SCALE:
-        raise FieldError(f"/{where}scale", f"wanted {LEAST_SCALE:g} to {LARGEST_SCALE:g}, found {scale:g}")
     nevertheless = flag(f"{where}nevertheless", values["nevertheless"])
     plates, pins = MATERIALS[fit]
     return AskedSolids(
@@ -67,7 +62,6 @@ def read_solids(given: Mapping[str, Any] | None, where: str = "solids/") -> Aske
         named("material", DENSITIES, plates),
         named("pins", DENSITIES, pins),
         fillet,
-        scale,
         named("layout", ("assembled", "bed"), None),
         nevertheless,
     )
@@ -122,6 +116,10 @@ class SolidParts(Record):
     thinnest_wall: Wall
     solids: Solids = field(metadata=KEPT, repr=False)
     asked: AskedSolids = field(metadata=KEPT, repr=False)
+    kerf: float = field(default=0.0, metadata=KEPT, repr=False)
+    """Of plates to cut, in millimetres."""
+    driven_hinge: str = field(default="", metadata=KEPT, repr=False)
+    """The link with a drive in its hinge, which has no parts of its own."""
 
     def file(self, kind: str) -> bytes:
         """A file: step, 3mf, stl (a zip file), urdf, sdf, parts (CSV) or plates (DXF of all that is flat).
@@ -133,11 +131,15 @@ class SolidParts(Record):
         if kind == "plates":
             from synthesis.solids.plates import parts_to_plates
 
-            return parts_to_plates(solids).encode()
+            return parts_to_plates(solids, self.kerf).encode()
         if kind == "parts":
-            return csv_text(parts_list(solids, self.asked.fit)).encode()
+            columns = parts_list(solids, self.asked.fit)
+            if self.driven_hinge:
+                row = {"name": "drive", "kind": "rotary drive", "link": self.driven_hinge}
+                columns = {name: [*column, row.get(name)] for name, column in columns.items()}
+            return csv_text(columns).encode()
         if kind in ("urdf", "sdf"):
-            if any(one.slits for one in solids.machine.plates):
+            if any(one.slits for one in solids.machine.plates) or solids.machine.telescopes:
                 raise FieldError("/kind", SLIDES.format(kind))
             from synthesis.solids.robots import to_sdf, to_urdf
 
@@ -163,10 +165,10 @@ class SolidParts(Record):
 
 def masses_of_parts(linkage: Linkage | GuidedLinkage, used: Interval, length_unit: str) -> list[dict[str, Any]]:
     """The masses that a load calls "parts": of the moving links as they are made by default, also where parts collide."""
-    asked = read_assembly(True)
+    asked = read_assembly({"length_unit": length_unit})
     assert asked is not None
     found = assembled(linkage, asked, used, 1.0, Work())
-    parts = solids_in(found, read_solids({"nevertheless": True}), {}, length_unit)
+    parts = solids_in(found, read_solids({"nevertheless": True}), length_unit)
     return [one._asdict() for one in parts.masses]
 
 
@@ -179,19 +181,19 @@ def split(asked: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
     )
 
 
-def solids_in(assembly: Assembly, asked: AskedSolids, given: Mapping[str, Any], length_unit: str) -> SolidParts:
-    """The parts of an assembly. ``given``: what was asked of it, for sizes that are not the defaults.
+def solids_in(assembly: Assembly, asked: AskedSolids, length_unit: str) -> SolidParts:
+    """Return the parts of an assembly, with the sizes that were checked for collisions.
 
     Raises `FieldError`: where parts collide, unless they are wanted nevertheless.
     """
-    unit = millimetres_in(length_unit)
+    unit, settings, scale = millimetres_in(length_unit), assembly.settings, assembly.settings.scale
     if assembly.status == "blocked" and not asked.nevertheless:
         why = "; ".join(list(dict.fromkeys(assembly.reasons))[:3])
         raise FieldError(
             "/assembly", f"parts would collide: {why}. `nevertheless` in `solids` writes them all the same"
         )
     machine = assembly.machine
-    sizes = (machine.hole * unit * asked.scale, (machine.size + machine.width) * unit * asked.scale)
+    sizes = (machine.hole * unit * scale, (machine.size + machine.width) * unit * scale)
     if not (LEAST_MM <= sizes[0] and sizes[1] <= LARGEST_MM):
         raise FieldError(
             "/length_unit",
@@ -202,15 +204,13 @@ def solids_in(assembly: Assembly, asked: AskedSolids, given: Mapping[str, Any], 
         asked.fit,
         asked.material,
         asked.pins,
-        given.get("thickness"),
-        given.get("washer"),
+        _height(assembly.given.thickness, settings.thickness, asked.fit.plate / (unit * scale)),
+        _height(assembly.given.washer, settings.washer, asked.fit.washer / (unit * scale)),
         asked.fillet,
-        asked.scale,
+        scale,
     )
     solids = solids_of(machine, assembly.arrangement.stack, made, unit)
-    full = (
-        solids if asked.scale == 1 else solids_of(machine, assembly.arrangement.stack, made._replace(scale=1.0), unit)
-    )
+    full = solids if scale == 1 else solids_of(machine, assembly.arrangement.stack, made._replace(scale=1.0), unit)
     wall, part = solids.thinnest_wall
     masses = [
         SolidPart(
@@ -220,11 +220,19 @@ def solids_in(assembly: Assembly, asked: AskedSolids, given: Mapping[str, Any], 
     ]
     return SolidParts(
         asked.fit.name,
-        asked.scale,
+        scale,
         masses,
         sum(one.mass for one in masses),
         [Weight(one.link, one.mass, (one.at.real, one.at.imag), one.inertia) for one in masses_of_links(full)],
         Wall(wall, part),
         solids,
         asked,
+        settings.kerf * unit,
+        assembly.driven_hinge,
     )
+
+
+def _height(given: float | None, usual: float | None, least: float) -> float:
+    """Return the height that is given, or the default one, at least what a fit needs."""
+    assert usual is not None
+    return max(usual, least) if given is None else given

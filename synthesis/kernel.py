@@ -329,6 +329,7 @@ COUNTS = (2, 2, 1, 4, 12, 3, 2, 1, 4, 1, 20)
 PIVOT_A = declare(cython.int, 0)
 PIVOT_B = declare(cython.int, 1)
 BODY = declare(cython.int, 2)  # z2, the body point from the crank pin
+BODY_FROM_ROCKER = declare(cython.int, 3)  # the same from the coupler pin
 
 # Derivatives: by four lengths,
 BY_FIRST = declare(cython.int, 4)  # the first and the last crank angle,
@@ -611,13 +612,18 @@ class Limits:
 
     @cfunc
     def fixed(self, point: cython.int):
-        """Pivot A or B, or the body point from the crank pin, and its derivatives, into the first of the joints."""
+        """Pivot A or B, or the body point from a coupler joint, and its derivatives, into the first of the joints."""
         for c in range(COLUMNS):
             self.joint_by[0, c] = 0.0
-        if point == BODY:
+        if point == BODY or point == BODY_FROM_ROCKER:
             self.joint[0] = self.body
             self.joint_by[0, BY_BODY] = 1.0
             self.joint_by[0, BY_BODY + 1] = 1j
+            if point == BODY_FROM_ROCKER:
+                # z2 contains the ground angle
+                self.joint[0] = self.body - self.loop.length[1] * self.turned
+                self.joint_by[0, 1] = -self.turned
+                self.joint_by[0, BY_TURNED] = -1j * self.loop.length[1] * self.turned
             return
         self.joint[0] = self.pivot
         self.joint_by[0, BY_PIVOT] = 1.0
@@ -630,7 +636,7 @@ class Limits:
 
     @cfunc
     def place(self, row: cython.int, kind: cython.int, n: Py_ssize_t):
-        """Limits on pivot A, pivot B and the body point from the crank pin."""
+        """Limits on pivot A, pivot B and the body point from a coupler joint."""
         self.fixed(cython.cast(cython.int, self.table[n, 1]))
         if kind == AT:
             for axis in range(2):
@@ -2738,7 +2744,7 @@ class PairDescent:
     pivot_boxes: double[:, ::1]
     middle: doublecomplex
     reaches: double[::1]
-    rail_box: double[::1]
+    rail_boxes: double[:, ::1]
     far: double
     envelope: double[::1]
     keep_out: double[:, ::1]
@@ -2835,7 +2841,7 @@ class PairDescent:
         self.pivot_boxes = limits["pivot_boxes"]
         self.middle = limits["reach_middle"]
         self.reaches = limits["reaches"]
-        self.rail_box = limits["rail_box"]
+        self.rail_boxes = limits["rail_boxes"]
         self.far = room(limits["far"])
         self.envelope = limits["envelope"]
         self.keep_out = limits["keep_out"]
@@ -3225,8 +3231,8 @@ class PairDescent:
     def guide_at_sample(self, guide: Guide, many: double):
         """The limits of one guide at a sample."""
         if guide.straight and not guide.inverse:
-            if self.rail_box[0] == self.rail_box[0]:
-                self.inside(guide.ground(), 1 + guide.place, self.rail_box, many)
+            if self.rail_boxes[guide.place, 0] == self.rail_boxes[guide.place, 0]:
+                self.inside(guide.ground(), 1 + guide.place, self.rail_boxes[guide.place], many)
             if self.far == self.far:
                 self.within(guide.ground(), 1 + guide.place, self.far, many)
         if guide.inverse and self.link_max == self.link_max:  # how far out the slot is used

@@ -176,7 +176,7 @@ def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
     from linkage_atlas.linkages import check_format, check_held  # a command that writes no file does not load it
 
     request, given = body.request, body.solution
-    held = body.given("plates", "assembly", "solids", "drive")
+    held = body.given("assembly", "solids", "drive")
     check_held(body.format, **held)
     if given is None:
         check_format(body.format, request.mechanisms or ("four_bar",))
@@ -189,10 +189,13 @@ def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
     if body.format == "json":
         return as_json(body.request, found.to_dict() if found else given.model_dump(mode="json", exclude_none=True))
     one = found or given
+    if "drive" not in body.model_fields_set and one.drives and body.format in (*HELD["drive"], *HELD["assembly"]):
+        drive = one.drives[0]  # that the request asks for
+        held["drive"] = drive.to_dict() if found else drive.model_dump(exclude_none=True)
     place = one.crank_angle if one.crank_angle is not None else getattr(one, "travel", None)
     prefixes = _PREFIXES
     if body.format in HELD["assembly"]:
-        if body.assembly is None and body.plates is None and request.assembly is not None:
+        if body.assembly is None and request.assembly is not None:
             held |= request.given("assembly")
             prefixes = {**_PREFIXES, "assembly": "/request"}
 

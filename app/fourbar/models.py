@@ -27,7 +27,7 @@ from linkage_atlas.kinds import MECHANISMS
 from linkage_atlas.limits import FUNCTION_LIMITS, LIMITS
 from linkage_atlas.linkages import DriverName, KindName
 from linkage_atlas.motions import MAX_LENGTH, MAX_SAMPLES, MIN_LENGTH, MIN_POSES, MIN_SAMPLES, MOST_STOCK
-from linkage_atlas.solids import LARGEST_SCALE, LEAST_SCALE
+from linkage_atlas.part_settings import LARGEST_SCALE, LEAST_SCALE
 from linkage_atlas.studies import FEWEST_SAMPLES, MOST_LINK_MASSES, MOST_SAMPLES, SAMPLES
 
 MAX_TOP = 1000
@@ -243,6 +243,35 @@ class GivenGuide(_ReplyPart):
     body_direction: Angle | None = None
 
 
+class GivenSizes(_ReplyPart):
+    crank: FarLength | None = None
+    coupler: FarLength | None = None
+    handle: FarLength | None = None
+    strut: FarLength | None = None
+
+
+class GivenDriveCurve(_ReplyPart):
+    knee: Annotated[list[FarPoint | None], Field(max_length=2000)] | None = None
+
+
+class GivenDrive(_ReplyPart):
+    """One of the `drives` of a reply, as it came or changed."""
+
+    kind: Literal["rotary", "actuator", "dyad", "toggle"]
+    link: Annotated[str, Field(max_length=40)]
+    on: Annotated[str, Field(max_length=40)] | None = None
+    ground_point: FarPoint | None = None
+    motor: FarPoint | None = None
+    pin_on_link: FarPoint | None = None
+    pin: FarPoint | None = None
+    retracted: FarLength | None = None
+    stroke: FarLength | None = None
+    extends: Flag | None = None
+    six_bar: GivenSizes | None = None
+    lock: GivenSizes | None = None
+    curve: GivenDriveCurve | None = None
+
+
 class GivenLinkage(_ReplyPart):
     """One of the `solutions` of a reply, as it came or changed: with `links` a four-bar, else with `guides` and `driver`."""
 
@@ -256,6 +285,7 @@ class GivenLinkage(_ReplyPart):
     start: FarCoordinate | None = None
     crank_angle: Annotated[list[Angle], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)] | None = None
     travel: Annotated[list[FarCoordinate], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)] | None = None
+    drives: Annotated[list[GivenDrive], Field(max_length=400)] | None = None
 
     def linkage(self, degrees: bool) -> la.FourBar | la.GuidedLinkage:
         """The linkage; FieldError naming the field that is missing."""
@@ -453,13 +483,21 @@ class DriveRequest(RequestModel):
     )
 
 
+class HoldsRequest(RequestModel):
+    """The ends at which springs hold a linkage on its stop."""
+
+    open: Flag = Field(False, description="The last position.")
+    closed: Flag = Field(False, description="The first position.")
+
+
 class SpringRequest(RequestModel):
     """Springs that are to carry the load."""
 
     kind: Literal["tension", "gas"]
     between: Annotated[list[LinkName], Field(min_length=2, max_length=2)] | None = Field(
         None,
-        description="Two links, one of which may be `ground`. Default: two springs, on the two links with fixed pivots.",
+        description="Two links, one of which may be `ground`. Default: the best of all pairs; two springs, on the links with "
+        "fixed pivots, if they are ideal or one leaves more than a tenth of the torque.",
     )
     catalogue: Words | Annotated[list[CatalogueRow], Field(min_length=1, max_length=MOST_SPRING_ROWS)] | None = Field(
         None,
@@ -469,6 +507,13 @@ class SpringRequest(RequestModel):
     ground_box: Box | None = Field(None, description="Of its end on the ground.")
     reach_max: Above | None = None
     clear: Above | None = Field(None, description="Least distance of its ends from pivots.")
+    holds: HoldsRequest | None = Field(
+        None, description="Of springs of a catalogue: the linkage must stay at these ends without a hand or a drive."
+    )
+    hand_force_max: Above | None = Field(
+        None,
+        description="Of springs of a catalogue: largest force of a hand over the motion, at `hand` or else at the body point.",
+    )
 
 
 Drives = Annotated[list[DriveRequest], Field(max_length=MOST_DRIVES)]
@@ -486,68 +531,35 @@ class RockerRequest(RequestModel):
     length: Above = Field(description="To the body point.")
 
 
-class GivenSizes(_ReplyPart):
-    crank: Above | None = None
-    coupler: Above | None = None
-    handle: Above | None = None
-    strut: Above | None = None
-
-
-class GivenDriveCurve(_ReplyPart):
-    knee: Annotated[list[PlacePair | None], Field(max_length=2000)] | None = None
-
-
-class GivenDrive(_ReplyPart):
-    """One of the `drives` of a reply, as it came or changed."""
-
-    kind: Literal["rotary", "actuator", "dyad", "toggle"]
-    link: LinkName
-    on: LinkName | None = None
-    ground_point: PlacePair | None = None
-    motor: PlacePair | None = None
-    pin_on_link: PlacePair | None = None
-    retracted: Above | None = None
-    stroke: Above | None = None
-    extends: Flag | None = None
-    six_bar: GivenSizes | None = None
-    lock: GivenSizes | None = None
-    curve: GivenDriveCurve | None = None
-
-
 # -- how it is built --------------------------------------------------------------------------------------------------
 
 Rank = Annotated[Count, Field(ge=1, le=100)]
 
 
-class GivenSixBar(_ReplyPart):
-    crank: FarLength
-    coupler: FarLength
-
-
-class GivenMotor(_ReplyPart):
-    """A drive of kind `dyad` of a reply of /v1/drives, as it came."""
-
-    kind: Literal["dyad"]
-    link: LinkName
-    motor: FarPoint
-    pin_on_link: FarPoint
-    six_bar: GivenSixBar
-
-
 class AssemblyOptions(RequestModel):
-    """How plates and pins are made and held; lengths in the unit of the linkage."""
+    """Sizes of plates and pins, the same for layers and every file, and how they are held; lengths in the unit of the linkage."""
 
-    width: Length | None = Field(None, description="Of the plates. Default: 2.5 holes.")
+    width: Length | None = Field(None, description="Of the plates. Default: 2.5 holes, in whole millimetres.")
     hole: Length | None = Field(
         None,
-        description="Diameter of the pins. Default: 0.3 of the shortest link, at most 0.05 of the longest; less where `body` or "
-        "a rod's pin needs it.",
+        description="Diameter of the pins. Default: a standard one up to 0.3 of the shortest link and 0.05 of the longest; less "
+        "where `body` or a rod's pin needs it.",
     )
-    thickness: Length | None = Field(None, description="Of the plates. Default: half a hole.")
+    thickness: Length | None = Field(None, description="Of the plates. Default: a standard sheet of half a hole.")
     washer: Size | None = Field(None, description="Between two layers. Default: a fifth of the thickness.")
     clearance: Size | None = Field(
         None,
         description="Least gap of parts that pass one another. Default: 0.5 / 165 of the longest link.",
+    )
+    kerf: Size = Field(
+        0.0, description="Width of the cut: contours of plates to cut are larger by half of it, and holes smaller."
+    )
+    scale: Annotated[Number, Field(ge=LEAST_SCALE, le=LARGEST_SCALE)] = Field(
+        1.0, description="Of a model, in every file of parts; plays and `kerf` are not scaled."
+    )
+    length_unit: LengthUnit | None = Field(
+        None,
+        description="The unit of the lengths: default sizes are standard ones in millimetres. Default: that of the file, or mm.",
     )
     boards: Literal["below", "above", "both", "bar"] = Field(
         "below",
@@ -565,9 +577,10 @@ class AssemblyOptions(RequestModel):
     mounts: dict[Literal[FIXED_PINS], Literal["below", "above", "below+above"]] | None = Field(
         None, description="How fixed pins must be held, where that matters."
     )
-    drive: GivenMotor | None = Field(
+    drive: GivenDrive | None = Field(
         None,
-        description="A motor with a rod, as /v1/drives has found it: two more plates, and everything over a turn of the motor.",
+        description="A drive as /v1/drives has found it: a cylinder or a knee are two more plates. So are a motor and its rod; "
+        "everything is then over a turn of the motor.",
     )
     layers_most: Annotated[Count, Field(ge=1, le=MOST_LAYERS)] = Field(LAYERS_MOST, description="Layers at most.")
     envelope: Box | None = Field(
@@ -709,13 +722,6 @@ class SynthesizeRequest(CrankMotion):
 Material = Literal["steel", "stainless", "aluminium", "brass", "plywood", "acrylic", "POM", "PLA", "PETG", "ABS"]
 
 
-class PlatesRequest(RequestModel):
-    """Sizes of link plates, in the unit of the request's lengths."""
-
-    hole: FarLength | None = Field(None, description="Diameter of the holes.")
-    width: FarLength | None = Field(None, description="Width of the plates.")
-
-
 class SolidsRequest(RequestModel):
     """What parts are made of, and how they fit."""
 
@@ -729,9 +735,6 @@ class SolidsRequest(RequestModel):
     )
     pins: Material | None = Field(None, description="Of pins, washers and heads. Default: steel, to be printed PLA.")
     fillet: Size = Field(0.0, description="Radius at the convex corners of the body, in the unit of the lengths.")
-    scale: Annotated[Number, Field(ge=LEAST_SCALE, le=LARGEST_SCALE)] = Field(
-        1.0, description="Of a model; plays are not scaled."
-    )
     layout: Literal["assembled", "bed"] | None = Field(
         None,
         description="Where parts stand in STEP and 3MF. Default: assembled in STEP, beside one another on the bed in 3MF.",
@@ -754,16 +757,16 @@ class ExportRequest(RequestModel):
         None,
         description="The unit of the request's lengths, for files that know one. Default: that of its `analysis`, or mm.",
     )
-    plates: PlatesRequest | None = Field(None, description="For a DXF of plates: their sizes; each has a default.")
     assembly: AssemblyOptions | None = Field(
         None,
-        description="From `step` on, and for masses in MJCF: how plates and pins are made and held. Default: as in the request.",
+        description="From `step` on, for plates, and for masses in MJCF: sizes of plates and pins, and how they are held. "
+        "Default: as in the request.",
     )
-    solids: SolidsRequest | None = Field(None, description="For the same: fits, materials, scale.")
+    solids: SolidsRequest | None = Field(None, description="For the same: fits and materials.")
     drive: GivenDrive | None = Field(
         None,
-        description="A drive of a reply, as it came: columns of CSV, lines of SVG, a layer of DXF, the drive of MJCF; of a "
-        "motor and its rod also their parts.",
+        description="A drive of a reply, as it came: columns of CSV, lines of SVG, a layer of DXF, the drive of MJCF, and its "
+        "parts. Default: the first drive of the solution, if the request asks for drives.",
     )
 
 

@@ -11,7 +11,7 @@ import { $, capital } from "./shell.js";
 
 const RAD = Math.PI / 180;
 const KINDS = { actuator: "cylinder", rotary: "drive in a hinge", dyad: "motor and rod", toggle: "lock" };
-const FIELDS = ["kind", "catalogue", "retracted", "stroke", "ratio", "reach", "force-x", "force-y", "torque", "mass"];
+const FIELDS = ["kind", "catalogue", "retracted", "stroke", "ratio", "reach", "force-x", "force-y", "torque", "mass", "holds-open", "holds-closed", "hand-force"];
 const WIDE = 0.09; // of a cylinder's body, over its retracted length
 const HANDLE = 8; // pixels
 const EARLIER = "What is shown was found for other entries: Find asks again.";
@@ -20,12 +20,23 @@ const value = (id) => numberIn(`drive-${id}`);
 const given = (fields) => Object.fromEntries(Object.entries(fields).filter(([, one]) => one !== null && one !== ""));
 /** What the fields have asked, whatever the service has said of the linkage since. */
 const questionOf = ({ load, drives, springs }) => JSON.stringify([load, drives, springs]);
+/** The behaviour that springs of a catalogue are asked for. */
+function behaviour() {
+  const open = $("drive-holds-open").checked, closed = $("drive-holds-closed").checked, hand = value("hand-force");
+  return given({ holds: open || closed ? { open, closed } : null, hand_force_max: hand });
+}
 const plain = (link) => link.replaceAll("_", " ");
 const less = ([a, b], [c, d]) => [a - c, b - d];
 const turned = ([x, y], angle) => [x * Math.cos(angle) - y * Math.sin(angle), x * Math.sin(angle) + y * Math.cos(angle)];
 
 /** Frames of a four-bar's links at its joints, as the service has them. */
 const FRAMES = { crank: (j) => [j.a, j.crank], coupler: (j) => [j.d, j.coupler], rocker: (j) => [j.b, j.rocker] };
+
+/** The joints of a four-bar's links: from them an arm leads to a pin of a drive. */
+const JOINTS = { crank: (j) => [j.a, j.d], coupler: (j) => [j.d, j.c], rocker: (j) => [j.b, j.c] };
+
+/** Lines of the arms that carry the ends of a drive on links of a four-bar: [[joint, end, joint], ..]. */
+const armsOf = (drive, joints, ground, pin) => [[drive.link, pin], [drive.on, ground]].flatMap(([link, end]) => (JOINTS[link] && joints.a && end ? [[JOINTS[link](joints)[0], end, JOINTS[link](joints)[1]]] : []));
 
 /** The value of a curve at a place between its even steps, numbers or points. */
 function between(curve, values, at) {
@@ -120,7 +131,7 @@ export class Driving {
     const rows = catalogue === "own" ? this.table ?? "" : catalogue;
     const sizes = catalogue === "" ? { retracted: value("retracted"), stroke: value("stroke") } : { catalogue: rows };
     const wish = { actuator: { ...sizes, reach_max: value("reach") }, dyad: { time_ratio: value("ratio"), reach_max: value("reach") }, toggle: { reach_max: value("reach") } }[kind] ?? {};
-    const springs = { tension: [{ kind: "tension", catalogue: "tension_springs" }], ideal: [{ kind: "tension" }], gas: [{ kind: "gas", between: ["ground", this.solution.links ? "rocker" : "coupler"] }] }[kind];
+    const springs = { tension: [{ kind: "tension", catalogue: "tension_springs" }], ideal: [{ kind: "tension" }], gas: [{ kind: "gas" }] }[kind]?.map((one) => (kind === "ideal" ? one : { ...one, ...behaviour() }));
     return { linkage: solution, request, load, length_unit: motion.unit, top: 6, ...(springs ? { drives: [], springs } : { drives: [{ kind, ...given(wish) }] }) };
   }
 
@@ -202,8 +213,8 @@ export class Driving {
     if (!drive) return [];
     if (drive.springs) return drive.springs.map(({ points }) => points);
     if (drive.kind === "rotary") return [[drive.motor]];
-    const { ground, knee, pin } = drive.curve;
-    return [[ground[0], knee?.[0], pin[0]].filter(Boolean)];
+    const { ground, knee, pin } = drive.curve, joints = this.solution.links ? fitOf(this.solution, this.answer.motion).at[0] : null;
+    return [[ground[0], knee?.[0], pin[0]].filter(Boolean), ...(joints ? armsOf(drive, joints, ground[0], pin[0]) : [])];
   }
 
   #describe() {
@@ -262,6 +273,7 @@ export class Driving {
     const { curve } = drive, [ground, pin, knee] = ["ground", "pin", "knee"].map((name) => (curve[name] ? between(curve, curve[name], at) : drive.motor));
     if (drive.kind === "rotary") { this.#dot(drive.motor, "motor"); return; }
     if (!ground || !pin) return;
+    if (solution.links) for (const arm of armsOf(drive, joints, ground, pin)) this.#line("arm", arm);
     if (curve.knee && knee) {
       this.#line("rod", [ground, knee, pin]);
       for (const place of [ground, knee, pin]) this.#dot(place, "joint");

@@ -197,7 +197,7 @@ export class Fields {
   #summary({ limits, round, stock, tolerance, unit, prefer, mechanisms }) {
     const { kept } = limits, all = Object.values(kept).every(Boolean), none = !Object.values(kept).some(Boolean);
     const found = [all ? "practical" : none ? "none practical" : "some practical"];
-    if (mechanisms !== "four_bar" && slidable(this.motion())) found.push($("mechanisms").selectedOptions[0]?.textContent);
+    if (!["auto", "four_bar"].includes(mechanisms) && slidable(this.motion())) found.push($("mechanisms").selectedOptions[0]?.textContent);
     if (limits.family !== "full_crank") found.push($("family").selectedOptions[0]?.textContent);
     if (limits.transmission) found.push(`transmission ≥ ${text(limits.transmission, 3)}°`);
     if (limits.min || limits.max) found.push(`links ${[limits.min && `≥ ${text(limits.min, 4)}`, limits.max && `≤ ${text(limits.max, 4)}`].filter(Boolean).join(" and ")} ${unit}`);

@@ -41,7 +41,9 @@ export function toRequest(motion) {
   if (motion.prefer && preferable(motion, motion.prefer)) request.prefer = motion.prefer;
   request.top = motion.top;
   if (motion.diverse) request.diverse = true;
-  if (motion.mechanisms !== "four_bar" && slidable(motion)) request.mechanisms = motion.mechanisms === "all" ? "all" : [motion.mechanisms].flat();
+  // unless other kinds are asked for, a box for the pivots means hinges only
+  const kinds = motion.mechanisms === "auto" ? (limits.box ? "four_bar" : "all") : motion.mechanisms;
+  if (kinds !== "four_bar" && slidable(motion)) request.mechanisms = kinds === "all" ? "all" : [kinds].flat();
   const asked = { ...limits.extra, ...practical(limits, motion.timing === "free") };
   if (limits.family !== "full_crank") asked.family = limits.family;
   if (limits.box && places) asked.pivot_box = limits.box;
@@ -119,12 +121,13 @@ function spread(part, poses, names, unit, what) {
 }
 
 /** What a link and a draft hold of a motion: its request, and what else the page shows of it. */
-export const toPage = (request, { unit, outline }, card = null) => ({ request, page: { unit, ...(outline ? { outline } : {}), ...(card ? { card } : {}) } });
+export const toPage = (request, { unit, outline, mechanisms }, card = null) => ({ request, page: { unit, ...(outline ? { outline } : {}), ...(mechanisms === "auto" ? { mechanisms } : {}), ...(card ? { card } : {}) } });
 
 /** {motion, card} of what `toPage` made, or of a request alone. Throws Error for anything else. */
 export function fromPage(content) {
-  const { request = content, page } = content ?? {}, motion = fromRequest(request), { unit, outline, card = null } = page ?? {};
+  const { request = content, page } = content ?? {}, motion = fromRequest(request), { unit, outline, mechanisms, card = null } = page ?? {};
   if (UNITS.includes(unit)) motion.unit = unit;
+  if (mechanisms === "auto") motion.mechanisms = mechanisms;
   if (Array.isArray(outline) && outline.every((line) => Array.isArray(line) && line.every(isPlace))) motion.outline = outline;
   return { motion, card };
 }

@@ -11,11 +11,11 @@ import { layersOf } from "./verdict.js";
 
 const FIRST = 10; // solutions of an answer whose layers are asked for without being selected
 const MOST_CORNERS = 200;
-const COLUMNS = ["M", "K", "Q", "A1", "A", "A2", "D", "P", "C", "B1", "B", "B2"]; // pins from left to right
+const COLUMNS = ["M", "G", "K", "Q", "A1", "A", "A2", "D", "P", "C", "B1", "B", "B2"]; // pins from left to right
 const WIDE = 64, HIGH = 26, LEFT = 42; // pixels between columns and layers of the stack, and beside it
 const EDGE = 1.5;
 const RAD = Math.PI / 180;
-const SIZES = { hole: "layer-hole", width: "layer-width", clearance: "layer-clearance" };
+const SIZES = Object.fromEntries(["hole", "width", "thickness", "clearance", "kerf", "scale"].map((name) => [name, `layer-${name}`])); // part settings, for layers and every file
 
 /** The longest closed line of an outline as corners, thinned out where it has too many; null where none is closed. */
 function polygonOf(outline) {
@@ -75,7 +75,7 @@ export class Layers {
   options(solution, motion) {
     const sizes = Object.entries(SIZES).map(([name, id]) => [name, numberIn(id)]).filter(([, value]) => value !== null);
     const body = $("layer-body").checked ? bodyOf(this.outline, solution, motion) : null;
-    return { boards: $("layer-boards").value, heads: $("layer-heads").checked, ...Object.fromEntries(sizes), ...(body ? { body } : {}) };
+    return { length_unit: motion.unit, boards: $("layer-boards").value, heads: $("layer-heads").checked, ...Object.fromEntries(sizes), ...(body ? { body } : {}) };
   }
 
   /** A new answer, or with null none: the layers of its first solutions are asked for, one after the other. */
@@ -112,8 +112,8 @@ export class Layers {
     try {
       const assembly = await (await ask("/v1/assembly", { linkage: solution, request: answer.request, ...this.options(solution, answer.motion) }, signal)).json();
       const { verdict } = solution, free = assembly.status === "free";
-      solution.verdict = { ...verdict, practical: verdict.practical ?? verdict.buildable, assembly };
-      solution.verdict.buildable = solution.verdict.practical && free;
+      const practical = verdict.practical ?? verdict.buildable;
+      solution.verdict = { ...verdict, practical, assembly, buildable: practical && free };
       if (!free) solution.verdict.reasons = [...(verdict.reasons ?? []), `layers: ${assembly.reasons[0]}`];
     } catch (error) {
       if (error.name === "AbortError") return;
@@ -147,7 +147,8 @@ export class Layers {
     }
     const { status, count, least_gap: gap } = assembly, unit = unitOf(this.answer.motion);
     const state = { free: `Nothing collides in ${layersOf(count)}`, touching: `In ${layersOf(count)} parts may just touch`, blocked: assembly.exhaustive ? "Cannot be built so: parts collide in every order of the layers allowed" : "Parts collide in every order of layers that was tried" }[status];
-    words.textContent = `${state}${gap ? `; least gap ${text(gap.value, 4)} ${unit} beyond the clearance, ${inWords(gap.pair)} at ${placeText(gap.crank_angle, this.#sign)}` : ""}.`;
+    const { hole, width, thickness } = assembly.sizes, sizes = `holes ${text(hole, 4)}, width ${text(width, 4)}, thickness ${text(thickness, 4)} ${unit}`;
+    words.textContent = `${state}${gap ? `; least gap ${text(gap.value, 4)} ${unit} beyond the clearance, ${inWords(gap.pair)} at ${placeText(gap.crank_angle, this.#sign)}` : ""}; ${sizes}.`;
     host.removeAttribute("hidden");
     drawStack(host, assembly);
     list.append(...assembly.reasons.filter((_, k) => status === "blocked" || k > 0).map((one) => element("li", "", `${capital(one)}.`.replaceAll(/(\d) degrees/g, "$1°"))));
@@ -189,7 +190,7 @@ export class Layers {
 
 function forget(solution) {
   const { assembly: _gone, reasons = [], ...rest } = solution.verdict;
-  solution.verdict = { ...rest, buildable: rest.practical, reasons: reasons.filter((one) => !one.startsWith("layers:")) };
+  solution.verdict = { ...rest, buildable: null, reasons: reasons.filter((one) => !one.startsWith("layers:")) };
 }
 
 /** The stack from the side: a row a layer, plates between their pins, pins upright through the layers that they fill. */

@@ -2,7 +2,6 @@
 
 import { card, sign, sorted } from "./cards.js";
 import { chart, redrawOn } from "./charts.js";
-import { numberIn } from "./decimal.js";
 import { button, element, namedRows, signed, text } from "./drawing.js";
 import { Driving } from "./driving.js";
 import { driveName, drivePlaces, driveTurns } from "./drive.js";
@@ -300,16 +299,15 @@ export class Results {
     });
   }
 
-  /** A file of the selected linkage, parts as its layers and the fields beside the buttons say. */
+  /** A file of the selected linkage; its parts have the sizes of its layers. */
   #file(format) {
-    const { solution, answer: { request, motion } } = this, scale = numberIn("parts-scale");
-    const sizes = ["hole", "width"].map((name) => [name, numberIn(`plate-${name}`)]).filter(([, value]) => value !== null);
-    const plates = sizes.length && format === "plates" && solution.links ? { plates: Object.fromEntries(sizes) } : {};
-    const solids = { fit: $("parts-fit").value, ...(scale === null ? {} : { scale }), nevertheless: $("parts-nevertheless").checked };
-    const parts = [...OF_PARTS, solution.links ? "mjcf" : "plates"].includes(format) ? { assembly: this.layers.options(solution, motion), solids } : {};
-    const driven = ["dxf", "csv", "svg", "mjcf", ...(this.driving.shown?.kind === "dyad" ? OF_PARTS : [])];
+    const { solution, answer: { request, motion } } = this;
+    const solids = { fit: $("parts-fit").value, nevertheless: $("parts-nevertheless").checked };
+    const parts = [...OF_PARTS, "mjcf", "plates"].includes(format) ? { assembly: this.layers.options(solution, motion), solids } : {};
+    // what slides is in no URDF or SDF
+    const driven = ["dxf", "csv", "svg", "mjcf", "plates", ...OF_PARTS.filter((one) => this.driving.shown?.kind !== "actuator" || !["urdf", "sdf"].includes(one))];
     const drive = this.driving.shown && driven.includes(format) ? { drive: this.driving.shown } : {};
-    return ask("/v1/export", { request, solution, format, length_unit: motion.unit, ...plates, ...parts, ...drive });
+    return ask("/v1/export", { request, solution, format, length_unit: motion.unit, ...parts, ...drive });
   }
 
   /** The parts list of the selected linkage, a row a part by column; null where its layers are not free. */

@@ -10,7 +10,7 @@ const LABELS = {
   pivot_box: "the pivot box", pivot_a_box: "the box of pivot A", pivot_b_box: "the box of pivot B",
   pivot_reach: "the largest distance of the pivots", keep_out: "the boxes kept free of pivots",
   link_ratio_max: "the ratio of longest to shortest link", link_min: "the least link length", link_max: "the greatest link length",
-  links: "the given lengths", coupler_radius_max: "the reach of the body point", envelope: "the envelope",
+  links: "the given lengths", coupler_radius_max: "the reach of the body point", body_reach: "the distance of the body point from its joints", envelope: "the envelope",
   stroke_max: "the longest stroke", rail_box: "the box of the rails",
   cylinder_dead_length: "the shortest cylinder", cylinder_extended_max: "the longest cylinder", arm_min: "the least moment arm",
   crank_span_max: "the crank's turn", lengths_from: "stock lengths", ground_box: "the box of the ground point", motor_box: "the box of the motor",
@@ -34,7 +34,7 @@ const brief = (reason, item) => sentence(reason, item).replace(/\.$/, "").replac
 /** The names of what keeps a linkage from making its motion as a machine: "order", "branch", "circuit". */
 export const defects = (verdict) => DEFECTS.filter((name) => verdict && verdict[name] === false);
 
-/** Whether a linkage keeps the practical limits, judged against the user's own where there are some. */
+/** Whether a linkage satisfies the practical limits; earlier drafts have no such field. */
 const practical = ({ practical: kept, buildable }) => kept ?? buildable;
 
 /** {kind, sign, text}: what the list says of a solution; null without a verdict. */

@@ -181,6 +181,7 @@ class Search:
                 _Part(_head(one.name), tuple(Carried(at.body, disc(at.at, HEAD * one.radius)) for at in one.places))
                 for one in machine.pins
             ]
+        self.partner = {a: b for pair in machine.telescopes for a, b in (pair, pair[::-1])}
         self.pairs = self._pairs_of(parts)
         shapes, numbers = _numbered(parts, self.pairs)
         self.gaps = Gaps(machine.movement, shapes, numbers, machine.clearance, machine.size)
@@ -194,7 +195,7 @@ class Search:
 
     def _pairs_of(self, parts: Sequence[_Part]) -> list[Pair]:
         """The pairs that may meet in a layer: not plates that a pin joins, nor a pin and what it joins."""
-        never = set()
+        never = {frozenset(pair) for pair in self.machine.telescopes}
         for pin, plates in self.joined.items():
             never |= {frozenset((a, b)) for a in plates for b in plates if a != b}
             never |= {frozenset((own, plate)) for own in (pin, _head(pin)) for plate in plates}
@@ -275,9 +276,12 @@ class Search:
                 if other != plate
             ):
                 continue
+            partner = self.partner.get(plate)
+            if partner in placed and placed[partner] != layer:
+                continue
             more = mask
             for other, at in placed.items():
-                if at == layer:
+                if at == layer and other != partner:
                     more |= masks.by_pair[self.pair(other, plate)]
             placed[plate] = layer
             for pin, plates in self.joined.items():
@@ -321,7 +325,7 @@ class Search:
         """Pairs that meet in a layer; some more than once."""
         for layer in range(stack.count + 2):
             plates = [name for name, own in stack.layers.items() if own == layer]
-            yield from combinations(plates, 2)
+            yield from (pair for pair in combinations(plates, 2) if self.partner.get(pair[0]) != pair[1])
             inner = 1 <= layer <= stack.count
             through = [name for name, (low, high) in stack.pins.items() if inner and low <= layer <= high]
             bare = []

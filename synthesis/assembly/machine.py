@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from synthesis.arrays import Flags, Floats
 from synthesis.assembly.gaps import Shape, hull, nearest_on, nearest_room
-from synthesis.assembly.movement import GROUND, Between, Bodies, Crank, Dyad, Movement, Place, Step, turn_over
+from synthesis.assembly.movement import GROUND, Aimed, Between, Bodies, Crank, Dyad, Movement, Place, Step, turn_over
 from synthesis.drives.six_bar import MOTOR_CRANK, ROD, Motor, SixBar
 from synthesis.errors import FieldError
 from synthesis.fourbar.files import plate_sizes
@@ -145,6 +145,8 @@ class Machine:
     """In the coupler's frame, where that frame begins in which an analysis has the coupler's masses."""
     slit_ends: tuple[SlitEnd | None, SlitEnd | None] = (None, None)
     """Below and above the interval; None where no slit ends the motion before the loop does."""
+    telescopes: tuple[tuple[str, str], ...] = ()
+    """Pairs of plates of which one slides inside the other: they lie in one layer and do not collide."""
 
     @property
     def whole_turn(self) -> bool:
@@ -636,6 +638,110 @@ def motor_driven(
         size=max(plain.size, motor.rod),
         lengths=lengths,
         turns=True,
+    )
+
+
+@dataclass(frozen=True)
+class Strut:
+    """A drive between the ground, or a link, and a pin of another link: a cylinder, or the two links of a knee.
+
+    Attributes
+    ----------
+    link, on : str
+        The link with the pin, and what carries the other end.
+    pin : complex
+        In the frame of ``link``.
+    end : complex
+        The other end in the plane at the first sample.
+    sizes : tuple of float
+        Retracted length and stroke of a cylinder; lengths of handle and strut of a knee.
+    knee : int
+        0 for a cylinder; for a knee +1 where its joint lies to the left of the line from end to pin, or -1.
+    """
+
+    link: str
+    on: str
+    pin: complex
+    end: complex
+    sizes: tuple[float, float]
+    knee: int = 0
+
+
+CYLINDER, PISTON_ROD, HANDLE, STRUT = "cylinder", "piston_rod", "handle", "strut"
+_TUBE, _OVERLAP = 0.85, 0.05
+"""Of the retracted length: a cylinder's tube, and what its rod reaches into it at least."""
+
+
+def strut_driven(
+    linkage: Linkage | GuidedLinkage,
+    used: Interval,
+    drive: Strut,
+    sizes: Sizes,
+    body: Sequence[complex] = (),
+    bar: bool = False,
+) -> Machine:
+    """Return a linkage with a cylinder or a knee, over an interval of the linkage's own travel.
+
+    Further plates: cylinder and piston_rod, which slides inside it, or handle and strut; further pins: G, the end on the ground
+    or on a link, K between handle and strut, Q on the link that is moved. The plate of that link reaches to Q.
+
+    Raises `FieldError`: for an end on a link that is no plate.
+    """
+    plain = as_plates(linkage, used, sizes, body, bar)
+    names, hole, width = plain.movement.names, plain.hole, plain.width
+    for name in (drive.link, drive.on):
+        if name != names[GROUND] and name not in [plate.name for plate in plain.plates]:
+            raise FieldError("/drive/link", f"an end is on the {name}, which is no plate: it is not arranged")
+    link, on = names.index(drive.link), names.index(drive.on)
+    pin = drive.pin + plain.body_at if drive.link == BODY else drive.pin
+    still = plain.movement.bodies(np.zeros(1))
+    end = complex((drive.end - plain.origin - still.origin[on, 0]) / still.direction[on, 0])
+    foot, held = Place(on, end), Place(link, pin)
+    first, second = len(names), len(names) + 1
+    both = (HANDLE, STRUT) if drive.knee else (CYLINDER, PISTON_ROD)
+    eye = Hole(0j, "G"), Hole(0j, "Q")
+    steps: list[Step] = []
+    pins: list[Pin] = []
+    if drive.knee:
+        near, far = drive.sizes
+        steps.append(Dyad(first, second, foot, held, near, far, drive.knee))
+        plates = [
+            Plate(name, number, Shape((0j, complex(reach)), width / 2), (hole_, Hole(complex(reach), "K")))
+            for name, number, reach, hole_ in zip(both, (first, second), drive.sizes, eye)
+        ]
+        pins.append(Pin("K", (Place(first, complex(near)), Place(second, complex(far))), hole / 2, both))
+    else:
+        retracted, stroke = drive.sizes
+        steps += [Aimed(first, foot, held), Aimed(second, held, foot)]
+        rod = stroke + (1 - _TUBE + _OVERLAP) * retracted
+        radii = width / 2, hole / 2 + (width - hole) / 4
+        plates = [
+            Plate(name, number, Shape((0j, complex(reach)), radius), (hole_,))
+            for name, number, reach, radius, hole_ in zip(both, (first, second), (_TUBE * retracted, rod), radii, eye)
+        ]
+    free = not any(one.name == "P" for one in plain.pins)
+    carriers = [(drive.link, pin, "Q")]
+    if on != GROUND:
+        carriers.append((drive.on, end, "G"))
+    elif bar:
+        carriers.append(("bar", end, "G"))
+    own = list(plain.plates)
+    for name, at, called in carriers:
+        own = [_with_pin(one, at, hole, called, free) if one.name == name else one for one in own]
+    foot_joins = both[:1] if on == GROUND and not bar else (both[0], "bar" if on == GROUND else drive.on)
+    pins = [
+        *plain.pins,
+        Pin("G", (foot, Place(first, 0j)), hole / 2, foot_joins),
+        *pins,
+        Pin("Q", (Place(second, 0j), held), hole / 2, (both[1], drive.link)),
+    ]
+    return replace(
+        plain,
+        movement=Movement((*names, *both), (*plain.movement.steps, *steps)),
+        plates=(*own, *plates),
+        pins=tuple(pins),
+        size=max(plain.size, sum(drive.sizes)),
+        telescopes=() if drive.knee else (both,),
     )
 
 

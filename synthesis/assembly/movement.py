@@ -124,6 +124,24 @@ class Between:
         bodies.shift[self.body], bodies.turn[self.body] = shift, 2 * np.arcsin(chord)
 
 
+@dataclass(frozen=True)
+class Aimed:
+    """A body that begins at a point of one body, with its x axis towards a point of another, whatever their distance."""
+
+    body: int
+    origin: Place
+    target: Place
+
+    def place(self, bodies: Bodies, travel: Floats, half: Floats) -> None:
+        """Its direction turns by at most asin(e / r), e the sum of what both points move and r their distance."""
+        p, q = bodies.point(self.origin), bodies.point(self.target)
+        shift = bodies.spread(self.origin)
+        e, r = shift + bodies.spread(self.target), np.abs(q - p)
+        bodies.origin[self.body], bodies.shift[self.body] = p, shift
+        bodies.direction[self.body] = (q - p) / r
+        bodies.turn[self.body] = np.where(e < r, np.arcsin(np.where(e < r, e / r, 0.0)), np.inf)
+
+
 def turn_over(near: float, far: float, r: Floats, e: Floats) -> Floats:
     """How far the side ``near`` of a triangle turns whose side r varies by at most e, its direction with it."""
     low, high = np.maximum(r - e, abs(near - far)), np.minimum(r + e, near + far)

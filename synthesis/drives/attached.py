@@ -21,7 +21,7 @@ LAYER, COLOUR = "DRIVE", 6
 """Of a drawing, and AutoCAD's number of its colour."""
 _LIGHT = 0.1
 """Of the heaviest link in a simulation: what the two links of a motor or of a knee weigh."""
-_STYLE = "<style>.drive{stroke:#d97706;stroke-width:6}</style>"
+_STYLE = "<style>.drive{stroke:#d97706;stroke-width:6}.arm{stroke:#1d2733;stroke-width:8}</style>"
 _BODY_WIDTH = 0.08
 """Of an actuator's body in a drawing, over its retracted length."""
 
@@ -106,6 +106,18 @@ class Attached:
         rod = np.array([ground + along * body, pin])
         return [ground], [pin], [(ground + along * corners, True), (rod, False)]
 
+    def arms(self) -> list[Complexes]:
+        """Return the lines from the joints of each link that carries an end of it to that end, at the first position."""
+        found = []
+        for name, end in ((self.on, self.ends()[0][0]), (self.link, self.ends()[1][0])):
+            if name == GROUND or self.kind == "rotary":
+                continue
+            joints = [complex(self.machine.link(name).origin[0])]
+            if name in self.machine.middles:
+                joints.append(complex(self.machine.link(name).place(2 * self.machine.middles[name])[0]))
+            found.append(np.array([joints[0], end, *joints[1:]]))
+        return found
+
     def draw(self, space: Any, xy: Callable[[complex], tuple[float, float]], size: float) -> None:
         """It on the layer `LAYER` of a drawing for CAD; ``size``: of the drawing, in its unit."""
         at = {"layer": LAYER}
@@ -113,19 +125,21 @@ class Attached:
         for places, radius in ((pivots, 0.02), (pins, 0.012)):
             for place in places:
                 space.add_circle(xy(place), radius * size, dxfattribs=at)
-        for line, closed in lines:
+        for line, closed in [*lines, *((arm, False) for arm in self.arms())]:
             space.add_lwpolyline([xy(complex(place)) for place in line], close=closed, dxfattribs=at)
 
     def shown(self) -> Extra:
         """It in a drawing to look at."""
         pivots, pins, lines = self.lines()
+        arms = self.arms()
 
         def draw(sheet: Sheet) -> str:
-            parts = [sheet.line(line, "drive", closed) for line, closed in lines]
+            parts = [sheet.line(arm, "arm") for arm in arms]
+            parts += [sheet.line(line, "drive", closed) for line, closed in lines]
             parts += [sheet.dot(place, 11, 'class="pivot"') for place in pivots]
             return _STYLE + "".join([*parts, *(sheet.dot(place, 8, 'class="pin"') for place in pins)])
 
-        return Extra(np.concatenate([np.array([*pivots, *pins]), *(line for line, _ in lines)]), draw)
+        return Extra(np.concatenate([np.array([*pivots, *pins]), *(line for line, _ in lines), *arms]), draw)
 
     def simulated(self, model: str, metre: float) -> str:
         """A MuJoCo model with this drive in the place of its own; ``metre``: metres in the machine's unit of length."""

@@ -18,7 +18,9 @@ between the shortest and the longest.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -250,15 +252,21 @@ def springs_on_pendulums(
 
 
 _GRID, _DIRECTIONS, _RADII = 12, 12, np.array([0.3, 0.6, 0.95])
-"""The grid: points of a box, either way; directions and distances on a link."""
+"""The grid: points of a box in each direction; directions and distances on a link."""
 _DESCENTS = 4
-"""Descents for a row."""
+"""Descents for each row of the catalogue on each pair of links."""
+_ROWS, _ROWS_OF_PAIR = 6, 2
+"""Rows for which descents are made: the best of all pairs of links, and the best of each pair."""
+_BEHAVIOUR_DESCENTS = 24
+"""Descents for each row and pair of links with a behaviour, from different ends on the first link: few placements satisfy one."""
+_VIOLATED = 1e3
+"""Cost on the grid of a violated behaviour, per part of the rms torque without springs or of the longest length."""
 _TURNS = 2
 """Of placing springs one after the other, before all are placed together."""
-_ROWS = 6
-"""Rows of a catalogue that descents are made for: those that are best on the grid."""
 _STEPS = 500
 """Of a descent at most."""
+_NEARLY_FITS = 0.2
+"""Of the longest length: by so much a placement of the grid may leave the range of lengths where a descent begins."""
 _DIGITS, _GAIN = 9, 1e-6
 """Of sums of squares on the grid, over those without a spring; and the part of the rms torque that counts as better."""
 _HAIR = 1e-6
@@ -276,6 +284,11 @@ class SpringRow(NamedTuple):
     longest: float
     price: float | None = None
 
+    @property
+    def offset(self) -> float:
+        """Force in tension extrapolated to length 0."""
+        return self.preload - self.stiffness * self.free_length
+
 
 class Room(NamedTuple):
     """Where a spring may take hold.
@@ -290,6 +303,55 @@ class Room(NamedTuple):
 
 
 @dataclass(frozen=True)
+class Behaviour:
+    """Limits on the torque that the drive gives once the springs are mounted, shape (n,) over the motion.
+
+    Attributes
+    ----------
+    sense : float
+        1 if the drive's coordinate rises from the first position to the last, -1 if it falls.
+    margin : float
+        Torque with which the linkage is pressed onto its stop at an end that must hold.
+    holds_first, holds_last : bool
+        The linkage rests on its stop at the first (last) position without a drive.
+    torque_max : ndarray or None
+        Largest absolute torque at each position.
+    """
+
+    sense: float
+    margin: float
+    holds_first: bool = False
+    holds_last: bool = False
+    torque_max: Floats | None = None
+
+    def rows(self, torque: Floats) -> Floats:
+        """Return values that are at least 0 if the torque (..., n) satisfies the limits, shape (..., m)."""
+        found = []
+        if self.holds_first:
+            found.append(self.sense * torque[..., :1] - self.margin)
+        if self.holds_last:
+            found.append(-self.sense * torque[..., -1:] - self.margin)
+        if self.torque_max is not None:
+            found += [self.torque_max - torque, self.torque_max + torque]
+        return np.concatenate(found, axis=-1)
+
+    def slopes(self, slopes: Floats) -> Floats:
+        """Return the derivatives of `rows` from those of the torque, (n, unknowns)."""
+        found = []
+        if self.holds_first:
+            found.append(self.sense * slopes[:1])
+        if self.holds_last:
+            found.append(-self.sense * slopes[-1:])
+        if self.torque_max is not None:
+            found += [-slopes, slopes]
+        return np.concatenate(found)
+
+    def violation(self, torque: Floats) -> Floats:
+        """Return the largest violation of the limits by torques (..., n), at least 0, as a torque."""
+        return np.maximum(-self.rows(torque).min(axis=-1), 0.0)
+
+
+@dataclass(frozen=True)
 class Fitted:
     """Springs in their places, and the drive's torque with them."""
 
@@ -297,6 +359,11 @@ class Fitted:
     kinds: tuple[SpringRow | None, ...]
     lengths: tuple[Floats, ...]
     torque: Floats
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the torque that remains."""
+        return _rms(self.torque)
 
 
 def spring_torque(machine: LinkMotions, spring: Spring) -> tuple[Floats, Floats]:
@@ -322,52 +389,156 @@ def fitted(
     return Fitted(tuple(springs), names, tuple(length for length, _ in both), left)
 
 
+Between = tuple[str, str]
+"""The two links that a spring joins."""
+
+
+def pairs_of(machine: LinkMotions) -> list[Between]:
+    """Return every pair of links, the ground among them, between which a spring can do work."""
+    return list(combinations((GROUND, *machine.links), 2))
+
+
+class _Start(NamedTuple):
+    """A row of the catalogue on a pair of links, with placements of the grid at which descents begin."""
+
+    cost: float
+    between: Between
+    kind: SpringRow
+    ends: list[tuple[complex, complex]]
+
+
 def best_spring(
     machine: LinkMotions,
     torque: Floats,
-    between: tuple[str, str],
+    betweens: Sequence[Between],
     kinds: list[SpringRow],
     room: Room,
     work: Work | None = None,
+    behaviour: Behaviour | None = None,
 ) -> Fitted | str:
-    """The spring of a catalogue, and its places on two links, that leave the least rms torque; or why there is none."""
-    first, second = between
-    link = machine.seen(second, first)
-    grounds, pins = _grid(machine, first, second, room)
-    length, arm = lengths_and_arms(link, 0j, grounds, pins)
-    shortest, longest = length.min(axis=1), length.max(axis=1)
-    tries: list[tuple[float, SpringRow, list[int]]] = []
-    for kind in kinds:
-        some = np.flatnonzero((shortest >= kind.shortest) & (longest <= kind.longest))
-        if not some.size:
-            continue
-        left = torque + (kind.preload + kind.stiffness * (length[some] - kind.free_length)) * arm[some]
-        # of equal ones the first, whatever rounding makes of them
-        cost = np.round(np.einsum("mn,mn->m", left, left) / (np.dot(torque, torque) or 1.0), _DIGITS)
-        order = np.argsort(cost, kind="stable")[:_DESCENTS]
-        tries.append((float(cost[order[0]]), kind, some[order].tolist()))
-        if work is not None and work.expired():
+    """Find the spring of a catalogue, the pair of links and its ends that leave the least rms torque.
+
+    Parameters
+    ----------
+    machine : LinkMotions
+    torque : ndarray, shape (n,)
+        What the drive gives without the spring.
+    betweens : sequence of pairs of str
+        Pairs of links to try.
+    kinds : list of SpringRow
+        The catalogue.
+    room : Room
+        Where the ends may be.
+    work : Work, optional
+        The search ends with the best placement so far once its time is up.
+    behaviour : Behaviour, optional
+        Limits on the torque that remains; placements that satisfy them come before all others.
+
+    Returns
+    -------
+    Fitted or str
+        The spring, or a sentence that says why no row fits anywhere.
+    """
+    starts: list[_Start] = []
+    nearest: tuple[float, float, float, Between] | None = None
+    for between in betweens:
+        if starts and work is not None and work.expired():
             break
-    if not tries:
-        spread = float((longest - shortest).min()) if shortest.size else np.inf
+        found, spread = _screened(machine, torque, between, kinds, room, behaviour)
+        starts += found
+        if nearest is None or spread[0] < nearest[0]:
+            nearest = (*spread, between)
+    if not starts:
+        assert nearest is not None
+        change, low, high, (first, second) = nearest
+        where = f" between {first} and {second}" if len(betweens) == 1 else " between any two links"
         return (
-            f"no spring of {len(kinds)} fits between {first} and {second}: the least change of length there is {spread:.4g}, "
-            f"and lengths range from {float(shortest.min()):.4g} to {float(longest.max()):.4g}"
+            f"no spring of {len(kinds)} fits{where}: the smallest change of length there is {change:.4g}, "
+            f"and lengths range from {low:.4g} to {high:.4g}"
         )
-    tries.sort(key=lambda row: row[0])
-    best: tuple[float, SpringRow, complex, complex] | None = None
-    for _, kind, some_ in tries[:_ROWS]:
-        for k in some_:
+    best: tuple[tuple[float, float, float], Between, SpringRow, complex, complex] | None = None
+    for start in _promising(starts):
+        part = _Placing(machine, start.between, start.kind, room)
+        for ends in start.ends:
             if work is not None and work.expired() and best is not None:
                 break
-            part = _Placing(machine, between, kind, room)
-            rms, z = _together([part], torque, part.start(complex(grounds[k]), complex(pins[k])))
-            if best is None or rms < best[0] * (1 - _GAIN):
-                best = (rms, kind, *part.ends(z))
+            rank, z = _together([part], torque, part.start(*ends), behaviour)
+            if best is None or rank < (*best[0][:2], best[0][2] * (1 - _GAIN)):
+                best = (rank, start.between, start.kind, *part.ends(z))
     assert best is not None
-    _, kind, ground, pin = best
+    if best[0][0] > 0:  # nothing both fits and behaves: what fits says by how much it does not behave
+        return best_spring(machine, torque, betweens, kinds, room, work)
+    _, between, kind, ground, pin = best
     spring = Spring(between, (ground, pin), kind.stiffness, kind.free_length, kind.preload)
     return fitted(machine, torque, [_named(machine, spring)], [kind])
+
+
+def _promising(starts: list[_Start]) -> list[_Start]:
+    """Return the starts with the lowest cost of all, and those of each pair of links."""
+    starts = sorted(starts, key=lambda start: start.cost)
+    chosen = {id(start) for start in starts[:_ROWS]}
+    for between in {start.between for start in starts}:
+        chosen |= {id(start) for start in [one for one in starts if one.between == between][:_ROWS_OF_PAIR]}
+    return [start for start in starts if id(start) in chosen]
+
+
+def _screened(
+    machine: LinkMotions,
+    torque: Floats,
+    between: Between,
+    kinds: list[SpringRow],
+    room: Room,
+    behaviour: Behaviour | None,
+) -> tuple[list[_Start], tuple[float, float, float]]:
+    """Evaluate the rows of a catalogue on a grid of placements on two links.
+
+    The torque of a spring is linear in its stiffness and its force at length 0, so that sums over the motion are made once for
+    all rows.
+
+    Returns
+    -------
+    starts : list of _Start
+        The rows that fit somewhere.
+    spread : tuple of float
+        Smallest change of length on the grid, and the smallest and the largest length.
+    """
+    first, second = between
+    grounds, pins = _grid(machine, first, second, room)
+    if not grounds.size:
+        return [], (np.inf, 0.0, 0.0)
+    length, arm = lengths_and_arms(machine.seen(second, first), 0j, grounds, pins)
+    shortest, longest = length.min(axis=1), length.max(axis=1)
+    pull = length * arm
+    whole = float(np.dot(torque, torque)) or 1.0
+    by_arm, by_pull = arm @ torque, pull @ torque
+    arms, pulls, both = (np.einsum("mn,mn->m", a, b) for a, b in ((arm, arm), (pull, pull), (arm, pull)))
+    starts = []
+    for kind in kinds:
+        fits = (shortest >= kind.shortest) & (longest <= kind.longest)
+        a, k = kind.offset, kind.stiffness
+        square = whole + a * a * arms + k * k * pulls + 2 * (a * by_arm + k * by_pull + a * k * both)
+        if behaviour is None:
+            usable = np.flatnonzero(fits)
+            cost = square[usable] / whole
+        else:
+            # few placements behave as asked for, and a descent moves others into the range of lengths
+            beyond = np.maximum(kind.shortest - shortest, longest - kind.longest)
+            usable = np.flatnonzero(beyond < _NEARLY_FITS * kind.longest)
+            left = torque + a * arm[usable] + k * pull[usable]
+            lacks = behaviour.violation(left) / np.sqrt(whole / torque.size)
+            lacks = lacks + np.maximum(beyond[usable], 0.0) / kind.longest
+            cost = square[usable] / whole + _VIOLATED * lacks
+        if not usable.size:
+            continue
+        # of equal placements the first, whatever rounding makes of them
+        cost = np.round(cost, _DIGITS)
+        order = usable[np.argsort(cost, kind="stable")]
+        if behaviour is not None:
+            order = order[np.sort(np.unique(grounds[order], return_index=True)[1])]
+        order = order[: _DESCENTS if behaviour is None else _BEHAVIOUR_DESCENTS]
+        ends = [(complex(grounds[m]), complex(pins[m])) for m in order]
+        starts.append(_Start(float(cost.min()), between, kind, ends))
+    return starts, (float((longest - shortest).min()), float(shortest.min()), float(longest.max()))
 
 
 def _named(machine: LinkMotions, spring: Spring) -> Spring:
@@ -451,8 +622,19 @@ class _Placing:
         return np.concatenate(values), np.concatenate([change / size, -change / size, 2 * np.array(slopes) / size])
 
 
-def _together(parts: list[_Placing], torque: Floats, begin: Floats) -> tuple[float, Floats]:
-    """The nearest optimum of some springs together: rms torque and unknowns, four a spring; no worse than the beginning."""
+def _together(
+    parts: list[_Placing], torque: Floats, begin: Floats, behaviour: Behaviour | None = None
+) -> tuple[tuple[float, float, float], Floats]:
+    """Descend to the nearest optimum of some springs together.
+
+    Returns
+    -------
+    rank : tuple of float
+        By how much lengths and places are out of range, and the behaviour is violated, 0 within rounding; then the rms torque
+        that remains.
+    z : ndarray
+        The unknowns, four per spring; ``begin`` where the descent ended with a higher rank.
+    """
     rms = float(np.sqrt(np.mean(torque**2))) or 1.0
     four = [slice(4 * k, 4 * k + 4) for k in range(len(parts))]
 
@@ -465,6 +647,9 @@ def _together(parts: list[_Placing], torque: Floats, begin: Floats) -> tuple[flo
     def rows(z: Floats) -> Floats:
         return np.concatenate([one.rows(z[some])[0] for one, some in zip(parts, four)])
 
+    def left_of(z: Floats) -> Floats:
+        return np.asarray(torque + sum(one.torque(z[some])[2] for one, some in zip(parts, four)))
+
     def slopes(z: Floats) -> Floats:
         found = [one.rows(z[some])[1] for one, some in zip(parts, four)]
         table = np.zeros((sum(len(one) for one in found), z.size))
@@ -474,31 +659,57 @@ def _together(parts: list[_Placing], torque: Floats, begin: Floats) -> tuple[flo
             row += len(one)
         return table
 
+    def behaves(z: Floats) -> Floats:
+        assert behaviour is not None
+        return behaviour.rows(left_of(z)) / rms
+
+    def behaves_slopes(z: Floats) -> Floats:
+        assert behaviour is not None
+        found = [one.torque(z[some])[3] for one, some in zip(parts, four)]
+        return behaviour.slopes(np.concatenate(found, axis=1)) / rms
+
+    def rank(z: Floats) -> tuple[float, float, float]:
+        beyond = max(-float(rows(z).min()), 0.0)
+        lacks = 0.0 if behaviour is None else float(behaviour.violation(left_of(z))) / rms
+        return (
+            beyond if beyond > _HAIR / 2 else 0.0,
+            lacks if lacks > _HAIR else 0.0,
+            float(np.sqrt(cost(z)[0])) * rms,
+        )
+
     bounds = [bound for one in parts for bound in one.bounds]
-    z = descended(cost, begin, bounds, [{"type": "ineq", "fun": rows, "jac": slopes}], 1e-12, _STEPS)
-    if not np.all(np.isfinite(z)) or rows(z).min() < -_HAIR / 2 or cost(z)[0] > cost(begin)[0]:
+    limits = [{"type": "ineq", "fun": rows, "jac": slopes}]
+    if behaviour is not None:
+        limits.append({"type": "ineq", "fun": behaves, "jac": behaves_slopes})
+    z = descended(cost, begin, bounds, limits, 1e-12, _STEPS)
+    if not np.all(np.isfinite(z)) or rank(z) > rank(begin):
         z = begin
-    return float(np.sqrt(cost(z)[0])) * rms, z
+    return rank(z), z
 
 
 def best_pair(
     machine: LinkMotions,
     torque: Floats,
-    betweens: list[tuple[str, str]],
+    betweens: list[Between],
     kinds: list[SpringRow],
     room: Room,
     work: Work | None = None,
+    behaviour: Behaviour | None = None,
 ) -> Fitted | str:
-    """Springs on several pairs of links: one after the other, each against what the others leave, some turns; then together."""
+    """Find springs on several pairs of links that work together.
+
+    They are placed one after the other, each against what the others leave, some turns; then all at once. Arguments as of
+    `best_spring`, with a spring on each pair of links.
+    """
     placed: dict[int, Fitted] = {}
     gives, left = [0 * torque for _ in betweens], torque
     for _ in range(_TURNS):
         for k, between in enumerate(betweens):
             others = torque + sum(gives[:k] + gives[k + 1 :])
-            found = best_spring(machine, others, between, kinds, room, work)
+            found = best_spring(machine, others, [between], kinds, room, work)
             if isinstance(found, str):
                 return found
-            if k not in placed or _rms(found.torque) < _rms(left):
+            if k not in placed or found.rms < _rms(left):
                 placed[k], gives[k], left = found, found.torque - others, found.torque
         if work is not None and work.expired():
             break
@@ -508,7 +719,7 @@ def best_pair(
     # unknowns have the first end in the plane at the first sample
     levels = [complex(machine.end(one.between[0], one.points[0])[0]) for one in springs]
     begin = [part.start(level, one.points[1]) for part, level, one in zip(parts, levels, springs)]
-    _, z = _together(parts, torque, np.concatenate(begin))
+    _, z = _together(parts, torque, np.concatenate(begin), behaviour)
     for k, (part, spring) in enumerate(zip(parts, springs)):
         springs[k] = _named(machine, replace(spring, points=part.ends(z[4 * k : 4 * k + 4])))
     return fitted(machine, torque, springs, rows)

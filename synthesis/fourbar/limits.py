@@ -7,7 +7,7 @@ as a given pivot, are 0 where they are kept. A search descends along them, and a
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Annotated, Any, Literal, NamedTuple, get_type_hints
@@ -19,7 +19,7 @@ from synthesis.arrays import Flags, Floats
 from synthesis.errors import FieldError
 from synthesis.fourbar.kinematics import FULL_CRANK, family, grashof_excesses
 from synthesis.mechanism import Box, Constrained, Placed
-from synthesis.target import Samples
+from synthesis.target import MIN_LENGTH, Samples
 
 FAMILIES = ("full_crank", "crank_rocker", "double_crank", "any")
 LINKS = ("crank", "coupler", "rocker", "ground")
@@ -32,6 +32,8 @@ LINK_RATIO = 10.0
 """Most of the longest link over the shortest."""
 REACH = 10.0
 """No link, and no distance of a pivot from the motion's middle, is longer than this many extents of the motion."""
+SHORTEST = 0.05
+"""No link is shorter than this part of the motion's extent: one that is hardly holds a body that reaches far out from it."""
 ROOM = 2.0
 """So many times a shortest length that is given links may be long, and pivots be away, at least."""
 # tuning of the constraints
@@ -59,11 +61,12 @@ def in_family(family: str, lengths: Floats) -> Flags:
 
 
 class Reach(NamedTuple):
-    """How far from a point the fixed pivots may lie; None: as far as they like."""
+    """Largest distances of the fixed pivots from a point, and of the body point from both coupler joints; None: no limit."""
 
     middle: complex
     pivot_a: float | None
     pivot_b: float | None
+    body: float | None = None
 
 
 class Form(NamedTuple):
@@ -99,7 +102,10 @@ class Limits:
     ] = 0.0
     pivot_a: Annotated[complex | None, Form("point", "place", "The crank's fixed pivot is given.")] = None
     pivot_b: Annotated[complex | None, Form("point", "place", "The rocker's fixed pivot is given.")] = None
-    pivot_box: Annotated[Box | None, Form("box", "place", "xmin, ymin, xmax, ymax for both fixed pivots.")] = None
+    pivot_box: Annotated[
+        Box | None,
+        Form("box", "place", "xmin, ymin, xmax, ymax for both fixed pivots, used travel of rails and pins of slots."),
+    ] = None
     pivot_a_box: Annotated[Box | None, Form("box", "place", "The same for the crank's pivot.")] = None
     pivot_b_box: Annotated[Box | None, Form("box", "place", "The same for the rocker's pivot.")] = None
     pivot_reach: Annotated[Reach | None, Form("reach", "place", "The distance of the pivots.")] = None
@@ -124,7 +130,11 @@ class Limits:
     ] = None
     rail_box: Annotated[
         Box | None,
-        Form("box", "sliders", "A box for both ends of the used travel of every rail: xmin, ymin, xmax, ymax."),
+        Form(
+            "box",
+            "sliders",
+            "A box for both ends of the used travel of every rail, beside the boxes of pivots: xmin, ymin, xmax, ymax.",
+        ),
     ] = None
     cylinder_dead_length: Annotated[
         float | None, Form("length", "sliders", "Shortest length of a driving cylinder, pin to pin.", least=True)
@@ -201,6 +211,11 @@ class Limits:
                 if box is not None and not (box[0] <= point.real <= box[2] and box[1] <= point.imag <= box[3]):
                     raise FieldError(f"/limits/{name}", "lies outside the box of this pivot")
                 box = (point.real, point.imag, point.real, point.imag)
+            rails = self.rail_box_of(name)
+            if self.rail_box is not None and rails is not None and (rails[0] > rails[2] or rails[1] > rails[3]):
+                raise FieldError(
+                    "/limits/rail_box", "has no point in common with the box of a pivot that a rail replaces"
+                )
             for number, out in enumerate(self.keep_out):
                 if box is not None and out[0] < box[0] and out[1] < box[1] and box[2] < out[2] and box[3] < out[3]:
                     if point is not None:
@@ -210,10 +225,11 @@ class Limits:
 
     def box(self, name: str) -> Box | None:
         """Where a pivot may lie by all boxes that concern it; ``name`` is its own: pivot_a_box or pivot_b_box."""
-        boxes = [one for one in (self.pivot_box, getattr(self, name), self.envelope) if one is not None]
-        if not boxes:
-            return None
-        return (*np.max(boxes, axis=0)[:2].tolist(), *np.min(boxes, axis=0)[2:].tolist())
+        return _common([self.pivot_box, getattr(self, name), self.envelope])
+
+    def rail_box_of(self, pivot: str) -> Box | None:
+        """Return the box for the used travel of a rail in the place of a fixed pivot, ``pivot_a`` or ``pivot_b``."""
+        return _common([self.rail_box, self.pivot_box, getattr(self, f"{pivot}_box")])
 
     def check_against(self, samples: Samples) -> None:
         """FieldError for limits that have no meaning for these samples, or that no linkage keeps."""
@@ -302,6 +318,12 @@ def of_kind(kind: str) -> list[str]:
     return [name for name, form in FORMS.items() if form.kind == kind]
 
 
+def _common(boxes: Sequence[Box | None]) -> Box | None:
+    """Return what boxes have in common, which may be empty; None without boxes."""
+    given = [box for box in boxes if box is not None]
+    return (*np.max(given, axis=0)[:2].tolist(), *np.min(given, axis=0)[2:].tolist()) if given else None
+
+
 def _flipped(box: Box) -> Box:
     return box[0], -box[3], box[2], -box[1]
 
@@ -325,15 +347,29 @@ def practical_limits(samples: Samples, given: dict[str, Any]) -> dict[str, Any]:
         far, middle = REACH * samples.extent, complex(samples.position_mean(samples.position))
         far = max(far, ROOM * given.get("link_min", 0.0))
         asked["link_max"] = max(far, *(one or 0.0 for one in given.get("links", ())), 0.0)
+        asked["link_min"] = min(SHORTEST * samples.extent, *_possible_lengths(given))
+        arm = None if "coupler_radius_max" in given else given.get("link_max", asked["link_max"])
         places = [
             None if given.keys() & {name, f"{name}_box", "pivot_box", "envelope"} else far
             for name in ("pivot_a", "pivot_b")
         ]
-        asked["pivot_reach"] = Reach(middle, *places)
+        asked["pivot_reach"] = Reach(middle, places[0], places[1], arm)
     lengths = [one for one in given.get("links", ()) if one is not None]
     if lengths:
         asked["link_ratio_max"] = max(LINK_RATIO, max(lengths) / min(lengths))
     return asked | given
+
+
+def _possible_lengths(given: dict[str, Any]) -> list[float]:
+    """Return lengths that the limits of a request leave its links: the shortest one is no shorter than they require."""
+    found = [given.get("link_max", np.inf), *(one for one in given.get("links", ()) if one is not None)]
+    if "pivot_a" in given and "pivot_b" in given:
+        found.append(abs(given["pivot_b"] - given["pivot_a"]))
+    if box := _common([given.get("pivot_box"), given.get("envelope")]):
+        left, low, right, high = box
+        # half of the longest ground that the box allows leaves a search room
+        found.append(max(float(np.hypot(right - left, high - low)) / 2, MIN_LENGTH))
+    return found
 
 
 def placed_by(limits: Limits, pivot: str) -> bool:
@@ -345,8 +381,8 @@ def placed_by(limits: Limits, pivot: str) -> bool:
 
 BEGIN, END, PIVOT, TURNED, COUPLER = 4, 5, 6, 8, 9
 """Columns of derivatives, as `mechanism.Constrained` has them, behind those by the lengths."""
-_BOTH_PIVOTS, _COUPLER = ("pivot_a", "pivot_b"), 2
-"""The points that limits speak of."""
+_BOTH_PIVOTS, _COUPLER, _COUPLER_FROM_ROCKER = ("pivot_a", "pivot_b"), 2, 3
+"""The points that limits concern: the fixed pivots, and the body point from the crank pin and from the coupler pin."""
 _SIGNS = {"crank_rocker": 1.0, "double_crank": -1.0}
 """Of the first two excesses of a family (see `kinematics.grashof_excesses`)."""
 
@@ -443,6 +479,9 @@ class Constraints:
                 table.add("keep_out", kernel.OUTSIDE, point, *self._box(out))
         if limits.coupler_radius_max is not None:
             table.add("coupler_radius_max", kernel.NEAR, _COUPLER, 0.0, 0.0, limits.coupler_radius_max / self.scale)
+        if reach is not None and reach.body is not None:
+            for point in (_COUPLER, _COUPLER_FROM_ROCKER):
+                table.add("body_reach", kernel.NEAR, point, 0.0, 0.0, reach.body / self.scale)
         if limits.envelope is not None:
             spare = 0.0 if self.exact else SPARE
             x, y, right, upper = self._box(limits.envelope)

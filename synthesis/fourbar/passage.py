@@ -37,6 +37,7 @@ from synthesis.fourbar.limits import (
     LINK_RATIO,
     REACH,
     ROOM,
+    SHORTEST,
     TRANSMISSION_ANGLE,
     TRANSMISSION_ANGLE_TURN,
     Limits,
@@ -62,8 +63,6 @@ is asked at two samples differs."""
 # ways between samples
 LEAVES_SAMPLES = 2.5
 """Above this excursion the curve leaves the samples in between."""
-SHORTEST = 0.05
-"""Part of the motion's extent below which a link is tiny: a body that reaches far out from it is hardly held."""
 SHORTEST_CHORD = 0.05
 """Of the length scale: shorter chords count as this long."""
 PANEL = np.deg2rad(15.0)
@@ -406,7 +405,8 @@ def practical_faults(solution: _Built, samples: Samples, limits: Limits, excursi
     linkage = solution.linkage
     pivots = {"pivot_a": linkage.pivot_a, "pivot_b": linkage.pivot_b}
     angles = solution.transmission_angle_min, solution.transmission_angle_min_turn
-    return faults_of(angles, linkage.links, pivots, samples, limits, excursion)
+    arm = max(abs(linkage.arm), abs(linkage.arm - linkage.links[1])) if linkage.mounted else 0.0
+    return faults_of(angles, linkage.links, pivots, samples, limits, excursion, arm)
 
 
 def faults_of(
@@ -416,12 +416,26 @@ def faults_of(
     samples: Samples | None,
     limits: Limits,
     excursion: float | None = None,
+    arm: float = 0.0,
 ) -> list[str]:
-    """A sentence for each practical limit that a linkage breaks; what a request limits itself is judged by its own limit.
+    """Return a sentence for each practical limit that a linkage violates; a limit of the request replaces the practical one.
 
-    ``angles``: the least transmission angles over the used interval and over the turn, where that counts. ``pivots``: by the
-    names of their limits. ``samples``: the motion; without positions lengths are ratios, and only those are judged. ``limits``:
-    of the request. ``excursion``: of the body point between samples, see `excursions`.
+    Parameters
+    ----------
+    angles : tuple
+        Smallest transmission angles over the used interval, and over the turn if that counts.
+    links : sequence of float
+        Lengths of the links.
+    pivots : mapping
+        Fixed pivots by the names of their limits.
+    samples : Samples or None
+        The motion. Without positions lengths are ratios, and only those are judged.
+    limits : Limits
+        Of the request.
+    excursion : float, optional
+        Of the body point between samples, see `excursions`.
+    arm : float
+        Largest distance of the body point from a joint of the body, which is bounded like a link.
     """
     faults = []
     least = limits.transmission_angle_min or TRANSMISSION_ANGLE
@@ -441,6 +455,16 @@ def faults_of(
         reach = max(REACH, ROOM * (limits.link_min or 0.0) / extent)
         if limits.link_max is None and longest > reach * extent:
             faults.append(f"longest link {longest / extent:.3g} times the motion's extent, above {reach:.4g}")
+        arm_max = reach * extent if limits.link_max is None else limits.link_max
+        if limits.coupler_radius_max is None and arm > arm_max * (1 + _ROUNDED):
+            faults.append(
+                f"the body point lies {arm:.4g} from a joint of its link, above {arm_max:.4g}, the longest link"
+            )
+        link_min = SHORTEST * extent if limits.link_min is None else limits.link_min
+        if links and shortest < link_min * (1 - _ROUNDED):
+            faults.append(
+                f"shortest link {shortest / extent:.3g} times the motion's extent, below {link_min / extent:.3g}"
+            )
         far = [abs(place - middle) / extent for name, place in pivots.items() if not placed_by(limits, name)]
         if far and max(far) > reach * (1 + _ROUNDED):
             faults.append(f"a fixed pivot {max(far):.3g} extents from the motion's middle, above {reach:.4g}")

@@ -26,7 +26,7 @@ from synthesis.descents import Timed
 from synthesis.fourbar.kinematics import transmission_angle_over
 from synthesis.fourbar.limits import Constraints, Limits, in_family
 from synthesis.fourbar.mechanism import AnyChart
-from synthesis.fourbar.passage import LEAVES_SAMPLES, SHORTEST, SHORTEST_CHORD
+from synthesis.fourbar.passage import LEAVES_SAMPLES, SHORTEST_CHORD
 from synthesis.free.dyads import (
     Body,
     Dyads,
@@ -263,8 +263,6 @@ class ExactFamily:
         placed = Placed(pairs.lengths, pairs.branch, Interval(angles[:, 0], angles[:, -1]), a, np.angle(z1), z2)
         found = self._constraints(placed, derivatives=False)
         inside = np.all(np.where(found.equal, np.abs(found.values) < 1e-9, found.values >= 0), axis=1)
-        if self.limits.practical:
-            inside &= pairs.lengths.min(axis=1) >= SHORTEST * self.extent
         return np.flatnonzero(inside)
 
     def stays(self, candidates: Candidates) -> NDArray[np.bool_]:

@@ -31,7 +31,7 @@ from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_typ
 from synthesis.fourbar.kinematics import coupler_angle, transmission_angle_over, wrap
 from synthesis.fourbar.limits import Limits, in_family
 from synthesis.fourbar.mechanism import FOURBAR, AnyChart, FullCrankChart, ways
-from synthesis.fourbar.passage import LEAVES_SAMPLES, SHORTEST, SHORTEST_CHORD, excursions, proportion
+from synthesis.fourbar.passage import LEAVES_SAMPLES, SHORTEST_CHORD, excursions, proportion
 from synthesis.fourbar.solution import Solution, assess, keeps
 from synthesis.free.dyads import FEW, chart_of, search_motion
 from synthesis.free.few_poses import Candidates, exact_four_bars
@@ -224,16 +224,11 @@ def rotations_of(found: Sequence[Solution], poses: Poses) -> Floats:
     )
 
 
-def have_tiny_links(found: Sequence[Solution], poses: Poses) -> Flags:
-    """Whether a link of each is too short to hold the body, (n,)."""
-    return np.array([min(one.linkage.links) < SHORTEST * poses.extent for one in found], dtype=bool)
-
-
 def _apart(found: Sequence[Solution], poses: Poses, limits: Limits, top: int, tolerance: float) -> list[Solution]:
     """The best of solutions that differ, by their own numbers (costs differ in the last digits); exact ones keep their order.
 
     Those whose body point goes elsewhere between samples come last of the exact ones; within the practical limits also of the
-    others, and so do those with a tiny link, and of those about as good as the best the best proportioned comes first. Exact ones
+    others, and of those about as good as the best the best proportioned comes first. Exact ones
     that stray take a quarter of the places at most where others are left.
     Law: the first does not depend on ``top``, and where it is not exact, the one of least error, or one about as good that stays,
     is among the first two.
@@ -243,8 +238,6 @@ def _apart(found: Sequence[Solution], poses: Poses, limits: Limits, top: int, to
     strays = np.zeros(len(found), dtype=bool)
     looked = np.flatnonzero(exact | limits.practical).tolist()
     strays[looked] = go_astray([found[k] for k in looked], poses)
-    if limits.practical:
-        strays |= have_tiny_links(found, poses)
     groups = behind(objective, strays, tolerance)
     groups[np.flatnonzero(groups == 1)[max(1, top // 4) :]] = groups.max(initial=0) + 1
     order = np.lexsort((np.where(exact, 0.0, objective), groups)).tolist()
@@ -370,16 +363,13 @@ class FreeRounds(Rounds):
         return timing, np.abs(timing).max(axis=1, initial=0.0)
 
     def strays(self, timed: Timed) -> Flags:
-        """Within the practical limits, as `go_astray` tells it of answers, by chords; those with a tiny link too."""
+        """Flag candidates within the practical limits that go astray between samples, as `go_astray` does, by chords."""
         if not (self._stays and timed.branch.size):
             return super().strays(timed)
-        lengths, crank = self.chart.shape(timed.shape).lengths, np.abs(timed.pose[:, 1])
         whole = timed.angles.shape[1] == self.poses.samples
         poses, problem = (self.poses, self.plain) if whole else (self.thin, self.problem)
         gone, rotation = problem.excursions(timed, SHORTEST_CHORD, _PANEL)
-        astray = (gone > LEAVES_SAMPLES) | poses.turned_otherwise(rotation)
-        shortest = SHORTEST * self.poses.extent / self.poses.length_scale
-        return np.asarray(astray | (lengths.min(axis=1) * crank < shortest * lengths[:, 0]))
+        return np.asarray((gone > LEAVES_SAMPLES) | poses.turned_otherwise(rotation))
 
     def turned_apart(self, timed: Timed, width: float) -> Floats:
         """Another start, and another span."""

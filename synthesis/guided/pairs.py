@@ -376,7 +376,7 @@ def numbers_of(limits: Limits, poses: Poses, timed: bool) -> dict[str, Any]:
         "pivot_boxes": np.stack([box(limits.box("pivot_a_box")), box(limits.box("pivot_b_box"))]),
         "reach_middle": 0j if reach is None else complex(*place(reach.middle)),
         "reaches": np.array([np.nan if far is None else far / scale for far in reaches]),
-        "rail_box": box(limits.rail_box),
+        "rail_boxes": np.stack([box(limits.rail_box_of("pivot_a")), box(limits.rail_box_of("pivot_b"))]),
         "far": None if reach is None else REACH * poses.extent / scale,
         "envelope": box(limits.envelope),
         "keep_out": np.array([box(out) for out in limits.keep_out]).reshape(-1, 4),

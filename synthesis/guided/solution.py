@@ -292,8 +292,9 @@ def practical_faults(
     linkage = solution.linkage
     turn = solution.transmission_angle_min_turn if linkage.driver is Driver.CRANK else None
     pivots = {name: one[0] for name, one in zip(("pivot_a", "pivot_b"), linkage.guides) if not isinstance(one, Rail)}
+    arm = max((abs(one.body_point) for one in linkage.guides if not isinstance(one, Slot)), default=0.0)
     faults = faults_of(
-        (solution.transmission_angle_min, turn), [*linkage.lengths.values()], pivots, samples, limits, excursion
+        (solution.transmission_angle_min, turn), [*linkage.lengths.values()], pivots, samples, limits, excursion, arm
     )
     if linkage.driver is Driver.CYLINDER:
         low, high = linkage.used(0, solution.interval)
@@ -391,15 +392,15 @@ def _broken(solution: GuidedSolution, samples: Samples, limits: Limits, ends: tu
             least("pivot_reach", (abs(place - reach.middle) - far) / extent)
         for out in limits.keep_out:
             least("keep_out", -float(outside(place, out)) / extent)
-    for guide, used in zip(linkage.guides, ends):
+    for guide, used, name in zip(linkage.guides, ends, ("pivot_a", "pivot_b")):
         if used is None:
             continue
         if limits.stroke_max is not None:
             least("stroke_max", (used[1] - used[0] - limits.stroke_max) / extent)
         if isinstance(guide, Rail):
             places = guide.point + np.array(used) * np.exp(1j * guide.direction)
-            if limits.rail_box is not None:
-                least("rail_box", float(outside(places, limits.rail_box).max()) / extent)
+            if (box := limits.rail_box_of(name)) is not None:
+                least("rail_box", float(outside(places, box).max()) / extent)
             if limits.pivot_reach is not None:
                 least("pivot_reach", float(np.abs(places - middle).max()) / extent - REACH)
     if linkage.driver is Driver.CYLINDER:

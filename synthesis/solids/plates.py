@@ -72,18 +72,24 @@ def to_plates(linkage: Linkage, unit_mm: float = 1.0, hole: float | None = None,
     return dxf_text(_document(drawn))
 
 
-def parts_to_plates(solids: Solids) -> str:
-    """Plates, boards and washers of an assembly, with the holes of their fit; a layer a part.
+def parts_to_plates(solids: Solids, kerf: float = 0.0) -> str:
+    """Write plates, boards and washers of an assembly, with the holes of their fit; a layer a part.
 
-    Law: contours are those of the parts, moved.
+    ``kerf``: width of the cut in millimetres; contours are larger by half of it on each side, and holes smaller.
+
+    Law: without a kerf contours are those of the parts, moved; what a cut of the kerf's width along them leaves has their size.
     """
     drawn = []
     for part in solids.parts:
         if part.kind in ("plate", "board", "washer", "head"):
             hole = part.prism.holes[0]
+            if any(not one.radius > kerf / 2 for one in part.prism.holes):
+                raise FieldError(
+                    "/assembly/kerf", f"leaves nothing of a hole of {2 * hole.radius:g} mm in {part.name}"
+                )
             rim = float(min(abs(corner - hole.centre) for corner in part.prism.corners)) - hole.radius
             word = hole.centre + complex(1.1 * hole.radius, -0.3 * rim)
-            drawn.append(_Drawn(part.name.upper(), part.prism, word, 0.6 * rim))
+            drawn.append(_Drawn(part.name.upper(), part.prism.grown(kerf / 2), word, 0.6 * rim))
     return dxf_text(_document(drawn))
 
 

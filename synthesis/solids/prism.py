@@ -150,6 +150,25 @@ class Prism:
         outline = np.array([[centre.real + radius, centre.imag, 1.0], [centre.real - radius, centre.imag, 1.0]])
         return cls(outline, low, high, (Hole(centre, hole),) if hole else ())
 
+    def grown(self, by: float) -> Prism:
+        """Return the part with its outline moved outwards by a distance, and holes as much smaller in radius.
+
+        Lines and arcs keep their direction and their angle; corners stay sharp. For distances below the radius of any arc that
+        goes around a hollow.
+        """
+        if not by:
+            return self
+        z, bulge = self.corners, self.outline[:, 2]
+        chord = np.roll(z, -1) - z
+        turn = np.exp(2j * np.arctan(bulge))
+        way = chord / np.abs(chord)
+        # directions at the end of the segment before each vertex, and at the begin of that after it
+        before, after = np.roll(way * turn, 1), way / turn
+        normals = -1j * before, -1j * after
+        moved = z + by * (normals[0] + normals[1]) / (1 + np.real(np.conj(normals[0]) * normals[1]))
+        outline = np.column_stack([moved.real, moved.imag, bulge])
+        return replace(self, outline=outline, holes=tuple(one._replace(radius=one.radius - by) for one in self.holes))
+
     @property
     def height(self) -> float:
         """Its thickness."""

@@ -145,7 +145,7 @@ def test_a_model_is_moved_by_the_drive(client, found, kind) -> None:
 def test_a_drive_that_is_none_or_in_a_file_that_has_none_is_refused(client, found) -> None:
     request, solution, drives = found
     body = {"request": request, "solution": solution, "drive": drives[0]}
-    for kind in ("pylinkage", "step"):
+    for kind in ("pylinkage", "json"):
         refused = client.post("/v1/export", json={**body, "format": kind})
         assert refused.json()["errors"][0]["pointer"].endswith("/drive")
     bad = {**one_of(found, "actuator"), "link": "wing"}

@@ -117,27 +117,24 @@ def test_the_csv_has_the_analysis_in_further_columns(client) -> None:
 
 
 def test_sizes_of_plates_are_checked_where_they_are_given(client) -> None:
-    body = {"request": EXAMPLE, "format": "plates", "plates": {"hole": 4, "width": 10}}
+    body = {"request": EXAMPLE, "format": "plates", "assembly": {"hole": 4, "width": 10}}
     assert client.post("/v1/export", json=body).status_code == 200
-    wrong = client.post("/v1/export", json={**body, "plates": {"hole": 30}})
-    assert wrong.status_code == 422 and wrong.json()["errors"][0]["pointer"] == "#/plates/hole"
+    wrong = client.post("/v1/export", json={**body, "assembly": {"hole": 30}})
+    assert wrong.status_code == 422 and wrong.json()["errors"][0]["pointer"] == "#/assembly/hole"
 
 
 @pytest.mark.parametrize(
     ("kind", "names"),
     [
-        ("json", "plates assembly solids drive"),
-        *((kind, "plates assembly solids") for kind in ("csv", "svg", "dxf")),
-        ("pylinkage", "plates assembly solids drive"),
-        ("mjcf", "plates"),
-        ("plates", "drive"),
-        ("step", "plates drive"),
+        ("json", "assembly solids drive"),
+        *((kind, "assembly solids") for kind in ("csv", "svg", "dxf")),
+        ("pylinkage", "assembly solids drive"),
     ],
 )
 def test_what_a_file_does_not_hold_is_refused(kind, names, client) -> None:
     """It was passed over."""
     motor = {"kind": "rotary", "link": "crank", "motor": [0, 0]}
-    values = {"plates": {"hole": 4}, "assembly": {"heads": True}, "solids": {"fit": "print"}, "drive": motor}
+    values = {"assembly": {"heads": True}, "solids": {"fit": "print"}, "drive": motor}
     for name in names.split():
         wrong = client.post("/v1/export", json={"request": EXAMPLE, "format": kind, name: values[name]})
         assert wrong.status_code == 422 and wrong.json()["errors"][0]["pointer"] == f"#/{name}", name
@@ -147,14 +144,14 @@ def test_what_a_file_does_not_hold_is_refused(kind, names, client) -> None:
 
 
 def test_plates_are_of_the_assembly_that_the_request_asks_for(client) -> None:
-    """By its own route they were, by /v1/export the links alone; unless sizes of those are given."""
+    """By its own route they were, by /v1/export the links alone."""
     body = {"request": {**EXAMPLE, "assembly": {"boards": "both"}}, "format": "plates"}
     layers = [
         set(ezdxf.read(io.StringIO(client.post(path, json=asked).text)).layers.entries)
         for path, asked in (
             ("/v1/export", body),
             ("/v1/synthesize.plates.dxf", body["request"]),
-            ("/v1/export", {**body, "plates": {"hole": 3}}),
+            ("/v1/export", {**body, "request": EXAMPLE}),
         )
     ]
     assert "board_above" in {name.lower() for name in layers[0]}

@@ -115,7 +115,9 @@ def test_a_cylinder_is_found_moves_and_its_pins_are_dragged(opened) -> None:
         opened.browser.save_screenshot(PICTURE.replace(".png", "_card.png"))
     opened.run("window.print = () => {}; document.getElementById('print').click()")
     opened.wait("document.getElementById('sheet').textContent.includes('255 + 150 mm')")
-    assert opened.run("return document.querySelectorAll('#sheet .drive-rod').length") == 1
+    assert opened.run("return document.querySelectorAll('#sheet .drive-rod').length") == 2, (
+        "the cylinder, and the arm of its pin"
+    )
     # an arrow key on the ground point: its numbers are computed anew, and the optimum was better
     opened.run(
         "const dot = document.querySelector('[data-end=ground]'); dot.focus();"

@@ -123,7 +123,7 @@ def test_what_a_designer_asks_next_is_shown_and_taken_away(page) -> None:
     for name, entry in {**fields, "study-links": "0.05", "study-clearance": "0.02"}.items():
         page.type_into(name, entry + Keys.TAB)
     page.solve()
-    for name, entry in {"plate-hole": "4", "plate-width": "9"}.items():
+    for name, entry in {"layer-hole": "4", "layer-width": "9"}.items():
         page.type_into(name, entry + Keys.TAB)
     titles = page.texts("#curves h3")
     for name in ("Velocity", "Acceleration", "Angular velocity", "Crank torque", "Transmission"):
@@ -159,7 +159,7 @@ def test_parts_are_taken_away_and_stand_on_the_sheet(page) -> None:
     assert page.saved("linkage-1.step", "[data-format=step]").startswith(b"ISO-10303-21;")
     page.select("layer-boards", "both")
     page.select("parts-fit", "print")
-    page.type_into("parts-scale", "0.5")
+    page.type_into("layer-scale", "0.5")
     page.wait("document.querySelectorAll('#stack rect.board').length == 2")
     rows = list(csv.DictReader(io.StringIO(page.saved("linkage-1.parts.csv", "[data-format=parts]").decode())))
     assert {row["material"] for row in rows} == {"PLA"} and "board_above" in {row["name"] for row in rows}
@@ -176,17 +176,17 @@ def test_parts_are_taken_away_and_stand_on_the_sheet(page) -> None:
 def test_sizes_beside_buttons_take_a_decimal_comma_and_nothing_else(page) -> None:
     """No file is made for another size than stands there."""
     page.choose("casement")
-    page.type_into("parts-scale", "0,5")
-    page.type_into("plate-hole", "4,5")
+    page.type_into("layer-scale", "0,5")
+    page.type_into("layer-hole", "4,5")
     rows = csv.DictReader(io.StringIO(page.saved("linkage-1.parts.csv", "[data-format=parts]").decode()))
     crank = next(float(row["length"]) for row in rows if row["name"] == "crank")
     assert 100 < crank < 150, "half of 240 and its ends"
     plates = ezdxf.read(io.StringIO(page.saved("linkage-1.plates.dxf", "[data-format=plates]").decode()))
     assert {circle.dxf.radius for circle in plates.modelspace().query("CIRCLE")} == {2.25}
     for name, button, entry, said in (
-        ("plate-hole", "plates", "-5", "holes: -5 is not above 0."),
-        ("plate-hole", "plates", "four", "holes: “four” is not a number."),
-        ("parts-scale", "3mf", "0", "scale: 0 is not from 0.001 to 1000."),
+        ("layer-hole", "plates", "-5", "holes: -5 is not above 0."),
+        ("layer-hole", "plates", "four", "holes: “four” is not a number."),
+        ("layer-scale", "3mf", "0", "scale: 0 is not from 0.001 to 1000."),
     ):
         page.type_into(name, entry)
         page.press(f"[data-format='{button}']")

@@ -67,7 +67,7 @@ def test_a_mirror_changes_nothing_but_signs() -> None:
 
 
 def test_a_blocked_linkage_is_told_what_would_free_it() -> None:
-    found = la.assembly(la.FourBar(60, 50, 70, 30))
+    found = la.assembly(la.FourBar(60, 50, 70, 30), hole=3.5, width=8.75)
     assert found.status == "blocked"
     assert found.longest_free == pytest.approx((12.1948754, 347.8051246))
     assert found.stops.low.cause == "pair"
@@ -86,7 +86,7 @@ def test_a_solution_and_its_plain_values_give_the_same() -> None:
 
 def test_buildable_is_practical_and_free() -> None:
     without = la.synthesize(motion(), top=2)
-    assert all(one.verdict.buildable == one.verdict.practical for one in without)
+    assert all(one.verdict.buildable is None for one in without), "no layers were looked for"
     assert without.best.verdict.assembly is None
     # plates as wide as the ground: nothing passes
     blocked = la.synthesize(motion(), top=2, limits={"preset": "practical"}, assembly={"hole": 5, "width": 150})

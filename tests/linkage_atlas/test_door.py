@@ -493,7 +493,9 @@ def test_a_parallelogram_stands_beside_the_way_that_its_body_is_shifted_along() 
 
 def test_that_a_linkage_hardly_moves_the_body_is_said_with_its_limits() -> None:
     """Pivots some twenty extents away leave a body that all but stands still."""
-    found = la.synthesize(BENT, la.Limits(pivot_box=[1000, 1000, 1001, 1001], link_max=50), top=1)
+    found = la.synthesize(
+        BENT, la.Limits(pivot_box=[1000, 1000, 1001, 1001], link_max=50, coupler_radius_max=2000), top=1
+    )
     (note,) = [note for note in found.report.notes if "a body at rest" in note]
     square = np.radians(TURNED).var() + np.var(PLACES, axis=0).sum() / found.report.length_scale**2
     share = found.best.errors.objective / np.sqrt(square)

@@ -100,11 +100,11 @@ def test_solutions_that_keep_the_tolerances_come_first(motion) -> None:
 
 def test_what_one_would_not_build_is_said(motion) -> None:
     best = la.synthesize(*motion, **FREE).best
-    assert not best.verdict.buildable and best.verdict.works
+    assert not best.verdict.practical and best.verdict.works
     assert any("extent" in reason for reason in best.verdict.reasons)
     whole = la.FourBar(30, 70, 60, 80, coupler_point=(40, 20)).joints(np.linspace(0, 300, 12))
     good = la.synthesize(whole.rotation, whole.body_point, **FREE).best
-    assert good.verdict.buildable and good.verdict.reasons == ()
+    assert good.verdict.practical and good.verdict.reasons == ()
 
 
 def test_a_closed_way_may_end_where_it_began() -> None:
@@ -168,14 +168,14 @@ def test_that_a_body_only_turns_is_said(mechanisms, size) -> None:
     turned = np.array([5, 20, 40, 60, 85])
     points = size * (7 + 3j + np.exp(1j * np.deg2rad(turned + 30)))
     points = np.transpose([points.real, points.imag])
-    told = f"The body only turns, about ({7 * size:.6g}, {3 * size:.6g}): a hinge there does it."
+    told = f"The body only turns about the point ({7 * size:.6g}, {3 * size:.6g}), to within "
     asked = {"timing": "free", "mechanisms": mechanisms, "top": 1, "budget": 0.05}
-    assert told in la.synthesize(turned, points, **asked).report.notes
-    points[2] += 1e-4 * size
+    assert la.synthesize(turned, points, **asked).report.notes[0].startswith(told)
+    points[2] += 1e-2 * size
     notes = la.synthesize(turned, points, **asked).report.notes
     assert not any("only turns" in note for note in notes)
     round_zero = np.transpose([np.cos(np.deg2rad(turned)), np.sin(np.deg2rad(turned))])
-    assert "about (0, 0):" in la.Motion(turned, size * round_zero, timing="free").notes()[0]
+    assert "about the point (0, 0), to within" in la.Motion(turned, size * round_zero, timing="free").notes()[0]
     line = np.transpose([turned, 2 * turned])
     assert not any("only turns" in note for note in la.Motion([30] * 5, line, timing="free").notes())
     assert not la.Motion([0, 90], [[0, 0], [5, 5]], timing="free").notes(), "two poses are always turns about a point"
@@ -393,7 +393,11 @@ def test_no_answer_hangs_a_large_body_on_tiny_links():
     assert min(tiny.links._asdict().values()) < 0.03 * extent and tiny.verdict.practical  # asked for
 
 
-SHORT = [{"link_max": 1}, {"pivot_box": [60, 0, 60.5, 0.5]}, {"pivot_a": [60, 0], "pivot_b": [60, 0.8]}]
+SHORT = [
+    {"link_max": 1, "coupler_radius_max": 100},
+    {"pivot_box": [60, 0, 60.5, 0.5]},
+    {"pivot_a": [60, 0], "pivot_b": [60, 0.8]},
+]
 
 
 @pytest.mark.parametrize("limits", some_of([*SHORT, {"links": {"crank": 1}}], 1))
@@ -491,7 +495,7 @@ def test_samples_that_share_a_position_of_the_crank_are_told():
     points = [(31, -7), (-18, -15), (-26, -17), (16, -10), (57, -5), (62, -9), (42, -24), (19, -27), (-2, -4)]
     best = la.synthesize(position=points, timing="free").best
     said = "samples 1/9 and 2/3 share one crank position, to rounding or a whole turn, though they differ"
-    assert best.verdict.order and best.verdict.buildable and best.verdict.reasons == (said,)
+    assert best.verdict.order and best.verdict.practical and best.verdict.reasons == (said,)
     allowed = la.synthesize(position=points, timing="free", tolerances={"position": 40}, prefer="error").best
     assert allowed.links == best.links and allowed.verdict.within_tolerance and not allowed.verdict.reasons
 

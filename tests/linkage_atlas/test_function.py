@@ -109,7 +109,7 @@ def test_a_reply_tells_everything_and_holds_plain_numbers() -> None:
     assert best["links"]["ground"] == 100
     assert all(value == round(value) for value in best["rounded"]["links"].values())
     assert best["rounded"]["errors"]["max"] >= best["errors"]["max"] * (1 - 1e-9)
-    assert best["verdict"]["buildable"] and best["transmission_angle_min"] >= 35
+    assert best["verdict"]["practical"] and best["transmission_angle_min"] >= 35
     assert best["errors"]["max_y"] == pytest.approx(best["errors"]["max"] / 90, rel=1e-9)
     curve = np.array(best["error_curve"]["error"])
     assert np.abs(curve).max() == pytest.approx(best["errors"]["max"], rel=1e-3)

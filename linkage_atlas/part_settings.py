@@ -1,0 +1,123 @@
+"""Sizes of plates and pins: one set for the layers that are checked and for every file that is written."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from linkage_atlas.arguments import millimetres_in, number
+from synthesis.assembly.layers import THICKNESS, WASHER
+from synthesis.assembly.machine import Sizes
+from synthesis.errors import FieldError
+from synthesis.fourbar.files import WIDTH_OF_HOLE
+
+LENGTHS = ("hole", "width", "thickness", "washer", "clearance", "kerf")
+PART_SETTINGS = (*LENGTHS, "scale", "length_unit")
+"""Names of the settings in requests."""
+LEAST_SCALE, LARGEST_SCALE = 1e-3, 1e3
+HOLES = (1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10, 12, 16, 20, 25, 30, 40, 50, 60, 80, 100, 120, 160, 200)
+"""Diameters of pins and drills, in millimetres."""
+SHEETS = (0.5, 1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10, 12, 15, 20, 25, 30, 40, 50, 60, 80, 100)
+"""Thicknesses of sheet and plate, in millimetres."""
+WASHERS = (0.2, 0.3, 0.5, 0.8, 1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10, 12, 16, 20)
+"""Thicknesses of washers, in millimetres."""
+
+
+@dataclass(frozen=True)
+class PartSettings:
+    """Sizes of plates and pins in the unit of the linkage's lengths; None: the default.
+
+    Defaults are sizes that can be bought, after scaling: holes of `HOLES`, plates of whole millimetres in width and of a
+    thickness of `SHEETS`, washers of `WASHERS`. Parts with holes below the smallest of `HOLES` are not rounded.
+    """
+
+    hole: float | None = None
+    """Diameter of pins and holes. Default: 0.3 of the shortest link, at most 0.05 of the longest."""
+    width: float | None = None
+    """Of the plates. Default: 2.5 holes."""
+    thickness: float | None = None
+    """Of the plates. Default: half a hole."""
+    washer: float | None = None
+    """Of the washers between layers. Default: a fifth of the thickness."""
+    clearance: float | None = None
+    """Smallest gap of parts that pass one another. Default: 0.5 / 165 of the longest link."""
+    kerf: float = 0.0
+    """Width of the cut: contours in plates to cut are larger by half of it, and holes smaller; it is not scaled."""
+    scale: float = 1.0
+    """Of a model, in every file of parts."""
+    length_unit: str | None = None
+    """Unit of the lengths, for the default sizes; None: that of the file, or mm."""
+
+    @classmethod
+    def read(cls, given: Mapping[str, Any], where: str) -> PartSettings:
+        """Check the settings among the fields of a request; ``where``: path of the fields in error messages."""
+        values: dict[str, Any] = {name: given[name] for name in PART_SETTINGS if given.get(name) is not None}
+        for name in LENGTHS:
+            if name in values:
+                values[name] = number(f"{where}{name}", values[name], 0.0)
+                if not values[name] > 0 and name not in ("clearance", "washer", "kerf"):
+                    raise FieldError(f"/{where}{name}", f"wanted a length above 0, found {values[name]:g}")
+        if "scale" in values:
+            values["scale"] = number(f"{where}scale", values["scale"])
+            if not LEAST_SCALE <= values["scale"] <= LARGEST_SCALE:
+                allowed = f"{LEAST_SCALE:g} to {LARGEST_SCALE:g}"
+                raise FieldError(f"/{where}scale", f"wanted {allowed}, found {values['scale']:g}")
+        if "length_unit" in values:
+            millimetres_in(values["length_unit"], where)
+        return cls(**values)
+
+    def in_unit(self, length_unit: str) -> PartSettings:
+        """Return the settings with a unit for the default sizes, unless they have one."""
+        return self if self.length_unit is not None else replace(self, length_unit=length_unit)
+
+    @property
+    def millimetres(self) -> float:
+        """Millimetres, as made, of the linkage's unit of length."""
+        return millimetres_in(self.length_unit or "mm") * self.scale
+
+    @property
+    def sizes(self) -> Sizes:
+        """The sizes that concern layers."""
+        return Sizes(self.hole, self.width, self.clearance)
+
+    def completed(self, hole: float, width: float, clearance: float) -> PartSettings:
+        """Return the settings with all defaults filled in.
+
+        Parameters
+        ----------
+        hole, width, clearance : float
+            Sizes that the linkage allows: the default hole is rounded down from this one.
+        """
+        unit = self.millimetres
+        standard = hole * unit >= HOLES[0] * (1 - 1e-9)
+        if self.hole is None and standard:
+            hole = _down(hole * unit, HOLES) / unit
+        if self.width is None:
+            width = WIDTH_OF_HOLE * hole
+            width = (
+                math.ceil(width * unit - 1e-9) / unit if standard and width * unit >= 1 else width
+            )  # whole millimetres
+        thickness, washer = self.thickness, self.washer
+        if thickness is None:
+            thickness = THICKNESS * hole
+            thickness = _up(thickness * unit, SHEETS) / unit if standard else thickness
+        if washer is None:
+            washer = WASHER * thickness
+            washer = _up(washer * unit, WASHERS) / unit if standard else washer
+        return replace(self, hole=hole, width=width, thickness=thickness, washer=washer, clearance=clearance)
+
+
+def _down(value: float, known: tuple[float, ...]) -> float:
+    """Return the largest known size up to a value, which is at least the smallest; beyond all of them tens."""
+    if value >= known[-1] + 10:
+        return 10.0 * math.floor(value / 10 + 1e-9)
+    return max(size for size in known if size <= value * (1 + 1e-9))
+
+
+def _up(value: float, known: tuple[float, ...]) -> float:
+    """Return the smallest known size from a value on; beyond all of them tens."""
+    if value > known[-1]:
+        return 10.0 * math.ceil(value / 10 - 1e-9)
+    return min(size for size in known if size >= value * (1 - 1e-9))

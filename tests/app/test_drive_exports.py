@@ -1,0 +1,189 @@
+"""A drive that was asked for is in every file that can hold it, with the arm that carries its pin.
+
+Bugs that these tests would catch: files that are the same with and without `drives`, a cylinder whose rod ends in the air, and
+STEP, plates and a parts list that drop the cylinder.
+"""
+
+import csv
+import io
+import json
+import re
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import ezdxf
+import numpy as np
+import pytest
+from fastapi.testclient import TestClient
+
+import linkage_atlas as la
+from synthesis.target import Target
+from tests.conftest import some_of
+
+DEGREES = np.pi / 180
+CASEMENT = la.FourBar(
+    240.0105, 101.3106, 83.7877, 155.1378, 1, pivot_a=(-100, 22.4436), ground_angle=-25.6394, start_angle=17.9219,
+    coupler_point=(162.3637, 115.7082),
+)  # fmt: skip
+ANGLES = [0.0, -10.0, -20.0, -33.7138]
+KINDS: dict[str, tuple[dict[str, Any], list[str]]] = {
+    "cylinder": (
+        {
+            "kind": "actuator",
+            "retracted": 255,
+            "stroke": 150,
+            "links": ["coupler"],
+            "ground_box": [-100, -250, 400, 150],
+        },
+        ["cylinder", "piston_rod"],
+    ),
+    "between links": ({"kind": "actuator", "links": ["rocker"], "on": "crank"}, ["cylinder", "piston_rod"]),
+    "knee": ({"kind": "toggle", "links": ["coupler"]}, ["handle", "strut"]),
+    "motor": ({"kind": "dyad", "links": ["coupler"]}, ["motor_crank", "rod"]),
+    "hinge": ({"kind": "rotary", "links": ["crank"]}, ["drive"]),
+}
+
+
+def moving() -> la.FourBar:
+    return la.FourBar.of(CASEMENT.plain, DEGREES, Target(None, None, crank=np.array(ANGLES) * DEGREES))
+
+
+def drive_of(name: str) -> Any:
+    found = la.drives(CASEMENT, [KINDS[name][0]], load={"force": [0, 100]}, crank_angle=[0, ANGLES[-1]])
+    return found.drives[0]
+
+
+def vertices(text: str, layer: str) -> list[complex]:
+    space = ezdxf.read(io.StringIO(text)).modelspace()
+    lines = space.query(f'LWPOLYLINE[layer=="{layer}"]')
+    return [complex(x, y) for line in lines for x, y, *_ in line.get_points()]
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_every_file_holds_the_drive(name: str) -> None:
+    linkage, drive, parts = moving(), drive_of(name), KINDS[name][1]
+    anyway = {"solids": {"nevertheless": True}}
+    plain = linkage.file("csv").decode().splitlines()[0]
+    assert "drive_ground_x" in linkage.file("csv", drive=drive).decode().splitlines()[0] and "drive" not in plain
+    for kind in ("svg", "dxf"):
+        assert b"DRIVE" in linkage.file(kind, drive=drive).upper()
+    listed = [
+        row["name"] for row in csv.DictReader(io.StringIO(linkage.file("parts", drive=drive, **anyway).decode()))
+    ]
+    assert set(parts) <= set(listed)
+    if name != "hinge":
+        step = linkage.file("step", drive=drive, **anyway).decode()
+        layers = ezdxf.read(io.StringIO(linkage.file("plates", drive=drive, **anyway).decode())).layers
+        for part in parts:
+            assert f"'{part}'" in step and layers.has_entry(part.upper())
+
+
+@pytest.mark.parametrize("name", ["cylinder", "between links", "knee", "motor"])
+def test_an_arm_leads_from_the_link_to_the_pin(name: str) -> None:
+    """In the drawing a line from a joint of the link to the pin; as a part the link's plate has a hole there."""
+    linkage, drive = moving(), drive_of(name)
+    assert drive.pin is not None
+    pin = complex(*drive.pin)
+    drawn = ezdxf.read(io.StringIO(linkage.file("dxf", drive=drive).decode())).modelspace()
+    joints = linkage.joints([0.0])
+    own = {"coupler": joints.crank_pin, "rocker": joints.pivot_b[None], "crank": joints.pivot_a[None]}[drive.link][0]
+    origin, met = complex(*own), False
+    for line in drawn.query('LWPOLYLINE[layer=="DRIVE"]'):
+        points = [complex(x, y) for x, y, *_ in line.get_points()]
+        met |= min(abs(one - pin) for one in points) < 1e-6 and min(abs(one - origin) for one in points) < 1e-6
+    assert met, "the pin floats"
+    layers = linkage.assembly(drive=drive)
+    plate = next(one for one in layers.parts if one.name == drive.link)
+    assert any(hole.pin == "Q" for hole in plate.holes)
+    ends = {"Q", "G"} if name in ("cylinder", "between links") else {"Q", "K"}
+    assert ends <= {one.name for one in layers.pins}
+
+
+@pytest.mark.parametrize("name", ["cylinder", "between links"])
+def test_a_cylinder_moves_between_its_ends_and_its_rod_stays_inside(name: str) -> None:
+    linkage, drive = moving(), drive_of(name)
+    layers = linkage.assembly(drive=drive)
+    machine = layers.machine
+    names = machine.movement.names
+    travel = np.radians(np.linspace(0, ANGLES[-1], 61))
+    bodies = machine.movement.bodies(travel)
+    tube, rod = names.index("cylinder"), names.index("piston_rod")
+    foot, pin = bodies.origin[tube] + machine.origin, bodies.origin[rod] + machine.origin
+    assert drive.curve.ground is not None and drive.curve.pin is not None
+    assert foot == pytest.approx(drive.curve.ground @ [1, 1j], abs=1e-9)
+    assert pin == pytest.approx(drive.curve.pin @ [1, 1j], abs=1e-9)
+    reach = max(machine.plate("cylinder").shape.core, key=abs), max(machine.plate("piston_rod").shape.core, key=abs)
+    overlap = abs(reach[0]) + abs(reach[1]) - np.abs(pin - foot)
+    assert overlap.min() > 0, "the rod is inside at every position"
+    assert layers.layers["cylinder"] == layers.layers["piston_rod"]
+
+
+@pytest.mark.parametrize("seed", some_of(range(6), 3))
+def test_a_free_assembly_with_a_cylinder_does_not_touch(seed: int) -> None:
+    """Against a dense look at plates of one layer, as capsules and polygons sampled along their outline."""
+    linkage, drive = moving(), drive_of("cylinder" if seed % 2 else "between links")
+    layers = linkage.assembly(drive=drive, hole=3 + seed, width=9 + 2 * seed)
+    if not layers.free:
+        return
+    machine = layers.machine
+    for travel in np.radians(np.linspace(0, ANGLES[-1], 41)):
+        bodies = machine.movement.bodies(np.array([travel]))
+        outlines = {}
+        for plate in machine.plates:
+            core = np.array([*plate.shape.core, plate.shape.core[0]])
+            points = np.concatenate([np.linspace(a, b, 60) for a, b in pairwise(core.tolist())])
+            outlines[plate.name] = (
+                bodies.origin[plate.body, 0] + bodies.direction[plate.body, 0] * points,
+                plate.shape.radius,
+            )
+        for one, (points, radius) in outlines.items():
+            for other, (others, wide) in outlines.items():
+                pair = {one, other}
+                if one < other and layers.layers[one] == layers.layers[other] and pair != {"cylinder", "piston_rod"}:
+                    assert np.abs(points[:, None] - others).min() >= radius + wide, (pair, travel)
+
+
+REQUEST = {
+    "position": [[0, 0], [40, 8], [75, 30]],
+    "rotation": [0, 15, 40],
+    "timing": "free",
+    "top": 1,
+    "limits": {"family": "any", "link_max": 120},
+    "load": {"force": [0, -40]},
+    "drives": [{"kind": "actuator"}],
+}
+
+
+def test_a_drive_of_the_request_is_in_its_files(client: TestClient, run: Any, tmp_path: Path) -> None:
+    """By /v1/export with and without the solution, by the route of a format, on the command line and in Python."""
+    without = {name: value for name, value in REQUEST.items() if name not in ("load", "drives")}
+    for kind, word in (("csv", "drive_ground_x"), ("svg", 'id="DRIVE"'), ("dxf", "DRIVE")):
+        plain = client.post("/v1/export", json={"request": without, "format": kind}).text
+        driven = client.post("/v1/export", json={"request": REQUEST, "format": kind}).text
+        assert word in driven and word not in plain
+        assert word in client.post(f"/v1/synthesize.{kind}", json=REQUEST).text
+    solution = client.post("/v1/synthesize", json=REQUEST).json()["solutions"][0]
+    assert solution["drives"]
+    body = {"request": REQUEST, "solution": solution, "format": "parts", "solids": {"nevertheless": True}}
+    assert "piston_rod" in client.post("/v1/export", json=body).text
+    assert "piston_rod" not in client.post("/v1/export", json={**body, "drive": None}).text
+    given = tmp_path / "request.json"
+    given.write_text(json.dumps(REQUEST))
+    for ending in ("csv", "step"):
+        code, _, error = run(
+            "export", given, "--out", tmp_path / f"it.{ending}", "--nevertheless" if ending == "step" else "--rank=1"
+        )
+        assert code == 0, error
+    assert "drive_pin_x" in (tmp_path / "it.csv").read_text()
+    assert re.search("'cylinder'", (tmp_path / "it.step").read_text())
+    found = la.synthesize(**REQUEST).best
+    assert found.drives
+    found.linkage.save(tmp_path / "own.step", drive=found.drives[0], nevertheless=True)
+    assert "'cylinder'" in (tmp_path / "own.step").read_text()
+
+
+def test_files_that_hold_no_drive_say_so() -> None:
+    for kind in ("pylinkage", "urdf"):
+        with pytest.raises(la.FieldError):
+            moving().file(kind, drive=drive_of("cylinder"))

@@ -1,0 +1,136 @@
+"""One set of part settings: what layers are checked with is what every file holds, and defaults are sizes that can be bought.
+
+Bugs that these tests would catch: plates cut with another hole than was checked for collisions, a scale that changes STEP and not
+the plates, and a default pin of 4.37 mm.
+"""
+
+import csv
+import io
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import ezdxf
+import numpy as np
+import pytest
+from fastapi.testclient import TestClient
+
+import linkage_atlas as la
+from linkage_atlas.part_settings import HOLES, SHEETS, WASHERS
+
+LINKAGES = [(19, 72, 144, 165), (51.31, 83.79, 101.4, 115.14), (30, 60, 70, 50), (6.3, 9.9, 11.2, 14.1)]
+REQUEST = {
+    "rotation": [0, 11, 23, 37, 52, 68],
+    "position": [[0, 0], [20, 6], [39, 15], [57, 28], [73, 45], [86, 65]],
+    "timing": "free",
+    "top": 1,
+}
+
+
+def circles(text: bytes, layer: str) -> set[float]:
+    space = ezdxf.read(io.StringIO(text.decode())).modelspace()
+    return {round(2 * one.dxf.radius, 9) for one in space.query(f'CIRCLE[layer=="{layer}"]')}
+
+
+def length(text: bytes, layer: str) -> float:
+    """Longest distance of two vertices of a layer's contour along x, plus its ends."""
+    (outline,) = ezdxf.read(io.StringIO(text.decode())).modelspace().query(f'LWPOLYLINE[layer=="{layer}"]')
+    points = np.array([[x, y] for x, y, *_ in outline.get_points()])
+    return float(np.ptp(points[:, 0]) + np.ptp(points[:, 1]))
+
+
+def step_of(linkage: la.FourBar, settings: dict[str, Any]) -> str:
+    return linkage.file("step", assembly=settings or True).decode()
+
+
+@pytest.mark.parametrize("links", LINKAGES)
+@pytest.mark.parametrize("unit, millimetres", [("mm", 1.0), ("in", 25.4), ("cm", 10.0)])
+@pytest.mark.parametrize("scale", [1.0, 0.5])
+def test_default_sizes_are_standard_ones_as_made(
+    links: tuple[float, ...], unit: str, millimetres: float, scale: float
+) -> None:
+    sizes = la.FourBar(*links).assembly(length_unit=unit, scale=scale).sizes
+    made = {name: value * millimetres * scale for name, value in sizes._asdict().items()}
+    if made["hole"] < 1:
+        return
+    largest = min(0.3 * min(links), 0.05 * max(links))
+    assert sizes.hole <= largest * (1 + 1e-9)
+    assert made["width"] == pytest.approx(round(made["width"]))
+    for name, known in (("hole", HOLES), ("thickness", SHEETS), ("washer", WASHERS)):
+        assert min(abs(made[name] - one) for one in known) < 1e-9, name
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [{}, {"hole": 5, "width": 14, "thickness": 4}, {"scale": 0.5}, {"hole": 6, "width": 16, "scale": 2, "kerf": 0.3}],
+)
+def test_every_file_has_the_sizes_that_were_checked(settings: dict[str, Any]) -> None:
+    linkage = la.FourBar(40, 90, 80, 110, coupler_point=(50, 20))
+    checked, scale, kerf = linkage.assembly(**settings).sizes, settings.get("scale", 1.0), settings.get("kerf", 0.0)
+    plates = linkage.file("plates", assembly={"boards": "below", **settings})
+    assert circles(plates, "CRANK") == {round(checked.hole * scale - kerf, 9)}
+    ends = 40 * scale + checked.width * scale + kerf
+    assert length(plates, "CRANK") == pytest.approx(ends)
+    rows = csv.DictReader(io.StringIO(linkage.file("parts", assembly=settings or True).decode()))
+    crank = next(row for row in rows if row["name"] == "crank")
+    assert float(crank["length"]) == pytest.approx((40 + checked.width) * scale)
+    assert float(crank["thickness"]) == pytest.approx(checked.thickness * scale)
+    assert linkage.solids(**settings).scale == scale
+    radii = {
+        round(float(one), 9)
+        for one in re.findall(r"CYLINDRICAL_SURFACE\('',#\d+,([\d.E+-]+)\)", step_of(linkage, settings))
+    }
+    assert round(checked.hole * scale / 2, 9) in radii
+
+
+def test_a_kerf_leaves_parts_of_their_size() -> None:
+    """The contour lies half a kerf outside of the part everywhere: also around a body with sharp corners."""
+    body = [[-20, -10], [60, -10], [60, 15], [10, 40], [-20, 15]]
+    linkage = la.FourBar(40, 90, 80, 110, coupler_point=(50, 20), body_offset=0)
+    by_kerf = {}
+    for kerf in (0.0, 0.4):
+        parts = linkage.solids(body=body, kerf=kerf, hole=4, width=12, nevertheless=True)
+        text = parts.file("plates").decode()
+        (outline,) = ezdxf.read(io.StringIO(text)).modelspace().query('LWPOLYLINE[layer=="BODY"]')
+        by_kerf[kerf] = np.array([complex(x, y) for x, y, *_ in outline.get_points()])
+    plain, wide = by_kerf[0.0], by_kerf[0.4]
+    for k in range(plain.size):
+        way = plain[(k + 1) % plain.size] - plain[k]
+        new = wide[(k + 1) % plain.size] - wide[k]
+        assert abs(np.angle(new / way)) < 1e-9
+    # a file centres no part: sides are moved as a whole, so their distances tell
+    spans = [np.ptp(one.real) for one in (plain, wide)], [np.ptp(one.imag) for one in (plain, wide)]
+    assert [b - a for a, b in spans] == pytest.approx([0.4, 0.4], abs=0.2)
+    with pytest.raises(la.FieldError) as error:
+        linkage.solids(kerf=4, hole=4, width=12).file("plates")
+    assert error.value.field == "/assembly/kerf"
+
+
+def test_http_command_line_and_python_make_the_same_plates(client: TestClient, run: Any, tmp_path: Path) -> None:
+    solution = client.post("/v1/synthesize", json=REQUEST).json()["solutions"][0]
+    settings = {"hole": 3, "width": 9, "kerf": 0.2, "scale": 0.5}
+    layers = client.post("/v1/assembly", json={"linkage": solution, "request": REQUEST, **settings}).json()
+    assert layers["sizes"]["hole"] == 3 and layers["sizes"]["width"] == 9
+    body = {"request": REQUEST, "solution": solution, "format": "plates", "solids": {"nevertheless": True}}
+    sent = client.post("/v1/export", json={**body, "assembly": settings})
+    assert sent.status_code == 200, sent.text
+    assert circles(sent.content, "CRANK") == {1.3}
+    given = tmp_path / "solution.json"
+    given.write_text(json.dumps({**body, "format": "json"}))
+    options = [f"--{name}={value}" for name, value in settings.items()]
+    code, _, error = run("export", given, "--out", tmp_path / "cut.plates.dxf", "--nevertheless", *options)
+    assert code == 0, error
+    assert circles((tmp_path / "cut.plates.dxf").read_bytes(), "CRANK") == {1.3}
+    linkage = la.FourBar.from_dict(solution)
+    travel = {} if solution["crank_angle"] is None else {"crank_angle": solution["crank_angle"]}
+    motion = la.Motion(REQUEST["rotation"], REQUEST["position"], timing="free")
+    own = linkage.file("plates", motion, assembly=settings, solids={"nevertheless": True}, **travel)
+    assert circles(own, "CRANK") == {1.3}
+
+
+def test_plates_have_no_sizes_of_their_own(client: TestClient) -> None:
+    solution = la.FourBar(19, 72, 144, 165).to_dict()
+    body = {"request": REQUEST, "solution": solution, "format": "plates", "plates": {"hole": 4}}
+    reply = client.post("/v1/export", json=body)
+    assert reply.status_code == 422 and "plates" in json.dumps(reply.json())

@@ -1,0 +1,161 @@
+"""What the verdict and the limits promise of a linkage is true of all of it: of its body point, its rails and its shortest link.
+
+Bugs that these tests would catch: a body point eight link lengths away that is called practical, rails a metre outside of the box
+for the pivots, links of a thirty-thousandth of the motion, and a motion of a single hinge that is answered without a word.
+"""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from fastapi.testclient import TestClient
+
+import linkage_atlas as la
+from tests.conftest import some_of
+
+POSITION, ROTATION = [[0, 0], [40, 8], [75, 30]], [0, 15, 40]
+EXTENT = max(np.hypot(*(np.array(POSITION) - np.mean(POSITION, axis=0)).T))
+
+
+def arm_of(linkage: la.FourBar) -> float:
+    """Largest distance of the body point from both joints of the coupler, from the positions of the joints."""
+    joints = linkage.joints([0.0])
+    assert joints.body_point is not None
+    return float(max(np.hypot(*(joints.body_point - pin)[0]) for pin in (joints.crank_pin, joints.coupler_pin)))
+
+
+def test_buildable_is_null_until_layers_were_looked_for(client: TestClient) -> None:
+    asked = {"position": POSITION, "rotation": ROTATION, "timing": "free", "limits": {"family": "any"}, "top": 2}
+    for one in client.post("/v1/synthesize", json=asked).json()["solutions"]:
+        assert one["verdict"]["buildable"] is None
+    for one in client.post("/v1/synthesize", json=asked | {"assembly": True}).json()["solutions"]:
+        verdict = one["verdict"]
+        free = verdict["assembly"] is not None and verdict["assembly"]["status"] == "free"
+        assert verdict["buildable"] == (None if verdict["assembly"] is None else verdict["practical"] and free)
+
+
+@pytest.mark.parametrize("limits", some_of([{"link_max": 60}, {}, {"link_max": 120, "family": "any"}], 2))
+def test_within_the_practical_limits_the_body_point_is_no_farther_than_a_link_may_be_long(
+    limits: dict[str, Any],
+) -> None:
+    found = la.synthesize(position=POSITION, rotation=ROTATION, timing="free", limits=limits, top=6)
+    assert found.solutions
+    for one in found.solutions:
+        assert isinstance(one.linkage, la.FourBar)
+        assert arm_of(one.linkage) <= limits.get("link_max", 10 * EXTENT) * (1 + 1e-9)
+        assert one.verdict.practical
+
+
+def test_an_arm_is_judged_where_it_was_not_limited_and_allowed_where_it_was_given() -> None:
+    free = {"position": POSITION, "rotation": ROTATION, "timing": "free", "top": 10}
+    found = la.synthesize(**free, limits={"link_max": 45, "preset": "none"})
+    for one in found.solutions:
+        assert isinstance(one.linkage, la.FourBar)
+        said = any("the body point lies" in reason for reason in one.verdict.reasons)
+        assert said == (arm_of(one.linkage) > 45)
+        assert not (said and one.verdict.practical)
+    given = la.synthesize(**free, limits={"link_max": 45, "coupler_radius_max": 400}).best
+    assert isinstance(given.linkage, la.FourBar)
+    assert given.verdict.practical and arm_of(given.linkage) > 45
+
+
+def test_a_body_point_on_guides_is_judged_alike() -> None:
+    found = la.synthesize(
+        position=POSITION,
+        rotation=ROTATION,
+        timing="free",
+        mechanisms=["slider_crank"],
+        limits={"preset": "none", "link_max": 5000},
+        top=5,
+    )
+    for one in found.solutions:
+        far = max(np.hypot(*guide.body_point) for guide in one.guides or () if guide.guide != "slot")
+        assert far <= 5000 * (1 + 1e-9)
+
+
+TURNED = np.array([0.0, 30, 60, 90])
+ARC = 100 * np.transpose([np.cos(np.radians(TURNED)), np.sin(np.radians(TURNED))]).round(7)
+
+
+OFF = ARC + np.array([[0, 0], [2, 0], [0, 2], [0, 0]])
+
+
+def test_links_are_no_shorter_than_a_twentieth_of_the_extent() -> None:
+    """A pure rotation led to links of 0.0034 for a radius of 100."""
+    found = la.synthesize(position=ARC, rotation=TURNED, timing="free")
+    extent = max(np.hypot(*(ARC - ARC.mean(axis=0)).T))
+    for one in found.solutions:
+        assert isinstance(one.linkage, la.FourBar)
+        assert one.linkage.links.min() >= 0.05 * extent * (1 - 1e-9)
+    tiny = la.synthesize(position=ARC, rotation=TURNED, timing="free", limits={"preset": "none"})
+    for one in tiny.solutions:
+        assert isinstance(one.linkage, la.FourBar)
+        said = any("shortest link" in reason for reason in one.verdict.reasons)
+        assert said == (one.linkage.links.min() < 0.05 * extent)
+
+
+def test_a_motion_that_only_turns_is_told_on_every_route(client: TestClient) -> None:
+    """Within the tolerance of positions, or a thousandth of the extent; rounding of a table is no other motion."""
+    rough = ARC + 0.01 * np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])
+    asked: dict[str, Any] = {"rotation": TURNED.tolist(), "timing": "free", "top": 1, "budget_ms": 200}
+    cases: list[tuple[Any, dict[str, Any], bool]] = [
+        (ARC, {}, True),
+        (rough, {}, True),
+        (ARC, {"timing": None, "crank_span": 90}, True),
+        (ARC, {"mechanisms": "all"}, True),
+        (OFF, {}, False),
+        (OFF, {"tolerances": {"position": 3}}, True),
+        (ARC, {"rotation": None}, True),
+        (ARC * [1, 0.7], {"rotation": None}, False),
+    ]
+    for position, more, told in cases:
+        reply = client.post("/v1/synthesize", json=asked | {"position": np.asarray(position).tolist()} | more)
+        notes = [note for note in reply.json()["report"]["notes"] if "use a hinge there" in note]
+        assert bool(notes) == told, (more, reply.json()["report"]["notes"])
+        if told and "tolerances" not in more:
+            assert "point (0, 0)" in notes[0] or ("rough" and abs(float(notes[0].split("(")[1].split(",")[0])) < 0.02)
+
+
+INSIDE = [-30, -30, 100, 60]
+
+
+@pytest.mark.parametrize(
+    "kinds", some_of([["two_rails"], ["rail_slot"], ["slider_crank"], ["two_slots"], ["swinging_block"]], 2)
+)
+@pytest.mark.parametrize("name", ["pivot_box", "pivot_a_box"])
+def test_rails_and_pins_of_slots_lie_in_the_box_for_the_pivots(kinds: list[str], name: str) -> None:
+    """From their own numbers: ends of what is used of a rail, and pins."""
+    asked = {"position": POSITION, "rotation": ROTATION, "timing": "free", "mechanisms": kinds, "top": 4}
+    found = la.synthesize(**asked, limits={name: INSIDE, "family": "any"})
+    assert found.solutions
+    for one in found.solutions:
+        for guide in (one.guides or ())[: 1 if name == "pivot_a_box" else 2]:
+            if guide.guide == "rail":
+                way = np.array([np.cos(np.radians(guide.direction)), np.sin(np.radians(guide.direction))])
+                places = [np.array(guide.point) + end * way for end in guide.used or ()]
+            else:
+                places = [np.array(guide.pivot if guide.guide == "circle" else guide.pin)]
+            for x, y in places:
+                assert INSIDE[0] - 1e-6 <= x <= INSIDE[2] + 1e-6 and INSIDE[1] - 1e-6 <= y <= INSIDE[3] + 1e-6
+
+
+def test_kinds_that_a_box_leaves_out_are_named() -> None:
+    """Two rails a metre away from the box were called solved."""
+    asked = {
+        "position": POSITION,
+        "rotation": ROTATION,
+        "timing": "free",
+        "limits": {"pivot_box": [900, 900, 950, 950]},
+    }
+    found = la.synthesize(**asked, mechanisms=["two_rails"])
+    assert found.status == "infeasible"
+    found = la.synthesize(**asked, mechanisms=["four_bar", "two_rails"])
+    assert all(one.kind == "four_bar" for one in found.solutions)
+    assert any(note.startswith("left out") and "two_rails" in note for note in found.report.notes)
+
+
+def test_a_box_for_rails_outside_of_the_box_for_pivots_is_refused() -> None:
+    limits = {"pivot_box": INSIDE, "rail_box": [200, 200, 300, 300]}
+    with pytest.raises(la.FieldError) as error:
+        la.synthesize(position=POSITION, rotation=ROTATION, timing="free", mechanisms="all", limits=limits)
+    assert error.value.field == "/limits/rail_box"

@@ -1,0 +1,189 @@
+"""Springs of a catalogue as a user asks for them: every pair of links is tried, and what comes back helps and behaves.
+
+Bugs that these tests would catch: a "best" spring that leaves more torque than none, one pair of links tried where another leaves
+a tenth as much, and a hatch that falls shut although it was to stay open.
+"""
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+from fastapi.testclient import TestClient
+
+import linkage_atlas as la
+
+HATCH = {
+    "rocker": {"pivot": [0, 0], "start": -90, "swing": 90, "length": 1500},
+    "load": {"masses": [{"link": "rocker", "mass": 50, "at": [750, 0]}]},
+    "hand": [0, -1500],
+}
+PLACE = {"kind": "gas", "between": ["ground", "rocker"], "ground_box": [-200, -700, 300, 100], "reach_max": 600}
+MECHANISM = la.FourBar(
+    25, 70, 55, 60, start_angle=60, coupler_point=(53.85164807134504, 21.80140948635181), body_offset=0
+)
+MASSES = {
+    "masses": [
+        {"link": "coupler", "mass": 0.4, "at": [50, 20]},
+        {"link": "crank", "mass": 0.02, "at": [12.5, 0]},
+        {"link": "rocker", "mass": 0.04, "at": [27.5, 0]},
+    ]
+}
+
+
+def gas(force: float, extended: float, stroke: float, progression: float = 1.3) -> dict[str, float]:
+    return {"force": force, "extended": extended, "stroke": stroke, "progression": progression}
+
+
+def hatch_torque(spring: Any, row: Mapping[str, float], mass: float, at: complex, low: float, high: float) -> Any:
+    """Torque that a hinge must give, by central differences of the potential energy of weight and gas."""
+    ground, pin = complex(*spring.points_on_links[0]), complex(*spring.points_on_links[1])
+    rate = row["force"] * (row["progression"] - 1) / row["stroke"]
+
+    def energy(angle: Any) -> Any:
+        turned = np.exp(1j * angle)
+        squeezed = row["extended"] - np.abs(pin * turned - ground)
+        return mass * 9.81 * (at * turned).imag + row["force"] * squeezed + rate * squeezed**2 / 2
+
+    angles, step = np.deg2rad(np.linspace(low, high, 61)), 1e-5
+    lengths = np.abs(pin * np.exp(1j * angles) - ground)
+    return angles, lengths, (energy(angles + step) - energy(angles - step)) / (2 * step)
+
+
+@pytest.mark.parametrize("row", [gas(1100, 700, 300), gas(1100, 585, 250), gas(1100, 500, 200, 1.4)])
+def test_a_hatch_is_held_open_and_shut(row: dict[str, float]) -> None:
+    """The placement of least torque alone lets it fall shut; one of 1e5 random placements holds it."""
+    found = la.drives(
+        rocker=HATCH["rocker"],
+        drives=[],
+        load=HATCH["load"],
+        hand=HATCH["hand"],
+        springs=[PLACE | {"catalogue": [row], "holds": {"open": True, "closed": True}}],
+    )
+    (spring,) = found.springs
+    _, lengths, torque = hatch_torque(spring, row, 50, 750, -90, 0)
+    assert torque == pytest.approx(spring.curve.torque, abs=1e-3 * np.abs(torque).max())
+    assert torque[0] > 0 > torque[-1]
+    assert spring.holds == (True, True)
+    assert row["extended"] - row["stroke"] <= lengths.min() and lengths.max() <= row["extended"]
+    assert -200 <= spring.points[0][0] <= 300 and -700 <= spring.points[0][1] <= 100
+    assert spring.hand_force_max == pytest.approx(np.abs(torque).max() / 1500, rel=1e-3)
+
+
+def test_without_a_behaviour_the_same_row_lets_the_hatch_fall() -> None:
+    """So the wish changes the answer."""
+    asked = PLACE | {"catalogue": [gas(1100, 905, 400)]}
+    found = la.drives(rocker=HATCH["rocker"], drives=[], load=HATCH["load"], springs=[asked])
+    assert found.springs[0].holds == (True, False)
+
+
+def test_a_behaviour_that_no_placement_has_is_refused_with_what_is_missing() -> None:
+    """A random search of 20 million placements finds none either."""
+    asked = PLACE | {"catalogue": [gas(1100, 905, 400)], "holds": {"open": True, "closed": True}}
+    found = la.drives(rocker=HATCH["rocker"], drives=[], load=HATCH["load"], springs=[asked])
+    assert not found.springs
+    assert "does not hold the last position (open)" in found.refused[0].reason
+
+
+def test_a_largest_hand_force_is_kept() -> None:
+    """Over the whole motion, at the hand's place; without a place at the body point."""
+    rows = [gas(force, 905, 400) for force in (600, 900, 1100, 1400)]
+    for most in (60.0, 100.0):
+        asked = PLACE | {"catalogue": rows, "hand_force_max": most}
+        (spring,) = la.drives(rocker=HATCH["rocker"], drives=[], load=HATCH["load"], springs=[asked]).springs
+        assert np.abs(spring.curve.torque).max() / 1500 <= most * (1 + 1e-4)
+        assert spring.hand_force_max is not None and spring.hand_force_max <= most * (1 + 1e-4)
+    asked = PLACE | {"catalogue": rows[:1], "hand_force_max": 5.0}
+    found = la.drives(rocker=HATCH["rocker"], drives=[], load=HATCH["load"], springs=[asked])
+    assert not found.springs and "needs a hand force of" in found.refused[0].reason
+
+
+LIDS = [
+    # start, swing, length, mass, centre of mass
+    (0, 75, 600, 8, (300, 0)),
+    (0, 90, 900, 20, (400, 40)),
+    (180, -80, 500, 5, (250, 0)),
+    (-90, 100, 1200, 30, (600, 0)),
+    (10, 60, 400, 3, (200, 20)),
+    (0, 110, 700, 12, (350, 0)),
+    (90, -90, 800, 15, (400, 0)),
+    (-30, 70, 1000, 25, (450, -50)),
+]
+
+
+@pytest.mark.parametrize("start, swing, length, mass, at", LIDS)
+def test_springs_of_lids_help_by_their_energy(
+    start: float, swing: float, length: float, mass: float, at: tuple[float, float]
+) -> None:
+    """Whatever comes back leaves at most half of the rms torque, or it is refused; the torque is that of the energy."""
+    box = [-0.6 * length, -0.6 * length, 0.6 * length, 0.6 * length]
+    row = gas(mass * 30.0, 0.75 * length, 0.3 * length)
+    found = la.drives(
+        rocker={"pivot": [0, 0], "start": start, "swing": swing, "length": length},
+        drives=[],
+        load={"masses": [{"link": "rocker", "mass": mass, "at": at}]},
+        springs=[{"kind": "gas", "catalogue": [row], "ground_box": box, "reach_max": 0.6 * length}],
+    )
+    if not found.springs:
+        assert found.refused
+        return
+    (spring,) = found.springs
+    angles, _, torque = hatch_torque(spring, row, mass, complex(*at), start, start + swing)
+    assert torque == pytest.approx(spring.curve.torque, abs=2e-3 * np.abs(torque).max() + 1e-6 * mass * 9810 * length)
+    weight = mass * 9.81 * (complex(*at) * np.exp(1j * angles)).real
+    assert np.sqrt(np.mean(torque**2)) <= 0.5 * np.sqrt(np.mean(weight**2)) * (1 + 1e-3)
+
+
+@pytest.mark.parametrize("catalogue", [None, [gas(4, 60, 25), gas(9, 70, 30)]])
+def test_every_pair_of_links_is_tried(catalogue: Any) -> None:
+    """Ground to crank leaves 136 % of this mechanism's torque."""
+    asked: dict[str, Any] = {"kind": "gas"} if catalogue is None else {"kind": "gas", "catalogue": catalogue}
+    pairs = [
+        ("ground", "crank"),
+        ("ground", "coupler"),
+        ("ground", "rocker"),
+        ("crank", "coupler"),
+        ("crank", "rocker"),
+    ]
+    left = []
+    for pair in pairs:
+        found = la.drives(MECHANISM, [], load=MASSES, crank_angle=[0, 90], springs=[asked | {"between": pair}])
+        assert bool(found.springs) != bool(found.refused)
+        left += [found.springs[0].torque.after.rms] if found.springs else []
+    free = la.drives(MECHANISM, [], load=MASSES, crank_angle=[0, 90], springs=[asked])
+    if left:
+        assert free.springs[0].torque.after.rms <= min(left) * (1 + 1e-6)
+        assert len(free.springs) == 1 or free.springs[0].torque.after.rms < min(left)
+    for spring in free.springs:
+        assert spring.torque.after.rms <= 0.5 * spring.torque.before.rms
+
+
+def test_a_spring_that_leaves_more_torque_than_none_is_refused(client: TestClient) -> None:
+    """With the gas springs that come along, on ground and crank, the best leaves more than there is without one."""
+    asked = {
+        "linkage": MECHANISM.to_dict(),
+        "crank_angle": [0, 90],
+        "load": MASSES,
+        "drives": [],
+        "springs": [{"kind": "gas", "between": ["ground", "crank"]}],
+    }
+    reply = client.post("/v1/drives", json=asked).json()
+    assert reply["springs"] == []
+    assert "% of the rms torque" in reply["refused"][0]["reason"] or "fits" in reply["refused"][0]["reason"]
+
+
+@pytest.mark.parametrize(
+    "wish, field",
+    [
+        ({"kind": "tension", "holds": {"open": True}}, "/springs/0/holds"),
+        ({"kind": "gas", "holds": {"ajar": True}}, "/springs/0/holds/ajar"),
+        ({"kind": "gas", "hand_force_max": 0}, "/springs/0/hand_force_max"),
+    ],
+)
+def test_wishes_that_have_no_meaning_are_refused(client: TestClient, wish: dict[str, Any], field: str) -> None:
+    with pytest.raises(la.FieldError) as error:
+        la.drives(rocker=HATCH["rocker"], drives=[], load=HATCH["load"], springs=[wish])
+    assert error.value.field == field
+    reply = client.post("/v1/drives", json={"rocker": HATCH["rocker"], "load": HATCH["load"], "springs": [wish]})
+    assert reply.status_code == 422 and field in json.dumps(reply.json())
