@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 
 from linkage_atlas.arguments import (
     column,
-    known_fields,
     millimetres_in,
     number,
     one_of,

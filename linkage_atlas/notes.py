@@ -26,6 +26,7 @@ LABELS = {
     "link_max": "the greatest link length",
     "links": "the given lengths",
     "coupler_radius_max": "the reach of the body point",
+    "body_reach": "the distance of the body point from its joints",
     "envelope": "the envelope",
     "stroke_max": "the longest stroke",
     "rail_box": "the box of the rails",
