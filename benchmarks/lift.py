@@ -30,8 +30,8 @@ from synthesis.scenes.lift.motion import (
 )
 from synthesis.scenes.lift.optimum import (
     ARMS,
-    FITTED,
-    SLOPE_STEP,
+    FITTED_LENGTHS,
+    OPTIONS,
     STROKE,
     Evaluator,
     Objective,
@@ -40,9 +40,9 @@ from synthesis.scenes.lift.optimum import (
     equation_residuals,
     optimize,
     optimize_batch,
+    optimum_motion,
     project,
     published_for,
-    rise,
 )
 from synthesis.scenes.lift.pose import Cylinder, Design, dead_point, pose_at_height, pose_at_turn, turn_at_length
 from tests.oracles import lift as oracle
@@ -130,7 +130,7 @@ def measure_steps() -> dict[str, Any]:
 
     Least squares over n of the values on the constraints; an arm is best where f along l2 = l4 is stationary.
     """
-    arms = {length: arm for length, arm in ARMS.items() if length not in FITTED}
+    arms = {length: arm for length, arm in ARMS.items() if length not in FITTED_LENGTHS}
     printed = np.array([REFERENCE["table_2"][f"{length:g}"]["printed"] for length in arms])
 
     def f(n: int, length: float, stretch: float = 1.0) -> float:
@@ -138,7 +138,7 @@ def measure_steps() -> dict[str, Any]:
         return float(Evaluator(wanted)(project(stretch * arms[length], stretch * arms[length], length, *STROKE)))
 
     def slope(n: int, length: float) -> float:
-        return f(n, length, 1 + SLOPE_STEP) - f(n, length, 1 - SLOPE_STEP)
+        return f(n, length, 1 + OPTIONS.slope_step) - f(n, length, 1 - OPTIONS.slope_step)
 
     misses = {n: np.array([f(n, length) for length in arms]) - printed for n in range(290, 341)}
     rms = {n: float(np.sqrt(np.mean(miss**2))) for n, miss in misses.items()}
@@ -187,7 +187,11 @@ def measure_stability() -> dict[str, list[dict]]:
 
 def optimum_row(wanted: Task, optimum: Optimum) -> dict[str, Any]:
     """An optimum, and f of the published design on the same constraints."""
-    row = {"design": optimum.design.as_dict(), "f": optimum.objective, "duration": rise(optimum, wanted).rise_time}
+    row = {
+        "design": optimum.design.as_dict(),
+        "f": optimum.objective,
+        "duration": optimum_motion(optimum, wanted).rise_time,
+    }
     return row | {"f_of_published": published_for(wanted, optimum).objective, "active": optimum.active}
 
 
@@ -265,7 +269,7 @@ def blocks(results: dict) -> dict[str, str]:
             for row in table_2
             if row["speed"] == CYLINDER.speed  # at others f grows with its square
             # two digits of the fitted row are lost in print: its arm follows from (31), its f from the model
-            for mark in (" (fitted)" if row["length"] in FITTED else "",)
+            for mark in (" (fitted)" if row["length"] in FITTED_LENGTHS else "",)
         ],
         "designs": [
             {"what": what, **{row["design"]: cell.format(**row, **row["lengths"]) for row in designs}}

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 from benchmarks import report
 from benchmarks.report import Times, percent
-from synthesis.scenes.lift.constraints import optimize_within, rows_of
+from synthesis.scenes.lift.constraints import constraint_rows, optimize_within
 from synthesis.scenes.lift.optimum import optimize
 from tests.oracles import lift as oracle
 from tests.oracles.lift_constrained import cases, evolved
@@ -28,7 +28,7 @@ def measure(evaluations: Annotated[int, "of the differential evolution"] = 200_0
             clock.run(optimize_within, task, wanted)
         other = Times()
         best, count = other.run(evolved, task, wanted, evaluations)
-        design, closed = found.built.design, float(found.built.closed)
+        design, closed = found.stroke_design.design, float(found.stroke_design.closed_length)
         values = oracle.measures(design, closed, task.cylinder.speed, task.low, task.high)
         free = optimize(task)
         rows.append(
@@ -41,7 +41,7 @@ def measure(evaluations: Annotated[int, "of the differential evolution"] = 200_0
                 "active": found.active,
                 "seconds": clock.median.processor,
                 "values": values,
-                "broken": [row.name for row in rows_of(wanted, values) if not row.kept],
+                "broken": [row.name for row in constraint_rows(wanted, values) if not row.satisfied],
                 "evolution_f": best,
                 "evolution_evaluations": count,
                 "evolution_seconds": other.processor[0],

@@ -36,7 +36,7 @@ def draw_lift(axes: Any, design: Design, turn: float, color: str, alpha: float =
         "D": (-design.b, 0.0),
         "A": (-design.b, pose.height),
         "B": (pose.x, pose.y),
-        "C": (design.l3 * pose.sin_turn - design.b, pose.root),
+        "C": (design.l3 * pose.sin_turn - design.b, pose.c_height),
     }
     at = {name: np.array([float(value) for value in point]) for name, point in points.items()}
     axes.fill(*zip(at["A"], at["B"], at["C"]), color=color, alpha=0.18 * alpha, lw=0, zorder=2)
@@ -85,7 +85,7 @@ def picture_model() -> None:
         for share, alpha in ((1.0, 0.35), (0.55, 0.6), (0.0, 1.0)):
             draw_lift(right, design, share * bottom, BLUE, alpha)
         path = pose_at_turn(design, np.linspace(0, bottom, 200))
-        corner = design.l3 * path.sin_turn - design.b, path.root
+        corner = design.l3 * path.sin_turn - design.b, path.c_height
         for (x, y), color, label in (((path.x, path.y), ORANGE, "path of B"), (corner, GREEN, "path of C")):
             right.plot(x, y, color=color, lw=1.6, ls="--", zorder=4, label=label)
         right.legend(loc="upper right")

@@ -308,7 +308,7 @@ def newton(moved, weight):
     pose, design = moved.pose, moved.pose.design
     a = np.stack(np.broadcast_arrays(-design.b, pose.height), axis=-1)
     b = np.stack([pose.x, pose.y], axis=-1)
-    c = np.stack([design.l3 * pose.sin_turn - design.b, pose.root], axis=-1)
+    c = np.stack([design.l3 * pose.sin_turn - design.b, pose.c_height], axis=-1)
     along = b / np.linalg.norm(b, axis=-1, keepdims=True)
     way = (c - np.array([-design.b, 0.0])) / design.l5
     matrix = np.zeros((len(b), 3, 3))

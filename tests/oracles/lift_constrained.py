@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from synthesis.scenes.lift.constraints import FINE_NODES, Constraints, Space, least, slacks
+from synthesis.scenes.lift.constraints import OPTIONS, Constraints, DesignSpace, minimum_slacks, slacks
 from synthesis.scenes.lift.optimum import Evaluator, Objective, Task
 from synthesis.scenes.lift.pose import Cylinder
 
@@ -72,16 +72,16 @@ def evolved(task: Task, wanted: Constraints, evaluations: int) -> tuple[float, i
     """The least objective that a differential evolution of the same variables finds, and its evaluations."""
     from scipy.optimize import differential_evolution
 
-    space, evaluator = Space(task, wanted), Evaluator(task)
+    space, evaluator = DesignSpace(task, wanted), Evaluator(task)
     best, count = math.inf, 0
 
     def cost(places: np.ndarray) -> np.ndarray:
         nonlocal best, count
         built = space.designs(places.T, np.ones(places.shape[1]))
         count += places.shape[1]
-        found = least(slacks(built, task, wanted, FINE_NODES))
+        found = minimum_slacks(slacks(built, task, wanted, OPTIONS.fine_nodes))
         broken = np.sum([np.where(np.isfinite(one), np.clip(-one, 0.0, 1.0), 1.0) for one in found.values()], axis=0)
-        value = evaluator.moments(built.design, built.gamma, built.closed)[0]
+        value = evaluator.moments(built.design, built.gamma, built.closed_length)[0]
         kept = (broken == 0) & np.isfinite(value)
         best = min(best, float(value[kept].min())) if kept.any() else best
         return np.where(np.isfinite(value), np.log(np.where(np.isfinite(value), value, 1.0)), 20.0) + BROKEN * broken

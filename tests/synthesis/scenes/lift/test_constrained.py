@@ -11,15 +11,15 @@ import pytest
 from synthesis.errors import FieldError
 from synthesis.scenes.lift.constraints import (
     Constraints,
-    Space,
-    jerky_run,
-    measured,
+    DesignSpace,
+    constraint_rows,
+    measured_values,
     optimize_within,
-    rows_of,
+    platform_rates,
     slacks,
 )
 from synthesis.scenes.lift.motion import motion
-from synthesis.scenes.lift.optimum import Built, Objective, Optimum, Task, optimize
+from synthesis.scenes.lift.optimum import Objective, Optimum, StrokeDesign, Task, optimize
 from synthesis.scenes.lift.pose import Cylinder, Design
 from synthesis.work import Cancelled, Work
 from tests.conftest import some_of
@@ -39,13 +39,13 @@ def found(name: str) -> Optimum:
 def test_every_constraint_is_kept_on_2001_poses_by_independent_code(name) -> None:
     task, wanted = CASES[name]
     one = found(name)
-    design, closed = one.built.design, float(one.built.closed)
+    design, closed = one.stroke_design.design, float(one.stroke_design.closed_length)
     values = oracle.measures(design, closed, task.cylinder.speed, task.low, task.high)
-    rows = rows_of(wanted, values)
-    assert len(rows) > 12 and [row for row in rows if not row.kept] == []
+    rows = constraint_rows(wanted, values)
+    assert len(rows) > 12 and [row for row in rows if not row.satisfied] == []
     own = replace(task, cylinder=replace(task.cylinder, length=closed))
     assert oracle.objective(design, own) == pytest.approx(one.objective, rel=2e-6)
-    mine = measured(one.built, task)
+    mine = measured_values(one.stroke_design, task)
     assert mine.keys() == values.keys()
     for key, value in values.items():
         # the dead point is walked to in steps of 1e-4 rad, the extreme of a curve lies between poses
@@ -55,15 +55,15 @@ def test_every_constraint_is_kept_on_2001_poses_by_independent_code(name) -> Non
 def test_the_optimum_lies_on_constraints_and_says_which() -> None:
     task, wanted = CASES["default"]
     one = found("default")
-    values = oracle.measures(one.built.design, float(one.built.closed), 100.0, 200.0, 510.0)
-    near = {row.name for row in rows_of(wanted, values) if abs(row.value - row.limit) < 2e-3 * abs(row.limit)}
+    values = oracle.measures(one.stroke_design.design, float(one.stroke_design.closed_length), 100.0, 200.0, 510.0)
+    near = {row.name for row in constraint_rows(wanted, values) if abs(row.value - row.limit) < 2e-3 * abs(row.limit)}
     assert near == {name.split(">=")[0].split("<=")[0] for name in one.active}
     assert slack_names(task, wanted) >= set(one.active)
 
 
 def slack_names(task: Task, wanted: Constraints) -> set[str]:
     """The names of all constraints that are computed."""
-    built = Space(task, wanted).designs(np.full((1, 4), 0.5), np.ones(1))
+    built = DesignSpace(task, wanted).designs(np.full((1, 4), 0.5), np.ones(1))
     return set(slacks(built, task, wanted))
 
 
@@ -93,10 +93,12 @@ def test_speed_does_not_move_the_optimum() -> None:
 def test_a_braking_cylinder_keeps_the_constraints_too() -> None:
     task, wanted = CASES["default"]
     one = optimize_within(replace(task, cylinder=Cylinder(220.0, 120.0, -6.0)), wanted)
-    drive = Cylinder(float(one.built.closed), 120.0, -6.0)
-    moved = motion(one.built.design, drive, samples=2001)
+    drive = Cylinder(float(one.stroke_design.closed_length), 120.0, -6.0)
+    moved = motion(one.stroke_design.design, drive, samples=2001)
     assert np.abs(moved.acceleration).max() <= wanted.acceleration_max
-    assert moved.time[-1] == pytest.approx(measured(one.built, replace(task, cylinder=drive))["rise_time"], rel=1e-9)
+    assert moved.time[-1] == pytest.approx(
+        measured_values(one.stroke_design, replace(task, cylinder=drive))["rise_time"], rel=1e-9
+    )
 
 
 @pytest.mark.parametrize(
@@ -120,9 +122,9 @@ def test_a_range_may_be_one_value(stroke, change, name, value) -> None:
     wide = limits(high, 800.0, (220.0, 800.0))
     wanted = replace(wide, **{**change, "lengths": wide.lengths | change.get("lengths", {})})
     one = optimize_within(task, wanted)
-    values = measured(one.built, task)
+    values = measured_values(one.stroke_design, task)
     assert values[name] == pytest.approx(value, rel=1e-12)
-    assert [row.name for row in rows_of(wanted, values) if not row.kept and row.name != name] == []
+    assert [row.name for row in constraint_rows(wanted, values) if not row.satisfied and row.name != name] == []
 
 
 @pytest.mark.parametrize("l4", [51.0, 52.0, 60.0])
@@ -130,7 +132,7 @@ def test_one_value_that_only_a_nearly_flat_triangle_has_is_found(l4) -> None:
     """There gamma lies at the end of its range; rounding may break l4 by 1e-12 of the top height."""
     task, wanted = CASES["default"]
     one = optimize_within(task, replace(wanted, lengths=wanted.lengths | {"l4": (l4, l4)}))
-    assert one.built.gamma < 1e-4 and one.design.l4 == pytest.approx(l4, abs=1e-12 * task.high)
+    assert one.stroke_design.gamma < 1e-4 and one.design.l4 == pytest.approx(l4, abs=1e-12 * task.high)
 
 
 def test_what_one_value_allows_a_range_about_it_does_too() -> None:
@@ -214,7 +216,7 @@ def test_jerk_is_the_derivative_of_acceleration() -> None:
     design, drive, h = Design(130.5, 165.5, 223.5, 344.5, 560.3), Cylinder(482.2, 100.0, 7.0), 1e-4
     times = np.linspace(0.01, 3.0, 40)
     moved = motion(design, drive, times)
-    run = jerky_run(moved.pose, drive, moved.cylinder_speed)
+    run = platform_rates(moved.pose, drive, moved.cylinder_speed)
     assert run.acceleration == pytest.approx(moved.acceleration, rel=1e-12)
     ahead, behind = (motion(design, drive, times + step).acceleration for step in (h, -h))
     assert run.jerk == pytest.approx((ahead - behind) / (2 * h), rel=1e-5, abs=1e-4)
@@ -223,7 +225,7 @@ def test_jerk_is_the_derivative_of_acceleration() -> None:
 def test_designs_of_the_search_meet_the_stroke() -> None:
     for name in ("default", "collinear start"):
         task, wanted = CASES[name]
-        space = Space(task, wanted)
+        space = DesignSpace(task, wanted)
         rng = np.random.default_rng(4)
         built = space.designs(rng.uniform(0, 1, (400, space.count)), np.where(rng.uniform(size=400) < 0.5, 1.0, -1.0))
         good = np.nonzero(np.isfinite(built.design.b) & (built.design.l3 < built.design.l5))[0]
@@ -233,18 +235,18 @@ def test_designs_of_the_search_meet_the_stroke() -> None:
             turn = float(built.turn[at])
             textbook = oracle.pose(design, turn)
             assert textbook["height"] == pytest.approx(task.low, rel=1e-9)
-            assert textbook["length"] == pytest.approx(float(built.closed[at]), rel=1e-8)
+            assert textbook["length"] == pytest.approx(float(built.closed_length[at]), rel=1e-8)
             assert oracle.pose(design, 0.0)["height"] == pytest.approx(task.high, rel=1e-12)
 
 
 def test_slacks_are_negative_exactly_where_a_limit_is_missed() -> None:
     task, wanted = CASES["default"]
-    loose = optimize_within(task, LOOSE).built
-    missed = {row.name for row in rows_of(wanted, measured(loose, task)) if not row.kept}
+    loose = optimize_within(task, LOOSE).stroke_design
+    missed = {row.name for row in constraint_rows(wanted, measured_values(loose, task)) if not row.satisfied}
     *lengths, gamma, turn, closed = map(
-        np.atleast_1d, (*loose.design.as_tuple(), loose.gamma, loose.turn, loose.closed)
+        np.atleast_1d, (*loose.design.as_tuple(), loose.gamma, loose.turn, loose.closed_length)
     )
-    found = slacks(Built(Design(*lengths), gamma, turn, closed), task, wanted, 801)
+    found = slacks(StrokeDesign(Design(*lengths), gamma, turn, closed), task, wanted, 801)
     negative = {re.split("[<>]=", name)[0] for name, slack in found.items() if slack.min() < 0}
     assert missed and negative == missed
     assert limits(510.0, 600.0, (220.0, 600.0)) == wanted

@@ -20,11 +20,11 @@ from synthesis.scenes.lift import motion as lift_loops
 from synthesis.scenes.lift.files import design_csv, design_dxf, design_svg
 from synthesis.scenes.lift.motion import (
     BAR,
-    Drive,
     Motion,
+    Pneumatics,
     checked_stroke,
     forces,
-    least_bore,
+    minimum_bore,
     motion,
     stroke,
     travel_time,
@@ -441,7 +441,7 @@ def test_braking_to_rest_at_the_top() -> None:
 
 BUILDABLE = Design(130.5, 165.5, 223.5, 344.5, 560.3)
 LIFTS = {"initial": (INITIAL, 220.0), "buildable": (BUILDABLE, 482.2)}
-DRIVE = Drive(1000.0, 20.0, 63.0, 20.0, 6.0)
+DRIVE = Pneumatics(1000.0, 20.0, 63.0, 20.0, 6.0)
 
 
 @pytest.mark.parametrize("name", LIFTS)
@@ -475,7 +475,7 @@ def test_the_least_bore_needs_all_of_the_pressure() -> None:
     moved = motion(BUILDABLE, Cylinder(482.2, 100.0))
     found = forces(moved, DRIVE)
     assert found.pressure.max() * BAR * math.pi * 63**2 / 4 == pytest.approx(found.cylinder.max())
-    exact = forces(moved, replace(DRIVE, bore=least_bore(found, DRIVE)))
+    exact = forces(moved, replace(DRIVE, bore=minimum_bore(found, DRIVE)))
     assert exact.pressure.max() == pytest.approx(DRIVE.pressure, rel=1e-12)
 
 

@@ -22,9 +22,9 @@ from synthesis.scenes.lift.optimum import (
     design_from_angle,
     equation_residuals,
     optimize_batch,
+    optimum_motion,
     project,
     published_for,
-    rise,
 )
 from synthesis.scenes.lift.pose import Cylinder, Design
 from tests.conftest import some_of
@@ -207,8 +207,8 @@ def test_the_optimum_is_a_lift_that_moves() -> None:
     for wanted in (task(), task(cylinder=Cylinder(220.0, -80.0, 2.0)), task(cylinder=Cylinder(220.0, 100.0, 30.0))):
         optimum = optimize(wanted)
         moved = motion(optimum.design, wanted.cylinder)
-        assert moved.time[-1] == pytest.approx(rise(optimum, wanted).rise_time, rel=1e-9)
-        found = rise(optimum, wanted)
+        assert moved.time[-1] == pytest.approx(optimum_motion(optimum, wanted).rise_time, rel=1e-9)
+        found = optimum_motion(optimum, wanted)
         bottom = 0 if wanted.cylinder.speed > 0 else -1
         assert moved.velocity[bottom] == pytest.approx(found.velocity_bottom, rel=1e-8)
         assert moved.pose.height[bottom] == pytest.approx(200.0, rel=1e-9)
