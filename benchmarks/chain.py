@@ -22,7 +22,7 @@ from synthesis.one_variable import bisect
 from synthesis.scenes.chain import crescent as chain
 from synthesis.scenes.chain.closure import closing_links
 from synthesis.scenes.chain.fit import exact_slot, fit_error, fit_slot
-from synthesis.scenes.chain.slot import Slot, chord_error, report, wheel_conflict
+from synthesis.scenes.chain.slot import Slot, analyse_slot, chord_error, wheel_conflict
 from synthesis.scenes.chain.track import Track
 from tests.oracles import chain as oracle
 
@@ -70,10 +70,10 @@ def next_by_bracketing(path: oracle.Path, s: float, pitch: float, direction: int
 
 def next_by_halving(track: Track, s: np.ndarray, pitch: float, direction: int = 1) -> np.ndarray:
     """The same search by bisection, for all phases at once."""
-    pin = track.points(track.place(s))
+    pin = track.points(track.locate(s))
 
     def short(u: np.ndarray) -> np.ndarray:
-        return np.abs(track.points(track.place(s + direction * u)) - pin) < pitch
+        return np.abs(track.points(track.locate(s + direction * u)) - pin) < pitch
 
     inside, _ = bisect(short, np.full(s.shape, 0.99 * pitch), np.full(s.shape, 1.6 * pitch))
     return s + direction * inside
@@ -93,7 +93,7 @@ def pins_by_search(slot: Slot, phases: np.ndarray, following: Any, points: Any) 
 
 
 def measure_published(crescent: chain.Crescent, slot: Slot) -> dict[str, Any]:
-    facts, degrees = report(slot, window(slot)), math.degrees
+    facts, degrees = analyse_slot(slot, window(slot)), math.degrees
     printed, printed_slot = chain.crescent_slot(L, N, R1, **PRINTED)
     conflict = degrees(crescent.link_angles(L)[0]) * wheel_conflict(slot, chain.RIGHT_WHEEL).value
     try:
@@ -116,7 +116,7 @@ def measure_published(crescent: chain.Crescent, slot: Slot) -> dict[str, Any]:
         [f"largest chord error over {PHASES} phases", "not given", f"{facts.chord_error:.1e}"],
     ]
     words = {
-        "printed_end_step": f"{report(printed_slot, window(printed_slot, 3)).end_step:.3f}",
+        "printed_end_step": f"{analyse_slot(printed_slot, window(printed_slot, 3)).end_step:.3f}",
         "slack": f"{facts.slack_max.value:.3f}",
         "refusal": f"    $ echo '{REFUSED}' | linkage-atlas chain slot\n    {refusal}",
     }
@@ -136,7 +136,7 @@ def measure_speed(crescent: chain.Crescent, slot: Slot) -> dict[str, Any]:
 
     def halving() -> np.ndarray:
         return pins_by_search(
-            slot, phases, lambda s, way: next_by_halving(track, s, L, way), lambda s: track.points(track.place(s))
+            slot, phases, lambda s, way: next_by_halving(track, s, L, way), lambda s: track.points(track.locate(s))
         )
 
     few_found = np.concatenate([bracketing(phase) for phase in few])
@@ -189,7 +189,7 @@ def measure_large_radii() -> Iterator[dict[str, Any]]:
         here = r0 * np.exp(1j * (np.pi + xi - v)) - (r0 + R1)
         u = oracle.Transfer(L, r0, R1, radius).f_back(v)
         there = 1j * crescent.eccentricity + radius * np.exp(1j * (np.pi + xi + u))
-        place = track.place(r0 * (np.pi + xi - v))
+        place = track.locate(r0 * (np.pi + xi - v))
         chords = {"arccos": there - here, "ours": track.points(track.step(place, L)) - track.points(place)}
         yield {"radius": radius} | {name: np.abs(np.abs(c) - L).max() for name, c in chords.items()}
 
@@ -221,7 +221,7 @@ def measure_high_degree(slot: Slot) -> dict[str, Any]:
 
 def measure_tracks() -> Iterator[dict[str, Any]]:
     for label, slot in pictures.other_tracks().items():
-        facts = report(slot, window(slot, 501))
+        facts = analyse_slot(slot, window(slot, 501))
         found = {"slack": facts.slack_max.value, "depth": facts.depth_max.value, "radius": facts.radius_min}
         exact = {"end_step": facts.end_step, "chord": facts.chord_error}
         yield {"track": label, "pitch": slot.chain.pitch, "links": slot.chain.links} | found | exact

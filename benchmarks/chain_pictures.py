@@ -38,7 +38,7 @@ def rounded_triangle(side: float, radius: float) -> Track:
 def other_tracks() -> dict[str, Slot]:
     """Four more chains on four more tracks."""
     stadium = chain.critical_stadium(50.0, 16, 60.0)
-    side = brentq(lambda side: Chain(rounded_triangle(side, 70.0), 40.0, 30).least_overrun().value, 180, 330)
+    side = brentq(lambda side: Chain(rounded_triangle(side, 70.0), 40.0, 30).smallest_overrun().value, 180, 330)
     triangle = rounded_triangle(side, 70.0)
     return {
         "crescent, 24 links of 25.4": chain.crescent_slot(25.4, 24, 70.0)[1],
@@ -55,7 +55,7 @@ def plot(axes: Any, points: np.ndarray, *style: Any, **options: Any) -> None:
 def draw_slot(axes: Any, slot: Slot, phase: float, size: float) -> np.ndarray:
     """Track, chain and slot; returns the pins."""
     track, pins = slot.chain.track, slot.pins(np.array([phase]))[0]
-    outline = track.points(track.place(np.linspace(0, track.total, 2000)))
+    outline = track.points(track.locate(np.linspace(0, track.total, 2000)))
     plot(axes, outline, color=figures.GREY, lw=5, alpha=0.45)
     plot(axes, np.append(pins, pins[0]), "o-", color=figures.INK, lw=1.3, ms=size, mfc="white", zorder=3)
     plot(axes, slot.path(np.linspace(slot.start, slot.end, 400)), color=figures.RED, lw=2.2, zorder=4)

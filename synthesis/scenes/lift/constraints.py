@@ -1,14 +1,14 @@
 """Constraints that make a lift buildable, and the best design that satisfies them.
 
 A design that meets the stroke consists of five lengths and the closed length of its cylinder. Each constraint is a
-slack of such a design, at each of a number of poses if it depends on the pose. Numbers in parentheses are equations of
-the source named in `synthesis.scenes.lift.pose`. The collinear start (31) and the order of the sides (35) of the source
-apply only if ``start`` is "collinear".
+slack of such a design, at each of a number of poses if it depends on the pose. Numbers in parentheses are equations
+of the source named in `synthesis.scenes.lift.pose`. The collinear start (31) and the order of the sides (35) of the
+source apply only if ``start`` is "collinear".
 
-The search variables are l2, gamma, l3 and the closed length; b follows from the cylinder length at the start. With the
-collinear start, l3 and b follow from (31) and (32). Every design therefore meets the stroke exactly.
-The best of a set of evenly distributed designs are the starting points of a sequential quadratic program with at most
-four variables, whose linear constraints are the slacks in all poses. All starting points are processed at once.
+The search variables are l2, gamma, l3 and the closed length; b follows from the cylinder length at the start. With
+the collinear start, l3 and b follow from (31) and (32). Every design therefore meets the stroke exactly. The best of
+a set of evenly distributed designs are the starting points of a sequential quadratic program with at most four
+variables, whose linear constraints are the slacks in all poses. All starting points are processed at once.
 """
 
 from __future__ import annotations
@@ -49,7 +49,10 @@ from synthesis.work import Work
 
 @dataclass(frozen=True)
 class LiftSearchOptions:
-    """Options of the search within constraints. Distances in the search space are fractions of the variables' ranges."""
+    """Options of the search within constraints.
+
+    Distances in the search space are fractions of the variables' ranges.
+    """
 
     search_nodes: int = 65
     """Number of poses from start to top at which a design is checked during the search."""
@@ -86,10 +89,11 @@ class LiftSearchOptions:
     min_radius: float = 1e-8
     """Trust-region radius at which the local search ends."""
     penalties: tuple[float, float] = (30.0, 300.0)
-    """Penalty factors of the largest violation, relative to the logarithm of the objective. The second factor is used if the
-    first factor leads to no admissible design."""
+    """Penalty factors of the largest violation, relative to the logarithm of the objective. The second factor is used
+    if the first factor leads to no admissible design."""
     margin: float = 5e-5
-    """Margin by which a design stays within a limit that is checked at nodes, so that it also holds between the nodes."""
+    """Margin by which a design stays within a limit that is checked at nodes, so that it also holds between the
+    nodes."""
     single_margin: float = 1e-5
     """Margin by which a design stays within a limit that does not depend on the pose."""
     strict_margin: float = 1e-3
@@ -129,8 +133,8 @@ class Constraints:
     extension_max: float | None = None
     """Largest ratio of the cylinder length at the top to the closed length."""
     dead_point_min: float | None = None
-    """Smallest difference of the cylinder lengths at the start and at the dead point below it, as a fraction of the closed
-    length.
+    """Smallest difference of the cylinder lengths at the start and at the dead point below it, as a fraction of the
+    closed length.
     """
     acceleration_max: float | None = None
     """Largest absolute acceleration of the platform."""
@@ -167,8 +171,8 @@ class PlatformRates:
 def platform_rates(pose: Pose, cylinder: Cylinder, speed: Any) -> PlatformRates:
     """Compute speed, acceleration and jerk of the platform.
 
-    With g = ds/dl1, g2 = (s'' - g l1'') / l1'^2 and g3 = (s''' - 3 g2 l1' l1'' - g l1''') / l1'^3, the derivatives with
-    respect to the cylinder length, v = g v_l, a = g2 v_l^2 + g a_l and j = g3 v_l^3 + 3 g2 v_l a_l.
+    With g = ds/dl1, g2 = (s'' - g l1'') / l1'^2 and g3 = (s''' - 3 g2 l1' l1'' - g l1''') / l1'^3, the derivatives
+    with respect to the cylinder length, v = g v_l, a = g2 v_l^2 + g a_l and j = g3 v_l^3 + 3 g2 v_l a_l.
 
     Parameters
     ----------
@@ -221,8 +225,8 @@ def as_columns(design: Design) -> Design:
 def dead_point_lengths(candidates: StrokeDesign) -> Floats:
     """Return the cylinder length at the first dead point below the start, shape (n,).
 
-    The result is the length at the start if the start is past a dead point. Dead points are isolated on a grid of turns;
-    only `synthesis.scenes.lift.pose.dead_point` also finds a pair of dead points between neighbouring nodes.
+    The result is the length at the start if the start is past a dead point. Dead points are isolated on a grid of
+    turns; only `synthesis.scenes.lift.pose.dead_point` also finds a pair of dead points between neighbouring nodes.
     """
     design, gamma = as_columns(candidates.design), np.asarray(candidates.gamma)[:, None]
     constants = design_constants(design, gamma)
@@ -354,7 +358,10 @@ def _duration(travel: Any, cylinder: Cylinder) -> Any:
 
 
 def _envelope_slacks(pose: Pose, limits: Constraints, top_height: float) -> dict[str, Any]:
-    """Return the slacks of A, B and C in the box. D lies below A; `check_constraints` covers O and the height of A."""
+    """Return the slacks of A, B and C in the box. D lies below A.
+
+    `check_constraints` covers O and the height of A.
+    """
     positions = joints(pose)
     moving = np.stack([positions[name] for name in "ABC"], axis=-1)
     x, y = moving.real, moving.imag[..., 1:]
@@ -776,7 +783,8 @@ def _damped_bfgs(hessian: Floats, step: Floats, change: Floats) -> Floats:
 def optimize_within(task: Task, limits: Constraints, work: Work | None = None) -> Optimum:
     """Find the best design of a task that satisfies constraints.
 
-    The search is deterministic. It ignores the length of the task's cylinder, because the closed length is a variable.
+    The search is deterministic. It ignores the length of the task's cylinder, because the closed length is a
+    variable.
 
     Parameters
     ----------
@@ -793,8 +801,8 @@ def optimize_within(task: Task, limits: Constraints, work: Work | None = None) -
     Raises
     ------
     FieldError
-        No design was found that satisfies all constraints. ``constraint`` names the constraint that the nearest design
-        violates most, and ``amount`` is the size of the violation in the unit given by `SLACK_UNITS`.
+        No design was found that satisfies all constraints. ``constraint`` names the constraint that the nearest
+        design violates most, and ``amount`` is the size of the violation in the unit given by `SLACK_UNITS`.
     """
     check_task(task)
     check_constraints(limits, task.high)

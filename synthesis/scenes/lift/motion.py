@@ -12,8 +12,8 @@ no friction. By virtual work, the cylinder force is F = P ds/dl1 for a weight P.
 the platform is held by the cylinder at B, the link at C and the slide at A, which gives three equations for the
 three forces. Forces are in newtons, lengths in millimetres and pressures in bar.
 
-The five angles are defined as in the source: theta1 O->B, theta2 B->A, theta3 C->A, theta4 B->C, theta5 D->C, measured
-counter-clockwise from +x. The last axis of an array of angles contains theta1 to theta5.
+The five angles are defined as in the source: theta1 O->B, theta2 B->A, theta3 C->A, theta4 B->C, theta5 D->C,
+measured counter-clockwise from +x. The last axis of an array of angles contains theta1 to theta5.
 """
 
 from __future__ import annotations
@@ -122,8 +122,8 @@ def travel_time(travel: Any, speed: Any, acceleration: Any) -> Any:
     """Return the time in which the cylinder first covers a distance in the direction of its speed.
 
     t = 2 e / (|v| + sqrt(v^2 + 2 a e)), with a positive along the speed, solves |v| t + a t^2 / 2 = e without
-    cancellation for small a. A square root that is zero up to rounding counts as zero: the cylinder then comes to rest
-    exactly at the end.
+    cancellation for small a. A square root that is zero up to rounding counts as zero: the cylinder then comes to
+    rest exactly at the end.
 
     Parameters
     ----------
@@ -424,8 +424,8 @@ def minimum_bore(force_history: Forces, pneumatics: Pneumatics) -> float:
 def link_angles(pose: Pose) -> Floats:
     """Return the angles theta1 to theta5 of poses, shape (..., 5).
 
-    They satisfy the loop equations (7)-(12); see `loop_residuals`. They are continuous along a motion and may exceed pi
-    instead of jumping to -pi.
+    They satisfy the loop equations (7)-(12); see `loop_residuals`. They are continuous along a motion and may exceed
+    pi instead of jumping to -pi.
     """
     constants, l3 = pose.constants, pose.design.l3
     # angle from BA to BC, computed from the gamma of the pose: a needle-shaped triangle loses the digits of a second angle
@@ -600,8 +600,8 @@ def smallest_condition(design: Design, stroke_range: Stroke) -> tuple[float, flo
 def velocity_by_instant_centre(design: Design, cylinder_speed: Any, height: Any) -> Any:
     """Compute the platform speed from the instant centre of the triangle, (17)-(27).
 
-    This independent method does not use the derivatives of a `Pose`. It assumes sin eta >= 0, so it cannot detect that a
-    dead point has been passed. Angles are computed from half-angle formulas instead of the printed arccos.
+    This independent method does not use the derivatives of a `Pose`. It assumes sin eta >= 0, so it cannot detect
+    that a dead point has been passed. Angles are computed from half-angle formulas instead of the printed arccos.
 
     Parameters
     ----------

@@ -1,16 +1,18 @@
 """Optimum design of the lift: the platform speed that varies least over the stroke, and the published designs.
 
-In terms of l2 and gamma (the triangle's angle at A), the equations (31) collinear start, (32) closure at the start and
-(33) stroke are solved explicitly. A, B and O are in line at the start, so with psi = atan2(b, sa) the start turn is
-theta = psi + gamma. Because l3 + l5 = sb, C lies on an ellipse with foci A and D, whose polar form about A is
-l3 = (sb^2 - sa^2) / (2 (sb - sa cos theta)). No equation needs a penalty.
+In terms of l2 and gamma (the triangle's angle at A), the equations (31) collinear start, (32) closure at the start
+and (33) stroke are solved explicitly. A, B and O are in line at the start, so with psi = atan2(b, sa) the start turn
+is theta = psi + gamma. Because l3 + l5 = sb, C lies on an ellipse with foci A and D, whose polar form about A is l3 =
+(sb^2 - sa^2) / (2 (sb - sa cos theta)). No equation needs a penalty.
 
-For each l2, the admissible values of gamma form intervals, whose ends are computed exactly and which are searched from
-end to end. An optimum on a constraint, which is the usual case, is therefore met exactly. The search uses a cylinder
-speed of 1: the objective scales with the square of the speed, so the speed does not affect the optimal design.
+For each l2, the admissible values of gamma form intervals, whose ends are computed exactly and which are searched
+from end to end. An optimum on a constraint, which is the usual case, is therefore met exactly. The search uses a
+cylinder speed of 1: the objective scales with the square of the speed, so the speed does not affect the optimal
+design.
 
-Table 2 of the source has eleven published designs (digits in tests/reference). Rounding a printed design to 0.1 changes
-its objective by more than the optimum improves it. A published design is therefore first projected onto (31)-(33).
+Table 2 of the source has eleven published designs (digits in tests/reference). Rounding a printed design to 0.1
+changes its objective by more than the optimum improves it. A published design is therefore first projected onto
+(31)-(33).
 
 Numbers in parentheses are the equations of the source named in `synthesis.scenes.lift.pose`.
 """
@@ -61,8 +63,8 @@ class OptimumOptions:
     halvings: int = 60
     """Number of bisection steps for the ends of an interval of gamma."""
     open_end: float = 1e-5
-    """Fraction of the range of gamma excluded at its open ends, where the triangle is flat (34). In flatter triangles the
-    side lengths no longer determine the angle."""
+    """Fraction of the range of gamma excluded at its open ends, where the triangle is flat (34). In flatter triangles
+    the side lengths no longer determine the angle."""
     poses_per_block: int = 1 << 17
     """Number of poses evaluated at a time, which bounds the memory."""
     angle_nodes: int = 129
@@ -74,8 +76,8 @@ class OptimumOptions:
     active_tolerance: float = 5e-7
     """Slack below which a constraint counts as active, as a fraction of the top height or of the bound itself."""
     search_limit: float = 100.0
-    """Largest length in the search, in units of top height plus cylinder length. With longer lengths, the last digit of a
-    length determines the dead point."""
+    """Largest length in the search, in units of top height plus cylinder length. With longer lengths, the last digit
+    of a length determines the dead point."""
     cause_arm_nodes: int = 65
     """Number of values of l2 in the search for the smallest violation of an infeasible task."""
     cause_angle_nodes: int = 17
@@ -83,8 +85,8 @@ class OptimumOptions:
     cause_refinements: int = 9
     """Number of refinements in the search for the smallest violation of an infeasible task."""
     cause_reach: int = 6
-    """Number of nodes on either side of the best node that such a refinement keeps. It is large because the best design
-    can lie in a narrow wedge."""
+    """Number of nodes on either side of the best node that such a refinement keeps. It is large because the best
+    design can lie in a narrow wedge."""
     arm_nodes: int = 48
     """Number of values of l2 in each of the uniform and the geometric grid of the global search."""
     first_samples: int = 17
@@ -189,8 +191,8 @@ def project(l2: Any, l4: Any, length: float, low: float, high: float) -> Design:
     Returns
     -------
     Design
-        NaN if there is no such design. With few exceptions, at most one solution satisfies l3 < l5 and l3 <= l2; if there
-        are several, the one with the smallest l3 is returned.
+        NaN if there is no such design. With few exceptions, at most one solution satisfies l3 < l5 and l3 <= l2; if
+        there are several, the one with the smallest l3 is returned.
     """
     l2, l4 = np.broadcast_arrays(np.asarray(l2, dtype=float), np.asarray(l4, dtype=float))
     arms, sides = l2.reshape(-1), l4.reshape(-1)
@@ -300,7 +302,10 @@ class OptimumMotion:
 
 
 def optimum_motion(optimum: Optimum, task: Task) -> OptimumMotion:
-    """Compute the motion of an optimum. If the cylinder shortens, the platform goes down and starts from rest at the top."""
+    """Compute the motion of an optimum.
+
+    If the cylinder shortens, the platform goes down and starts from rest at the top.
+    """
     built, cylinder = optimum.stroke_design, replace(task.cylinder, length=float(optimum.stroke_design.closed_length))
     constants = design_constants(built.design, built.gamma)
     bottom = pose_at_turn(built.design, built.turn, constants)
@@ -444,14 +449,20 @@ def active_inequalities(slacks: dict[str, float], gamma: float, arm: float, task
 
 
 def arm_range(task: Task) -> tuple[float, float]:
-    """Return the open lower and the closed upper end of l2: b is real in (31), and l2 and b are within the bound."""
+    """Return the open lower and the closed upper end of l2.
+
+    B is real in (31), and l2 and b are within the bound.
+    """
     length, bound = task.cylinder.length, task.upper_bound
     reach = float(np.hypot(bound, task.low))
     return max(task.low - length, 0.0), min(bound, reach - length)
 
 
 def _smallest_slack(arms: Floats, gammas: Floats, task: Task) -> Floats:
-    """Return the smallest slack of the inequalities that depend on gamma; the range of l2 ensures the remaining inequalities."""
+    """Return the smallest slack of the inequalities that depend on gamma.
+
+    The range of l2 ensures the remaining inequalities.
+    """
     design = design_from_angle(arms, gammas, task.cylinder.length, task.low, task.high)
     slacks = inequality_slacks(design, task)
     # ensured by the ranges of l2 and gamma
@@ -614,8 +625,9 @@ def optimize(task: Task, work: Work | None = None) -> Optimum:
     Raises
     ------
     FieldError
-        No design is admissible. ``constraint`` names the inequality to relax (a bound, or ``stopping`` if the cylinder
-        comes to rest), and ``amount`` is the smallest amount with which all other inequalities can be satisfied.
+        No design is admissible. ``constraint`` names the inequality to relax (a bound, or ``stopping`` if the
+        cylinder comes to rest), and ``amount`` is the smallest amount with which all other inequalities can be
+        satisfied.
     """
     check_task(task)
     unit = _unit_task(task)

@@ -5,10 +5,10 @@ A cylinder OB of length l1(t) pushes corner B, and a link DC guides corner C.
 O = (0, 0) is the pivot of the cylinder, D = (-b, 0) is the pivot of the link, and A = (-b, s) carries the platform.
 The lengths are AB = l2, AC = l3, BC = l4 and DC = l5.
 
-One angle, the *turn* T = angle DAC, determines the whole pose in closed form.
-T = 0 is the top position, with C straight below A and s = l3 + l5; T increases as the platform goes down.
-In the symbols of the source, T = mu + pi/2 where mu is the direction of AC, and theta3 = mu + pi.
-The *working branch* is the range of T from the top to the first dead point, in which the cylinder length is monotonic.
+One angle, the *turn* T = angle DAC, determines the whole pose in closed form. T = 0 is the top position, with C
+straight below A and s = l3 + l5; T increases as the platform goes down. In the symbols of the source, T = mu + pi/2
+where mu is the direction of AC, and theta3 = mu + pi. The *working branch* is the range of T from the top to the
+first dead point, in which the cylinder length is monotonic.
 
 Source: Gan, Meng, Li, Zhou, "Kinematic simulation and optimization of a pneumatic linkage lifting mechanism",
 Machinery Design & Manufacture 2020-3. Numbers in parentheses are its equations. The loop equations (7)-(12) are
@@ -71,7 +71,8 @@ class Cylinder:
     length: Any
     """Length l1' in the lowest position of the platform."""
     speed: Any = 1.0
-    """Rate of change of the length at the start. If it is negative, the cylinder retracts and the motion starts at the top."""
+    """Rate of change of the length at the start. If it is negative, the cylinder retracts and the motion starts at
+    the top."""
     acceleration: Any = 0.0
     """Constant second derivative of the length."""
 
@@ -79,9 +80,9 @@ class Cylinder:
 def half_angle_squares(side_1: Any, side_2: Any, opposite: Any) -> tuple[Any, Any]:
     """Return the squared sine and cosine of half an angle of a triangle, times 4 side_1 side_2.
 
-    The angle lies between ``side_1`` and ``side_2``, and ``opposite`` is the third side.
-    Both results are products of sums and differences, so flat triangles keep their digits, unlike with an inverse cosine.
-    The first result is negative if the third side is too short for a triangle, the second if it is too long.
+    The angle lies between ``side_1`` and ``side_2``, and ``opposite`` is the third side. Both results are products of
+    sums and differences, so flat triangles keep their digits, unlike with an inverse cosine. The first result is
+    negative if the third side is too short for a triangle, the second if it is too long.
     """
     sine_term = (opposite - (side_1 - side_2)) * (opposite + (side_1 - side_2))
     return sine_term, (side_1 + side_2 + opposite) * ((side_1 - opposite) + side_2)
@@ -117,7 +118,10 @@ def triangle_angle(side_1: Any, side_2: Any, opposite: Any) -> tuple[Floats, Flo
 
 
 def angle_or_flat(side_1: Any, side_2: Any, opposite: Any) -> Any:
-    """Return the angle between two sides of a triangle that may be flat; a rounding error past flat counts as flat."""
+    """Return the angle between two sides of a triangle that may be flat.
+
+    A rounding error past flat counts as flat.
+    """
     sine_term, cosine_term = half_angle_squares(side_1, side_2, opposite)
     return 2 * np.arctan2(np.sqrt(np.maximum(sine_term, 0.0)), np.sqrt(np.maximum(cosine_term, 0.0)))
 
@@ -205,7 +209,10 @@ class Pose:
 
     @cached_property
     def gain(self) -> Any:
-        """Return ds/dl1, the ratio of platform speed to cylinder speed; infinite at a dead point and negative past it."""
+        """Return ds/dl1, the ratio of platform speed to cylinder speed.
+
+        Infinite at a dead point and negative past it.
+        """
         rate = self.half_square_1
         return np.divide(self.length * self.height_1, rate, out=np.full(np.shape(rate), np.inf), where=rate != 0)
 
@@ -231,8 +238,8 @@ class Pose:
 def pose_at_turn(design: Design, turn: Any, constants: DesignConstants | None = None) -> Pose:
     """Compute poses at given turns in closed form.
 
-    The formulas avoid cancellation. With k^2 = l5^2 - l3^2, the height of C is the root of a sum of squares and s' is a
-    product. If C lies above A, the height of A is k^2 / (c_height + l3 |cos T|) instead of a difference.
+    The formulas avoid cancellation. With k^2 = l5^2 - l3^2, the height of C is the root of a sum of squares and s' is
+    a product. If C lies above A, the height of A is k^2 / (c_height + l3 |cos T|) instead of a difference.
 
     Parameters
     ----------
@@ -326,8 +333,8 @@ def top_length(design: Design, constants: DesignConstants) -> Any:
 def top_lever(design: Design, constants: DesignConstants | None = None) -> Any:
     """Return the lever b cos gamma + (l3 + l5) sin gamma.
 
-    The cylinder lengthens towards the top if the lever is positive, because l1 dl1/dT = -l2 times the lever at the top.
-    The result is NaN if the sides do not form a triangle.
+    The cylinder lengthens towards the top if the lever is positive, because l1 dl1/dT = -l2 times the lever at the
+    top. The result is NaN if the sides do not form a triangle.
     """
     constants = design_constants(design) if constants is None else constants
     return design.b * constants.cos_gamma + (np.asarray(design.l3, dtype=float) + design.l5) * constants.sin_gamma

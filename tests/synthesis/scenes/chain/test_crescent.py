@@ -13,9 +13,9 @@ from scipy.optimize import brentq
 
 from synthesis.errors import FieldError
 from synthesis.scenes.chain import crescent as chain
-from synthesis.scenes.chain.closure import Chain, closing_links, highest, lowest
+from synthesis.scenes.chain.closure import Chain, closing_links, find_maximum, find_minimum
 from synthesis.scenes.chain.crescent import crescent_angles
-from synthesis.scenes.chain.slot import chord_error, find_slot, pins_at, report, wheel_conflict
+from synthesis.scenes.chain.slot import analyse_slot, chord_error, find_slot, pins_at, wheel_conflict
 from tests.oracles.chain import free_pin_at_100_degrees
 
 REFERENCE = json.loads((Path(__file__).parents[3] / "reference" / "chain.json").read_text())
@@ -32,7 +32,7 @@ def canonical():
 @pytest.fixture(scope="module")
 def facts(canonical):
     slot = canonical[1]
-    return report(slot, np.linspace(slot.start, slot.end, 91))
+    return analyse_slot(slot, np.linspace(slot.start, slot.end, 91))
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +44,9 @@ def printed():
 def overruns(track, links):
     """Smallest and largest overrun over one period."""
     chain_ = Chain(track, L, links)
-    return chain_.least_overrun().value, highest(chain_.overrun, 0.0, chain_.period, chain_.cells).value
+    return chain_.smallest_overrun().value, find_maximum(
+        chain_.overrun, 0.0, chain_.period, chain_.search_cells
+    ).value
 
 
 def theta(slot, degrees):
@@ -115,7 +117,7 @@ def test_locus(canonical, facts) -> None:
     assert np.abs(points - (CANONICAL["x"] + 1j * np.array(CANONICAL["y"]))).max() < 1e-6
     ends = slot.path(np.array([slot.start, slot.end]))
     assert np.abs(ends - [complex(*end) for end in CANONICAL["ends"]]).max() < 1e-6
-    lowest_y = lowest(lambda p: slot.path(p).imag, slot.start, slot.end, 100)
+    lowest_y = find_minimum(lambda p: slot.path(p).imag, slot.start, slot.end, 100)
     assert lowest_y.value == pytest.approx(CANONICAL["y_min"], abs=1e-6)
     assert facts.depth_max.value == pytest.approx(CANONICAL["depth_max"], abs=1e-5)
     assert facts.end_step < 1e-9
@@ -153,7 +155,7 @@ def test_every_pin_near_the_slot_is_on_track_or_slot(canonical) -> None:
 
 def test_printed_numbers_as_they_are(printed) -> None:
     crescent, slot = printed
-    facts = report(slot, np.linspace(slot.start, slot.end, 91))
+    facts = analyse_slot(slot, np.linspace(slot.start, slot.end, 91))
     assert facts.slack_min > 0
     assert math.degrees(facts.slack_min / R1) == pytest.approx(AS_PRINTED["defect_min_deg"], abs=1e-4)
     assert math.degrees(facts.slack_max.value / R1) == pytest.approx(AS_PRINTED["defect_max_deg"], abs=2e-4)
@@ -169,7 +171,7 @@ def test_printed_numbers_as_they_are(printed) -> None:
 def test_other_windows_have_steps_at_both_ends() -> None:
     for start, step in CANONICAL["end_step_at_other_starts_deg"].items():
         _, slot = chain.crescent_slot(L, N, R1, start=math.radians(float(start)))
-        assert report(slot, np.array([slot.start])).end_step == pytest.approx(step, abs=0.006)
+        assert analyse_slot(slot, np.array([slot.start])).end_step == pytest.approx(step, abs=0.006)
 
 
 # Independent arithmetic and forms
@@ -200,7 +202,7 @@ def test_a_chain_closes_or_says_how_many_links_would(upper, wheel, links, scale)
         assert ("missing_length" if missing else "excess_length") in error.details
         links = error.details["nearest_links"]
         crescent, slot = chain.crescent_slot(scale, links, upper * scale, wheel * scale)
-    facts = report(slot, np.linspace(slot.start, slot.end, 31))
+    facts = analyse_slot(slot, np.linspace(slot.start, slot.end, 31))
     assert closing_links(crescent.track, scale) == links
     assert facts.chord_error < 1e-12 * scale * max(1, crescent.lower_radius / scale)
     assert abs(facts.slack_min) < 1e-9 * scale
@@ -220,7 +222,7 @@ def test_a_chain_closes_or_says_how_many_links_would(upper, wheel, links, scale)
 def test_more_links_never_lie_shorter(upper, wheel, xi) -> None:
     track = chain.level_crescent(wheel, upper, math.pi / 2 - xi).track
     links = closing_links(track, 1.0)
-    least = [Chain(track, 1.0, n).least_overrun().value for n in (links - 1, links, links + 1)]
+    least = [Chain(track, 1.0, n).smallest_overrun().value for n in (links - 1, links, links + 1)]
     assert least[0] < -1e-6 <= least[1] + 1e-12 < least[2]
 
 
@@ -246,7 +248,7 @@ def test_curvature_jumps_by_the_reference_at_the_crossings(canonical) -> None:
 @pytest.mark.parametrize(("links", "radius"), [(12, 0.6), (16, 1.2), (40, 0.52), (301, 9.0)])
 def test_the_critical_parameter_is_the_root_that_brentq_finds(links, radius) -> None:
     def least(straight):
-        return Chain(chain.stadium(radius, straight), 1.0, links).least_overrun().value
+        return Chain(chain.stadium(radius, straight), 1.0, links).smallest_overrun().value
 
     straight = chain.critical_stadium(1.0, links, radius).length[1]
     assert straight == pytest.approx(brentq(least, 1e-6, links, xtol=1e-14, rtol=1e-14), abs=1e-11)
@@ -262,12 +264,12 @@ def test_the_slack_is_polished_to_where_its_derivative_vanishes(canonical, facts
 
 
 def test_extremes_of_functions_with_many_valleys() -> None:
-    found = lowest(lambda x: np.sin(7 * x) + 0.3 * np.abs(x - 2.1), 0, 6, 200)
+    found = find_minimum(lambda x: np.sin(7 * x) + 0.3 * np.abs(x - 2.1), 0, 6, 200)
     x = np.linspace(0, 6, 2_000_001)
     y = np.sin(7 * x) + 0.3 * np.abs(x - 2.1)
     assert found.value == pytest.approx(y.min(), abs=1e-10)
-    assert highest(np.cos, -1, 2, 192).value == pytest.approx(1, abs=1e-14)
-    assert lowest(np.ones_like, 0, 1, 10).value == 1
+    assert find_maximum(np.cos, -1, 2, 192).value == pytest.approx(1, abs=1e-14)
+    assert find_minimum(np.ones_like, 0, 1, 10).value == 1
 
 
 # Other layouts and extremes
@@ -320,7 +322,7 @@ def test_wheels_of_three_pins_a_turn() -> None:
 def test_a_thousand_links(canonical) -> None:
     crescent, slot = chain.crescent_slot(1.0, 1000, 80.0, 50.0)
     assert chord_error(slot, np.linspace(slot.start, slot.end, 5)) < 1e-11
-    assert report(slot, np.array([slot.start])).end_step < 1e-9
+    assert analyse_slot(slot, np.array([slot.start])).end_step < 1e-9
     assert crescent.lower_radius > 180
 
 
@@ -334,12 +336,12 @@ def test_a_free_pin_on_a_straight_run() -> None:
     track = chain.critical_stadium(50.0, 16, 50 / math.sqrt(2))
     middle = float(track.joints[1] + 0.5 * track.length[1])
     slot = find_slot(Chain(track, 50.0, 16), middle, side=-1)
-    facts = report(slot, np.linspace(slot.start, slot.end, 101))
+    facts = analyse_slot(slot, np.linspace(slot.start, slot.end, 101))
     assert facts.slack_max.value == pytest.approx(4.305, abs=0.001)
     assert facts.depth_max.value == pytest.approx(14.5, abs=0.05)
     assert facts.condition == math.inf
     assert np.isfinite(slot.normals(np.array([slot.start, slot.end]))).all()
-    lifted = slot.path(np.array([0.5 * (slot.start + slot.end)])) - track.points(track.place(middle))
+    lifted = slot.path(np.array([0.5 * (slot.start + slot.end)])) - track.points(track.locate(middle))
     assert lifted[0].imag > 5
 
 

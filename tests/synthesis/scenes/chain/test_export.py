@@ -17,13 +17,13 @@ from synthesis.scenes.chain.groove import (
     contours,
     groove,
     roller_walls,
-    sampled,
-    slot_run,
+    sample_polyarc,
+    slot_polyarc,
     to_csv,
     to_dxf,
     to_svg,
 )
-from synthesis.scenes.chain.slot import find_slot, report
+from synthesis.scenes.chain.slot import analyse_slot, find_slot
 from tests.conftest import some_of
 
 ROLLER = 25.0
@@ -162,7 +162,7 @@ def test_arcs_of_any_slot_stay_within_the_tolerance(seed) -> None:
     links = max(links, int(7 * radius) + 8)
     track = chain.critical_stadium(1.0, links, radius)
     slot = find_slot(Chain(track, 1.0, links), float(track.joints[2] + 0.5 * track.length[2]))
-    points = np.concatenate([bend.at(np.linspace(0, 1, 5)) for bend in slot_run(slot)])
+    points = np.concatenate([bend.points_at(np.linspace(0, 1, 5)) for bend in slot_polyarc(slot)])
     assert nearest(points, slot.path(np.linspace(slot.start, slot.end, 8001))).max() < 3e-7
 
 
@@ -184,7 +184,7 @@ def test_parts_of_a_track_too_close_for_the_roller_are_refused() -> None:
     links = closing_links(thin.track, 30.0)
     slot = chain.crescent_slot(30.0, links, 60.0, 50.0, thin.lower_radius, thin.eccentricity)[1]
     assert refused(slot, 8.0) is None and refused(slot, 10.0) == refused(slot, 15.0) == "groove_cut"
-    assert all(crossings(sampled(wall, 1500)) == 0 for wall in groove(slot, 8.0).walls.values())
+    assert all(crossings(sample_polyarc(wall, 1500)) == 0 for wall in groove(slot, 8.0).walls.values())
     bottom = slot.path(np.linspace(slot.start, slot.end, 999)).imag.min() - (thin.eccentricity - thin.lower_radius)
     assert 8.0 < bottom / 2 < 10.0
 
@@ -234,4 +234,4 @@ def test_any_unit(scale) -> None:
     root = ElementTree.fromstring(to_svg(slot, None))
     width = float(root.get("viewBox").split()[2])
     assert width == pytest.approx(scale * 733 / 131 * 1.1, rel=0.1)
-    assert report(slot, np.array([slot.start])).radius_min == pytest.approx(52.0923 / 131 * scale, rel=1e-4)
+    assert analyse_slot(slot, np.array([slot.start])).radius_min == pytest.approx(52.0923 / 131 * scale, rel=1e-4)

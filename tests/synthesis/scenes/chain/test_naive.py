@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 
 from synthesis.scenes.chain import crescent as chain
 from synthesis.scenes.chain.closure import Chain, closing_links
-from synthesis.scenes.chain.slot import report, wheel_conflict
+from synthesis.scenes.chain.slot import analyse_slot, wheel_conflict
 from synthesis.scenes.chain.track import Track, arc, line
 from tests.conftest import some_of
 from tests.oracles.chain import Path, crescent, free_pin, least_overrun, rounded_polygon, stadium
@@ -36,14 +36,14 @@ def test_600_steps_agree_with_bracketing_search(seed) -> None:
     path = random_path(rng)
     track = track_of(path)
     pitch = rng.uniform(15, 75)
-    place = track.place(rng.uniform(0, track.total))
-    s = float(track.position(place)[0])
+    place = track.locate(rng.uniform(0, track.total))
+    s = float(track.arc_length(place)[0])
     ours, theirs = [], []
     direction = 1 if seed % 3 else -1
     for _ in range(600):
         place = track.step(place, pitch, direction)
         s = path.next(s, pitch, direction, cells=4)
-        ours.append(float(track.position(place)[0]))
+        ours.append(float(track.arc_length(place)[0]))
         theirs.append(s)
     assert np.abs(np.array(ours) - theirs).max() < 1e-9
     assert np.abs(track.points(place) - complex(*path.point(s))).max() < 1e-9
@@ -79,7 +79,7 @@ def test_unseen_sizes_agree_with_bracketing_search(pitch, links, upper, wheel) -
     origin = np.zeros(2)
     expected = [complex(*free_pin(path, pitch, links, slot.free + shift, s, origin)) for s, shift in on_wheel]
     assert np.abs(slot.path(phases) - expected).max() < tolerance
-    facts = report(slot, phases)
+    facts = analyse_slot(slot, phases)
     depths = np.abs(expected) - upper
     assert facts.depth_max.value >= depths.max() - tolerance
     assert facts.end_step < tolerance
@@ -106,7 +106,7 @@ def test_closing_links_is_the_smallest_number_that_is_not_stretched(seed) -> Non
     links = closing_links(track, pitch)
     period = Chain(track, pitch, links).period
     least = least_overrun(path, pitch, links, period, cells=12)
-    assert Chain(track, pitch, links).least_overrun().value == pytest.approx(least, abs=1e-7 * pitch)
+    assert Chain(track, pitch, links).smallest_overrun().value == pytest.approx(least, abs=1e-7 * pitch)
     assert least >= -1.1e-6 * pitch
     assert least_overrun(path, pitch, links - 1, period, cells=12) < 0
 
@@ -131,7 +131,7 @@ def test_a_narrow_hairpin_takes_the_first_place_not_another() -> None:
     track = track_of(path)
     for s in np.linspace(0, path.total, 57):
         for direction in (1, -1):
-            ours = track.position(track.step(track.place(s), 35.0, direction))[0]
+            ours = track.arc_length(track.step(track.locate(s), 35.0, direction))[0]
             assert ours == pytest.approx(path.next(s, 35.0, direction, cells=200), abs=1e-9)
 
 
@@ -165,5 +165,5 @@ def test_a_track_in_meanders_agrees_with_bracketing_search() -> None:
     track = track_of(path)
     for s in np.linspace(0, path.total, 41):
         for pitch in (5.0, 33.0, 55.0):
-            ours = track.position(track.step(track.place(s), pitch))[0]
+            ours = track.arc_length(track.step(track.locate(s), pitch))[0]
             assert ours == pytest.approx(path.next(s, pitch, cells=100), abs=1e-9)
