@@ -1,5 +1,4 @@
-"""The chain on a U-shaped slide: published numbers, speed, representations, accuracy and other tracks, for
-docs/chain.md.
+"""The chain on a U-shaped slide: published numbers, speed, representations and other tracks, for docs/chain.md.
 
 All results except times are reproducible up to rounding. A time is the smallest processor time of several runs, and
 times are compared only within the same run.

@@ -1,5 +1,4 @@
-"""Figures of the lift: the closed form compared with step-by-step integration, and the optima compared with the
-published designs.
+"""Figures of the lift: accuracy and run time of the closed form, and the optima beside the published designs.
 
 Run ``python -m benchmarks.lift`` to write ``benchmarks/results/lift.json``, the pictures ``docs/img/lift_*.png`` and
 the numbers of ``docs/lift.md``. All searches are deterministic; only run times differ between runs.

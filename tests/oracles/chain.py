@@ -92,7 +92,7 @@ def overrun(path, pitch, links, s):
     return path.after(s, pitch, links) - s - path.total
 
 
-def least_overrun(path, pitch, links, period, cells=48):
+def smallest_overrun(path, pitch, links, period, cells=48):
     """Return the smallest overrun over a period, by a grid and bounded minimisation around its smallest values."""
     grid = np.linspace(0, period, cells + 1)
     values = np.array([overrun(path, pitch, links, s) for s in grid])

@@ -1,5 +1,4 @@
-"""Independent implementation of the lift: textbook poses, 60 digits, integration of the loop equations, a plain
-search.
+"""Independent implementation of the lift: textbook poses, 60 digits, integration and a plain search.
 
 The formulas are taken from the source and from textbooks, not from `synthesis.scenes.lift`, which only provides
 types, initial guesses, the initial state of an integration, and the exact values with which an integration is

@@ -134,7 +134,7 @@ class Chain:
     def phase_at(self, position: TrackPosition) -> Floats:
         """Return the phase for positions of P1 on the driver or up to one period beyond it.
 
-        The inverse of `drive`.
+        This function is the inverse of `drive`.
         """
         phase = self.track.arc_length(position)
         past_end = np.flatnonzero(phase > self.track.length[0])

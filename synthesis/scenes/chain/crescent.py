@@ -182,9 +182,20 @@ def critical_crescent(
 
 
 def stadium(radius: float, straight: float) -> Track:
-    """Return two half circles joined by lines, with centres ``straight`` apart on the x axis.
+    """Return two half circles joined by lines.
 
     The direction of travel is to the left, from the joint of the lower line with the right half circle.
+
+    Parameters
+    ----------
+    radius : float
+        Radius of the half circles.
+    straight : float
+        Distance between their centres, on the x axis.
+
+    Returns
+    -------
+    Track
     """
     half = straight / 2
     return Track(
@@ -198,7 +209,22 @@ def stadium(radius: float, straight: float) -> Track:
 
 
 def critical_stadium(pitch: float, links: int, radius: float, work: Work | None = None) -> Track:
-    """Return the stadium of a given radius on which the chain just closes.
+    """Find the stadium of a given radius on which the chain just closes.
+
+    Parameters
+    ----------
+    pitch : float
+        Length of a link.
+    links : int
+        Number of links.
+    radius : float
+        Radius of the half circles.
+    work : Work, optional
+        Called between the steps to check whether the result is still wanted.
+
+    Returns
+    -------
+    Track
 
     Raises
     ------
@@ -304,10 +330,21 @@ def _sized_crescent(
 def free_pin_segment(track: Track, pitch: float, driver: int) -> int:
     """Choose the segment for the free pin: the tightest arc that holds two links, otherwise the longest segment.
 
-    The driver is excluded.
-
     On a tight arc, a small slack makes a shallow slot. On a straight run, the depth of the slot is about
     sqrt(pitch * slack), and its derivative is unbounded where the slack vanishes.
+
+    Parameters
+    ----------
+    track : Track
+    pitch : float
+        Length of a link.
+    driver : int
+        Index of the driving segment, which is excluded.
+
+    Returns
+    -------
+    int
+        Index of the segment.
     """
     capacity = track.length / track.link_lengths(pitch)
     candidates = [index for index in range(track.count) if index != driver] or [driver]
@@ -318,7 +355,18 @@ def free_pin_segment(track: Track, pitch: float, driver: int) -> int:
 
 
 def driving_segment(track: Track, pitch: float) -> int:
-    """Return the first segment that holds a link.
+    """Choose the first segment that holds a link as the driver.
+
+    Parameters
+    ----------
+    track : Track
+    pitch : float
+        Length of a link.
+
+    Returns
+    -------
+    int
+        Index of the segment.
 
     Raises
     ------
@@ -332,10 +380,21 @@ def driving_segment(track: Track, pitch: float) -> int:
 
 
 def crescent_angles(crescent: Crescent, slot: Slot, pins: Pins) -> Floats:
-    """Return theta1 .. thetaN in radians, shape (n, links): the angle of each pin on its part of the crescent.
+    """Compute the angle of each pin on its part of the crescent.
 
     On a wheel, the angle is measured from the joint with the upper arc, over the top. On an arc, it is measured about
     the centre of the arc from straight down, positive to the right; the free pin uses the centre of the upper arc.
+
+    Parameters
+    ----------
+    crescent : Crescent
+    slot : Slot
+    pins : Pins
+
+    Returns
+    -------
+    ndarray, shape (n, links)
+        theta1 .. thetaN in radians.
     """
     r0, r1, r2 = crescent.wheel_radius, crescent.upper_radius, crescent.lower_radius
     turn = np.pi + crescent.xi + crescent.eps

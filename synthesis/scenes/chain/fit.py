@@ -120,13 +120,35 @@ class ExactSlot(NamedTuple):
 
 
 def exact_slot(slot: Slot, phases: Floats) -> ExactSlot:
-    """Evaluate the slot at phases of shape (n,)."""
+    """Evaluate the exact slot.
+
+    Parameters
+    ----------
+    slot : Slot
+    phases : ndarray, shape (n,)
+
+    Returns
+    -------
+    ExactSlot
+    """
     first, last = slot.neighbour_points(phases)
     return ExactSlot(phases, slot.hang_between(first, last), slot.normals(phases), first, last)
 
 
 def fit_error(slot: Slot, fit: Fit, exact: ExactSlot) -> FitError:
-    """Compute the errors of a fit by comparison with the exact slot."""
+    """Compute the errors of a fit.
+
+    Parameters
+    ----------
+    slot : Slot
+    fit : Fit
+    exact : ExactSlot
+        The exact slot at the phases at which the errors are measured.
+
+    Returns
+    -------
+    FitError
+    """
     fitted = fit.evaluate(exact.phases)
     normal = np.abs(dot(fitted - exact.points, exact.normals)).max()
     if fit.slide is not None:
@@ -341,7 +363,20 @@ def power_basis(slot: Slot, fit: Fit, decimals: int | None = None) -> list[Power
 
 
 def power_error(slot: Slot, pieces: list[PowerPiece], exact: ExactSlot) -> float:
-    """Return the largest distance of the pieces from the exact slot, in the direction of the normal."""
+    """Compute the error of a slot in powers.
+
+    Parameters
+    ----------
+    slot : Slot
+    pieces : list of PowerPiece
+    exact : ExactSlot
+        The exact slot at the phases at which the error is measured.
+
+    Returns
+    -------
+    float
+        Largest distance from the exact slot, in the direction of its normal.
+    """
     phases = exact.phases
     if pieces[0].phase is None:
         x = slot.in_frame(exact.points).real

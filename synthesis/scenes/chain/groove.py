@@ -136,7 +136,17 @@ def _angle(first: Any, second: Any) -> float:
 
 
 def slot_polyarc(slot: Slot) -> Polyarc:
-    """Return the slot as biarcs within `TOLERANCE` of its exact path."""
+    """Approximate the slot by biarcs.
+
+    Parameters
+    ----------
+    slot : Slot
+
+    Returns
+    -------
+    list of PathElement
+        Arcs within `TOLERANCE` of the exact path.
+    """
     allowed, count = TOLERANCE * slot.chain.pitch, OPTIONS.min_nodes
     while True:
         phases = np.union1d(np.linspace(slot.start, slot.end, count + 1), slot.breaks)
@@ -254,7 +264,15 @@ def _wall(track_path: Polyarc, slot_path: Polyarc, radius: float, side: int, is_
 
 
 def refuse_undercut(roller_radius: float, largest: float) -> None:
-    """Raise a `FieldError` for a roller that would cut away the wall on the inside of a bend of the given radius."""
+    """Raise a `FieldError` for a roller that would cut away the wall on the inside of a bend.
+
+    Parameters
+    ----------
+    roller_radius : float
+        Radius of the rollers.
+    largest : float
+        Smallest radius of curvature of the path, which the roller radius must not reach.
+    """
     if roller_radius >= largest:
         raise FieldError(
             "/roller_radius",
@@ -388,16 +406,28 @@ def _no_wall() -> FieldError:
 
 
 def sample_polyarc(polyarc: Polyarc, count: int) -> Points:
-    """Return about ``count`` points of a polyarc, evenly spaced on each element."""
+    """Sample a polyarc.
+
+    Parameters
+    ----------
+    polyarc : list of PathElement
+    count : int
+        Approximate number of points.
+
+    Returns
+    -------
+    ndarray of complex
+        Points, evenly spaced on each element.
+    """
     lengths = np.array([abs(e.radius * e.turn) if e.turn else abs(e.end - e.start) for e in polyarc])
     counts = np.maximum(1, np.ceil(count * lengths / lengths.sum())).astype(int)
     return np.concatenate([element.points_at(np.arange(n) / n) for element, n in zip(polyarc, counts)])
 
 
 def _refuse_cuts(path: Polyarc, walls: dict[str, Polyarc], radius: float, pitch: float) -> None:
-    """Raise a `FieldError` if a wall is closer to the path than the roller radius.
+    """Raise a `FieldError` if another part of the groove cuts through a wall.
 
-    Another groove part cuts through it.
+    A wall is cut if it is closer to the path than the roller radius.
     """
     path_points = sample_polyarc(path, OPTIONS.check_points)
     for wall in walls.values():
@@ -481,9 +511,17 @@ def to_csv(
 
 
 def contours(groove_data: Groove) -> dict[str, list[list[float]]]:
-    """Return the closed contours by name.
+    """Return the closed contours of a groove for export.
 
-    Each row is x, y and bulge: the start of an element, and tan(turn / 4) of the element, positive to the left.
+    Parameters
+    ----------
+    groove_data : Groove
+
+    Returns
+    -------
+    dict of str to list
+        By the name of the contour, one row per element: x and y of its start, and the bulge tan(turn / 4), positive
+        to the left.
     """
     polyarcs = {"path": groove_data.path, **groove_data.walls}
     return {
@@ -493,7 +531,19 @@ def contours(groove_data: Groove) -> dict[str, list[list[float]]]:
 
 
 def to_svg(slot: Slot, roller_radius: float | None) -> str:
-    """Draw the bare track, the pins at the start of the window, their path and the walls of the groove as SVG, with y upwards."""
+    """Draw the bare track, the pins at the start of the window, their path and the walls of the groove.
+
+    Parameters
+    ----------
+    slot : Slot
+    roller_radius : float, optional
+        Radius of the rollers, to draw the walls.
+
+    Returns
+    -------
+    str
+        SVG with y upwards.
+    """
     track, groove_data = slot.chain.track, groove(slot, roller_radius)
     pins = slot.pins(np.array([slot.start]))[0]
     polyarcs = {
@@ -541,9 +591,18 @@ def _svg_path(polyarc: list[PathElement], sheet: Sheet) -> str:
 
 
 def to_dxf(slot: Slot, roller_radius: float | None) -> str:
-    """Write the path of the pins, the walls of the groove and the pins as DXF, each on a layer of its own.
+    """Write the path of the pins, the walls of the groove and the pins, each on a layer of its own.
 
-    Path and walls are closed polylines of arcs and lines.
+    Parameters
+    ----------
+    slot : Slot
+    roller_radius : float, optional
+        Radius of the rollers, to write the walls.
+
+    Returns
+    -------
+    str
+        DXF in which path and walls are closed polylines of arcs and lines.
     """
     document = dxf_document(DXF_COLOURS, unit=0)
     space = document.modelspace()

@@ -113,7 +113,7 @@ class Slot:
     def positions(self, phase: Floats) -> TrackPosition:
         """Return the positions of all pins, shape (n, links).
 
-        For the free pin, the start of the replaced segment.
+        The position of the free pin is the start of the replaced segment.
         """
         track, links, k = self.chain.track, self.chain.links, self.free - 1
         positions = TrackPosition(*np.zeros((3, len(phase), links)))
@@ -151,9 +151,9 @@ class Slot:
         return before + half * (1 + 1j * self.side * height / half_chord)
 
     def motion(self, phase: Floats) -> tuple[Points, Points, Points]:
-        """Return position, velocity and acceleration of the free pin with respect to the phase.
+        """Compute position, velocity and acceleration of the free pin with respect to the phase.
 
-        For each neighbour Q: (P - Q).(P' - Q') = 0 and (P - Q).(P'' - Q'') = -|P' - Q'|^2.
+        The equations for each neighbour Q are (P - Q).(P' - Q') = 0 and (P - Q).(P'' - Q'') = -|P' - Q'|^2.
 
         Parameters
         ----------
@@ -180,7 +180,7 @@ class Slot:
         inverse = 1 / np.where(np.abs(sine) < OPTIONS.singular_sine, np.nan, sine)
 
         def solve(component_1: Floats, component_2: Floats) -> Points:
-            """The vector with these components along both links."""
+            """Return the vector with these components along both links."""
             return 1j * (component_2 * e1 - component_1 * e2) * inverse
 
         velocity = solve(dot(e1, v1), dot(e2, v2))
@@ -190,7 +190,7 @@ class Slot:
     def curvature(self, phase: Floats) -> Floats:
         """Return the signed curvature of the slot, positive to the left.
 
-        NaN if the free pin does not move or is undetermined.
+        The curvature is NaN if the free pin does not move or its motion is undetermined.
         """
         _, velocity, acceleration = self.motion(phase)
         speed = np.abs(velocity)
@@ -199,7 +199,7 @@ class Slot:
     def normals(self, phase: Floats) -> Points:
         """Return the unit normals of the slot to the left of travel, shape (n,).
 
-        Where undetermined, those slightly inside.
+        If a normal is undetermined at an end of the slot, the normal slightly inside the slot is returned.
         """
         velocity = self.motion(phase)[1]
         undetermined = ~np.isfinite(velocity)
@@ -253,7 +253,7 @@ class Slot:
     def depth(self, phase: Floats) -> Floats:
         """Return the distance of the slot from the bare track, positive on the side of the slot.
 
-        R - R1 on the crescent.
+        On the crescent the depth is r - R1.
         """
         return self.foot(self.path(phase))[1]
 
@@ -318,10 +318,7 @@ class Slot:
 
     @property
     def breaks(self) -> Floats:
-        """Return the phases between which the slot is smooth.
-
-        The ends of the window and the crossings inside it.
-        """
+        """Return the phases between which the slot is smooth: window ends and crossings."""
         inner = [crossing.phase for crossing in self.crossings]
         phases = np.array([self.start, *inner, self.end])
         is_distinct = np.concatenate([[True], np.diff(phases) > 1e-9 * self.chain.period])
@@ -333,7 +330,7 @@ class Slot:
     def frame(self) -> tuple[complex, complex]:
         """Return origin and direction of the slot's frame.
 
-        The midpoint of its ends, and the direction from its end to its start.
+        The origin is the midpoint of the ends of the slot, and the direction is from its end to its start.
         """
         start, end = self.path(np.array([self.start, self.end]))
         return complex(0.5 * (start + end)), complex((start - end) / abs(start - end))
@@ -452,9 +449,21 @@ def _slot_at(chain: Chain, phase: float, middle: float, side: int, field: str) -
 
 
 def refine_extreme(slot: Slot, phase: float, sign: int) -> float:
-    """Refine the phase of a minimum (``sign`` 1) or maximum (-1) of the slack, as a zero of its derivative.
+    """Refine the phase of an extreme of the slack, as a zero of its derivative.
 
     The values determine the phase only to the square root of the rounding error.
+
+    Parameters
+    ----------
+    slot : Slot
+    phase : float
+        Approximate phase.
+    sign : {1, -1}
+        1 for a minimum, -1 for a maximum.
+
+    Returns
+    -------
+    float
     """
     half_width = 1e-3 * slot.chain.period
     shift = slot.chain.period if phase < half_width else 0.0
@@ -551,9 +560,9 @@ def _smooth_pieces(slot: Slot) -> list[tuple[float, float]]:
 
 
 def smallest_radius(slot: Slot) -> float:
-    """Return the smallest radius of curvature of the pin's path, an upper limit for rollers.
+    """Return the smallest radius of curvature of the pin's path, which is an upper limit for rollers.
 
-    Infinite for a straight path.
+    The radius is infinite for a straight path.
     """
 
     def radius(phase: Floats) -> Floats:
@@ -569,7 +578,20 @@ def smallest_radius(slot: Slot) -> float:
 
 
 def chord_error(slot: Slot, phases: Floats, work: Work | None = None) -> float:
-    """Return the largest difference between a chord of the chain and the pitch, at phases of shape (n,)."""
+    """Compute the largest difference between a chord of the chain and the pitch.
+
+    Parameters
+    ----------
+    slot : Slot
+    phases : ndarray, shape (n,)
+        Phases at which the chords are checked.
+    work : Work, optional
+        Called before each block of phases to check whether the result is still wanted.
+
+    Returns
+    -------
+    float
+    """
     largest, block_size, work = 0.0, max(1, OPTIONS.pins_per_block // slot.chain.links), work or Work()
     for first in range(0, len(phases), block_size):
         work.go_on()
@@ -668,6 +690,17 @@ class Pins(NamedTuple):
 
 
 def pins_at(slot: Slot, phases: Floats) -> Pins:
-    """Return all pins of a chain at phases of shape (n,)."""
+    """Compute the positions of all pins of a chain.
+
+    Parameters
+    ----------
+    slot : Slot
+    phases : ndarray, shape (n,)
+
+    Returns
+    -------
+    Pins
+        Neighbouring pins are one pitch apart, including the last and the first.
+    """
     positions = slot.positions(phases)
     return Pins(slot.points_at(positions), positions.segment, positions.along)

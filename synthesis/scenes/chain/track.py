@@ -146,7 +146,22 @@ def line(x0: float, y0: float, x1: float, y1: float) -> Segment:
 
 
 def arc(cx: float, cy: float, radius: float, start_angle: float, sweep: float) -> Segment:
-    """Return the arc around (cx, cy) from the polar angle ``start_angle``; a positive sweep turns left."""
+    """Return an arc.
+
+    Parameters
+    ----------
+    cx, cy : float
+        Centre.
+    radius : float
+    start_angle : float
+        Polar angle of the start about the centre.
+    sweep : float
+        Swept angle, positive for a left turn.
+
+    Returns
+    -------
+    Segment
+    """
     turn = 1.0 if sweep > 0 else -1.0
     x, y = cx + radius * np.cos(start_angle), cy + radius * np.sin(start_angle)
     return Segment(float(x), float(y), start_angle + turn * np.pi / 2, turn / radius, radius * abs(sweep))
@@ -279,7 +294,7 @@ class Track:
     def beside(self, position: TrackPosition, offset: Floats) -> Points:
         """Return the points at a perpendicular offset from the track, positive to the left.
 
-        The inverse of `feet`.
+        This function is the inverse of `feet`.
         """
         return self.points(position) + 1j * offset * self.tangents(position)
 
@@ -294,7 +309,7 @@ class Track:
     def _points(self, segment: NDArray[np.intp], along: Floats) -> Points:
         """Return points relative to `origin`, as the start plus a chord at half of the turn.
 
-        Valid for curvature 0 too.
+        The formula is also valid for curvature 0.
         """
         curvature = self.curvature[segment]
         half = 0.5 * curvature * along
@@ -352,7 +367,7 @@ class Track:
     def link_lengths(self, pitch: float) -> Floats:
         """Return the arc length that one link covers on each segment.
 
-        Infinite if the pitch exceeds the diameter of the arc.
+        It is infinite if the pitch exceeds the diameter of the arc.
         """
         k = np.abs(self.curvature)
         fits = k * pitch <= 2
@@ -361,7 +376,21 @@ class Track:
         return np.where(fits, on_arc, np.inf)
 
     def step(self, position: TrackPosition, pitch: float, direction: int = 1) -> TrackPosition:
-        """Return the next pins, shape (n,): the first positions ahead at a chord of one pitch."""
+        """Return the next pins, which are the first positions ahead at a chord of one pitch.
+
+        Parameters
+        ----------
+        position : TrackPosition
+            The pins, shape (n,).
+        pitch : float
+            Length of a link.
+        direction : {1, -1}
+            In or against the direction of travel.
+
+        Returns
+        -------
+        TrackPosition
+        """
         return self.advance(position, pitch, 1, direction)
 
     def advance(self, position: TrackPosition, pitch: float, links: ArrayLike, direction: int = 1) -> TrackPosition:

@@ -94,7 +94,20 @@ def worn_chains(slot: Slot, pitch_errors: Floats, work: Work | None = None) -> l
 
 
 def tightest_pitch_error(slot: Slot, work: Work | None = None) -> float:
-    """Return the pitch error at which the chain just begins to be stretched, with a smallest slack of 0."""
+    """Find the pitch error at which the chain just begins to be stretched.
+
+    Parameters
+    ----------
+    slot : Slot
+        Slot of the nominal chain.
+    work : Work, optional
+        Called before each evaluation to check whether the result is still wanted.
+
+    Returns
+    -------
+    float
+        The smallest slack is 0 at this error.
+    """
     work, pitch = work or Work(), slot.chain.pitch
 
     def smallest_slack(error: float) -> float:

@@ -358,9 +358,9 @@ def _duration(travel: Any, cylinder: Cylinder) -> Any:
 
 
 def _envelope_slacks(pose: Pose, limits: Constraints, top_height: float) -> dict[str, Any]:
-    """Return the slacks of A, B and C in the box. D lies below A.
+    """Return the slacks of the moving joints A, B and C in the box.
 
-    `check_constraints` covers O and the height of A.
+    D lies below A, and `check_constraints` covers O and the height of A.
     """
     positions = joints(pose)
     moving = np.stack([positions[name] for name in "ABC"], axis=-1)

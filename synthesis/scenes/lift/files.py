@@ -41,7 +41,19 @@ def joint_columns(trajectory: Motion) -> dict[str, Floats]:
 
 
 def design_csv(trajectory: Motion, closed_length: float) -> str:
-    """Write the motion with the moving joints as CSV; every row repeats the design."""
+    """Write the motion with the moving joints as CSV.
+
+    Parameters
+    ----------
+    trajectory : Motion
+    closed_length : float
+        Cylinder length at the start.
+
+    Returns
+    -------
+    str
+        Every row repeats the lengths of the design.
+    """
     columns = motion_columns(trajectory) | joint_columns(trajectory)
     lengths = {**trajectory.pose.design.as_dict(), "closed_length": closed_length}
     columns |= {name: np.full(len(trajectory.time), value) for name, value in lengths.items()}

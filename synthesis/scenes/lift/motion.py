@@ -407,7 +407,19 @@ def forces(trajectory: Motion, pneumatics: Pneumatics) -> Forces:
 
 
 def minimum_bore(force_history: Forces, pneumatics: Pneumatics) -> float:
-    """Return the smallest piston diameter in mm that carries the load at the available pressure, with the same rod."""
+    """Compute the smallest piston diameter that carries the load at the available pressure.
+
+    Parameters
+    ----------
+    force_history : Forces
+    pneumatics : Pneumatics
+        The rod and the available pressure; the bore is not used.
+
+    Returns
+    -------
+    float
+        Diameter in mm.
+    """
     largest_push = max(float(np.max(force_history.cylinder)), 0.0)
     largest_pull = max(-float(np.min(force_history.cylinder)), 0.0)
     available = pneumatics.pressure * BAR
@@ -422,10 +434,18 @@ def minimum_bore(force_history: Forces, pneumatics: Pneumatics) -> float:
 
 
 def link_angles(pose: Pose) -> Floats:
-    """Return the angles theta1 to theta5 of poses, shape (..., 5).
+    """Compute the angles of the five links.
 
-    They satisfy the loop equations (7)-(12); see `loop_residuals`. They are continuous along a motion and may exceed
-    pi instead of jumping to -pi.
+    Parameters
+    ----------
+    pose : Pose
+        Poses of shape (...).
+
+    Returns
+    -------
+    ndarray, shape (..., 5)
+        theta1 to theta5, which satisfy the loop equations (7)-(12); see `loop_residuals`. They are continuous along a
+        motion and may exceed pi instead of jumping to -pi.
     """
     constants, l3 = pose.constants, pose.design.l3
     # angle from BA to BC, computed from the gamma of the pose: a needle-shaped triangle loses the digits of a second angle
@@ -507,7 +527,23 @@ def _cosines_sines(angles: Any) -> tuple[Floats, Floats]:
 
 
 def loop_residuals(design: Design, angles: Any, length: Any, height: Any) -> Floats:
-    """Return the residuals F1 to F6 of the loop equations (7)-(12), shape (..., 6), in the unit of the lengths."""
+    """Compute the residuals F1 to F6 of the loop equations (7)-(12).
+
+    Parameters
+    ----------
+    design : Design
+    angles : ndarray, shape (..., 5)
+        theta1 to theta5.
+    length : float or ndarray
+        Cylinder length.
+    height : float or ndarray
+        Height of the platform.
+
+    Returns
+    -------
+    ndarray, shape (..., 6)
+        In the unit of the lengths.
+    """
     cos, sin = _cosines_sines(angles)
     l2, l3, l4, l5, b = design.as_tuple()
     return _stack_links(
@@ -521,7 +557,17 @@ def loop_residuals(design: Design, angles: Any, length: Any, height: Any) -> Flo
 
 
 def largest_residual(trajectory: Motion) -> float:
-    """Return the largest absolute loop residual over a motion, in the unit of the lengths."""
+    """Compute the largest absolute residual of the loop equations over a motion.
+
+    Parameters
+    ----------
+    trajectory : Motion
+
+    Returns
+    -------
+    float
+        In the unit of the lengths.
+    """
     pose = trajectory.pose
     return float(
         np.max(np.abs(loop_residuals(pose.design, link_angles(pose), trajectory.cylinder_length, pose.height)))
@@ -591,7 +637,19 @@ def condition(design: Design, turn: Any) -> Any:
 
 
 def smallest_condition(design: Design, stroke_range: Stroke) -> tuple[float, float]:
-    """Return the smallest condition number along a stroke and its turn, to about 1e-8."""
+    """Find the smallest condition number along a stroke.
+
+    Parameters
+    ----------
+    design : Design
+        A single design.
+    stroke_range : Stroke
+
+    Returns
+    -------
+    value, turn : float
+        Condition number, to about 1e-8, and its turn.
+    """
     ends = np.zeros(1), np.array([float(stroke_range.turn_bottom)])
     value, turn = closer_looks(lambda turns: np.asarray(condition(design, turns)), *ends, OPTIONS.condition_nodes)
     return float(value[0]), float(turn[0])

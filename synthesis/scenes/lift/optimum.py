@@ -218,7 +218,20 @@ def project(l2: Any, l4: Any, length: float, low: float, high: float) -> Design:
 
 
 def equation_residuals(design: Design, length: Any, low: Any, high: Any) -> dict[str, float]:
-    """Return the residuals of (31), (32) and (33) for one design as lengths: start height, l5 and stroke."""
+    """Compute the residuals of (31), (32) and (33).
+
+    Parameters
+    ----------
+    design : Design
+        A single design.
+    length, low, high : float
+        Cylinder length l1' at the start, and the heights at the start and at the top.
+
+    Returns
+    -------
+    dict of str to float
+        Residuals as lengths: start height, l5 and stroke.
+    """
     start = np.sqrt(np.maximum((length + design.l2 - design.b) * (length + design.l2 + design.b), 0.0))
     theta = np.arctan2(design.b, low) + design_constants(design).gamma
     return {
@@ -304,7 +317,15 @@ class OptimumMotion:
 def optimum_motion(optimum: Optimum, task: Task) -> OptimumMotion:
     """Compute the motion of an optimum.
 
-    If the cylinder shortens, the platform goes down and starts from rest at the top.
+    Parameters
+    ----------
+    optimum : Optimum
+    task : Task
+
+    Returns
+    -------
+    OptimumMotion
+        If the cylinder shortens, the platform goes down and starts from rest at the top.
     """
     built, cylinder = optimum.stroke_design, replace(task.cylinder, length=float(optimum.stroke_design.closed_length))
     constants = design_constants(built.design, built.gamma)
@@ -451,7 +472,7 @@ def active_inequalities(slacks: dict[str, float], gamma: float, arm: float, task
 def arm_range(task: Task) -> tuple[float, float]:
     """Return the open lower and the closed upper end of l2.
 
-    B is real in (31), and l2 and b are within the bound.
+    Within this range b is real in (31), and l2 and b are within the bound.
     """
     length, bound = task.cylinder.length, task.upper_bound
     reach = float(np.hypot(bound, task.low))
@@ -801,7 +822,19 @@ class Published:
 
 
 def published_for(task: Task, optimum: Optimum) -> Published | None:
-    """Return the published design for a task; None if the source has no design for this stroke and cylinder."""
+    """Return the published design for a task.
+
+    Parameters
+    ----------
+    task : Task
+    optimum : Optimum
+        Optimum of the task, for comparison.
+
+    Returns
+    -------
+    Published or None
+        None if the source has no design for this stroke and cylinder length.
+    """
     if not np.allclose((task.low, task.high), STROKE, rtol=OPTIONS.equality_tolerance, atol=0.0):
         return None
     length = min(ARMS, key=lambda known: abs(known - task.cylinder.length))

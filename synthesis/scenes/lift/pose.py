@@ -211,7 +211,7 @@ class Pose:
     def gain(self) -> Any:
         """Return ds/dl1, the ratio of platform speed to cylinder speed.
 
-        Infinite at a dead point and negative past it.
+        The ratio is infinite at a dead point and negative past it.
         """
         rate = self.half_square_1
         return np.divide(self.length * self.height_1, rate, out=np.full(np.shape(rate), np.inf), where=rate != 0)
@@ -312,7 +312,18 @@ def _pose(design: Design, constants: DesignConstants, sin_turn: Any, cos_turn: A
 
 
 def joints(pose: Pose) -> dict[str, NDArray[np.complex128]]:
-    """Return the moving joints A, B, C and the fixed pivots O, D of poses, as complex numbers x + i y."""
+    """Return the joints of poses.
+
+    Parameters
+    ----------
+    pose : Pose
+        Poses of shape (...).
+
+    Returns
+    -------
+    dict of str to ndarray of complex, shape (...)
+        The moving joints A, B, C and the fixed pivots O, D as x + i y.
+    """
     design = pose.design
     dimensions = np.shape(pose.height)
     return {

@@ -1,5 +1,4 @@
-"""Representations of the slot: errors compared with independent values, conditioning, and slots that cannot be
-represented.
+"""Representations of the slot: errors compared with independent values, and slots that cannot be represented.
 
 The tests would detect stored parameters that do not reproduce the fit, and digits lost by a distant origin.
 """

@@ -14,7 +14,7 @@ from synthesis.scenes.chain.closure import Chain, closing_links
 from synthesis.scenes.chain.slot import analyse_slot, wheel_conflict
 from synthesis.scenes.chain.track import Track, arc, line
 from tests.conftest import some_of
-from tests.oracles.chain import Path, crescent, free_pin, least_overrun, rounded_polygon, stadium
+from tests.oracles.chain import Path, crescent, free_pin, rounded_polygon, smallest_overrun, stadium
 
 
 def track_of(path):
@@ -67,7 +67,7 @@ def test_unseen_sizes_agree_with_bracketing_search(pitch, links, upper, wheel) -
     def overrun(xi):
         b = (wheel + upper) * math.tan(xi)
         r2 = wheel + (wheel + upper) / math.cos(xi)
-        return least_overrun(crescent(wheel, upper, r2, b), pitch, links, period, cells=20)
+        return smallest_overrun(crescent(wheel, upper, r2, b), pitch, links, period, cells=20)
 
     computed_xi = ours.xi
     xi = brentq(overrun, computed_xi - 1e-3, computed_xi + 1e-3, xtol=1e-12)
@@ -108,10 +108,10 @@ def test_closing_links_is_the_smallest_number_that_is_not_stretched(seed) -> Non
     track = track_of(path)
     links = closing_links(track, pitch)
     period = Chain(track, pitch, links).period
-    expected = least_overrun(path, pitch, links, period, cells=12)
+    expected = smallest_overrun(path, pitch, links, period, cells=12)
     assert Chain(track, pitch, links).smallest_overrun().value == pytest.approx(expected, abs=1e-7 * pitch)
     assert expected >= -1.1e-6 * pitch
-    assert least_overrun(path, pitch, links - 1, period, cells=12) < 0
+    assert smallest_overrun(path, pitch, links - 1, period, cells=12) < 0
 
 
 def test_wheel_conflict_by_the_angles_of_the_pins() -> None:
