@@ -1,7 +1,7 @@
-"""The chain on a U-shaped slide: published numbers, speed, fits, stability, other tracks; fills docs/chain.md.
+"""The chain on a U-shaped slide: published numbers, speed, representations and other tracks, for docs/chain.md.
 
-Everything but the times is reproducible but for rounding. Times are the least of several runs, processor time, and are
-compared within one run only.
+All results except times are reproducible up to rounding. A time is the smallest processor time of several runs, and
+times are compared only within the same run.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from synthesis.one_variable import bisect
 from synthesis.scenes.chain import crescent as chain
 from synthesis.scenes.chain.closure import closing_links
 from synthesis.scenes.chain.fit import exact_slot, fit_error, fit_slot
-from synthesis.scenes.chain.slot import Slot, chord_error, report, wheel_conflict
+from synthesis.scenes.chain.slot import Slot, analyse_slot, chord_error, wheel_conflict
 from synthesis.scenes.chain.track import Track
 from tests.oracles import chain as oracle
 
@@ -30,7 +30,7 @@ L, N, R1 = 131.0, 16, 181.78
 PRINTED = {"wheel_radius": 92.63, "lower_radius": 381.5, "eccentricity": 90.22}
 REFUSED = '{"pitch": 131, "links": 14, "upper_radius": 181.78}'
 PHASES, SEARCHED = 9001, 91
-"""Phases of all errors and times; those at which one phase after another is computed, for a time per phase."""
+"""Number of phases for errors and times, and number of phases that are computed individually for a time per phase."""
 ORDERS = {
     "chebyshev": [2, 3, 4, 5, 6, 8, 10, 12, 14],
     "spline": [9, 18, 45, 90, 180, 360],
@@ -44,21 +44,21 @@ LABELS = {
     "polynomial": "one polynomial y(x)",
 }
 ORIGINS = {"axis": 0.0, "wheel": R1 + PRINTED["wheel_radius"], "metre": 1e3, "five": 5e3}
-"""Where x is counted from by raw powers, mm to the right of the track's own origin."""
+"""Origins of x for raw powers, in mm to the right of the origin of the track."""
 
 
 def window(slot: Slot, count: int = PHASES) -> np.ndarray:
-    """Phases over the slot's window, both ends included."""
+    """Return phases over the window of the slot, both ends included."""
     return np.linspace(slot.start, slot.end, count)
 
 
-def moved(track: Track, away: float) -> Track:
-    """The same track far from the drawing's origin."""
+def shifted(track: Track, away: float) -> Track:
+    """Return the same track at a distance from the origin of the drawing."""
     return Track([segment._replace(x=segment.x + away, y=segment.y + away) for segment in track.segments])
 
 
 def next_by_bracketing(path: oracle.Path, s: float, pitch: float, direction: int = 1) -> float:
-    """scipy's brentq on the distance, one pin at a time."""
+    """Find the next pin by scipy's brentq on the distance, for a single pin."""
     x, y = path.point(s)
 
     def excess(u: float) -> float:
@@ -69,18 +69,18 @@ def next_by_bracketing(path: oracle.Path, s: float, pitch: float, direction: int
 
 
 def next_by_halving(track: Track, s: np.ndarray, pitch: float, direction: int = 1) -> np.ndarray:
-    """The same search by bisection, for all phases at once."""
-    pin = track.points(track.place(s))
+    """Find the next pins by bisection, for all phases at once."""
+    pin = track.points(track.locate(s))
 
     def short(u: np.ndarray) -> np.ndarray:
-        return np.abs(track.points(track.place(s + direction * u)) - pin) < pitch
+        return np.abs(track.points(track.locate(s + direction * u)) - pin) < pitch
 
     inside, _ = bisect(short, np.full(s.shape, 0.99 * pitch), np.full(s.shape, 1.6 * pitch))
     return s + direction * inside
 
 
 def pins_by_search(slot: Slot, phases: np.ndarray, following: Any, points: Any) -> np.ndarray:
-    """All pins, shape (n, links), from ``following(s, direction)`` and ``points(s)`` of arrays."""
+    """Return all pins, shape (n, links), from ``following(s, direction)`` and ``points(s)`` of arrays."""
     ahead, behind = [phases], [phases]
     for _ in range(slot.free - 2):
         ahead.append(following(ahead[-1], 1))
@@ -93,7 +93,7 @@ def pins_by_search(slot: Slot, phases: np.ndarray, following: Any, points: Any) 
 
 
 def measure_published(crescent: chain.Crescent, slot: Slot) -> dict[str, Any]:
-    facts, degrees = report(slot, window(slot)), math.degrees
+    facts, degrees = analyse_slot(slot, window(slot)), math.degrees
     printed, printed_slot = chain.crescent_slot(L, N, R1, **PRINTED)
     conflict = degrees(crescent.link_angles(L)[0]) * wheel_conflict(slot, chain.RIGHT_WHEEL).value
     try:
@@ -116,7 +116,7 @@ def measure_published(crescent: chain.Crescent, slot: Slot) -> dict[str, Any]:
         [f"largest chord error over {PHASES} phases", "not given", f"{facts.chord_error:.1e}"],
     ]
     words = {
-        "printed_end_step": f"{report(printed_slot, window(printed_slot, 3)).end_step:.3f}",
+        "printed_end_step": f"{analyse_slot(printed_slot, window(printed_slot, 3)).end_step:.3f}",
         "slack": f"{facts.slack_max.value:.3f}",
         "refusal": f"    $ echo '{REFUSED}' | linkage-atlas chain slot\n    {refusal}",
     }
@@ -124,7 +124,7 @@ def measure_published(crescent: chain.Crescent, slot: Slot) -> dict[str, Any]:
 
 
 def measure_speed(crescent: chain.Crescent, slot: Slot) -> dict[str, Any]:
-    """Times per phase: ours and the search, each for all phases at once and one phase after another."""
+    """Measure the time per phase of the closed form and of the search, for all phases at once and for individual phases."""
     phases, few, track = window(slot), window(slot, SEARCHED), slot.chain.track
     path = oracle.crescent(crescent.wheel_radius, R1, crescent.lower_radius, crescent.eccentricity)
 
@@ -136,7 +136,10 @@ def measure_speed(crescent: chain.Crescent, slot: Slot) -> dict[str, Any]:
 
     def halving() -> np.ndarray:
         return pins_by_search(
-            slot, phases, lambda s, way: next_by_halving(track, s, L, way), lambda s: track.points(track.place(s))
+            slot,
+            phases,
+            lambda s, direction: next_by_halving(track, s, L, direction),
+            lambda s: track.points(track.locate(s)),
         )
 
     few_found = np.concatenate([bracketing(phase) for phase in few])
@@ -171,16 +174,19 @@ def measure_fits(slot: Slot) -> Iterator[dict[str, Any]]:
             error = fit_error(slot, fit, exact)
 
             evaluate = partial(fit.evaluate, phases)
-            if kind == "polynomial":  # it is given x: it does not know the phase
+            if kind == "polynomial":  # a polynomial is a function of x, not of the phase
                 evaluate = partial(chebyshev.chebval, np.linspace(-1, 1, PHASES), fit.data["coefficients"])
-            made = page.repeat(partial(fit_slot, slot, kind, order), 7).least.processor
-            times = {"fit_ms": 1e3 * made, "evaluate_us": 1e9 * page.repeat(evaluate, 9).least.processor / PHASES}
+            fit_seconds = page.repeat(partial(fit_slot, slot, kind, order), 7).least.processor
+            times = {
+                "fit_ms": 1e3 * fit_seconds,
+                "evaluate_us": 1e9 * page.repeat(evaluate, 9).least.processor / PHASES,
+            }
             errors = {"normal": error.normal, "chord": error.chord, "condition": fit.condition}
             yield {"kind": kind, "order": order, "unknowns": fit.unknowns} | errors | times
 
 
 def measure_large_radii() -> Iterator[dict[str, Any]]:
-    """Chord errors of the step from a wheel onto an arc of radius R: the paper's arccos form, and ours."""
+    """Measure the chord errors of a step from a wheel onto an arc of radius R, by the arccos form of the source and by ours."""
     r0 = PRINTED["wheel_radius"]
     for radius in (1e3, 1e5, 1e6, 1e7, 1e8):
         crescent = chain.level_crescent(r0, R1, math.asin((r0 + R1) / (radius - r0)))
@@ -189,13 +195,13 @@ def measure_large_radii() -> Iterator[dict[str, Any]]:
         here = r0 * np.exp(1j * (np.pi + xi - v)) - (r0 + R1)
         u = oracle.Transfer(L, r0, R1, radius).f_back(v)
         there = 1j * crescent.eccentricity + radius * np.exp(1j * (np.pi + xi + u))
-        place = track.place(r0 * (np.pi + xi - v))
-        chords = {"arccos": there - here, "ours": track.points(track.step(place, L)) - track.points(place)}
+        position = track.locate(r0 * (np.pi + xi - v))
+        chords = {"arccos": there - here, "ours": track.points(track.step(position, L)) - track.points(position)}
         yield {"radius": radius} | {name: np.abs(np.abs(c) - L).max() for name, c in chords.items()}
 
 
 def measure_high_degree(slot: Slot) -> dict[str, Any]:
-    """One polynomial by raw powers of x from several origins (QR), and in scaled Chebyshev polynomials."""
+    """Fit a polynomial by raw powers of x from several origins (QR), and by scaled Chebyshev polynomials."""
     samples, phases = slot.path(window(slot, 91)), window(slot)
     dense = slot.path(phases)
 
@@ -214,30 +220,31 @@ def measure_high_degree(slot: Slot) -> dict[str, Any]:
     exact = exact_slot(slot, phases)
     normal = {degree: fit_error(slot, fit_slot(slot, "polynomial", degree), exact).normal for degree in range(2, 41)}
     best = min(normal, key=lambda degree: normal[degree])
-    # raw powers may be a little better by chance: the samples are fitted, the errors are those between them
+    # raw powers can be slightly better by chance, because the errors are measured between the fitted samples
     as_well = [row["degree"] for row in rows if row["axis"] < 1.05 * row["ours"]]
     return {"rows": rows, "best_degree": best, "best_normal": normal[best], "raw_as_well_to": max(as_well)}
 
 
 def measure_tracks() -> Iterator[dict[str, Any]]:
     for label, slot in pictures.other_tracks().items():
-        facts = report(slot, window(slot, 501))
+        facts = analyse_slot(slot, window(slot, 501))
         found = {"slack": facts.slack_max.value, "depth": facts.depth_max.value, "radius": facts.radius_min}
         exact = {"end_step": facts.end_step, "chord": facts.chord_error}
         yield {"track": label, "pitch": slot.chain.pitch, "links": slot.chain.links} | found | exact
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
-    """The tables and figures of docs/chain.md."""
+    """Return the tables and figures of docs/chain.md."""
     speed, degrees, words = results["speed"], results["high_degree"], results["published"]["words"]
     at_once, large = speed["rows"][0], results["large_radii"][-1]
     return {
         "published": page.lines(["quantity", "published", "ours"], results["published"]["rows"], 3),
         **{name: words[name] for name in ("printed_end_step", "slack", "refusal")},
-        "speed": f"{at_once['ours_ms']:.0f} ms, a bisection along the path for the place that is one "
-        f"pitch away {at_once['ratio']:.0f} times as long; both find the same pins to {speed['largest_difference']:.0e} mm",
-        "large_radii": f"{max(row['ours'] for row in results['large_radii']):.1e} mm at radii up to {large['radius']:.0e} mm, "
-        f"by arccos to {large['arccos']:.1e} mm",
+        "speed_ours": f"{at_once['ours_ms']:.0f} ms",
+        "speed_ratio": f"{at_once['ratio']:.0f}",
+        "speed_difference": f"{speed['largest_difference']:.0e} mm",
+        "large_radii": f"{max(row['ours'] for row in results['large_radii']):.1e} mm at radii up to {large['radius']:.0e} mm",
+        "arccos_error": f"{large['arccos']:.1e} mm",
         "chebyshev_8": next(
             f"{r['normal']:.0e}" for r in results["fits"] if (r["kind"], r["order"]) == ("chebyshev", 8)
         ),
@@ -247,7 +254,7 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
 
 
 def draw(results: dict[str, Any]) -> None:
-    """The pictures of docs/chain.md."""
+    """Draw the pictures of docs/chain.md."""
     crescent, slot = chain.crescent_slot(L, N, R1)
     pictures.draw_track(crescent, slot)
     pictures.draw_defect(crescent, slot)
@@ -256,7 +263,7 @@ def draw(results: dict[str, Any]) -> None:
 
 
 def measure() -> Iterator[dict[str, Any]]:
-    """All of it."""
+    """Run all measurements."""
     crescent, slot = chain.crescent_slot(L, N, R1)
     yield {
         "published": measure_published(crescent, slot),

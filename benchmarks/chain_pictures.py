@@ -1,4 +1,4 @@
-"""The pictures of docs/chain.md, and the other tracks that are drawn and measured there."""
+"""Pictures of docs/chain.md, and the other tracks that are drawn and measured there."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from synthesis.scenes.chain.track import Segment, Track, arc, line
 
 
 def middle_of(track: Track, segment: int) -> float:
-    """Arc length of the middle of a segment."""
+    """Return the arc length of the middle of a segment."""
     return float(track.joints[segment] + track.length[segment] / 2)
 
 
 def rounded_triangle(side: float, radius: float) -> Track:
-    """Three lines and three arcs, travelled counterclockwise."""
+    """Return a track of three lines and three arcs, counter-clockwise."""
     corners = side / math.sqrt(3) * np.exp(1j * np.radians([210, 330, 90]))
     segments: list[Segment] = []
     for here, there in zip(corners, np.roll(corners, -1)):
@@ -36,9 +36,9 @@ def rounded_triangle(side: float, radius: float) -> Track:
 
 
 def other_tracks() -> dict[str, Slot]:
-    """Four more chains on four more tracks."""
+    """Return four more chains on four more tracks."""
     stadium = chain.critical_stadium(50.0, 16, 60.0)
-    side = brentq(lambda side: Chain(rounded_triangle(side, 70.0), 40.0, 30).least_overrun().value, 180, 330)
+    side = brentq(lambda side: Chain(rounded_triangle(side, 70.0), 40.0, 30).smallest_overrun().value, 180, 330)
     triangle = rounded_triangle(side, 70.0)
     return {
         "crescent, 24 links of 25.4": chain.crescent_slot(25.4, 24, 70.0)[1],
@@ -53,9 +53,9 @@ def plot(axes: Any, points: np.ndarray, *style: Any, **options: Any) -> None:
 
 
 def draw_slot(axes: Any, slot: Slot, phase: float, size: float) -> np.ndarray:
-    """Track, chain and slot; returns the pins."""
+    """Draw track, chain and slot, and return the pins."""
     track, pins = slot.chain.track, slot.pins(np.array([phase]))[0]
-    outline = track.points(track.place(np.linspace(0, track.total, 2000)))
+    outline = track.points(track.locate(np.linspace(0, track.total, 2000)))
     plot(axes, outline, color=figures.GREY, lw=5, alpha=0.45)
     plot(axes, np.append(pins, pins[0]), "o-", color=figures.INK, lw=1.3, ms=size, mfc="white", zorder=3)
     plot(axes, slot.path(np.linspace(slot.start, slot.end, 400)), color=figures.RED, lw=2.2, zorder=4)
@@ -65,7 +65,7 @@ def draw_slot(axes: Any, slot: Slot, phase: float, size: float) -> np.ndarray:
 
 
 def draw_track(crescent: Crescent, slot: Slot) -> None:
-    """Track, chain and slot; the slot again with the walls for a roller."""
+    """Draw track, chain and slot, and an enlarged slot with the walls for a roller."""
     r1 = crescent.upper_radius
     c, b = r1 + crescent.wheel_radius, crescent.eccentricity
     with figures.figure("chain_track.png", 2, 1, (9.2, 9.4), height_ratios=[1.45, 1]) as (_, (top, zoom)):
@@ -77,10 +77,10 @@ def draw_track(crescent: Crescent, slot: Slot) -> None:
             colour = figures.RED if index == slot.free - 1 else figures.INK
             style = {"ha": "center", "va": "center", "fontsize": 8, "color": colour}
             figures.note(top, f"P{index + 1}", (pin.real, pin.imag), (away.real, away.imag), **style)
-        for place, name in ((0, "O1"), (1j * b, "O2"), (-c, "C left"), (c, "C right")):
-            place = complex(place)
-            top.plot(place.real, place.imag, "+", color=figures.INK, ms=9)
-            figures.note(top, name, (place.real, place.imag), (7, 5), fontsize=8.5)
+        for point, name in ((0, "O1"), (1j * b, "O2"), (-c, "C left"), (c, "C right")):
+            point = complex(point)
+            top.plot(point.real, point.imag, "+", color=figures.INK, ms=9)
+            figures.note(top, name, (point.real, point.imag), (7, 5), fontsize=8.5)
         for centre, degrees, radius, name in (
             (0, -35, r1, "R1"),
             (1j * b, -107, crescent.lower_radius, "R2"),
@@ -110,7 +110,7 @@ def draw_track(crescent: Crescent, slot: Slot) -> None:
 
 
 def draw_defect(crescent: Crescent, slot: Slot) -> None:
-    """Closure defect, depth and curvature over one period."""
+    """Draw closure defect, depth and curvature over a period."""
     phases, unit = np.linspace(slot.start, slot.end, 1200), crescent.wheel_radius * math.radians(1)
     with figures.figure("chain_defect.png", 3, 1, (8.4, 7.6), sharex=True) as (drawing, (defect, depth, curvature)):
         defect.plot(phases / unit, np.degrees(slot.slack(phases) / crescent.upper_radius), color=figures.INK)
@@ -131,7 +131,7 @@ def draw_defect(crescent: Crescent, slot: Slot) -> None:
 
 
 def draw_fits(rows: Sequence[Mapping[str, Any]], labels: Mapping[str, str]) -> None:
-    """Error of each representation against its numbers and its run time."""
+    """Draw the error of each representation against its number of parameters and its run time."""
     with figures.figure("chain_fits.png", 1, 2, (10, 4.4), sharey=True) as (drawing, panels):
         for (kind, label), colour in zip(labels.items(), (figures.RED, figures.BLUE, figures.ORANGE, figures.GREY)):
             mine = [row for row in rows if row["kind"] == kind]
@@ -147,7 +147,7 @@ def draw_fits(rows: Sequence[Mapping[str, Any]], labels: Mapping[str, str]) -> N
 
 
 def draw_tracks(slots: Mapping[str, Slot], rows: Sequence[Mapping[str, Any]]) -> None:
-    """Four chains on other tracks."""
+    """Draw four chains on other tracks."""
     with figures.figure("chain_tracks.png", 2, 2, (10, 7.2)) as (_, panels):
         for axes, (label, slot), row in zip(panels, slots.items(), rows):
             draw_slot(axes, slot, 0.5 * (slot.start + slot.end), 3.6)

@@ -1,7 +1,7 @@
-"""The lift's figures: the closed form against step-by-step integration, and the optima against the published designs.
+"""Figures of the lift: accuracy and run time of the closed form, and the optima beside the published designs.
 
-Run ``python -m benchmarks.lift``; it writes ``benchmarks/results/lift.json``, the pictures ``docs/img/lift_*.png`` and
-the numbers of ``docs/lift.md``. All searches are deterministic; only run times differ.
+Run ``python -m benchmarks.lift`` to write ``benchmarks/results/lift.json``, the pictures ``docs/img/lift_*.png`` and
+the numbers of ``docs/lift.md``. All searches are deterministic; only run times differ between runs.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ from synthesis.scenes.lift.motion import (
 )
 from synthesis.scenes.lift.optimum import (
     ARMS,
-    FITTED,
-    SLOPE_STEP,
+    FITTED_LENGTHS,
+    OPTIONS,
     STROKE,
     Evaluator,
     Objective,
@@ -40,20 +40,21 @@ from synthesis.scenes.lift.optimum import (
     equation_residuals,
     optimize,
     optimize_batch,
+    optimum_motion,
     project,
     published_for,
-    rise,
 )
 from synthesis.scenes.lift.pose import Cylinder, Design, dead_point, pose_at_height, pose_at_turn, turn_at_length
 from tests.oracles import lift as oracle
 
 ROUNDINGS = 5_000
+"""Number of random roundings of the published design."""
 EVEN = 310
-"""n of the comparisons: heights 1 mm apart."""
+"""Number n of height steps in the comparisons, with heights 1 mm apart."""
 
 
-def adaptive(design: Design, method: str, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
-    """Times and states of an integration of (14) with steps of its own choice."""
+def integrate_adaptively(design: Design, method: str, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
+    """Integrate (14) with adaptive steps and return times and states."""
     equation, start = oracle.Loops(design).equation(CYLINDER), oracle.start_state(design, CYLINDER)
     even = np.linspace(0.0, float(stroke(design, CYLINDER).duration), 573)
     options = {"rtol": tolerance, "atol": 1e-3 * tolerance, "t_eval": even}
@@ -62,7 +63,7 @@ def adaptive(design: Design, method: str, tolerance: float) -> tuple[np.ndarray,
 
 
 def measure_integration() -> Iterator[dict[str, Any]]:
-    """Error against run time: fixed and adaptive steps, each beside the closed form at the same times."""
+    """Measure error and run time of fixed and adaptive steps, and the run time of the closed form at the same times."""
     fixed = {
         "Euler": (oracle.euler_step, (1e-2, 1e-3, 1e-4)),
         "RK4": (oracle.rk4_step, (1e-2, 5e-3, 2e-3, 1e-3, 1e-4)),
@@ -73,10 +74,10 @@ def measure_integration() -> Iterator[dict[str, Any]]:
         for h in steps
     ]
     adaptives = (("RK45", 1e-3), ("RK45", 1e-6), ("DOP853", 1e-10))
-    cases += [(method, f"rtol = {rtol:g}", adaptive, method, rtol) for method, rtol in adaptives]
+    cases += [(method, f"rtol = {rtol:g}", integrate_adaptively, method, rtol) for method, rtol in adaptives]
     for (name, design), (method, setting, run, *options) in product(DESIGNS.items(), cases):
         clock, first = Times(), Times()
-        times, states = first.run(run, design, *options)  # warms up, and is not counted
+        times, states = first.run(run, design, *options)  # warm-up run, which is not counted
         for _ in range(5 if first.wall[0] < 0.5 else 2):
             clock.run(run, design, *options)
         error, residual = oracle.integration_error(design, CYLINDER, times, states)
@@ -88,27 +89,27 @@ def measure_integration() -> Iterator[dict[str, Any]]:
         yield {**row, "ratio": seconds / closed, "stopped_at": times[-1] if diverged else None}
 
 
-def by_turn(design: Design, turns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Velocity and acceleration of the closed form."""
+def closed_form_rates(design: Design, turns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return velocity and acceleration by the closed form."""
     pose = pose_at_turn(design, turns)
     return velocity(pose, CYLINDER.speed), acceleration(pose, CYLINDER.speed, 0.0)
 
 
 def measure_closed_form() -> Iterator[dict[str, Any]]:
-    """Run time and own error of the closed form: by turn, and from time through the scalar Newton iteration."""
+    """Measure run time and error of the closed form, from the turn and from the time."""
     for name, design in DESIGNS.items():
-        moved = motion(design, CYLINDER, samples=POSES)
-        turns, exact = np.linspace(float(moved.stroke.turn_bottom), 0.0, POSES), oracle.Exact(design)
-        some = zip(moved.cylinder_length[::1144].tolist(), moved.pose.height[::1144].tolist())
-        error = max(abs(float(exact.height_at_length(length) - height)) for length, height in some)
-        row = {"design": name, "largest_residual": largest_residual(moved), "height_error": error}
-        row["by_turn_ms"] = 1e3 * repeat(partial(by_turn, design, turns)).least.processor
+        trajectory = motion(design, CYLINDER, samples=POSES)
+        turns, exact = np.linspace(float(trajectory.stroke.turn_bottom), 0.0, POSES), oracle.Exact(design)
+        samples = zip(trajectory.cylinder_length[::1144].tolist(), trajectory.pose.height[::1144].tolist())
+        error = max(abs(float(exact.height_at_length(length) - height)) for length, height in samples)
+        row = {"design": name, "largest_residual": largest_residual(trajectory), "height_error": error}
+        row["by_turn_ms"] = 1e3 * repeat(partial(closed_form_rates, design, turns)).least.processor
         row["from_time_ms"] = 1e3 * repeat(partial(motion, design, CYLINDER, samples=POSES)).least.processor
         yield row
 
 
 def measure_published() -> dict:
-    """f of the published design with its lengths moved within +-0.05 mm, and on the constraints, with both sums."""
+    """Compute f of the published design with lengths changed by up to 0.05 mm, and on the constraints with both sums."""
     spread = np.random.default_rng(7).uniform(-0.05, 0.05, (5, ROUNDINGS))
     designs = Design(*(value + spread[k] for k, value in enumerate(DESIGNS["published"].as_tuple())))
     values = Evaluator(task(Objective("discrete")))(designs)
@@ -118,7 +119,7 @@ def measure_published() -> dict:
         "f": task(Objective("discrete")),
         "f_as_printed": task(Objective("discrete", include_start=False)),
     }
-    sums = {name: Evaluator(wanted)(on_constraints) for name, wanted in tasks.items()}
+    sums = {name: Evaluator(problem)(on_constraints) for name, problem in tasks.items()}
     initial = DESIGNS["initial"]
     closed_l5 = initial.l5 + equation_residuals(initial, CYLINDER.length, *STROKE)["(32) closure"]
     found = {"samples": ROUNDINGS, "least": values.min(), "most": values.max(), **sums}
@@ -126,19 +127,20 @@ def measure_published() -> dict:
 
 
 def measure_steps() -> dict[str, Any]:
-    """How far the printed f of five lengths are met for a number n of steps, and the n for which each printed arm is best.
+    """Compare the five printed f with the model for several n, and find the n at which each printed arm is optimal.
 
-    Least squares over n of the values on the constraints; an arm is best where f along l2 = l4 is stationary.
+    The values on the constraints are fitted by least squares over n. An arm is optimal if f along l2 = l4 is
+    stationary.
     """
-    arms = {length: arm for length, arm in ARMS.items() if length not in FITTED}
+    arms = {length: arm for length, arm in ARMS.items() if length not in FITTED_LENGTHS}
     printed = np.array([REFERENCE["table_2"][f"{length:g}"]["printed"] for length in arms])
 
     def f(n: int, length: float, stretch: float = 1.0) -> float:
-        wanted = task(Objective("discrete", n), cylinder=Cylinder(length, CYLINDER.speed))
-        return float(Evaluator(wanted)(project(stretch * arms[length], stretch * arms[length], length, *STROKE)))
+        problem = task(Objective("discrete", n), cylinder=Cylinder(length, CYLINDER.speed))
+        return float(Evaluator(problem)(project(stretch * arms[length], stretch * arms[length], length, *STROKE)))
 
     def slope(n: int, length: float) -> float:
-        return f(n, length, 1 + SLOPE_STEP) - f(n, length, 1 - SLOPE_STEP)
+        return f(n, length, 1 + OPTIONS.slope_step) - f(n, length, 1 - OPTIONS.slope_step)
 
     misses = {n: np.array([f(n, length) for length in arms]) - printed for n in range(290, 341)}
     rms = {n: float(np.sqrt(np.mean(miss**2))) for n, miss in misses.items()}
@@ -149,12 +151,12 @@ def measure_steps() -> dict[str, Any]:
 
 
 def relative_error(value: float, exact: Any) -> float:
-    """Of a number of many digits: its difference is rounded only once it is taken."""
+    """Return the relative error of a number; the difference from the exact value is formed before it is rounded."""
     return float(abs(value - exact) / abs(exact))
 
 
 def measure_stability() -> dict[str, list[dict]]:
-    """Speed, condition number and relative errors towards the dead point and towards the top, both designs."""
+    """Compute speed, condition number and relative errors near the dead point and near the top, for both designs."""
     found: dict[str, list[dict]] = {"dead_point": [], "top": []}
     for name, design in DESIGNS.items():
         exact, dead = oracle.Exact(design), float(dead_point(design))
@@ -174,87 +176,91 @@ def measure_stability() -> dict[str, list[dict]]:
                     row["turn_from_length_error"] = abs(float(turn_at_length(design, float(pose.length))) - turn)
                 else:
                     gain = exact.gain(exact.turn_at_height(height))
-                    others = {
+                    gains = {
                         "from_height_error": float(pose_at_height(design, height).gain),
                         "arccos_error": oracle.arccos_gain(design, height),
                         "instant_centre_error": float(velocity_by_instant_centre(design, 1.0, height)),
                     }
-                    row |= {key: relative_error(value, gain) for key, value in others.items()}
+                    row |= {key: relative_error(value, gain) for key, value in gains.items()}
                     row["below_top"] = float(design.l3 + design.l5 - height)
                 found[end].append(row)
     return found
 
 
-def optimum_row(wanted: Task, optimum: Optimum) -> dict[str, Any]:
-    """An optimum, and f of the published design on the same constraints."""
-    row = {"design": optimum.design.as_dict(), "f": optimum.objective, "duration": rise(optimum, wanted).rise_time}
-    return row | {"f_of_published": published_for(wanted, optimum).objective, "active": optimum.active}
+def optimum_row(problem: Task, optimum: Optimum) -> dict[str, Any]:
+    """Return an optimum with f of the published design on the same constraints."""
+    row = {
+        "design": optimum.design.as_dict(),
+        "f": optimum.objective,
+        "duration": optimum_motion(optimum, problem).rise_time,
+    }
+    return row | {"f_of_published": published_for(problem, optimum).objective, "active": optimum.active}
 
 
 def measure_table_2() -> Iterator[dict[str, Any]]:
-    """Table 2 as printed, projected, and our optimum; one search for all speeds of one length."""
+    """Compare table 2 as printed and projected with our optimum; a single search covers all speeds of a length."""
     by_speed, by_length = REFERENCE["table_2_speeds"], REFERENCE["table_2"]
     cylinders = {Cylinder(CYLINDER.length, float(speed)): value for speed, value in by_speed.items()}
     cylinders |= {Cylinder(float(length), CYLINDER.speed): row["printed"] for length, row in by_length.items()}
     tasks = [task(Objective("discrete"), cylinder=cylinder) for cylinder in cylinders]
-    for wanted, value, optimum in zip(tasks, cylinders.values(), optimize_batch(tasks)):
-        length, speed = wanted.cylinder.length, wanted.cylinder.speed
+    for problem, value, optimum in zip(tasks, cylinders.values(), optimize_batch(tasks)):
+        length, speed = problem.cylinder.length, problem.cylinder.speed
         printed = {"length": length, "speed": speed, "printed_l2": ARMS[length], "printed_f": value}
-        yield printed | optimum_row(wanted, optimum)
+        yield printed | optimum_row(problem, optimum)
 
 
 def measure_optima() -> Iterator[dict[str, Any]]:
-    """Optima of all objectives and some bounds, with their search time."""
+    """Find the optima of all objectives for several bounds, with their search time."""
     cases = [("discrete", n, bound) for n, bound in ((310, 600.0), (31, 1e3), (100, 1e3), (1000, 1e3))]
     cases += [("as printed", 310, bound) for bound in (600.0, 1e3)]
     cases += [("continuous", None, bound) for bound in (600.0, 1e3, 4e3)]
     cases += [("normalized", None, bound) for bound in (600.0, 4e3)]
     for kind, n, bound in cases:
         objective = Objective(kind) if n is None else Objective("discrete", n, kind == "discrete")
-        times, wanted = Times(), task(objective, bound)
-        optimum = times.run(optimize, wanted)
+        times, problem = Times(), task(objective, bound)
+        optimum = times.run(optimize, problem)
         case = {"kind": kind, "n": n, "bound": bound, "seconds": times.processor[0]}
-        yield case | optimum_row(wanted, optimum)
+        yield case | optimum_row(problem, optimum)
 
 
 def measure_designs(optimum: dict[str, float]) -> Iterator[dict[str, Any]]:
-    """What the motions of the three designs are like."""
+    """Compute the motions of the three designs."""
     for name, design in {**DESIGNS, "optimum": Design(**optimum)}.items():
-        moved = motion(design, CYLINDER, samples=100_001)
-        limits, start = moved.stroke, float(moved.cylinder_length[0])
-        least, turn = smallest_condition(design, limits)
+        trajectory = motion(design, CYLINDER, samples=100_001)
+        limits, start = trajectory.stroke, float(trajectory.cylinder_length[0])
+        smallest, turn = smallest_condition(design, limits)
         yield (
             {
                 "design": name,
                 "lengths": design.as_dict(),
                 "duration": float(limits.duration),
                 "height": float(limits.height_bottom),
-                "velocity": float(moved.velocity[0]),
-                "acceleration": float(moved.acceleration[0]),
+                "velocity": float(trajectory.velocity[0]),
+                "acceleration": float(trajectory.acceleration[0]),
                 "early_velocity": float(motion(design, CYLINDER, [0.05]).velocity[0]),
                 "above_dead_point": start - float(limits.length_dead),
                 "extension": float(limits.length_top) / start,
-                "lowest_b": float(np.min(moved.pose.y)),
-                "share_within": {str(w): float(np.mean(np.abs(moved.velocity - 50) <= w)) for w in (5, 10)},
-                "least_condition": least,
+                "lowest_b": float(np.min(trajectory.pose.y)),
+                "share_within": {str(w): float(np.mean(np.abs(trajectory.velocity - 50) <= w)) for w in (5, 10)},
+                "least_condition": smallest,
                 "least_condition_time": (float(pose_at_turn(design, turn).length) - start) / CYLINDER.speed,
             }
         )
 
 
-OF_DESIGNS = {
+DESIGN_ROWS = {
     "l2, l3, l4, l5, b": "{l2:.1f}, {l3:.1f}, {l4:.1f}, {l5:.1f}, {b:.1f}",
     "rise time (s)": "{duration:.3f}",
     "v at t = 0 (mm/s)": "{velocity:.1f}",
     "a at t = 0 (mm/s²)": "{acceleration:,.0f}",
-    "dead point below the start (mm of cylinder)": "{above_dead_point:.2f}",
-    "cylinder at the top, in start lengths": "{extension:.1f}",
-    "lowest point of B above the pivots (mm)": "{lowest_b:.1f}",
+    "cylinder length from the dead point to the start (mm)": "{above_dead_point:.2f}",
+    "cylinder length at the top / at the start": "{extension:.1f}",
+    "lowest position of B above the pivots (mm)": "{lowest_b:.1f}",
 }
 
 
 def blocks(results: dict) -> dict[str, str]:
-    """The text of each marker of docs/lift.md."""
+    """Return the text of each marker in docs/lift.md."""
     designs, optima, digits = results["designs"], results["optima"], results["published"]
     integration, table_2 = results["integration"], results["table_2"]
     initial, published, _ = designs
@@ -263,20 +269,20 @@ def blocks(results: dict) -> dict[str, str]:
         "table_2": [
             {**row, "arm": f"{row['printed_l2']:g}{mark}", "value": f"{row['printed_f']:g}{mark}"}
             for row in table_2
-            if row["speed"] == CYLINDER.speed  # at others f grows with its square
-            # two digits of the fitted row are lost in print: its arm follows from (31), its f from the model
-            for mark in (" (fitted)" if row["length"] in FITTED else "",)
+            if row["speed"] == CYLINDER.speed  # at other speeds f is proportional to the square of the speed
+            # two digits of the fitted row are lost in print: the arm follows from (31) and f from the model
+            for mark in (" (fitted)" if row["length"] in FITTED_LENGTHS else "",)
         ],
         "designs": [
             {"what": what, **{row["design"]: cell.format(**row, **row["lengths"]) for row in designs}}
-            for what, cell in OF_DESIGNS.items()
+            for what, cell in DESIGN_ROWS.items()
         ],
     }
 
     def change(key: str) -> str:
         return f"{100 * (published[key] / initial[key] - 1):+.0f} %".replace("-", "−")
 
-    # one design, printed for six speeds
+    # the same design is printed for six speeds
     scaled = [row["printed_f"] / row["speed"] ** 2 for row in table_2 if row["length"] == CYLINDER.length]
     normalized = [row for row in optima if row["kind"] == "normalized"]
     finest = [row for row in integration if (row["method"], row["setting"]) == ("RK4", "h = 0.0001 s")]
@@ -296,7 +302,8 @@ def blocks(results: dict) -> dict[str, str]:
         "velocity_change": change("velocity"),
         "early_velocity_change": change("early_velocity"),
         "even_shares": ", ".join(shares),
-        "finest": f"{finest[0]['height_error']:.0e} mm on the initial design takes {finest[0]['ratio']:.0f} times",
+        "finest_error": f"{finest[0]['height_error']:.0e} mm",
+        "finest_ratio": f"{finest[0]['ratio']:.0f}",
         "finest_published": f"{finest[1]['height_error']:.0e} mm",
         "height_error": f"{max(row['height_error'] for row in results['closed_form']):.0e} mm",
         "dead_point_error": f"{max(row['relative_error'] for row in results['stability']['dead_point']):.0e}",
@@ -308,7 +315,7 @@ draw = pictures.draw
 
 
 def measure() -> Iterator[dict[str, Any]]:
-    """All of it."""
+    """Run all measurements."""
     optima = list(measure_optima())
     yield {
         "integration": list(measure_integration()),

@@ -1,8 +1,8 @@
-"""The lift within constraints: what they cost, and the search beside differential evolution of 200,000 evaluations.
+"""The lift within constraints: cost of the constraints, and the search compared with a differential evolution.
 
-Run ``python -m benchmarks.lift_constrained``; it writes ``benchmarks/results/lift_constrained.json`` and numbers of
-``docs/lift.md``. Objective and constraints are the product's own for both searches: what is compared is the search. What a
-design is like is recomputed by ``tests.oracles.lift``.
+Run ``python -m benchmarks.lift_constrained`` to write ``benchmarks/results/lift_constrained.json`` and numbers of
+``docs/lift.md``. Both searches use the objective and the constraints of the product, so only the search is compared.
+``tests.oracles.lift`` recomputes the constrained quantities of the designs.
 """
 
 from __future__ import annotations
@@ -12,24 +12,24 @@ from typing import Annotated, Any
 
 from benchmarks import report
 from benchmarks.report import Times, percent
-from synthesis.scenes.lift.constraints import optimize_within, rows_of
+from synthesis.scenes.lift.constraints import constraint_rows, optimize_within
 from synthesis.scenes.lift.optimum import optimize
 from tests.oracles import lift as oracle
-from tests.oracles.lift_constrained import cases, evolved
+from tests.oracles.lift_constrained import cases, evolution_optimum
 
 
 def measure(evaluations: Annotated[int, "of the differential evolution"] = 200_000) -> Iterator[dict[str, Any]]:
-    """Each set: our optimum and time, the evolution's, what the design is like by independent code, the cost."""
+    """Measure each set: our optimum and time, the result of the evolution, the recomputed quantities, and the cost."""
     rows = []
-    for name, (task, wanted) in cases().items():
+    for name, (task, limits) in cases().items():
         clock = Times()
-        found = clock.run(optimize_within, task, wanted)
+        found = clock.run(optimize_within, task, limits)
         for _ in range(2):
-            clock.run(optimize_within, task, wanted)
-        other = Times()
-        best, count = other.run(evolved, task, wanted, evaluations)
-        design, closed = found.built.design, float(found.built.closed)
-        values = oracle.measures(design, closed, task.cylinder.speed, task.low, task.high)
+            clock.run(optimize_within, task, limits)
+        evolution_clock = Times()
+        best, count = evolution_clock.run(evolution_optimum, task, limits, evaluations)
+        design, closed = found.stroke_design.design, float(found.stroke_design.closed_length)
+        values = oracle.constrained_quantities(design, closed, task.cylinder.speed, task.low, task.high)
         free = optimize(task)
         rows.append(
             {
@@ -41,10 +41,10 @@ def measure(evaluations: Annotated[int, "of the differential evolution"] = 200_0
                 "active": found.active,
                 "seconds": clock.median.processor,
                 "values": values,
-                "broken": [row.name for row in rows_of(wanted, values) if not row.kept],
+                "broken": [row.name for row in constraint_rows(limits, values) if not row.satisfied],
                 "evolution_f": best,
                 "evolution_evaluations": count,
-                "evolution_seconds": other.processor[0],
+                "evolution_seconds": evolution_clock.processor[0],
                 "worse_by": found.objective / best - 1,
                 "unconstrained_f": free.objective,
                 "cost": found.objective / free.objective - 1,
@@ -54,7 +54,7 @@ def measure(evaluations: Annotated[int, "of the differential evolution"] = 200_0
 
 
 def blocks(results: dict) -> dict[str, str]:
-    """The text of each marker of docs/lift.md."""
+    """Return the text of each marker in docs/lift.md."""
     rows = results["sets"]
     first = rows[0]
     shown = [
@@ -68,7 +68,7 @@ def blocks(results: dict) -> dict[str, str]:
     words = {
         "cost": f"{100 * first['cost']:+.0f} %".replace("-", "−"),
         "worst": percent(max(0.0, *(row["worse_by"] for row in rows))),
-        "broken": f"{sum(len(row['broken']) for row in rows)} of {len(rows)} designs break a constraint",
+        "broken": f"{sum(len(row['broken']) for row in rows)} of {len(rows)} designs violate a constraint",
     }
     return report.tables("lift_constrained", {"sets": shown}) | words
 

@@ -1,4 +1,4 @@
-"""The pictures of docs/lift.md: the mechanism, its motions, errors against times, the objectives, three designs."""
+"""Pictures of docs/lift.md: the mechanism, its motions, errors against run time, the objectives and three designs."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ DESIGNS = {
 }
 CYLINDER = Cylinder(220.0, 100.0)
 POSES = 57_201
-"""Poses of the closed form whose time and error are told."""
+"""Number of poses for which time and error of the closed form are measured."""
 
 
 def task(objective: Objective, bound: float = 600.0, cylinder: Cylinder = CYLINDER) -> Task:
-    """The published problem with another objective, bound or cylinder."""
+    """Return the published problem with another objective, bound or cylinder."""
     return Task(cylinder, *STROKE, objective, bound)
 
 
 def draw_lift(axes: Any, design: Design, turn: float, color: str, alpha: float = 1.0) -> dict[str, np.ndarray]:
-    """Draw one pose; returns its joints."""
+    """Draw a pose and return its joints."""
     pose = pose_at_turn(design, turn)
     points = {
         "O": (0.0, 0.0),
         "D": (-design.b, 0.0),
         "A": (-design.b, pose.height),
         "B": (pose.x, pose.y),
-        "C": (design.l3 * pose.sin_turn - design.b, pose.root),
+        "C": (design.l3 * pose.sin_turn - design.b, pose.c_height),
     }
     at = {name: np.array([float(value) for value in point]) for name, point in points.items()}
     axes.fill(*zip(at["A"], at["B"], at["C"]), color=color, alpha=0.18 * alpha, lw=0, zorder=2)
@@ -55,7 +55,7 @@ def draw_lift(axes: Any, design: Design, turn: float, color: str, alpha: float =
 
 
 def picture_model() -> None:
-    """The mechanism with its names, and three poses of its rise."""
+    """Draw the mechanism with its symbols, and three poses of its rise."""
     design = DESIGNS["initial"]
     bottom, bold = float(stroke(design, CYLINDER).turn_bottom), {"fontsize": 13, "weight": "bold"}
     with figure("lift_model.png", 1, 2, size=(11.6, 5.4)) as (_, (left, right)):
@@ -85,7 +85,7 @@ def picture_model() -> None:
         for share, alpha in ((1.0, 0.35), (0.55, 0.6), (0.0, 1.0)):
             draw_lift(right, design, share * bottom, BLUE, alpha)
         path = pose_at_turn(design, np.linspace(0, bottom, 200))
-        corner = design.l3 * path.sin_turn - design.b, path.root
+        corner = design.l3 * path.sin_turn - design.b, path.c_height
         for (x, y), color, label in (((path.x, path.y), ORANGE, "path of B"), (corner, GREEN, "path of C")):
             right.plot(x, y, color=color, lw=1.6, ls="--", zorder=4, label=label)
         right.legend(loc="upper right")
@@ -95,7 +95,7 @@ def picture_model() -> None:
 
 
 def looks(results: dict) -> list[tuple[str, Design, str, str]]:
-    """Name, design, colour and dashes of the three designs that are compared."""
+    """Return name, design, colour and line style of the three designs that are compared."""
     styles = (("before", GREY, "-"), ("published", BLUE, "-"), ("optimum (n = 310)", ORANGE, "--"))
     return [
         (name, Design(**row["lengths"]), color, dash) for row, (name, color, dash) in zip(results["designs"], styles)
@@ -103,7 +103,7 @@ def looks(results: dict) -> list[tuple[str, Design, str, str]]:
 
 
 def picture_motion(results: dict) -> None:
-    """Height, velocity and acceleration over time: before, published, optimum."""
+    """Draw height, velocity and acceleration over time, for the three designs."""
     starts = results["designs"]
     with figure("lift_motion.png", 3, 1, size=(8.6, 9.0), sharex=True) as (_, panels):
         for (name, design, color, dash), shift in zip(looks(results), (0, -14, 14)):
@@ -127,7 +127,7 @@ def picture_motion(results: dict) -> None:
 
 
 def picture_integration(results: dict) -> None:
-    """Error against run time."""
+    """Draw error against run time."""
     styles = {
         "Euler": (GREY, "s", 3e1),
         "RK4": (BLUE, "o", 3e2),
@@ -153,7 +153,7 @@ def picture_integration(results: dict) -> None:
 
 
 def picture_objective() -> None:
-    """The objectives along l4 = l2: why n decides, why the continuous one has no optimum, and why one has."""
+    """Draw the objectives along l4 = l2: the discrete optimum depends on n, the continuous objective has none inside."""
     from matplotlib.ticker import NullFormatter, ScalarFormatter
 
     arms, dot = np.geomspace(150, 2000, 1500), {"ms": 7, "mec": INK, "mew": 0.6}
@@ -183,7 +183,7 @@ def picture_objective() -> None:
 
 
 def picture_designs(results: dict) -> None:
-    """Before, published and optimum at the start and at the top, to one scale."""
+    """Draw the three designs at the start and at the top, to the same scale."""
     with figure("lift_designs.png", 1, 3, size=(12.5, 3.4), sharey=True) as (_, panels):
         for axes, (name, design, color, _) in zip(panels, looks(results)):
             limits = stroke(design, CYLINDER)
@@ -196,7 +196,7 @@ def picture_designs(results: dict) -> None:
 
 
 def draw(results: dict) -> None:
-    """All of them."""
+    """Draw all pictures."""
     picture_model()
     picture_motion(results)
     picture_integration(results)

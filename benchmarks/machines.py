@@ -29,7 +29,7 @@ from app.settings import Settings
 from benchmarks.report import lines, run
 from synthesis.scenes.chain import crescent as chain
 from synthesis.scenes.chain.fit import exact_slot, fit_error, fit_slot, power_basis, power_error
-from synthesis.scenes.chain.groove import slot_run
+from synthesis.scenes.chain.groove import slot_polyarc
 
 PRINTED = json.loads((Path(__file__).parents[1] / "tests" / "reference" / "knotter.json").read_text())
 DEGREES = (4, 6, 8, 12, 16, 24)
@@ -42,7 +42,7 @@ def measure_chain() -> dict[str, Any]:
     _, slot = chain.crescent_slot(131.0, 16, 181.78)
     phases = np.linspace(slot.start, slot.end, 9001)
     exact = exact_slot(slot, phases)
-    points = np.concatenate([bend.at(np.linspace(0, 1, 9)) for bend in slot_run(slot)])
+    points = np.concatenate([bend.points_at(np.linspace(0, 1, 9)) for bend in slot_polyarc(slot)])
     path = slot.path(np.linspace(slot.start, slot.end, 20_001))
     start, along = path[:-1], np.diff(path)
     fraction = np.clip(((points[:, None] - start) / along).real, 0, 1)

@@ -1,7 +1,8 @@
-"""Roots and minima of functions of one variable, many at once: where a mechanism just closes, turns back or is at its best.
+"""Roots and minima of functions of one variable, for many members at a time.
 
-Every solver works on arrays and treats each member by itself: a batch gives to the last bit what its members give alone.
-(SciPy has such solvers, but importing them takes several times as long as a scene's first answer.)
+Every solver works on arrays and treats each member independently: a batch gives the same results, to the last bit, as
+its members computed separately. (SciPy has such solvers, but importing them takes several times as long as the first
+result of a scene.)
 """
 
 from __future__ import annotations
@@ -16,25 +17,33 @@ Floats = NDArray[np.floating]
 Flags = NDArray[np.bool_]
 
 EPSILON = float(np.finfo(float).eps)
+"""Spacing of floating-point numbers at 1."""
 GOLDEN = (math.sqrt(5) - 1) / 2
+"""Golden section ratio."""
 MAX_ITERATIONS = 200
+"""Largest number of Newton steps or bisections for a root."""
 SMALL_STEP = 1e-9
-"""A Newton step this small beside the distance to the bracket's ends squares to less than rounding."""
+"""Size of a Newton step, relative to the distance from the ends of the bracket, whose square is below rounding accuracy."""
 
 
 def bisect(
     holds: Callable[[Floats], Flags], inside: Floats, outside: Floats, steps: int | None = None
 ) -> tuple[Floats, Floats]:
-    """The places between which a condition changes, by halving.
+    """Locate the change of a condition by bisection.
 
-    ``holds``: ``holds(x) -> mask`` for places of shape (n,); true at ``inside``, false at ``outside``. ``inside``,
-    ``outside`` (n,): in either order; of double or extended precision, in which the halving is done. ``steps``:
-    halvings. Default: until nothing lies between the two, for intervals that do not begin at zero.
+    Parameters
+    ----------
+    holds : callable
+        ``holds(x) -> mask`` for x of shape (n,); true at ``inside`` and false at ``outside``.
+    inside, outside : ndarray, shape (n,)
+        Ends of the intervals, in either order. The bisection uses their precision, double or extended.
+    steps : int, optional
+        Number of bisections. By default, until no number lies between the two ends, for intervals that do not start at 0.
 
     Returns
     -------
     inside, outside : ndarray, shape (n,)
-        Law: the condition holds at the first and not at the second.
+        Neighbouring values; the condition holds at the first and not at the second.
     """
     if steps is None:
         steps = np.finfo(inside.dtype).nmant + 12
@@ -52,15 +61,26 @@ def rising_root(
     guess: ArrayLike,
     noise: ArrayLike = 0.0,
 ) -> Floats:
-    """Roots of functions that rise from negative at ``low`` to positive at ``high``: Newton, kept in bounds by halving.
+    """Find the roots of functions that rise from negative at ``low`` to positive at ``high``.
 
-    ``function``: ``function(x) -> (value, slope)``; a slope of NaN means that there is none, and halves. ``low``,
-    ``high``, ``guess``: broadcast; NaN stays NaN. ``noise``: the value that rounding alone can make.
+    The method is a Newton iteration that bisects when a step leaves the bracket.
 
-    Within ``low .. high``.
+    Parameters
+    ----------
+    function : callable
+        ``function(x) -> (value, slope)``. If the slope is NaN, the interval is bisected.
+    low, high, guess : array_like
+        Brackets and initial values, which broadcast. NaN gives NaN.
+    noise : array_like
+        Absolute value up to which a value counts as 0.
+
+    Returns
+    -------
+    ndarray
+        Roots within ``low .. high``.
     """
     low, high, x = np.broadcast_arrays(*(np.asarray(v, dtype=float) for v in (low, high, guess)))
-    # a hair of room, so that a root at the very end is stepped onto and not halved towards
+    # widen the bracket slightly, so that a Newton step can reach a root at its end
     pad = 4 * EPSILON * np.maximum(np.abs(low), np.abs(high))
     first, last = low, high
     low, high = low - pad, high + pad
@@ -73,9 +93,9 @@ def rising_root(
         newton = x - step
         following = np.where((newton >= low) & (newton <= high), newton, 0.5 * (low + high))
         near = (np.abs(value) <= noise) | (np.abs(following - x) <= 2 * EPSILON * np.abs(x)) | np.isnan(value)
-        # the next error is about step^2 / distance to where the slope vanishes, which is not within the bracket
+        # the next error is about step^2 / distance to the zero of the slope, which lies outside the bracket
         near |= np.abs(step) <= SMALL_STEP * np.minimum(x - first, last - x)
-        # what has settled stays: a batch gives to the last bit what its members give one by one
+        # converged members no longer change, so that a batch gives the same results as its members
         x = np.where(settled | (value == 0), x, following)
         settled = settled | near
         if settled.all():
@@ -86,10 +106,19 @@ def rising_root(
 def secant(
     function: Callable[[Floats], Floats], place: float, value: float
 ) -> Callable[[Floats], tuple[Floats, Floats]]:
-    """A function of one member without a derivative, for `rising_root`: the slope is that from the place before.
+    """Return a function with a secant slope, for `rising_root` with a function of one member without a derivative.
 
-    ``function``: ``function(x) -> value``, both of shape (1,). ``place``, ``value``: a place where the function is
-    known, other than the first one that is asked for.
+    Parameters
+    ----------
+    function : callable
+        ``function(x) -> value``, both of shape (1,).
+    place, value : float
+        A point and the function value there. It must differ from the first point at which the result is evaluated.
+
+    Returns
+    -------
+    callable
+        ``with_slope(x) -> (value, slope)``, where the slope is the secant from the previous point.
     """
     before, known = np.array([place]), np.array([value])
 
@@ -106,15 +135,22 @@ def secant(
 def closer_looks(
     function: Callable[[Floats], Floats], left: Floats, right: Floats, nodes: tuple[int, ...]
 ) -> tuple[Floats, Floats]:
-    """The least values of functions over intervals, by closer and closer looks at evenly spaced nodes.
+    """Find the smallest values of functions over intervals by repeatedly refined grids.
 
-    ``function``: ``function(x) -> values``, both of shape (n, nodes): row i belongs to interval i. ``left``, ``right``
-    (n,). ``nodes``: nodes of each look; the next one looks between the neighbours of the best node.
+    Parameters
+    ----------
+    function : callable
+        ``function(x) -> values``, both of shape (n, nodes); row i belongs to interval i.
+    left, right : ndarray, shape (n,)
+        Ends of the intervals.
+    nodes : tuple of int
+        Number of nodes of each grid. Each grid covers the interval between the neighbours of the best node before it.
 
     Returns
     -------
     value, place : ndarray, shape (n,)
-        Of the last look. The value's error falls with the square of the last spacing where the function is smooth.
+        Smallest value on the last grid, and its node. The error of the value is proportional to the square of the last
+        spacing if the function is smooth.
     """
     rows = np.arange(left.size)
     for count in nodes:
@@ -129,15 +165,23 @@ def closer_looks(
 def golden_section(
     function: Callable[[Floats], Floats], left: Floats, right: Floats, steps: int
 ) -> tuple[Floats, Floats]:
-    """The least values of functions with one minimum in an interval, by one evaluation a step.
+    """Find the smallest values of functions with a single minimum in an interval, with one evaluation per step.
 
-    For functions that are slow to evaluate and may have kinks; `closer_looks` takes fewer and larger steps.
+    This method suits functions that are slow to evaluate and may have kinks. `closer_looks` needs fewer but larger steps.
 
-    ``function``: ``function(x) -> values``, both of the shape of ``left``. ``steps``: each leaves 0.618 of an interval.
+    Parameters
+    ----------
+    function : callable
+        ``function(x) -> values``, both of the shape of ``left``.
+    left, right : ndarray
+        Ends of the intervals.
+    steps : int
+        Number of steps, each of which reduces an interval to 0.618 of its length.
 
     Returns
     -------
     value, place : ndarray
+        Smallest value and its position.
     """
     low, high = right - GOLDEN * (right - left), left + GOLDEN * (right - left)
     at_low, at_high = function(low), function(high)

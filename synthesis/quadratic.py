@@ -1,4 +1,4 @@
-"""Convex quadratic programs of few unknowns: the step of a sequential method, for many candidates at once."""
+"""Convex quadratic programs with few unknowns, as steps of a sequential method, for many candidates at once."""
 
 from __future__ import annotations
 
@@ -11,24 +11,28 @@ from synthesis.kernel import QuadraticProgram
 def minimise_quadratics(
     hessian: Floats, gradient: Floats, matrix: Floats, bound: Floats, inside: Floats, accuracy: Floats | float = 1e-9
 ) -> tuple[Floats, Floats]:
-    """Minimisers of ``z'Hz/2 + g'z`` over ``Az + b >= 0``.
+    """Minimise ``z'Hz/2 + g'z`` subject to ``Az + b >= 0``.
 
     Parameters
     ----------
     hessian : ndarray, shape (n, k, k)
-        Positive semidefinite.
+        Positive semidefinite matrices H.
     gradient : ndarray, shape (n, k)
+        Vectors g.
     matrix : ndarray, shape (n, m, k)
+        Matrices A.
     bound : ndarray, shape (n, m)
+        Vectors b.
     inside : ndarray, shape (n, k)
-        Points with ``matrix @ z + bound > 0``.
+        Starting points with ``matrix @ z + bound > 0``.
     accuracy : float or ndarray, shape (n,)
-        A program has ended once the sum of its multipliers times their slacks is not larger than this.
+        A program ends when the sum of its multipliers times its slacks does not exceed this value.
 
     Returns
     -------
     z, multipliers : ndarray, shape (n, k) and (n, m)
-        Law: every z lies inside; none is worse than its beginning by more than rounding. A member gives the same in any batch.
+        Every z is feasible, and no objective exceeds its value at the start by more than rounding. The result of a program
+        does not depend on the other programs of the batch.
     """
     count, rows, size = matrix.shape
     z, multiplier = np.array(inside, dtype=float, order="C"), np.empty((count, rows))

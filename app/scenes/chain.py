@@ -36,14 +36,20 @@ from synthesis.scenes.chain.crescent import (
     crescent_slot,
     critical_stadium,
     driving_segment,
+    free_pin_segment,
     stadium,
-    tightest_room,
 )
-from synthesis.scenes.chain.fit import Exact, Fit, exact_slot, fit_error, fit_slot, power_basis, power_error
+from synthesis.scenes.chain.fit import ExactSlot, Fit, exact_slot, fit_error, fit_slot, power_basis, power_error
 from synthesis.scenes.chain.groove import contours, groove, to_csv, to_dxf, to_svg
-from synthesis.scenes.chain.slot import Pins, Report, Slot, find_slot, pins_at, report, wheel_conflict
+from synthesis.scenes.chain.slot import Pins, Slot, SlotReport, analyse_slot, find_slot, pins_at, wheel_conflict
 from synthesis.scenes.chain.track import ChordError, Track, arc, line
-from synthesis.scenes.chain.wear import Corners, Worn, made_within, tightest_pitch_error, worn
+from synthesis.scenes.chain.wear import (
+    ToleranceCorners,
+    WornChain,
+    tightest_pitch_error,
+    tolerance_corners,
+    worn_chains,
+)
 from synthesis.sheet import csv_text
 
 MAX_LINKS = 1000
@@ -427,7 +433,7 @@ def _fit(slot: Slot, request: SlotOptions, axis: PhaseAxis) -> FitReply | None:
 
 
 def _power(
-    slot: Slot, request: SlotOptions, fit: Fit, exact: Exact, normal: float, axis: PhaseAxis
+    slot: Slot, request: SlotOptions, fit: Fit, exact: ExactSlot, normal: float, axis: PhaseAxis
 ) -> PowerReply | None:
     """The fit by powers; no coefficients where the powers have lost the fit's digits."""
     pieces = power_basis(slot, fit)
@@ -449,11 +455,11 @@ def _power(
     return PowerReply(pieces=None if lost else rows, max_normal=error, decimals=decimals)
 
 
-def common_parts(shown: Shown, request: SlotOptions, work: Work) -> tuple[Report, dict[str, Any], dict[str, Any]]:
+def common_parts(shown: Shown, request: SlotOptions, work: Work) -> tuple[SlotReport, dict[str, Any], dict[str, Any]]:
     """The report on a slot, and the fields of reply and locus that do not depend on the kind of track."""
     slot, axis = shown.slot, shown.axis
     phases = sample_phases(slot, request.samples)
-    facts, points = report(slot, phases, work), slot.path(phases)
+    facts, points = analyse_slot(slot, phases, work), slot.path(phases)
     work.go_on()
     slack = facts.slack_min > STRETCH_TOLERANCE * request.pitch
     roller = request.roller_radius
@@ -611,7 +617,7 @@ class ChainToleranceRequest(RequestModel):
     tolerances: Tolerances = Tolerances()
 
 
-WornReply, CornersReply = reply_model(Worn), reply_model(Corners)
+WornReply, CornersReply = reply_model(WornChain), reply_model(ToleranceCorners)
 
 
 class ChainToleranceReply(ReplyModel):
@@ -640,8 +646,8 @@ def answer_tolerance(request: ChainToleranceRequest, resources: Resources) -> Ch
     work = resources.work()
     sizes = (request.upper_radius, request.wheel_radius, request.lower_radius, request.eccentricity)
     crescent, slot = crescent_slot(request.pitch, request.links, *sizes, work=work)
-    nominal, *found = worn(slot, np.array([0.0, *request.pitch_errors]), work)
-    made = made_within(crescent, slot, tolerances, work)
+    nominal, *found = worn_chains(slot, np.array([0.0, *request.pitch_errors]), work)
+    made = tolerance_corners(crescent, slot, tolerances, work)
     return ChainToleranceReply(
         status="stretched" if made.slack_min < -STRETCH_TOLERANCE * request.pitch else "kept",
         wheel_radius=crescent.wheel_radius,
@@ -803,7 +809,7 @@ def _on_track(request: ChainTrackRequest, work: Work) -> Shown:
     if not track.link_lengths(request.pitch)[driver] <= track.length[driver]:
         raise FieldError("/driver_segment", "the driving segment must be long enough for one link")
     free = request.free_segment
-    free = tightest_room(track, request.pitch, driver) if free is None else free
+    free = free_pin_segment(track, request.pitch, driver) if free is None else free
     turned = track.starting_at(driver)
     links = request.links
     if links is None:

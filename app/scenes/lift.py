@@ -26,33 +26,39 @@ from app.query import (
     reply_model,
 )
 from linkage_atlas import FieldError, Work
-from synthesis.scenes.lift.constraints import ConstraintRow, Constraints, measured, optimize_within, rows_of
-from synthesis.scenes.lift.files import columns, design_csv, design_dxf, design_svg, joint_columns
+from synthesis.scenes.lift.constraints import (
+    ConstraintRow,
+    Constraints,
+    constraint_rows,
+    measured_values,
+    optimize_within,
+)
+from synthesis.scenes.lift.files import design_csv, design_dxf, design_svg, joint_columns, motion_columns
 from synthesis.scenes.lift.motion import (
-    Drive,
     Motion,
+    Pneumatics,
     angular_accelerations,
     angular_velocities,
     condition,
     forces,
     largest_residual,
-    least_bore,
     link_angles,
+    minimum_bore,
     motion,
     smallest_condition,
     velocity_by_instant_centre,
 )
 from synthesis.scenes.lift.optimum import (
-    Built,
     Objective,
     Optimum,
     OptimumMotion,
     Published,
+    StrokeDesign,
     Task,
     optimize,
     optimize_batch,
+    optimum_motion,
     published_for,
-    rise,
 )
 from synthesis.scenes.lift.pose import Cylinder, Design, joints, pose_at_turn, turns_at_length
 from synthesis.sheet import csv_text
@@ -438,7 +444,7 @@ def _found(found: Optimum, task: Task) -> dict[str, Any]:
         "design": found.design,
         "objective": found.objective,
         "active": found.active,
-        "motion": rise(found, task),
+        "motion": optimum_motion(found, task),
     }
 
 
@@ -495,7 +501,7 @@ def answer_optimize(request: OptimizeRequest, resources: Resources) -> OptimizeR
     published = published_for(task, found) if limits is None else None
     return OptimizeReply(
         **_found(found, task),
-        closed_length=float(found.built.closed),
+        closed_length=float(found.stroke_design.closed_length),
         objective_kind=task.objective.kind,
         slacks=found.slacks,
         equations=found.equations,
@@ -510,8 +516,8 @@ def answer_optimize(request: OptimizeRequest, resources: Resources) -> OptimizeR
 def _within(found: Optimum, task: Task, limits: Constraints, radian: float, work: Work) -> dict[str, Any]:
     """The limits beside what the optimum has, and the optimum of the source's problem with the limits that it breaks."""
 
-    def rows(built: Built, active: Sequence[str] = ()) -> list[ConstraintRow]:
-        found = rows_of(limits, measured(built, task), active)
+    def rows(built: StrokeDesign, active: Sequence[str] = ()) -> list[ConstraintRow]:
+        found = constraint_rows(limits, measured_values(built, task), active)
         return [
             replace(row, name="transmission_angle", value=row.value / radian, limit=row.limit / radian)
             if row.name == "transmission"
@@ -519,12 +525,12 @@ def _within(found: Optimum, task: Task, limits: Constraints, radian: float, work
             for row in found
         ]
 
-    constraints = rows(found.built, found.active)
+    constraints = rows(found.stroke_design, found.active)
     try:
         free = optimize(task, work)
     except FieldError:  # the source's problem has no design: the constraints have freed its closed length
         return {"constraints": constraints}
-    breaks = [replace(row, active=False) for row in rows(free.built) if not row.kept]
+    breaks = [replace(row, active=False) for row in rows(free.stroke_design) if not row.satisfied]
     return {
         "constraints": constraints,
         "unconstrained": UnconstrainedReply(design=free.design, objective=free.objective, breaks=breaks),
@@ -535,7 +541,7 @@ def _within(found: Optimum, task: Task, limits: Constraints, radian: float, work
 def optimum_csv(request: OptimizeRequest, resources: Resources) -> bytes:
     """The optimum design with its motion at 201 times as comma-separated values."""
     found, task, _ = _optimum(request, resources)
-    closed = float(found.built.closed)
+    closed = float(found.stroke_design.closed_length)
     return design_csv(motion(found.design, replace(task.cylinder, length=closed)), closed).encode()
 
 
@@ -549,7 +555,7 @@ def _files(
 
 
 def _optimal(request: OptimizeRequest, resources: Resources) -> tuple[Design, float]:
-    built = _optimum(request, resources)[0].built
+    built = _optimum(request, resources)[0].stroke_design
     return built.design, float(built.turn)
 
 
@@ -687,7 +693,7 @@ def answer_motion(request: MotionRequest, resources: Resources) -> MotionReply:
         length_top=float(limits.length_top),
         condition=ConditionModel(start=start, top=top, bottom=bottom, min=smallest_condition(design, limits)[0]),
         angle_unit=request.angle_unit,
-        **{name: Numbers(column) for name, column in columns(moved).items()},
+        **{name: Numbers(column) for name, column in motion_columns(moved).items()},
         **_extras(request, moved, work),
         forces=_forces(request, moved),
     )
@@ -699,7 +705,7 @@ def _forces(request: MotionRequest, moved: Motion) -> ForcesReply | None:
         return None
     if given.rod >= given.bore:
         raise FieldError("/pneumatics/rod", "the rod must be thinner than the bore", constraint="rod")
-    drive = Drive(**given.model_dump())
+    drive = Pneumatics(**given.model_dump())
     found, duration = forces(moved, drive), float(moved.stroke.duration)
     # the largest ones are of the whole motion, however few times are asked for
     times = np.union1d(moved.time, np.linspace(0.0, duration, EVEN_TIMES))
@@ -712,7 +718,7 @@ def _forces(request: MotionRequest, moved: Motion) -> ForcesReply | None:
         cylinder_max=float(every.cylinder.max()),
         cylinder_min=float(every.cylinder.min()),
         pressure_max=most,
-        bore_min=least_bore(every, drive),
+        bore_min=minimum_bore(every, drive),
         pressure_is_enough=most <= drive.pressure,
     )
 
@@ -765,7 +771,7 @@ _PER_TIME = {"angular_velocities": "_s", "angular_accelerations": "_s2"}
 def motion_csv(request: MotionRequest, resources: Resources) -> bytes:
     """The motion as comma-separated values, one time a line, with the forces and extras where they are asked for."""
     moved = _move(request)
-    rows, found = columns(moved), _forces(request, moved)
+    rows, found = motion_columns(moved), _forces(request, moved)
     for name, extra in _extras(request, moved, resources.work()).items():
         if name == "points":
             rows |= joint_columns(moved)

@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks import report
 from benchmarks.lift_pictures import REFERENCE, task
-from synthesis.scenes.lift.optimum import ARMS, FITTED, STROKE, Evaluator, Objective, project
+from synthesis.scenes.lift.optimum import ARMS, FITTED_LENGTHS, STROKE, Evaluator, Objective, project
 from synthesis.scenes.lift.pose import Cylinder
 
 RESULTS = report.load("lift")
@@ -15,7 +15,7 @@ RESULTS = report.load("lift")
 
 def test_the_printed_f_are_met_as_said() -> None:
     """rms over the five lengths with a printed f, at n = 310 and at the n of least squares and its neighbours."""
-    lengths = [length for length in ARMS if length not in FITTED]
+    lengths = [length for length in ARMS if length not in FITTED_LENGTHS]
 
     def rms(n: int) -> float:
         misses = [

@@ -1,6 +1,7 @@
-"""The chain by slow and obviously right means: points of a path and bracketing search, no closed form.
+"""Slow and simple methods for the chain: points of a path and bracketing search, without closed forms.
 
-Also the paper's own transfer relations and case list, in any arithmetic. Nothing here uses the code under test.
+The module also contains the transfer relations and the list of cases of the source, in any arithmetic. It does not
+use the code under test.
 """
 
 from __future__ import annotations
@@ -38,14 +39,14 @@ class Path:
         return x0 + (x1 - x0) * t / length, y0 + (y1 - y0) * t / length
 
     def next(self, s, pitch, direction=1, cells=48):
-        """First place ahead one pitch away: first change of sign on a grid that starts at one pitch, then brentq."""
+        """Return the first position ahead at a distance of a pitch: bracketed on a grid, then refined by brentq."""
         x, y = self.point(s)
 
         def excess(u):
             px, py = self.point(s + direction * u)
             return math.hypot(px - x, py - y) - pitch
 
-        # No place is nearer along the path than one pitch; the search ends after one lap.
+        # the arc length to the next position is at least a pitch; the search ends after a lap
         u, width = 0.999999 * pitch, pitch / cells
         while u < self.total:
             if excess(u + width) >= 0:
@@ -60,7 +61,7 @@ class Path:
 
 
 def crescent(r0, r1, r2, b):
-    """The crescent's path from the joint of the upper arc with the left wheel."""
+    """Return the path of the crescent from the joint of the upper arc with the left wheel."""
     c, a = r1 + r0, r2 - r0
     cy = (c * c + b * b - a * a) / (2 * b)
     cx = math.sqrt(c * c - cy * cy)
@@ -91,8 +92,8 @@ def overrun(path, pitch, links, s):
     return path.after(s, pitch, links) - s - path.total
 
 
-def least_overrun(path, pitch, links, period, cells=48):
-    """Smallest overrun over a period: a grid, then bounded minimization around its lowest points."""
+def smallest_overrun(path, pitch, links, period, cells=48):
+    """Return the smallest overrun over a period, by a grid and bounded minimisation around its smallest values."""
     grid = np.linspace(0, period, cells + 1)
     values = np.array([overrun(path, pitch, links, s) for s in grid])
     best = values.min()
@@ -106,7 +107,7 @@ def least_overrun(path, pitch, links, period, cells=48):
 
 
 def free_pin(path, pitch, links, k, s, side_of):
-    """P_k between P_(k-1) and P_(k+1): the intersection of two circles that is further from the point ``side_of``."""
+    """Return P_k between P_(k-1) and P_(k+1): the intersection of two circles that is further from the point ``side_of``."""
     a = np.array(path.point(path.after(s, pitch, k - 2)))
     b = np.array(path.point(path.after(s, pitch, links - k, -1)))
     half = (b - a) / 2
@@ -117,7 +118,7 @@ def free_pin(path, pitch, links, k, s, side_of):
 
 
 def rounded_polygon(rng):
-    """A convex polygon with its corners rounded: lines and arcs of one radius, in any place."""
+    """Return a convex polygon with rounded corners: lines and arcs of equal radius, at a random position."""
     corners = int(rng.integers(3, 8))
     angles = np.sort(rng.uniform(0, 2 * np.pi, corners))
     while np.any(np.diff(np.append(angles, angles[0] + 2 * np.pi)) > 0.9 * np.pi):
@@ -136,9 +137,9 @@ def rounded_polygon(rng):
 
 
 class Transfer:
-    """The paper's relations between the angles of two pins one link apart, on an arc (u) and on a wheel (v).
+    """Relations of the source between the angles of two consecutive pins, on an arc (u) and on a wheel (v).
 
-    Both are measured away from the common tangent point. ``arithmetic`` is numpy or mpmath.
+    Both angles are measured away from the common tangent point. ``arithmetic`` is numpy or mpmath.
     """
 
     def __init__(self, pitch, r0, r1, r2, arithmetic=np):
@@ -151,28 +152,31 @@ class Transfer:
         return m.atan2(q, p) - m.acos((self.pitch**2 - squares) / m.hypot(p, q))
 
     def f(self, u):
-        """From the lower arc to the wheel."""
+        """Return the angle on the wheel for a pin on the lower arc."""
         a, r0, r2, cos, sin = self.a, self.r0, self.r2, self.m.cos(u), self.m.sin(u)
         return self._angle(2 * r0 * (a - r2 * cos), 2 * r0 * r2 * sin, r2**2 + a**2 + r0**2 - 2 * a * r2 * cos)
 
     def f_back(self, v):
-        """From the wheel to the lower arc."""
+        """Return the angle on the lower arc for a pin on the wheel."""
         a, r0, r2, cos, sin = self.a, self.r0, self.r2, self.m.cos(v), self.m.sin(v)
         return self._angle(-2 * r2 * (a + r0 * cos), 2 * r0 * r2 * sin, r2**2 + a**2 + r0**2 + 2 * a * r0 * cos)
 
     def g(self, u):
-        """From the upper arc to the wheel."""
+        """Return the angle on the wheel for a pin on the upper arc."""
         c, r0, r1, cos, sin = self.c, self.r0, self.r1, self.m.cos(u), self.m.sin(u)
         return self._angle(2 * r0 * (r1 * cos - c), 2 * r0 * r1 * sin, c**2 + r0**2 + r1**2 - 2 * c * r1 * cos)
 
     def g_back(self, v):
-        """From the wheel to the upper arc."""
+        """Return the angle on the upper arc for a pin on the wheel."""
         c, r0, r1, cos, sin = self.c, self.r0, self.r1, self.m.cos(v), self.m.sin(v)
         return self._angle(2 * r1 * (r0 * cos - c), 2 * r0 * r1 * sin, c**2 + r0**2 + r1**2 - 2 * c * r0 * cos)
 
 
 def free_pin_at_100_degrees(pitch, r1, r2, digits=50):
-    """P14 for P1 at 100 deg on the left wheel, four pins a turn: P3..P9 lower, P10, P11 wheel, P12, P13 upper."""
+    """Return P14 for P1 at 100 deg on the left wheel.
+
+    P3 .. P9 are on the lower arc, P10 and P11 on the right wheel, and P12 and P13 on the upper arc.
+    """
     with mpmath.workdps(digits):
         length, r1, r2 = mpmath.mpf(pitch), mpmath.mpf(r1), mpmath.mpf(r2)
         relations = Transfer(length, length / mpmath.sqrt(2), r1, r2, mpmath)

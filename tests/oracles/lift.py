@@ -1,7 +1,8 @@
-"""The pneumatic lift once more: textbook poses, 60 digits, the loops solved and integrated step by step, a plain search.
+"""Independent implementation of the lift: textbook poses, 60 digits, integration and a plain search.
 
-The formulas here are the source's and the textbook's, not those of `synthesis.scenes.lift`. That is asked for types and first
-guesses, for the state in which an integration starts, and for what its end is compared with.
+The formulas are taken from the source and from textbooks, not from `synthesis.scenes.lift`, which only provides
+types, initial guesses, the initial state of an integration, and the exact values with which an integration is
+compared.
 """
 
 from __future__ import annotations
@@ -17,13 +18,14 @@ from synthesis.scenes.lift.optimum import Task
 from synthesis.scenes.lift.pose import Cylinder, Design, pose_at_turn, turn_at_length
 
 DIGITS = 60
+"""Decimal digits of `Exact`."""
 
 
-# -- one pose at a time ---------------------------------------------------------------------------------------
+# -- single poses ---------------------------------------------------------------------------------------------
 
 
 def pose(design: Design, turn: float) -> dict[str, float]:
-    """Height, corner B and cylinder length at one turn, with plain inverse cosines."""
+    """Return height, corner B and cylinder length at a turn, with plain inverse cosines."""
     l2, l3, l4, l5, b = design.as_tuple()
     mu = turn - math.pi / 2
     gamma = math.acos((l2**2 + l3**2 - l4**2) / (2 * l2 * l3))
@@ -33,7 +35,7 @@ def pose(design: Design, turn: float) -> dict[str, float]:
 
 
 def arccos_gain(design: Design, height: float) -> float:
-    """v_s / v_l with the direction of AC from a plain arccos of the height, the formula as it comes to mind."""
+    """Return v_s / v_l, with the direction of AC from a plain arccos of the height."""
     l2, l3, l4, l5, b = design.as_tuple()
     turn = math.acos(min(1.0, max(-1.0, (l3**2 + height**2 - l5**2) / (2 * l3 * height))))
     gamma = math.acos((l2**2 + l3**2 - l4**2) / (2 * l2 * l3))
@@ -45,7 +47,7 @@ def arccos_gain(design: Design, height: float) -> float:
 
 
 class Exact:
-    """Poses of one design in `DIGITS` digits; rates by differentiating numerically."""
+    """Poses of a design with `DIGITS` digits; velocities by numerical differentiation."""
 
     def __init__(self, design: Design) -> None:
         self.design = design
@@ -75,13 +77,13 @@ class Exact:
             return mpmath.acos((self.l3**2 + s * s - self.l5**2) / (2 * self.l3 * s))
 
     def gain(self, turn):
-        """ds/dl1."""
+        """Return ds/dl1."""
         with mpmath.workdps(DIGITS):
             turn = mpmath.mpf(turn)
             return mpmath.diff(self.height, turn) / mpmath.diff(self.length, turn)
 
     def motion(self, cylinder: Cylinder, elongation: float) -> tuple[float, float, float]:
-        """Height, velocity and acceleration at a constant speed of the cylinder."""
+        """Return height, velocity and acceleration at a constant speed of the cylinder."""
         with mpmath.workdps(DIGITS):
             turn = self.turn_at_length(mpmath.mpf(cylinder.length) + mpmath.mpf(elongation))
             s1, s2 = mpmath.diff(self.height, turn), mpmath.diff(self.height, turn, 2)
@@ -94,7 +96,7 @@ class Exact:
 
 
 class Loops:
-    """The linear systems (13) and (14) of one design, written out and solved as they stand."""
+    """The linear systems (13) and (14) of a design, solved numerically."""
 
     def __init__(self, design: Design) -> None:
         self.design = design
@@ -115,13 +117,13 @@ class Loops:
         return (c1, c2, c3, c4, c5), (s1, s2, s3, s4, s5)
 
     def rates(self, angles, l1, vl):
-        """The five angular velocities and v_s, by (13)."""
+        """Return the five angular velocities and v_s by (13)."""
         (c1, *_), (s1, *_) = self._fill(angles, l1)
         self.right[:] = -vl * c1, -vl * s1, 0.0, 0.0, -vl * c1, -vl * s1
         return np.linalg.solve(self.matrix, self.right)
 
     def accelerations(self, angles, rates, l1, vl, al):
-        """The five angular accelerations and a_s, by (14)."""
+        """Return the five angular accelerations and a_s by (14)."""
         l2, l3, l4, l5, _ = self.design.as_tuple()
         (c1, c2, c3, c4, c5), (s1, s2, s3, s4, s5) = self._fill(angles, l1)
         w1 = rates[0]
@@ -139,7 +141,7 @@ class Loops:
         return np.linalg.solve(self.matrix, self.right)
 
     def equation(self, cylinder: Cylinder):
-        """(14) as y' = f(t, y), y = (theta1..5, s, omega1..5, v_s): what a stepwise simulation integrates."""
+        """Return (14) as y' = f(t, y) with y = (theta1..5, s, omega1..5, v_s), for a step-by-step simulation."""
 
         def derivative(t, y):
             l1 = cylinder.length + cylinder.speed * t + 0.5 * cylinder.acceleration * t * t
@@ -151,19 +153,19 @@ class Loops:
 
 
 def start_state(design: Design, cylinder: Cylinder):
-    """The exact first state of `Loops.equation`."""
+    """Return the exact initial state of `Loops.equation`."""
     start = motion(design, cylinder, [0.0])
     rates = angular_velocities(start.pose, start.cylinder_speed)[0]
     return np.concatenate([link_angles(start.pose)[0], start.pose.height, rates, start.velocity])
 
 
 def euler_step(f, t, y, h):
-    """One step of Euler's rule."""
+    """Make a step of the explicit Euler method."""
     return y + h * f(t, y)
 
 
 def rk4_step(f, t, y, h):
-    """One step of the classical Runge-Kutta rule."""
+    """Make a step of the classical Runge-Kutta method."""
     a = f(t, y)
     b = f(t + 0.5 * h, y + 0.5 * h * a)
     c = f(t + 0.5 * h, y + 0.5 * h * b)
@@ -171,9 +173,9 @@ def rk4_step(f, t, y, h):
 
 
 def integrate(design: Design, cylinder: Cylinder, step: float, rule=rk4_step):
-    """Times and states of a fixed-step integration of (14) to the last whole step before the top.
+    """Integrate (14) with fixed steps up to the last whole step before the top, and return times and states.
 
-    Ends early, with a last state of NaN, when it has diverged (a singular matrix, or no finite state).
+    If the integration diverges (a singular matrix, or a state that is not finite), it ends early with a state of NaN.
     """
     duration = float(motion(design, cylinder, [0.0]).stroke.duration)
     f, y = Loops(design).equation(cylinder), start_state(design, cylinder)
@@ -192,7 +194,7 @@ def integrate(design: Design, cylinder: Cylinder, step: float, rule=rk4_step):
 
 
 def integration_error(design: Design, cylinder: Cylinder, times, states) -> tuple[float, float]:
-    """Largest error of the height against the closed form, and largest loop residual; NaN where it diverged."""
+    """Return the largest error of the height and the largest loop residual; NaN if the integration diverged."""
     if not np.all(np.isfinite(states)):
         return math.nan, math.nan
     length = cylinder.length + cylinder.speed * times + 0.5 * cylinder.acceleration * times**2
@@ -204,20 +206,20 @@ def integration_error(design: Design, cylinder: Cylinder, times, states) -> tupl
 # -- the objective, and a search ------------------------------------------------------------------------------
 
 
-def moments(design: Design, wanted: Task, nodes: int = 4000) -> tuple[float, float]:
-    """Variance and mean of the speed from textbook poses, with a sum in place of Gauss nodes; infinite past a dead point."""
-    kind, n, drive = wanted.objective.kind, wanted.objective.n, wanted.cylinder
+def moments(design: Design, task: Task, nodes: int = 4000) -> tuple[float, float]:
+    """Return variance and mean of the platform speed from textbook poses, with a plain sum; infinite past a dead point."""
+    kind, n, drive = task.objective.kind, task.objective.n, task.cylinder
     l2, l3, l4, l5, b = design.as_tuple()
-    span = wanted.high - wanted.low
+    span = task.high - task.low
     if kind == "discrete":
-        heights = wanted.low + span * np.arange(0 if wanted.objective.include_start else 1, n + 1) / n
+        heights = task.low + span * np.arange(0 if task.objective.include_start else 1, n + 1) / n
         weights = np.ones(heights.size)
     else:
-        # midpoints of even steps in a variable that is graded towards both ends, where the speed has a peak or a root
+        # midpoints of uniform steps in a variable that is clustered at both ends, where the speed has a peak or a zero
         u = (np.arange(nodes) + 0.5) / nodes
-        heights = wanted.low + span * u**4 / (u**4 + (1 - u) ** 4)
+        heights = task.low + span * u**4 / (u**4 + (1 - u) ** 4)
         weights = (u * (1 - u)) ** 3 / (u**4 + (1 - u) ** 4) ** 2
-    # cosine rule in the triangles ADC and ABC; then B, and ds/dl1 from ds/dT and the components of B's velocity
+    # law of cosines in the triangles ADC and ABC; then B, and ds/dl1 from ds/dT and the velocity of B
     cosine = (l3**2 + heights**2 - l5**2) / (2 * l3 * heights)
     turn = np.arccos(np.clip(cosine, -1, 1)) - math.acos((l2**2 + l3**2 - l4**2) / (2 * l2 * l3))
     l3_sine = l3 * np.sqrt(np.maximum(1 - cosine**2, 0.0))
@@ -227,28 +229,28 @@ def moments(design: Design, wanted: Task, nodes: int = 4000) -> tuple[float, flo
     length_1 = (x * l2 * np.cos(turn) + y * (s1 + l2 * np.sin(turn))) / length
     if not np.all(length_1 < 0):
         return math.inf, math.nan
-    covered = length - drive.length
+    travel = length - drive.length
     if drive.speed < 0:
-        covered = pose(design, 0.0)["length"] - length
-    square = drive.speed**2 + 2 * drive.acceleration * math.copysign(1, drive.speed) * covered
-    if np.any(square < 0):
+        travel = pose(design, 0.0)["length"] - length
+    speed_squared = drive.speed**2 + 2 * drive.acceleration * math.copysign(1, drive.speed) * travel
+    if np.any(speed_squared < 0):
         return math.inf, math.nan
-    v = np.sqrt(square) * s1 / length_1
+    v = np.sqrt(speed_squared) * s1 / length_1
     mean = np.sum(weights * v) / np.sum(weights)
     return float(np.sum(weights * (v - mean) ** 2) / np.sum(weights)), float(mean)
 
 
-def objective(design: Design, wanted: Task) -> float:
-    """The objective; infinite past a dead point."""
-    variance, mean = moments(design, wanted)
-    return variance / mean**2 if wanted.objective.kind == "normalized" and variance < math.inf else variance
+def objective(design: Design, task: Task) -> float:
+    """Return the objective; infinite past a dead point."""
+    variance, mean = moments(design, task)
+    return variance / mean**2 if task.objective.kind == "normalized" and variance < math.inf else variance
 
 
-def closed_designs(l2: float, l4: float, wanted: Task) -> list[Design]:
-    """The designs with given l2 and l4 that meet (31)-(33) and l3 <= l2, with (32) solved by bracketing in l3."""
+def closed_designs(l2: float, l4: float, task: Task) -> list[Design]:
+    """Return the designs with given l2 and l4 that satisfy (31)-(33) and l3 <= l2, by bracketing (32) in l3."""
     from scipy.optimize import brentq
 
-    length, low, high = wanted.cylinder.length, wanted.low, wanted.high
+    length, low, high = task.cylinder.length, task.low, task.high
     b = math.sqrt((length + l2) ** 2 - low**2)
     psi = math.atan2(b, low)
 
@@ -264,57 +266,57 @@ def closed_designs(l2: float, l4: float, wanted: Task) -> list[Design]:
     return [Design(l2, l3, l4, high - l3, b) for l3 in roots]
 
 
-def search(wanted: Task, polish: bool = False) -> tuple[float, Design]:
-    """The least objective and its design, by differential evolution over (l2, l4 / l2) from a fixed seed.
+def search(task: Task, polish: bool = False) -> tuple[float, Design]:
+    """Return the smallest objective and its design, by differential evolution over (l2, l4 / l2) from a fixed seed.
 
-    With `polish`, also along the two edges on which an optimum may lie, l4 = l2 and the longest l2.
+    With `polish`, the two edges on which an optimum can lie, l4 = l2 and the largest l2, are searched as well.
     """
     from scipy.optimize import differential_evolution, minimize_scalar
 
-    bound = wanted.upper_bound
+    bound = task.upper_bound
 
     def best(x) -> tuple[float, Design | None]:
-        designs = closed_designs(float(x[0]), float(x[0] * x[1]), wanted)
+        designs = closed_designs(float(x[0]), float(x[0] * x[1]), task)
         found = [
-            (objective(design, wanted), design)
+            (objective(design, task), design)
             for design in designs
             if design.l5 <= bound and design.b <= bound * (1 + 1e-12)
         ]
         return min(found, key=lambda pair: pair[0], default=(1e30, None))
 
-    last = min(bound, math.hypot(bound, wanted.low) - wanted.cylinder.length)
-    first = max(wanted.low - wanted.cylinder.length, 0.0) + 1e-6 * wanted.high
+    last = min(bound, math.hypot(bound, task.low) - task.cylinder.length)
+    first = max(task.low - task.cylinder.length, 0.0) + 1e-6 * task.high
     found = differential_evolution(
         lambda x: best(x)[0], [(first, last), (0.02, 1.0)], seed=3, popsize=15, maxiter=40, tol=1e-8
     )
-    places = [found.x]
+    points = [found.x]
     if polish:
         fine = {"method": "bounded", "options": {"xatol": 1e-9 * last}}
-        arm, share = found.x
+        arm, ratio = found.x
         edge = minimize_scalar(lambda l2: best((l2, 1.0))[0], bounds=(0.9 * arm, min(1.1 * arm, last)), **fine)
-        end = minimize_scalar(lambda x: best((last, x))[0], bounds=(0.9 * share, min(1.1 * share, 1.0)), **fine)
-        places += [(edge.x, 1.0), (last, end.x), (last, 1.0)]
-    return min((best(place) for place in places), key=lambda pair: pair[0])
+        end = minimize_scalar(lambda x: best((last, x))[0], bounds=(0.9 * ratio, min(1.1 * ratio, 1.0)), **fine)
+        points += [(edge.x, 1.0), (last, end.x), (last, 1.0)]
+    return min((best(point) for point in points), key=lambda pair: pair[0])
 
 
-# -- forces, and what a design within constraints is like -----------------------------------------------------------------
+# -- forces and constrained quantities -------------------------------------------------------------------------------------
 
 
-def newton(moved, weight):
-    """Cylinder, link and slide force by the equilibrium of the triangle with the platform, shape (n, 3).
+def equilibrium_forces(trajectory, weight):
+    """Return the forces of cylinder, link and slide by the equilibrium of the triangle with the platform, shape (n, 3).
 
-    A second way that shares nothing with the derivatives of a `Pose`: moments about A and forces in x and y.
+    Moments about A and forces in x and y are balanced, without the derivatives of a `Pose`.
     """
-    pose, design = moved.pose, moved.pose.design
+    pose, design = trajectory.pose, trajectory.pose.design
     a = np.stack(np.broadcast_arrays(-design.b, pose.height), axis=-1)
     b = np.stack([pose.x, pose.y], axis=-1)
-    c = np.stack([design.l3 * pose.sin_turn - design.b, pose.root], axis=-1)
-    along = b / np.linalg.norm(b, axis=-1, keepdims=True)
-    way = (c - np.array([-design.b, 0.0])) / design.l5
+    c = np.stack([design.l3 * pose.sin_turn - design.b, pose.c_height], axis=-1)
+    cylinder_direction = b / np.linalg.norm(b, axis=-1, keepdims=True)
+    link_direction = (c - np.array([-design.b, 0.0])) / design.l5
     matrix = np.zeros((len(b), 3, 3))
-    matrix[:, 0, 0], matrix[:, 0, 1], matrix[:, 0, 2] = along[:, 0], way[:, 0], 1.0
-    matrix[:, 1, 0], matrix[:, 1, 1] = along[:, 1], way[:, 1]
-    for k, (point, direction) in enumerate(((b, along), (c, way))):
+    matrix[:, 0, 0], matrix[:, 0, 1], matrix[:, 0, 2] = cylinder_direction[:, 0], link_direction[:, 0], 1.0
+    matrix[:, 1, 0], matrix[:, 1, 1] = cylinder_direction[:, 1], link_direction[:, 1]
+    for k, (point, direction) in enumerate(((b, cylinder_direction), (c, link_direction))):
         arm = point - a
         matrix[:, 2, k] = (arm[:, 0] * direction[:, 1] - arm[:, 1] * direction[:, 0]) / design.l2
     right = np.zeros((len(b), 3, 1))
@@ -322,8 +324,8 @@ def newton(moved, weight):
     return np.linalg.solve(matrix, right)[:, :, 0]
 
 
-def circle_meets(p, r, q, s, side):
-    """The point at distances r from p and s from q; ``side`` +1: to the left of p -> q."""
+def circle_intersection(p, r, q, s, side):
+    """Return the point at distances r from p and s from q, to the left of p -> q if ``side`` is 1."""
     d = math.dist(p, q)
     a = (r * r - s * s + d * d) / (2 * d)
     h = math.sqrt(max(r * r - a * a, 0.0))
@@ -331,34 +333,34 @@ def circle_meets(p, r, q, s, side):
     return p[0] + a * ex - side * h * ey, p[1] + a * ey + side * h * ex
 
 
-def placed(design: Design, height: float) -> dict[str, tuple[float, float]]:
-    """The joints at a height of the platform, by circles: C from A and D on the cylinder's side, B from A and C."""
+def joint_positions(design: Design, height: float) -> dict[str, tuple[float, float]]:
+    """Return the joints at a height of the platform, by intersections of circles."""
     l2, l3, l4, l5, b = design.as_tuple()
     a, d = (-b, height), (-b, 0.0)
-    c = circle_meets(d, l5, a, l3, -1) if height < l3 + l5 else (-b, l5)
+    c = circle_intersection(d, l5, a, l3, -1) if height < l3 + l5 else (-b, l5)
     # B is clockwise from C about A
-    return {"A": a, "B": circle_meets(a, l2, c, l4, -1), "C": c, "D": d, "O": (0.0, 0.0)}
+    return {"A": a, "B": circle_intersection(a, l2, c, l4, -1), "C": c, "D": d, "O": (0.0, 0.0)}
 
 
-def multiply(one, two):
-    """The product of two power series of four terms, each (4, n)."""
-    return np.array([sum(one[i] * two[k - i] for i in range(k + 1)) for k in range(4)])
+def multiply(first, second):
+    """Return the product of two power series of four terms, each of shape (4, n)."""
+    return np.array([sum(first[i] * second[k - i] for i in range(k + 1)) for k in range(4)])
 
 
-def root(series):
-    """The square root of a power series."""
-    found = np.zeros_like(series)
-    found[0] = np.sqrt(series[0])
+def square_root(series):
+    """Return the square root of a power series."""
+    result = np.zeros_like(series)
+    result[0] = np.sqrt(series[0])
     for k in range(1, 4):
-        rest = sum((found[i] * found[k - i] for i in range(1, k)), np.zeros_like(found[0]))
-        found[k] = (series[k] - rest) / (2 * found[0])
-    return found
+        remainder = sum((result[i] * result[k - i] for i in range(1, k)), np.zeros_like(result[0]))
+        result[k] = (series[k] - remainder) / (2 * result[0])
+    return result
 
 
 def series_of(design: Design, turns):
-    """Height and cylinder length as power series in the turn about each of ``turns``: two of (4, n).
+    """Return height and cylinder length as power series in the turn about each of ``turns``, two arrays of shape (4, n).
 
-    The formulas of `pose`, in arithmetic of series; no derivative is written down.
+    The formulas are those of `pose` in the arithmetic of series, so that no derivative is written out.
     """
     l2, l3, l4, l5, b = design.as_tuple()
     gamma = math.acos((l2**2 + l3**2 - l4**2) / (2 * l2 * l3))
@@ -366,43 +368,46 @@ def series_of(design: Design, turns):
     def sine(angle):
         return np.array([np.sin(angle), np.cos(angle), -np.sin(angle) / 2, -np.cos(angle) / 6])
 
-    def whole(value):
+    def constant(value):
         return np.array([np.full(turns.shape, value), *np.zeros((3, *turns.shape))])
 
     across = l3 * sine(turns)
-    s = root(whole(l5**2) - multiply(across, across)) + l3 * sine(turns + math.pi / 2)
-    x = l2 * sine(turns - gamma) - whole(b)
+    s = square_root(constant(l5**2) - multiply(across, across)) + l3 * sine(turns + math.pi / 2)
+    x = l2 * sine(turns - gamma) - constant(b)
     y = s - l2 * sine(turns - gamma + math.pi / 2)
-    return s, root(multiply(x, x) + multiply(y, y))
+    return s, square_root(multiply(x, x) + multiply(y, y))
 
 
-def measures(design: Design, closed: float, speed: float, low: float, high: float, poses: int = 2001) -> dict:
-    """What the constraints of `synthesis.scenes.lift.constraints` are about, at a constant speed of the cylinder.
+def constrained_quantities(
+    design: Design, closed: float, speed: float, low: float, high: float, poses: int = 2001
+) -> dict:
+    """Return the constrained quantities of a design at a constant speed of the cylinder.
 
-    Joints by circles, at heights that are graded towards both ends. The motion by series in the turn, reverted into
-    series in the cylinder's length; the dead point by walking down from the start.
+    The names are those of `synthesis.scenes.lift.constraints.measured_values`. The joints are found by circles at
+    heights that are clustered at both ends. The motion follows from series in the turn, which are reverted to series
+    in the cylinder length. The dead point is found in small steps from the start.
     """
     l3, l5, b = design.l3, design.l5, design.b
     u = np.linspace(0.0, 1.0, poses)
-    found = [placed(design, float(height)) for height in low + (high - low) * u * u * (3 - 2 * u)]
-    length = np.array([math.hypot(*at["B"]) for at in found])
-    xy = np.array([[at[name] for name in "ABC"] for at in found])
+    poses_at = [joint_positions(design, float(height)) for height in low + (high - low) * u * u * (3 - 2 * u)]
+    length = np.array([math.hypot(*at["B"]) for at in poses_at])
+    xy = np.array([[at[name] for name in "ABC"] for at in poses_at])
     assert abs(length[0] - closed) < 1e-6 * closed and np.all(np.diff(length) > 0)
-    # B moves at right angles to its arm from the triangle's instant centre, where D-C meets the level of A
-    push = []
-    for at in found:
+    # B moves perpendicular to its radius from the instant centre, where the line DC meets the height of A
+    sines = []
+    for at in poses_at:
         (_, ay), (cx, cy), (dx, _) = at["A"], at["C"], at["D"]
         bx, by = at["B"]
         gx, gy = bx - dx - ay / cy * (cx - dx), by - ay
-        push.append(abs(gx * by - gy * bx) / (math.hypot(gx, gy) * math.hypot(bx, by)))
+        sines.append(abs(gx * by - gy * bx) / (math.hypot(gx, gy) * math.hypot(bx, by)))
     first = math.acos((l3**2 + low**2 - l5**2) / (2 * l3 * low))
     s, l1 = series_of(design, first * (1 - np.linspace(0.0, 1.0, poses) ** 2))
-    way = 1 / l1[1], -l1[2] / l1[1] ** 3, (2 * l1[2] ** 2 - l1[1] * l1[3]) / l1[1] ** 5
-    gain = s[1] * way[0]
-    second = s[1] * way[1] + s[2] * way[0] ** 2
-    third = s[1] * way[2] + 2 * s[2] * way[0] * way[1] + s[3] * way[0] ** 3
+    turn_series = 1 / l1[1], -l1[2] / l1[1] ** 3, (2 * l1[2] ** 2 - l1[1] * l1[3]) / l1[1] ** 5
+    gain = s[1] * turn_series[0]
+    second = s[1] * turn_series[1] + s[2] * turn_series[0] ** 2
+    third = s[1] * turn_series[2] + 2 * s[2] * turn_series[0] * turn_series[1] + s[3] * turn_series[0] ** 3
     below = [pose(design, first + 1e-4 * k)["length"] for k in range(12_000)]
-    dead = next(one for one, after in pairwise(below) if after > one)
+    dead = next(length_now for length_now, after in pairwise(below) if after > length_now)
     return {
         **design.as_dict(),
         "closed_length": closed,
@@ -411,7 +416,7 @@ def measures(design: Design, closed: float, speed: float, low: float, high: floa
         "acceleration": float(np.abs(2 * second).max() * speed**2),
         "jerk": float(np.abs(6 * third).max() * abs(speed) ** 3),
         "rise_time": float((length[-1] - closed) / abs(speed)),
-        "transmission": math.asin(min(1.0, *push)),
+        "transmission": math.asin(min(1.0, *sines)),
         "force_ratio": float(np.abs(gain).max()),
         "x_min": float(min(xy[:, :, 0].min(), -b)),
         "x_max": float(max(xy[:, :, 0].max(), 0.0)),

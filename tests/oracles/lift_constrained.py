@@ -1,4 +1,4 @@
-"""Sets of constraints of the lift, and a differential evolution within them: what the product's own search is compared with."""
+"""Sets of constraints for the lift, and a differential evolution within them for comparison with the search of the product."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from typing import Any
 
 import numpy as np
 
-from synthesis.scenes.lift.constraints import FINE_NODES, Constraints, Space, least, slacks
+from synthesis.scenes.lift.constraints import OPTIONS, Constraints, DesignSpace, minimum_slacks, slacks
 from synthesis.scenes.lift.optimum import Evaluator, Objective, Task
 from synthesis.scenes.lift.pose import Cylinder
 
 POPULATION = 50
-"""Members of the differential evolution for each variable."""
-BROKEN = 1e3
-"""What the differential evolution pays for the sum of what is broken, beside the objective's logarithm."""
+"""Number of members of the differential evolution for each variable."""
+VIOLATION_PENALTY = 1e3
+"""Penalty factor of the sum of the violations, relative to the logarithm of the objective."""
 NAMES = ("l2", "l3", "l4", "l5", "b")
 
 
 def limits(high: float, bound: float, closed: tuple[float, float], **changes: Any) -> Constraints:
-    """The service's default constraints for a stroke, with some of them changed."""
+    """Return the default constraints of the service for a stroke, with some of them changed."""
     settings: dict[str, Any] = {
         "extension_max": 1.8,
         "dead_point_min": 0.05,
@@ -32,7 +32,7 @@ def limits(high: float, bound: float, closed: tuple[float, float], **changes: An
 
 
 def cases() -> dict[str, tuple[Task, Constraints]]:
-    """The default, and three further sets: a narrow frame, another stroke with an early start, the collinear start."""
+    """Return the default set and three further sets: a narrow frame, another stroke, and the collinear start."""
     stroke, normalized = (200.0, 510.0), Objective("normalized")
     return {
         "default": (Task(Cylinder(220.0, 100.0), *stroke, normalized, 600.0), limits(510.0, 600.0, (220.0, 600.0))),
@@ -68,23 +68,29 @@ def cases() -> dict[str, tuple[Task, Constraints]]:
     }
 
 
-def evolved(task: Task, wanted: Constraints, evaluations: int) -> tuple[float, int]:
-    """The least objective that a differential evolution of the same variables finds, and its evaluations."""
+def evolution_optimum(task: Task, constraints: Constraints, evaluations: int) -> tuple[float, int]:
+    """Return the smallest objective found by a differential evolution in the same variables, and its number of evaluations."""
     from scipy.optimize import differential_evolution
 
-    space, evaluator = Space(task, wanted), Evaluator(task)
+    space, evaluator = DesignSpace(task, constraints), Evaluator(task)
     best, count = math.inf, 0
 
-    def cost(places: np.ndarray) -> np.ndarray:
+    def cost(points: np.ndarray) -> np.ndarray:
         nonlocal best, count
-        built = space.designs(places.T, np.ones(places.shape[1]))
-        count += places.shape[1]
-        found = least(slacks(built, task, wanted, FINE_NODES))
-        broken = np.sum([np.where(np.isfinite(one), np.clip(-one, 0.0, 1.0), 1.0) for one in found.values()], axis=0)
-        value = evaluator.moments(built.design, built.gamma, built.closed)[0]
-        kept = (broken == 0) & np.isfinite(value)
-        best = min(best, float(value[kept].min())) if kept.any() else best
-        return np.where(np.isfinite(value), np.log(np.where(np.isfinite(value), value, 1.0)), 20.0) + BROKEN * broken
+        candidates = space.designs(points.T, np.ones(points.shape[1]))
+        count += points.shape[1]
+        slacks_by_name = minimum_slacks(slacks(candidates, task, constraints, OPTIONS.fine_nodes))
+        violation = np.sum(
+            [np.where(np.isfinite(slack), np.clip(-slack, 0.0, 1.0), 1.0) for slack in slacks_by_name.values()],
+            axis=0,
+        )
+        value = evaluator.moments(candidates.design, candidates.gamma, candidates.closed_length)[0]
+        admissible = (violation == 0) & np.isfinite(value)
+        best = min(best, float(value[admissible].min())) if admissible.any() else best
+        return (
+            np.where(np.isfinite(value), np.log(np.where(np.isfinite(value), value, 1.0)), 20.0)
+            + VIOLATION_PENALTY * violation
+        )
 
     generations = max(1, evaluations // (POPULATION * space.count) - 1)
     differential_evolution(

@@ -1,8 +1,8 @@
-"""Makes tests/reference/lift_acceptance.json from the printed digits and from `tests.oracles.lift` alone.
+"""Generator of tests/reference/lift_acceptance.json, from the printed digits and from `tests.oracles.lift`.
 
-Run ``python -m tests.oracles.lift_reference``; it takes about a minute, and tells each number that changes. The printed
-digits and the tolerances are typed here; everything else is computed and rounded to the digits that are kept. Only
-`integration_error` is measured against `synthesis.scenes.lift`.
+Run ``python -m tests.oracles.lift_reference``. It takes about a minute and prints each number that changes. The
+printed digits and the tolerances are constants of this module. All other numbers are computed and rounded to the
+stored digits. Only `integration_error` is a comparison with `synthesis.scenes.lift`.
 """
 
 from __future__ import annotations
@@ -55,16 +55,16 @@ OPTIMA: list[dict[str, Any]] = [
     {"kind": "discrete", "n": 100, "bound": 1000, "l2": 0.1, "l4": 0.1, "objective": (2, 0.01, 0.01)},
     {"kind": "discrete", "n": 1000, "bound": 1000, "l2": 0.1, "l4": 0.1, "objective": (2, 0.01, 0.01)},
 ]
-"""Cases, with the tolerance of each length, and digits and tolerances below and above of the objective."""
+"""Cases with the tolerance of each length, and the digits and the lower and upper tolerance of the objective."""
 
 
 def task(objective: Objective, bound: float = 600.0, length: float = 220.0) -> Task:
-    """The published problem with another objective, bound or cylinder."""
+    """Return the published problem with another objective, bound or cylinder."""
     return Task(replace(CYLINDER, length=length), 200.0, 510.0, objective, bound)
 
 
 def motion(name: str, time: float) -> tuple[float, float, float]:
-    """Height, velocity and acceleration."""
+    """Return height, velocity and acceleration."""
     return Exact(DESIGNS[name]).motion(CYLINDER, CYLINDER.speed * time)
 
 
@@ -73,16 +73,16 @@ def duration(name: str) -> float:
 
 
 def link_angles(design: Design, turn: float) -> list[float]:
-    """The directions of OB, BA, CA, BC and DC in (0, 2 pi), from the joints."""
-    at = pose(design, turn)
-    a, b = complex(-design.b, at["height"]), complex(at["x"], at["y"])
+    """Return the directions of OB, BA, CA, BC and DC in (0, 2 pi), from the joints."""
+    joints = pose(design, turn)
+    a, b = complex(-design.b, joints["height"]), complex(joints["x"], joints["y"])
     c = a + design.l3 * complex(math.sin(turn), -math.cos(turn))
-    ways = (b, a - b, a - c, c - b, c + design.b)
-    return [math.atan2(way.imag, way.real) % (2 * math.pi) for way in ways]
+    directions = (b, a - b, a - c, c - b, c + design.b)
+    return [math.atan2(direction.imag, direction.real) % (2 * math.pi) for direction in directions]
 
 
 def condition(design: Design, turn: float) -> float:
-    """Condition number of the loops' Jacobian with lengths in units of the top height."""
+    """Return the condition number of the Jacobian of the loops, with lengths in units of the top height."""
     scaled = Design(*(value / (design.l3 + design.l5) for value in design.as_tuple()))
     loops = Loops(scaled)
     loops.rates(link_angles(scaled, turn), pose(scaled, turn)["length"], 1.0)
@@ -90,7 +90,7 @@ def condition(design: Design, turn: float) -> float:
 
 
 def assemblies(design: Design) -> list[float]:
-    """Heights of all poses above ground with the cylinder at its shortest, the highest first."""
+    """Return the heights of all poses above ground at the shortest cylinder length, in descending order."""
 
     def excess(turn: float) -> float:
         return pose(design, turn)["length"] - CYLINDER.length
@@ -104,7 +104,7 @@ def assemblies(design: Design) -> list[float]:
 
 
 def dead_point_length(design: Design) -> float:
-    """The least length of the cylinder on the branch of the rise."""
+    """Return the smallest length of the cylinder on the branch of the rise."""
     exact = Exact(design)
     with mpmath.workdps(DIGITS):
         guess = float(exact.turn_at_length(CYLINDER.length))
@@ -112,7 +112,7 @@ def dead_point_length(design: Design) -> float:
 
 
 def time_shares(design: Design) -> dict[str, float]:
-    """Shares of the rise in which the velocity, by differences, is near 50 mm/s."""
+    """Return the fractions of the rise in which the velocity, by differences, is close to 50 mm/s."""
     turns = np.linspace(float(Exact(design).turn_at_length(CYLINDER.length)), 0.0, 100_001)
     poses = [pose(design, turn) for turn in turns]
     times, heights = (np.diff([at[key] for at in poses]) for key in ("length", "height"))
@@ -121,7 +121,7 @@ def time_shares(design: Design) -> dict[str, float]:
 
 
 def closing(design: Design) -> dict[str, float]:
-    """sa by (31), and l5 by the cosine rule (32) at the start of the stroke."""
+    """Return sa by (31), and l5 by the law of cosines (32) at the start of the stroke."""
     l2, l3, l4, _, b = design.as_tuple()
     sa = math.sqrt((CYLINDER.length + l2) ** 2 - b**2)
     start = math.atan2(b, 200) + math.acos((l2**2 + l3**2 - l4**2) / (2 * l2 * l3))
@@ -129,18 +129,18 @@ def closing(design: Design) -> dict[str, float]:
 
 
 def optimum(row: dict[str, Any]) -> dict[str, Any]:
-    """One row of `optima`: what is given stays, a tolerance becomes [value, tolerance]."""
+    """Compute a row of `optima`; each tolerance becomes [value, tolerance]."""
     objective = replace(OBJECTIVES[row["kind"]][0], n=row.get("n", 310))
     value, design = search(task(objective, float(row["bound"])), polish=True)
-    found = dict(row)
+    result = dict(row)
     for name in {"l2", "l4", "b"} & set(row):
-        found[name] = [round(float(getattr(design, name)), 3), row[name]]
+        result[name] = [round(float(getattr(design, name)), 3), row[name]]
     digits, *tolerances = row["objective"]
-    return found | {"objective": [round(value, digits), *tolerances]}
+    return result | {"objective": [round(value, digits), *tolerances]}
 
 
 def reference() -> dict[str, Any]:
-    """The content of the file."""
+    """Return the content of the file."""
     initial, best = DESIGNS["initial"], DESIGNS["optimum"]
     exact = Exact(initial)
     start_turn = float(exact.turn_at_length(CYLINDER.length))
@@ -172,13 +172,13 @@ def reference() -> dict[str, Any]:
     printed_arm = float(ARMS["220"])
     table_2 = {}
     for length in ARMS:
-        wanted = task(Objective("discrete"), length=float(length))
-        (on_constraints,) = closed_designs(ARMS[length], ARMS[length], wanted)
+        problem = task(Objective("discrete"), length=float(length))
+        (on_constraints,) = closed_designs(ARMS[length], ARMS[length], problem)
         table_2[length] = {
             "arm": ARMS[length],
             "printed": PRINTED[length],
-            "projected": round(moments(on_constraints, wanted)[0], 3),
-            "optimum": round(search(wanted, polish=True)[0], 3),
+            "projected": round(moments(on_constraints, problem)[0], 3),
+            "optimum": round(search(problem, polish=True)[0], 3),
         }
     return {
         "designs": {name: list(lengths) for name, lengths in LENGTHS.items()},
@@ -222,8 +222,10 @@ def reference() -> dict[str, Any]:
         "assemblies": {name: [round(s, 4) for s in assemblies(design)] for name, design in DESIGNS.items()},
         "constraints": {"initial": closing(initial), "optimum": closing(best)},
         "objective": {
-            kind: {name: round(moments(design, task(wanted), 100_000)[0], digits) for name, design in designs.items()}
-            for kind, (wanted, digits) in OBJECTIVES.items()
+            kind: {
+                name: round(moments(design, task(objective), 100_000)[0], digits) for name, design in designs.items()
+            }
+            for kind, (objective, digits) in OBJECTIVES.items()
         },
         "mean_velocity": {
             name: round(moments(design, task(Objective("continuous")), 100_000)[1], 5)
@@ -240,17 +242,17 @@ def reference() -> dict[str, Any]:
     }
 
 
-def changes(old: Any, new: Any, place: str = "") -> list[str]:
-    """Where two contents differ."""
+def changes(old: Any, new: Any, path: str = "") -> list[str]:
+    """List the differences between two contents."""
     if isinstance(old, dict) and isinstance(new, dict) and set(old) == set(new):
-        return [line for key in old for line in changes(old[key], new[key], f"{place}/{key}")]
+        return [line for key in old for line in changes(old[key], new[key], f"{path}/{key}")]
     if isinstance(old, list) and isinstance(new, list) and len(old) == len(new):
-        return [line for k, pair in enumerate(zip(old, new)) for line in changes(*pair, f"{place}/{k}")]
-    return [] if old == new else [f"{place}: {old} -> {new}"]
+        return [line for k, pair in enumerate(zip(old, new)) for line in changes(*pair, f"{path}/{k}")]
+    return [] if old == new else [f"{path}: {old} -> {new}"]
 
 
 def layout(value: Any, indent: str = "") -> str:
-    """JSON, broken into lines where one would be too long."""
+    """Format JSON with line breaks where a line would be too long."""
     text = json.dumps(value)
     if len(indent) + len(text) <= 110 or not isinstance(value, dict | list):
         return text
@@ -263,10 +265,10 @@ def layout(value: Any, indent: str = "") -> str:
 
 
 def main() -> None:
-    """Write the file, and tell what has changed."""
-    made = reference()
-    print("\n".join(changes(json.loads(FILE.read_text()), made)) or "nothing changes")
-    FILE.write_text(layout(made) + "\n")
+    """Write the file and print the differences from the previous one."""
+    content = reference()
+    print("\n".join(changes(json.loads(FILE.read_text()), content)) or "nothing changes")
+    FILE.write_text(layout(content) + "\n")
 
 
 if __name__ == "__main__":

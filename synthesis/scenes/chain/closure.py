@@ -1,7 +1,7 @@
-"""Does a chain close on a track: at which phases it is slack, with how many links, and for which size of the track.
+"""Closure of a chain on a track: slack over the phase, number of links, and the size of the track that just fits.
 
-The phase of a chain is the arc length of its first pin P1 along the first segment of the track, the driver. One link
-further on, the chain looks the same with every pin renumbered, so the driver's link length is the period.
+The phase of a chain is the arc length of its first pin P1 along the first segment of the track, which is the driver.
+After a link length on the driver the chain is the same with renumbered pins, so this length is the period.
 """
 
 from __future__ import annotations
@@ -13,51 +13,85 @@ from typing import NamedTuple
 import numpy as np
 
 from synthesis.one_variable import Floats, closer_looks, rising_root, secant
-from synthesis.scenes.chain.track import ChordError, ChordFault, Motion, NotClosing, Place, Track
+from synthesis.scenes.chain.track import ChordError, ChordFault, NotClosing, PinMotion, Track, TrackPosition
 from synthesis.work import Work
 
-PHASE_CELLS = 192
-"""Cells a period is searched in for the extremes of a function of the phase; more for tracks of many segments."""
-CELLS_PER_SEGMENT = 24
-VALLEYS, NODES = 32, 33
-"""Local minima of the cells that are looked at more closely, and nodes of each look."""
+
+@dataclass(frozen=True)
+class ExtremeSearchOptions:
+    """Grid sizes of the search for extremes of a function of the phase."""
+
+    period_cells: int = 192
+    """Smallest number of cells into which a period is divided."""
+    cells_per_segment: int = 24
+    """Smallest number of cells per segment of the track."""
+    max_minima: int = 32
+    """Largest number of local minima that are refined."""
+    refinement_nodes: int = 33
+    """Number of nodes in each refinement of a local minimum."""
+
+
+OPTIONS = ExtremeSearchOptions()
+
 STRETCH_TOLERANCE = 1e-6
 """Missing length, as a fraction of the pitch, up to which a chain counts as not stretched."""
 
 
 class Extreme(NamedTuple):
-    """Where a function of the phase is smallest or largest, and its value there."""
+    """An extreme value of a function of the phase."""
 
     phase: float
+    """Phase of the extreme."""
     value: float
+    """Value of the function."""
 
 
-def lowest(
-    function: Callable[[Floats], Floats], start: float, end: float, cells: int, looks: int = 4, tie: float = 0.0
+def find_minimum(
+    function: Callable[[Floats], Floats], start: float, end: float, cells: int, refinements: int = 4, tie: float = 0.0
 ) -> Extreme:
-    """The smallest value of a continuous function of the phase, to rounding where it is smooth.
+    """Find the smallest value of a continuous function of the phase, to rounding accuracy if the function is smooth.
 
-    Every local minimum of the cells is looked at. Of minima within ``tie`` of the smallest the first is taken.
+    Parameters
+    ----------
+    function : callable
+        ``function(phase) -> value`` for arrays of shape (n,).
+    start, end : float
+        Range of the phase.
+    cells : int
+        Number of cells into which the range is divided. Local minima of the grid are refined.
+    refinements : int
+        Number of refinements of each local minimum.
+    tie : float
+        Among minima within this difference of the smallest value, the first is returned.
+
+    Returns
+    -------
+    Extreme
     """
     x = np.linspace(start, end, cells + 1)
     y = function(x)
-    inner = np.pad(y, 1, constant_values=np.inf)
-    valleys = np.flatnonzero((y <= inner[:-2]) & (y <= inner[2:]))
-    # A level function has a valley at every node: enough are some.
-    valleys = valleys[np.argsort(y[valleys], kind="stable")][:VALLEYS]
-    left, right = x[np.maximum(valleys - 1, 0)], x[np.minimum(valleys + 1, cells)]
-    values, places = closer_looks(
-        lambda looked: function(looked.ravel()).reshape(looked.shape), left, right, (NODES,) * looks
+    padded = np.pad(y, 1, constant_values=np.inf)
+    minima = np.flatnonzero((y <= padded[:-2]) & (y <= padded[2:]))
+    # a constant function has a local minimum at every node, so limit their number
+    minima = minima[np.argsort(y[minima], kind="stable")][: OPTIONS.max_minima]
+    left, right = x[np.maximum(minima - 1, 0)], x[np.minimum(minima + 1, cells)]
+    values, phases = closer_looks(
+        lambda samples: function(samples.ravel()).reshape(samples.shape),
+        left,
+        right,
+        (OPTIONS.refinement_nodes,) * refinements,
     )
-    equal = values <= values.min() + tie
-    first = np.argmin(np.where(equal, places, np.inf))
-    return Extreme(float(places[first]), float(values[first]))
+    tied = values <= values.min() + tie
+    first = np.argmin(np.where(tied, phases, np.inf))
+    return Extreme(float(phases[first]), float(values[first]))
 
 
-def highest(function: Callable[[Floats], Floats], start: float, end: float, cells: int, looks: int = 4) -> Extreme:
-    """The largest value of a continuous function of the phase: the mirror image of `lowest`."""
-    found = lowest(lambda x: -function(x), start, end, cells, looks)
-    return Extreme(found.phase, -found.value)
+def find_maximum(
+    function: Callable[[Floats], Floats], start: float, end: float, cells: int, refinements: int = 4
+) -> Extreme:
+    """Find the largest value of a continuous function of the phase; see `find_minimum`."""
+    minimum = find_minimum(lambda x: -function(x), start, end, cells, refinements)
+    return Extreme(minimum.phase, -minimum.value)
 
 
 @dataclass(frozen=True)
@@ -65,7 +99,7 @@ class Chain:
     """A chain of constant pitch on a track whose first segment drives it."""
 
     track: Track
-    """Its first segment must hold at least one link."""
+    """The track; its first segment must hold at least one link."""
     pitch: float
     """Length of a link."""
     links: int
@@ -77,71 +111,82 @@ class Chain:
 
     @property
     def period(self) -> float:
-        """Arc length of one link on the driver: the chain repeats itself after it."""
+        """Return the arc length of a link on the driver, after which the chain repeats."""
         return float(self.track.link_lengths(self.pitch)[0])
 
     @property
-    def cells(self) -> int:
-        """Cells of a period for the search of extremes."""
-        return max(PHASE_CELLS, CELLS_PER_SEGMENT * self.track.count)
+    def search_cells(self) -> int:
+        """Return the number of cells of a period in the search for extremes."""
+        return max(OPTIONS.period_cells, OPTIONS.cells_per_segment * self.track.count)
 
-    def drive(self, phase: Floats) -> tuple[Place, Motion]:
-        """P1 at phases of at least 0.
+    def drive(self, phase: Floats) -> tuple[TrackPosition, PinMotion]:
+        """Return position and motion of P1 at phases of at least 0.
 
-        Beyond the driver's end the phase goes on as if the driver were longer: the first pin is then the link that
-        followed it, so many links ahead.
+        Beyond the end of the driver the phase continues as if the driver were longer. P1 is then stepped ahead from a
+        pin further back in the chain that is still on the driver.
         """
-        beyond = np.maximum(np.ceil((phase - self.track.length[0]) / self.period), 0)
-        along = np.maximum(phase - beyond * self.period, 0.0)
-        start = Place(np.zeros(len(phase), dtype=np.intp), along, np.zeros(len(phase), dtype=np.int64))
-        motion = Motion(np.ones(len(phase)), np.zeros(len(phase)))
-        return self.track.carry(start, motion, self.pitch, beyond) if beyond.any() else (start, motion)
+        passed_links = np.maximum(np.ceil((phase - self.track.length[0]) / self.period), 0)
+        along = np.maximum(phase - passed_links * self.period, 0.0)
+        start = TrackPosition(np.zeros(len(phase), dtype=np.intp), along, np.zeros(len(phase), dtype=np.int64))
+        motion = PinMotion(np.ones(len(phase)), np.zeros(len(phase)))
+        return self.track.carry(start, motion, self.pitch, passed_links) if passed_links.any() else (start, motion)
 
-    def phase_of(self, place: Place) -> Floats:
-        """The phase for places of P1 on the driver or up to one period beyond it: the inverse of `drive`."""
-        phase = self.track.position(place)
-        beyond = np.flatnonzero(phase > self.track.length[0])
-        if len(beyond):
-            phase[beyond] = self.track.position(self.track.step(place.rows(beyond), self.pitch, -1)) + self.period
+    def phase_at(self, position: TrackPosition) -> Floats:
+        """Return the phase for positions of P1 on the driver or up to one period beyond it.
+
+        This function is the inverse of `drive`.
+        """
+        phase = self.track.arc_length(position)
+        past_end = np.flatnonzero(phase > self.track.length[0])
+        if len(past_end):
+            phase[past_end] = (
+                self.track.arc_length(self.track.step(position.select(past_end), self.pitch, -1)) + self.period
+            )
         return phase
 
     def overrun(self, phase: Floats) -> Floats:
-        """Length by which the chain, laid on the bare track from P1 all round, overruns P1; negative: too short.
+        """Return the length by which the chain overruns P1 when it is laid on the bare track from P1 round to P1.
 
-        Law: grows by about one link for each link that is added.
+        A negative overrun is a missing length. Each additional link increases the overrun by about one link length.
         """
         start, _ = self.drive(phase)
         end = self.track.advance(start, self.pitch, self.links)
-        return self.track.position(end) - self.track.position(start) - self.track.total
+        return self.track.arc_length(end) - self.track.arc_length(start) - self.track.total
 
-    def least_overrun(self) -> Extreme:
-        """Phase and overrun of the state that stretches the chain most."""
-        return lowest(self.overrun, 0.0, self.period, self.cells)
+    def smallest_overrun(self) -> Extreme:
+        """Return phase and overrun of the state in which the chain is stretched most."""
+        return find_minimum(self.overrun, 0.0, self.period, self.search_cells)
 
 
 def closing_links(track: Track, pitch: float, work: Work | None = None) -> int:
-    """The smallest number of links that is not stretched at any phase; ``work`` is asked before each number.
+    """Return the smallest number of links with which the chain is not stretched at any phase.
 
-    Law: with one link fewer, some phase misses more than the tolerance.
+    Parameters
+    ----------
+    track : Track
+    pitch : float
+        Length of a link.
+    work : Work, optional
+        Called before each number of links to check whether the result is still wanted.
     """
     work = work or Work()
 
-    def least(links: int) -> float:
+    def margin(links: int) -> float:
         work.go_on()
-        return Chain(track, pitch, links).least_overrun().value + STRETCH_TOLERANCE * pitch
+        return Chain(track, pitch, links).smallest_overrun().value + STRETCH_TOLERANCE * pitch
 
-    # A link takes at least its pitch of the track, so this many suffice; and on an arc at most pi/2 pitches.
+    # each link covers between 1 and pi/2 pitches of the track, so this number of links is enough
     links = int(np.ceil(track.total / pitch))
-    while (room := least(links)) < 0:
+    while (slack := margin(links)) < 0:
         links += 1
     while links > 1:
-        spare = max(1, int(room / (pitch * np.pi / 2)))
-        below = least(links - spare)
-        if below < 0 and spare > 1:
-            spare, below = 1, least(links - 1)
-        if below < 0:
+        removable = max(1, int(slack / (pitch * np.pi / 2)))
+        reduced = margin(links - removable)
+        if reduced < 0 and removable > 1:
+            removable, reduced = 1, margin(links - 1)
+        if reduced < 0:
             break
-        links, room = links - spare, below
+        links, slack = links - removable, reduced
     return links
 
 
@@ -151,35 +196,56 @@ def critical_parameter(
     links: int,
     longest: float,
     shortest: float,
-    where: str,
+    family_name: str,
     work: Work | None = None,
 ) -> float:
-    """The parameter of a family of tracks for which the chain just closes: its least overrun is 0.
+    """Find the parameter of a family of tracks for which the chain just closes, with a smallest overrun of 0.
 
-    The general form of the paper's remark that R2 is maximal at theta1m; no state is assumed to be the critical one.
+    This generalises the remark of the paper that R2 is maximal at theta1m: the critical phase is not assumed but
+    found.
 
-    ``family``: ``family(parameter) -> Track``; its length must fall from ``longest`` to ``shortest``. ``longest``,
-    ``shortest``: parameters of the longest and of the shortest track. ``where``: the family, as `NotClosing` names it.
-    ``work``: asked before each parameter.
+    Parameters
+    ----------
+    family : callable
+        ``family(parameter) -> Track``; the length of the track must decrease from ``longest`` to ``shortest``.
+    pitch : float
+        Length of a link.
+    links : int
+        Number of links.
+    longest, shortest : float
+        Parameters of the longest and of the shortest track.
+    family_name : str
+        The family in the message of `NotClosing`.
+    work : Work, optional
+        Called before each parameter to check whether the result is still wanted.
 
-    Raises `NotClosing`: the number of links is outside those of the family.
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    NotClosing
+        The chain closes on no track of the family.
     """
     work = work or Work()
 
-    def least(parameter: float) -> float:
+    def overrun(parameter: float) -> float:
         work.go_on()
-        return Chain(family(parameter), pitch, links).least_overrun().value
+        return Chain(family(parameter), pitch, links).smallest_overrun().value
 
-    at_longest, at_shortest = least(longest), least(shortest)
+    at_longest, at_shortest = overrun(longest), overrun(shortest)
     if at_shortest < 0:
-        raise NotClosing(links, closing_links(family(shortest), pitch, work), -at_shortest, where)
+        raise NotClosing(links, closing_links(family(shortest), pitch, work), -at_shortest, family_name)
     if at_longest > 0:
-        most = Chain(family(longest), pitch, links)
-        nearest = closing_links(most.track, pitch, work)
-        # With `nearest` links the longest track is slack, unless it happens to fit: one fewer closes on another.
-        fits = abs(Chain(most.track, pitch, nearest).least_overrun().value) <= STRETCH_TOLERANCE * pitch
-        raise NotClosing(links, nearest if fits else nearest - 1, -at_longest, where)
+        longest_chain = Chain(family(longest), pitch, links)
+        nearest = closing_links(longest_chain.track, pitch, work)
+        # with `nearest` links the longest track is slack, unless it fits exactly; a link less closes on a shorter track
+        fits_exactly = (
+            abs(Chain(longest_chain.track, pitch, nearest).smallest_overrun().value) <= STRETCH_TOLERANCE * pitch
+        )
+        raise NotClosing(links, nearest if fits_exactly else nearest - 1, -at_longest, family_name)
     # the overrun rises with the negative parameter
-    rising = secant(lambda x: np.array([least(-x[0])]), -longest, at_longest)
+    rising = secant(lambda x: np.array([overrun(-x[0])]), -longest, at_longest)
     guess = -longest + (longest - shortest) * at_longest / (at_longest - at_shortest)
     return -float(rising_root(rising, -longest, -shortest, [guess])[0])

@@ -1,17 +1,20 @@
-"""The whole groove that a chain's pins run in, as closed contours of arcs and lines, and as files: CSV, SVG and DXF.
+"""The groove in which the pins of a chain run, as closed contours of arcs and lines, and its CSV, SVG and DXF files.
 
-The path is the bare track where it stays and the slot where the slot replaces it. The slot is drawn by pairs of tangent
-arcs (biarcs) within `TOLERANCE`; an arc moved square to itself is an arc again, so each wall is exactly a roller's
-radius from that path. Where the slot meets the track at a step or a corner, walls that would cross are cut at their
-crossing and walls that part are joined by an arc of the roller's radius: what is left is the edge of what the roller sweeps.
-All coordinates are those of the track, in its own unit and at full size.
+The path consists of the bare track and, where the slot replaces the track, the slot. The slot is approximated by
+pairs of tangent arcs (biarcs) within `TOLERANCE`. The parallel curve of an arc is an arc, so each wall is exactly a
+roller radius from this path. If the slot meets the track at a step or a corner, intersecting walls are cut at their
+intersection, and separated walls are joined by an arc of the roller radius. The result is the edge of the area swept
+by the roller.
+
+Coordinates are in the frame and the unit of the track, at full size.
 """
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,275 +25,421 @@ from synthesis.scenes.chain.track import Points, Track, cross, dot
 from synthesis.sheet import Sheet, csv_text, dxf_document, dxf_text
 
 TOLERANCE = 1e-7
-"""Distance of the drawn path from the exact one, in pitches."""
-GAP = 1e-6
-"""Step between slot and track that counts as none, in pitches."""
-FEWEST, MOST = 32, 4096
-"""Nodes of the slot: doubled until the arcs are within the tolerance."""
-CHECKS = 2048
-"""Points of the path, and of each wall, whose distances tell whether the groove cuts into itself."""
+"""Largest distance of the drawn path from the exact path, in pitches."""
 
 
-class Bend(NamedTuple):
-    """An arc, or with ``turn`` 0 a line, from one point to another; a positive turn (rad) goes to the left."""
+@dataclass(frozen=True)
+class GrooveOptions:
+    """Tolerances and numbers of points for the groove."""
+
+    gap_tolerance: float = 1e-6
+    """Step between slot and track that counts as none, in pitches."""
+    min_nodes: int = 32
+    """Initial number of nodes on the slot, which is doubled until the arcs are within the tolerance."""
+    max_nodes: int = 4096
+    """Largest number of nodes on the slot."""
+    check_points: int = 2048
+    """Number of points on the path and on each wall for checking that the groove does not cut into itself."""
+
+
+OPTIONS = GrooveOptions()
+
+
+class PathElement(NamedTuple):
+    """An arc or a line from one point to another."""
 
     start: complex
+    """Start point x + i y."""
     end: complex
+    """End point x + i y."""
     turn: float
+    """Turning angle of an arc in radians, positive to the left; 0 for a line."""
 
     @property
     def radius(self) -> float:
-        """Signed radius, left positive; infinite for a line."""
+        """Return the signed radius, positive to the left; infinite for a line."""
         return float(abs(self.end - self.start) / (2 * np.sin(self.turn / 2))) if self.turn else np.inf
 
     @property
     def heading(self) -> complex:
-        """Unit tangent at the start."""
+        """Return the unit tangent at the start."""
         chord = self.end - self.start
         return complex(chord / abs(chord) * np.exp(-0.5j * self.turn))
 
-    def at(self, share: Floats) -> Points:
-        """Points at shares of the way."""
-        half = 0.5 * self.turn
-        # chord of a share of the turn over the whole chord; for a line the share itself
-        ratio = np.sin(half * share) / np.sin(half) if self.turn else share
-        points: Points = self.start + (self.end - self.start) * ratio * np.exp(1j * half * (share - 1))
+    def points_at(self, fractions: Floats) -> Points:
+        """Return the points at fractions of the length."""
+        half_turn = 0.5 * self.turn
+        # chord up to the fraction divided by the whole chord; for a line the fraction itself
+        chord_ratio = np.sin(half_turn * fractions) / np.sin(half_turn) if self.turn else fractions
+        points: Points = self.start + (self.end - self.start) * chord_ratio * np.exp(1j * half_turn * (fractions - 1))
         return points
 
-    def cut(self, first: float, last: float) -> Bend:
-        """The part between two shares of the way."""
-        start, end = (complex(point) for point in self.at(np.array([first, last])))
-        return Bend(self.start if first == 0 else start, self.end if last == 1 else end, self.turn * (last - first))
+    def section(self, first: float, last: float) -> PathElement:
+        """Return the section between two fractions of the length."""
+        start, end = (complex(point) for point in self.points_at(np.array([first, last])))
+        return PathElement(
+            self.start if first == 0 else start, self.end if last == 1 else end, self.turn * (last - first)
+        )
 
-    def moved(self, offset: float) -> Bend:
-        """The bend moved square to itself, to the left where ``offset`` > 0."""
+    def offset_by(self, distance: float) -> PathElement:
+        """Return the parallel element at a distance, positive to the left."""
         normal = 1j * self.heading
-        return Bend(self.start + offset * normal, self.end + offset * normal * np.exp(1j * self.turn), self.turn)
+        return PathElement(
+            self.start + distance * normal, self.end + distance * normal * np.exp(1j * self.turn), self.turn
+        )
 
     @property
-    def reversed(self) -> Bend:
-        """The same bend the other way."""
-        return Bend(self.end, self.start, -self.turn)
+    def reversed(self) -> PathElement:
+        """Return the same element in the opposite direction."""
+        return PathElement(self.end, self.start, -self.turn)
 
 
-Run = list[Bend]
+Polyarc = list[PathElement]
+"""A curve of consecutive arcs and lines."""
 
 
-def backwards(run: Run) -> Run:
-    """A run of bends the other way."""
-    return [bend.reversed for bend in reversed(run)]
+def reverse_polyarc(polyarc: Polyarc) -> Polyarc:
+    """Return a polyarc in the opposite direction."""
+    return [element.reversed for element in reversed(polyarc)]
 
 
-def biarcs(points: Points, tangents: Points) -> Run:
-    """Two tangent arcs from each point to the next, with the given unit tangents."""
-    chord, sum_ = np.diff(points), tangents[:-1] + tangents[1:]
-    ahead, size = dot(chord, sum_), dot(chord, chord)
-    closed = np.abs(np.diff(tangents)) ** 2  # 2 (1 - t1.t2), without the difference
-    handle = size / (ahead + np.sqrt(ahead**2 + closed * size))
-    middle = 0.5 * (points[:-1] + points[1:]) - 0.5 * handle * np.diff(tangents)
-    run: Run = []
+def biarcs(points: Points, tangents: Points) -> Polyarc:
+    """Connect points by pairs of tangent arcs.
+
+    Parameters
+    ----------
+    points : ndarray of complex, shape (n,)
+    tangents : ndarray of complex, shape (n,)
+        Unit tangents at the points.
+
+    Returns
+    -------
+    list of PathElement
+        Two arcs between each pair of consecutive points.
+    """
+    chord, tangent_sum = np.diff(points), tangents[:-1] + tangents[1:]
+    ahead, size = dot(chord, tangent_sum), dot(chord, chord)
+    tangent_change = np.abs(np.diff(tangents)) ** 2  # 2 (1 - t1.t2), without the difference
+    control_length = size / (ahead + np.sqrt(ahead**2 + tangent_change * size))
+    middle = 0.5 * (points[:-1] + points[1:]) - 0.5 * control_length * np.diff(tangents)
+    polyarc: Polyarc = []
     for start, joint, end, first, last in zip(points[:-1], middle, points[1:], tangents[:-1], tangents[1:]):
-        one, two = joint - start, end - joint
-        run.append(Bend(start, joint, 2 * float(np.arctan2(cross(first, one), dot(first, one)))))
-        run.append(Bend(joint, end, 2 * float(np.arctan2(cross(two, last), dot(two, last)))))
-    return run
+        chord_1, chord_2 = joint - start, end - joint
+        polyarc.append(PathElement(start, joint, 2 * _angle(first, chord_1)))
+        polyarc.append(PathElement(joint, end, 2 * _angle(chord_2, last)))
+    return polyarc
 
 
-def slot_run(slot: Slot) -> Run:
-    """The slot as biarcs within `TOLERANCE` of its exact path."""
-    allowed, count = TOLERANCE * slot.chain.pitch, FEWEST
+def _angle(first: Any, second: Any) -> float:
+    """Return the angle from the first vector to the second."""
+    return float(np.arctan2(cross(first, second), dot(first, second)))
+
+
+def slot_polyarc(slot: Slot) -> Polyarc:
+    """Approximate the slot by biarcs.
+
+    Parameters
+    ----------
+    slot : Slot
+
+    Returns
+    -------
+    list of PathElement
+        Arcs within `TOLERANCE` of the exact path.
+    """
+    allowed, count = TOLERANCE * slot.chain.pitch, OPTIONS.min_nodes
     while True:
         phases = np.union1d(np.linspace(slot.start, slot.end, count + 1), slot.breaks)
         phases = phases[np.concatenate([[True], np.diff(phases) > 1e-7 * slot.chain.period])]
         phases[-1] = slot.end
-        run = biarcs(slot.path(phases), -1j * slot.normals(phases))
-        if count >= MOST or _deviation(slot, run, phases) <= allowed:
-            return run
+        polyarc = biarcs(slot.path(phases), -1j * slot.normals(phases))
+        if count >= OPTIONS.max_nodes or _deviation(slot, polyarc, phases) <= allowed:
+            return polyarc
         count *= 2
 
 
-def _deviation(slot: Slot, run: Run, phases: Floats) -> float:
-    """Largest distance of the path at three places between the nodes from the nearer of its two arcs."""
-    shares = np.array([[0.25], [0.5], [0.75]])
-    points = slot.path((phases[:-1] + shares * np.diff(phases)).ravel()).reshape(3, -1)
-    off = np.empty((2, *points.shape))
+def _deviation(slot: Slot, polyarc: Polyarc, phases: Floats) -> float:
+    """Return the largest distance of the path from its biarcs, at three points between neighbouring nodes."""
+    fractions = np.array([[0.25], [0.5], [0.75]])
+    points = slot.path((phases[:-1] + fractions * np.diff(phases)).ravel()).reshape(3, -1)
+    distances = np.empty((2, *points.shape))
     for arc in range(2):
-        starts, ends, turns = (np.array(column) for column in zip(*run[arc::2]))
-        # off a circle through the start with tangent t and curvature k: (2 a - k |p|^2)/(1 + ...), a the way to the left
+        starts, ends, turns = (np.array(column) for column in zip(*polyarc[arc::2]))
+        # distance from a circle through the start with tangent t and curvature k: (2 a - k |p|^2)/(1 + ...), a to the left of t
         chords = ends - starts
         tangent, k = chords / np.abs(chords) * np.exp(-0.5j * turns), 2 * np.sin(turns / 2) / np.abs(chords)
-        way = (points - starts) / tangent
-        off[arc] = np.abs(2 * way.imag - k * np.abs(way) ** 2) / (1 + np.abs(1 + 1j * k * way))
-    return float(off.min(axis=0).max())
+        local = (points - starts) / tangent
+        distances[arc] = np.abs(2 * local.imag - k * np.abs(local) ** 2) / (1 + np.abs(1 + 1j * k * local))
+    return float(distances.min(axis=0).max())
 
 
-def track_run(track: Track, start: float, end: float) -> Run:
-    """The bare track between two arc lengths, ``end`` at most one lap beyond ``start``; no bend of more than half a turn."""
+def track_polyarc(track: Track, start: float, end: float) -> Polyarc:
+    """Return the bare track between two arc lengths as elements of at most half a turn.
+
+    Parameters
+    ----------
+    track : Track
+    start, end : float
+        Arc lengths; ``end`` is at most one lap beyond ``start``.
+    """
     joints = np.concatenate([track.joints[:-1] + lap * track.total for lap in range(-1, 3)])
     cuts = np.concatenate([[start], joints[(joints > start) & (joints < end)], [end]])
-    run: Run = []
+    polyarc: Polyarc = []
     for low, high in itertools.pairwise(cuts):
         if high - low <= 1e-12 * track.total:
             continue
-        turn = float(track.curvature[int(track.place(0.5 * (low + high)).segment[0])] * (high - low))
-        parts = np.linspace(low, high, 3 if abs(turn) > np.pi else 2)
-        points = track.points(track.place(parts))
-        run += [Bend(complex(a), complex(b), turn / (len(parts) - 1)) for a, b in itertools.pairwise(points)]
-    return run
+        turn = float(track.curvature[int(track.locate(0.5 * (low + high)).segment[0])] * (high - low))
+        ends = np.linspace(low, high, 3 if abs(turn) > np.pi else 2)
+        points = track.points(track.locate(ends))
+        polyarc += [
+            PathElement(complex(a), complex(b), turn / (len(ends) - 1)) for a, b in itertools.pairwise(points)
+        ]
+    return polyarc
 
 
 class Groove(NamedTuple):
-    """Closed contours in the order of travel."""
+    """Closed contours in the direction of travel."""
 
-    path: Run
-    """The way of the pins."""
-    walls: dict[str, Run]
-    """``left`` and ``right`` of that way; none without a roller."""
+    path: Polyarc
+    """Path of the pins."""
+    walls: dict[str, Polyarc]
+    """Walls to the ``left`` and ``right`` of the path; empty without a roller."""
 
 
 def groove(slot: Slot, roller_radius: float | None) -> Groove:
-    """The path of all pins and the walls of a roller's groove around it.
+    """Compute the path of all pins and the walls of the groove for a roller.
 
-    Law: each wall is closed, does not cross itself, and is a roller's radius from the path, no closer anywhere.
+    Parameters
+    ----------
+    slot : Slot
+    roller_radius : float, optional
+        Radius of the rollers. Without it the groove has no walls.
 
-    Raises `FieldError`: the roller is too large for a bend of the path, for the step at the slot's ends, or for the
-    room between two parts of the track.
+    Returns
+    -------
+    Groove
+        Each wall is closed, does not intersect itself, and is at a roller radius from the path, nowhere closer.
+
+    Raises
+    ------
+    FieldError
+        The roller is too large for the curvature of the path, for the step at the ends of the slot, or for the
+        distance between two parts of the track.
     """
     track, pitch = slot.chain.track, slot.chain.pitch
     ends = slot.path(np.array([slot.start, slot.end]))
     along, _ = slot.foot(ends)
     first = track.joints[slot.base[0][0]]
-    stay = track_run(track, float(first + along[1]), float(first + along[0]) + track.total)
-    slide = slot_run(slot)
-    path = [*stay, *_bridge(stay, slide, pitch), *slide, *_bridge(slide, stay, pitch)]
+    track_path = track_polyarc(track, float(first + along[1]), float(first + along[0]) + track.total)
+    slot_path = slot_polyarc(slot)
+    path = [*track_path, *_bridge(track_path, slot_path, pitch), *slot_path, *_bridge(slot_path, track_path, pitch)]
     if roller_radius is None:
         return Groove(path, {})
-    refuse_undercut(roller_radius, min(smallest_radius(slot), min(abs(bend.radius) for bend in path)))
-    walls = {}
-    for name, side in (("left", 1), ("right", -1)):
-        outer = side == slot.outward
-        kept, cut = ([bend.moved(side * roller_radius) for bend in run] for run in (stay, slide))
-        kept, joint, cut = _joined(kept, cut, stay[-1], slide[0], roller_radius, side, outer, pitch)
-        # the other end is the same one, travelled backwards: left is then right
-        back = backwards(kept), backwards(cut), stay[0].reversed, slide[-1].reversed
-        turned, other, cut = _joined(*back, roller_radius, -side, outer, pitch)
-        walls[name] = [*backwards(turned), *joint, *backwards(cut), *backwards(other)]
+    refuse_undercut(roller_radius, min(smallest_radius(slot), min(abs(element.radius) for element in path)))
+    gap = OPTIONS.gap_tolerance * pitch
+    walls = {
+        name: _wall(track_path, slot_path, roller_radius, side, side == slot.outward, gap)
+        for name, side in (("left", 1), ("right", -1))
+    }
     _refuse_cuts(path, walls, roller_radius, pitch)
     return Groove(path, walls)
 
 
+def _wall(track_path: Polyarc, slot_path: Polyarc, radius: float, side: int, is_outer: bool, gap: float) -> Polyarc:
+    """Return the closed wall on the left or right side of the path."""
+    track_wall, slot_wall = (
+        [element.offset_by(side * radius) for element in polyarc] for polyarc in (track_path, slot_path)
+    )
+    corner = _Corner(track_path[-1], slot_path[0], radius, side, is_outer, gap)
+    track_wall, joint, slot_wall = _join_walls(track_wall, slot_wall, corner)
+    # the other end of the slot is the same problem in the opposite direction, with left and right exchanged
+    corner = _Corner(track_path[0].reversed, slot_path[-1].reversed, radius, -side, is_outer, gap)
+    track_wall, other_joint, slot_wall = _join_walls(reverse_polyarc(track_wall), reverse_polyarc(slot_wall), corner)
+    return [
+        *reverse_polyarc(track_wall),
+        *joint,
+        *reverse_polyarc(slot_wall),
+        *reverse_polyarc(other_joint),
+    ]
+
+
 def refuse_undercut(roller_radius: float, largest: float) -> None:
-    """Raise `FieldError` for a roller that would cut away the wall on the inside of a bend of this radius."""
+    """Raise a `FieldError` for a roller that would cut away the wall on the inside of a bend.
+
+    Parameters
+    ----------
+    roller_radius : float
+        Radius of the rollers.
+    largest : float
+        Smallest radius of curvature of the path, which the roller radius must not reach.
+    """
     if roller_radius >= largest:
         raise FieldError(
             "/roller_radius",
-            f"a roller must be smaller than the path's smallest curvature radius, {largest:.6g}",
+            f"the radius must be less than the smallest radius of curvature of the path, {largest:.6g}",
             constraint="undercut",
             amount=roller_radius - largest,
         )
 
 
-def _bridge(run: Run, other: Run, pitch: float) -> Run:
-    """The step from one run to another; none where they meet."""
-    step = Bend(run[-1].end, other[0].start, 0.0)
-    return [step] if abs(step.end - step.start) > GAP * pitch else []
+def _bridge(first: Polyarc, second: Polyarc, pitch: float) -> Polyarc:
+    """Return the line from the end of the first polyarc to the start of the second; empty if they meet."""
+    step = PathElement(first[-1].end, second[0].start, 0.0)
+    return [step] if abs(step.end - step.start) > OPTIONS.gap_tolerance * pitch else []
 
 
-def _joined(
-    kept: Run, cut: Run, before: Bend, after: Bend, radius: float, side: int, outer: bool, pitch: float
-) -> tuple[Run, Run, Run]:
-    """The walls of two runs of the path where the second follows the first: both shortened, and what comes between.
+class _Corner(NamedTuple):
+    """Transition of the path from the track to the slot, for the construction of a wall."""
 
-    ``before`` and ``after`` are the path's bends there. On the slot's own side (``outer``) the second wall, the arc around the
-    slot's end or the wall of the step crosses the first one; on the other side an arc around the track's end, and where the
-    step is higher than the roller its wall, leads to the second one.
+    before: PathElement
+    """Last element of the track."""
+    after: PathElement
+    """First element of the slot."""
+    radius: float
+    """Radius of the roller."""
+    side: int
+    """1 for the left wall, -1 for the right wall."""
+    is_outer: bool
+    """True if the wall is on the side of the track on which the slot lies."""
+    gap: float
+    """Distance below which two points coincide."""
+
+    @property
+    def heading(self) -> complex:
+        """Return the unit tangent at the end of the track."""
+        return complex(self.before.heading * np.exp(1j * self.before.turn))
+
+    @property
+    def step(self) -> complex:
+        """Return the vector from the end of the track to the start of the slot; 0 if they coincide."""
+        step = self.after.start - self.before.end
+        return step if abs(step) > self.gap else 0j
+
+
+def _join_walls(track_wall: Polyarc, slot_wall: Polyarc, corner: _Corner) -> tuple[Polyarc, Polyarc, Polyarc]:
+    """Return the wall of the track, the elements that join both walls, and the wall of the slot.
+
+    Walls that would intersect are cut at their intersection.
     """
-    if abs(kept[-1].end - cut[0].start) <= GAP * pitch:
-        return kept, [], [cut[0]._replace(start=kept[-1].end), *cut[1:]]
-    foot, end = before.end, after.start
-    heading = before.heading * np.exp(1j * before.turn)
-    step = abs(end - foot) > GAP * pitch
-    up = (end - foot) / abs(end - foot) if step else 0j
-
-    if not outer:
-
-        def clear(points: Points) -> Flags:
-            """Whether points are a roller's radius from the step."""
-            way = (points - foot) * np.conj(up)
-            return np.asarray(
-                np.abs(points - foot - up * np.clip(way.real, 0, abs(end - foot))) >= radius * (1 - 1e-12)
-            )
-
-        index, share = _first(cut, clear)
-        rest = [cut[index].cut(share, 1.0), *cut[index + 1 :]]
-        corner = foot + radius * heading
-        if step and ((rest[0].start - foot) * np.conj(up)).real > GAP * pitch:
-            return kept, [_around(foot, kept[-1].end, corner, side), Bend(corner, rest[0].start, 0.0)], rest
-        return kept, [_around(foot, kept[-1].end, rest[0].start, side)], rest
-    base, tail = kept[-1], cut
-    if step:
-        corner = end - radius * heading
-        tail = [Bend(foot - radius * heading, corner, 0.0), _around(end, corner, cut[0].start, side), *cut]
-
-    def outside(points: Points) -> Flags:
-        """Whether points lie beyond the first wall, continued."""
-        way, k = (points - base.start) / base.heading, 1 / base.radius
-        return np.asarray(side * (2 * way.imag - k * np.abs(way) ** 2) >= 0)
-
-    index, share = _first(tail, outside)
-    rest = [tail[index].cut(share, 1.0), *tail[index + 1 :]]
-    return [*kept[:-1], _shortened(base, rest[0].start)], [], rest
+    if abs(track_wall[-1].end - slot_wall[0].start) <= corner.gap:
+        return track_wall, [], [slot_wall[0]._replace(start=track_wall[-1].end), *slot_wall[1:]]
+    if corner.is_outer:
+        return _join_outer_walls(track_wall, slot_wall, corner)
+    return _join_inner_walls(track_wall, slot_wall, corner)
 
 
-def _around(centre: complex, start: complex, end: complex, side: int) -> Bend:
-    """The arc around a point, to the right for a positive ``side``, that is to the left of its way."""
+def _join_inner_walls(track_wall: Polyarc, slot_wall: Polyarc, corner: _Corner) -> tuple[Polyarc, Polyarc, Polyarc]:
+    """Join the walls by an arc around the end of the track and, if the step is higher than the roller, a line."""
+    foot, step, radius = corner.before.end, corner.step, corner.radius
+    direction = step / abs(step) if step else 0j
+
+    def is_clear(points: Points) -> Flags:
+        """Return whether points are at least a roller radius away from the step."""
+        local = (points - foot) * np.conj(direction)
+        distance = np.abs(points - foot - direction * np.clip(local.real, 0, abs(step)))
+        return np.asarray(distance >= radius * (1 - 1e-12))
+
+    remaining = _from_first_true(slot_wall, is_clear)
+    tangent_point = foot + radius * corner.heading
+    if step and ((remaining[0].start - foot) * np.conj(direction)).real > corner.gap:
+        joint = [
+            _arc_around(foot, track_wall[-1].end, tangent_point, corner.side),
+            PathElement(tangent_point, remaining[0].start, 0.0),
+        ]
+        return track_wall, joint, remaining
+    return track_wall, [_arc_around(foot, track_wall[-1].end, remaining[0].start, corner.side)], remaining
+
+
+def _join_outer_walls(track_wall: Polyarc, slot_wall: Polyarc, corner: _Corner) -> tuple[Polyarc, Polyarc, Polyarc]:
+    """Cut the wall of the track where the wall of the step, the arc around its end or the wall of the slot meets it."""
+    last, continuation, slot_end = track_wall[-1], slot_wall, corner.after.start
+    if corner.step:
+        tangent_point = slot_end - corner.radius * corner.heading
+        continuation = [
+            PathElement(corner.before.end - corner.radius * corner.heading, tangent_point, 0.0),
+            _arc_around(slot_end, tangent_point, slot_wall[0].start, corner.side),
+            *slot_wall,
+        ]
+
+    def is_outside(points: Points) -> Flags:
+        """Return whether points lie beyond the last element of the track's wall or its continuation."""
+        local, k = (points - last.start) / last.heading, 1 / last.radius
+        return np.asarray(corner.side * (2 * local.imag - k * np.abs(local) ** 2) >= 0)
+
+    remaining = _from_first_true(continuation, is_outside)
+    return [*track_wall[:-1], _shortened(last, remaining[0].start)], [], remaining
+
+
+def _arc_around(centre: complex, start: complex, end: complex, side: int) -> PathElement:
+    """Return the arc around a centre that turns right if ``side`` is 1 and left if it is -1."""
     turn = float(np.angle((end - centre) / (start - centre)))
-    return Bend(start, end, turn if -side * turn >= 0 else turn - side * 2 * np.pi)
+    return PathElement(start, end, turn if -side * turn >= 0 else turn - side * 2 * np.pi)
 
 
-def _shortened(bend: Bend, end: complex) -> Bend:
-    """A bend that ends earlier, at a point of its own."""
-    way = (end - bend.start) / bend.heading
-    turn = 2 * float(np.angle(way)) if bend.turn else 0.0
-    if not (abs(turn) < abs(bend.turn) if bend.turn else 0 < way.real < abs(bend.end - bend.start)):
+def _shortened(element: PathElement, end: complex) -> PathElement:
+    """Return the element up to a point on it."""
+    local = (end - element.start) / element.heading
+    turn = 2 * float(np.angle(local)) if element.turn else 0.0
+    if not (abs(turn) < abs(element.turn) if element.turn else 0 < local.real < abs(element.end - element.start)):
         raise _no_wall()
-    return Bend(bend.start, end, turn)
+    return PathElement(element.start, end, turn)
 
 
-def _first(run: Run, holds: Callable[[Points], Flags]) -> tuple[int, float]:
-    """The first bend of a run and the share of it from which a condition holds."""
-    for index, bend in enumerate(run):
-        if holds(bend.at(np.array([0.0])))[0]:
-            return index, 0.0
-        if holds(bend.at(np.array([1.0])))[0]:
-            _, share = bisect(lambda at, b=bend: ~holds(b.at(at)), np.zeros(1), np.ones(1))  # type: ignore[misc]
-            return index, float(share[0])
+def _from_first_true(polyarc: Polyarc, condition: Callable[[Points], Flags]) -> Polyarc:
+    """Return the part of a polyarc from the first point at which a condition holds."""
+    for index, element in enumerate(polyarc):
+        if condition(element.points_at(np.array([0.0])))[0]:
+            fraction = 0.0
+        elif condition(element.points_at(np.array([1.0])))[0]:
+            _, root = bisect(lambda x, element=element: ~condition(element.points_at(x)), np.zeros(1), np.ones(1))  # type: ignore[misc]
+            fraction = float(root[0])
+        else:
+            continue
+        return [element.section(fraction, 1.0), *polyarc[index + 1 :]]
     raise _no_wall()
 
 
 def _no_wall() -> FieldError:
-    message = "the slot's ends are so far from the track, or so steep, that no groove of this roller joins them"
+    """Build the error for a roller whose walls cannot be joined."""
+    message = "the ends of the slot are too far from the track or too steep for this roller; use a smaller radius"
     return FieldError("/roller_radius", message, constraint="step")
 
 
-def sampled(run: Run, count: int) -> Points:
-    """About ``count`` points of a run, evenly spaced bend by bend."""
-    lengths = np.array([abs(b.radius * b.turn) if b.turn else abs(b.end - b.start) for b in run])
+def sample_polyarc(polyarc: Polyarc, count: int) -> Points:
+    """Sample a polyarc.
+
+    Parameters
+    ----------
+    polyarc : list of PathElement
+    count : int
+        Approximate number of points.
+
+    Returns
+    -------
+    ndarray of complex
+        Points, evenly spaced on each element.
+    """
+    lengths = np.array([abs(e.radius * e.turn) if e.turn else abs(e.end - e.start) for e in polyarc])
     counts = np.maximum(1, np.ceil(count * lengths / lengths.sum())).astype(int)
-    return np.concatenate([bend.at(np.arange(n) / n) for bend, n in zip(run, counts)])
+    return np.concatenate([element.points_at(np.arange(n) / n) for element, n in zip(polyarc, counts)])
 
 
-def _refuse_cuts(path: Run, walls: dict[str, Run], radius: float, pitch: float) -> None:
-    """Refuse walls that come closer to the path than the roller: another part of the groove cuts through them."""
-    axis = sampled(path, CHECKS)
-    for run in walls.values():
-        points = sampled(run, CHECKS)
-        nearest = np.concatenate([np.abs(part[:, None] - axis).min(axis=1) for part in np.array_split(points, 16)])
+def _refuse_cuts(path: Polyarc, walls: dict[str, Polyarc], radius: float, pitch: float) -> None:
+    """Raise a `FieldError` if another part of the groove cuts through a wall.
+
+    A wall is cut if it is closer to the path than the roller radius.
+    """
+    path_points = sample_polyarc(path, OPTIONS.check_points)
+    for wall in walls.values():
+        points = sample_polyarc(wall, OPTIONS.check_points)
+        nearest = np.concatenate(
+            [np.abs(block[:, None] - path_points).min(axis=1) for block in np.array_split(points, 16)]
+        )
         missing = radius - float(nearest.min())
-        if missing > 4 * GAP * pitch:
+        if missing > 4 * OPTIONS.gap_tolerance * pitch:
             raise FieldError(
                 "/roller_radius",
-                f"the groove would cut into itself: two parts of its path are {2 * missing:.6g} too close for twice the roller",
+                f"the groove would cut into itself: two parts of its path are {2 * missing:.6g} closer than two roller radii",
                 constraint="groove_cut",
                 amount=missing,
             )
@@ -302,11 +451,24 @@ DXF_COLOURS = {"PATH": 1, "GROOVE_LEFT": 5, "GROOVE_RIGHT": 5, "PINS": 7}
 
 
 def roller_walls(slot: Slot, phases: Floats, roller_radius: float | None) -> dict[str, Points]:
-    """The walls of a slot for a roller: the pin's path moved square to itself, to the left and to the right.
+    """Return the walls of a slot for a roller: the parallel curves on both sides of the pin's path.
 
-    Law: each wall is a roller's radius from the path, and no closer to any of its points.
+    Parameters
+    ----------
+    slot : Slot
+    phases : ndarray, shape (n,)
+    roller_radius : float, optional
+        Radius of the rollers. Without it there are no walls.
 
-    Raises `FieldError`: the roller is too large for the path.
+    Returns
+    -------
+    dict of str to ndarray of complex, shape (n,)
+        The ``left`` and the ``right`` wall, at a roller radius from the path and nowhere closer.
+
+    Raises
+    ------
+    FieldError
+        The roller is too large for the curvature of the path.
     """
     if roller_radius is None:
         return {}
@@ -323,9 +485,21 @@ def to_csv(
     roller_radius: float | None,
     more: dict[str, Floats] | None = None,
 ) -> str:
-    """The slot as a table: phase, free pin, depth, slack, with a roller its two walls, and ``more`` columns.
+    """Write the slot as a table of phase, free pin, depth and slack.
 
-    ``phase_unit`` is P1's way along the driver for one unit of the phase's column.
+    Parameters
+    ----------
+    slot : Slot
+    phases : ndarray, shape (n,)
+        Phases of the rows.
+    phase_name : str
+        Heading of the column of phases.
+    phase_unit : float
+        Travel of P1 along the driver for one unit of that column.
+    roller_radius : float, optional
+        Radius of the rollers, to add the two walls.
+    more : dict of str to ndarray, optional
+        Additional columns.
     """
     path = slot.path(phases)
     columns = {phase_name: phases / phase_unit, "x": path.real, "y": path.imag}
@@ -336,32 +510,60 @@ def to_csv(
     return csv_text({name: column.tolist() for name, column in columns.items()})
 
 
-def contours(made: Groove) -> dict[str, list[list[float]]]:
-    """The closed contours by name, each as rows x, y, bulge: of the bend that begins there, tan(turn/4), left positive."""
-    runs = {"path": made.path, **made.walls}
+def contours(groove_data: Groove) -> dict[str, list[list[float]]]:
+    """Return the closed contours of a groove for export.
+
+    Parameters
+    ----------
+    groove_data : Groove
+
+    Returns
+    -------
+    dict of str to list
+        By the name of the contour, one row per element: x and y of its start, and the bulge tan(turn / 4), positive
+        to the left.
+    """
+    polyarcs = {"path": groove_data.path, **groove_data.walls}
     return {
-        name: [[bend.start.real, bend.start.imag, float(np.tan(bend.turn / 4))] for bend in run]
-        for name, run in runs.items()
+        name: [[element.start.real, element.start.imag, float(np.tan(element.turn / 4))] for element in polyarc]
+        for name, polyarc in polyarcs.items()
     }
 
 
 def to_svg(slot: Slot, roller_radius: float | None) -> str:
-    """A drawing of the bare track, the pins at the window's start, their path and the groove's walls, y up."""
-    track, made = slot.chain.track, groove(slot, roller_radius)
+    """Draw the bare track, the pins at the start of the window, their path and the walls of the groove.
+
+    Parameters
+    ----------
+    slot : Slot
+    roller_radius : float, optional
+        Radius of the rollers, to draw the walls.
+
+    Returns
+    -------
+    str
+        SVG with y upwards.
+    """
+    track, groove_data = slot.chain.track, groove(slot, roller_radius)
     pins = slot.pins(np.array([slot.start]))[0]
-    runs = {"pin-path": made.path, **{f"groove-{name}": run for name, run in made.walls.items()}}
-    outline = np.concatenate([bend.at(np.linspace(0, 1, 16)) for run in runs.values() for bend in run])
+    polyarcs = {
+        "pin-path": groove_data.path,
+        **{f"groove-{name}": polyarc for name, polyarc in groove_data.walls.items()},
+    }
+    outline = np.concatenate(
+        [element.points_at(np.linspace(0, 1, 16)) for polyarc in polyarcs.values() for element in polyarc]
+    )
     sheet = Sheet(outline, margin=0.06)
-    thin, dot_radius = (share * max(sheet.width, sheet.height) for share in (0.0015, 0.006))
-    bare = track.points(track.place(np.linspace(0, track.total, 721)))
+    thin, dot_radius = (fraction * max(sheet.width, sheet.height) for fraction in (0.0015, 0.006))
+    track_points = track.points(track.locate(np.linspace(0, track.total, 721)))
     chain = " L ".join(map(sheet.at, pins))
     dashed = f'stroke="{TRACK_COLOUR}" stroke-dasharray="{3 * thin:.6g}"'
     parts = [
         f'<g fill="none" stroke-width="{thin:.6g}">',
-        f'<path id="bare-track" {dashed} d="M {" L ".join(map(sheet.at, bare))}"/>',
+        f'<path id="bare-track" {dashed} d="M {" L ".join(map(sheet.at, track_points))}"/>',
         *(
-            f'<path id="{name}" stroke="{PATH_COLOUR if name == "pin-path" else WALL_COLOUR}" d="{_svg_path(run, sheet)}"/>'
-            for name, run in runs.items()
+            f'<path id="{name}" stroke="{PATH_COLOUR if name == "pin-path" else WALL_COLOUR}" d="{_svg_path(polyarc, sheet)}"/>'
+            for name, polyarc in polyarcs.items()
         ),
         f'<path id="chain" stroke="{PIN_COLOUR}" d="M {chain} Z"/>',
         "</g>",
@@ -372,21 +574,36 @@ def to_svg(slot: Slot, roller_radius: float | None) -> str:
     return sheet.text("Chain, its track and the groove with the compensation slot", parts)
 
 
-def _svg_path(run: list[Bend], sheet: Sheet) -> str:
-    """A closed contour as SVG arcs; a left turn with y up is a right turn on the page, sweep flag 0."""
-    parts = [f"M {sheet.at(run[0].start)}"]
-    for bend in run:
-        if bend.turn == 0:
-            parts.append(f"L {sheet.at(bend.end)}")
+def _svg_path(polyarc: list[PathElement], sheet: Sheet) -> str:
+    """Return a closed contour as SVG arcs.
+
+    A left turn with y upwards is a right turn on the page (sweep flag 0).
+    """
+    parts = [f"M {sheet.at(polyarc[0].start)}"]
+    for element in polyarc:
+        if element.turn == 0:
+            parts.append(f"L {sheet.at(element.end)}")
             continue
-        radius = f"{abs(bend.radius):.9g}"
-        large, sweep = int(abs(bend.turn) > np.pi), int(bend.turn < 0)
-        parts.append(f"A {radius} {radius} 0 {large} {sweep} {sheet.at(bend.end)}")
+        radius = f"{abs(element.radius):.9g}"
+        large, sweep = int(abs(element.turn) > np.pi), int(element.turn < 0)
+        parts.append(f"A {radius} {radius} 0 {large} {sweep} {sheet.at(element.end)}")
     return " ".join([*parts, "Z"])
 
 
 def to_dxf(slot: Slot, roller_radius: float | None) -> str:
-    """The pins' path and the groove's walls as closed polylines of arcs and lines, the pins as points, each on its own layer."""
+    """Write the path of the pins, the walls of the groove and the pins, each on a layer of its own.
+
+    Parameters
+    ----------
+    slot : Slot
+    roller_radius : float, optional
+        Radius of the rollers, to write the walls.
+
+    Returns
+    -------
+    str
+        DXF in which path and walls are closed polylines of arcs and lines.
+    """
     document = dxf_document(DXF_COLOURS, unit=0)
     space = document.modelspace()
     for name, rows in contours(groove(slot, roller_radius)).items():

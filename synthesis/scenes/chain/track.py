@@ -1,8 +1,8 @@
-"""A closed track of tangent arcs and lines, the pins of a constant-pitch chain that step along it, and why one is refused.
+"""Closed tracks of tangent arcs and lines, and the pins of a constant-pitch chain that are stepped along them.
 
-Each segment is held by its start, its heading and its signed curvature, so an arc of any radius and a line are one
-formula: in the segment's own frame nothing cancels when the radius grows, and the origin of the drawing may be
-anywhere. Points are complex numbers x + i y, lengths are in the user's own unit, angles in radians.
+Each segment is defined by its start, its heading and its signed curvature, so one formula covers lines and arcs of
+any radius. In the frame of a segment there is no cancellation at large radii, and the origin of the drawing can be
+anywhere. Points are complex numbers x + i y, lengths are in the user's unit, and angles are in radians.
 """
 
 from __future__ import annotations
@@ -20,30 +20,43 @@ from synthesis.one_variable import Floats
 
 
 class ChordFault(StrEnum):
-    """Why a link does not fit; the value is the sentence that the user reads."""
+    """Reason why a link does not fit; the value is the sentence shown to the user."""
 
     NO_POINT = "no point of the track ahead is one pitch away"
-    REVERSAL = "the pitch is too long for the track's bends: a pin would jump or run back while the chain moves on"
-    AMBIGUOUS = "a link stands square to the track, so that the pitch does not determine the pin's place"
+    REVERSAL = (
+        "the pitch is too long for the bends of the track: a pin would jump or run backwards while the chain advances"
+    )
+    AMBIGUOUS = "a link is perpendicular to the track, so the pitch does not determine the position of the pin"
 
 
 class ChordError(FieldError):
-    """A pin for which there is no next pin.
+    """Error for a pin that has no next pin.
 
-    ``fault``: what is wrong. ``position``: arc length of the pin from the start of the track.
+    Parameters
+    ----------
+    fault : ChordFault
+        The reason.
+    arc_length : float
+        Arc length of the pin from the start of the track.
     """
 
-    def __init__(self, fault: ChordFault, position: float) -> None:
-        message = f"{fault.value} (pin at {position:.6g} along the track)"
-        super().__init__("/pitch", message, constraint=fault.name.lower(), amount=position)
+    def __init__(self, fault: ChordFault, arc_length: float) -> None:
+        message = f"{fault.value} (pin at {arc_length:.6g} along the track)"
+        super().__init__("/pitch", message, constraint=fault.name.lower(), amount=arc_length)
         self.fault = fault
 
 
 class TrackError(FieldError):
-    """Segments that make no closed tangent track.
+    """Error for segments that do not form a closed tangent track.
 
-    ``message``: what was found and what was wanted. ``segment``: the segment at fault. ``amount``: the size of the
-    fault: a gap, an angle, a length or a number of turns.
+    Parameters
+    ----------
+    message : str
+        The fault and the allowed values.
+    segment : int
+        Index of the segment at fault.
+    amount : float
+        Size of the fault: a gap, an angle, a length or a number of turns.
     """
 
     def __init__(self, message: str, segment: int, amount: float) -> None:
@@ -52,11 +65,18 @@ class TrackError(FieldError):
 
 
 class NotClosing(FieldError):
-    """A chain so much too short or too long for its track that another number of links closes.
+    """Error for a chain with the wrong number of links for its track.
 
-    ``links``, ``nearest_links``: number of links of the chain, and the nearest number that does close. ``missing``:
-    length that the chain lacks at its worst phase; negative: its excess. ``where``: completes the sentence: on which
-    track, or on which of a family of tracks.
+    Parameters
+    ----------
+    links : int
+        Number of links of the chain.
+    nearest_links : int
+        Nearest number of links with which the chain closes.
+    missing : float
+        Missing length at the worst phase; negative for an excess length.
+    where : str
+        End of the sentence: the track or the family of tracks.
     """
 
     def __init__(self, links: int, nearest_links: int, missing: float, where: str) -> None:
@@ -75,11 +95,11 @@ class NotClosing(FieldError):
 
 
 def check_link_fits(field: str, pitch: float, radius: float) -> None:
-    """Raise `FieldError` for an arc whose diameter is no longer than a link."""
+    """Raise a `FieldError` for an arc whose diameter is not larger than a link."""
     if not pitch < 2 * radius * (1 - 1e-9):
         raise FieldError(
             field,
-            f"a link does not fit on an arc of radius {radius:.6g}; more than {pitch / 2:.6g} is wanted",
+            f"a link does not fit on an arc of radius {radius:.6g}; the radius must be more than {pitch / 2:.6g}",
             constraint="link_on_arc",
             amount=pitch / 2 - radius,
         )
@@ -88,81 +108,113 @@ def check_link_fits(field: str, pitch: float, radius: float) -> None:
 JOINT_GAP = 1e-7
 """Largest gap between two segments, as a fraction of the track's length."""
 JOINT_KINK = 1e-6
-"""Largest angle between the headings of two segments at their joint, radians."""
+"""Largest difference of the headings of two segments at their joint, in radians."""
 GRAZING = 1e-7
-"""Cosine between link and track below which a pin's place is not determined by the pitch."""
+"""Cosine of the angle between link and track below which the pitch does not determine the position of a pin."""
 
 Points = NDArray[np.complex128]
 
 
-def dot(a: Points, b: Points) -> Floats:
-    """Scalar products of plane vectors."""
-    return (a * np.conj(b)).real
+def dot(first: Points, second: Points) -> Floats:
+    """Return the scalar products of plane vectors."""
+    return (first * np.conj(second)).real
 
 
-def cross(a: Points, b: Points) -> Floats:
-    """Vector products of plane vectors; positive where the second lies to the left of the first."""
-    return (np.conj(a) * b).imag
+def cross(first: Points, second: Points) -> Floats:
+    """Return the vector products of plane vectors, positive if the second vector is to the left of the first."""
+    return (np.conj(first) * second).imag
 
 
 class Segment(NamedTuple):
-    """An arc (curvature > 0 turns left, < 0 right) or a line (curvature 0), from its start."""
+    """An arc or a line."""
 
     x: float
+    """Horizontal coordinate of the start."""
     y: float
+    """Vertical coordinate of the start."""
     heading: float
+    """Direction of travel at the start."""
     curvature: float
+    """Signed curvature: positive for a left turn, negative for a right turn, 0 for a line."""
     length: float
+    """Arc length."""
 
 
 def line(x0: float, y0: float, x1: float, y1: float) -> Segment:
-    """The line from one point to another."""
+    """Return the line between two points."""
     return Segment(x0, y0, float(np.arctan2(y1 - y0, x1 - x0)), 0.0, float(np.hypot(x1 - x0, y1 - y0)))
 
 
 def arc(cx: float, cy: float, radius: float, start_angle: float, sweep: float) -> Segment:
-    """The arc around (cx, cy) from the polar angle ``start_angle``; a positive sweep turns left."""
+    """Return an arc.
+
+    Parameters
+    ----------
+    cx, cy : float
+        Centre.
+    radius : float
+    start_angle : float
+        Polar angle of the start about the centre.
+    sweep : float
+        Swept angle, positive for a left turn.
+
+    Returns
+    -------
+    Segment
+    """
     turn = 1.0 if sweep > 0 else -1.0
     x, y = cx + radius * np.cos(start_angle), cy + radius * np.sin(start_angle)
     return Segment(float(x), float(y), start_angle + turn * np.pi / 2, turn / radius, radius * abs(sweep))
 
 
-class Place(NamedTuple):
-    """Places on a track, shape (n,) each: the segment, the arc length along it, and the whole laps before it."""
+class TrackPosition(NamedTuple):
+    """Positions on a track."""
 
     segment: NDArray[np.intp]
+    """Index of the segment, shape (n,)."""
     along: Floats
+    """Arc length from the start of the segment, shape (n,)."""
     lap: NDArray[np.int64]
+    """Number of completed laps, shape (n,)."""
 
-    def rows(self, index: NDArray[np.intp] | slice) -> Place:
-        """Some of the places."""
-        return Place(self.segment[index], self.along[index], self.lap[index])
+    def select(self, index: NDArray[np.intp] | slice) -> TrackPosition:
+        """Return some of the positions."""
+        return TrackPosition(self.segment[index], self.along[index], self.lap[index])
 
-    def repeated(self, times: int) -> Place:
-        """One place, ``times`` times."""
-        return Place(np.repeat(self.segment, times), np.repeat(self.along, times), np.repeat(self.lap, times))
+    def repeated(self, times: int) -> TrackPosition:
+        """Repeat a single position."""
+        return TrackPosition(np.repeat(self.segment, times), np.repeat(self.along, times), np.repeat(self.lap, times))
 
 
-class Motion(NamedTuple):
-    """First and second derivative of a place's arc length by the phase that drives the chain, shape (n,) each."""
+class PinMotion(NamedTuple):
+    """Derivatives of the arc length of a position with respect to the phase of the chain."""
 
     rate: Floats
-    bend: Floats
+    """First derivative, shape (n,)."""
+    acceleration: Floats
+    """Second derivative, shape (n,)."""
 
-    def reversed(self) -> Motion:
-        """The same motion where arc length is counted the other way."""
-        return Motion(-self.rate, -self.bend)
+    def reversed(self) -> PinMotion:
+        """Return the same motion with the arc length measured in the opposite direction."""
+        return PinMotion(-self.rate, -self.acceleration)
 
 
 class Track:
     """A closed loop of tangent segments.
 
-    Law: a pin and its next pin are one pitch apart, and the next pin is the *first* such place ahead.
+    Consecutive pins are one pitch apart, and the next pin is the first such position ahead.
 
-    ``segments``: in the order of travel; each starts where the one before it ends, with the same heading, and the last
-    one ends where the first starts.
+    Parameters
+    ----------
+    segments : sequence of Segment
+        Segments in the direction of travel. Each segment starts at the end of its predecessor with the same heading,
+        and the last segment ends at the start of the first.
 
-    Raises `TrackError`: no segment, a segment without length, an arc of more than one turn, a gap or a kink at a joint.
+    Raises
+    ------
+    TrackError
+        There is no segment, a segment has no length, an arc has more than one turn, or two segments meet with a gap
+        or a kink.
     """
 
     def __init__(self, segments: Sequence[Segment]) -> None:
@@ -176,13 +228,11 @@ class Track:
                 raise TrackError(f"segment {index} has no length", index, float(row[4]))
             if abs(row[3]) * row[4] > 2 * np.pi * (1 + 1e-12):
                 turns = float(abs(row[3]) * row[4] / (2 * np.pi))
-                raise TrackError(
-                    f"segment {index} turns {turns:.6g} times round, at most once is wanted", index, turns
-                )
+                raise TrackError(f"segment {index} turns {turns:.6g} times; at most 1 turn is allowed", index, turns)
         self.segments = tuple(Segment(*map(float, row)) for row in rows)
         starts, self._heading = rows[:, 0] + 1j * rows[:, 1], rows[:, 2].copy()
+        # all geometry is relative to the start of the first segment, because the origin of the drawing can be far away
         self.origin = complex(starts[0])
-        """The drawing's origin is far away in some tracks: all geometry is relative to the first segment's start."""
         self.count = len(rows)
         self.curvature, self.length = rows[:, 3].copy(), rows[:, 4].copy()
         self._start, self._direction = starts - self.origin, np.cos(self._heading) + 1j * np.sin(self._heading)
@@ -195,97 +245,118 @@ class Track:
         gap = np.abs(np.roll(self._start, -1) - end)
         turn = np.roll(self._heading, -1) - self._heading - self.curvature * self.length
         kink = np.abs(np.arctan2(np.sin(turn), np.cos(turn)))
-        for name, found, allowed in (
-            ("a gap of {:.6g}, at most {:.3g} is allowed", gap, JOINT_GAP * self.total),
-            ("a kink of {:.6g} rad, at most {:.3g} is allowed", kink, JOINT_KINK),
+        for name, sizes, allowed in (
+            ("a gap of {:.6g}; at most {:.3g} is allowed", gap, JOINT_GAP * self.total),
+            ("a kink of {:.6g} rad; at most {:.3g} is allowed", kink, JOINT_KINK),
         ):
-            worst = int(np.argmax(found))
-            if found[worst] > allowed:
-                text = name.format(found[worst], allowed)
+            worst = int(np.argmax(sizes))
+            if sizes[worst] > allowed:
+                text = name.format(sizes[worst], allowed)
                 message = f"between segment {worst} and segment {(worst + 1) % self.count} there is {text}"
-                raise TrackError(message, worst, float(found[worst]))
+                raise TrackError(message, worst, float(sizes[worst]))
 
     @cached_property
     def reverse(self) -> Track:
-        """The same loop travelled the other way; its arc length is ``total - s``."""
+        """Return the same loop with the opposite direction of travel; its arc length is ``total - s``."""
         ends = self._points(np.arange(self.count), self.length) + self.origin
         headings = self._heading + self.curvature * self.length + np.pi
         rows = zip(ends.real, ends.imag, headings, -self.curvature, self.length)
         return Track([Segment(*map(float, row)) for row in rows][::-1])
 
     def starting_at(self, segment: int) -> Track:
-        """The same loop whose arc length counts from the start of another segment."""
+        """Return the same loop with the arc length measured from the start of another segment."""
         return Track(self.segments[segment:] + self.segments[:segment]) if segment else self
 
     # Places and points
 
-    def place(self, s: ArrayLike) -> Place:
-        """The places at arc lengths ``s``, which may lie beyond one lap."""
+    def locate(self, s: ArrayLike) -> TrackPosition:
+        """Return the positions at arc lengths ``s``, which can exceed one lap."""
         s = np.atleast_1d(np.asarray(s, dtype=float))
         lap = np.floor(s / self.total)
         within = s - lap * self.total
         segment = np.clip(np.searchsorted(self.joints, within, side="right") - 1, 0, self.count - 1)
-        return Place(segment, within - self.joints[segment], lap.astype(np.int64))
+        return TrackPosition(segment, within - self.joints[segment], lap.astype(np.int64))
 
-    def position(self, place: Place) -> Floats:
-        """Arc length of places from the start of the first lap: the inverse of `place`."""
-        return place.lap * self.total + (self.joints[place.segment] + place.along)
+    def arc_length(self, position: TrackPosition) -> Floats:
+        """Return the arc length of positions from the start of the first lap; the inverse of `locate`."""
+        return position.lap * self.total + (self.joints[position.segment] + position.along)
 
-    def mirrored(self, place: Place) -> Place:
-        """The same places as the reverse track counts them."""
-        return Place(self.count - 1 - place.segment, self.length[place.segment] - place.along, -place.lap)
+    def mirror(self, position: TrackPosition) -> TrackPosition:
+        """Return the same positions on the reverse track."""
+        return TrackPosition(
+            self.count - 1 - position.segment, self.length[position.segment] - position.along, -position.lap
+        )
 
-    def points(self, place: Place) -> Points:
-        """Points of the track, shape (n,)."""
-        return self._points(place.segment, place.along) + self.origin
+    def points(self, position: TrackPosition) -> Points:
+        """Return the points of the track at positions, shape (n,)."""
+        return self._points(position.segment, position.along) + self.origin
 
-    def beside(self, place: Place, offset: Floats) -> Points:
-        """Points square to the track at a distance, left positive: the inverse of `feet`."""
-        return self.points(place) + 1j * offset * self.tangents(place)
+    def beside(self, position: TrackPosition, offset: Floats) -> Points:
+        """Return the points at a perpendicular offset from the track, positive to the left.
 
-    def tangents(self, place: Place) -> Points:
-        """Unit tangents in the direction of travel, shape (n,)."""
-        turn = self.curvature[place.segment] * place.along
-        return self._direction[place.segment] * (np.cos(turn) + 1j * np.sin(turn))
+        This function is the inverse of `feet`.
+        """
+        return self.points(position) + 1j * offset * self.tangents(position)
 
-    # The two below write out the complex product: numpy rounds it differently with the place in the array, and
-    # stepping would pass that on to places that are known to rounding.
+    def tangents(self, position: TrackPosition) -> Points:
+        """Return the unit tangents in the direction of travel, shape (n,)."""
+        turn = self.curvature[position.segment] * position.along
+        return self._direction[position.segment] * (np.cos(turn) + 1j * np.sin(turn))
+
+    # The next two methods write out the complex product, because numpy rounds it differently depending on the index in the
+    # array, and stepping would propagate the difference.
 
     def _points(self, segment: NDArray[np.intp], along: Floats) -> Points:
-        """Points relative to `origin`: start + chord at half the turn, which holds for curvature 0 as well."""
+        """Return points relative to `origin`, as the start plus a chord at half of the turn.
+
+        The formula is also valid for curvature 0.
+        """
         curvature = self.curvature[segment]
         half = 0.5 * curvature * along
-        straight = curvature == 0
-        chord = np.where(straight, along, 2 * np.sin(half) / np.where(straight, 1.0, curvature))
+        is_line = curvature == 0
+        chord = np.where(is_line, along, 2 * np.sin(half) / np.where(is_line, 1.0, curvature))
         ahead, aside = chord * np.cos(half), chord * np.sin(half)
         c, s = self._direction[segment].real, self._direction[segment].imag
         return self._start[segment] + (ahead * c - aside * s) + 1j * (ahead * s + aside * c)
 
-    def _local(self, segment: NDArray[np.intp], points: Points) -> tuple[Floats, Floats]:
-        """Coordinates ahead and aside of each segment's start, of points relative to `origin`."""
-        d = points - self._start[segment]
-        c, s = self._direction[segment].real, self._direction[segment].imag
-        return d.real * c + d.imag * s, d.imag * c - d.real * s
+    def _local_coordinates(self, segment: NDArray[np.intp], points: Points) -> tuple[Floats, Floats]:
+        """Return the coordinates ahead and to the left of the start of each segment, of points relative to `origin`."""
+        relative = points - self._start[segment]
+        cosine, sine = self._direction[segment].real, self._direction[segment].imag
+        return relative.real * cosine + relative.imag * sine, relative.imag * cosine - relative.real * sine
 
     def feet(self, segment: int, points: Points) -> tuple[Floats, Floats]:
-        """Arc length and offset (left positive) of points by one segment, continued beyond its ends.
+        """Project points onto a segment, which is continued beyond its ends.
 
-        The offset of an arc is (1 - rho)/k with rho the distance from its centre in radii; written without the
-        difference it also holds for curvature 0.
+        The offset from an arc is (1 - rho)/k, where rho is the distance from the centre in radii. Written without the
+        difference, the formula is also valid for curvature 0.
+
+        Parameters
+        ----------
+        segment : int
+            Index of the segment.
+        points : ndarray of complex, shape (n,)
+
+        Returns
+        -------
+        along : ndarray, shape (n,)
+            Arc length of the foot from the start of the segment.
+        offset : ndarray, shape (n,)
+            Distance from the segment, positive to the left.
         """
-        ahead, aside = self._local(np.full(len(points), segment), points - self.origin)
+        ahead, aside = self._local_coordinates(np.full(len(points), segment), points - self.origin)
         k = self.curvature[segment]
-        rho = np.hypot(k * ahead, 1 - k * aside)
-        offset = (2 * aside - k * (ahead**2 + aside**2)) / (1 + rho)
+        radius_ratio = np.hypot(k * ahead, 1 - k * aside)
+        offset = (2 * aside - k * (ahead**2 + aside**2)) / (1 + radius_ratio)
         along = ahead if k == 0 else np.arctan2(k * ahead, 1 - k * aside) / k
-        # An arc of more than half a turn: the foot is searched from its middle, not from its start.
+        # for an arc of more than half a turn, choose the foot nearest to the middle of the arc
         if k != 0:
             turn = 2 * np.pi / abs(k)
             along = along + turn * np.round((self.length[segment] / 2 - along) / turn)
         return along, offset
 
     def distance(self, segment: int, points: Points) -> Floats:
-        """Distance of points from one segment, its ends included."""
+        """Return the distance of points from a segment including its ends."""
         along, offset = self.feet(segment, points)
         ends = self._points(np.array([segment, segment]), np.array([0.0, self.length[segment]])) + self.origin
         to_ends = np.abs(points[:, None] - ends).min(axis=1)
@@ -294,114 +365,167 @@ class Track:
     # Stepping
 
     def link_lengths(self, pitch: float) -> Floats:
-        """Arc length that one link takes on each segment; infinite where the pitch exceeds the arc's diameter."""
+        """Return the arc length that one link covers on each segment.
+
+        It is infinite if the pitch exceeds the diameter of the arc.
+        """
         k = np.abs(self.curvature)
         fits = k * pitch <= 2
-        half = np.arcsin(np.where(fits, 0.5 * k * pitch, 0.0))
-        bent = np.where(k > 0, 2 * half / np.where(k > 0, k, 1.0), pitch)
-        return np.where(fits, bent, np.inf)
+        half_angle = np.arcsin(np.where(fits, 0.5 * k * pitch, 0.0))
+        on_arc = np.where(k > 0, 2 * half_angle / np.where(k > 0, k, 1.0), pitch)
+        return np.where(fits, on_arc, np.inf)
 
-    def step(self, place: Place, pitch: float, direction: int = 1) -> Place:
-        """The next pins, shape (n,): the first places ahead that are one pitch away, chord by chord."""
-        return self.advance(place, pitch, 1, direction)
+    def step(self, position: TrackPosition, pitch: float, direction: int = 1) -> TrackPosition:
+        """Return the next pins, which are the first positions ahead at a chord of one pitch.
 
-    def advance(self, place: Place, pitch: float, links: ArrayLike, direction: int = 1) -> Place:
-        """The pins ``links`` links ahead, shape (n,). Costs one crossing a joint, however many links lie on a segment.
+        Parameters
+        ----------
+        position : TrackPosition
+            The pins, shape (n,).
+        pitch : float
+            Length of a link.
+        direction : {1, -1}
+            In or against the direction of travel.
 
-        Law: equals ``links`` calls of `step`.
+        Returns
+        -------
+        TrackPosition
+        """
+        return self.advance(position, pitch, 1, direction)
 
-        ``place``: the pins, shape (n,). ``pitch``: length of a link. ``links``: number of links for each place, at
-        least 0. ``direction``, one of {1, -1}: with or against the direction of travel.
+    def advance(self, position: TrackPosition, pitch: float, links: ArrayLike, direction: int = 1) -> TrackPosition:
+        """Return the pins ``links`` links ahead, which is equivalent to calling `step` ``links`` times.
 
-        Raises `ChordError`: for the first pin that has no next pin.
+        The cost does not depend on the number of links on a segment, only on the number of joints passed.
+
+        Parameters
+        ----------
+        position : TrackPosition
+            The pins, shape (n,).
+        pitch : float
+            Length of a link.
+        links : int or array_like of int
+            Number of links for each position, at least 0.
+        direction : {1, -1}
+            In or against the direction of travel.
+
+        Returns
+        -------
+        TrackPosition
+
+        Raises
+        ------
+        ChordError
+            A pin has no next pin; the error describes the first such pin.
         """
         if direction < 0:
-            return self.reverse.mirrored(self.reverse.advance(self.mirrored(place), pitch, links))
-        return self._advanced(place, None, pitch, links)[0]
+            return self.reverse.mirror(self.reverse.advance(self.mirror(position), pitch, links))
+        return self._advanced(position, None, pitch, links)[0]
 
     def carry(
-        self, place: Place, motion: Motion, pitch: float, links: ArrayLike, direction: int = 1
-    ) -> tuple[Place, Motion]:
-        """As `advance`, with the motion of the places on the way in and that of the pins on the way out."""
-        if direction < 0:
-            # Arc length of the reverse track runs the other way: rate and bend change sign on the way in and out.
-            back, moved = self.reverse.carry(self.mirrored(place), motion.reversed(), pitch, links)
-            return self.reverse.mirrored(back), moved.reversed()
-        return self._advanced(place, motion, pitch, links)
+        self, position: TrackPosition, motion: PinMotion, pitch: float, links: ArrayLike, direction: int = 1
+    ) -> tuple[TrackPosition, PinMotion]:
+        """Advance positions as in `advance`, together with their motion.
 
-    def _advanced(self, place: Place, motion: Motion | None, pitch: float, links: ArrayLike) -> tuple[Place, Motion]:
-        lengths = self.link_lengths(pitch)
-        left = np.broadcast_to(np.asarray(links, dtype=float), place.along.shape).copy()
-        segment, along, lap = place.segment.copy(), place.along.copy(), place.lap.copy()
-        moved = Motion(np.ones_like(along), np.zeros_like(along)) if motion is None else motion
-        rate, bend = moved.rate.copy(), moved.bend.copy()
-        while True:
-            own = lengths[segment]
-            inside = np.clip(np.floor((self.length[segment] - along) / own), 0, left)
-            along = along + np.where(inside > 0, inside * np.where(np.isfinite(own), own, 0.0), 0.0)
-            left = left - inside
-            go = np.flatnonzero(left > 0)
-            if not len(go):
-                return Place(segment, along, lap), Motion(rate, bend)
-            before = Place(segment[go], along[go], lap[go])
-            after = self._onto_later_segment(before, pitch)
-            if motion is not None:
-                rate[go], bend[go] = self._passed_on(before, after, Motion(rate[go], bend[go]))
-            segment[go], along[go], lap[go] = after
-            left[go] -= 1
+        Parameters
+        ----------
+        position : TrackPosition
+            The pins, shape (n,).
+        motion : PinMotion
+            Motion of the pins.
+        pitch, links, direction
+            See `advance`.
 
-    def _onto_later_segment(self, place: Place, pitch: float) -> Place:
-        """Next pins on a later segment than the pins' own.
-
-        In a segment's own frame, with P = (ahead, aside) and z = (2/k) tan(k t/2), |Q(t) - P| = pitch reads
-        A z^2 - 2 B z + C = 0,  A = 1 - k aside + k^2 C/4,  B = ahead,  C = |P|^2 - pitch^2. While the track is still
-        inside the circle around P (C < 0) the way out of it is the one root z = (B + sqrt(B^2 - A C))/A, on arcs of
-        either sense and any sweep and on lines. So nothing is clamped, and no root has to be picked.
+        Returns
+        -------
+        TrackPosition, PinMotion
+            Position and motion of the pins ``links`` links ahead.
         """
-        points = self._points(place.segment, place.along)
-        segment, along, lap = place.segment.copy(), place.along.copy(), place.lap.copy()
-        todo = np.arange(len(segment))
+        if direction < 0:
+            # the arc length of the reverse track decreases: both derivatives change sign, before and after the step
+            reached, reached_motion = self.reverse.carry(self.mirror(position), motion.reversed(), pitch, links)
+            return self.reverse.mirror(reached), reached_motion.reversed()
+        return self._advanced(position, motion, pitch, links)
+
+    def _advanced(
+        self, position: TrackPosition, motion: PinMotion | None, pitch: float, links: ArrayLike
+    ) -> tuple[TrackPosition, PinMotion]:
+        lengths = self.link_lengths(pitch)
+        remaining = np.broadcast_to(np.asarray(links, dtype=float), position.along.shape).copy()
+        segment, along, lap = position.segment.copy(), position.along.copy(), position.lap.copy()
+        start_motion = PinMotion(np.ones_like(along), np.zeros_like(along)) if motion is None else motion
+        rate, acceleration = start_motion.rate.copy(), start_motion.acceleration.copy()
+        while True:
+            link_length = lengths[segment]
+            links_inside = np.clip(np.floor((self.length[segment] - along) / link_length), 0, remaining)
+            along = along + np.where(
+                links_inside > 0, links_inside * np.where(np.isfinite(link_length), link_length, 0.0), 0.0
+            )
+            remaining = remaining - links_inside
+            active = np.flatnonzero(remaining > 0)
+            if not len(active):
+                return TrackPosition(segment, along, lap), PinMotion(rate, acceleration)
+            before = TrackPosition(segment[active], along[active], lap[active])
+            after = self._step_to_later_segment(before, pitch)
+            if motion is not None:
+                rate[active], acceleration[active] = self._next_motion(
+                    before, after, PinMotion(rate[active], acceleration[active])
+                )
+            segment[active], along[active], lap[active] = after
+            remaining[active] -= 1
+
+    def _step_to_later_segment(self, position: TrackPosition, pitch: float) -> TrackPosition:
+        """Return the next pins, which lie on a later segment than the pins themselves.
+
+        In the frame of a segment, with P = (ahead, aside) and z = (2/k) tan(k t/2), the equation |Q(t) - P| = pitch
+        is A z^2 - 2 B z + C = 0 with A = 1 - k aside + k^2 C/4, B = ahead and C = |P|^2 - pitch^2. While the track is
+        inside the circle around P (C < 0), it leaves the circle at the root z = (B + sqrt(B^2 - A C))/A, on lines and
+        on arcs of either sense and any sweep. No value has to be clamped, and no root has to be selected.
+        """
+        points = self._points(position.segment, position.along)
+        segment, along, lap = position.segment.copy(), position.along.copy(), position.lap.copy()
+        pending = np.arange(len(segment))
         for _ in range(self.count):
-            j = segment[todo] + 1
-            lap[todo] += j == self.count
-            segment[todo] = j = j % self.count
-            k = self.curvature[j]
-            ahead, aside = self._local(j, points[todo])
+            following = segment[pending] + 1
+            lap[pending] += following == self.count
+            segment[pending] = following = following % self.count
+            k = self.curvature[following]
+            ahead, aside = self._local_coordinates(following, points[pending])
             c = ahead**2 + aside**2 - pitch**2
             a = 1 - k * aside + 0.25 * k * k * c
             radicand = ahead**2 - a * c
             root = np.sqrt(np.maximum(radicand, 0.0))
-            # Two forms of one root: neither adds numbers of opposite sign.
-            up = np.where(ahead >= 0, ahead + root, -c)
-            down = np.where(ahead >= 0, a, root - ahead)
+            # choose the form of the root that does not add numbers of opposite sign
+            numerator = np.where(ahead >= 0, ahead + root, -c)
+            denominator = np.where(ahead >= 0, a, root - ahead)
             curved = k != 0
-            size = np.abs(np.where(curved, k, 1.0))
-            t = 2 * np.arctan2(0.5 * size * up, down) / size
-            flat = up / np.where(curved | (down == 0), 1.0, down)
-            t = np.where(curved, t, np.where(down > 0, flat, np.inf))
+            abs_curvature = np.abs(np.where(curved, k, 1.0))
+            t = 2 * np.arctan2(0.5 * abs_curvature * numerator, denominator) / abs_curvature
+            on_line = numerator / np.where(curved | (denominator == 0), 1.0, denominator)
+            t = np.where(curved, t, np.where(denominator > 0, on_line, np.inf))
             t = np.where(c >= 0, 0.0, np.where(radicand < 0, np.inf, t))
-            hit = t <= self.length[j]
-            along[todo] = np.where(hit, t, along[todo])
-            todo = todo[~hit]
-            if not len(todo):
-                return Place(segment, along, lap)
-        raise ChordError(ChordFault.NO_POINT, float(self.position(place)[todo[0]]))
+            hit = t <= self.length[following]
+            along[pending] = np.where(hit, t, along[pending])
+            pending = pending[~hit]
+            if not len(pending):
+                return TrackPosition(segment, along, lap)
+        raise ChordError(ChordFault.NO_POINT, float(self.arc_length(position)[pending[0]]))
 
-    def _passed_on(self, before: Place, after: Place, motion: Motion) -> Motion:
-        """Motion of the next pins: first and second derivative of |Q2 - Q1| = pitch.
+    def _next_motion(self, first: TrackPosition, second: TrackPosition, motion: PinMotion) -> PinMotion:
+        """Return the motion of the next pins, from the first and second derivatives of |Q2 - Q1| = pitch.
 
         e.T2 s2' = e.T1 s1';  e.T2 s2'' = e.T1 s1'' + e.(k1 N1 s1'^2 - k2 N2 s2'^2) - |Q2' - Q1'|^2/pitch.
         """
-        link = self._points(after.segment, after.along) - self._points(before.segment, before.along)
+        link = self._points(second.segment, second.along) - self._points(first.segment, first.along)
         pitch = np.abs(link)
-        t1, t2 = self.tangents(before), self.tangents(after)
-        # e/T: its real part is e.T, its imaginary part e.N with N the tangent turned left.
+        t1, t2 = self.tangents(first), self.tangents(second)
+        # e/T has the real part e.T and the imaginary part e.N, where N is the tangent turned left
         u1, u2 = link / pitch * np.conj(t1), link / pitch * np.conj(t2)
         grazing = np.flatnonzero(np.abs(u2.real) < GRAZING)
         if len(grazing):
-            raise ChordError(ChordFault.AMBIGUOUS, float(self.position(before)[grazing[0]]))
-        k1, k2 = self.curvature[before.segment], self.curvature[after.segment]
+            raise ChordError(ChordFault.AMBIGUOUS, float(self.arc_length(first)[grazing[0]]))
+        k1, k2 = self.curvature[first.segment], self.curvature[second.segment]
         rate = motion.rate * u1.real / u2.real
         relative = np.abs(t2 * rate - t1 * motion.rate)
         turned = k1 * u1.imag * motion.rate**2 - k2 * u2.imag * rate**2
-        return Motion(rate, (u1.real * motion.bend + turned - relative**2 / pitch) / u2.real)
+        return PinMotion(rate, (u1.real * motion.acceleration + turned - relative**2 / pitch) / u2.real)

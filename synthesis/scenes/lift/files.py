@@ -1,4 +1,4 @@
-"""The lift as files: a drawing of a design at its start and its top as SVG and DXF, and its motion as CSV."""
+"""Files of the lift: a drawing as SVG or DXF, and the motion as CSV."""
 
 from __future__ import annotations
 
@@ -11,57 +11,79 @@ from synthesis.scenes.lift.motion import Motion
 from synthesis.scenes.lift.pose import Design, joints, pose_at_turn
 from synthesis.sheet import Sheet, csv_text, dxf_document, dxf_text
 
-PATH_POINTS = 121
+POSES_PER_PATH = 121
+"""Number of poses from which the path of a joint is drawn."""
 MILLIMETRES = 4
-"""$INSUNITS of a DXF."""
+"""Value of $INSUNITS in a DXF file."""
 LAYERS = {"GROUND": 8, "TRIANGLE": 5, "LINK": 7, "CYLINDER": 30, "TOP": 9, "PATHS": 3, "TEXT": 7}
+"""AutoCAD colour index of each layer."""
 
 
-def columns(moved: Motion) -> dict[str, Floats]:
-    """What every file and reply lists over the time."""
+def motion_columns(trajectory: Motion) -> dict[str, Floats]:
+    """Return the quantities over time that every file and reply contains."""
     return {
-        "time": moved.time,
-        "height": moved.pose.height,
-        "velocity": moved.velocity,
-        "acceleration": moved.acceleration,
-        "cylinder_length": moved.cylinder_length,
-        "cylinder_speed": moved.cylinder_speed,
+        "time": trajectory.time,
+        "height": trajectory.pose.height,
+        "velocity": trajectory.velocity,
+        "acceleration": trajectory.acceleration,
+        "cylinder_length": trajectory.cylinder_length,
+        "cylinder_speed": trajectory.cylinder_speed,
     }
 
 
-def joint_columns(moved: Motion) -> dict[str, Floats]:
-    """The joints that move, over the time."""
-    places = joints(moved.pose)
-    rows: dict[str, Floats] = {}
+def joint_columns(trajectory: Motion) -> dict[str, Floats]:
+    """Return the coordinates of the moving joints over time."""
+    points = joints(trajectory.pose)
+    columns: dict[str, Floats] = {}
     for name in "ABC":
-        rows |= {f"{name}_x": places[name].real, f"{name}_y": places[name].imag}
-    return rows
+        columns |= {f"{name}_x": points[name].real, f"{name}_y": points[name].imag}
+    return columns
 
 
-def design_csv(moved: Motion, closed: float) -> str:
-    """The design, once in each line, and its motion with the joints that move."""
-    rows = columns(moved) | joint_columns(moved)
-    lengths = {**moved.pose.design.as_dict(), "closed_length": closed}
-    rows |= {name: np.full(len(moved.time), value) for name, value in lengths.items()}
-    return csv_text(rows, "\n")
+def design_csv(trajectory: Motion, closed_length: float) -> str:
+    """Write the motion with the moving joints as CSV.
+
+    Parameters
+    ----------
+    trajectory : Motion
+    closed_length : float
+        Cylinder length at the start.
+
+    Returns
+    -------
+    str
+        Every row repeats the lengths of the design.
+    """
+    columns = motion_columns(trajectory) | joint_columns(trajectory)
+    lengths = {**trajectory.pose.design.as_dict(), "closed_length": closed_length}
+    columns |= {name: np.full(len(trajectory.time), value) for name, value in lengths.items()}
+    return csv_text(columns, "\n")
 
 
 def _poses(design: Design, turn: float) -> tuple[dict[str, complex], dict[str, complex], dict[str, Any]]:
-    """The joints at the start and at the top, and all of them on the way."""
-    way = joints(pose_at_turn(design, np.linspace(turn, 0.0, PATH_POINTS)))
+    """Return the joints at the start, at the top, and along the whole path."""
+    path = joints(pose_at_turn(design, np.linspace(turn, 0.0, POSES_PER_PATH)))
     return (
-        {name: complex(at[0]) for name, at in way.items()},
-        {name: complex(at[-1]) for name, at in way.items()},
-        way,
+        {name: complex(at[0]) for name, at in path.items()},
+        {name: complex(at[-1]) for name, at in path.items()},
+        path,
     )
 
 
 def design_svg(design: Design, turn: float) -> str:
-    """The lift at the start, thin at the top, with the paths of B and C and the symbols of the documents."""
-    start, top, way = _poses(design, turn)
-    wide = 0.14 * abs(top["A"])
-    around = [start["D"] - wide, start["D"] + wide, top["A"] - wide]
-    sheet = Sheet(np.concatenate([np.array(around), *way.values()]), 0.08, 900, digits=6)
+    """Draw the lift in its start and top positions, with the paths of B and C and the symbols of the documentation, as SVG.
+
+    Parameters
+    ----------
+    design : Design
+        A single design, in millimetres.
+    turn : float
+        Turn at the start.
+    """
+    start, top, path = _poses(design, turn)
+    half_width = 0.14 * abs(top["A"])
+    extent = [start["D"] - half_width, start["D"] + half_width, top["A"] - half_width]
+    sheet = Sheet(np.concatenate([np.array(extent), *path.values()]), 0.08, 900, digits=6)
     parts = [
         "<style>.ink{fill:none;stroke:#1a2430;stroke-width:2;stroke-linejoin:round;stroke-linecap:round}"
         ".thin{stroke:#8a94a0;stroke-width:1.2}.path{stroke:#0f766e;stroke-width:1.2}.axis{stroke:#8a94a0;"
@@ -75,17 +97,17 @@ def design_svg(design: Design, turn: float) -> str:
         parts.append(f'<path class="ink {name}" d="M{" L".join(map(sheet.at, points))}{"Z" if closed else ""}"/>')
 
     line([start["D"], top["A"]], "axis")
-    line([start["D"] - wide, start["O"]], "axis")
+    line([start["D"] - half_width, start["O"]], "axis")
     for name in ("B", "C"):
-        line(way[name], "path")
-    for at, kinds in ((top, ("thin", "thin", "thin")), (start, ("body", "cylinder", "link"))):
-        line([at["A"], at["B"], at["C"]], kinds[0], closed=True)
-        line([at["O"], at["B"]], kinds[1])
-        line([at["D"], at["C"]], kinds[2])
-        line([at["A"] - wide, at["A"] + wide], kinds[2] if at is top else "")
+        line(path[name], "path")
+    for points, styles in ((top, ("thin", "thin", "thin")), (start, ("body", "cylinder", "link"))):
+        line([points["A"], points["B"], points["C"]], styles[0], closed=True)
+        line([points["O"], points["B"]], styles[1])
+        line([points["D"], points["C"]], styles[2])
+        line([points["A"] - half_width, points["A"] + half_width], styles[2] if points is top else "")
     for pin in start.values():
         parts.append(sheet.dot(pin, 6, 'class="ink pin"'))
-    middle = {
+    labels = {
         **start,
         "l1": (start["O"] + start["B"]) / 2,
         "l2": (start["A"] + start["B"]) / 2,
@@ -93,18 +115,26 @@ def design_svg(design: Design, turn: float) -> str:
         "l4": (start["B"] + start["C"]) / 2,
         "l5": (start["D"] + start["C"]) / 2,
     }
-    for name, place in middle.items():
-        x, y = (float(value) for value in sheet.at(place).split(","))
+    for name, point in labels.items():
+        x, y = (float(value) for value in sheet.at(point).split(","))
         parts.append(f'<text x="{x + 9:.5g}" y="{y - 9:.5g}">{name}</text>')
     lengths = {**design.as_dict(), "l1": abs(start["B"])}
-    shown = ", ".join(f"{name} = {lengths[name]:.6g}" for name in ("l1", "l2", "l3", "l4", "l5", "b"))
-    parts.append(f'<text x="12" y="{sheet.height - 12:.5g}">{shown} mm</text>')
-    return sheet.text(f"Pneumatic lift: {shown} mm", parts)
+    label = ", ".join(f"{name} = {lengths[name]:.6g}" for name in ("l1", "l2", "l3", "l4", "l5", "b"))
+    parts.append(f'<text x="12" y="{sheet.height - 12:.5g}">{label} mm</text>')
+    return sheet.text(f"Pneumatic lift: {label} mm", parts)
 
 
 def design_dxf(design: Design, turn: float) -> str:
-    """The lift in millimetres: pivots and slide, the parts at the start, the parts at the top, and the paths of B and C."""
-    start, top, way = _poses(design, turn)
+    """Draw the lift in its start and top positions, with pivots, slide and the paths of B and C, as DXF in millimetres.
+
+    Parameters
+    ----------
+    design : Design
+        A single design, in millimetres.
+    turn : float
+        Turn at the start.
+    """
+    start, top, path = _poses(design, turn)
     document = dxf_document(LAYERS, MILLIMETRES)
     space = document.modelspace()
 
@@ -122,7 +152,7 @@ def design_dxf(design: Design, turn: float) -> str:
         line(layers[1], at["D"], at["C"])
         line(layers[2], at["O"], at["B"])
     for name in ("B", "C"):
-        line("PATHS", *way[name])
+        line("PATHS", *path[name])
     for name, pin in start.items():
         space.add_circle(xy(pin), 0.4 * height, dxfattribs={"layer": "GROUND" if name in "OD" else "TEXT"})
         space.add_text(name, height=height, dxfattribs={"layer": "TEXT"}).set_placement(

@@ -1,18 +1,19 @@
-"""The pneumatic lift: stroke, rise time, motion and forces of a cylinder-driven lifting linkage, without integration.
+"""Stroke, motion and forces of the pneumatic lift in closed form, without integration.
 
-Geometry, symbols and source are those of `synthesis.scenes.lift.pose`; numbers in parentheses are the source's equations.
-Its loops (7)-(12) are at the end, as an independent check.
+Geometry, symbols and source are the same as in `synthesis.scenes.lift.pose`; numbers in parentheses are equations of
+the source. The loop equations (7)-(12) at the end of the module are an independent check.
 
-Lengths are in the user's unit, angles in radians. What cannot be assembled is NaN in the array functions, and in
-`checked_stroke` and `motion`, the functions for one lift, a `FieldError` with the constraint's name and the amount.
+Lengths are in the user's unit and angles in radians. Array functions return NaN if a lift cannot be assembled.
+The functions for a single lift, `checked_stroke` and `motion`, raise a `FieldError` instead, with the name of the
+violated constraint and the amount of the violation.
 
-Forces: the platform carries a vertical load and a mass on the line of the slide; links and friction are without weight.
-By virtual work the cylinder's force is F = P ds/dl1 for a weight P. By Newton's law the triangle with the platform is held
-by the cylinder at B, the link at C and the slide at A: three equations for F, the link's force and the slide's. Forces in
-newtons, lengths in millimetres, pressures in bar.
+Forces: the platform carries a vertical load and a mass on the line of the slide. Links have no mass and joints have
+no friction. By virtual work, the cylinder force is F = P ds/dl1 for a weight P. By Newton's law, the triangle with
+the platform is held by the cylinder at B, the link at C and the slide at A, which gives three equations for the
+three forces. Forces are in newtons, lengths in millimetres and pressures in bar.
 
-The five angles are those of the source: theta1 O->B, theta2 B->A, theta3 C->A, theta4 B->C, theta5 D->C, measured
-counter-clockwise from +x. The last axis of angles holds theta1 to theta5.
+The five angles are defined as in the source: theta1 O->B, theta2 B->A, theta3 C->A, theta4 B->C, theta5 D->C,
+measured counter-clockwise from +x. The last axis of an array of angles contains theta1 to theta5.
 """
 
 from __future__ import annotations
@@ -29,8 +30,8 @@ from synthesis.scenes.lift.pose import (
     Design,
     Pose,
     angle_or_flat,
-    by_blocks,
     dead_point,
+    evaluate_in_blocks,
     pose_at_turn,
     third_side,
     top_lever,
@@ -38,52 +39,76 @@ from synthesis.scenes.lift.pose import (
     turn_at_length,
 )
 
-MAX_PROPORTION = 1e6
-"""Longest to shortest length of one lift; in more extreme ones rounding moves the joints visibly."""
-TIME_ROOM = 1e-12
-"""Relative room for a time that is meant to be the very end but was rounded on its way."""
+
+@dataclass(frozen=True)
+class MotionOptions:
+    """Tolerances and block sizes for motions and condition numbers."""
+
+    max_length_ratio: float = 1e6
+    """Largest ratio of two lengths of one lift; beyond it, rounding moves the joints visibly."""
+    time_tolerance: float = 1e-12
+    """Relative amount by which a time may exceed the duration because of rounding."""
+    condition_nodes: tuple[int, ...] = (33,) * 5
+    """Number of poses in each refinement of the search for the smallest condition number."""
+    condition_block: int = 4096
+    """Number of Jacobians decomposed at a time, which bounds the memory."""
+
+
+OPTIONS = MotionOptions()
+
 GRAVITY = 9.80665
-"""m/s^2."""
+"""Acceleration of gravity, m/s^2."""
 BAR = 0.1
 """One bar in N/mm^2."""
-CONDITION_NODES = (33,) * 5
-"""Poses of each look for the smallest condition number; each look is 16 times closer, and the minimum is flat."""
-CONDITION_BLOCK = 4096
-"""Jacobians that are decomposed at a time: bounds the memory."""
 
 
-def refusal(constraint: str, field: str, amount: float, message: str, **facts: float) -> FieldError:
-    """The error that names the constraint that fails, the request's field, and by how much."""
+def constraint_error(constraint: str, field: str, amount: float, message: str, **facts: float) -> FieldError:
+    """Build the error that names the violated constraint, the field of the request, and the amount of the violation."""
     return FieldError(field, message, constraint=constraint, amount=amount, **facts)
 
 
 def check_speed(cylinder: Cylinder) -> None:
-    """Refuse a cylinder that stands still.
-
-    Raises `FieldError`: with ``constraint`` ``speed``.
-    """
+    """Raise a `FieldError` with ``constraint`` ``speed`` if the cylinder does not move."""
     if cylinder.speed == 0:
-        raise refusal("speed", "/cylinder/speed", 0.0, "the cylinder stands still: its speed must not be 0")
+        raise constraint_error(
+            "speed", "/cylinder/speed", 0.0, "the speed must not be 0: the cylinder would not move"
+        )
 
 
 @dataclass(frozen=True)
 class Stroke:
-    """The stretch of the working branch between the cylinder's shortest length and the top, shape (...) each.
-
-    ``duration`` is the time for it, up or down; NaN where the cylinder stops before the end.
-    """
+    """The part of the working branch between the shortest cylinder length and the top; fields of shape (...)."""
 
     turn_bottom: Any
+    """Turn at the shortest cylinder length."""
     turn_dead: Any
+    """Turn at the dead point."""
     length_dead: Any
+    """Cylinder length at the dead point."""
     length_top: Any
+    """Cylinder length at the top."""
     height_bottom: Any
+    """Height of the platform at the shortest cylinder length."""
     height_top: Any
+    """Height of the platform at the top."""
     duration: Any
+    """Time of the stroke, up or down; NaN if the cylinder stops before the end."""
 
 
 def stroke(design: Design, cylinder: Cylinder) -> Stroke:
-    """The strokes of a batch of designs and cylinders; NaN where a lift cannot be assembled or does not work."""
+    """Compute the strokes of designs and cylinders.
+
+    Parameters
+    ----------
+    design : Design
+    cylinder : Cylinder
+        The fields of both broadcast against each other.
+
+    Returns
+    -------
+    Stroke
+        NaN if a lift cannot be assembled, or if the cylinder length is not on the working branch.
+    """
     turn_dead = dead_point(design)
     turn_bottom = turn_at_length(design, cylinder.length, turn_dead)
     length_dead, top = pose_at_turn(design, turn_dead).length, pose_at_turn(design, 0.0)
@@ -94,243 +119,382 @@ def stroke(design: Design, cylinder: Cylinder) -> Stroke:
 
 
 def travel_time(travel: Any, speed: Any, acceleration: Any) -> Any:
-    """Time in which the cylinder first covers `travel` >= 0 in the direction of its speed; NaN if it stops before.
+    """Return the time in which the cylinder first covers a distance in the direction of its speed.
 
-    t = 2 e / (|v| + sqrt(v^2 + 2 a e)), with a counted along the speed: no cancellation for small a. A root that is
-    zero to rounding counts as zero: the cylinder comes to rest just at the end.
+    t = 2 e / (|v| + sqrt(v^2 + 2 a e)), with a positive along the speed, solves |v| t + a t^2 / 2 = e without
+    cancellation for small a. A square root that is zero up to rounding counts as zero: the cylinder then comes to
+    rest exactly at the end.
 
-    Law: |v| t + a t^2 / 2 = e.
+    Parameters
+    ----------
+    travel : float or ndarray
+        Distance e >= 0.
+    speed, acceleration : float or ndarray
+        Initial speed and constant acceleration of the cylinder.
+
+    Returns
+    -------
+    float or ndarray
+        NaN if the cylinder stops before the end.
     """
     travel, speed, acceleration = (np.asarray(value, dtype=float) for value in (travel, speed, acceleration))
-    along = acceleration * np.sign(speed)
-    square = speed * speed + 2 * along * travel
-    square = np.where(np.abs(square) <= 8 * EPSILON * speed * speed, 0.0, square)
-    final = np.sqrt(np.where(square >= 0, square, np.nan))
-    total = np.abs(speed) + final
-    return np.divide(2 * travel, total, out=np.full(total.shape, np.nan), where=total > 0)[()]
+    signed_acceleration = acceleration * np.sign(speed)
+    final_speed_squared = speed * speed + 2 * signed_acceleration * travel
+    final_speed_squared = np.where(
+        np.abs(final_speed_squared) <= 8 * EPSILON * speed * speed, 0.0, final_speed_squared
+    )
+    final_speed = np.sqrt(np.where(final_speed_squared >= 0, final_speed_squared, np.nan))
+    speed_sum = np.abs(speed) + final_speed
+    return np.divide(2 * travel, speed_sum, out=np.full(speed_sum.shape, np.nan), where=speed_sum > 0)[()]
 
 
 @dataclass(frozen=True)
 class Motion:
-    """A motion of one lift: the stroke, and over `time` the cylinder and the platform."""
+    """Motion of one lift over time; arrays have the shape of ``time``."""
 
     stroke: Stroke
+    """Stroke of the lift."""
     time: Floats
+    """Time since the start."""
     cylinder_length: Floats
+    """Length of the cylinder."""
     cylinder_speed: Floats
+    """Rate of change of the cylinder length."""
     cylinder_acceleration: float
+    """Constant acceleration of the cylinder length."""
     pose: Pose
+    """Pose at each time."""
     velocity: Floats
+    """Velocity of the platform, positive upwards."""
     acceleration: Floats
+    """Acceleration of the platform, positive upwards."""
 
 
 def velocity(pose: Pose, cylinder_speed: Any) -> Any:
-    """Velocity of the platform, v_s = v_l s' / l1', the solution of (13)."""
+    """Return the platform velocity v_s = v_l s' / l1', the solution of (13)."""
     return cylinder_speed * pose.gain + 0.0  # no negative zero at the top
 
 
 def acceleration(pose: Pose, cylinder_speed: Any, cylinder_acceleration: Any) -> Any:
-    """Acceleration of the platform, the solution of (14).
+    """Return the platform acceleration a_s = v_l^2 (s'' l1' - s' l1'') / l1'^3 + a_l s' / l1', the solution of (14).
 
-    a_s = v_l^2 (s'' l1' - s' l1'') / l1'^3 + a_l s' / l1'. Law: the time derivative of `velocity`.
+    It is the time derivative of `velocity`.
     """
     turn_rate = cylinder_speed / pose.length_1
     return turn_rate * turn_rate * (pose.height_2 - pose.gain * pose.length_2) + cylinder_acceleration * pose.gain
 
 
 def motion(design: Design, cylinder: Cylinder, times: Any | None = None, samples: int = 201) -> Motion:
-    """The motion of one lift, at given times or at `samples` even ones from start to end.
+    """Compute the motion of one lift.
 
-    Rising starts at the cylinder's length, lowering (speed < 0) at the top.
+    Parameters
+    ----------
+    design : Design
+        A single design.
+    cylinder : Cylinder
+        With a positive speed the motion starts at the cylinder's length, with a negative speed at the top.
+    times : array_like, optional
+        Times since the start. By default, `samples` evenly spaced times from start to end.
+    samples : int
+        Number of times, if `times` is not given.
 
-    Raises `FieldError`: with ``constraint`` and ``amount``: see `checked_stroke`; ``time`` for times outside of the
-    motion.
+    Returns
+    -------
+    Motion
+
+    Raises
+    ------
+    FieldError
+        With ``constraint`` and ``amount``; see `checked_stroke`. The constraint is ``time`` if a time lies outside
+        the motion.
     """
-    limits = checked_stroke(design, cylinder)
-    duration = float(limits.duration)
+    stroke_range = checked_stroke(design, cylinder)
+    duration = float(stroke_range.duration)
     times = np.asarray(np.linspace(0.0, duration, samples) if times is None else times, dtype=float)
     _check_times(times, duration)
-    shortest, longest = float(cylinder.length), float(limits.length_top)
+    shortest, longest = float(cylinder.length), float(stroke_range.length_top)
     start, end = (shortest, longest) if cylinder.speed > 0 else (longest, shortest)
     length = start + times * (cylinder.speed + 0.5 * cylinder.acceleration * times)
     length = np.where(times >= duration * (1 - EPSILON), end, np.clip(length, shortest, longest))
-    pose = pose_at_turn(design, turn_at_length(design, length, limits.turn_dead))
-    speed, change = cylinder.speed + cylinder.acceleration * times, float(cylinder.acceleration)
+    pose = pose_at_turn(design, turn_at_length(design, length, stroke_range.turn_dead))
+    speed, cylinder_acceleration = cylinder.speed + cylinder.acceleration * times, float(cylinder.acceleration)
     return Motion(
-        limits, times, length, speed, change, pose, velocity(pose, speed), acceleration(pose, speed, change)
+        stroke_range,
+        times,
+        length,
+        speed,
+        cylinder_acceleration,
+        pose,
+        velocity(pose, speed),
+        acceleration(pose, speed, cylinder_acceleration),
     )
 
 
 def _check_times(times: Floats, duration: float) -> None:
-    wrong = np.nonzero(~((times >= 0) & (times <= duration * (1 + TIME_ROOM))))[0]
-    if wrong.size:
-        found = float(times[wrong[0]])
-        message = f"the motion lasts from 0 to {duration:.9g}, found {found:.9g}"
-        amount = -found if found < 0 else found - duration
-        raise refusal("time", f"/times/{wrong[0]}", amount, message, rise_time=duration)
+    outside = np.nonzero(~((times >= 0) & (times <= duration * (1 + OPTIONS.time_tolerance))))[0]
+    if outside.size:
+        time = float(times[outside[0]])
+        message = f"the time must lie within the motion, from 0 to {duration:.9g}; found {time:.9g}"
+        amount = -time if time < 0 else time - duration
+        raise constraint_error("time", f"/times/{outside[0]}", amount, message, rise_time=duration)
 
 
 def checked_stroke(design: Design, cylinder: Cylinder) -> Stroke:
-    """The stroke of one lift, or the constraint that it fails and by how much.
+    """Compute the stroke of one lift, or raise an error that names the violated constraint.
 
-    Raises `FieldError`: ``constraint`` is one of ``proportion`` (no digits left), ``triangle`` (34), ``l3<l5`` (36),
-    ``top_lever`` (the cylinder must shorten to come to the top), ``dead_point`` (length at or below the dead point's:
-    no such pose, or none that lifts), ``cylinder_length`` (no pose: longer than at the top), ``speed`` (zero) or
-    ``stopping`` (the cylinder comes to rest before the end). ``amount`` >= 0 is by how much, as a length.
+    Parameters
+    ----------
+    design : Design
+        A single design.
+    cylinder : Cylinder
+
+    Returns
+    -------
+    Stroke
+
+    Raises
+    ------
+    FieldError
+        ``amount`` >= 0 is the size of the violation, as a length. ``constraint`` is one of
+
+        * ``proportion``: the ratio of two lengths is too large for an accurate result;
+        * ``triangle``: the sides do not form a triangle (34);
+        * ``l3<l5``: the link is too short (36);
+        * ``top_lever``: the cylinder would have to shorten to reach the top;
+        * ``dead_point``: the cylinder length is not above the length at the dead point;
+        * ``cylinder_length``: the cylinder is longer than at the top;
+        * ``speed``: the speed is zero;
+        * ``stopping``: the cylinder comes to rest before the end.
     """
     length = float(cylinder.length)
     _check_lengths(design, length)
     check_speed(cylinder)
-    limits = stroke(design, cylinder)
-    dead, top, lever = float(limits.length_dead), float(limits.length_top), float(top_lever(design))
-    if np.isnan(limits.turn_dead):
+    stroke_range = stroke(design, cylinder)
+    dead, top, lever = float(stroke_range.length_dead), float(stroke_range.length_top), float(top_lever(design))
+    if np.isnan(stroke_range.turn_dead):
         message = (
-            f"the cylinder would have to shorten to come to the top: the lever b cos(gamma) + (l3 + l5) sin(gamma) "
-            f"must be positive, it is {lever:.9g}"
+            f"the cylinder would have to shorten to reach the top: the lever b cos(gamma) + (l3 + l5) sin(gamma) "
+            f"must be positive (it is {lever:.9g})"
         )
-        raise refusal("top_lever", "/design", max(-lever, 0.0), message)
+        raise constraint_error("top_lever", "/design", max(-lever, 0.0), message)
     if not length > dead:
         amount = dead - length
-        message = f"no pose that lifts at this length: the dead point is at {dead:.9g}, {amount:.9g} above"
-        raise refusal("dead_point", "/cylinder/length", amount, message, dead_point_length=dead)
+        message = (
+            f"the lift cannot start at this length: the cylinder must be longer than at the dead point, {dead:.9g}; "
+            f"increase the length by more than {amount:.9g}"
+        )
+        raise constraint_error("dead_point", "/cylinder/length", amount, message, dead_point_length=dead)
     travel = top - length
     if not travel > 0:
-        message = f"no stroke: the top is at cylinder length {top:.9g}, {-travel:.9g} below"
-        raise refusal("cylinder_length", "/cylinder/length", -travel, message, length_top=top)
-    if np.isnan(limits.duration):
+        message = (
+            f"there is no stroke: the cylinder must be shorter than at the top, {top:.9g}; "
+            f"reduce the length by more than {-travel:.9g}"
+        )
+        raise constraint_error("cylinder_length", "/cylinder/length", -travel, message, length_top=top)
+    if np.isnan(stroke_range.duration):
         reach = float(cylinder.speed) ** 2 / (2 * abs(float(cylinder.acceleration)))
-        message = f"the cylinder comes to rest after {reach:.9g} of {travel:.9g}: the stroke is not reached"
-        raise refusal("stopping", "/cylinder/acceleration", travel - reach, message)
-    return limits
+        message = (
+            f"the cylinder comes to rest after {reach:.9g} of the {travel:.9g} to the top; "
+            "reduce the deceleration or increase the speed"
+        )
+        raise constraint_error("stopping", "/cylinder/acceleration", travel - reach, message)
+    return stroke_range
 
 
 def _check_lengths(design: Design, cylinder_length: float) -> None:
-    """Refuse what cannot be assembled in any position."""
+    """Raise a `FieldError` for lengths that cannot be assembled in any position."""
     lengths = {**design.as_dict(), "cylinder.length": cylinder_length}
-    large, small = max(lengths, key=lengths.__getitem__), min(lengths, key=lengths.__getitem__)
-    if not lengths[large] <= MAX_PROPORTION * lengths[small]:
+    longest_name, shortest_name = max(lengths, key=lengths.__getitem__), min(lengths, key=lengths.__getitem__)
+    if not lengths[longest_name] <= OPTIONS.max_length_ratio * lengths[shortest_name]:
         message = (
-            f"{large} = {lengths[large]:.6g} is more than {MAX_PROPORTION:g} times {small} = {lengths[small]:.6g}: "
-            "too few digits are left to say where the joints are"
+            f"{longest_name} = {lengths[longest_name]:.6g} is more than {OPTIONS.max_length_ratio:g} times "
+            f"{shortest_name} = {lengths[shortest_name]:.6g}: the joints cannot be computed accurately"
         )
-        field = "/cylinder/length" if "cylinder.length" in (large, small) else f"/design/{large}"
-        raise refusal("proportion", field, lengths[large] - MAX_PROPORTION * lengths[small], message)
-    longest, *others = sorted(("l2", "l3", "l4"), key=lambda name: -lengths[name])
+        field = (
+            "/cylinder/length" if "cylinder.length" in (longest_name, shortest_name) else f"/design/{longest_name}"
+        )
+        raise constraint_error(
+            "proportion", field, lengths[longest_name] - OPTIONS.max_length_ratio * lengths[shortest_name], message
+        )
+    longest, *shorter = sorted(("l2", "l3", "l4"), key=lambda name: -lengths[name])
     if np.isnan(triangle_angle(*(lengths[name] for name in ("l2", "l3", "l4")))[2]):
-        others.sort()
-        excess = (lengths[longest] - lengths[others[0]]) - lengths[others[1]]
+        shorter.sort()
+        excess = (lengths[longest] - lengths[shorter[0]]) - lengths[shorter[1]]
         message = (
-            f"no triangle ABC: {longest} must be less than {others[0]} + {others[1]}, it is {excess:.9g} too long"
+            f"the sides do not form a triangle ABC: {longest} must be less than {shorter[0]} + {shorter[1]}, "
+            f"and it is {excess:.9g} too long"
         )
-        raise refusal("triangle", "/design", max(excess, 0.0), message)
+        raise constraint_error("triangle", "/design", max(excess, 0.0), message)
     excess = lengths["l3"] - lengths["l5"]
     if not excess < 0:
         message = (
             f"the loop of slide and link does not close in every position: l3 must be less than l5, "
-            f"it is {excess:.9g} too long"
+            f"and it is {excess:.9g} too long"
         )
-        raise refusal("l3<l5", "/design", excess, message)
+        raise constraint_error("l3<l5", "/design", excess, message)
 
 
 @dataclass(frozen=True)
-class Drive:
-    """What the cylinder has to carry, and the cylinder: ``load`` in N, ``mass`` in kg, ``bore`` and ``rod`` in mm.
-
-    The mass acts by its weight and by its inertia. ``pressure``: what is available, in bar over the surroundings.
-    """
+class Pneumatics:
+    """Load on the platform and size of the cylinder."""
 
     load: float
+    """Vertical load on the platform, N."""
     mass: float
+    """Mass on the platform in kg, which acts by its weight and its inertia."""
     bore: float
+    """Diameter of the piston, mm."""
     rod: float
+    """Diameter of the piston rod, mm."""
     pressure: float
+    """Available gauge pressure, bar."""
 
 
 @dataclass(frozen=True)
 class Forces:
-    """Forces over a motion, shape (n,) each: the cylinder pushes with ``cylinder`` > 0, the link with ``link`` > 0.
-
-    ``slide``: horizontal force of the slide on A. ``weight``: what the platform weighs with its inertia. ``pressure``
-    needed, on the bore where the cylinder pushes, on the ring around the rod where it pulls. ``pivot_o`` and ``pivot_d``,
-    shape (n, 2): forces of the ground on the cylinder and on the link.
-    """
+    """Forces and pressure over a motion, shape (n,) unless stated otherwise."""
 
     weight: Floats
+    """Weight of load and mass plus the inertia force of the mass, N."""
     cylinder: Floats
+    """Force of the cylinder, positive if it pushes."""
     link: Floats
+    """Force of the link, positive if it pushes."""
     slide: Floats
+    """Horizontal force of the slide on A."""
     pressure: Floats
+    """Required pressure in bar: on the piston area if the cylinder pushes, on the annular area if it pulls."""
     pivot_o: Floats
+    """Force of the ground on the cylinder, shape (n, 2)."""
     pivot_d: Floats
+    """Force of the ground on the link, shape (n, 2)."""
 
 
-def forces(moved: Motion, drive: Drive) -> Forces:
-    """The forces over a motion.
+def forces(trajectory: Motion, pneumatics: Pneumatics) -> Forces:
+    """Compute the forces over a motion.
 
-    Laws: power in is power out, F v_l = P v_s; at the top the cylinder's force is 0 and
-    the link carries the weight.
+    Parameters
+    ----------
+    trajectory : Motion
+    pneumatics : Pneumatics
+
+    Returns
+    -------
+    Forces
+        The power of the cylinder equals the power of the platform, F v_l = P v_s.
+        At the top the cylinder force is 0 and the link carries the weight.
     """
-    pose, design = moved.pose, moved.pose.design
-    weight = drive.load + drive.mass * (GRAVITY + moved.acceleration / 1000)
+    pose, design = trajectory.pose, trajectory.pose.design
+    weight = pneumatics.load + pneumatics.mass * (GRAVITY + trajectory.acceleration / 1000)
     cylinder = weight * pose.gain
-    along = np.stack([pose.x, pose.y], axis=-1) / pose.length[:, None]
-    link_way = np.stack([design.l3 * pose.sin_turn, pose.root], axis=-1) / design.l5
-    # what the cylinder does not carry of the weight the link does; the slide takes the rest
-    link = (weight - cylinder * along[:, 1]) / link_way[:, 1]
-    slide = -cylinder * along[:, 0] - link * link_way[:, 0]
-    push = 0.25 * np.pi * drive.bore**2
-    pull = push - 0.25 * np.pi * drive.rod**2
-    pressure = np.where(cylinder >= 0, cylinder / push, -cylinder / pull) / BAR
-    return Forces(weight, cylinder, link, slide, pressure, cylinder[:, None] * along, link[:, None] * link_way)
+    cylinder_direction = np.stack([pose.x, pose.y], axis=-1) / pose.length[:, None]
+    link_direction = np.stack([design.l3 * pose.sin_turn, pose.c_height], axis=-1) / design.l5
+    # the link carries the remaining weight, and the slide balances the horizontal forces
+    link = (weight - cylinder * cylinder_direction[:, 1]) / link_direction[:, 1]
+    slide = -cylinder * cylinder_direction[:, 0] - link * link_direction[:, 0]
+    piston_area = 0.25 * np.pi * pneumatics.bore**2
+    ring_area = piston_area - 0.25 * np.pi * pneumatics.rod**2
+    pressure = np.where(cylinder >= 0, cylinder / piston_area, -cylinder / ring_area) / BAR
+    return Forces(
+        weight,
+        cylinder,
+        link,
+        slide,
+        pressure,
+        cylinder[:, None] * cylinder_direction,
+        link[:, None] * link_direction,
+    )
 
 
-def least_bore(found: Forces, drive: Drive) -> float:
-    """The bore in mm that just carries the load at the pressure available, with the same rod.
+def minimum_bore(force_history: Forces, pneumatics: Pneumatics) -> float:
+    """Compute the smallest piston diameter that carries the load at the available pressure.
 
-    Law: with it the largest pressure needed is the one available.
+    Parameters
+    ----------
+    force_history : Forces
+    pneumatics : Pneumatics
+        The rod and the available pressure; the bore is not used.
+
+    Returns
+    -------
+    float
+        Diameter in mm.
     """
-    push = max(float(np.max(found.cylinder)), 0.0)
-    pull = max(-float(np.min(found.cylinder)), 0.0)
-    available = drive.pressure * BAR
-    square = max(push / available, pull / available + 0.25 * np.pi * drive.rod**2 if pull > 0 else 0.0)
-    return float(np.sqrt(square / (0.25 * np.pi)))
+    largest_push = max(float(np.max(force_history.cylinder)), 0.0)
+    largest_pull = max(-float(np.min(force_history.cylinder)), 0.0)
+    available = pneumatics.pressure * BAR
+    bore_area = max(
+        largest_push / available,
+        largest_pull / available + 0.25 * np.pi * pneumatics.rod**2 if largest_pull > 0 else 0.0,
+    )
+    return float(np.sqrt(bore_area / (0.25 * np.pi)))
 
 
 # -- the loop equations -------------------------------------------------------------------------------------------------
 
 
 def link_angles(pose: Pose) -> Floats:
-    """The angles theta1 to theta5, shape (..., 5).
+    """Compute the angles of the five links.
 
-    Continuous along a motion, so that they may pass pi instead of jumping to -pi.
-    Law: they close the loops (7)-(12), see `loop_residuals`.
+    Parameters
+    ----------
+    pose : Pose
+        Poses of shape (...).
+
+    Returns
+    -------
+    ndarray, shape (..., 5)
+        theta1 to theta5, which satisfy the loop equations (7)-(12); see `loop_residuals`. They are continuous along a
+        motion and may exceed pi instead of jumping to -pi.
     """
-    form, l3 = pose.form, pose.design.l3
-    # from BA to BC, by the same gamma as the pose: a needle of a triangle has no second angle to spare digits for
-    at_b = np.arctan2(l3 * form.sin_gamma, l3 * form.cos_gamma - pose.design.l2)
-    half = 0.5 * np.pi
-    return _together(
+    constants, l3 = pose.constants, pose.design.l3
+    # angle from BA to BC, computed from the gamma of the pose: a needle-shaped triangle loses the digits of a second angle
+    at_b = np.arctan2(l3 * constants.sin_gamma, l3 * constants.cos_gamma - pose.design.l2)
+    quarter_turn = 0.5 * np.pi
+    return _stack_links(
         np.pi - np.arctan2(pose.y, -pose.x),
-        pose.turn + half - form.gamma,
-        pose.turn + half,
-        pose.turn - half - form.gamma + at_b,
-        np.arctan2(pose.root, l3 * pose.sin_turn),
+        pose.turn + quarter_turn - constants.gamma,
+        pose.turn + quarter_turn,
+        pose.turn - quarter_turn - constants.gamma + at_b,
+        np.arctan2(pose.c_height, l3 * pose.sin_turn),
     )
 
 
 def angular_velocities(pose: Pose, cylinder_speed: Any) -> Floats:
-    """The angular velocities of the five links in rad per unit of time, shape (..., 5): the solution of (13).
+    """Return the angular velocities of the five links, the solution of (13).
 
-    Law: the time derivative of `link_angles`; the triangle turns as one (the middle three are equal).
+    The triangle moves as one body, so the three middle values are equal.
+
+    Parameters
+    ----------
+    pose : Pose
+        Poses of shape (...).
+    cylinder_speed : float or ndarray
+        Rate of change of the cylinder length.
+
+    Returns
+    -------
+    ndarray, shape (..., 5)
+        In rad per unit of time.
     """
     first, _ = _angle_rates(pose)
     return np.asarray(first * (cylinder_speed / pose.length_1)[..., None])
 
 
 def angular_accelerations(pose: Pose, cylinder_speed: Any, cylinder_acceleration: Any) -> Floats:
-    """The angular accelerations of the five links in rad per squared unit of time, shape (..., 5): solution of (14).
+    """Return the angular accelerations of the five links, the solution of (14).
 
-    Law: the time derivative of `angular_velocities`.
+    Parameters
+    ----------
+    pose : Pose
+        Poses of shape (...).
+    cylinder_speed, cylinder_acceleration : float or ndarray
+        First and second time derivative of the cylinder length.
+
+    Returns
+    -------
+    ndarray, shape (..., 5)
+        In rad per squared unit of time.
     """
     first, second = _angle_rates(pose)
     rate = cylinder_speed / pose.length_1
@@ -339,34 +503,50 @@ def angular_accelerations(pose: Pose, cylinder_speed: Any, cylinder_acceleration
 
 
 def _angle_rates(pose: Pose) -> tuple[Floats, Floats]:
-    """First and second derivatives of the five angles by the turn."""
-    # B moves by (down, height' + across), and that changes by (-across, height'' + down)
+    """Return the first and second derivatives of the five angles with respect to the turn."""
+    # the first derivative of B is (down, height' + across), the second is (-across, height'' + down)
     y_1, y_2 = pose.height_1 + pose.across, pose.height_2 + pose.down
     square = pose.length * pose.length
     theta1_1 = (pose.x * y_1 - pose.y * pose.down) / square
     theta1_2 = (pose.x * y_2 + pose.y * pose.across) / square - 2 * theta1_1 * pose.length_1 / pose.length
-    level, root = pose.design.l3 * pose.cos_turn, pose.root
-    # root^2 - level^2 = k^2, the difference of squares of DC and AC
-    k_squared = (root - np.abs(level)) * (root + np.abs(level))
-    theta5_2 = pose.design.l3 * pose.sin_turn * k_squared / (root * root * root)
-    return _together(theta1_1, 1.0, 1.0, 1.0, -level / root), _together(theta1_2, 0.0, 0.0, 0.0, theta5_2)
+    level, c_height = pose.design.l3 * pose.cos_turn, pose.c_height
+    # c_height^2 - level^2 = k^2 = l5^2 - l3^2
+    k_squared = (c_height - np.abs(level)) * (c_height + np.abs(level))
+    theta5_2 = pose.design.l3 * pose.sin_turn * k_squared / (c_height * c_height * c_height)
+    return _stack_links(theta1_1, 1.0, 1.0, 1.0, -level / c_height), _stack_links(theta1_2, 0.0, 0.0, 0.0, theta5_2)
 
 
-def _together(*values: Any) -> Floats:
+def _stack_links(*values: Any) -> Floats:
     return np.stack(np.broadcast_arrays(*values), axis=-1)
 
 
 def _cosines_sines(angles: Any) -> tuple[Floats, Floats]:
-    """Cosines and sines with the links on the first axis."""
+    """Return cosines and sines with the links on the first axis."""
     angles = np.moveaxis(np.asarray(angles, dtype=float), -1, 0)
     return np.cos(angles), np.sin(angles)
 
 
 def loop_residuals(design: Design, angles: Any, length: Any, height: Any) -> Floats:
-    """The residuals F1 to F6 of the loops (7)-(12), shape (..., 6), in the lengths' unit."""
+    """Compute the residuals F1 to F6 of the loop equations (7)-(12).
+
+    Parameters
+    ----------
+    design : Design
+    angles : ndarray, shape (..., 5)
+        theta1 to theta5.
+    length : float or ndarray
+        Cylinder length.
+    height : float or ndarray
+        Height of the platform.
+
+    Returns
+    -------
+    ndarray, shape (..., 6)
+        In the unit of the lengths.
+    """
     cos, sin = _cosines_sines(angles)
     l2, l3, l4, l5, b = design.as_tuple()
-    return _together(
+    return _stack_links(
         length * cos[0] + l2 * cos[1] + b,
         length * sin[0] + l2 * sin[1] - height,
         l5 * cos[4] + l3 * cos[2],
@@ -376,22 +556,46 @@ def loop_residuals(design: Design, angles: Any, length: Any, height: Any) -> Flo
     )
 
 
-def largest_residual(moved: Motion) -> float:
-    """The largest loop residual over a motion, in the lengths' unit."""
-    pose = moved.pose
-    return float(np.max(np.abs(loop_residuals(pose.design, link_angles(pose), moved.cylinder_length, pose.height))))
+def largest_residual(trajectory: Motion) -> float:
+    """Compute the largest absolute residual of the loop equations over a motion.
+
+    Parameters
+    ----------
+    trajectory : Motion
+
+    Returns
+    -------
+    float
+        In the unit of the lengths.
+    """
+    pose = trajectory.pose
+    return float(
+        np.max(np.abs(loop_residuals(pose.design, link_angles(pose), trajectory.cylinder_length, pose.height)))
+    )
 
 
 def jacobian(design: Design, angles: Any, length: Any) -> Floats:
-    """The derivatives of F1 to F6 by theta1 to theta5 and s, shape (..., 6, 6): the left side of (13) and (14).
+    """Return the derivatives of F1 to F6 with respect to theta1 to theta5 and s, the left side of (13) and (14).
 
-    Law: the limit of differences of `loop_residuals`; singular only where dl1/dT = 0, for its determinant is
-    l1 (dl1/dT) l2 l4 sin(theta2 - theta4) l5 sin(theta5) up to sign.
+    The matrix is singular only if dl1/dT = 0, because its determinant is
+    l1 (dl1/dT) l2 l4 sin(theta2 - theta4) l5 sin(theta5) up to the sign.
+
+    Parameters
+    ----------
+    design : Design
+    angles : ndarray, shape (..., 5)
+        theta1 to theta5.
+    length : float or ndarray
+        Cylinder length.
+
+    Returns
+    -------
+    ndarray, shape (..., 6, 6)
     """
     cos, sin = _cosines_sines(angles)
     l2, l3, l4, l5, _ = design.as_tuple()
-    shape = np.broadcast_shapes(cos[0].shape, *(np.shape(value) for value in (length, l2, l3, l4, l5)))
-    matrix = np.zeros((*shape, 6, 6))
+    batch_shape = np.broadcast_shapes(cos[0].shape, *(np.shape(value) for value in (length, l2, l3, l4, l5)))
+    matrix = np.zeros((*batch_shape, 6, 6))
     matrix[..., 0, 0] = matrix[..., 4, 0] = -length * sin[0]
     matrix[..., 1, 0] = matrix[..., 5, 0] = length * cos[0]
     matrix[..., 0, 1], matrix[..., 1, 1] = -l2 * sin[1], l2 * cos[1]
@@ -404,49 +608,85 @@ def jacobian(design: Design, angles: Any, length: Any) -> Floats:
 
 
 def condition(design: Design, turn: Any) -> Any:
-    """2-norm condition number of the Jacobian with all lengths in units of the top height l3 + l5; one design.
+    """Return the 2-norm condition number of the Jacobian, with all lengths divided by the top height l3 + l5.
 
-    How much a relative error of the loops grows in the rates. It goes to infinity as 1 / distance at the dead point,
-    and stays small at the top. It is given up to 1 / epsilon = 4.5e15; beyond, no digit is left anyway.
-    Law: it does not change when all lengths are scaled.
+    It is the factor by which a relative error of the loop equations can grow in the velocities. It grows as
+    1 / distance towards the dead point and is small at the top. Scaling all lengths does not change it.
+
+    Parameters
+    ----------
+    design : Design
+        A single design.
+    turn : float or ndarray
+        Turns in radians.
+
+    Returns
+    -------
+    float or ndarray
+        At most 1 / epsilon = 4.5e15; beyond this value no digit is left.
     """
-    top = design.l3 + design.l5
-    scaled = Design(*(value / top for value in design.as_tuple()))
+    top_height = design.l3 + design.l5
+    scaled = Design(*(value / top_height for value in design.as_tuple()))
 
-    def of_block(turns: Floats) -> Any:
+    def block_condition(turns: Floats) -> Any:
         pose = pose_at_turn(scaled, turns)
         values = np.linalg.svd(jacobian(scaled, link_angles(pose), pose.length), compute_uv=False)
         return values[:, 0] / np.maximum(values[:, -1], EPSILON * values[:, 0])
 
-    return by_blocks(of_block, CONDITION_BLOCK, turn)
+    return evaluate_in_blocks(block_condition, OPTIONS.condition_block, turn)
 
 
-def smallest_condition(design: Design, limits: Stroke) -> tuple[float, float]:
-    """The smallest condition number along a stroke and its turn; deterministic, to about 1e-8."""
-    ends = np.zeros(1), np.array([float(limits.turn_bottom)])
-    value, turn = closer_looks(lambda turns: np.asarray(condition(design, turns)), *ends, CONDITION_NODES)
+def smallest_condition(design: Design, stroke_range: Stroke) -> tuple[float, float]:
+    """Find the smallest condition number along a stroke.
+
+    Parameters
+    ----------
+    design : Design
+        A single design.
+    stroke_range : Stroke
+
+    Returns
+    -------
+    value, turn : float
+        Condition number, to about 1e-8, and its turn.
+    """
+    ends = np.zeros(1), np.array([float(stroke_range.turn_bottom)])
+    value, turn = closer_looks(lambda turns: np.asarray(condition(design, turns)), *ends, OPTIONS.condition_nodes)
     return float(value[0]), float(turn[0])
 
 
 def velocity_by_instant_centre(design: Design, cylinder_speed: Any, height: Any) -> Any:
-    """Speed of the platform by the instant centre of the triangle, (17)-(27); shape of `height`.
+    """Compute the platform speed from the instant centre of the triangle, (17)-(27).
 
-    A second way to the velocity that shares nothing with the derivatives of a `Pose`. It cannot see the sign
-    (sin eta >= 0), so it is blind to a dead point that has been passed. Angles come from half-angle forms, not from
-    the printed arccos; at the top, where the printed form is 0/0, the limit 0 is returned. NaN where it is singular.
+    This independent method does not use the derivatives of a `Pose`. It assumes sin eta >= 0, so it cannot detect
+    that a dead point has been passed. Angles are computed from half-angle formulas instead of the printed arccos.
+
+    Parameters
+    ----------
+    design : Design
+        A single design.
+    cylinder_speed : float or ndarray
+        Rate of change of the cylinder length.
+    height : float or ndarray
+        Height of the platform.
+
+    Returns
+    -------
+    float or ndarray
+        The limit 0 at the top, where the printed formula is 0/0; NaN in a singular position.
     """
     l2, l3, l4, l5, b = design.as_tuple()
     s = np.asarray(height, dtype=float)
     at_top = s >= l3 + l5
     alpha = triangle_angle(s, l5, l3)[2]
     d1 = s * np.tan(np.where(at_top, np.nan, alpha))
-    along = s / np.cos(alpha) - l5  # from C to the instant centre G, along DC
-    beta, gamma = angle_or_flat(d1, l3, np.abs(along)), triangle_angle(l2, l3, l4)[2]
-    delta = np.where(along < 0, gamma - beta, gamma + beta)  # C above A where DC reaches beyond G
+    c_to_centre = s / np.cos(alpha) - l5  # from C to the instant centre G, along DC
+    beta, gamma = angle_or_flat(d1, l3, np.abs(c_to_centre)), triangle_angle(l2, l3, l4)[2]
+    delta = np.where(c_to_centre < 0, gamma - beta, gamma + beta)  # C lies above A if DC extends beyond G
     d2 = third_side(l2, d1, delta)
-    # B from A: delta is measured from AG, which is horizontal
+    # B relative to A: delta is measured from AG, which is horizontal
     x, y = b - l2 * np.cos(delta), s - l2 * np.sin(delta)
     eta = angle_or_flat(d2, np.hypot(x, y), np.hypot(b - d1, s))
     speed = d1 / d2 * cylinder_speed
-    found = np.divide(speed, np.sin(eta), out=np.full(np.broadcast(speed, eta).shape, np.nan), where=eta > 0)
-    return np.where(at_top, 0.0, found)[()]
+    platform_speed = np.divide(speed, np.sin(eta), out=np.full(np.broadcast(speed, eta).shape, np.nan), where=eta > 0)
+    return np.where(at_top, 0.0, platform_speed)[()]

@@ -1,17 +1,21 @@
-"""The lift's pose: closed form by one angle, the branches of the cylinder's length, and the dead point between them.
+"""Closed-form poses of the pneumatic lift, its dead points, and the turn for a cylinder length.
 
-A rigid triangle ABC hangs with A on the vertical slide x = -b. A cylinder OB of length l1(t) pushes its corner B, a
-link DC holds its corner C. O = (0, 0) is the cylinder's pivot, D = (-b, 0) the link's, A = (-b, s) the platform;
-AB = l2, AC = l3, BC = l4, DC = l5. One number, the *turn* T = angle DAC, gives every pose in closed form: T = 0 is
-the top (C straight below A, s = l3 + l5) and grows downwards. In the source's symbols T = mu + pi/2 with mu the
-direction of AC and theta3 = mu + pi.
+A rigid triangle ABC is guided at A by the vertical slide x = -b.
+A cylinder OB of length l1(t) pushes corner B, and a link DC guides corner C.
+O = (0, 0) is the pivot of the cylinder, D = (-b, 0) is the pivot of the link, and A = (-b, s) carries the platform.
+The lengths are AB = l2, AC = l3, BC = l4 and DC = l5.
+
+One angle, the *turn* T = angle DAC, determines the whole pose in closed form. T = 0 is the top position, with C
+straight below A and s = l3 + l5; T increases as the platform goes down. In the symbols of the source, T = mu + pi/2
+where mu is the direction of AC, and theta3 = mu + pi. The *working branch* is the range of T from the top to the
+first dead point, in which the cylinder length is monotonic.
 
 Source: Gan, Meng, Li, Zhou, "Kinematic simulation and optimization of a pneumatic linkage lifting mechanism",
-Machinery Design & Manufacture 2020-3. Numbers in parentheses are its equations. Its loops (7)-(12) are in
-`synthesis.scenes.lift.motion`, as an independent check.
+Machinery Design & Manufacture 2020-3. Numbers in parentheses are its equations. The loop equations (7)-(12) are
+implemented in `synthesis.scenes.lift.motion` as an independent check.
 
-Lengths are in the user's unit, angles in radians. Every array argument broadcasts; a design or a cylinder may hold
-arrays, with batch axes leading. What cannot be assembled is NaN.
+Lengths are in the user's unit and angles in radians. Array arguments broadcast against each other.
+The fields of a design or a cylinder may be arrays; batch axes come first. Poses that cannot be assembled are NaN.
 """
 
 from __future__ import annotations
@@ -26,262 +30,355 @@ from numpy.typing import NDArray
 
 from synthesis.one_variable import EPSILON, Flags, Floats, bisect, rising_root
 
-SEARCH_NODES = 128
-"""Nodes of each of the two grids in a quarter turn on which the dead points are isolated."""
-SEARCH_BLOCK = 256
-"""Designs whose dead points are searched at a time."""
+DEAD_POINT_NODES = 128
+"""Number of nodes in a quarter turn of each of the two grids on which dead points are isolated."""
+DESIGNS_PER_BLOCK = 256
+"""Number of designs whose dead points are searched at a time."""
 
 
 Length = Annotated[Any, float]
-"""A float or an array; one number in a reply."""
+"""A float or an array; a single number in a reply."""
 
 
 @dataclass(frozen=True)
 class Design:
-    """The five fixed lengths.
-
-    Numbers of one lift, or arrays that broadcast, of many.
-    """
+    """The five fixed lengths of one lift, or arrays that broadcast for many lifts."""
 
     l2: Length
+    """AB, from the platform joint to the cylinder joint; a side of the triangle."""
     l3: Length
+    """AC, from the platform joint to the link joint; a side of the triangle."""
     l4: Length
+    """BC, the third side of the triangle."""
     l5: Length
+    """DC, the link between the fixed pivot D and the triangle."""
     b: Length
+    """Horizontal distance from the slide to the cylinder pivot O."""
 
     def as_tuple(self) -> tuple[Any, Any, Any, Any, Any]:
-        """The lengths in the order (l2, l3, l4, l5, b)."""
+        """Return the lengths in the order (l2, l3, l4, l5, b)."""
         return self.l2, self.l3, self.l4, self.l5, self.b
 
     def as_dict(self) -> dict[str, float]:
-        """The lengths of one design as plain numbers."""
+        """Return the lengths of a single design as plain numbers."""
         return dict(zip(("l2", "l3", "l4", "l5", "b"), (float(value) for value in self.as_tuple())))
 
 
 @dataclass(frozen=True)
 class Cylinder:
-    """The drive: length in the lowest position, and speed and constant acceleration of that length.
-
-    A negative speed retracts the cylinder: the motion starts at the top. Both rates count lengthening as positive.
-    """
+    """The cylinder as a drive with constant acceleration; lengthening counts as positive."""
 
     length: Any
+    """Length l1' in the lowest position of the platform."""
     speed: Any = 1.0
+    """Rate of change of the length at the start. If it is negative, the cylinder retracts and the motion starts at
+    the top."""
     acceleration: Any = 0.0
+    """Constant second derivative of the length."""
 
 
-def half_angle_squares(side: Any, other: Any, opposite: Any) -> tuple[Any, Any]:
-    """Squared sine and cosine of half the angle between two sides of a triangle, times 4 side other.
+def half_angle_squares(side_1: Any, side_2: Any, opposite: Any) -> tuple[Any, Any]:
+    """Return the squared sine and cosine of half an angle of a triangle, times 4 side_1 side_2.
 
-    Products of sums and differences, so that flat triangles keep their digits, unlike an inverse cosine's. The first
-    is negative where the third side is too short for a triangle, the second where it is too long.
+    The angle lies between ``side_1`` and ``side_2``, and ``opposite`` is the third side. Both results are products of
+    sums and differences, so flat triangles keep their digits, unlike with an inverse cosine. The first result is
+    negative if the third side is too short for a triangle, the second if it is too long.
     """
-    low = (opposite - (side - other)) * (opposite + (side - other))
-    return low, (side + other + opposite) * ((side - opposite) + other)
+    sine_term = (opposite - (side_1 - side_2)) * (opposite + (side_1 - side_2))
+    return sine_term, (side_1 + side_2 + opposite) * ((side_1 - opposite) + side_2)
 
 
-def triangle_angle(side: Any, other: Any, opposite: Any) -> tuple[Floats, Floats, Floats]:
-    """Angle between two sides of a triangle, from the third: its cosine, its sine and itself.
+def triangle_angle(side_1: Any, side_2: Any, opposite: Any) -> tuple[Floats, Floats, Floats]:
+    """Return the angle between two sides of a triangle, given the third side.
 
-    NaN where the strict triangle inequality (34) fails. Law: the three angles of a triangle add up to pi.
+    Parameters
+    ----------
+    side_1, side_2, opposite : float or ndarray
+        The two sides that enclose the angle, and the side opposite to it. They broadcast.
+
+    Returns
+    -------
+    cosine, sine, angle : ndarray
+        NaN if the strict triangle inequality (34) is violated.
+
+    Notes
+    -----
+    The three angles of a triangle add up to pi.
     """
-    side, other, opposite = (np.asarray(value, dtype=float) for value in (side, other, opposite))
-    low, high = half_angle_squares(side, other, opposite)
-    proper = (low > 0) & (high > 0)
-    low, high = np.where(proper, low, np.nan), np.where(proper, high, np.nan)
-    product = 4 * side * other
+    side_1, side_2, opposite = (np.asarray(value, dtype=float) for value in (side_1, side_2, opposite))
+    sine_term, cosine_term = half_angle_squares(side_1, side_2, opposite)
+    proper = (sine_term > 0) & (cosine_term > 0)
+    sine_term, cosine_term = np.where(proper, sine_term, np.nan), np.where(proper, cosine_term, np.nan)
+    product = 4 * side_1 * side_2
     return (
-        (high - low) / product,
-        2 * np.sqrt(low) * np.sqrt(high) / product,
-        2 * np.arctan2(np.sqrt(low), np.sqrt(high)),
+        (cosine_term - sine_term) / product,
+        2 * np.sqrt(sine_term) * np.sqrt(cosine_term) / product,
+        2 * np.arctan2(np.sqrt(sine_term), np.sqrt(cosine_term)),
     )
 
 
-def angle_or_flat(side: Any, other: Any, opposite: Any) -> Any:
-    """Angle between two sides of a triangle that may be flat: rounding past flat counts as flat."""
-    low, high = half_angle_squares(side, other, opposite)
-    return 2 * np.arctan2(np.sqrt(np.maximum(low, 0.0)), np.sqrt(np.maximum(high, 0.0)))
+def angle_or_flat(side_1: Any, side_2: Any, opposite: Any) -> Any:
+    """Return the angle between two sides of a triangle that may be flat.
+
+    A rounding error past flat counts as flat.
+    """
+    sine_term, cosine_term = half_angle_squares(side_1, side_2, opposite)
+    return 2 * np.arctan2(np.sqrt(np.maximum(sine_term, 0.0)), np.sqrt(np.maximum(cosine_term, 0.0)))
 
 
-def third_side(side: Any, other: Any, angle: Any) -> Any:
-    """The side of a triangle opposite a given angle, as a root of positive terms."""
-    return np.sqrt((side - other) ** 2 + 4 * side * other * np.sin(0.5 * angle) ** 2)
+def third_side(side_1: Any, side_2: Any, angle: Any) -> Any:
+    """Return the side of a triangle opposite a given angle, as the square root of a sum of positive terms."""
+    return np.sqrt((side_1 - side_2) ** 2 + 4 * side_1 * side_2 * np.sin(0.5 * angle) ** 2)
 
 
 @dataclass(frozen=True)
-class Shape:
-    """What all poses of a design share: the triangle's angle gamma at A, and k^2 = l5^2 - l3^2."""
+class DesignConstants:
+    """Quantities shared by all poses of a design."""
 
     cos_gamma: Any
+    """Cosine of the triangle's angle at A."""
     sin_gamma: Any
+    """Sine of the triangle's angle at A."""
     gamma: Any
+    """The triangle's angle at A, between AB and AC."""
     k_squared: Any
+    """k^2 = l5^2 - l3^2."""
 
 
-def shape(design: Design, gamma: Any | None = None) -> Shape:
-    """The constants of a design; NaN unless the triangle is proper (34) and l3 < l5 (36).
+def design_constants(design: Design, gamma: Any | None = None) -> DesignConstants:
+    """Return the constants of a design; NaN unless the triangle is proper (34) and l3 < l5 (36).
 
-    `gamma` is the triangle's angle at A where it is known better than from the three sides.
+    Parameters
+    ----------
+    design : Design
+    gamma : float or ndarray, optional
+        The triangle's angle at A, if it is known more accurately than it follows from the three sides.
     """
     if gamma is None:
         cos_gamma, sin_gamma, gamma = triangle_angle(design.l2, design.l3, design.l4)
     else:
         cos_gamma, sin_gamma = np.cos(gamma), np.sin(gamma)
     k_squared = (np.asarray(design.l5, dtype=float) - design.l3) * (np.asarray(design.l5, dtype=float) + design.l3)
-    return Shape(cos_gamma, sin_gamma, gamma, np.where(k_squared > 0, k_squared, np.nan))
+    return DesignConstants(cos_gamma, sin_gamma, gamma, np.where(k_squared > 0, k_squared, np.nan))
 
 
 @dataclass(frozen=True)
 class Pose:
-    """Poses of a design and their derivatives by the turn T (suffixes ``_1`` and ``_2``), all of one shape.
+    """Poses of a design and their derivatives with respect to the turn T, all of the same shape.
 
-    ``height`` is s, ``(x, y)`` the corner B, ``across`` and ``down`` where B is from A, ``root`` the height of C over
-    D, ``length`` the cylinder's length l1; ``half_square`` is l1^2 / 2, whose derivatives are finite also where l1
-    is 0. Second derivatives are computed when they are first asked for.
+    The suffixes ``_1`` and ``_2`` denote the first and second derivative.
+    Second derivatives are computed when they are first used.
     """
 
     design: Design
-    form: Shape
+    """The design, with fields that broadcast against the pose."""
+    constants: DesignConstants
+    """Constants of the design."""
     sin_turn: Any
+    """Sine of the turn."""
     cos_turn: Any
-    root: Any
+    """Cosine of the turn."""
+    c_height: Any
+    """Height of C above D."""
     height: Any
+    """Height s of the platform A above D."""
     height_1: Any
+    """First derivative of the height."""
     across: Any
+    """Horizontal distance of B from A, positive to the right."""
     down: Any
+    """Vertical distance of B below A."""
     x: Any
+    """Horizontal coordinate of B."""
     y: Any
+    """Vertical coordinate of B."""
     length: Any
+    """Length l1 of the cylinder."""
     half_square_1: Any
+    """First derivative of l1^2 / 2, which is finite even if l1 is 0."""
 
     @cached_property
     def turn(self) -> Any:
-        """The turn, 0 to 2 pi."""
+        """Return the turn, from 0 to 2 pi."""
         return np.arctan2(self.sin_turn, self.cos_turn) % (2 * np.pi)
 
     @cached_property
     def length_1(self) -> Any:
-        """Derivative of the cylinder's length, negative on the working branch."""
+        """Return the first derivative of the cylinder length, which is negative on the working branch."""
         return self.half_square_1 / self.length
 
     @cached_property
     def gain(self) -> Any:
-        """ds/dl1: the platform's speed over the cylinder's; infinite at a dead point, negative past it."""
+        """Return ds/dl1, the ratio of platform speed to cylinder speed.
+
+        The ratio is infinite at a dead point and negative past it.
+        """
         rate = self.half_square_1
         return np.divide(self.length * self.height_1, rate, out=np.full(np.shape(rate), np.inf), where=rate != 0)
 
     @cached_property
     def height_2(self) -> Any:
-        """Second derivative of the height."""
-        l3, root = self.design.l3, self.root
-        bend = l3 * self.cos_turn * (self.form.k_squared + l3 * l3) / (root * root * root)
-        return self.height_1 * (self.height_1 / self.height) - self.height * bend
+        """Return the second derivative of the height."""
+        l3, c_height = self.design.l3, self.c_height
+        curvature_term = l3 * self.cos_turn * (self.constants.k_squared + l3 * l3) / (c_height * c_height * c_height)
+        return self.height_1 * (self.height_1 / self.height) - self.height * curvature_term
 
     @cached_property
     def half_square_2(self) -> Any:
-        """Second derivative of l1^2 / 2."""
-        turning = self.down * self.height + self.across * (self.design.b + self.height_1)
-        return turning + self.height_2 * self.y + self.height_1 * (self.height_1 + self.across)
+        """Return the second derivative of l1^2 / 2."""
+        rotation_term = self.down * self.height + self.across * (self.design.b + self.height_1)
+        return rotation_term + self.height_2 * self.y + self.height_1 * (self.height_1 + self.across)
 
     @cached_property
     def length_2(self) -> Any:
-        """Second derivative of the cylinder's length."""
+        """Return the second derivative of the cylinder length."""
         return (self.half_square_2 - self.length_1 * self.length_1) / self.length
 
 
-def pose_at_turn(design: Design, turn: Any, form: Shape | None = None) -> Pose:
-    """Closed-form poses at given turns; `form` is the design's `shape`, when it is known already.
+def pose_at_turn(design: Design, turn: Any, constants: DesignConstants | None = None) -> Pose:
+    """Compute poses at given turns in closed form.
 
-    Written without cancellation: with k^2 = l5^2 - l3^2 the root is a sum of squares, s' is a product, and below the
-    level of C the height is k^2 / (root + l3 |cos T|) instead of a difference. At turn 0, s' is 0 exactly.
+    The formulas avoid cancellation. With k^2 = l5^2 - l3^2, the height of C is the root of a sum of squares and s' is
+    a product. If C lies above A, the height of A is k^2 / (c_height + l3 |cos T|) instead of a difference.
 
-    Laws: length^2 = x^2 + y^2; AB, AC, BC and DC keep their lengths; each derivative is the limit of differences.
+    Parameters
+    ----------
+    design : Design
+    turn : float or ndarray
+        Turns in radians.
+    constants : DesignConstants, optional
+        The `design_constants` of the design, if they are already known.
+
+    Returns
+    -------
+    Pose
+        The derivative s' is exactly 0 at turn 0.
     """
     turn = np.asarray(turn, dtype=float)
-    return _pose(design, shape(design) if form is None else form, np.sin(turn), np.cos(turn))
+    return _pose(design, design_constants(design) if constants is None else constants, np.sin(turn), np.cos(turn))
 
 
-def pose_at_height(design: Design, height: Any, form: Shape | None = None, clip: bool = False) -> Pose:
-    """Closed-form poses at given heights, with C on the side of the cylinder (0 <= turn <= pi).
+def pose_at_height(design: Design, height: Any, constants: DesignConstants | None = None, clip: bool = False) -> Pose:
+    """Compute poses at given heights in closed form, with C on the side of the cylinder (0 <= turn <= pi).
 
-    Outside l5 - l3 <= s <= l5 + l3 it is NaN, or with `clip` the end. No inverse cosine: half the digits would be
-    lost towards the top.
+    The turn is not computed by an inverse cosine, which would lose half of the digits near the top.
+
+    Parameters
+    ----------
+    design : Design
+    height : float or ndarray
+        Heights of the platform above D.
+    constants : DesignConstants, optional
+        The `design_constants` of the design, if they are already known.
+    clip : bool
+        Replace a height outside l5 - l3 <= s <= l5 + l3 by the nearer end. By default such a pose is NaN.
+
+    Returns
+    -------
+    Pose
     """
     height = np.asarray(height, dtype=float)
     # the triangle ADC: sides s and l3 at A, opposite l5
-    low, high = half_angle_squares(height, design.l3, design.l5)
+    sine_term, cosine_term = half_angle_squares(height, design.l3, design.l5)
     if clip:
-        low, high = np.maximum(low, 0.0), np.maximum(high, 0.0)
-    inside = (low >= 0) & (high >= 0) & (height > 0)
-    product = np.where(inside, 4 * design.l3 * height, np.nan)
-    sin_turn = 2 * np.sqrt(np.where(inside, low * high, np.nan)) / product
-    return _pose(design, shape(design) if form is None else form, sin_turn, (high - low) / product)
+        sine_term, cosine_term = np.maximum(sine_term, 0.0), np.maximum(cosine_term, 0.0)
+    reachable = (sine_term >= 0) & (cosine_term >= 0) & (height > 0)
+    product = np.where(reachable, 4 * design.l3 * height, np.nan)
+    sin_turn = 2 * np.sqrt(np.where(reachable, sine_term * cosine_term, np.nan)) / product
+    return _pose(
+        design,
+        design_constants(design) if constants is None else constants,
+        sin_turn,
+        (cosine_term - sine_term) / product,
+    )
 
 
-def _pose(design: Design, form: Shape, sin_turn: Any, cos_turn: Any) -> Pose:
-    l2, l3, k2 = design.l2, design.l3, form.k_squared
-    level = l3 * cos_turn  # how far C hangs below A
-    root = np.sqrt(k2 + level * level)
-    # root + level as such where it is a sum; where it would cancel, k^2 = (root + level)(root - level) is divided
-    both = root + np.abs(level)
-    s = np.where(level >= 0, both, k2 / both)
-    s_1 = -l3 * sin_turn * s / root
-    down = l2 * (cos_turn * form.cos_gamma + sin_turn * form.sin_gamma)
-    across = l2 * (sin_turn * form.cos_gamma - cos_turn * form.sin_gamma)
+def _pose(design: Design, constants: DesignConstants, sin_turn: Any, cos_turn: Any) -> Pose:
+    l2, l3, k2 = design.l2, design.l3, constants.k_squared
+    level = l3 * cos_turn  # height of A above C
+    c_height = np.sqrt(k2 + level * level)
+    # add c_height and level if both are positive; otherwise divide k^2 = (c_height + level)(c_height - level)
+    height_sum = c_height + np.abs(level)
+    s = np.where(level >= 0, height_sum, k2 / height_sum)
+    s_1 = -l3 * sin_turn * s / c_height
+    down = l2 * (cos_turn * constants.cos_gamma + sin_turn * constants.sin_gamma)
+    across = l2 * (sin_turn * constants.cos_gamma - cos_turn * constants.sin_gamma)
     x, y = across - design.b, s - down
-    # x x' + y y', in which two products cancel each other
+    # x x' + y y', after two products have cancelled
     half_square_1 = across * s - design.b * down + s_1 * y
-    return Pose(design, form, sin_turn, cos_turn, root, s, s_1, across, down, x, y, np.hypot(x, y), half_square_1)
+    return Pose(
+        design, constants, sin_turn, cos_turn, c_height, s, s_1, across, down, x, y, np.hypot(x, y), half_square_1
+    )
 
 
 def joints(pose: Pose) -> dict[str, NDArray[np.complex128]]:
-    """The joints A, B, C of poses and the pivots O, D, as x + i y."""
+    """Return the joints of poses.
+
+    Parameters
+    ----------
+    pose : Pose
+        Poses of shape (...).
+
+    Returns
+    -------
+    dict of str to ndarray of complex, shape (...)
+        The moving joints A, B, C and the fixed pivots O, D as x + i y.
+    """
     design = pose.design
-    turns = np.shape(pose.height)
+    dimensions = np.shape(pose.height)
     return {
-        "O": np.zeros(turns, complex),
-        "D": np.full(turns, -design.b, complex),
+        "O": np.zeros(dimensions, complex),
+        "D": np.full(dimensions, -design.b, complex),
         "A": -design.b + 1j * np.asarray(pose.height),
         "B": np.asarray(pose.x) + 1j * np.asarray(pose.y),
-        "C": design.l3 * np.asarray(pose.sin_turn) - design.b + 1j * np.asarray(pose.root),
+        "C": design.l3 * np.asarray(pose.sin_turn) - design.b + 1j * np.asarray(pose.c_height),
     }
 
 
-def top_length(design: Design, form: Shape) -> Any:
-    """The cylinder's length at the top."""
-    x, y = design.b + design.l2 * form.sin_gamma, design.l3 + design.l5 - design.l2 * form.cos_gamma
+def top_length(design: Design, constants: DesignConstants) -> Any:
+    """Return the cylinder length at the top."""
+    x, y = design.b + design.l2 * constants.sin_gamma, design.l3 + design.l5 - design.l2 * constants.cos_gamma
     return np.hypot(x, y)
 
 
-def top_lever(design: Design, form: Shape | None = None) -> Any:
-    """The lever b cos gamma + (l3 + l5) sin gamma; the cylinder lengthens towards the top where it is positive.
+def top_lever(design: Design, constants: DesignConstants | None = None) -> Any:
+    """Return the lever b cos gamma + (l3 + l5) sin gamma.
 
-    At the top l1 dl1/dT = -l2 times this, so that it is the sign of the working branch. NaN without a triangle.
+    The cylinder lengthens towards the top if the lever is positive, because l1 dl1/dT = -l2 times the lever at the
+    top. The result is NaN if the sides do not form a triangle.
     """
-    form = shape(design) if form is None else form
-    return design.b * form.cos_gamma + (np.asarray(design.l3, dtype=float) + design.l5) * form.sin_gamma
+    constants = design_constants(design) if constants is None else constants
+    return design.b * constants.cos_gamma + (np.asarray(design.l3, dtype=float) + design.l5) * constants.sin_gamma
 
 
-def by_blocks(function: Callable[..., Any], size: int, *fields: Any) -> Any:
-    """Values of a function of arrays, computed for at most `size` members at a time: bounds the memory.
+def evaluate_in_blocks(function: Callable[..., Any], size: int, *fields: Any) -> Any:
+    """Evaluate a function of arrays for at most `size` members at a time, to bound the memory.
 
-    ``function``: ``function(*columns) -> values`` for columns of shape (n,), values of shape (..., n). ``size``:
-    members at a time. ``*fields``: broadcast against each other; the values have their shape in place of the last axis.
+    Parameters
+    ----------
+    function : callable
+        ``function(*columns) -> values`` for columns of shape (n,) and values of shape (..., n).
+    size : int
+        Number of members evaluated at a time.
+    *fields : float or ndarray
+        Arguments that broadcast against each other. Their common shape replaces the last axis of the values.
     """
     arrays = np.broadcast_arrays(*(np.asarray(field, dtype=float) for field in fields))
     flat = [array.reshape(-1) for array in arrays]
-    parts = [function(*(column[at : at + size] for column in flat)) for at in range(0, max(flat[0].size, 1), size)]
+    parts = [
+        function(*(column[first : first + size] for column in flat)) for first in range(0, max(flat[0].size, 1), size)
+    ]
     values = np.concatenate(parts, axis=-1)
     return values.reshape((*values.shape[:-1], *arrays[0].shape))[()]
 
 
-def _search_nodes(design: Design) -> Floats:
-    """Turns from 0 to 2 pi, shape (..., nodes), dense where C passes the level of A or of D's opposite side.
+def _dead_point_nodes(design: Design) -> Floats:
+    """Return turns from 0 to 2 pi, shape (..., nodes), clustered at a quarter and three quarters of a turn.
 
-    When l3 comes near l5 the height has a corner of width kappa = k / l3 at a quarter turn; the spacing follows it.
+    If l3 is close to l5, the height has a corner of width kappa = k / l3 there, and the spacing follows it.
     """
-    kappa = (np.sqrt(shape(design).k_squared) / design.l3)[..., None]
-    even = np.linspace(-1.0, 1.0, 2 * SEARCH_NODES + 1)
+    kappa = (np.sqrt(design_constants(design).k_squared) / design.l3)[..., None]
+    even = np.linspace(-1.0, 1.0, 2 * DEAD_POINT_NODES + 1)
     cluster = kappa * np.sinh(even * np.arcsinh(0.5 * np.pi / kappa))
     flat = np.broadcast_to(0.5 * np.pi * even, cluster.shape)
     half = np.clip(np.sort(np.concatenate([cluster, flat], axis=-1), axis=-1), -0.5 * np.pi, 0.5 * np.pi)
@@ -289,69 +386,87 @@ def _search_nodes(design: Design) -> Floats:
 
 
 def dead_point(design: Design) -> Any:
-    """The turn of the dead point below the top: the first one from the top at which dl1/dT = 0, shape (...).
+    """Find the dead point below the top, which is the end of the working branch.
 
-    From there to the top the cylinder lengthens steadily; that stretch is the working branch. NaN where the design
-    cannot be assembled, and where the cylinder would have to shorten to come to the top (`top_lever` <= 0).
+    Parameters
+    ----------
+    design : Design
+        Fields of shape (...).
 
-    Law: dl1/dT < 0 between 0 and the dead point, and 0 at it.
+    Returns
+    -------
+    float or ndarray, shape (...)
+        The first turn from the top at which dl1/dT = 0. The derivative is negative between the top and this turn.
+        NaN if the design cannot be assembled, or if the cylinder would have to shorten to reach the top
+        (`top_lever` <= 0).
     """
-    return by_blocks(_dead_points, SEARCH_BLOCK, *design.as_tuple())
+    return evaluate_in_blocks(_dead_points, DESIGNS_PER_BLOCK, *design.as_tuple())
 
 
 def _dead_points(*lengths: Floats) -> Floats:
     design = Design(*lengths)
-    nodes = _search_nodes(design)
+    nodes = _dead_point_nodes(design)
     pose = pose_at_turn(Design(*(value[:, None] for value in lengths)), nodes)
     first, second = pose.half_square_1, pose.half_square_2
-    works = first[:, 0] < 0
-    rows = np.arange(works.size)
-    end = np.argmax(first > 0, axis=1)  # the length is periodic, so a working branch has an end
-    low, high = nodes[rows, end - 1], nodes[rows, end]
-    # two dead points between neighbouring nodes show only as a peak of the rate: look at the top of each peak
+    lifts = first[:, 0] < 0
+    rows = np.arange(lifts.size)
+    end_index = np.argmax(first > 0, axis=1)  # the length is periodic, so each working branch ends
+    low, high = nodes[rows, end_index - 1], nodes[rows, end_index]
+    # two dead points between neighbouring nodes appear only as a peak of the rate: evaluate the top of each peak
     peaks = (first[:, :-1] < 0) & (first[:, 1:] < 0) & (second[:, :-1] > 0) & (second[:, 1:] < 0)
-    peaks &= (np.arange(nodes.shape[1] - 1) < end[:, None]) & works[:, None]
+    peaks &= (np.arange(nodes.shape[1] - 1) < end_index[:, None]) & lifts[:, None]
     row, column = np.nonzero(peaks)
-    some, left = Design(*(value[row] for value in lengths)), nodes[row, column]
-    peak, _ = bisect(lambda turn: pose_at_turn(some, turn).half_square_2 > 0, left, nodes[row, column + 1])
-    passes = np.nonzero(pose_at_turn(some, peak).half_square_1 >= 0)[0]
-    for at in passes[::-1]:  # downwards: the first one of a design stays
-        low[row[at]], high[row[at]] = left[at], peak[at]
+    peak_designs, left = Design(*(value[row] for value in lengths)), nodes[row, column]
+    peak, _ = bisect(lambda turn: pose_at_turn(peak_designs, turn).half_square_2 > 0, left, nodes[row, column + 1])
+    crossing_peaks = np.nonzero(pose_at_turn(peak_designs, peak).half_square_1 >= 0)[0]
+    for peak_index in crossing_peaks[::-1]:  # in reverse order, so that the first peak of a design is assigned last
+        low[row[peak_index]], high[row[peak_index]] = left[peak_index], peak[peak_index]
 
     def rate(turn: Floats) -> tuple[Floats, Floats]:
         pose = pose_at_turn(design, turn)
         return pose.half_square_1, pose.half_square_2
 
-    low, high = np.where(works, low, np.nan), np.where(works, high, np.nan)
+    low, high = np.where(lifts, low, np.nan), np.where(lifts, high, np.nan)
     return rising_root(rate, low, high, 0.5 * (low + high))
 
 
 def turn_at_length(design: Design, length: Any, turn_dead: Any | None = None) -> Any:
-    """The turn on the working branch at given cylinder lengths; NaN where that branch has no such length.
+    """Find the turn on the working branch at given cylinder lengths.
 
-    A scalar Newton iteration in the turn, bracketed by the top and the dead point (`turn_dead`, found when not
-    given). Near the dead point l1 is quadratic in the turn, hence the turn is smooth in w = sqrt(l1 - l1_dead): the
-    first guess is the cubic in w with the right ends and end slopes.
+    The method is a scalar Newton iteration for the turn, bracketed by the top and the dead point.
+    Near the dead point l1 is quadratic in the turn, so the turn is smooth in w = sqrt(l1 - l1_dead).
+    The initial guess is the cubic in w with the correct values and slopes at both ends.
 
-    Laws: ``pose_at_turn(design, result).length`` is `length`; the result falls as `length` grows.
+    Parameters
+    ----------
+    design : Design
+    length : float or ndarray
+        Cylinder lengths.
+    turn_dead : float or ndarray, optional
+        The `dead_point` of the design, if it is already known.
+
+    Returns
+    -------
+    float or ndarray
+        The turn decreases as the length increases. NaN if the working branch does not reach the length.
     """
     turn_dead = dead_point(design) if turn_dead is None else np.asarray(turn_dead, dtype=float)
-    form = shape(design)
-    bottom, top = pose_at_turn(design, turn_dead, form), pose_at_turn(design, 0.0, form)
-    length, square = np.asarray(length, dtype=float), top.length - bottom.length
-    # no branch where rounding leaves nothing between its ends
-    inside = (length >= bottom.length) & (length <= top.length) & (square > 0)
-    length, turn_dead = np.broadcast_arrays(np.where(inside, length, np.nan), turn_dead)
-    square = np.where(square > 0, square, np.nan)
-    w = np.sqrt(np.where(inside, length - bottom.length, np.nan) / square)
-    slope_low = -np.sqrt(2 * square / np.where(bottom.length_2 > 0, bottom.length_2, np.inf))
-    slope_top = 2 * square / top.length_1
-    u = 1 - w
-    guess = u * u * ((1 + 2 * w) * turn_dead + w * slope_low) - w * w * u * slope_top
-    guess = np.where(np.isfinite(guess) | ~inside, guess, 0.5 * turn_dead)
+    constants = design_constants(design)
+    bottom, top = pose_at_turn(design, turn_dead, constants), pose_at_turn(design, 0.0, constants)
+    length, length_span = np.asarray(length, dtype=float), top.length - bottom.length
+    # there is no branch if its two ends coincide up to rounding
+    reachable = (length >= bottom.length) & (length <= top.length) & (length_span > 0)
+    length, turn_dead = np.broadcast_arrays(np.where(reachable, length, np.nan), turn_dead)
+    length_span = np.where(length_span > 0, length_span, np.nan)
+    w = np.sqrt(np.where(reachable, length - bottom.length, np.nan) / length_span)
+    slope_low = -np.sqrt(2 * length_span / np.where(bottom.length_2 > 0, bottom.length_2, np.inf))
+    slope_top = 2 * length_span / top.length_1
+    v = 1 - w
+    guess = v * v * ((1 + 2 * w) * turn_dead + w * slope_low) - w * w * v * slope_top
+    guess = np.where(np.isfinite(guess) | ~reachable, guess, 0.5 * turn_dead)
 
     def shortage(turn: Floats) -> tuple[Floats, Floats]:
-        pose = pose_at_turn(design, turn, form)
+        pose = pose_at_turn(design, turn, constants)
         return length - pose.length, -pose.length_1
 
     noise = 2 * EPSILON * (length + design.b + design.l2)
@@ -359,28 +474,44 @@ def turn_at_length(design: Design, length: Any, turn_dead: Any | None = None) ->
 
 
 def turns_at_length(design: Design, length: float) -> Floats:
-    """All turns in [0, 2 pi) of one design at one cylinder length, the highest platform first.
+    """Find all turns in [0, 2 pi) at which one design has a given cylinder length.
 
-    The platform is above D in all of them; each has a mirror image below (height -s). The working branch is at most
-    one of them: the only one with its turn below `dead_point`.
+    The platform is above D in all of these poses; each has a mirror image below D (height -s).
+    At most one of them lies on the working branch: the only one whose turn is below `dead_point`.
+
+    Parameters
+    ----------
+    design : Design
+        A single design.
+    length : float
+        Cylinder length.
+
+    Returns
+    -------
+    ndarray
+        Turns, sorted by descending height of the platform.
     """
 
     def sign_changes(rate: Callable[[Pose], Floats], nodes: Floats) -> Floats:
         negative = rate(pose_at_turn(design, nodes)) < 0
-        at = np.nonzero(negative[:-1] != negative[1:])[0]
+        index = np.nonzero(negative[:-1] != negative[1:])[0]
 
-        def as_before(turn: Floats) -> Flags:
-            return np.equal(rate(pose_at_turn(design, turn)) < 0, negative[at])
+        def same_sign(turn: Floats) -> Flags:
+            return np.equal(rate(pose_at_turn(design, turn)) < 0, negative[index])
 
-        return bisect(as_before, nodes[at], nodes[at + 1])[0]
+        return bisect(same_sign, nodes[index], nodes[index + 1])[0]
 
-    nodes = _search_nodes(Design(*(np.asarray(value, dtype=float) for value in design.as_tuple())))
-    # the turns of extreme rate among the nodes leave no two dead points between neighbours
+    nodes = _dead_point_nodes(Design(*(np.asarray(value, dtype=float) for value in design.as_tuple())))
+    # with the turns of extreme rate among the nodes, no two dead points lie between neighbouring nodes
     nodes = np.union1d(nodes, sign_changes(lambda pose: pose.half_square_2, nodes))
     edges = np.concatenate([[0.0], sign_changes(lambda pose: pose.half_square_1, nodes), [2 * np.pi]])
     excess = pose_at_turn(design, edges).length - length
-    holds = excess[:-1] * excess[1:] <= 0
-    low, high, direction = edges[:-1][holds], edges[1:][holds], np.sign(np.diff(excess))[holds]
+    contains_root = excess[:-1] * excess[1:] <= 0
+    low, high, direction = (
+        edges[:-1][contains_root],
+        edges[1:][contains_root],
+        np.sign(np.diff(excess))[contains_root],
+    )
 
     def rising_excess(turn: Floats) -> tuple[Floats, Floats]:
         pose = pose_at_turn(design, turn)

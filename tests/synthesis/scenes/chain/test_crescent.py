@@ -1,4 +1,8 @@
-"""The crescent and its slot: published numbers, an independent implementation's values, laws, extremes."""
+"""The crescent and its slot, compared with published values and with an independent implementation.
+
+The tests would detect a wrong critical closure, a wrong order of the crossings, and a chain whose links change
+length.
+"""
 
 import json
 import math
@@ -13,9 +17,9 @@ from scipy.optimize import brentq
 
 from synthesis.errors import FieldError
 from synthesis.scenes.chain import crescent as chain
-from synthesis.scenes.chain.closure import Chain, closing_links, highest, lowest
+from synthesis.scenes.chain.closure import Chain, closing_links, find_maximum, find_minimum
 from synthesis.scenes.chain.crescent import crescent_angles
-from synthesis.scenes.chain.slot import chord_error, find_slot, pins_at, report, wheel_conflict
+from synthesis.scenes.chain.slot import analyse_slot, chord_error, find_slot, pins_at, wheel_conflict
 from tests.oracles.chain import free_pin_at_100_degrees
 
 REFERENCE = json.loads((Path(__file__).parents[3] / "reference" / "chain.json").read_text())
@@ -32,7 +36,7 @@ def canonical():
 @pytest.fixture(scope="module")
 def facts(canonical):
     slot = canonical[1]
-    return report(slot, np.linspace(slot.start, slot.end, 91))
+    return analyse_slot(slot, np.linspace(slot.start, slot.end, 91))
 
 
 @pytest.fixture(scope="module")
@@ -42,13 +46,15 @@ def printed():
 
 
 def overruns(track, links):
-    """Smallest and largest overrun over one period."""
+    """Return the smallest and the largest overrun over a period."""
     chain_ = Chain(track, L, links)
-    return chain_.least_overrun().value, highest(chain_.overrun, 0.0, chain_.period, chain_.cells).value
+    return chain_.smallest_overrun().value, find_maximum(
+        chain_.overrun, 0.0, chain_.period, chain_.search_cells
+    ).value
 
 
 def theta(slot, degrees):
-    """Phases of angles of P1 on the left wheel."""
+    """Return the phases at which P1 is at given angles on the left wheel."""
     return np.radians(np.asarray(degrees, dtype=float)) * slot.chain.period / (np.pi / 2)
 
 
@@ -62,8 +68,8 @@ def test_p1_p2_p6_p7_p8_critical_closure_gives_the_printed_layout(canonical, pri
     assert crescent.eccentricity == pytest.approx(PRINTED["eccentricity"], abs=0.01)
     assert math.degrees(crescent.xi) == pytest.approx(PRINTED["xi_deg"], abs=0.05)
     assert math.degrees(crescent.alpha) == pytest.approx(PRINTED["alpha_deg"], abs=0.05)
-    for one in (crescent, printed[0]):
-        assert math.degrees(one.xi + one.alpha) == pytest.approx(90, abs=1e-9)
+    for layout in (crescent, printed[0]):
+        assert math.degrees(layout.xi + layout.alpha) == pytest.approx(90, abs=1e-9)
 
 
 def test_p3_tangency_residual_of_the_printed_numbers(printed) -> None:
@@ -115,7 +121,7 @@ def test_locus(canonical, facts) -> None:
     assert np.abs(points - (CANONICAL["x"] + 1j * np.array(CANONICAL["y"]))).max() < 1e-6
     ends = slot.path(np.array([slot.start, slot.end]))
     assert np.abs(ends - [complex(*end) for end in CANONICAL["ends"]]).max() < 1e-6
-    lowest_y = lowest(lambda p: slot.path(p).imag, slot.start, slot.end, 100)
+    lowest_y = find_minimum(lambda p: slot.path(p).imag, slot.start, slot.end, 100)
     assert lowest_y.value == pytest.approx(CANONICAL["y_min"], abs=1e-6)
     assert facts.depth_max.value == pytest.approx(CANONICAL["depth_max"], abs=1e-5)
     assert facts.end_step < 1e-9
@@ -141,7 +147,7 @@ def test_defect_and_checks(canonical, facts) -> None:
 
 
 def test_every_pin_near_the_slot_is_on_track_or_slot(canonical) -> None:
-    """One slot serves all pins: P13 and P15 never leave the bare arc, and where P14 ends P15 started."""
+    """Check that one slot serves all pins: P13 and P15 stay on the bare arc, and P14 ends where P15 started."""
     slot = canonical[1]
     pins = slot.pins(np.linspace(slot.start, slot.end, 501))
     for pin in (13, 15):
@@ -151,25 +157,25 @@ def test_every_pin_near_the_slot_is_on_track_or_slot(canonical) -> None:
     assert np.abs(pins[-1, 13] - pins[0, 14]).max() < 1e-9
 
 
-def test_printed_numbers_as_they_are(printed) -> None:
+def test_the_printed_dimensions_are_slack(printed) -> None:
     crescent, slot = printed
-    facts = report(slot, np.linspace(slot.start, slot.end, 91))
+    facts = analyse_slot(slot, np.linspace(slot.start, slot.end, 91))
     assert facts.slack_min > 0
     assert math.degrees(facts.slack_min / R1) == pytest.approx(AS_PRINTED["defect_min_deg"], abs=1e-4)
     assert math.degrees(facts.slack_max.value / R1) == pytest.approx(AS_PRINTED["defect_max_deg"], abs=2e-4)
     assert facts.depth_max.value == pytest.approx(AS_PRINTED["depth_max"], abs=0.001)
     assert facts.end_step == pytest.approx(AS_PRINTED["end_step"], abs=0.001)
-    for links, least, most in ((15, -145, -131), (17, 144, 151)):
+    for links, lower, upper in ((15, -145, -131), (17, 144, 151)):
         low, high = overruns(crescent.track, links)
-        assert least < low < high < most
-    wanted = (AS_PRINTED["overrun_min"], AS_PRINTED["overrun_max"])
-    assert overruns(crescent.track, N) == pytest.approx(wanted, abs=0.005)
+        assert lower < low < high < upper
+    expected = (AS_PRINTED["overrun_min"], AS_PRINTED["overrun_max"])
+    assert overruns(crescent.track, N) == pytest.approx(expected, abs=0.005)
 
 
 def test_other_windows_have_steps_at_both_ends() -> None:
     for start, step in CANONICAL["end_step_at_other_starts_deg"].items():
         _, slot = chain.crescent_slot(L, N, R1, start=math.radians(float(start)))
-        assert report(slot, np.array([slot.start])).end_step == pytest.approx(step, abs=0.006)
+        assert analyse_slot(slot, np.array([slot.start])).end_step == pytest.approx(step, abs=0.006)
 
 
 # Independent arithmetic and forms
@@ -191,7 +197,7 @@ def test_p14_agrees_with_50_digit_arithmetic(canonical) -> None:
     links=st.integers(5, 60),
     scale=st.sampled_from([1e-9, 1.0, 131.0, 1e9 / 40]),
 )
-def test_a_chain_closes_or_says_how_many_links_would(upper, wheel, links, scale) -> None:
+def test_a_chain_closes_or_the_error_gives_the_number_of_links(upper, wheel, links, scale) -> None:
     try:
         crescent, slot = chain.crescent_slot(scale, links, upper * scale, wheel * scale)
     except FieldError as error:
@@ -200,28 +206,28 @@ def test_a_chain_closes_or_says_how_many_links_would(upper, wheel, links, scale)
         assert ("missing_length" if missing else "excess_length") in error.details
         links = error.details["nearest_links"]
         crescent, slot = chain.crescent_slot(scale, links, upper * scale, wheel * scale)
-    facts = report(slot, np.linspace(slot.start, slot.end, 31))
+    facts = analyse_slot(slot, np.linspace(slot.start, slot.end, 31))
     assert closing_links(crescent.track, scale) == links
     assert facts.chord_error < 1e-12 * scale * max(1, crescent.lower_radius / scale)
     assert abs(facts.slack_min) < 1e-9 * scale
     assert facts.end_step < 1e-8 * scale
     assert 0 <= slot.start < slot.chain.period
-    # The reply depends on the unit by a factor only.
+    # the results are proportional to the unit of length
     _, unit = chain.crescent_slot(1.0, links, upper, wheel)
     phases = np.linspace(0, 1, 7)
     here = slot.path(slot.start + phases * slot.chain.period) / scale
-    # The place of a minimum is known to the root of the rounding error; the slot itself does not move with it.
+    # the phase of a minimum is known to the square root of the rounding error, but the slot does not move with it
     assert slot.free == unit.free
     assert np.abs(here - unit.path(unit.start + phases * unit.chain.period)).max() < 1e-6
 
 
 @settings(derandomize=True, deadline=None, max_examples=15)
 @given(upper=st.floats(0.8, 4), wheel=st.floats(0.6, 2), xi=st.floats(0.1, 1.2))
-def test_more_links_never_lie_shorter(upper, wheel, xi) -> None:
+def test_the_overrun_increases_with_the_number_of_links(upper, wheel, xi) -> None:
     track = chain.level_crescent(wheel, upper, math.pi / 2 - xi).track
     links = closing_links(track, 1.0)
-    least = [Chain(track, 1.0, n).least_overrun().value for n in (links - 1, links, links + 1)]
-    assert least[0] < -1e-6 <= least[1] + 1e-12 < least[2]
+    smallest = [Chain(track, 1.0, n).smallest_overrun().value for n in (links - 1, links, links + 1)]
+    assert smallest[0] < -1e-6 <= smallest[1] + 1e-12 < smallest[2]
 
 
 def test_velocity_acceleration_and_curvature_are_derivatives(canonical) -> None:
@@ -245,15 +251,15 @@ def test_curvature_jumps_by_the_reference_at_the_crossings(canonical) -> None:
 
 @pytest.mark.parametrize(("links", "radius"), [(12, 0.6), (16, 1.2), (40, 0.52), (301, 9.0)])
 def test_the_critical_parameter_is_the_root_that_brentq_finds(links, radius) -> None:
-    def least(straight):
-        return Chain(chain.stadium(radius, straight), 1.0, links).least_overrun().value
+    def overrun(straight):
+        return Chain(chain.stadium(radius, straight), 1.0, links).smallest_overrun().value
 
     straight = chain.critical_stadium(1.0, links, radius).length[1]
-    assert straight == pytest.approx(brentq(least, 1e-6, links, xtol=1e-14, rtol=1e-14), abs=1e-11)
+    assert straight == pytest.approx(brentq(overrun, 1e-6, links, xtol=1e-14, rtol=1e-14), abs=1e-11)
 
 
-def test_the_slack_is_polished_to_where_its_derivative_vanishes(canonical, facts) -> None:
-    """Values alone know the place of a smooth extreme to the root of their rounding only."""
+def test_the_largest_slack_is_refined_to_the_zero_of_its_derivative(canonical, facts) -> None:
+    """Check the phase of the extreme, which the values determine only to the square root of their rounding error."""
     slot = canonical[1]
     phase, h = facts.slack_max.phase, 1e-2 * slot.chain.period
     before, after = slot.slack(phase + np.array([-h, h]))
@@ -261,29 +267,29 @@ def test_the_slack_is_polished_to_where_its_derivative_vanishes(canonical, facts
     assert abs(after - before) < 1e-2 * (facts.slack_max.value - before)
 
 
-def test_extremes_of_functions_with_many_valleys() -> None:
-    found = lowest(lambda x: np.sin(7 * x) + 0.3 * np.abs(x - 2.1), 0, 6, 200)
+def test_extremes_of_functions_with_many_local_minima() -> None:
+    found = find_minimum(lambda x: np.sin(7 * x) + 0.3 * np.abs(x - 2.1), 0, 6, 200)
     x = np.linspace(0, 6, 2_000_001)
     y = np.sin(7 * x) + 0.3 * np.abs(x - 2.1)
     assert found.value == pytest.approx(y.min(), abs=1e-10)
-    assert highest(np.cos, -1, 2, 192).value == pytest.approx(1, abs=1e-14)
-    assert lowest(np.ones_like, 0, 1, 10).value == 1
+    assert find_maximum(np.cos, -1, 2, 192).value == pytest.approx(1, abs=1e-14)
+    assert find_minimum(np.ones_like, 0, 1, 10).value == 1
 
 
 # Other layouts and extremes
 
 
-def test_one_of_radius_and_eccentricity_gives_the_other(canonical) -> None:
+def test_radius_and_eccentricity_determine_each_other(canonical) -> None:
     crescent = canonical[0]
-    # Neither may stretch the chain: a hair more than the critical size.
+    # neither layout may stretch the chain, so both are slightly larger than the critical size
     b = chain.crescent_slot(L, N, R1, None, crescent.lower_radius + 1e-3)[0].eccentricity
     r2 = chain.crescent_slot(L, N, R1, None, None, crescent.eccentricity + 1e-3)[0].lower_radius
     assert b == pytest.approx(crescent.eccentricity, abs=0.01)
     assert r2 == pytest.approx(crescent.lower_radius, abs=0.01)
 
 
-def test_stretch_tells_the_missing_length() -> None:
-    """Half a millimetre off the critical radius: the sensitivity is 0.033 deg per 0.01 mm with b fixed."""
+def test_the_error_of_a_stretched_chain_gives_the_missing_length() -> None:
+    """Use half a millimetre less than the critical radius: the sensitivity is 0.033 deg per 0.01 mm with b fixed."""
     with pytest.raises(FieldError) as caught:
         chain.crescent_slot(L, N, R1, None, 380.994324, 90.225475)
     assert caught.value.details["missing_length"] == pytest.approx(0.5 * 3.3 * math.pi / 180 * R1, rel=0.1)
@@ -298,8 +304,8 @@ def test_the_triangle_of_a_very_flat_crescent_keeps_its_digits() -> None:
     assert (181.75 + r0) * math.sin(crescent.eps) == pytest.approx(height, abs=1e-11)
 
 
-def test_wheels_of_three_pins_a_turn() -> None:
-    """A window may then go on beyond the wheel's end: P1 is followed on by the link behind it."""
+def test_wheels_with_three_pins_per_turn() -> None:
+    """Check windows that extend beyond the end of the wheel, where P1 is stepped from the pin behind it."""
     wheel = 1 / math.sqrt(3)
     found = 0
     for upper, links in zip(np.linspace(1.0, 1.5, 12), [10, 11, 12] * 4):
@@ -320,26 +326,26 @@ def test_wheels_of_three_pins_a_turn() -> None:
 def test_a_thousand_links(canonical) -> None:
     crescent, slot = chain.crescent_slot(1.0, 1000, 80.0, 50.0)
     assert chord_error(slot, np.linspace(slot.start, slot.end, 5)) < 1e-11
-    assert report(slot, np.array([slot.start])).end_step < 1e-9
+    assert analyse_slot(slot, np.array([slot.start])).end_step < 1e-9
     assert crescent.lower_radius > 180
 
 
-def test_a_slot_that_would_have_to_change_sides_is_refused() -> None:
+def test_a_slot_that_changes_sides_is_refused() -> None:
     with pytest.raises(FieldError, match="both sides"):
         chain.crescent_slot(1.0, 9, 0.5223812176102055, 0.593040447778767)
 
 
 def test_a_free_pin_on_a_straight_run() -> None:
-    """Depth about sqrt(L * slack), the gain without bound at the ends: the rule to put the free pin on an arc."""
+    """Check a depth of about sqrt(L * slack) and an unbounded derivative at the ends."""
     track = chain.critical_stadium(50.0, 16, 50 / math.sqrt(2))
     middle = float(track.joints[1] + 0.5 * track.length[1])
     slot = find_slot(Chain(track, 50.0, 16), middle, side=-1)
-    facts = report(slot, np.linspace(slot.start, slot.end, 101))
+    facts = analyse_slot(slot, np.linspace(slot.start, slot.end, 101))
     assert facts.slack_max.value == pytest.approx(4.305, abs=0.001)
     assert facts.depth_max.value == pytest.approx(14.5, abs=0.05)
     assert facts.condition == math.inf
     assert np.isfinite(slot.normals(np.array([slot.start, slot.end]))).all()
-    lifted = slot.path(np.array([0.5 * (slot.start + slot.end)])) - track.points(track.place(middle))
+    lifted = slot.path(np.array([0.5 * (slot.start + slot.end)])) - track.points(track.locate(middle))
     assert lifted[0].imag > 5
 
 
@@ -364,8 +370,8 @@ def test_all_sixteen_chords_close_at_9001_phases(found) -> None:
     assert np.array_equal(pins.points, slot.pins(phases))
 
 
-def test_angles_place_every_pin(found) -> None:
-    """A naive way back from the angle to the point, by the definitions of the source."""
+def test_the_angles_determine_the_position_of_every_pin(found) -> None:
+    """Convert the angles back to points by the definitions of the source."""
     crescent, slot, _, pins, theta = found
     r0, r1, r2, b = crescent.wheel_radius, crescent.upper_radius, crescent.lower_radius, crescent.eccentricity
     c = r0 + r1
@@ -376,8 +382,8 @@ def test_angles_place_every_pin(found) -> None:
         3: r1 * np.exp(1j * (theta - np.pi / 2)),
     }
     for pin in set(range(16)) - {slot.free - 1}:
-        made = np.choose(pins.segment[:, pin], [back[part][:, pin] for part in range(4)])
-        assert np.abs(made - pins.points[:, pin]).max() < 1e-9, pin
+        points = np.choose(pins.segment[:, pin], [back[part][:, pin] for part in range(4)])
+        assert np.abs(points - pins.points[:, pin]).max() < 1e-9, pin
     free = slot.free - 1
     radius = np.abs(pins.points[:, free])
     assert np.abs(radius * np.exp(1j * (theta[:, free] - np.pi / 2)) - pins.points[:, free]).max() < 1e-9
@@ -388,6 +394,3 @@ def test_link_angles_are_continuous_and_point_to_the_next_pin(found) -> None:
     angles = pins.link_angle
     assert np.abs(np.diff(angles, axis=0)).max() < 0.01
     assert np.abs(pins.points + 131 * np.exp(1j * angles) - np.roll(pins.points, -1, axis=1)).max() < 1e-9
-
-
-# The copied digits against their recomputation by search along the path

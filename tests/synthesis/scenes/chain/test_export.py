@@ -1,4 +1,7 @@
-"""Slots as files: read back by other programs' eyes, and compared with the exact path; the groove as closed contours."""
+"""Files of the slot and the groove, read back by other libraries and compared with the exact path.
+
+The tests would detect walls that intersect, contours that are not closed, and digits lost in a file.
+"""
 
 import csv
 import io
@@ -17,13 +20,13 @@ from synthesis.scenes.chain.groove import (
     contours,
     groove,
     roller_walls,
-    sampled,
-    slot_run,
+    sample_polyarc,
+    slot_polyarc,
     to_csv,
     to_dxf,
     to_svg,
 )
-from synthesis.scenes.chain.slot import find_slot, report
+from synthesis.scenes.chain.slot import analyse_slot, find_slot
 from tests.conftest import some_of
 
 ROLLER = 25.0
@@ -39,8 +42,8 @@ def dense(slot):
     return np.linspace(slot.start, slot.end, 4001)
 
 
-def nearest(points, curve):
-    """Distance of each point from a dense polyline."""
+def distances_to(points, curve):
+    """Return the distance of each point from a dense polyline."""
     start, along = curve[:-1], np.diff(curve)
     share = ((points[:, None] - start) / along).real
     return np.abs(points[:, None] - start - np.clip(share, 0, 1) * along).min(axis=1)
@@ -51,8 +54,8 @@ def test_walls_are_a_roller_away_from_the_path(slot, dense) -> None:
     walls = roller_walls(slot, phases, ROLLER)
     path = slot.path(dense)
     for wall in walls.values():
-        assert np.abs(nearest(wall, path) - ROLLER).max() < 1e-4
-    # The slot is travelled from right to left: its left wall is the lower one.
+        assert np.abs(distances_to(wall, path) - ROLLER).max() < 1e-4
+    # the direction of travel is from right to left, so the left wall is the lower wall
     assert np.all(walls["left"].imag < walls["right"].imag)
 
 
@@ -77,18 +80,18 @@ def test_csv_has_full_precision(slot, dense) -> None:
 # The groove
 
 
-def crossings(points) -> int:
-    """Pairs of a closed polygon's sides that cross: every side against every other, by orientations."""
-    ends, found = np.roll(points, -1), 0
+def intersections(points) -> int:
+    """Count the pairs of sides of a closed polygon that intersect, by orientations of every side with every other side."""
+    ends, count = np.roll(points, -1), 0
     for start, end in zip(points, ends):
-        side = [((np.conj(end - start)) * (other - start)).imag for other in (points, ends)]
-        other = [(np.conj(ends - points) * (here - points)).imag for here in (start, end)]
-        found += int(np.count_nonzero((side[0] * side[1] < 0) & (other[0] * other[1] < 0)))
-    return found // 2
+        side = [((np.conj(end - start)) * (orientations - start)).imag for orientations in (points, ends)]
+        orientations = [(np.conj(ends - points) * (here - points)).imag for here in (start, end)]
+        count += int(np.count_nonzero((side[0] * side[1] < 0) & (orientations[0] * orientations[1] < 0)))
+    return count // 2
 
 
 def polygon(rows, step: float = 0.02):
-    """Points of a closed polyline with bulges, every ``step`` rad: a bulge is the tangent of a quarter of the turn."""
+    """Return points of a closed polyline with bulges, every ``step`` rad; a bulge is the tangent of a quarter of the turn."""
     points = []
     for (x, y, bulge), (x1, y1, _) in zip(rows, [*rows[1:], rows[0]]):
         start, end, turn = complex(x, y), complex(x1, y1), 4 * math.atan(bulge)
@@ -124,7 +127,7 @@ def test_the_dxf_holds_the_whole_groove_as_closed_contours_that_do_not_cross(nam
     document = ezdxf.read(io.StringIO(to_dxf(slot, roller)))
     assert not document.audit().errors and not document.audit().fixes
     space = document.modelspace()
-    assert not space.query("ARC LINE SPLINE"), "nothing is left to trim"
+    assert not space.query("ARC LINE SPLINE"), "only closed polylines are written"
     found = {entity.dxf.layer: entity for entity in space.query("LWPOLYLINE")}
     assert set(found) == {"PATH", "GROOVE_LEFT", "GROOVE_RIGHT"} and len(space.query("POINT")) == slot.chain.links
     shapes = {}
@@ -132,25 +135,25 @@ def test_the_dxf_holds_the_whole_groove_as_closed_contours_that_do_not_cross(nam
         assert entity.closed
         rows = [tuple(row) for row in entity.get_points("xyb")]
         steps = [abs(complex(x1 - x, y1 - y)) for (x, y, _), (x1, y1, _) in zip(rows, [*rows[1:], rows[0]])]
-        assert min(steps) > 1e-9 * slot.chain.pitch, "no bend without length"
+        assert min(steps) > 1e-9 * slot.chain.pitch, "every element has a length"
         shapes[layer] = polygon(rows)
-        assert crossings(shapes[layer]) == 0, layer
-    # each wall is a roller away from the pins' way, all round, and the two lie on different sides of it
+        assert intersections(shapes[layer]) == 0, layer
+    # each wall is at a roller radius from the path all round, and the two walls lie on different sides of it
     exact = polygon([tuple(row) for row in found["PATH"].get_points("xyb")], 0.004)
     for layer in ("GROOVE_LEFT", "GROOVE_RIGHT"):
-        off = nearest(shapes[layer], np.append(exact, exact[0]))
+        off = distances_to(shapes[layer], np.append(exact, exact[0]))
         assert np.abs(off - roller).max() < 1e-3
     area = {layer: 0.5 * np.sum((np.conj(p) * np.roll(p, -1)).imag) for layer, p in shapes.items()}
     assert area["GROOVE_LEFT"] < area["PATH"] < area["GROOVE_RIGHT"]
 
 
-def test_the_contour_follows_slot_and_track_and_not_the_arc_under_the_slot(slot, dense) -> None:
+def test_the_contour_follows_slot_and_track_but_not_the_replaced_arc(slot, dense) -> None:
     track = slot.chain.track
     points = polygon(contours(groove(slot, None))["path"])
-    by_slot = nearest(points, slot.path(dense))
+    by_slot = distances_to(points, slot.path(dense))
     by_track = np.min([track.distance(index, points) for index in range(track.count)], axis=0)
     assert np.minimum(by_slot, by_track).max() < 2 * TOLERANCE * 131
-    # under the slot the bare arc is gone: nothing of the contour lies on it where the slot is deep
+    # the slot replaces the bare arc: no part of the contour lies on the arc where the slot is deep
     under = (np.abs(points.real) < 30) & (points.imag < 0) & (points.imag > -200)
     assert under.any() and by_track[under].min() > 0.5 and by_slot[under].max() < 2e-5
 
@@ -162,15 +165,15 @@ def test_arcs_of_any_slot_stay_within_the_tolerance(seed) -> None:
     links = max(links, int(7 * radius) + 8)
     track = chain.critical_stadium(1.0, links, radius)
     slot = find_slot(Chain(track, 1.0, links), float(track.joints[2] + 0.5 * track.length[2]))
-    points = np.concatenate([bend.at(np.linspace(0, 1, 5)) for bend in slot_run(slot)])
-    assert nearest(points, slot.path(np.linspace(slot.start, slot.end, 8001))).max() < 3e-7
+    points = np.concatenate([bend.points_at(np.linspace(0, 1, 5)) for bend in slot_polyarc(slot)])
+    assert distances_to(points, slot.path(np.linspace(slot.start, slot.end, 8001))).max() < 3e-7
 
 
-def test_a_roller_that_cannot_run_is_refused(slot) -> None:
-    far = chain.crescent_slot(131.0, 16, 181.78, start=math.radians(75))[1]
+def test_a_roller_that_is_too_large_for_the_groove_is_refused(slot) -> None:
+    stepped = chain.crescent_slot(131.0, 16, 181.78, start=math.radians(75))[1]
     with pytest.raises(FieldError) as caught:
-        groove(far, 0.5)  # the step is 8 rollers high: still one groove
-        groove(far, 52.2)
+        groove(stepped, 0.5)  # the step is eight times as high as the roller
+        groove(stepped, 52.2)
     assert caught.value.field == "/roller_radius" and caught.value.details["constraint"] == "undercut"
     # two half circles on a straight so short that the groove of a large roller has no inner wall
     with pytest.raises(FieldError) as caught:
@@ -183,13 +186,16 @@ def test_parts_of_a_track_too_close_for_the_roller_are_refused() -> None:
     thin = chain.level_crescent(50.0, 60.0, math.radians(50))
     links = closing_links(thin.track, 30.0)
     slot = chain.crescent_slot(30.0, links, 60.0, 50.0, thin.lower_radius, thin.eccentricity)[1]
-    assert refused(slot, 8.0) is None and refused(slot, 10.0) == refused(slot, 15.0) == "groove_cut"
-    assert all(crossings(sampled(wall, 1500)) == 0 for wall in groove(slot, 8.0).walls.values())
+    assert (
+        refused_constraint(slot, 8.0) is None
+        and refused_constraint(slot, 10.0) == refused_constraint(slot, 15.0) == "groove_cut"
+    )
+    assert all(intersections(sample_polyarc(wall, 1500)) == 0 for wall in groove(slot, 8.0).walls.values())
     bottom = slot.path(np.linspace(slot.start, slot.end, 999)).imag.min() - (thin.eccentricity - thin.lower_radius)
     assert 8.0 < bottom / 2 < 10.0
 
 
-def refused(slot, radius) -> str | None:
+def refused_constraint(slot, radius) -> str | None:
     try:
         groove(slot, radius)
     except FieldError as error:
@@ -234,4 +240,4 @@ def test_any_unit(scale) -> None:
     root = ElementTree.fromstring(to_svg(slot, None))
     width = float(root.get("viewBox").split()[2])
     assert width == pytest.approx(scale * 733 / 131 * 1.1, rel=0.1)
-    assert report(slot, np.array([slot.start])).radius_min == pytest.approx(52.0923 / 131 * scale, rel=1e-4)
+    assert analyse_slot(slot, np.array([slot.start])).radius_min == pytest.approx(52.0923 / 131 * scale, rel=1e-4)

@@ -1,4 +1,7 @@
-"""Fits of the slot: the errors that were found independently, conditioning, and what cannot be fitted."""
+"""Representations of the slot: errors compared with independent values, and slots that cannot be represented.
+
+The tests would detect stored parameters that do not reproduce the fit, and digits lost by a distant origin.
+"""
 
 import json
 import math
@@ -39,7 +42,7 @@ def test_errors_of_pieces_and_splines(kind, slot, phases) -> None:
 
 
 def test_errors_of_fourier_series(slot, phases) -> None:
-    """The reference interpolates at 2M + 1 phases; the truncated series is at most a little better."""
+    """Compare with a reference that interpolates at 2M + 1 phases; the truncated series is at most slightly better."""
     for order, (normal, chord) in REFERENCE["representations"]["fourier"].items():
         error = fit_error(slot, fit_slot(slot, "fourier", int(order)), exact_slot(slot, phases))
         assert error.normal == pytest.approx(normal, rel=0.13)
@@ -55,7 +58,7 @@ def test_polynomials_from_91_samples(slot, phases) -> None:
 
 @pytest.mark.parametrize(("kind", "order"), [("chebyshev", 12), ("spline", 90), ("fourier", 16), ("polynomial", 12)])
 def test_the_stored_numbers_are_the_fit(kind, order, slot, phases) -> None:
-    """What a reader of the reply computes from its numbers alone."""
+    """Evaluate the fit from the stored numbers only, as a reader of the reply would."""
     fit = fit_slot(slot, kind, order)
     phases = phases[::50]
     data = fit.data
@@ -87,22 +90,24 @@ def test_the_stored_numbers_are_the_fit(kind, order, slot, phases) -> None:
             values = np.stack([data["along"], data["depth"]], axis=1)
             along, depth = CubicSpline(knots, [*values, values[0]], bc_type="periodic")(phases).T
         along = along + data["start"] + data["slope"] * (phases - slot.start)
-        # The upper arc runs from the right over the bottom to the left.
+        # the upper arc runs from the right through the bottom to the left
         expected = (181.78 + depth) * np.exp(-1j * along / 181.78)
     assert np.abs(fit.evaluate(phases) - expected).max() < 1e-9
 
 
-def test_an_origin_far_away_costs_no_digits_but_those_of_the_drawing(slot, phases) -> None:
+def test_a_distant_origin_costs_only_the_digits_of_the_drawing(slot, phases) -> None:
     from synthesis.scenes.chain.track import Track
 
-    away = 2.0**20
-    near = slot.chain.track
-    far = Track([segment._replace(x=segment.x + away, y=segment.y + away) for segment in near.segments])
-    moved = find_slot(Chain(far, 131.0, 16), float(near.joints[3] + 0.5 * near.length[3]))
+    distance = 2.0**20
+    track = slot.chain.track
+    shifted_track = Track(
+        [segment._replace(x=segment.x + distance, y=segment.y + distance) for segment in track.segments]
+    )
+    shifted_slot = find_slot(Chain(shifted_track, 131.0, 16), float(track.joints[3] + 0.5 * track.length[3]))
     for kind, order in (("chebyshev", 8), ("polynomial", 16), ("spline", 90)):
         here = fit_error(slot, fit_slot(slot, kind, order), exact_slot(slot, phases[::9]))
-        exact = exact_slot(moved, phases[::9] - slot.start + moved.start)
-        there = fit_error(moved, fit_slot(moved, kind, order), exact)
+        exact = exact_slot(shifted_slot, phases[::9] - slot.start + shifted_slot.start)
+        there = fit_error(shifted_slot, fit_slot(shifted_slot, kind, order), exact)
         assert there.normal == pytest.approx(here.normal, abs=1e-8)
 
 
@@ -120,14 +125,14 @@ def test_a_slot_over_a_joint_is_not_periodic_in_one_segment() -> None:
     track = chain.critical_stadium(20.0, 30, 40.0)
     slot = find_slot(Chain(track, 20.0, 30), float(track.joints[2]))
     if len(slot.base) == 1:
-        pytest.fail("the slot was meant to lie over a joint")
+        pytest.fail("the slot must cover a joint for this test")
     with pytest.raises(FieldError):
         fit_slot(slot, "spline", 20)
     phases = np.linspace(slot.start, slot.end, 400)
     assert fit_error(slot, fit_slot(slot, "chebyshev", 20), exact_slot(slot, phases)).normal < 1e-4 * 20
 
 
-def test_few_harmonics_of_a_thousand_links_are_finite() -> None:
+def test_fits_of_a_thousand_links_are_finite() -> None:
     _, slot = chain.crescent_slot(1.0, 1000, 80.0, 50.0)
     phases = np.linspace(slot.start, slot.end, 101)
     for kind, order in (("chebyshev", 8), ("spline", 40), ("fourier", 8), ("polynomial", 8)):
@@ -175,7 +180,7 @@ def test_rounded_coefficients_move_the_track_by_their_last_place(decimals, slot,
     assert moved > 1e-2 * 10.0**-decimals
 
 
-def test_high_degrees_lose_their_digits_and_the_error_says_so(slot, exact) -> None:
+def test_the_power_error_shows_the_digits_lost_at_high_degrees(slot, exact) -> None:
     assert power_error(slot, power_basis(slot, fit_slot(slot, "chebyshev", 64)), exact) > 1.0
 
 

@@ -1,4 +1,7 @@
-"""The chain against slow and obviously right twins: see `tests.oracles.chain`."""
+"""The chain, compared with the slow and simple methods of `tests.oracles.chain`.
+
+The tests would detect a pin that is not at the first position ahead, and a wrong critical closure for unseen sizes.
+"""
 
 import math
 
@@ -8,14 +11,14 @@ from scipy.optimize import brentq
 
 from synthesis.scenes.chain import crescent as chain
 from synthesis.scenes.chain.closure import Chain, closing_links
-from synthesis.scenes.chain.slot import report, wheel_conflict
+from synthesis.scenes.chain.slot import analyse_slot, wheel_conflict
 from synthesis.scenes.chain.track import Track, arc, line
 from tests.conftest import some_of
-from tests.oracles.chain import Path, crescent, free_pin, least_overrun, rounded_polygon, stadium
+from tests.oracles.chain import Path, crescent, free_pin, rounded_polygon, smallest_overrun, stadium
 
 
 def track_of(path):
-    """The same path for the code under test."""
+    """Return the same path as a track of the code under test."""
     return Track([arc(*part[1:]) if part[0] == "arc" else line(*part[1:]) for part in path.parts])
 
 
@@ -36,20 +39,20 @@ def test_600_steps_agree_with_bracketing_search(seed) -> None:
     path = random_path(rng)
     track = track_of(path)
     pitch = rng.uniform(15, 75)
-    place = track.place(rng.uniform(0, track.total))
-    s = float(track.position(place)[0])
+    position = track.locate(rng.uniform(0, track.total))
+    s = float(track.arc_length(position)[0])
     ours, theirs = [], []
     direction = 1 if seed % 3 else -1
     for _ in range(600):
-        place = track.step(place, pitch, direction)
+        position = track.step(position, pitch, direction)
         s = path.next(s, pitch, direction, cells=4)
-        ours.append(float(track.position(place)[0]))
+        ours.append(float(track.arc_length(position)[0]))
         theirs.append(s)
     assert np.abs(np.array(ours) - theirs).max() < 1e-9
-    assert np.abs(track.points(place) - complex(*path.point(s))).max() < 1e-9
+    assert np.abs(track.points(position) - complex(*path.point(s))).max() < 1e-9
 
 
-# Unseen sizes: pitch, links, upper radius, wheel radius (None: four pins a turn).
+# unseen sizes: pitch, links, upper radius, wheel radius (None: four pins per turn)
 UNSEEN = [(1.5, 12, 1.3, 0.9), (100.0, 16, 140.0, None), (500.0, 19, 900.0, 420.0), (25.4, 24, 70.0, None)]
 UNSEEN += [(60.0, 21, 120.0, 55.0)]
 
@@ -61,30 +64,30 @@ def test_unseen_sizes_agree_with_bracketing_search(pitch, links, upper, wheel) -
     tolerance = 1e-6 * pitch
     period = wheel * 2 * math.asin(pitch / (2 * wheel))
 
-    def least(xi):
+    def overrun(xi):
         b = (wheel + upper) * math.tan(xi)
         r2 = wheel + (wheel + upper) / math.cos(xi)
-        return least_overrun(crescent(wheel, upper, r2, b), pitch, links, period, cells=20)
+        return smallest_overrun(crescent(wheel, upper, r2, b), pitch, links, period, cells=20)
 
-    near = ours.xi
-    xi = brentq(least, near - 1e-3, near + 1e-3, xtol=1e-12)
+    computed_xi = ours.xi
+    xi = brentq(overrun, computed_xi - 1e-3, computed_xi + 1e-3, xtol=1e-12)
     r2, b = wheel + (wheel + upper) / math.cos(xi), (wheel + upper) * math.tan(xi)
     assert ours.lower_radius == pytest.approx(r2, abs=tolerance)
     assert ours.eccentricity == pytest.approx(b, abs=tolerance)
 
     path = crescent(wheel, upper, ours.lower_radius, ours.eccentricity)
     phases = np.linspace(slot.start, slot.end, 13)
-    # Phases beyond the wheel's end are those of the pin that follows.
+    # a phase beyond the end of the wheel corresponds to the next pin behind P1
     on_wheel = [(s, 0) if s <= path.ends[0] else (s - period, 1) for s in phases]
     origin = np.zeros(2)
     expected = [complex(*free_pin(path, pitch, links, slot.free + shift, s, origin)) for s, shift in on_wheel]
     assert np.abs(slot.path(phases) - expected).max() < tolerance
-    facts = report(slot, phases)
+    facts = analyse_slot(slot, phases)
     depths = np.abs(expected) - upper
     assert facts.depth_max.value >= depths.max() - tolerance
     assert facts.end_step < tolerance
 
-    # The smallest curvature radius, by differences inside each smooth piece, up to its ends.
+    # smallest radius of curvature, by differences inside each smooth piece up to its ends
     h = 2e-5 * period
     pieces = [(a, c) for a, c in zip(slot.breaks[:-1], slot.breaks[1:]) if c - a > 20 * h]
     dense = np.concatenate([np.linspace(a + 2 * h, c - 2 * h, 401) for a, c in pieces])
@@ -105,10 +108,10 @@ def test_closing_links_is_the_smallest_number_that_is_not_stretched(seed) -> Non
     track = track_of(path)
     links = closing_links(track, pitch)
     period = Chain(track, pitch, links).period
-    least = least_overrun(path, pitch, links, period, cells=12)
-    assert Chain(track, pitch, links).least_overrun().value == pytest.approx(least, abs=1e-7 * pitch)
-    assert least >= -1.1e-6 * pitch
-    assert least_overrun(path, pitch, links - 1, period, cells=12) < 0
+    expected = smallest_overrun(path, pitch, links, period, cells=12)
+    assert Chain(track, pitch, links).smallest_overrun().value == pytest.approx(expected, abs=1e-7 * pitch)
+    assert expected >= -1.1e-6 * pitch
+    assert smallest_overrun(path, pitch, links - 1, period, cells=12) < 0
 
 
 def test_wheel_conflict_by_the_angles_of_the_pins() -> None:
@@ -116,7 +119,7 @@ def test_wheel_conflict_by_the_angles_of_the_pins() -> None:
     phases = np.linspace(slot.start, slot.end, 2001)
     pins = slot.pins(phases)
     r0, centre = crescent_.wheel_radius, crescent_.upper_radius + crescent_.wheel_radius
-    # The pins on the right wheel, wherever they are: all mark the same angle modulo one link, 90 deg.
+    # all pins on the right wheel mark the same angle modulo the link angle of 90 deg
     relative = pins - centre
     on = (np.abs(np.abs(relative) - r0) < 1e-9) & (relative.real > -r0 + 1e-6)
     angle = np.where(on, np.angle(relative), np.nan)
@@ -125,18 +128,18 @@ def test_wheel_conflict_by_the_angles_of_the_pins() -> None:
     assert np.ptp(lead) == pytest.approx(wheel_conflict(slot, chain.RIGHT_WHEEL).value * np.pi / 2, abs=1e-6)
 
 
-def test_a_narrow_hairpin_takes_the_first_place_not_another() -> None:
-    """The pitch exceeds the hairpin's width: the far run is nearer than the place ahead on the same run."""
+def test_the_next_pin_in_a_narrow_hairpin_is_the_first_position_ahead() -> None:
+    """Use a pitch larger than the width of the hairpin: the opposite run is nearer than the position ahead on the same run."""
     path = stadium(10.0, 200.0)
     track = track_of(path)
     for s in np.linspace(0, path.total, 57):
         for direction in (1, -1):
-            ours = track.position(track.step(track.place(s), 35.0, direction))[0]
+            ours = track.arc_length(track.step(track.locate(s), 35.0, direction))[0]
             assert ours == pytest.approx(path.next(s, 35.0, direction, cells=200), abs=1e-9)
 
 
-def test_a_track_in_meanders_agrees_with_bracketing_search() -> None:
-    """Arcs of both senses and more than half a turn."""
+def test_a_meandering_track_agrees_with_bracketing_search() -> None:
+    """Use arcs of both senses and of more than half a turn."""
     r = 50.0
     lobes = 5
     ring = 2 * r / (2 * math.sin(math.pi / lobes))
@@ -148,14 +151,14 @@ def test_a_track_in_meanders_agrees_with_bracketing_search() -> None:
     scale = 1.3
     centres = [scale * c for c in centres]
     apart *= scale
-    far = scale * ring * math.cos(math.pi / lobes) + math.sqrt((r + rho) ** 2 - apart**2)
+    distance = scale * ring * math.cos(math.pi / lobes) + math.sqrt((r + rho) ** 2 - apart**2)
     parts = []
     for index in range(lobes):
         here, there = centres[index], centres[(index + 1) % lobes]
         middle = 2 * math.pi * (index + 0.5) / lobes
         before = 2 * math.pi * (index - 0.5) / lobes
-        dip = far * np.array([math.cos(middle), math.sin(middle)])
-        dip_before = far * np.array([math.cos(before), math.sin(before)])
+        dip = distance * np.array([math.cos(middle), math.sin(middle)])
+        dip_before = distance * np.array([math.cos(before), math.sin(before)])
         a0 = math.atan2(*(dip_before - here)[::-1])
         a1 = math.atan2(*(dip - here)[::-1])
         parts.append(("arc", *here, r, a0, (a1 - a0) % (2 * math.pi)))
@@ -165,5 +168,5 @@ def test_a_track_in_meanders_agrees_with_bracketing_search() -> None:
     track = track_of(path)
     for s in np.linspace(0, path.total, 41):
         for pitch in (5.0, 33.0, 55.0):
-            ours = track.position(track.step(track.place(s), pitch))[0]
+            ours = track.arc_length(track.step(track.locate(s), pitch))[0]
             assert ours == pytest.approx(path.next(s, pitch, cells=100), abs=1e-9)

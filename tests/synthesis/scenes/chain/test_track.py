@@ -1,4 +1,7 @@
-"""Tracks: what is a track, stepping along it, and what large radii and far origins do to it."""
+"""Tracks and stepping along them, for large radii and distant origins too.
+
+The tests would detect a pin at the wrong position, a derivative that does not match its function, and lost digits.
+"""
 
 import math
 
@@ -8,10 +11,10 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from synthesis.errors import FieldError
-from synthesis.scenes.chain.closure import Chain, closing_links, lowest
-from synthesis.scenes.chain.crescent import driving_segment, level_crescent, stadium, tightest_room
-from synthesis.scenes.chain.slot import find_slot, report
-from synthesis.scenes.chain.track import ChordError, ChordFault, Motion, Segment, Track, TrackError, arc, line
+from synthesis.scenes.chain.closure import Chain, closing_links, find_minimum
+from synthesis.scenes.chain.crescent import driving_segment, free_pin_segment, level_crescent, stadium
+from synthesis.scenes.chain.slot import analyse_slot, find_slot
+from synthesis.scenes.chain.track import ChordError, ChordFault, PinMotion, Segment, Track, TrackError, arc, line
 
 
 def tracks():
@@ -22,25 +25,25 @@ def tracks():
 @settings(derandomize=True, deadline=None, max_examples=60)
 @given(track=tracks(), share=st.floats(0, 1), direction=st.sampled_from([1, -1]))
 def test_next_pin_is_one_pitch_away_and_steps_back(track, share, direction) -> None:
-    place = track.place(share * track.total)
-    after = track.step(place, 1.0, direction)
-    chord = np.abs(track.points(after) - track.points(place))
+    position = track.locate(share * track.total)
+    after = track.step(position, 1.0, direction)
+    chord = np.abs(track.points(after) - track.points(position))
     assert chord[0] == pytest.approx(1, abs=1e-12)
-    moved = direction * float((track.position(after) - track.position(place))[0])
-    assert 1 - 1e-12 <= moved <= math.pi / 2 + 1e-9
+    advance = direction * float((track.arc_length(after) - track.arc_length(position))[0])
+    assert 1 - 1e-12 <= advance <= math.pi / 2 + 1e-9
     back = track.step(after, 1.0, -direction)
-    assert track.position(back)[0] == pytest.approx(track.position(place)[0], abs=1e-10)
+    assert track.arc_length(back)[0] == pytest.approx(track.arc_length(position)[0], abs=1e-10)
 
 
 @settings(derandomize=True, deadline=None, max_examples=40)
 @given(track=tracks(), share=st.floats(-1, 2), links=st.integers(0, 60), direction=st.sampled_from([1, -1]))
-def test_advance_equals_so_many_steps(track, share, links, direction) -> None:
-    place = track.place(share * track.total)
-    stepped = place
+def test_advance_equals_repeated_steps(track, share, links, direction) -> None:
+    position = track.locate(share * track.total)
+    stepped = position
     for _ in range(links):
         stepped = track.step(stepped, 1.0, direction)
-    at_once = track.advance(place, 1.0, links, direction)
-    assert track.position(at_once)[0] == pytest.approx(track.position(stepped)[0], abs=1e-11)
+    at_once = track.advance(position, 1.0, links, direction)
+    assert track.arc_length(at_once)[0] == pytest.approx(track.arc_length(stepped)[0], abs=1e-11)
     assert np.abs(track.points(at_once) - track.points(stepped)).max() < 1e-11
 
 
@@ -49,48 +52,48 @@ def test_advance_equals_so_many_steps(track, share, links, direction) -> None:
 def test_motion_is_the_derivative(track, share, links, direction) -> None:
     h = 1e-4
     s = share * track.total + np.array([-2, -1, 0, 1, 2]) * h
-    place = track.place(s)
-    after, moved = track.carry(place, Motion(np.ones(5), np.zeros(5)), 1.0, links, direction)
-    # Where one of the pins on the way passes a joint within the five places the bend jumps: not this law's case.
-    pin, on_one = place, np.ptp(place.segment) == 0
+    position = track.locate(s)
+    after, motion = track.carry(position, PinMotion(np.ones(5), np.zeros(5)), 1.0, links, direction)
+    # exclude cases in which a pin passes a joint within the five positions, because the acceleration jumps there
+    pin, on_segment = position, np.ptp(position.segment) == 0
     for _ in range(links):
         pin = track.step(pin, 1.0, direction)
-        on_one = on_one and np.ptp(pin.segment) == 0
-    assume(on_one)
-    position = track.position(after)
+        on_segment = on_segment and np.ptp(pin.segment) == 0
+    assume(on_segment)
+    position = track.arc_length(after)
     first = np.dot([1, -8, 0, 8, -1], position) / (12 * h)
-    assert first == pytest.approx(moved.rate[2], abs=1e-6)
+    assert first == pytest.approx(motion.rate[2], abs=1e-6)
     second = (position[3] - 2 * position[2] + position[1]) / h**2
-    assert second == pytest.approx(moved.bend[2], abs=2e-4 * (1 + abs(moved.bend[2])))
+    assert second == pytest.approx(motion.acceleration[2], abs=2e-4 * (1 + abs(motion.acceleration[2])))
 
 
 @settings(derandomize=True, deadline=None, max_examples=40)
 @given(track=tracks(), share=st.floats(0, 0.999), offset=st.floats(-0.5, 0.5))
 def test_foot_of_a_point_beside_the_track(track, share, offset) -> None:
-    place = track.place(share * track.total)
-    points = track.beside(place, np.array([offset]))
-    along, found = track.feet(int(place.segment[0]), points)
-    assert along[0] == pytest.approx(place.along[0], abs=1e-9)
+    position = track.locate(share * track.total)
+    points = track.beside(position, np.array([offset]))
+    along, found = track.feet(int(position.segment[0]), points)
+    assert along[0] == pytest.approx(position.along[0], abs=1e-9)
     assert found[0] == pytest.approx(offset, abs=1e-12)
-    # Half the smallest radius is not reached, so no other segment of these tracks is nearer.
-    assert track.distance(int(place.segment[0]), points)[0] == pytest.approx(abs(offset), abs=1e-12)
+    # the offset is less than the smallest radius, so no other segment of these tracks is nearer
+    assert track.distance(int(position.segment[0]), points)[0] == pytest.approx(abs(offset), abs=1e-12)
 
 
 def test_the_reverse_track_is_the_same_loop() -> None:
     track = level_crescent(92.63, 181.78, 1.25).track
     s = np.linspace(0, track.total, 200, endpoint=False)
-    place = track.place(s)
-    mirrored = track.mirrored(place)
-    assert np.abs(track.reverse.points(mirrored) - track.points(place)).max() < 1e-11
-    assert np.abs(track.reverse.tangents(mirrored) + track.tangents(place)).max() < 1e-13
-    assert np.abs(track.reverse.position(mirrored) + s - track.total).max() < 1e-10
+    position = track.locate(s)
+    mirrored = track.mirror(position)
+    assert np.abs(track.reverse.points(mirrored) - track.points(position)).max() < 1e-11
+    assert np.abs(track.reverse.tangents(mirrored) + track.tangents(position)).max() < 1e-13
+    assert np.abs(track.reverse.arc_length(mirrored) + s - track.total).max() < 1e-10
 
 
-def test_places_beyond_one_lap() -> None:
+def test_positions_beyond_one_lap() -> None:
     track = stadium(1.0, 3.0)
     s = np.array([-2.5, -1, 0, 0.5, 1, 7.25]) * track.total
-    assert np.abs(track.position(track.place(s)) - s).max() < 1e-13 * track.total * 10
-    assert list(track.place(s).lap) == [-3, -1, 0, 0, 1, 7]
+    assert np.abs(track.arc_length(track.locate(s)) - s).max() < 1e-13 * track.total * 10
+    assert list(track.locate(s).lap) == [-3, -1, 0, 0, 1, 7]
 
 
 @pytest.mark.parametrize(
@@ -105,7 +108,7 @@ def test_places_beyond_one_lap() -> None:
         ([arc(0, 0, 1, 0, math.pi), arc(0, 1e-3, 1, math.pi, math.pi)], "gap"),
     ],
 )
-def test_segments_that_are_no_track(segments, message) -> None:
+def test_segments_that_do_not_form_a_track_are_refused(segments, message) -> None:
     with pytest.raises(TrackError, match=message) as caught:
         Track(segments)
     assert caught.value.field == f"/segments/{caught.value.segment}"
@@ -113,96 +116,96 @@ def test_segments_that_are_no_track(segments, message) -> None:
 
 
 def test_a_circle_is_a_track() -> None:
-    """Radius for exactly 12 links: every phase closes."""
+    """Use the radius at which exactly 12 links fit, so that every phase closes."""
     radius = 1 / (2 * math.sin(math.pi / 12))
     track = Track([arc(0, 0, radius, 0, 2 * math.pi)])
     assert closing_links(track, 1.0) == 12
     slot = find_slot(Chain(track, 1.0, 12), 0.5 * track.total)
-    facts = report(slot, np.linspace(slot.start, slot.end, 11))
+    facts = analyse_slot(slot, np.linspace(slot.start, slot.end, 11))
     assert abs(facts.slack_max.value) < 1e-12 and facts.chord_error < 1e-12
     assert facts.clearance == math.inf
 
 
-def test_a_place_in_the_gap_between_two_segments() -> None:
-    """A gap within the tolerance: the pitch is reached between the end of one arc and the start of the next."""
+def test_a_position_in_the_gap_between_two_segments() -> None:
+    """Use a gap within the tolerance: the pitch is reached between the end of an arc and the start of the next arc."""
     gap = 3e-7
     track = Track([arc(0, 0, 1.0, 0, math.pi), arc(0, -gap, 1.0, math.pi, math.pi)])
     s = math.pi - math.pi / 3 + 0.5 * gap * math.sin(math.pi / 3)
-    pin = track.points(track.place(s))[0]
+    pin = track.points(track.locate(s))[0]
     assert abs(pin + 1) < 1.0 < abs(pin - complex(-1, -gap))
-    place = track.step(track.place(s), 1.0)
-    assert (place.segment[0], place.along[0]) == (1, 0.0)
+    position = track.step(track.locate(s), 1.0)
+    assert (position.segment[0], position.along[0]) == (1, 0.0)
 
 
-def test_a_link_that_reaches_nowhere() -> None:
+def test_a_link_longer_than_the_track_is_refused() -> None:
     track = stadium(1.0, 2.0)
     with pytest.raises(ChordError) as caught:
-        track.step(track.place([0.0, 1.0]), 100.0)
+        track.step(track.locate([0.0, 1.0]), 100.0)
     assert caught.value.fault is ChordFault.NO_POINT
     with pytest.raises(ChordError):
         Chain(track, 3.0, 5)  # the half circle does not hold a link
 
 
-def test_a_link_square_to_the_track_is_refused() -> None:
-    """Straight across a circle the pitch only touches the track: the next pin's speed has no bound."""
+def test_a_link_perpendicular_to_the_track_is_refused() -> None:
+    """Use a link along the diameter of a circle, whose end moves at an unbounded speed."""
     track = Track([arc(0, 0, 1.0, 0, math.pi), arc(0, 0, 1.0, math.pi, math.pi)])
     with pytest.raises(ChordError) as caught:
-        track.carry(track.place(0.1), Motion(np.ones(1), np.zeros(1)), 2 * (1 - 1e-15), 1)
-    # Rounding decides whether the circle around the pin is left at all.
+        track.carry(track.locate(0.1), PinMotion(np.ones(1), np.zeros(1)), 2 * (1 - 1e-15), 1)
+    # rounding decides whether the track leaves the circle around the pin
     assert caught.value.fault in (ChordFault.AMBIGUOUS, ChordFault.NO_POINT)
-    _, moved = track.carry(track.place(0.1), Motion(np.ones(1), np.zeros(1)), 2 * (1 - 1e-9), 1)
+    _, moved = track.carry(track.locate(0.1), PinMotion(np.ones(1), np.zeros(1)), 2 * (1 - 1e-9), 1)
     assert moved.rate[0] == pytest.approx(1, abs=1e-3)
 
 
 @pytest.mark.parametrize("radius", [1e3, 1e5, 1e6, 1e7, 1e8, 1e12])
-def test_large_radii_do_not_cost_digits(radius) -> None:
-    """Two caps and two nearly straight runs: an arccos form loses 1.1e-2 mm at 1e8 mm."""
+def test_large_radii_cost_no_digits(radius) -> None:
+    """Use two caps and two nearly straight runs, for which an arccos formula loses 1.1e-2 mm at 1e8 mm."""
     bend, cap = 150 / radius, 40.0
     turn = math.pi - 2 * bend
     half, top = radius * math.sin(bend), cap * math.cos(bend)
     caps, arcs = (1 / cap, cap * turn), (1 / radius, 2 * bend * radius)
     halves = [Segment(-half, top, math.pi + bend, *caps), Segment(-half, -top, -bend, *arcs)]
     track = Track([*halves, Segment(half, -top, bend, *caps), Segment(half, top, math.pi - bend, *arcs)])
-    place = track.place(np.linspace(0, track.total, 400))
+    position = track.locate(np.linspace(0, track.total, 400))
     for pitch in (7.0, 50.0):
-        link = track.points(track.step(place, pitch)) - track.points(place)
+        link = track.points(track.step(position, pitch)) - track.points(position)
         chord = np.hypot(link.real, link.imag)  # numpy's abs of a complex number is good to two units only
         assert np.abs(chord - pitch).max() < 2e-13
 
 
-@pytest.mark.parametrize("away", [0.0, 1e3, 1e6, 1e9])
-def test_an_origin_far_away_does_not_cost_digits(away) -> None:
-    near = stadium(64.0, 256.0)
-    rows = [segment._replace(x=segment.x + away, y=segment.y - away) for segment in near.segments]
-    far = Track(rows)
-    place = near.place(np.linspace(0, near.total, 300))
+@pytest.mark.parametrize("distance", [0.0, 1e3, 1e6, 1e9])
+def test_a_distant_origin_costs_no_digits(distance) -> None:
+    track = stadium(64.0, 256.0)
+    rows = [segment._replace(x=segment.x + distance, y=segment.y - distance) for segment in track.segments]
+    shifted_track = Track(rows)
+    position = track.locate(np.linspace(0, track.total, 300))
     for _ in range(40):
-        place = near.step(place, 50.0)
-    other = far.place(np.linspace(0, near.total, 300))
+        position = track.step(position, 50.0)
+    shifted_position = shifted_track.locate(np.linspace(0, track.total, 300))
     for _ in range(40):
-        other = far.step(other, 50.0)
-    # Only the rounding of the segments' own starts remains: the stadium's are whole numbers.
-    assert np.abs(near.position(place) - far.position(other)).max() < 1e-10
+        shifted_position = shifted_track.step(shifted_position, 50.0)
+    # the starts of the stadium's segments are whole numbers, so that shifting them causes no rounding
+    assert np.abs(track.arc_length(position) - shifted_track.arc_length(shifted_position)).max() < 1e-10
 
 
-def test_where_driver_and_free_pin_go() -> None:
+def test_choice_of_driver_and_free_pin_segment() -> None:
     track = stadium(30.0, 200.0)
     assert driving_segment(track, 25.0) == 0
-    assert tightest_room(track, 25.0, 0) == 2
-    assert tightest_room(track, 55.0, 0) == 1  # a half circle does not hold two such links
+    assert free_pin_segment(track, 25.0, 0) == 2
+    assert free_pin_segment(track, 55.0, 0) == 1  # a half circle does not hold two such links
     with pytest.raises(FieldError):
         driving_segment(track, 300.0)
 
 
-def test_the_lowest_of_many_valleys_is_found_and_of_equal_ones_the_first() -> None:
-    def kinks(x):  # at the cells' ends 0 at 0.2 is the smallest, but between two of them it is -0.4 at 0.55
+def test_the_first_of_equal_smallest_minima_is_found() -> None:
+    def kinks(x):  # the smallest value on the grid is 0 at 0.2, but the minimum between two nodes is -0.4 at 0.55
         return np.minimum(np.abs(x - 0.2), 10 * np.abs(x - 0.55) - 0.4)
 
-    assert lowest(kinks, 0.0, 1.0, 10) == pytest.approx((0.55, -0.4), abs=1e-4)
+    assert find_minimum(kinks, 0.0, 1.0, 10) == pytest.approx((0.55, -0.4), abs=1e-4)
 
-    def waves(x):  # three crests, each by 1/3000 higher than the one before
+    def waves(x):  # three minima, each lower than the previous by 1/3000
         return -np.sin(6 * np.pi * x) - 1e-3 * x
 
-    assert lowest(waves, 0.0, 1.0, 60).phase == pytest.approx(9 / 12, abs=1e-4)
-    assert lowest(waves, 0.0, 1.0, 60, tie=0.5e-3).phase == pytest.approx(5 / 12, abs=1e-4)
-    assert lowest(waves, 0.0, 1.0, 60, tie=1e-3).phase == pytest.approx(1 / 12, abs=1e-4)
+    assert find_minimum(waves, 0.0, 1.0, 60).phase == pytest.approx(9 / 12, abs=1e-4)
+    assert find_minimum(waves, 0.0, 1.0, 60, tie=0.5e-3).phase == pytest.approx(5 / 12, abs=1e-4)
+    assert find_minimum(waves, 0.0, 1.0, 60, tie=1e-3).phase == pytest.approx(1 / 12, abs=1e-4)

@@ -1,4 +1,8 @@
-"""The lift's optimum: published and independently found optima, an independent search, laws, refusals."""
+"""Optimum designs of the lift, compared with published optima, an independent search and direct sums.
+
+The tests would detect a search that misses the global optimum, a design that violates a constraint, and an error with
+a wrong amount.
+"""
 
 import json
 import math
@@ -22,9 +26,9 @@ from synthesis.scenes.lift.optimum import (
     design_from_angle,
     equation_residuals,
     optimize_batch,
+    optimum_motion,
     project,
     published_for,
-    rise,
 )
 from synthesis.scenes.lift.pose import Cylinder, Design
 from tests.conftest import some_of
@@ -42,9 +46,9 @@ def task(kind: str = "discrete", bound: float = 600.0, cylinder: Cylinder = CYLI
 
 
 @cache
-def optimize(wanted: Task) -> Optimum:
-    """The optimum; several tests ask for that of the same task."""
-    return product.optimize(wanted)
+def optimize(problem: Task) -> Optimum:
+    """Return the optimum, which several tests use for the same task."""
+    return product.optimize(problem)
 
 
 def projected() -> Design:
@@ -55,9 +59,9 @@ def projected() -> Design:
 
 
 def test_projection_and_c6() -> None:
-    design, wanted = projected(), REFERENCE["projected"]
+    design, problem = projected(), REFERENCE["projected"]
     for name in ("l3", "l5", "b"):
-        assert getattr(design, name) == pytest.approx(wanted[name], abs=1e-4)
+        assert getattr(design, name) == pytest.approx(problem[name], abs=1e-4)
     assert max(map(abs, equation_residuals(design, 220.0, 200.0, 510.0).values())) < 1e-12 * 510
     assert motion(design, CYLINDER, [0.0]).velocity[0] == pytest.approx(285.95, abs=1e-6)
     exact = Design(300.0, 180.0, 240.0, 330.0816, 480.0)
@@ -69,10 +73,10 @@ def test_projection_and_c6() -> None:
 
 @pytest.mark.parametrize("name", DESIGNS)
 def test_e1_constraints_of_the_published_designs(name) -> None:
-    design, wanted = DESIGNS[name], REFERENCE["constraints"][name]
+    design, problem = DESIGNS[name], REFERENCE["constraints"][name]
     residuals = equation_residuals(design, 220.0, 200.0, 510.0)
-    assert 200.0 + residuals["(31) start"] == pytest.approx(wanted["sa"], abs=1e-4)
-    assert design.l5 + residuals["(32) closure"] == pytest.approx(wanted["l5"], abs=1e-4)
+    assert 200.0 + residuals["(31) start"] == pytest.approx(problem["sa"], abs=1e-4)
+    assert design.l5 + residuals["(32) closure"] == pytest.approx(problem["l5"], abs=1e-4)
 
 
 @pytest.mark.parametrize("kind", REFERENCE["objective"])
@@ -87,17 +91,17 @@ def test_e2_e4_e5_objectives(kind) -> None:
 @pytest.mark.parametrize("length", some_of([*REFERENCE["table_2"]], 2))
 def test_e6_f5_table_2(length) -> None:
     row = REFERENCE["table_2"][length]
-    wanted = task(cylinder=Cylinder(float(length), 100.0))
-    optimum = optimize(wanted)
+    problem = task(cylinder=Cylinder(float(length), 100.0))
+    optimum = optimize(problem)
     assert optimum.objective == pytest.approx(row["optimum"], abs=2e-3)
-    published = published_for(wanted, optimum)
+    published = published_for(problem, optimum)
     assert published.design.l2 == row["arm"]
     assert published.objective == pytest.approx(row["projected"], abs=5e-3)
     assert published.objective == pytest.approx(row["printed"], rel=0.0122)
     assert published.objective > optimum.objective and "not the optimum" in published.reason
 
 
-def test_e7_speed_does_not_move_the_optimum() -> None:
+def test_e7_the_speed_does_not_affect_the_optimum() -> None:
     arms = REFERENCE["projected"]["arms"]
     for speed, printed in REFERENCE["table_2_speeds"].items():
         drive = Cylinder(220.0, float(speed))
@@ -136,24 +140,24 @@ UNSEEN = [
 ]
 
 
-@pytest.mark.parametrize("wanted", some_of(UNSEEN[::-1], 1))
-def test_the_optimum_is_that_of_an_independent_search(wanted) -> None:
-    optimum = optimize(wanted)
-    assert oracle.objective(optimum.design, wanted) == pytest.approx(optimum.objective, rel=1e-6)
-    other, _ = oracle.search(wanted)
-    assert optimum.objective <= other * (1 + 1e-6)
-    assert optimum.objective == pytest.approx(other, rel=1e-3)
+@pytest.mark.parametrize("problem", some_of(UNSEEN[::-1], 1))
+def test_an_independent_search_finds_the_same_optimum(problem) -> None:
+    optimum = optimize(problem)
+    assert oracle.objective(optimum.design, problem) == pytest.approx(optimum.objective, rel=1e-6)
+    best, _ = oracle.search(problem)
+    assert optimum.objective <= best * (1 + 1e-6)
+    assert optimum.objective == pytest.approx(best, rel=1e-3)
 
 
 @pytest.mark.parametrize("kind", OBJECTIVES)
-def test_objective_is_the_naive_one(kind) -> None:
-    wanted = task(kind, 1e4)
+def test_the_objective_agrees_with_a_direct_sum(kind) -> None:
+    problem = task(kind, 1e4)
     arms = np.array([250.0, 351.9, 500.0, 3000.0])
     designs = project(arms, arms * [1.0, 0.9, 0.95, 1.0], 220.0, 200.0, 510.0)
-    values = Evaluator(wanted)(designs)
+    values = Evaluator(problem)(designs)
     for k in range(arms.size):
         design = Design(*(float(value[k]) for value in designs.as_tuple()))
-        assert values[k] == pytest.approx(oracle.objective(design, wanted), rel=2e-6)
+        assert values[k] == pytest.approx(oracle.objective(design, problem), rel=2e-6)
 
 
 # -- laws ----------------------------------------------------------------------------------------------------
@@ -166,78 +170,78 @@ def test_designs_from_the_two_variables_meet_the_equations(arm, gamma, length, l
     assume(math.isfinite(design.b) and math.atan2(design.b, low) + gamma < math.pi)
     scale = arm + length + low * ratio
     residuals = equation_residuals(design, length, low, low * ratio)
-    # the sides carry the angle only as well as a flat triangle lets them
+    # the sides of a flat triangle determine the angle with fewer digits
     assert abs(residuals["(31) start"]) < 1e-11 * scale * scale / low
     assert abs(residuals["(32) closure"]) < 1e-9 * scale
     assert residuals["(33) stroke"] == pytest.approx(0.0, abs=1e-15 * scale)
     if design.l3 < 0.999 * min(design.l5, design.l2):
-        again = project(arm, design.l4, length, low, low * ratio)
-        assert again.l3 <= design.l3 * (1 + 1e-6)
+        projected_again = project(arm, design.l4, length, low, low * ratio)
+        assert projected_again.l3 <= design.l3 * (1 + 1e-6)
 
 
 @pytest.mark.parametrize("kind", OBJECTIVES)
 def test_no_admissible_design_is_better(kind) -> None:
-    wanted = task(kind)
-    optimum = optimize(wanted)
+    problem = task(kind)
+    optimum = optimize(problem)
     rng = np.random.default_rng(11)
     arms = rng.uniform(1.0, math.hypot(600.0, 200.0) - 220.0, 3000)
     designs = project(arms, arms * np.append(rng.uniform(0.2, 1.0, 2000), np.ones(1000)), 220.0, 200.0, 510.0)
-    values = Evaluator(wanted)(designs)
+    values = Evaluator(problem)(designs)
     values = values[np.isfinite(values)]
     assert values.size > 300 and np.min(values) >= optimum.objective * (1 - 1e-9)
 
 
 @pytest.mark.parametrize("k", some_of([1e-9, 1e9], 1))
-def test_the_unit_of_length_does_not_matter(k) -> None:
-    one = optimize(task("normalized"))
-    other = optimize(Task(Cylinder(220.0 * k, 5.0), 200.0 * k, 510.0 * k, Objective("normalized"), 600.0 * k))
-    assert other.objective == pytest.approx(one.objective, rel=1e-9)
-    assert other.design.l2 == pytest.approx(one.design.l2 * k, rel=1e-5)
-    assert other.active == one.active
+def test_results_scale_with_the_unit_of_length(k) -> None:
+    original = optimize(task("normalized"))
+    scaled = optimize(Task(Cylinder(220.0 * k, 5.0), 200.0 * k, 510.0 * k, Objective("normalized"), 600.0 * k))
+    assert scaled.objective == pytest.approx(original.objective, rel=1e-9)
+    assert scaled.design.l2 == pytest.approx(original.design.l2 * k, rel=1e-5)
+    assert scaled.active == original.active
 
 
-def test_a_bound_without_end_is_searched_to_a_named_limit() -> None:
+def test_a_very_large_bound_is_replaced_by_the_search_limit() -> None:
     assert optimize(task("discrete", 1e12)).objective == pytest.approx(334.8844, abs=1e-3)
     runaway = optimize(task("continuous", 1e12))
     assert "b<=search_limit" in runaway.active and runaway.slacks["b<=search_limit"] < 0.1
     assert runaway.objective < 0.03
 
 
-def test_the_optimum_is_a_lift_that_moves() -> None:
-    for wanted in (task(), task(cylinder=Cylinder(220.0, -80.0, 2.0)), task(cylinder=Cylinder(220.0, 100.0, 30.0))):
-        optimum = optimize(wanted)
-        moved = motion(optimum.design, wanted.cylinder)
-        assert moved.time[-1] == pytest.approx(rise(optimum, wanted).rise_time, rel=1e-9)
-        found = rise(optimum, wanted)
-        bottom = 0 if wanted.cylinder.speed > 0 else -1
+def test_the_optimum_performs_the_motion() -> None:
+    for problem in (task(), task(cylinder=Cylinder(220.0, -80.0, 2.0)), task(cylinder=Cylinder(220.0, 100.0, 30.0))):
+        optimum = optimize(problem)
+        moved = motion(optimum.design, problem.cylinder)
+        assert moved.time[-1] == pytest.approx(optimum_motion(optimum, problem).rise_time, rel=1e-9)
+        found = optimum_motion(optimum, problem)
+        bottom = 0 if problem.cylinder.speed > 0 else -1
         assert moved.velocity[bottom] == pytest.approx(found.velocity_bottom, rel=1e-8)
         assert moved.pose.height[bottom] == pytest.approx(200.0, rel=1e-9)
-        assert float(checked_stroke(optimum.design, wanted.cylinder).length_dead) == found.dead_point_length
+        assert float(checked_stroke(optimum.design, problem.cylinder).length_dead) == found.dead_point_length
 
 
-def test_few_heights_cannot_hide_a_dead_point_between_them() -> None:
+def test_a_dead_point_between_few_heights_is_detected() -> None:
     for n in (2, 3):
         optimum = optimize(task(n=n))
         moved = motion(optimum.design, CYLINDER, samples=2001)
         assert np.all(moved.velocity >= 0) and np.all(np.diff(moved.pose.height) > 0)
 
 
-def test_an_optimum_at_a_flat_triangle_says_so() -> None:
+def test_the_flat_triangle_is_named_as_active() -> None:
     optimum = optimize(Task(Cylinder(184.0, 42.0), 194.0, 356.0, Objective("normalized"), 393.0))
     assert optimum.active == ("triangle", "l3<=l2") and optimum.design.l4 < 0.1
 
 
-def test_batch_is_one_by_one() -> None:
+def test_a_batch_equals_single_searches() -> None:
     cylinders = (220.0, 100.0), (220.0, 70.0), (220.0, 0.0), (900.0, 100.0)
-    tasks = [task(cylinder=Cylinder(*one)) for one in cylinders]
+    tasks = [task(cylinder=Cylinder(*values)) for values in cylinders]
     together = optimize_batch(tasks)
-    for wanted, found in zip(tasks, together):
+    for problem, found in zip(tasks, together):
         if isinstance(found, FieldError):
             with pytest.raises(FieldError) as caught:
-                optimize(wanted)
+                optimize(problem)
             assert caught.value.details == found.details
         else:
-            assert found == optimize(wanted)
+            assert found == optimize(problem)
     assert [isinstance(found, FieldError) for found in together] == [False, False, True, True]
 
 
@@ -255,18 +259,18 @@ REFUSALS = {
 
 @pytest.mark.parametrize("name", REFUSALS)
 def test_refusals_name_the_constraint_and_the_amount(name) -> None:
-    wanted, constraint, field = REFUSALS[name]
+    problem, constraint, field = REFUSALS[name]
     with pytest.raises(FieldError) as caught:
-        optimize(wanted)
+        optimize(problem)
     assert caught.value.details["constraint"] == constraint
     assert caught.value.field == field
     amount = caught.value.details["amount"]
     assert amount >= 0 and math.isfinite(amount)
-    if field == "/upper_bound":  # the amount is what was missing
-        relaxed = replace(wanted, upper_bound=wanted.upper_bound + 1.001 * amount)
+    if field == "/upper_bound":  # a bound increased by the amount is sufficient
+        relaxed = replace(problem, upper_bound=problem.upper_bound + 1.001 * amount)
         assert optimize(relaxed).objective > 0
         with pytest.raises(FieldError):
-            optimize(replace(wanted, upper_bound=wanted.upper_bound + 0.99 * amount))
+            optimize(replace(problem, upper_bound=problem.upper_bound + 0.99 * amount))
     if constraint == "stopping":
         reach = 100.0**2 / 40.0 + 1.001 * amount
         assert optimize(task(cylinder=Cylinder(220.0, 100.0, -(100.0**2) / (2 * reach)))).objective > 0
