@@ -165,6 +165,8 @@ def test_options_for_common_limits_are_fields(run) -> None:
     assert replies[0]["solutions"] == replies[1]["solutions"]
     for command in ("function", "export", "assembly"):
         assert "--link-max" in run(command, "--help")[1]
+    parts = ("--hole", "--width", "--thickness", "--clearance", "--scale", "--boards", "--heads", "--nevertheless")
+    assert all(f"  {option}" in run("export", "--help")[1] for option in parts)
 
 
 def test_the_value_of_a_field_may_be_a_file(run, files, tmp_path) -> None:
