@@ -232,25 +232,20 @@ def _add_export(parser: argparse.ArgumentParser, name: str) -> None:
 
 
 _FIELDS = {
-    "--family": "limits.family",
-    "--pivot-box": "limits.pivot_box",
-    "--link-min": "limits.link_min",
-    "--link-max": "limits.link_max",
-    "--transmission": "limits.transmission_angle_min",
-    "--no-preset": "limits.preset=none",
-    "--fit": "solids.fit",
-    "--material": "solids.material",
-    "--nevertheless": "solids.nevertheless=true",
-    "--boards": "assembly.boards",
-    "--heads": "assembly.heads=true",
-    "--hole": "assembly.hole",
-    "--width": "assembly.width",
-    "--thickness": "assembly.thickness",
-    "--clearance": "assembly.clearance",
-    "--kerf": "assembly.kerf",
-    "--scale": "assembly.scale",
+    "limits.family": "--family",
+    "limits.pivot_box": "--pivot-box",
+    "limits.link_min": "--link-min",
+    "limits.link_max": "--link-max",
+    "limits.transmission_angle_min": "--transmission",
+    "limits.preset=none": "--no-preset",
+    "solids.fit": "--fit",
+    "solids.material": "--material",
+    "solids.nevertheless=true": "--nevertheless",
+    "assembly.boards": "--boards",
+    "assembly.heads=true": "--heads",
+    **{f"assembly.{name}": f"--{name}" for name in ("hole", "width", "thickness", "clearance", "kerf", "scale")},
 }
-"""Options that set a field of the request, or set it to a value."""
+"""Fields of requests, some with a value, that have an option of their own if the request has them."""
 
 
 def _add_request(parser: argparse.ArgumentParser, target: Any, query: Any, verb: str) -> dict[str, Any]:
@@ -285,7 +280,7 @@ def _add_request(parser: argparse.ArgumentParser, target: Any, query: Any, verb:
         "1) or limits=@limits.json (a file); objects are merged; may be repeated. Fields: see below",
     )
     fields = dict(_fields(target.model)) | dict(_fields(target.motion) if target.motion else ())
-    for option, assignment in _FIELDS.items():
+    for assignment, option in _FIELDS.items():
         path, _, value = assignment.partition("=")
         is_used = "solids" in fields or (path.startswith("limits.") and target.command != "drive")
         if path in fields and is_used:

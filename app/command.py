@@ -65,7 +65,7 @@ def run_question(options: argparse.Namespace, query: Query) -> int:
     wanted = {path: format_of(query, path) for path in options.export}
     source = _read(target, options)
     request, table = source.request, source.table
-    length_unit = options.length_unit or (table.length_unit if table else None)
+    length_unit = source.length_unit
     request = in_unit(request, length_unit)
     if options.catalogue is not None:
         request = _with_catalogue(request, options.catalogue)
@@ -96,6 +96,7 @@ def run_question(options: argparse.Namespace, query: Query) -> int:
     if options.json:
         # with its request a file of the reply can be exported
         asked = {"request": request.model_dump(mode="json", exclude_unset=True)} if query.files else {}
+        asked |= {"length_unit": length_unit} if asked and length_unit else {}
         print(json_of(asked | plain_of(reply), 2).decode())
     else:
         # a question without angles has no unit of angle

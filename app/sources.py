@@ -67,6 +67,8 @@ class Source:
 
     request: Any
     table: Table | None = None
+    length_unit: str | None = None
+    """Unit of the lengths: of the option, the table or the saved file."""
 
 
 def read_source(
@@ -100,7 +102,10 @@ def read_source(
             raise FieldError(
                 "", f"{'--unwrap' if unwrap else '--columns'} is for a table of samples, and this is JSON"
             )
-        body, note = _body_of(target, parsed(text), rank)
+        content = parsed(text)
+        body, note = _body_of(target, content, rank)
+        if length_unit is None and "request" in content:
+            length_unit = content.get("length_unit")
         if note:
             say(note)
     elif target.command == "motion":
@@ -118,8 +123,8 @@ def read_source(
         length_unit = length_unit or table.length_unit
         body = {"request": table.fields} if target.motion else table.fields
     if length_unit is not None and "length_unit" in target.model.model_fields:
-        settings = [*settings, (["length_unit"], length_unit)]
-    return Source(_validated(target, with_settings(body, settings), table is not None), table)
+        settings = [(["length_unit"], length_unit), *settings]
+    return Source(_validated(target, with_settings(body, settings), table is not None), table, length_unit)
 
 
 def parsed(text: bytes) -> Any:
@@ -192,7 +197,11 @@ def _body_of(target: Target, content: Any, rank: int) -> tuple[dict[str, Any], s
     if not _is_reply(content):
         if inner is None and content.keys() & {"rotation", "position"}:
             return {"request": content}, "a request, which is solved"
-        body = {name if key in LINKAGES else key: value for key, value in content.items()}
+        body = {
+            name if key in LINKAGES else key: value
+            for key, value in content.items()
+            if key != "length_unit" or key in target.model.model_fields
+        }
         return body, what if "solution" in content else ""
     body = {}
     if isinstance(inner, dict):

@@ -164,8 +164,10 @@ def exports_of(
 SYNTHESIZE_EXPORTS = exports_of(tuple(kind for kind in FILES if kind != "json"), _best_linkage)
 
 
-def as_json(request: RequestModel, solution: Any) -> bytes:
+def as_json(request: RequestModel, solution: Any, length_unit: str | None = None) -> bytes:
+    """Return a solution with its request, and with the unit of their lengths if it is named."""
     content = {"request": request.model_dump(mode="json", exclude_defaults=True), "solution": solution}
+    content |= {"length_unit": length_unit} if length_unit else {}
     return json.dumps(content, indent=1, allow_nan=False).encode()
 
 
@@ -187,7 +189,8 @@ def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
     with pointing(lambda field: "/solution" + field):
         linkage = found.linkage if found else given.linkage(request.degrees)
     if body.format == "json":
-        return as_json(body.request, found.to_dict() if found else given.model_dump(mode="json", exclude_none=True))
+        solution = found.to_dict() if found else given.model_dump(mode="json", exclude_none=True)
+        return as_json(body.request, solution, body.length_unit)
     one = found or given
     if "drive" not in body.model_fields_set and one.drives and body.format in (*HELD["drive"], *HELD["assembly"]):
         drive = one.drives[0]  # that the request asks for
@@ -358,7 +361,8 @@ def _function_file(body: FunctionExportRequest, resources: Resources) -> bytes:
 
     request, solution = body.request, body.solution
     if body.format == "json":
-        return as_json(request, solution.model_dump(mode="json"))
+        unit = body.length_unit if "length_unit" in body.model_fields_set else None
+        return as_json(request, solution.model_dump(mode="json"), unit)
     degrees = request.angle_unit == "deg"
     with pointing(lambda field: "/solution" + field):
         given = solution.linkage(degrees)

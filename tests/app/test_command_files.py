@@ -89,6 +89,21 @@ def test_a_table_is_the_motion_of_every_command(command, run, files, tmp_path) -
     assert code in (Exit.OK, Exit.INFEASIBLE) and "columns read: x from 'x', y from 'y', angle from 'phi'" in err
 
 
+def test_the_unit_of_a_table_is_kept_in_every_file(run, tmp_path) -> None:
+    """A reply to a table in metres was drawn a thousand times too small."""
+    rows = TABLE.replace("x;y", "x [m];y [m]")
+    saved, reply, drawn = tmp_path / "saved.json", tmp_path / "reply.json", []
+    code, out, _ = run("synthesize", "--family", "any", "--json", "--export", saved, stdin=rows)
+    assert code == Exit.OK
+    reply.write_text(out)
+    for words in ([saved], [reply], [saved, "--set", "length_unit=mm"]):
+        assert run("export", *words, "--out", tmp_path / "one.parts.csv")[0] == Exit.OK
+        drawn.append(float((tmp_path / "one.parts.csv").read_text().splitlines()[1].split(",")[4]))
+    assert drawn[0] == drawn[1] == pytest.approx(1000 * drawn[2], rel=1e-6)
+    assert "pos. max m " in run("synthesize", saved)[1]
+    assert run("assembly", saved)[0] in (Exit.OK, Exit.INFEASIBLE) and run("drive", reply)[0] == Exit.OK
+
+
 def test_the_request_of_a_machine_is_read_from_what_its_page_saves(run, tmp_path) -> None:
     file = tmp_path / "needle.json"
     file.write_text(json.dumps({"request": {"alpha2": 9}, "reply": {"status": "ok"}}))
@@ -150,6 +165,8 @@ def test_options_for_common_limits_are_fields(run) -> None:
     assert replies[0]["solutions"] == replies[1]["solutions"]
     for command in ("function", "export", "assembly"):
         assert "--link-max" in run(command, "--help")[1]
+    parts = ("--hole", "--width", "--thickness", "--clearance", "--scale", "--boards", "--heads", "--nevertheless")
+    assert all(f"  {option}" in run("export", "--help")[1] for option in parts)
 
 
 def test_the_value_of_a_field_may_be_a_file(run, files, tmp_path) -> None:
