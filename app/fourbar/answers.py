@@ -282,7 +282,7 @@ def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
 
 
 def _drive_in(kind: str, drives: Sequence[Any]) -> Any:
-    """Return the first of a solution's drives that a file of a kind can hold; None without one."""
+    """Return the first of a solution's drives that a file of a kind can hold; None if it can hold no drive."""
     if kind in HELD["drive"]:
         return next(iter(drives), None)
     if kind not in HELD["assembly"]:
