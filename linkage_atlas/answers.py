@@ -147,7 +147,7 @@ class Verdict(Record):
     practical: bool
     """No practical limit is broken; what the request limits itself is judged by its own limit."""
     buildable: bool | None
-    """`practical`, and an assembly was found whose parts pass one another; null until an assembly was checked."""
+    """`practical`, and an assembly was found without collisions; null until an assembly was checked."""
     reasons: tuple[str, ...]
     """A sentence for everything that is amiss; samples count from 1."""
     assembly: Assembly | None = None

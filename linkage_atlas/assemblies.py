@@ -44,7 +44,7 @@ LAYERS_MOST, MOST_LAYERS = 6, 8
 MOUNTS = (layers.BELOW, layers.ABOVE, BOTH)
 """How a fixed pin may be held."""
 FIXED_PINS = ("A", "B", "M", "G", "A1", "A2", "B1", "B2")
-"""Pins that stand in the ground: of links on circles and of slots, of a motor or a cylinder, and the posts of rails."""
+"""Pins on the ground: of links on circles and of slots, of a motor or a cylinder, and the posts of rails."""
 MOST_TOLD = 5
 """Places outside of the envelope, or in boxes, that sentences name."""
 SHARES = (1.0, 0.5, 0.25, 0.125, 0.0625)
@@ -199,7 +199,7 @@ class Assembly(Record):
     given: PartSettings = field(metadata=KEPT, repr=False)
     """The sizes of the request."""
     driven_hinge: str = field(default="", metadata=KEPT, repr=False)
-    """The link with a drive in its hinge, where one was asked for."""
+    """Name of the link with a drive in its hinge; empty without such a drive."""
 
     @property
     def free(self) -> bool:
@@ -340,10 +340,10 @@ def _outline(name: str, given: Any) -> tuple[complex, ...]:
 def machine_of(
     linkage: Linkage | GuidedLinkage, asked: AskedAssembly, used: Interval, where: str = "assembly/"
 ) -> Machine:
-    """Return plates and pins of a linkage with the sizes that are asked for, and with standard sizes by default.
+    """Return plates and pins of a linkage with the requested sizes, and with standard sizes by default.
 
-    Where the default hole leaves no material beside what is asked for, the largest of `SHARES` of it does that leaves some.
-    Raises `FieldError` where none does.
+    If the default hole leaves no material, the largest of its `SHARES` that leaves some is used. Raises `FieldError` if all of
+    them leave none.
     """
     if asked.body and isinstance(linkage, Linkage) and not linkage.mounted:
         raise FieldError(f"/{where}body", "needs `position`: without it nothing says where the body is")

@@ -139,7 +139,7 @@ _DWELL = 0.01
 _HELPS = 0.5
 """Largest part of the rms torque that a spring of a catalogue may leave."""
 _CARRIES_ALONE = 0.1
-"""Part of the rms torque up to which one spring is enough where two are possible."""
+"""Part of the rms torque up to which a single spring is enough if two springs are possible."""
 _HOLD_MARGIN = 0.02
 """Torque with which an end that holds is pressed onto its stop, as a part of the peak torque without springs."""
 _STOPS = {
@@ -352,7 +352,7 @@ class SpringCurve(NamedTuple):
 
 
 class Holds(NamedTuple):
-    """Whether the linkage rests on its stop at both ends, without a drive and without friction."""
+    """Ends at which the linkage rests on its stop, without a drive and without friction."""
 
     closed: bool
     """At the first position."""
@@ -387,7 +387,7 @@ class Spring(Record):
     stays: str
     """What the linkage does by itself at both ends, without friction."""
     holds: Annotated[Holds, Holds]
-    """The same for each end."""
+    """Ends at which the linkage rests on its stop, without friction."""
     hand_force_max: float | None = None
     """Largest absolute force of a hand over the motion; null without `hand` or `hand_force_max`."""
     curve: SpringCurve
@@ -1434,7 +1434,7 @@ class _Search:
             self._sprung(kind, number_, found, "kinds" not in wish, wish)
 
     def _bought(self, wish: Mapping[str, Any]) -> Fitted | str:
-        """Find springs of a catalogue; or say why none helps, or behaves as asked for."""
+        """Find springs of a catalogue, or return a sentence with the reason for a refusal."""
         room = Room(
             wish.get("ground_box", self.box),
             float(wish.get("reach_max", self.machine.extent)),
@@ -1478,7 +1478,7 @@ class _Search:
         return lacks if lacks > 1e-5 * float(np.abs(self.torque).max()) else 0.0
 
     def _suffices(self, found: Fitted, behaviour: Behaviour | None, share: float) -> bool:
-        """Check that springs behave as asked for, or without a behaviour that they leave at most a part of the torque."""
+        """Check that springs show the requested behaviour, or without such a request leave at most a part of the torque."""
         if behaviour is not None:
             return self._lacks(found, behaviour) == 0
         return found.rms <= share * _size(self.torque).rms
@@ -1549,7 +1549,7 @@ class _Search:
         if found.rms > _HELPS * sizes.before.rms:
             share = 100 * found.rms / sizes.before.rms
             self.notes.append(
-                f"springs of set {number_} behave as asked for, but leave {share:.3g} % of the rms torque of the drive"
+                f"springs of set {number_} show the requested behaviour, but leave {share:.3g} % of the rms torque of the drive"
             )
         hand = None
         if self.machine.body is not None and (self.asked.hand is not None or "hand_force_max" in wish):

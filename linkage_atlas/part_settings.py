@@ -1,4 +1,4 @@
-"""Sizes of plates and pins: one set for the layers that are checked and for every file that is written."""
+"""Sizes of plates and pins, shared by the check of layers and by every file."""
 
 from __future__ import annotations
 
@@ -36,19 +36,19 @@ class PartSettings:
     hole: float | None = None
     """Diameter of pins and holes. Default: 0.3 of the shortest link, at most 0.05 of the longest."""
     width: float | None = None
-    """Of the plates. Default: 2.5 holes."""
+    """Width of the plates. Default: 2.5 holes."""
     thickness: float | None = None
-    """Of the plates. Default: half a hole."""
+    """Thickness of the plates. Default: half a hole."""
     washer: float | None = None
-    """Of the washers between layers. Default: a fifth of the thickness."""
+    """Thickness of the washers between layers. Default: a fifth of the plate's thickness."""
     clearance: float | None = None
-    """Smallest gap of parts that pass one another. Default: 0.5 / 165 of the longest link."""
+    """Smallest gap between parts that move past each other. Default: 0.5 / 165 of the longest link."""
     kerf: float = 0.0
     """Width of the cut: contours in plates to cut are larger by half of it, and holes smaller; it is not scaled."""
     scale: float = 1.0
-    """Of a model, in every file of parts."""
+    """Scale of a model, in every file of parts."""
     length_unit: str | None = None
-    """Unit of the lengths, for the default sizes; None: that of the file, or mm."""
+    """Unit of the lengths, for the default sizes; None: the unit of the file, or mm."""
 
     @classmethod
     def read(cls, given: Mapping[str, Any], where: str) -> PartSettings:
@@ -69,7 +69,7 @@ class PartSettings:
         return cls(**values)
 
     def in_unit(self, length_unit: str) -> PartSettings:
-        """Return the settings with a unit for the default sizes, unless they have one."""
+        """Return the settings with a unit for the default sizes, if none is set."""
         return self if self.length_unit is not None else replace(self, length_unit=length_unit)
 
     @property
@@ -88,7 +88,7 @@ class PartSettings:
         Parameters
         ----------
         hole, width, clearance : float
-            Sizes that the linkage allows: the default hole is rounded down from this one.
+            Sizes that the linkage allows. The default hole is rounded down from ``hole``.
         """
         unit = self.millimetres
         standard = hole * unit >= HOLES[0] * (1 - 1e-9)

@@ -233,6 +233,6 @@ def solids_in(assembly: Assembly, asked: AskedSolids, length_unit: str) -> Solid
 
 
 def _height(given: float | None, usual: float | None, least: float) -> float:
-    """Return the height that is given, or the default one, at least what a fit needs."""
+    """Return the given height, or else the default height, which is at least the height that a fit needs."""
     assert usual is not None
     return max(usual, least) if given is None else given

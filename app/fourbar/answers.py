@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import linkage_atlas as la
@@ -192,8 +192,7 @@ def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
         solution = found.to_dict() if found else given.model_dump(mode="json", exclude_none=True)
         return as_json(body.request, solution, body.length_unit)
     one = found or given
-    if "drive" not in body.model_fields_set and one.drives and body.format in (*HELD["drive"], *HELD["assembly"]):
-        drive = one.drives[0]  # that the request asks for
+    if "drive" not in body.model_fields_set and (drive := _drive_in(body.format, one.drives or ())) is not None:
         held["drive"] = drive.to_dict() if found else drive.model_dump(exclude_none=True)
     place = one.crank_angle if one.crank_angle is not None else getattr(one, "travel", None)
     prefixes = _PREFIXES
@@ -204,7 +203,7 @@ def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
 
     def in_export(field: str) -> str:
         """Where this route's body has an argument of `file`."""
-        if field.startswith("/assembly/drive") and body.drive is not None:  # a motor is one of the parts
+        if field.startswith("/assembly/drive") and held.get("drive") is not None:  # which is among the parts
             return field.removeprefix("/assembly")
         return "/format" if field == "/kind" else prefixes.get(field.lstrip("/").partition("/")[0], "") + field
 
@@ -212,6 +211,18 @@ def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
         unit = body.length_unit or (request.analysis.length_unit if request.analysis else None)
         asked = request.given("analysis") | held
         return linkage.file(body.format, motion, unit, place, **asked, work=resources.work())
+
+
+def _drive_in(kind: str, drives: Sequence[Any]) -> Any:
+    """Return the first of a solution's drives that a file of a kind can hold; None if it can hold no drive."""
+    if kind in HELD["drive"]:
+        return next(iter(drives), None)
+    if kind not in HELD["assembly"]:
+        return None
+    if kind in ("urdf", "sdf"):  # which hold joints that turn
+        drives = [drive for drive in drives if drive.kind != "actuator"]
+    on_plates = [drive for drive in drives if not drive.link.endswith("slider")]
+    return next(iter([*on_plates, *drives]), None)
 
 
 def is_long_export(body: ExportRequest) -> bool:

@@ -146,7 +146,7 @@ class Machine:
     slit_ends: tuple[SlitEnd | None, SlitEnd | None] = (None, None)
     """Below and above the interval; None where no slit ends the motion before the loop does."""
     telescopes: tuple[tuple[str, str], ...] = ()
-    """Pairs of plates of which one slides inside the other: they lie in one layer and do not collide."""
+    """Pairs of plates that slide inside each other: both lie in the same layer and do not collide."""
 
     @property
     def whole_turn(self) -> bool:
@@ -669,7 +669,7 @@ class Strut:
 
 CYLINDER, PISTON_ROD, HANDLE, STRUT = "cylinder", "piston_rod", "handle", "strut"
 _TUBE, _OVERLAP = 0.85, 0.05
-"""Of the retracted length: a cylinder's tube, and what its rod reaches into it at least."""
+"""Fractions of the retracted length: length of a cylinder's tube, and smallest overlap of tube and rod."""
 
 
 def strut_driven(

@@ -126,14 +126,14 @@ class Between:
 
 @dataclass(frozen=True)
 class Aimed:
-    """A body that begins at a point of one body, with its x axis towards a point of another, whatever their distance."""
+    """A body with its origin at a point of one body and its x axis towards a point of a second body, at any distance."""
 
     body: int
     origin: Place
     target: Place
 
     def place(self, bodies: Bodies, travel: Floats, half: Floats) -> None:
-        """Its direction turns by at most asin(e / r), e the sum of what both points move and r their distance."""
+        """Enclose the direction by asin(e / r), with the sum e of the movements of both points and their distance r."""
         p, q = bodies.point(self.origin), bodies.point(self.target)
         shift = bodies.spread(self.origin)
         e, r = shift + bodies.spread(self.target), np.abs(q - p)

@@ -258,7 +258,7 @@ _DESCENTS = 4
 _ROWS, _ROWS_OF_PAIR = 6, 2
 """Rows for which descents are made: the best of all pairs of links, and the best of each pair."""
 _BEHAVIOUR_DESCENTS = 24
-"""Descents for each row and pair of links with a behaviour, from different ends on the first link: few placements satisfy one."""
+"""Descents for each row and pair of links with a behaviour, from different ends on the first link: few placements show it."""
 _VIOLATED = 1e3
 """Cost on the grid of a violated behaviour, per part of the rms torque without springs or of the longest length."""
 _TURNS = 2
@@ -266,7 +266,7 @@ _TURNS = 2
 _STEPS = 500
 """Of a descent at most."""
 _NEARLY_FITS = 0.2
-"""Of the longest length: by so much a placement of the grid may leave the range of lengths where a descent begins."""
+"""Fraction of the longest length by which a placement of the grid may leave the range of lengths at the start of a descent."""
 _DIGITS, _GAIN = 9, 1e-6
 """Of sums of squares on the grid, over those without a spring; and the part of the rms torque that counts as better."""
 _HAIR = 1e-6
@@ -336,7 +336,7 @@ class Behaviour:
         return np.concatenate(found, axis=-1)
 
     def slopes(self, slopes: Floats) -> Floats:
-        """Return the derivatives of `rows` from those of the torque, (n, unknowns)."""
+        """Return the derivatives of `rows` from the derivatives of the torque, (n, unknowns)."""
         found = []
         if self.holds_first:
             found.append(self.sense * slopes[:1])
@@ -430,14 +430,14 @@ def best_spring(
     room : Room
         Where the ends may be.
     work : Work, optional
-        The search ends with the best placement so far once its time is up.
+        The search returns the best known placement once its time is up.
     behaviour : Behaviour, optional
         Limits on the torque that remains; placements that satisfy them come before all others.
 
     Returns
     -------
     Fitted or str
-        The spring, or a sentence that says why no row fits anywhere.
+        The spring, or a sentence with the reason why no row fits.
     """
     starts: list[_Start] = []
     nearest: tuple[float, float, float, Between] | None = None
@@ -466,7 +466,7 @@ def best_spring(
             if best is None or rank < (*best[0][:2], best[0][2] * (1 - _GAIN)):
                 best = (rank, start.between, start.kind, *part.ends(z))
     assert best is not None
-    if best[0][0] > 0:  # nothing both fits and behaves: what fits says by how much it does not behave
+    if best[0][0] > 0:  # no spring both fits and behaves: the best fit shows what is missing
         return best_spring(machine, torque, betweens, kinds, room, work)
     _, between, kind, ground, pin = best
     spring = Spring(between, (ground, pin), kind.stiffness, kind.free_length, kind.preload)
@@ -474,7 +474,7 @@ def best_spring(
 
 
 def _promising(starts: list[_Start]) -> list[_Start]:
-    """Return the starts with the lowest cost of all, and those of each pair of links."""
+    """Return the starts with the lowest cost of all, and the best starts of each pair of links."""
     starts = sorted(starts, key=lambda start: start.cost)
     chosen = {id(start) for start in starts[:_ROWS]}
     for between in {start.between for start in starts}:
@@ -521,7 +521,7 @@ def _screened(
             usable = np.flatnonzero(fits)
             cost = square[usable] / whole
         else:
-            # few placements behave as asked for, and a descent moves others into the range of lengths
+            # few placements show the behaviour, and a descent moves other placements into the range of lengths
             beyond = np.maximum(kind.shortest - shortest, longest - kind.longest)
             usable = np.flatnonzero(beyond < _NEARLY_FITS * kind.longest)
             left = torque + a * arm[usable] + k * pull[usable]
@@ -630,8 +630,7 @@ def _together(
     Returns
     -------
     rank : tuple of float
-        By how much lengths and places are out of range, and the behaviour is violated, 0 within rounding; then the rms torque
-        that remains.
+        Violations of the ranges of lengths and places, and of the behaviour, 0 within rounding; then the rms torque that remains.
     z : ndarray
         The unknowns, four per spring; ``begin`` where the descent ended with a higher rank.
     """

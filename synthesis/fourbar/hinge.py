@@ -11,9 +11,9 @@ from synthesis.fourbar.limits import REACH
 from synthesis.target import Samples
 
 WITHIN = 1e-3
-"""Largest distance of a position from the hinge's motion, as a part of the motion's extent, where no tolerances are given."""
+"""Largest distance of a position from the hinge's motion, as a fraction of the motion's extent, if no tolerances are given."""
 _POSES, _POINTS = 3, 4
-"""Samples from which on a motion is told from any other: two poses, and three points, always lie on a circle."""
+"""Smallest numbers of poses and of points that can contradict a hinge: two poses, and three points, always fit one."""
 _TURN = np.deg2rad(1.0)
 """A body that turns by less is taken to be shifted."""
 
@@ -29,7 +29,7 @@ class Hinge(NamedTuple):
 def hinge_of(samples: Samples, allowed: float | None = None) -> Hinge | None:
     """Find the hinge that makes a motion by itself.
 
-    With rotations the positions are those of a point of the body, ``p = centre + arm e^{i rotation}``: linear in centre and arm.
+    With rotations the positions belong to a point of the body, ``p = centre + arm e^{i rotation}``: linear in centre and arm.
     Without rotations they lie on a circle, in turn along it.
 
     Parameters
@@ -42,7 +42,7 @@ def hinge_of(samples: Samples, allowed: float | None = None) -> Hinge | None:
     Returns
     -------
     Hinge or None
-        None where the motion is another one, or the centre is farther than practical limits allow.
+        None if no hinge makes the motion, or the centre is farther than practical limits allow.
     """
     if samples.position is None:
         return None

@@ -33,7 +33,7 @@ LINK_RATIO = 10.0
 REACH = 10.0
 """No link, and no distance of a pivot from the motion's middle, is longer than this many extents of the motion."""
 SHORTEST = 0.05
-"""No link is shorter than this part of the motion's extent: one that is hardly holds a body that reaches far out from it."""
+"""No link is shorter than this fraction of the motion's extent: a tiny link hardly holds a body that reaches far out."""
 ROOM = 2.0
 """So many times a shortest length that is given links may be long, and pivots be away, at least."""
 # tuning of the constraints
@@ -361,7 +361,7 @@ def practical_limits(samples: Samples, given: dict[str, Any]) -> dict[str, Any]:
 
 
 def _possible_lengths(given: dict[str, Any]) -> list[float]:
-    """Return lengths that the limits of a request leave its links: the shortest one is no shorter than they require."""
+    """Return lengths that the limits of a request require of its links: the practical shortest length is no longer."""
     found = [given.get("link_max", np.inf), *(one for one in given.get("links", ()) if one is not None)]
     if "pivot_a" in given and "pivot_b" in given:
         found.append(abs(given["pivot_b"] - given["pivot_a"]))

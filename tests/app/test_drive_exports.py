@@ -183,6 +183,14 @@ def test_a_drive_of_the_request_is_in_its_files(client: TestClient, run: Any, tm
     assert "'cylinder'" in (tmp_path / "own.step").read_text()
 
 
+def test_a_format_without_room_for_the_drive_of_the_request_is_written_without_it(client: TestClient) -> None:
+    """A URDF of a request with a cylinder: its joints turn."""
+    for kind in ("urdf", "pylinkage"):
+        body = {"request": REQUEST, "format": kind, "solids": {"nevertheless": True}} if kind == "urdf" else None
+        reply = client.post("/v1/export", json=body or {"request": REQUEST, "format": kind})
+        assert reply.status_code == 200 and "piston" not in reply.text, reply.text[:300]
+
+
 def test_files_that_hold_no_drive_say_so() -> None:
     for kind in ("pylinkage", "urdf"):
         with pytest.raises(la.FieldError):
