@@ -338,7 +338,7 @@ def synthesize(
     if live is not None:
         if effort == "atlas" or refine_from is not None:
             raise FieldError(
-                "/live", "a search goes on from its last answer; without one there is nothing to go on from"
+                "/live", "continues a search: it cannot be combined with `refine_from` or effort 'atlas'"
             )
         budget = LIVE_SECONDS if budget is None else min(budget, LIVE_SECONDS)
     begun = None if live is None else Kept.unpacked(live.state)
