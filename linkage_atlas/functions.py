@@ -1090,7 +1090,9 @@ def _table(table: Any) -> tuple[Floats, Floats]:
     steps = np.diff(x) * np.sign(x[-1] - x[0])
     if np.any(back := steps <= 1e-9 * abs(x[-1] - x[0])):
         place = int(np.argmax(back)) + 1
-        raise FieldError(f"/function/table/{place}", "this x does not go on from the one before")
+        raise FieldError(
+            f"/function/table/{place}", "x must increase from sample to sample, or decrease: this value does not"
+        )
     return x.copy(), y.copy()
 
 

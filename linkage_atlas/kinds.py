@@ -100,9 +100,7 @@ def read_kinds(mechanisms: Any, driver: Any, motion: Motion) -> Kinds:
 def _check(asked: Kinds, motion: Motion) -> None:
     by = asked.driver
     if asked.four_bars_alone and by not in (None, Driver.CRANK):
-        raise FieldError(
-            "/driver", f"a four-bar is driven by its crank; `mechanisms` says which kinds a {by} may drive"
-        )
+        raise FieldError("/driver", f"a four-bar is driven by its crank: choose `mechanisms` that a {by} can drive")
     if by in (Driver.SLIDER, Driver.CYLINDER, Driver.HINGE) and not _driven(asked, (by,)):
         raise FieldError("/driver", f"none of the kinds asked for has a {by}")
     if _comes_round(motion.samples) and by in (Driver.SLIDER, Driver.CYLINDER):
@@ -157,7 +155,7 @@ def check_sliders_alone(limits: Limits) -> None:
     for name, form in FORMS.items():
         if form.concerns == "sliders" and getattr(limits, name) is not None:
             raise FieldError(
-                f"/limits/{name}", "limits sliders: `mechanisms` asks for four-bars alone, which have none"
+                f"/limits/{name}", "applies to sliders, which four-bars do not have: choose other `mechanisms`"
             )
 
 

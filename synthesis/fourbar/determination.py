@@ -137,6 +137,8 @@ def determinations(
         return []
     matrix, free = derivative_matrix(target, linkages)
     matrix, lengths = np.delete(matrix, list(given), axis=2), [k for k in range(free) if k not in given]
+    if not matrix.shape[2]:  # nothing is left to be fixed
+        return [Determination(1.0, np.zeros(4), resolution) for resolution in resolutions]
     _, singular, vectors = np.linalg.svd(matrix, full_matrices=False)
     floor = np.finfo(float).eps * singular[:, :1] * np.sqrt(matrix.shape[1])
     inverse = 1 / np.maximum(singular, np.maximum(floor, np.finfo(float).tiny))
