@@ -271,10 +271,11 @@ def read_drive(name: str, given: Any) -> Motor | Strut | str:
         raise FieldError(f"/{name}/link", f"wanted the name of a link, found {link!r}")
     if kind == "rotary":
         return link
-    pin = pair(f"{name}/pin_on_link", of(given, "pin_on_link"), np.inf)
     if kind == "dyad":
         place, bar = pair(f"{name}/motor", of(given, "motor"), np.inf), of(given, "six_bar")
+        pin = pair(f"{name}/pin_on_link", of(given, "pin_on_link"), np.inf)
         return Motor(link, place, length(bar, "crank", "six_bar/"), length(bar, "coupler", "six_bar/"), pin)
+    pin = pair(f"{name}/pin_on_link", of(given, "pin_on_link"), np.inf)
     end, on = pair(f"{name}/ground_point", of(given, "ground_point"), np.inf), of(given, "on") or "ground"
     if kind == "actuator":
         return Strut(link, on, pin, end, (length(given, "retracted"), length(given, "stroke")))

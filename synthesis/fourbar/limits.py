@@ -211,11 +211,6 @@ class Limits:
                 if box is not None and not (box[0] <= point.real <= box[2] and box[1] <= point.imag <= box[3]):
                     raise FieldError(f"/limits/{name}", "lies outside the box of this pivot")
                 box = (point.real, point.imag, point.real, point.imag)
-            rails = self.rail_box_of(name)
-            if self.rail_box is not None and rails is not None and (rails[0] > rails[2] or rails[1] > rails[3]):
-                raise FieldError(
-                    "/limits/rail_box", "has no point in common with the box of a pivot that a rail replaces"
-                )
             for number, out in enumerate(self.keep_out):
                 if box is not None and out[0] < box[0] and out[1] < box[1] and box[2] < out[2] and box[3] < out[3]:
                     if point is not None:
@@ -235,6 +230,12 @@ class Limits:
         """FieldError for limits that have no meaning for these samples, or that no linkage keeps."""
         if None not in self.links and 2 * max(given := [length or 0.0 for length in self.links]) >= sum(given):
             raise FieldError("/limits/links", "the given lengths do not close: one is as long as the others together")
+        for name in _BOTH_PIVOTS if self.rail_box is not None else ():
+            rails = self.rail_box_of(name)
+            if rails is not None and (rails[0] > rails[2] or rails[1] > rails[3]):
+                raise FieldError(
+                    "/limits/rail_box", "has no point in common with the box of a pivot that a rail replaces"
+                )
         if samples.position is not None:
             return
         for name, form in FORMS.items():
@@ -362,7 +363,7 @@ def practical_limits(samples: Samples, given: dict[str, Any]) -> dict[str, Any]:
 
 def _possible_lengths(given: dict[str, Any]) -> list[float]:
     """Return lengths that the limits of a request require of its links: the practical shortest length is no longer."""
-    found = [given.get("link_max", np.inf), *(one for one in given.get("links", ()) if one is not None)]
+    found = [given.get("link_max", np.inf) / LINK_RATIO, *(one for one in given.get("links", ()) if one is not None)]
     if "pivot_a" in given and "pivot_b" in given:
         found.append(abs(given["pivot_b"] - given["pivot_a"]))
     if box := _common([given.get("pivot_box"), given.get("envelope")]):
