@@ -304,7 +304,7 @@ def search_kinds(
         notes.append(NO_ROTATION)
     elif found and any(getattr(limits, name) is not None for name in _PIVOT_BOXES):
         made = {one.linkage.kind for one in found if isinstance(one, guided.GuidedSolution)}
-        if left := [kind.value for kind in asked.sliders if kind not in made]:
+        if left := [kind.value.replace("_", " ") for kind in asked.sliders if kind not in made]:
             notes.append(OUTSIDE_BOX.format(", ".join(left)))
     worst = (StoppedBy.BUDGET, StoppedBy.CONVERGED, StoppedBy.TOLERANCE)
     stopped_by = next(one.value for one in worst if one.value in stopped)

@@ -92,7 +92,8 @@ def test_a_study_keeps_to_the_budget(client) -> None:
 
 def test_a_study_has_its_bounds_and_says_so(client, monkeypatch) -> None:
     monkeypatch.setattr("linkage_atlas.studies.MOST_POSITIONS", 130_000)
-    reply = ask(client, tolerance_study={"links": 0.1, "samples": 100_000})
+    study = {"links": 0.1, "samples": 100_000}
+    reply = la.synthesize(**EXAMPLE, tolerance_study=study).to_dict()  # here, where the bound is set
     study = reply["solutions"][0]["tolerance_study"]
     assert study["samples"] == 1000, "for 2 linkages at 16 samples and 49 places of the band"
     assert any("1,000 linkages instead of 100,000" in note for note in reply["report"]["notes"])

@@ -33,7 +33,7 @@ def test_answers_are_those_of_synthesize() -> None:
     assert [row["line"] for row in found] == [1, 2, 3, 4, 5, 6] and seen == [(k, 6) for k in range(1, 7)]
     for k in (0, 1, 3, 5):
         assert found[k]["reply"] == plain(la.synthesize(**asked[k]))
-    assert "wanted 3 to 1024 samples" in found[2]["error"] and "spin" in found[4]["error"]
+    assert "give 3 to 1024 samples" in found[2]["error"] and "spin" in found[4]["error"]
     with pytest.raises(la.FieldError, match="requests, item 1: must hold numbers"):
         list(la.study([{"rotation": object()}], jobs=1))
 

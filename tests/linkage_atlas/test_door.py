@@ -491,7 +491,7 @@ def test_a_parallelogram_stands_beside_the_way_that_its_body_is_shifted_along() 
     assert all(box[0] <= x <= box[2] and box[1] <= y <= box[3] for x, y in (far.mount.pivot_a, far.mount.pivot_b))
 
 
-def test_that_a_linkage_hardly_moves_the_body_is_said_with_its_limits() -> None:
+def test_a_note_says_that_the_best_linkage_hardly_moves_the_body() -> None:
     """Pivots some twenty extents away leave a body that all but stands still."""
     found = la.synthesize(
         BENT, la.Limits(pivot_box=[1000, 1000, 1001, 1001], link_max=50, coupler_radius_max=2000), top=1
@@ -499,7 +499,7 @@ def test_that_a_linkage_hardly_moves_the_body_is_said_with_its_limits() -> None:
     (note,) = [note for note in found.report.notes if "a body at rest" in note]
     square = np.radians(TURNED).var() + np.var(PLACES, axis=0).sum() / found.report.length_scale**2
     share = found.best.errors.objective / np.sqrt(square)
-    assert 0.9 < share < 1 and f"{share:.2g} times" in note and "the pivot box" in note.split("it is held by ")[1]
+    assert 0.9 < share < 1 and f"{share:.2g} times" in note
     near = la.synthesize(BENT, top=1)
     assert not any("a body at rest" in note for note in near.report.notes)
 

@@ -151,7 +151,7 @@ def test_kinds_that_a_box_leaves_out_are_named() -> None:
     assert found.status == "infeasible"
     found = la.synthesize(**asked, mechanisms=["four_bar", "two_rails"])
     assert all(one.kind == "four_bar" for one in found.solutions)
-    assert any(note.startswith("left out") and "two_rails" in note for note in found.report.notes)
+    assert any(note.startswith("Left out") and "two rails" in note for note in found.report.notes)
 
 
 def test_a_box_for_rails_outside_of_the_box_for_pivots_is_refused() -> None:

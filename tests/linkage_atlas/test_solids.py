@@ -313,7 +313,7 @@ def test_a_saved_solution_is_exported_without_a_search(tmp_path, capsys, request
     reply = tmp_path / "reply.json"
     reply.write_text(json.dumps({"solutions": []}))
     assert cli.main(["export", str(reply), "--format", "step"]) == 2
-    assert "this is a reply" in capsys.readouterr().err
+    assert "this reply does not hold its request" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("kind", OF_PARTS)

@@ -95,7 +95,7 @@ def test_notes_say_how_the_table_was_read(tmp_path) -> None:
     path = tmp_path / "poses.csv"
     path.write_text("Frame,TX,TY,TZ,RX,RZ\n1,0,0,0,0,0\n2,10,2,0,0,5\n3,22,5,0,0,12\n")
     notes = la.synthesize(la.Motion.read(path), top=1, budget=1).report.notes
-    assert sum("columns read" in note for note in notes) == 1
+    assert sum("Columns read" in note for note in notes) == 1
     motion = la.Motion.read(path, columns={"x": "TX", "y": "TY", "angle": "RX"})
     assert motion.asked.rotation.tolist() == [0, 0, 0]
 
