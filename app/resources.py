@@ -16,9 +16,9 @@ from app.settings import Settings
 
 def opened(place: Path) -> la.Atlas:
     """Open an atlas file, ready for matching."""
-    from linkage_atlas.atlases import index_of, open_atlas
+    from linkage_atlas.atlases import open_atlas
 
-    atlas = open_atlas(place, index_of(place).exists())
+    atlas = open_atlas(place)
     atlas.prepare(positions=False, threads=1, short_spans=False)
     return atlas
 

@@ -73,6 +73,8 @@ FEWER_ON = Plan((_SOON,), 12, (_LATER, *_ON), 4, _END)
 
 LAST = (Stage(60, 1e-9, 100.0), Stage(60, 1e-10, 300.0), Stage(60, 1e-12, 300.0), Stage(60, 1e-13, 300.0))
 """How the best answers descend in the end, on all samples."""
+
+
 class Found:
     """What is known within the limits, with J on all samples; it only gets better.
 

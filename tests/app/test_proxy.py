@@ -26,8 +26,13 @@ CONFIGURATION = (Path(__file__).parents[2] / "deploy" / "nginx.conf").read_text(
 HOSTILE, HONEST = 200, 16
 SECONDS = 2.5
 HEADER_SECONDS = 3
-BODY = json.dumps({"rotation": [0, 15, 40], "position": [[0, 0], [40, 8], [75, 30]], "timing": "free", "budget_ms": 50})
-pytestmark = [pytest.mark.fault, pytest.mark.skipif(NGINX is None, reason="nginx is not installed (Debian: nginx-light)")]
+BODY = json.dumps(
+    {"rotation": [0, 15, 40], "position": [[0, 0], [40, 8], [75, 30]], "timing": "free", "budget_ms": 50}
+)
+pytestmark = [
+    pytest.mark.fault,
+    pytest.mark.skipif(NGINX is None, reason="nginx is not installed (Debian: nginx-light)"),
+]
 
 
 @pytest.fixture(scope="module")
