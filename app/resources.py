@@ -1,4 +1,4 @@
-"""What answers need beside their request: the atlas, loaded when it is first needed, and limits of time."""
+"""Resources of an answer beside its request: the atlas, loaded when it is first needed, and limits of time."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def opened(place: Path) -> la.Atlas:
 
 
 class ServiceResources:
-    """The atlas and the limits of time of one process.
+    """The atlas and the limits of time of a process.
 
     Parameters
     ----------
