@@ -488,6 +488,7 @@ def _add_serve(parser: argparse.ArgumentParser, name: str) -> None:
 
 
 def _serve(options: argparse.Namespace) -> int:
+    from app.resources import ServiceResources
     from app.server import serve
     from app.settings import atlas_of, settings_of
 
@@ -497,9 +498,10 @@ def _serve(options: argparse.Namespace) -> int:
         changes["with_atlas"] = False
     elif settings.with_atlas:
         changes["atlas"] = atlas_of(settings)  # builds the default atlas if it does not exist
-        if not changes["atlas"].exists():
-            raise AtlasError(AtlasFault.MISSING, str(changes["atlas"]))
-    serve(settings.model_copy(update=changes), options.host, options.port)
+    settings = settings.model_copy(update=changes)
+    if settings.with_atlas:
+        _ = ServiceResources(settings).atlas  # fail here, with an exit code
+    serve(settings, options.host, options.port)
     return Exit.OK
 
 

@@ -1,7 +1,7 @@
 """Processes that compute answers: who waits, who computes, and the replacement of a process that died or does not end.
 
 Each worker is an executor of the standard library with a single process, so that the death of a process costs one request.
-One worker is always free of long requests.
+At least one worker is always free of long requests.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class Worker:
         """Begin to compute an answer. Raises BrokenProcessPool."""
         self.cancelled.value = 0
         reply = asyncio.wrap_future(self.executor.submit(worker.answer, path, content))
-        reply.add_done_callback(lambda done: done.cancelled() or done.exception())  # nobody may wait for it any more
+        reply.add_done_callback(lambda done: done.cancelled() or done.exception())  # the client may have left
         return reply
 
     def is_alive(self) -> bool:
@@ -87,13 +87,13 @@ class Workers:
         self.longest = max(OVERTIME * budget, budget + 1.0)
         self.idle: list[Worker] = []
         self.waiting = {False: 0, True: 0}
-        """Requests that wait, short and long ones."""
+        """Number of short (False) and of long (True) requests that wait."""
         self._background: set[asyncio.Task[None]] = set()
         self._stopping = False
 
     @property
     def failure(self) -> AtlasError | None:
-        """Why the atlas cannot be used."""
+        """The error of loading the atlas; None if it can be used."""
         return self._all[0].failure
 
     @asynccontextmanager

@@ -68,7 +68,7 @@ class AtlasTypeReply(ReplyModel):
 
 
 class AtlasRequest(RequestModel):
-    """The question what is loaded."""
+    """Request for a description of the loaded atlas."""
 
 
 class AtlasTypeRequest(RequestModel):

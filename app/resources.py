@@ -1,4 +1,4 @@
-"""What answers need beside their request: the atlas, loaded when it is first needed, and limits of time."""
+"""Resources of an answer beside its request: the atlas, loaded when it is first needed, and limits of time."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from app.settings import Settings
 
 def opened(place: Path) -> la.Atlas:
     """Open an atlas file, ready for matching."""
-    from linkage_atlas.atlases import index_of, open_atlas
+    from linkage_atlas.atlases import open_atlas
 
-    atlas = open_atlas(place, index_of(place).exists())
+    atlas = open_atlas(place)
     atlas.prepare(positions=False, threads=1, short_spans=False)
     return atlas
 
 
 class ServiceResources:
-    """The atlas and the limits of time of one process.
+    """The atlas and the limits of time of a process.
 
     Parameters
     ----------

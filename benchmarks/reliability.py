@@ -153,7 +153,7 @@ def largest(one: Service) -> int:
 
 
 def killed(one: Service, matches: list[bytes]) -> dict[str, str]:
-    """What clients see when a worker is killed, and how long its replacement takes."""
+    """Kill a worker; return the number of requests that fail and the time until the worker is replaced."""
     workers = lambda: set(one.processes()[3:])  # noqa: E731 - after the service, the tracker and the fork server
     before, seen = workers(), list[int]()
     bodies = itertools.cycle(matches)
@@ -172,7 +172,7 @@ def killed(one: Service, matches: list[bytes]) -> dict[str, str]:
 
 
 def ended(one: Service) -> dict[str, str]:
-    """How long the service takes to end while it searches."""
+    """End the service while it searches; return the time that this takes."""
     with ThreadPoolExecutor(2) as pool:
         for _ in range(2):
             pool.submit(ask, one.port, "/v1/synthesize", noise(25_000))
@@ -203,7 +203,7 @@ def measure(
     atlas: Annotated[Path, "the atlas"] = Path("atlas.h5"),
     before: Annotated[Path | None, "a checkout of another version, with its own .venv"] = None,
 ) -> Iterator[dict[str, Any]]:
-    """Measure the other version, if there is one, and this one."""
+    """Measure the other version, if it is given, and then this version."""
     old = measured(before, atlas, also_killed=False) if before else {}
     now = measured(ROOT, atlas, also_killed=True)
     yield {"rows": [{"name": name, "before": old.get(name, "-"), "now": value} for name, value in now.items()]}
