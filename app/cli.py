@@ -178,27 +178,6 @@ def _pretty(value: Any, indent: str = "") -> str:
     return json.dumps(value)
 
 
-def _add_index(parser: argparse.ArgumentParser, name: str) -> None:
-    parser.description = (
-        "Prepares an atlas for scanning, in files beside it (or in the cache folder), which later starts and other "
-        "processes map. Starting without them makes them, too."
-    )
-    add_atlas(parser)
-    parser.set_defaults(run=_index)
-
-
-def _index(options: argparse.Namespace) -> int:
-    from app.resources import opened
-    from app.settings import atlas_of, settings_of
-
-    settings = settings_of(options).model_copy(update={"index": True})
-    atlas = opened(atlas_of(settings), settings)
-    atlas.prepare(positions=settings.prepare_positions)
-    for path in atlas.index_files:
-        print(f"{path}: {sum(file.stat().st_size for file in path.iterdir()):,} bytes")
-    return Exit.OK if atlas.index_files else Exit.FAILED
-
-
 def _add_serve(parser: argparse.ArgumentParser, name: str) -> None:
     parser.description = "Serves the queries over HTTP, and the page."
     group = parser.add_mutually_exclusive_group()
@@ -206,7 +185,6 @@ def _add_serve(parser: argparse.ArgumentParser, name: str) -> None:
     group.add_argument(
         "--no-atlas", action="store_true", help="start at once: searching needs none, what needs one says so"
     )
-    parser.add_argument("--no-index", action="store_true", help="prepare the scan in memory, at every start")
     parser.add_argument("--host", default="127.0.0.1", help="(%(default)s)")
     parser.add_argument("--port", type=whole_number(0, 65535), default=8000, help="(%(default)s)")
     parser.add_argument(
@@ -226,8 +204,6 @@ def _serve(options: argparse.Namespace) -> int:
     settings = settings_of(options)
     if options.no_atlas:
         settings = settings.model_copy(update={"with_atlas": False})
-    if options.no_index:
-        settings = settings.model_copy(update={"index": False})
     resources = ServiceResources(settings, atlas_of)
     if settings.with_atlas:
         _ = resources.atlas  # fail here, with an exit code
@@ -245,7 +221,6 @@ _COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser, str], None]]]
     "study": ("answer many requests, a line each", _add_study),
     "example": ("print a request to edit, or the list of examples", _add_example),
     "serve": ("answer over HTTP, with a page to draw motions on", _add_serve),
-    "index": ("prepare an atlas for scanning, so that later starts take no time", _add_index),
     "completion": ("print what completes this command in a shell", _add_completion),
 }
 """Commands by name, but the batch's: their help, and what adds their arguments once they are called."""

@@ -264,12 +264,6 @@ class Resources(Protocol):
     def atlas(self) -> Atlas:
         """The atlas; loaded when it is first asked for."""
 
-    def need(self, part: str) -> None:
-        """Said before the atlas is asked for what a part of its index is for.
-
-        "rockers", "slider_cranks", or rows by "positions".
-        """
-
     def work(self, budget: float | None = None) -> Work:
         """What watches over an answer's time, in seconds, and over whether its client is still connected."""
 

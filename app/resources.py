@@ -8,7 +8,6 @@ import os
 import sys
 import time
 from collections.abc import Callable
-from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -20,18 +19,7 @@ import linkage_atlas as la
 from app.query import build_models
 from app.settings import Settings
 
-PARTS = ("positions", "short_spans", "rockers", "slider_cranks")
-"""Parts of the index that are made once the service is ready, or when they are first asked for: see `linkage_atlas.Atlas`."""
 INDEX = "index"
-"""All of it that is there, of which what is damaged is made anew."""
-
-
-def opened(place: Path, settings: Settings) -> la.Atlas:
-    """The atlas of a file, as far as the settings allow, with its index if that is to be kept."""
-    from linkage_atlas.atlases import open_atlas
-
-    limits = {"max_bytes": settings.atlas_max_bytes, "max_types": settings.atlas_max_types}
-    return open_atlas(place, settings.index, **limits)
 
 
 _TAKES_MEMORY = 50
@@ -56,9 +44,6 @@ class ServiceResources:
         self.alone = False
         """Whether this process answers one request at a time, within bounds of its own."""
         self.makes = True
-        """Whether it may make a part of the index that an answer needs; otherwise that raises `Unprepared`."""
-        self._damaged = False
-        """Whether a file of the index cannot be read, until it is made anew: those that compute do without it."""
         # Several requests at a time, each with small matrices: threads inside a product would only wait for each other.
         import numpy  # noqa: F401  # for only a library that is loaded is limited
 
@@ -68,11 +53,7 @@ class ServiceResources:
     @property
     def atlas(self) -> la.Atlas:
         """The atlas, loaded and verified. Raises AtlasError: the one that `load` met, if it met one, without reading again."""
-        return self._plain if self._damaged and self.alone else self._loaded
-
-    @cached_property
-    def _plain(self) -> la.Atlas:
-        return self._loaded.plain()
+        return self._loaded
 
     @cached_property
     def _loaded(self) -> la.Atlas:
@@ -80,19 +61,12 @@ class ServiceResources:
             raise self.failure
         if not self.settings.with_atlas:
             raise la.AtlasError(la.AtlasFault.NOT_WANTED, "--no-atlas; searching needs none")
-        place = self._find_atlas(self.settings)
         begin = time.perf_counter()
-        atlas = opened(place, self.settings)
-        # Prepared by all cores; a scan is of one request among several, and its budget is one of processor time too.
-        atlas.prepare(positions=False, threads=1, short_spans=False)
+        limits = {"max_bytes": self.settings.atlas_max_bytes, "max_types": self.settings.atlas_max_types}
+        atlas = la.load_atlas(self._find_atlas(self.settings), **limits)
+        _ = atlas.scan
         self.load_seconds = time.perf_counter() - begin
         return atlas
-
-    def need(self, part: str) -> None:
-        """Said before an answer uses a part of the index, one of `PARTS`."""
-        shared = self.settings.with_atlas and self.settings.index and not self._damaged
-        if shared and not self.makes and not self.atlas.has(part):
-            raise Unprepared(part)
 
     def describe_atlas(self) -> dict[str, Any]:
         """What is loaded, as plain JSON values."""
@@ -119,19 +93,12 @@ class ServiceResources:
         gc.freeze()  # what is loaded stays: looking through it again and again would hold up everyone
 
     def leave_index(self) -> None:
-        """Leave the index alone, of which a file cannot be read, until `renew`: each process scans plainly, as it began."""
-        self._damaged = True
+        """Do nothing: the atlas is one file, which is read when it is loaded."""
 
-    @property
-    def missing_index(self) -> str:
-        """`INDEX` where this process has answered without it."""
-        return INDEX if "_plain" in vars(self) else ""
+    missing_index = ""
 
     def renew(self) -> None:
-        """Open the atlas again: what is missing of its index is made anew."""
-        vars(self).pop("_loaded", None)
-        self._damaged, self.failure = False, None
-        self.load()
+        """Do nothing, as `leave_index`."""
 
     def prepare_rest(self) -> None:
         """Have now what the first answer of each kind would else import or make: searches, their tables, models."""
@@ -144,26 +111,14 @@ class ServiceResources:
         gc.freeze()
 
     def look(self) -> None:
-        """Take up what another process has made of the index meanwhile."""
-        if "_loaded" in vars(self):
-            self._loaded.has("short_spans")
+        """Do nothing, as `leave_index`."""
 
     def missing(self) -> list[str]:
-        """Parts of the index that are to be made once the service is ready."""
-        if self.failure is not None or not (self.settings.with_atlas and self.settings.index):
-            return []
-        wanted = ["positions"] * self.settings.prepare_positions + ["short_spans"]
-        return [part for part in wanted if not self.atlas.has(part)]
+        """Return no parts: nothing is made in the background."""
+        return []
 
     def make(self, part: str, cancelled: Callable[[], bool] | None = None) -> None:
-        """Make a part of the index, unless that is cancelled."""
-        if part == INDEX:
-            with suppress(la.AtlasError):
-                self.atlas.drop_damaged()
-            return self.renew()
-        with suppress(la.Cancelled):
-            self.atlas.make(part, la.Work(cancelled=cancelled))
-        give_back_memory()
+        """Do nothing, as `leave_index`."""
 
 
 def processor_clock() -> Callable[[], float]:

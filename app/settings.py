@@ -32,18 +32,7 @@ class Settings(BaseSettings):
     atlas_max_types: int = Field(
         1_500_000,
         gt=0,
-        description="Most dimension types of an atlas that is loaded (without an index a scan takes about 2.2 kB a type).",
-    )
-    index: bool = Field(
-        True,
-        description="Whether what the scan needs is kept in files beside the atlas (or in the user's cache folder), which later "
-        "starts and other processes map instead of computing it (some 4 kB a type of the default atlas). Without it there "
-        "are cells alone, in memory; a process makes what else a request needs for that one.",
-    )
-    prepare_positions: bool = Field(
-        True,
-        description="Whether the series that only atlas requests with positions need (some 1.2 kB a type) are "
-        "made in the background once the service is ready; otherwise such a request makes them.",
+        description="Largest number of dimension types of an atlas that is loaded; each takes about 0.4 kB of memory.",
     )
     max_body_bytes: int = Field(
         1_000_000, gt=0, description="Largest request body; a larger one is answered with 413."

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from functools import cache
+from pathlib import Path
 from typing import Any, Literal, NamedTuple, TypedDict, Unpack, get_args
 
 import numpy as np
@@ -28,7 +29,7 @@ from linkage_atlas.answers import (
 )
 from linkage_atlas.arguments import check_above_zero, check_top, column, number, pointing
 from linkage_atlas.assemblies import read_assembly
-from linkage_atlas.atlases import Atlas, default_atlas
+from linkage_atlas.atlases import Atlas, as_atlas, default_atlas
 from linkage_atlas.driving import check_asked
 from linkage_atlas.kinds import (
     UNRANKED,
@@ -227,7 +228,7 @@ def synthesize(
     tolerance: float = DEFAULT_TOLERANCE,
     budget: float | None = None,
     refine_from: StartingLinkage | None = None,
-    atlas: Atlas | None = None,
+    atlas: Atlas | str | Path | None = None,
     work: Callable[[float | None], Work] = Work,
     live: Live | None = None,
     mechanisms: Sequence[KindName] | Literal["all"] | None = None,
@@ -263,7 +264,7 @@ def synthesize(
     refine_from : FourBar, Solution or mapping, optional
         Search nowhere, but refine this linkage (or its plain values, as `Solution.to_dict` gives them) from just there: one
         solution, its nearest optimum within the limits, of which nothing says that it is the best there is.
-    atlas : Atlas, optional
+    atlas : Atlas, str or Path, optional
         For effort "atlas"; default: as for `match`.
     work : callable
         Makes what watches over time and cancellation from a budget in seconds.
@@ -318,6 +319,7 @@ def synthesize(
         check_kinds_alone(effort, refine_from, live)
     # made once, by whoever asks first: no part of this request's time
     source: SeedTables | Scan | Start
+    atlas = None if atlas is None else as_atlas(atlas)
     source = seed_tables() if effort == "refine" else (atlas := atlas or default_atlas()).scan
     if live is not None:
         if effort == "atlas" or refine_from is not None:

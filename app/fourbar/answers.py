@@ -122,10 +122,6 @@ STUDIED = (*DRIVE_STUDIES, "lengths_from", "round_to", "tolerance_study", "assem
 
 def answer_match(request: MatchRequest, resources: Resources) -> la.Matches:
     """The best rows by rotation alone; no pose is computed."""
-    if request.curve == "rocker":
-        resources.need("rockers")
-    if "slider_crank" in request.mechanisms or request.mechanisms == "all":
-        resources.need("slider_cranks")
     return la.match(
         **request.given(but=("angle_unit", "budget_ms")),
         atlas=resources.atlas,
@@ -172,8 +168,6 @@ def budget_of(budget_ms: float | None, resources: Resources) -> float | None:
 
 def answer_synthesize(request: SynthesizeRequest, resources: Resources) -> la.Result:
     """Linkages with actual dimensions and pose, best first."""
-    if request.effort == "atlas" and request.position is not None:
-        resources.need("positions")
     asked = request.given(but=("angle_unit", "budget_ms", "live"))
     if "family" not in request.limits.model_fields_set:  # what was not asked for may be told of
         del asked["limits"]["family"]

@@ -1,8 +1,9 @@
 """Lower bounds of the position error of all windows of some types, by matrix products.
 
-The positions of a window are fitted by {1, e^{it}, q = e^{i theta2}}. With both p (the positions) and q less their components along
-1 and e^{it}, the error is |p| times the sine of the angle between them. For the unit p^ of p and any orthonormal e_j orthogonal to
-1, e^{it} and p^, with a = |<p^, q>| and b^2 = sum |<e_j, q>|^2 <= |q|^2 - a^2, it is at least |p| b / sqrt(a^2 + b^2).
+The positions of a window are fitted by {1, e^{it}, q = e^{i theta2}}. With both p (the positions) and q less their components
+along 1 and e^{it}, the error is |p| times the sine of the angle between them. For the unit p^ of p and any orthonormal e_j
+orthogonal to 1, e^{it} and p^, with a = |<p^, q>| and b^2 = sum |<e_j, q>|^2 <= |q|^2 - a^2, it is at least |p| b / sqrt(a^2
++ b^2).
 """
 
 from __future__ import annotations

@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from synthesis.target import TURN, Target
 
 STARTS = 360
 """Starts of a window: every whole degree."""
-DIRECTIONS = 12
+DIRECTIONS = 8
 """Directions along which a request is compared with curves, unless it has fewer samples."""
 LONGEST_BEND = np.deg2rad(120.0)
 """Longest span for which the bound by second derivatives is used."""
@@ -132,8 +133,9 @@ def _piece_weights(target: Target, branches: int) -> tuple[Singles, NDArray[np.i
     first_piece = np.floor(begin / piece + 1e-9).astype(np.int64)
     count = int(np.ceil((high - low) / piece - 1e-9)) + 1
     edges = (first_piece[:, None] + np.arange(count + 1)) * piece
-    inside = edges - np.tile(start, branches)[:, None]
-    inside[STARTS:] = -edges[STARTS:] - start[:, None]
+    inside: Any = edges - np.tile(start, branches)[:, None]
+    if branches == 2:
+        inside[STARTS:] = -edges[STARTS:] - start[:, None]
     slopes = np.abs(np.diff(np.interp(inside, crank, slope_integral), axis=1))
     bends = np.abs(np.diff(bend(inside), axis=1))
     if high - low > LONGEST_BEND:

@@ -1,8 +1,8 @@
 """The exact scan of an atlas: which types, branches and starts come nearest to a requested motion, over any span.
 
-The answer is that of evaluating every window. `docs/method.md`, section 5, explains the scan on one page: a first look down the tree
-finds a limit, branch and bound with `tree_kernel.expand` leaves the few windows that may be below it, and those are evaluated from
-their lengths. `windows.BestWindows` decides what is evaluated, in which order, and when that is enough.
+The answer is that of evaluating every window. `docs/method.md`, section 5, explains the scan on one page: a first look down
+the tree finds a limit, branch and bound with `tree_kernel.expand` leaves the few windows that may be below it, and those are
+evaluated from their lengths. `windows.BestWindows` decides what is evaluated, in which order, and when that is enough.
 """
 
 from __future__ import annotations
@@ -26,8 +26,6 @@ from synthesis.atlas.windows import (
     Numbering,
     ScanReport,
     Windows,
-    best_of,
-    steps_of,
 )
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.solution import Solution
@@ -141,8 +139,8 @@ class Scan:
 
     def _expand(
         self, level: int, request: RotationRequest, blocks: Ints, windows: Ints, limit: float
-    ) -> tuple[NDArray[np.int32], NDArray[np.int32], Floats, Floats]:
-        return tree_kernel.expand(
+    ) -> tuple[Ints, Ints, Floats, Floats]:
+        found: Any = tree_kernel.expand(
             *self._levels[level],
             request.rows,
             request.target,
@@ -154,6 +152,7 @@ class Scan:
             np.ascontiguousarray(windows, dtype=np.int32),
             limit,
         )
+        return found
 
     def _roots(self, windows: Ints) -> tuple[Ints, Ints]:
         """Return all blocks of roots with each of some windows."""
@@ -181,7 +180,7 @@ class Scan:
                 pairs = blocks[:, None].astype(np.int64) * self.numbering.per_type + side + (beside - side) % STARTS
                 blocks, windows = np.divmod(np.unique(pairs), self.numbering.per_type)
         ids, real = self._ids(blocks, windows)
-        found.evaluate(np.unique(ids[real]))
+        found.evaluate(np.setdiff1d(ids[real], self.numbering.ids(found.windows)))
 
     def _leaves(
         self, request: RotationRequest, limit: Callable[[], float], stopped: Callable[[], bool]
@@ -232,7 +231,9 @@ class Scan:
         used = min(_FIRST_DIRECTIONS, request.target.size)
         rows = np.ascontiguousarray(request.rows[:, :used]).reshape(-1, series.shape[1])
         components = (series @ rows.T).reshape(len(series), -1, used) - request.target[:used]
-        reach = np.minimum(errors[:, 0], errors[:, 1] * request.spread) + request.rounding.sum() + 1e-5 * request.spread
+        reach = (
+            np.minimum(errors[:, 0], errors[:, 1] * request.spread) + request.rounding.sum() + 1e-5 * request.spread
+        )
         return np.maximum(np.linalg.norm(components, axis=2) - reach[:, None], 0) ** 2
 
     # -- answers -------------------------------------------------------------------------------------------------------
@@ -286,7 +287,9 @@ class Scan:
         ceiling = np.inf
         if request is not None and found.worst == np.inf:
             # limits exclude many windows: begin with what promising windows have without limits
-            free = BestWindows(top, self.numbering, lambda windows: self.errors(target, windows), at_once, work.expired)
+            free = BestWindows(
+                top, self.numbering, lambda windows: self.errors(target, windows), at_once, work.expired
+            )
             self._first_look(request, free)
             ceiling = max(float(free.windows.error[len(free.windows.error) // 2 :].min(initial=np.inf)), TIE)
         found.evaluated, done, floor = 0, 0, -1.0
@@ -303,7 +306,7 @@ class Scan:
             seen = 0
             for ids, bounds in parts:
                 new = bounds > floor
-                seen += np.count_nonzero(new)
+                seen += int(np.count_nonzero(new))
                 if by_tree and target.position is not None and seen > _MAX_BY_TREE:
                     break
                 found.consider(ids[new], bounds[new])
@@ -363,9 +366,7 @@ def best_rows(
     while True:
         windows, report = scan.best(target, wanted, exact, most, work, tolerance)
         chosen = windows.take(_first_of_each(target, windows))
-        linkages = scan.mechanism.mounted(
-            target, scan.lengths[chosen.row], chosen.branch, scan.start_angles(chosen)
-        )
+        linkages = scan.mechanism.mounted(target, scan.lengths[chosen.row], chosen.branch, scan.start_angles(chosen))
         solutions = distinct(scan.mechanism.assess(target, linkages, chosen.row.tolist()), top)
         complete = len(windows.row) < wanted or not report.exhaustive
         if len(solutions) == top or complete:

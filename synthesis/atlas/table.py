@@ -113,7 +113,7 @@ class Series(NamedTuple):
 
 def _periodic(mechanism: Turning, lengths: Floats, samples: int) -> tuple[Floats, NDArray[np.int8]]:
     """Return the periodic part of theta2 at even samples over the turn, and the winding."""
-    crank = np.arange(samples) * (TURN / samples)
+    crank = np.arange(samples, dtype=float) * (TURN / samples)
     winding: NDArray[Any] = mechanism.winding(lengths).astype(np.int8)
     return mechanism.body_angle(lengths, np.ones(len(lengths)), crank) - winding[:, None] * crank, winding
 

@@ -29,14 +29,17 @@ _ROUNDING = 4e-6
 """Rounding of a product of a series and a table in single precision, as a fraction of the sum of its magnitudes."""
 _ABOVE_SINGLE = np.float32(1 + 1e-5)
 """Covers the rounding of differences in single precision."""
+_NEGLIGIBLE = 1e-11
+"""Coefficients below this are stored as 0, which takes less of the file."""
 _AT_ONCE = 4096
 
 
 class Level(NamedTuple):
     """Nodes of one level, or the types themselves at the lowest; the children of node n are 8 n .. 8 n + 7 of the next level.
 
-    ``series`` (n, COLUMNS): NaN in a place without a node. ``errors`` (n, 2): largest errors of the series of the types below, see
-    `Series`. ``slopes``, ``bends`` (n, PIECES): largest differences of first and second derivative, (n, 0) for types.
+    ``series`` (n, COLUMNS): NaN in a place without a node. ``errors`` (n, 2): largest errors of the series of the types
+    below, see `Series`. ``slopes``, ``bends`` (n, PIECES): largest differences of first and second derivative, (n, 0) for
+    types.
     """
 
     series: Singles
@@ -60,6 +63,13 @@ def depth_of(types: int) -> int:
     return depth
 
 
+def level_sizes(types: int) -> list[int]:
+    """Return the number of places at each level, from the roots to the types."""
+    depth = depth_of(types)
+    roots = -(-types // WIDTH**depth)
+    return [-(-roots // WIDTH) * WIDTH, *(roots * WIDTH**level for level in range(1, depth + 1))]
+
+
 def build_tree(series: Series) -> Tree:
     """Build the tree of types from their series."""
     count, depth = len(series.errors), depth_of(len(series.errors))
@@ -70,7 +80,7 @@ def build_tree(series: Series) -> Tree:
     order = _ordered(series.coefficients, types, roots)
     leaves, rows = types[order], np.where(order < count, order, -1).astype(np.int32)
     coefficients, errors = series.coefficients[leaves], series.errors[leaves]
-    single = coefficients.astype(np.float32)
+    single = np.where(np.abs(coefficients) < _NEGLIGIBLE, 0, coefficients).astype(np.float32)
     lost = np.abs(coefficients - single)
     harmonic = np.concatenate([[TURN, 0.0], np.repeat(np.arange(1.0, HARMONICS + 1), 2)])
     errors = errors + np.stack([lost.sum(axis=1), lost @ harmonic], axis=1)

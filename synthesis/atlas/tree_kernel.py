@@ -6,7 +6,7 @@ Eight siblings lie side by side in every array, so that the processor handles th
 
 import cython
 import numpy as np
-from cython import Py_ssize_t
+from cython import Py_ssize_t, declare
 from cython.cimports.libc.math import fabs, sqrt
 
 
@@ -52,30 +52,16 @@ def expand(
     window_of: cython.int[::1] = kept
     bound_of: cython.double[::1] = bounds
     estimate_of: cython.double[::1] = estimates
-    line: cython.float[8]
-    bent: cython.float[8]
-    dot: cython.float[8]
-    reach: cython.double[8]
-    bend: cython.double[8]
-    along: cython.double[8]
-    square: cython.double[8]
-    room: cython.double[8]
-    x: cython.pointer(cython.float)
-    m: cython.pointer(cython.float)
-    n: Py_ssize_t
-    j: Py_ssize_t
-    c: Py_ssize_t
-    k: Py_ssize_t
+    line, bent, dot = declare(cython.float[8]), declare(cython.float[8]), declare(cython.float[8])
+    reach, bend, along = declare(cython.double[8]), declare(cython.double[8]), declare(cython.double[8])
+    square, room = declare(cython.double[8]), declare(cython.double[8])
+    x, m = declare(cython.pointer(cython.float)), declare(cython.pointer(cython.float))
+    n, j, c, k = declare(Py_ssize_t), declare(Py_ssize_t), declare(Py_ssize_t), declare(Py_ssize_t)
+    block, window, piece = declare(Py_ssize_t), declare(Py_ssize_t), declare(Py_ssize_t)
+    factor, bend_factor = declare(cython.float), declare(cython.float)
+    value, rest, wanted = declare(cython.double), declare(cython.double), declare(cython.double)
+    alive = declare(cython.int)
     found: Py_ssize_t = 0
-    block: Py_ssize_t
-    window: Py_ssize_t
-    piece: Py_ssize_t
-    factor: cython.float
-    bend_factor: cython.float
-    value: cython.double
-    rest: cython.double
-    wanted: cython.double
-    alive: cython.int
     top: cython.double = limit * limit
     for n in range(count):
         block, window = blocks[n], windows[n]

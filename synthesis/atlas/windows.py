@@ -1,8 +1,8 @@
 """Windows of a table (a type, a branch and a start) with their errors, and the best of those evaluated so far.
 
-Windows are ordered by their *place*: the error in steps of `TIE`, then number of the type, start and branch. The place of a window
-by a lower bound of its error is never behind its true place. Windows are therefore evaluated in the order of these places, and
-once the next place is behind the last of the best, no other window belongs to the best.
+Windows are ordered by their *place*: the error in steps of `TIE`, then number of the type, start and branch. The place of a
+window by a lower bound of its error is never behind its true place. Windows are therefore evaluated in the order of these
+places, and once the next place is behind the last of the best, no other window belongs to the best.
 """
 
 from __future__ import annotations
@@ -38,7 +38,8 @@ class Windows(NamedTuple):
         return Windows(*columns)
 
 
-NO_WINDOWS = Windows(*(np.empty(0, dtype=np.int64) for _ in range(3)), np.empty(0))
+_NOTHING: Ints = np.empty(0, dtype=np.int64)
+NO_WINDOWS = Windows(_NOTHING, _NOTHING, _NOTHING, np.empty(0))
 
 
 def joined(parts: list[Windows]) -> Windows:

@@ -105,13 +105,16 @@ class ErrorTable:
         positions: bool = True,
     ) -> None:
         self.mechanism, self.lengths, self.starts = mechanism, lengths, starts
-        crank, winding = np.arange(samples) * (TURN / samples), mechanism.winding(lengths).astype(int)
+        crank = np.arange(samples, dtype=float) * (TURN / samples)
+        winding = mechanism.winding(lengths).astype(int)
         periodic = mechanism.body_angle(lengths, np.ones(len(lengths)), crank) - winding[:, None] * crank
         spectrum = np.fft.rfft(periodic, axis=1) / samples
         spectrum[:, [0, -1]] = 0  # the best offset takes up any constant; the highest harmonic has no phase
         tails = np.cumsum(2 * np.abs(spectrum[:, ::-1]), axis=1)[:, ::-1]
         choices = np.array([h for h in harmonics if h < samples // 2] + [samples // 2 - 1])
-        choice = np.argmax(tails[:, choices + 1] <= np.append(np.full(choices.size - 1, series_error), np.inf), axis=1)
+        choice = np.argmax(
+            tails[:, choices + 1] <= np.append(np.full(choices.size - 1, series_error), np.inf), axis=1
+        )
         self._groups = [
             _group(rows, turns, spectrum[rows], int(highest), positions)
             for index, highest in enumerate(choices)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from linkage_atlas.atlases import open_atlas
+import linkage_atlas as la
 from synthesis.atlas.scan import Scan, best_rows
 from synthesis.fourbar.kinematics import coupler_angle, wrap
 from synthesis.fourbar.limits import Limits
@@ -143,8 +143,7 @@ def test_a_body_that_turns_with_the_crank_leaves_the_coupler_out() -> None:
 
 @pytest.fixture(scope="module")
 def default_scan(atlas_path) -> Scan:
-    """Of the index that the tests of the service make or use."""
-    return open_atlas(atlas_path).scan
+    return la.load_atlas(atlas_path).scan
 
 
 @pytest.mark.parametrize(("scale", "offset"), [(1.0, 0.0), (1e-9, 2e7)], ids=["as_is", "small_and_far"])
