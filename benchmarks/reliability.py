@@ -25,11 +25,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
+from synthesis.atlas.header import check_bytes
+from synthesis.atlas.index import check_index
 
 from benchmarks import deaths, hostile, report, service
 from linkage_atlas import load_atlas
-from synthesis.atlas.header import check_bytes
-from synthesis.atlas.index import check_index
 from synthesis.errors import AtlasError
 
 BUDGET_MS = 1000.0

@@ -47,8 +47,10 @@ _BEAM = 64
 """Nodes that the first look keeps at each level."""
 _EXACT_SAMPLES = 1 << 17
 """Samples of all windows evaluated together."""
-_MAX_BY_TREE = 1 << 16
+_MAX_BY_TREE = 1 << 20
 """Windows left by the rotation beyond which a request with positions bounds the positions of all windows."""
+_FEW = 1 << 11
+"""Windows that are evaluated without a bound of their positions."""
 _TYPES_AT_ONCE = 256
 _FIRST_DIRECTIONS = 4
 """Directions of the rotation bound where all windows of types are bounded by matrix products."""
@@ -91,6 +93,7 @@ class Scan:
         tree = tree or build_tree(compute_series(self.lengths, mechanism))
         self._levels = [_Siblings.of(level) for level in tree.levels]
         self._rows = tree.rows.astype(np.int64)
+        self._leaf_of = np.argsort(self._rows, kind="stable")[self._rows.size - len(self.lengths) :]
         leaves = np.abs(tree.levels[-1].series[:, 2:])
         largest = np.nanmax(leaves, axis=0) if tree.rows.size else np.zeros(leaves.shape[1])
         self._amplitudes = np.hypot(largest[::2], largest[1::2]).astype(float)
@@ -209,7 +212,7 @@ class Scan:
         self, target: Target, request: RotationRequest | None, found: BestWindows, limit: Callable[[], float]
     ) -> Iterator[tuple[Ints, Floats]]:
         """Yield the windows of a target with positions whose bounds are at most the limit, with their bounds."""
-        positions, leaves = PositionRequest(target, self.branches), self._levels[-1]
+        positions = PositionRequest(target, self.branches)
         places = np.flatnonzero(self._rows >= 0)
         # some types from everywhere first, for the limit; then neighbours together, whose series are equally long
         spread = places[:: max(1, places.size // _TYPES_AT_ONCE)]
@@ -217,16 +220,28 @@ class Scan:
         for part in [spread, *(others[k : k + _TYPES_AT_ONCE] for k in range(0, others.size, _TYPES_AT_ONCE))]:
             if found.stopped:
                 return
-            block, column = np.divmod(part, WIDTH)
-            series, errors = leaves.series[block, :, column], leaves.errors[block, :, column]
-            squared = positions.squared(series.astype(float), errors.astype(float))
+            series, errors = self._series_of(part)
+            squared = positions.squared(series, errors)
             if request is not None:
-                squared += self._rotation_squared(request, series, errors)
+                squared += self._rotation_squared(request, series.astype(np.float32), errors)
             bounds = np.sqrt(squared)
             type_of, windows = np.nonzero(bounds <= limit())
             yield self._rows[part[type_of]] * self.numbering.per_type + windows, bounds[type_of, windows]
 
-    def _rotation_squared(self, request: RotationRequest, series: Singles, errors: Singles) -> Floats:
+    def _series_of(self, leaves: Ints) -> tuple[Floats, Floats]:
+        """Return series and errors of types by their leaves."""
+        block, column = np.divmod(leaves, WIDTH)
+        types = self._levels[-1]
+        return types.series[block, :, column].astype(float), types.errors[block, :, column].astype(float)
+
+    def _with_positions(self, positions: PositionRequest, ids: Ints, bounds: Floats) -> Floats:
+        """Return bounds of windows that count positions, too."""
+        rows, windows = np.divmod(ids, self.numbering.per_type)
+        types, index = np.unique(rows, return_inverse=True)
+        series, errors = self._series_of(self._leaf_of[types])
+        return np.sqrt(bounds**2 + positions.squared_of_pairs(series, errors, index, windows))
+
+    def _rotation_squared(self, request: RotationRequest, series: Singles, errors: Floats) -> Floats:
         """Return lower bounds of the mean squared rotation error of all windows of types, (n, windows)."""
         used = min(_FIRST_DIRECTIONS, request.target.size)
         rows = np.ascontiguousarray(request.rows[:, :used]).reshape(-1, series.shape[1])
@@ -297,19 +312,28 @@ class Scan:
         def limit() -> float:
             return (min(found.worst, ceiling) + TIE) * (1 + 1e-9)
 
-        by_tree = request is not None
+        by_tree, positions = request is not None, None
+        if request is not None and target.position is not None:
+            positions = PositionRequest(target, self.branches)
         while True:
             if by_tree and request is not None:
                 parts = self._leaves(request, limit, lambda: found.stopped)
             else:
                 parts = self._every_window(target, request, found, limit)
-            seen = 0
+            seen = looked_at = 0
             for ids, bounds in parts:
                 new = bounds > floor
                 seen += int(np.count_nonzero(new))
-                if by_tree and target.position is not None and seen > _MAX_BY_TREE:
-                    break
-                found.consider(ids[new], bounds[new])
+                ids, bounds = ids[new], bounds[new]
+                if by_tree and positions is not None and ids.size > _FEW:
+                    nearest = np.argpartition(bounds, _FEW // 4)[: _FEW // 4]
+                    found.consider(ids[nearest], bounds[nearest])  # which lowers the limit for the others
+                    near = np.flatnonzero(bounds <= limit())
+                    looked_at += near.size
+                    if looked_at > _MAX_BY_TREE:
+                        break
+                    ids, bounds = ids[near], self._with_positions(positions, ids[near], bounds[near])
+                found.consider(ids, bounds)
                 if found.stopped or found.windows.error[:1].min(initial=np.inf) <= enough:
                     found.cut_short = found.cut_short or ceiling < np.inf or enough >= 0
                     break
