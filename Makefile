@@ -107,9 +107,8 @@ map: $(READY)
 	$(BIN)/python -m docs.map
 
 bench: $(READY) $(ATLAS)
-	$(BIN)/python -m benchmarks.growth
 	$(BIN)/python -m benchmarks.throughput --atlas $(ATLAS)
-	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.retrieval --atlas $(ATLAS)
+	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.retrieval
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.sliders
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.many_requests
 

@@ -19,6 +19,8 @@ import linkage_atlas as la
 from app.query import build_models
 from app.settings import Settings
 
+PARTS: tuple[str, ...] = ()
+"""Parts that are prepared in the background: none, as the atlas is one file."""
 INDEX = "index"
 
 

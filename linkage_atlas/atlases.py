@@ -9,16 +9,17 @@ from functools import cache, cached_property, lru_cache
 from importlib.metadata import version
 from pathlib import Path
 from threading import Lock
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from linkage_atlas.answers import AtlasType
-from synthesis.atlas.file import MAX_TYPES, StoredAtlas, read_features
-from synthesis.atlas.file import load_atlas as load_file
 from synthesis.atlas.scan import Scan
 from synthesis.atlas.table import SCHEMA, AtlasRule, compute_features
 from synthesis.errors import FieldError
 from synthesis.fourbar.kinematics import family
 from synthesis.fourbar.mechanism import FOURBAR, ROCKER
+
+if TYPE_CHECKING:
+    from synthesis.atlas.file import StoredAtlas  # imports HDF5, which searches do not need
 
 SLIDER_CRANK = "slider_crank"
 MECHANISMS = (FOURBAR.kind, SLIDER_CRANK)
@@ -92,6 +93,8 @@ class Atlas:
             raise FieldError("/number", f"there is no type {number}: the atlas has types 1 to {len(self)}")
         lengths = self.lengths[number - 1]
         if self._stored and self._path:
+            from synthesis.atlas.file import read_features
+
             features = read_features(self._path, self._stored.sha256, slice(number - 1, number))
         else:
             features = compute_features(lengths, self.rule.samples, self.rule.kind.mechanism)
@@ -143,8 +146,10 @@ def load_atlas(path: str | Path, max_bytes: int | None = None, max_types: int | 
     AtlasError
         Missing, larger than allowed, damaged, or not an atlas of this version.
     """
+    from synthesis.atlas import file
+
     path = Path(path)
-    stored = load_file(path, max_bytes, MAX_TYPES if max_types is None else max_types)
+    stored = file.load_atlas(path, max_bytes, file.MAX_TYPES if max_types is None else max_types)
     return Atlas(stored.rule, stored, path)
 
 

@@ -223,38 +223,3 @@ def test_a_port_in_use_is_said(small_path) -> None:
         done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE)
     output = done.stdout + done.stderr
     assert done.returncode != OK and "address already in use" in output and "Traceback" not in output
-
-
-def test_an_index_is_made_by_a_command_and_used_by_the_others(
-    run, small_bytes, request_file, tmp_path, monkeypatch
-) -> None:
-    path = tmp_path / "small.h5"
-    path.write_bytes(small_bytes)
-    monkeypatch.setenv("LINKAGE_ATLAS_INDEX", "false")
-    code, plain, _ = run("match", request_file, "--atlas", path, "--json")
-    assert code == OK and list(tmp_path.glob("*.index*")) == []
-    monkeypatch.delenv("LINKAGE_ATLAS_INDEX")
-    code, out, _ = run("index", "--atlas", path)
-    parts = {name: tmp_path / "small.h5.index" / name for name in ("cells", "positions", "short_spans")}
-    sizes = {part: sum(file.stat().st_size for file in part.iterdir()) for part in parts.values()}
-    assert code == OK and set(out.splitlines()) == {f"{part}: {size:,} bytes" for part, size in sizes.items()}
-    files = sorted(tmp_path.glob("small.h5.index/*/*"))
-    times = [file.stat().st_mtime_ns for file in files]
-    code, mapped, _ = run("match", request_file, "--atlas", path, "--json")
-    assert code == OK and json.loads(mapped)["matches"] == json.loads(plain)["matches"]
-    assert [file.stat().st_mtime_ns for file in files] == times
-
-
-def test_an_index_that_cannot_be_written_is_a_failure_of_its_command_alone(
-    run, small_bytes, request_file, tmp_path, monkeypatch
-) -> None:
-    path = tmp_path / "small.h5"
-    path.write_bytes(small_bytes)
-
-    def full(*_: int) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("os.posix_fallocate", full)
-    assert run("index", "--atlas", path)[0] == 1
-    assert run("match", request_file, "--atlas", path)[0] == OK
-    assert not list(tmp_path.glob("small.h5.index/[!.]*"))

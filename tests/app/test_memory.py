@@ -65,8 +65,7 @@ def service(tmp_path_factory) -> Iterator[Running]:
 
 @pytest.fixture(scope="module")
 def service_with_atlas(atlas_path, tmp_path_factory) -> Iterator[Running]:
-    """With the default atlas, its index beside it, and all that is prepared of it."""
-    subprocess.run([sys.executable, "-m", "app.start", "index", "--atlas", str(atlas_path)], cwd=ROOT, check=True)
+    """With the default atlas."""
     with serving(tmp_path_factory.mktemp("memory"), "--atlas", str(atlas_path)) as running:
         assert running.ask(LARGEST[NEEDS_ROCKERS].path, LARGEST[NEEDS_ROCKERS].content)[0] == 200
         yield running

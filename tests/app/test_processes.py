@@ -6,7 +6,6 @@ import http.client
 import json
 import os
 import re
-import shutil
 import signal
 import socket
 import subprocess
@@ -14,14 +13,13 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from app import cli, processes
+from app import processes
 from app.bodies import Held
 from app.computed import SMALL, Question
 from app.computer import Head, Task
@@ -32,10 +30,9 @@ from app.server import default_workers, listening
 from app.settings import Settings
 from app.turns import Turns
 from linkage_atlas import Cancelled
-from synthesis.atlas.file import encode_atlas
 from synthesis.atlas.table import AtlasRule
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule
-from tests.conftest import PATIENCE, make_atlas, some_of, started, until
+from tests.conftest import PATIENCE, atlas_bytes, some_of, started, until
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="elsewhere threads compute")
 SERVICE = """
@@ -239,7 +236,7 @@ def test_a_client_that_leaves_takes_its_process_with_it(running) -> None:
 @pytest.fixture(scope="module")
 def small_bytes() -> bytes:
     """Of still fewer types: what is tested is who makes the parts of their index."""
-    return encode_atlas(make_atlas(AtlasRule(TypeRule(44, 2, OrderRule.FULL_CRANK), 32)))
+    return atlas_bytes(AtlasRule(TypeRule(44, 2, OrderRule.FULL_CRANK), 32))
 
 
 @pytest.fixture(scope="module")
@@ -250,7 +247,7 @@ def unhurried(small_bytes, tmp_path_factory) -> Iterator[tuple[Running, Path]]:
     full, atlas = folder / "full", folder / "small.h5"
     atlas.write_bytes(small_bytes)
     code = NO_ROOM.replace("FULL", str(full)) + SERVICE
-    with serving(folder, "--atlas", str(atlas), "--no-index", code=code, metrics=True) as running:
+    with serving(folder, "--atlas", str(atlas), code=code, metrics=True) as running:
         yield running, full
 
 
@@ -414,48 +411,12 @@ def indexed(small_bytes, tmp_path_factory) -> Iterator[tuple[Running, Path]]:
     """A service that makes parts of the index of a small atlas, and where they lie."""
     folder = tmp_path_factory.mktemp("indexed")
     (folder / "small.h5").write_bytes(small_bytes)
-    with serving(folder, "--atlas", str(folder / "small.h5"), prepare_positions=False) as running:
+    with serving(folder, "--atlas", str(folder / "small.h5")) as running:
         until(lambda: running.get("/readyz") == {"status": "ready", "preparing": []})
         yield running, folder / "small.h5.index"
 
 
 ROTATION = {"rotation": [0, 5, 12, 20, 31], "crank_span": 80}
-
-
-def test_files_of_the_index_that_are_cut_short_while_they_are_used_are_made_anew(indexed) -> None:
-    """No request is refused for it, whichever part it is; one that is damaged again is made anew again."""
-    running, index = indexed
-    found, before = running.post("/v1/match", ROTATION)
-    assert found == 200
-    front, described = running.front, running.get("/v1/types/1")
-    for count, parts in enumerate(("*", "cells", "short_spans"), 1):
-        for path in index.glob(f"{parts}/*.npy"):
-            os.truncate(path, 0)
-        assert running.get("/v1/types/1") == described
-        found, again = running.post("/v1/match", ROTATION)
-        assert found == 200 and again["matches"] == before["matches"]
-        until(lambda: running.get("/readyz")["preparing"] == [])
-        assert running.log.read_text().count("A file of the index cannot be read") == count
-    assert running.front == front
-
-
-def test_parts_of_the_index_are_made_beside_and_found_by_all(indexed) -> None:
-    """Nobody that computes is replaced for them."""
-    running, index = indexed
-    until(lambda: settled(running))
-    parts = {"cells", "short_spans"}
-    assert {path.name for path in index.iterdir() if path.is_dir()} == parts
-    before = running.computing
-    assert running.post("/v1/match", ROTATION)[0] == 200
-    found, rocker = running.post("/v1/match", {**ROTATION, "curve": "rocker"})
-    assert found == 200 and rocker["matches"]
-    found, both = running.post("/v1/match", {**ROTATION, "mechanisms": ["four_bar", "slider_crank"]})
-    assert found == 200 and {one["kind"] for one in both["matches"]} <= {"four_bar", "slider_crank"}
-    body = {**ROTATION, "position": [[k, 0.1 * k * k] for k in range(5)], "effort": "atlas"}
-    assert running.post("/v1/synthesize", body)[0] == 200
-    assert running.computing == before
-    made = parts | {"positions", "rocker_cells", "slider_crank_cells"}
-    assert {path.name for path in index.iterdir() if path.is_dir()} == made
 
 
 def test_whichever_process_computes_goes_on_for_a_live_client(indexed) -> None:
@@ -467,65 +428,6 @@ def test_whichever_process_computes_goes_on_for_a_live_client(indexed) -> None:
         assert found == 200 and reply["solutions"]
         told.append(reply["report"]["live"]["continued"])
     assert told == [False, True, True]
-
-
-def test_while_parts_of_the_index_are_made_answers_come_from_the_plain_scan(small_bytes, tmp_path) -> None:
-    """What is being made is said, and no more wait for it than may wait. Nobody waits for files that are made anew, and
-    answers are the same; a maker that is killed has a successor.
-
-    A file that is not what was written when the service starts is told once.
-    """
-    index = tmp_path / "small.h5.index"
-    (tmp_path / "small.h5").write_bytes(small_bytes)
-    assert cli.main(["index", "--atlas", str(tmp_path / "small.h5")]) == 0
-    place = min((index / "short_spans").glob("*.npy"))
-    place.write_bytes(b"x" + place.read_bytes()[1:])
-    shutil.rmtree(index / "positions")
-    slow = SERVICE.replace("raise SystemExit", SLOW_PARTS + "raise SystemExit")
-    with serving(tmp_path, "--atlas", str(tmp_path / "small.h5"), code=slow, max_waiting=4) as running:
-        until(lambda: set(running.get("/readyz")["preparing"]) == {"positions", "short_spans"})
-        os.kill(running.front, signal.SIGKILL)  # the next one is told, too
-        until(lambda: answers(running) and set(running.get("/readyz")["preparing"]) == {"positions", "short_spans"})
-        with ThreadPoolExecutor(6) as clients:
-            asked = [clients.submit(running.post, "/v1/match", {**ROTATION, "curve": "rocker"}) for _ in range(6)]
-            until(lambda: sum(one.done() for one in asked) == 2)
-            (tmp_path / "go").touch()
-            assert sorted(one.result()[0] for one in asked) == [200] * 4 + [503] * 2
-        until(lambda: running.get("/readyz")["preparing"] == [])
-        kinds = {}, {"curve": "rocker"}, {"mechanisms": ["slider_crank"]}
-        asked = [("/v1/match", ROTATION | more) for more in kinds]
-        positions = {"position": [[k, 0.1 * k * k] for k in range(5)], "effort": "atlas"}
-        asked.append(("/v1/synthesize", ROTATION | positions))
-
-        def answered() -> list[Any]:
-            replies = [running.post(*one) for one in asked]
-            assert [found for found, _ in replies] == [200] * len(asked), replies
-            return [reply.get("matches") or reply["solutions"] for _, reply in replies]
-
-        before = answered()
-        until(lambda: running.get("/readyz")["preparing"] == [])
-        assert running.log.read_text().count(f"{place.name} is not what was written") == 1
-        (tmp_path / "go").unlink()
-        for path in index.glob("*/*.npy"):
-            os.truncate(path, 0)
-        assert answered() == before
-        assert running.get("/readyz")["preparing"] == ["index"]
-        (maker,) = (one for one in running.children() if one != running.front and one not in running.computing)
-        os.kill(maker, signal.SIGKILL)
-        until(lambda: maker not in running.children())
-        assert answered() == before
-        (tmp_path / "go").touch()
-        until(lambda: running.get("/readyz")["preparing"] == [])
-        until(lambda: settled(running))
-        assert answered() == before and running.log.read_text().count("A file of the index cannot be read") == 2
-
-
-def test_without_an_index_what_is_missing_is_made_for_one_answer(unhurried) -> None:
-    running, beside = unhurried
-    assert running.post("/v1/match", {**ROTATION, "curve": "rocker"})[0] == 200
-    found, sliders = running.post("/v1/match", {**ROTATION, "mechanisms": ["slider_crank"]})
-    assert found == 200 and sliders["matches"][0]["kind"] == "slider_crank"
-    assert not beside.with_name("small.h5.index").exists()
 
 
 def test_connections_do_not_wait_for_acknowledgements() -> None:

@@ -12,8 +12,8 @@ from app.registry import all_queries, worked_example
 from tests.conftest import PATIENCE
 
 ROOT = Path(__file__).parents[2]
-LATER = {"h5py": "for an atlas that has no index yet", "ezdxf": "for exports"}
-"""What a service with an index is ready without, and what it is for."""
+LATER = {"ezdxf": "for exports"}
+"""What a service is ready without, and what it is for."""
 READY = """
 import json, sys
 from app import cli, supervisor
@@ -36,7 +36,6 @@ raise SystemExit(cli.main(["serve", "--port", "0", "--atlas", sys.argv[1]]))
 def test_a_service_has_all_questions_at_once_and_a_match_imports_nothing(small_bytes, tmp_path) -> None:
     atlas = tmp_path / "small.h5"
     atlas.write_bytes(small_bytes)
-    assert cli.main(["index", "--atlas", str(atlas)]) == 0
     example = worked_example()
     body = json.dumps({"rotation": example["rotation"], "crank_span": example["crank_span"]})
     command = [sys.executable, "-c", READY, str(atlas), body]
@@ -74,9 +73,9 @@ sys.exit(" ".join(name for name in {without} if name in sys.modules) or 0)
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.parametrize("name", ["serve", "index", "synthesize", "study", "example", "lift", "completion"])
+@pytest.mark.parametrize("name", ["serve", "synthesize", "study", "example", "lift", "completion"])
 def test_a_command_that_is_named_alone_takes_what_it_takes_among_all(name, capsys) -> None:
-    texts = {"serve": "--port 7 --no-index --workers 3", "index": "--atlas a", "synthesize": "--rank 3 --set top=3"}
+    texts = {"serve": "--port 7 --workers 3", "synthesize": "--rank 3 --set top=3"}
     texts |= {"study": "lines --out replies", "lift": "motion", "completion": "zsh"}
     alone, among = cli.make_parser(named=name), cli.make_parser(whole=True)
     made = [vars(parser.parse_args([name, *texts.get(name, "").split()])) for parser in (alone, among)]
