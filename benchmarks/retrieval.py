@@ -131,15 +131,20 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
                 f"{row['max_ms']:.1f}",
                 earlier,
                 f"{plain:.0f}",
+                f"{plain / row['ms']:.0f}",
+                f"{row['evaluated']:,.0f}",
+                *larger,
             ]
-            + [f"{plain / row['ms']:.0f}", f"{row['evaluated']:,.0f}", *larger]
         )
     heads = ["samples", "span", "ms", "largest", "earlier version", "plain product", "plain / ours", "evaluated"]
     heads += [f"{other['types']:,} types, ms" for other in others]
     size = report.size
     facts = [
-        [f"{atlas['types']:,}", size(atlas["file_bytes"]), f"{atlas['build_s']:.1f}", f"{atlas['build_cpu_s']:.1f}"]
-        + [
+        [
+            f"{atlas['types']:,}",
+            size(atlas["file_bytes"]),
+            f"{atlas['build_s']:.1f}",
+            f"{atlas['build_cpu_s']:.1f}",
             size(atlas["build_peak_bytes"]),
             f"{atlas['start_s']:.2f}",
             size(atlas["scan_bytes"]),

@@ -2,8 +2,9 @@
 
 ``python docs/examples/atlas_and_wavelets.py [atlas.h5]``
 
-The source (Sun, Liu, Chu) samples the rotation of a coupler at 16 crank angles from 30 to 100 degrees, computes its Haar details, and
-recognises the types whose details differ least ("fuzzy recognition"). `linkage_atlas.match` computes the same difference exactly.
+The source (Sun, Liu, Chu) samples the rotation of a coupler at 16 crank angles from 30 to 100 degrees, computes its Haar
+details, and recognises the types whose details differ least ("fuzzy recognition"). `linkage_atlas.match` computes the same
+difference exactly.
 """
 
 import sys
