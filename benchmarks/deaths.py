@@ -32,8 +32,6 @@ LIFE = 20
 """Kills of processes of a service before it is killed itself."""
 STUDIED = 300
 """Requests of a study."""
-CUT = 5
-"""Times that the files of an index are cut short while they are used."""
 BACK_SECONDS = 10.0
 """In which a service must answer again."""
 
@@ -167,20 +165,6 @@ def builds(count: int) -> dict[str, Any]:
         return _interrupted(command, out.read_bytes, out.unlink, count)
 
 
-def indexes(count: int) -> dict[str, Any]:
-    """Makers of an index."""
-    with tempfile.TemporaryDirectory() as name:
-        atlas = Path(name) / "atlas.h5"
-        service.build(atlas, perimeter=150, samples=32, jobs=1)
-        folder = Path(f"{atlas}.index")
-
-        def made() -> dict[str, bytes]:
-            return {str(one.relative_to(folder)): one.read_bytes() for one in folder.rglob("*.npy")}
-
-        command = ["app.start", "index", "--atlas", str(atlas)]
-        return _interrupted(command, made, lambda: shutil.rmtree(folder), count)
-
-
 def studies(count: int) -> dict[str, Any]:
     """Studies of some hundred requests, which go on from what is written."""
     with tempfile.TemporaryDirectory() as name:
@@ -228,35 +212,16 @@ def _gone_on(what: str, command: Callable[[Path], list[str]]) -> Iterator[dict[s
 
 
 def disks(atlas: Path) -> list[dict[str, Any]]:
-    """Two services that start at once without an index, mapped files cut short while they are used, disks that are full."""
+    """Answer on disks that are full, build and study on disks that become full."""
     rows = []
     with tempfile.TemporaryDirectory() as name:
         copy = Path(name) / "atlas.h5"
         shutil.copy(atlas, copy)
-        with contextlib.ExitStack() as both:
-            begun = [both.enter_context(service.running(service.serve_command, atlas=copy)) for _ in range(2)]
-            answers = [[_answer(one.port, short) for short in hostile.SHORT] for one in begun]
-            fine = answers[0] == answers[1] and all(status == 200 for status, _ in answers[0])
-            what = "two services that start at once without an index"
-            rows.append({"what": what, "answered": 2 * len(answers[0]), "wrong": int(not fine)})
-            for one in begun:
-                one.settle()
         with service.running(service.serve_command, atlas=copy) as running:
-            clients = Clients(running.port)
-            running.settle()
-            with clients.asking():
-                for _ in range(CUT):
-                    time.sleep(1.0)
-                    for one in Path(f"{copy}.index").rglob("*.npy"):
-                        os.truncate(one, one.stat().st_size // 2)
-                    time.sleep(5.0)
-            answered = clients.status["200"]
-            row = {"answered": answered, "refused": clients.status.total() - answered, "wrong": clients.wrong}
-            rows.append({"what": f"every file of the index cut to half, {CUT} times, while it is used", **row})
-            right = clients.right
+            right = Clients(running.port).right
         with service.running(service.serve_command, atlas=copy) as running:
-            rows.append({"what": "started after that", **_compared(running, right)})
-    with _disk(atlas.stat().st_size + 20_000_000) as disk:
+            rows.append({"what": "a second service of the same file", **_compared(running, right)})
+    with _disk(atlas.stat().st_size + 1_000_000) as disk:
         if disk is not None:
             full = disk / "atlas.h5"
             shutil.copy(atlas, full)

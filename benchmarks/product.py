@@ -19,7 +19,7 @@ from app.settings import Settings
 from benchmarks.report import Times
 from linkage_atlas.limits import read_limits
 from linkage_atlas.motions import Motion
-from synthesis.atlas.scan import STARTS, Scan, best_rows
+from synthesis.atlas.scan import STARTS, Scan
 from synthesis.atlas.windows import TIE, Windows
 from synthesis.descents import Pool, Stage, Timed
 from synthesis.errors import FieldError
@@ -33,6 +33,7 @@ from synthesis.free.joint import JointProblem
 from synthesis.free.poses import make_poses
 from synthesis.mechanism import Placed
 from synthesis.pose import objective
+from synthesis.search.atlas_rows import best_rows
 from synthesis.search.error_table import ErrorTable
 from synthesis.search.problems import GivenProblem, given, problem_of
 from synthesis.search.search import DEFAULT_TOLERANCE, search

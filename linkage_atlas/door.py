@@ -58,7 +58,7 @@ from linkage_atlas.linkages import DriverName, FourBar, KindName
 from linkage_atlas.motions import Motion
 from linkage_atlas.studies import STUDIES, Studies, check_lengths, check_rows, read_studies, study_notes
 from synthesis.arrays import Floats
-from synthesis.atlas.scan import Scan, best_rows
+from synthesis.atlas.scan import Scan
 from synthesis.errors import FieldError
 from synthesis.fourbar.kinematics import Family, wrap
 from synthesis.fourbar.limits import Limits, Reach
@@ -73,6 +73,7 @@ from synthesis.from_linkage import refine_motion, refine_poses
 from synthesis.guided.search import NOTHING_ROUND
 from synthesis.kept import Kept
 from synthesis.ranking import APART, FAIR, PROPORTION, Status, distinct, motion_errors, spread
+from synthesis.search.atlas_rows import best_rows
 from synthesis.search.search import DEFAULT_TOLERANCE, search
 from synthesis.search.seeds import SeedTables
 from synthesis.target import MAX_LENGTH, MIN_LENGTH, MIN_SPAN, TURN, Samples

@@ -6,13 +6,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import linkage_atlas as la
-from synthesis.atlas.scan import Scan, best_rows
+from synthesis.atlas.scan import Scan
 from synthesis.fourbar.kinematics import coupler_angle, wrap
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.fourbar.solution import mounted
 from synthesis.pose import DEGENERATE, fit_positions, objective
+from synthesis.search.atlas_rows import best_rows
 from synthesis.target import Target, make_target
 from tests.oracles import naive
 from tests.oracles.conditions import position_condition
