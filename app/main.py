@@ -158,10 +158,7 @@ def _details(of: OfType, resources: Resources) -> Reply:
 
 class Ready(ReplyModel):
     status: Literal["ready"] = "ready"
-    preparing: list[str] = Field(
-        description="Parts of the atlas's index that are being made, without which answers take longer: `positions`, "
-        "`short_spans`, `rockers`, `slider_cranks`, or `index`, where a file of it could not be read."
-    )
+    preparing: list[str] = Field(description="Always empty: nothing is prepared in the background.")
 
 
 def _add_health_routes(app: FastAPI, resources: ServiceResources, computing: computed.Computing) -> None:

@@ -143,10 +143,9 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
         [
             f"{atlas['types']:,}",
             size(atlas["file_bytes"]),
-            f"{atlas['build_s']:.1f}",
             f"{atlas['build_cpu_s']:.1f}",
             size(atlas["build_peak_bytes"]),
-            f"{atlas['start_s']:.2f}",
+            f"{atlas['start_cpu_s']:.2f}",
             size(atlas["scan_bytes"]),
             size(atlas["peak_bytes"]),
         ]
@@ -155,10 +154,9 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     columns = [
         "types",
         "file",
-        "build, s",
         "build, processor s",
         "build, largest process",
-        "start, s",
+        "start, processor s",
         "scan",
         "process",
     ]
