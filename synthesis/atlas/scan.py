@@ -35,7 +35,7 @@ GROWTH = 1.5
 """Growth of the limit while too few of the windows below it are answers."""
 _SLICE = 1 << 14
 """Pairs of a node and a window expanded at a time; the limit can fall between two slices."""
-_BEAM = 64
+_BEAM = 32
 """Nodes that the first look keeps at each level."""
 _EXACT_SAMPLES = 1 << 17
 """Samples of all windows evaluated together."""
