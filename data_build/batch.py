@@ -78,7 +78,7 @@ def compute_chunk(rule: AtlasRule, first: int) -> tuple[Features, Series]:
 
 
 def replace_file(path: Path, data: bytes) -> None:
-    """Write a file so that a reader sees the old content or all of the new one, also after a power failure."""
+    """Write a file so that a reader sees the old content or all of the new content, also after a power failure."""
     if os.path.lexists(path) and not path.is_file():
         raise FieldError("/out", f"{path} exists and is not a regular file")
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
@@ -110,7 +110,7 @@ def build_atlas(
     FieldError
         ``out`` exists and is not a regular file.
     OSError
-        The file cannot be written; what was there is unchanged.
+        The file cannot be written; an existing file is unchanged.
     """
     out = out.resolve()
     if os.path.lexists(out) and not out.is_file():
@@ -129,7 +129,7 @@ def build_atlas(
 
 
 def main(argv: Sequence[str] | None = None, prog: str = "linkage-atlas") -> int:
-    """Run one batch command; return the exit code: 0 done, 1 failed, 2 usage, 3 damaged data, 130 interrupted."""
+    """Run a batch command; return the exit code: 0 done, 1 failed, 2 usage, 3 damaged data, 130 interrupted."""
     parser = argparse.ArgumentParser(prog=prog, description="Builds and checks atlas files.")
     add_commands(parser.add_subparsers(metavar="COMMAND", required=True))
     options = parser.parse_args(argv)
@@ -163,7 +163,7 @@ def _count(text: str) -> int:
 
 
 def add_commands(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the commands of the batch to those of a parser."""
+    """Add the commands of the batch to a parser."""
     build = commands.add_parser("build", help="build an atlas file", description="Builds an atlas file.")
     build.add_argument("--out", type=Path, default=Path("atlas.h5"), help="file to write (default: %(default)s)")
     build.add_argument("--kind", choices=list(KINDS), default="four_bar", help="kind of linkages (%(default)s)")

@@ -54,12 +54,12 @@ class Atlas:
 
     @property
     def scan(self) -> Scan:
-        """Its types, ready for matching."""
+        """Scan of the types."""
         return self._scan_of("body")
 
     @property
     def rocker_scan(self) -> Scan:
-        """The same types for matching the rotation of their rockers, computed when first needed (some seconds); of four-bars."""
+        """Scan of the rotation of the rockers of four-bars, computed when first needed (some seconds)."""
         return self._scan_of("rocker")
 
     def _scan_of(self, link: str) -> Scan:
@@ -72,11 +72,11 @@ class Atlas:
 
     @cached_property
     def slider_cranks(self) -> Atlas:
-        """An atlas of slider-cranks to match beside this one: itself if it is one, otherwise that of the default rule."""
+        """Atlas of slider-cranks: this atlas if it is of that kind, otherwise the atlas of the default rule."""
         return self if self.kind == SLIDER_CRANK else default_slider_cranks()
 
     def of(self, kind: str) -> Atlas:
-        """Return the atlas of one of `MECHANISMS`: this one, or the one beside it. Raises `FieldError` if there is none."""
+        """Return this atlas or the atlas of slider-cranks, by the name of the kind. Raises `FieldError` for any other kind."""
         if kind == self.kind:
             return self
         if kind == SLIDER_CRANK:
@@ -233,7 +233,7 @@ def cached_atlas() -> Path:
 
 
 def find_atlas(here: Path = HERE, jobs: int | None = None) -> Path:
-    """Return the atlas of this folder, or else the default one, which is built first by ``jobs`` processes if necessary."""
+    """Return the path of the atlas in this folder, or of the default atlas, which is built by ``jobs`` processes if necessary."""
     if here.exists():
         return here
     path = cached_atlas()
@@ -261,7 +261,7 @@ def find_atlas(here: Path = HERE, jobs: int | None = None) -> Path:
 def default_atlas() -> Atlas:
     """Return the atlas that `find_atlas` finds, opened once.
 
-    It is built by one process: more need a script that can be imported.
+    It is built by a single process, as several processes need a script that can be imported.
     """
     return load_atlas(find_atlas(jobs=1))
 

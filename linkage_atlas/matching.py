@@ -43,7 +43,7 @@ def match(
     budget: float | None = None,
     work: Callable[[float | None], Work] = Work,
 ) -> Matches:
-    """Return the best rows of an atlas by rotation alone: all types, both branches, every whole degree of start.
+    """Return the best rows of an atlas by rotation: all types, both branches, every whole degree of start.
 
     With several kinds of mechanisms they are the best of all, each in its own atlas.
 

@@ -1,8 +1,9 @@
 """The exact scan of an atlas: which types, branches and starts come nearest to a requested motion, over any span.
 
-The answer is that of evaluating every window. `docs/method.md`, section 5, explains the scan on one page: a first look down
-the tree finds a limit, branch and bound with `tree_kernel.expand` leaves the few windows that may be below it, and those are
-evaluated from their lengths. `windows.BestWindows` decides what is evaluated, in which order, and when that is enough.
+The answer is the same as if every window were evaluated. `docs/method.md`, section 5, explains the scan on one page: a first
+look down the tree finds a limit, branch and bound with `tree_kernel.expand` leaves the few windows that may be below it, and
+those are evaluated from their lengths. `windows.BestWindows` decides what is evaluated, in which order, and when that is
+enough.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ _FEW = 1 << 11
 """Windows that are evaluated without a bound of their positions."""
 _TYPES_AT_ONCE = 256
 _FIRST_DIRECTIONS = 4
-"""Directions of the rotation bound where all windows of types are bounded by matrix products."""
+"""Directions of the rotation bound when all windows of types are bounded by matrix products."""
 
 
 class _Siblings(NamedTuple):
@@ -117,7 +118,7 @@ class Scan:
         return np.multiply(windows.start, TURN / STARTS, dtype=np.float64)
 
     def angles(self, target: Target, windows: Windows) -> Floats:
-        """Return the body angle of windows at the samples of a target, (n, N), from the lengths alone."""
+        """Return the body angle of windows at the samples of a target, (n, N), from the lengths."""
         crank = self.start_angles(windows)[:, None] + target.crank
         return self.mechanism.body_angle(self.lengths[windows.row], windows.branch, crank)
 

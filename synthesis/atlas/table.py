@@ -24,7 +24,7 @@ SCHEMA = 2
 """Number of the layout of an atlas file."""
 MIN_SAMPLES, MAX_SAMPLES = 16, 4096
 FEATURES = {"lengths": "<u2", "average": "<f8", "details": "<f4", "winding": "|i1"}
-"""Arrays of the types, one row each, and their stored data types."""
+"""Arrays with a row for each type, and their stored data types."""
 UNITS = {
     "lengths": "whole numbers L1 crank, L2 coupler, L3 rocker, L4 ground; type number n is row n - 1",
     "average": "radians: Haar average of the periodic part of the coupler angle over one turn of the crank",
@@ -85,7 +85,7 @@ BLOCK = 256
 HARMONICS = 31
 """Harmonics of a series."""
 COLUMNS = 2 + 2 * HARMONICS
-"""Columns of a series: winding, an unused one, then cosine and sine of each harmonic."""
+"""Columns of a series: winding, an unused column, then cosine and sine of each harmonic."""
 _GRIDS = (128, 512, 2048)
 """Samples over the turn from which a series is computed: the first grid that resolves the curve."""
 _RESOLVED = 1e-10
@@ -199,7 +199,7 @@ class AtlasRule:
         order: str | None = None,
         samples: int | None = None,
     ) -> AtlasRule:
-        """Make the rule of a kind, with its own defaults for what is None. Raises `FieldError`."""
+        """Make the rule of a kind, with its own defaults for arguments that are None. Raises `FieldError`."""
         if kind not in KINDS:
             raise FieldError("/kind", f"must be one of {', '.join(KINDS)}, found {kind!r}")
         given = {"perimeter": perimeter, "smallest": smallest, "order": order}

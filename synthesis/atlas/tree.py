@@ -2,7 +2,8 @@
 
 The types are the leaves, in an order in which neighbours are alike. Eight leaves have a common parent, eight parents a common
 parent, and so on up to at most 32 roots. A node is the mean series of its leaves and bounds, for every piece of the turn, how
-much the slope and the second derivative of any leaf differ from those of the mean. `docs/method.md` derives what follows from it.
+much the slope and the second derivative of any leaf differ from slope and second derivative of the mean. `docs/method.md`
+derives what follows from it.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ class Level(NamedTuple):
 
 
 class Tree(NamedTuple):
-    """Levels from the roots to the types, and the row of each leaf, -1 where there is none."""
+    """Levels from the roots to the types, and the row of each leaf, -1 if there is none."""
 
     levels: list[Level]
     rows: NDArray[np.int32]

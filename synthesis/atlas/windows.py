@@ -155,7 +155,7 @@ class BestWindows:
 
     @property
     def stopped(self) -> bool:
-        """Whether to look no further: the time is up, all windows are good enough, or too many have been evaluated."""
+        """True if the scan must stop: the time is up, all windows are good enough, or too many have been evaluated."""
         if not self.cut_short:
             self.cut_short = self.worst <= self.enough or self.evaluated >= self.most or self._expired()
         return self.cut_short

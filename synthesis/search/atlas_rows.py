@@ -17,9 +17,9 @@ from synthesis.target import Target
 from synthesis.work import Work
 
 MAX_LIMITED_WINDOWS = 1 << 18
-"""Windows evaluated before a search within limits gives up; the report then says that it is not exhaustive."""
+"""Windows evaluated before a search within limits gives up; the report is then not exhaustive."""
 MAX_LIMITED_SAMPLES = 1 << 22
-"""The same in samples of all windows: a request of 1,024 samples takes no longer than one of 16."""
+"""Limit on the samples of all evaluated windows: a request of 1,024 samples takes no longer than a request of 16."""
 
 
 def best_rows(

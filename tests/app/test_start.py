@@ -13,7 +13,7 @@ from tests.conftest import PATIENCE
 
 ROOT = Path(__file__).parents[2]
 LATER = {"ezdxf": "for exports"}
-"""What a service is ready without, and what it is for."""
+"""Libraries that a service does not import before it is ready, and their use."""
 READY = """
 import json, sys
 from app import cli, supervisor

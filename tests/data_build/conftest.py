@@ -1,4 +1,4 @@
-"""What tests of the batch share: the command in a process of its own, and the file that it must write."""
+"""Fixtures of the tests of the batch: the command in a process of its own, and the file that it must write."""
 
 import signal
 import subprocess

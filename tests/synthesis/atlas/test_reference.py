@@ -44,7 +44,7 @@ def test_table_2_is_met_to_the_last_place() -> None:
 
 
 def test_the_example_script_recognises_the_published_type_from_the_file(atlas_path) -> None:
-    """With h5py and pywt alone: the file holds what it says, and `la.match` finds the same type at the same start."""
+    """The script uses only h5py and pywt; `la.match` finds the same type at the same start."""
     script = Path(__file__).parents[3] / "docs" / "examples" / "atlas_and_wavelets.py"
     told = subprocess.run([sys.executable, script, atlas_path], capture_output=True, text=True, check=True).stdout
     first, _, *recognised = told.splitlines()
