@@ -12,7 +12,7 @@ from typing import Annotated
 import numpy as np
 import pytest
 
-from benchmarks import figures, report, stability
+from benchmarks import engine, figures, report
 
 NAMES = report.names()
 
@@ -75,10 +75,10 @@ def test_a_picture_is_the_same_every_time(tmp_path, monkeypatch) -> None:
     pytest.importorskip("matplotlib")
     for name in ("first", "second"):
         monkeypatch.setattr(figures, "IMAGES", tmp_path / name)
-        stability.draw(report.load("stability"))
+        engine.draw(report.load("engine"))
         with figures.figure("line.png") as (_, (axes,)):
             axes.plot([1, 2], [3, 4])
-    for picture in ("stability.svg", "line.png"):
+    for picture in ("engine.svg", "line.png"):
         first, second = ((tmp_path / name / picture).read_bytes() for name in ("first", "second"))
         assert first == second and b"<dc:date>" not in first
 
