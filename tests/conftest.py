@@ -32,6 +32,7 @@ from xdist.scheduler import LoadFileScheduling
 from app.main import create_app
 from app.settings import Settings
 from data_build.batch import build_atlas, local_executor
+from synthesis.atlas import tree_kernel
 from synthesis.atlas.file import encode_atlas
 from synthesis.atlas.table import AtlasRule, compute_features, compute_series
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule
@@ -72,8 +73,10 @@ def until(condition: Callable[[], Any]) -> Any:
 
 def pytest_configure(config: pytest.Config) -> None:
     """What is tested is what can be read; what all processes of the tests would compile each for itself is compiled before."""
-    if not compiled_from(SOURCE, LIBRARY):
-        raise pytest.UsageError(f"{SOURCE} is not what is compiled: python setup.py build_ext --inplace --force")
+    tree = Path(tree_kernel.__file__)
+    for source, library in ((SOURCE, LIBRARY), (tree.with_name("tree_kernel.py"), tree)):
+        if not compiled_from(source, library):
+            raise pytest.UsageError(f"{source} is not what is compiled: python setup.py build_ext --inplace --force")
     if getattr(config.option, "numprocesses", None) and not sys.dont_write_bytecode:
         halves = [multiprocessing.get_context("fork").Process(target=compile_tests, args=(config, k)) for k in (0, 1)]
         for half in halves:
