@@ -13,8 +13,7 @@ RUN python -m venv /opt/linkage-atlas \
  && pip wheel --no-cache-dir --disable-pip-version-check --no-deps --no-build-isolation --wheel-dir /wheel . \
  && /opt/linkage-atlas/bin/pip install --no-cache-dir --disable-pip-version-check --no-deps /wheel/*.whl
 RUN /opt/linkage-atlas/bin/linkage-atlas build --out /opt/linkage-atlas/atlas.h5 \
- && /opt/linkage-atlas/bin/linkage-atlas verify /opt/linkage-atlas/atlas.h5 \
- && /opt/linkage-atlas/bin/linkage-atlas index --atlas /opt/linkage-atlas/atlas.h5
+ && /opt/linkage-atlas/bin/linkage-atlas verify /opt/linkage-atlas/atlas.h5
 
 FROM python:3.12-slim@sha256:78387bc3881b8273120a12ebe6c1ab22b018ccc2c9adf565ae1ac9b536e184ea
 RUN useradd --system --no-create-home --shell /usr/sbin/nologin atlas

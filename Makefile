@@ -39,13 +39,13 @@ help:
 	@echo "make studies    forces, tolerances of manufacture, stock lengths: docs/analysis.md (a few minutes)"
 	@echo "make solids     files of parts of the gallery: docs/export.md (a minute)"
 	@echo "make accept     1,000 random cases of every class, errors recomputed independently: docs/method.md (about half an hour)"
-	@echo "make bench      build, load, scan, index, larger atlases, many requests: docs/scaling.md, docs/file_format.md"
+	@echo "make bench      build, load, scan, larger atlases, many requests: docs/scaling.md, docs/file_format.md"
 	@echo "                (half an hour; needs 6 GB of disk, no other work on the machine)"
-	@echo "make clean      remove the environment, the atlas and its index"
+	@echo "make clean      remove the environment and the atlas"
 
 setup: $(READY)
 
-$(READY): pyproject.toml constraints.txt setup.py build_backend/__init__.py synthesis/kernel.py
+$(READY): pyproject.toml constraints.txt setup.py build_backend/__init__.py synthesis/kernel.py synthesis/atlas/tree_kernel.py
 	@$(PYTHON) -c 'import sys; sys.version_info >= (3, 11) or sys.exit("linkage-atlas needs Python 3.11 or newer, $(PYTHON) is " + sys.version.split()[0] + "; set PYTHON=")'
 	@$(PYTHON) -c 'import os, sys, sysconfig; os.path.exists(sysconfig.get_path("include") + "/Python.h") or sys.exit("linkage-atlas needs Python.h to compile its kernel: on Debian and Ubuntu the package python3-dev")'
 	$(PYTHON) -m venv $(VENV)
@@ -106,10 +106,8 @@ map: $(READY)
 	$(BIN)/python -m docs.map
 
 bench: $(READY) $(ATLAS)
-	$(BIN)/python -m benchmarks.growth
 	$(BIN)/python -m benchmarks.throughput --atlas $(ATLAS)
-	$(BIN)/python -m benchmarks.retrieval --atlas $(ATLAS)
-	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.index --atlases $(ATLAS)
+	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.retrieval
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.sliders
 
 docs: $(READY)
@@ -165,4 +163,5 @@ solids: $(READY)
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.solids
 
 clean:
-	rm -rf $(VENV) build dist *.egg-info synthesis/kernel.c synthesis/kernel.*.so $(ATLAS) $(ATLAS).index
+	rm -rf $(VENV) build dist *.egg-info synthesis/kernel.c synthesis/kernel.*.so synthesis/atlas/tree_kernel.c \
+	  synthesis/atlas/tree_kernel.*.so $(ATLAS)

@@ -1,4 +1,4 @@
-"""The compiled part of the package: synthesis/kernel.py, made a library beside it by ``python setup.py build_ext --inplace``."""
+"""Compile the kernels of the package, each to a library beside its source: ``python setup.py build_ext --inplace``."""
 
 import importlib.util
 import os
@@ -12,7 +12,7 @@ from setuptools import Extension, setup
 
 from build_backend import compiler
 
-SOURCE = "synthesis/kernel.py"
+KERNELS = ("synthesis.kernel", "synthesis.atlas.tree_kernel")
 
 if found := compiler():
     os.environ["CC"] = found
@@ -23,22 +23,29 @@ elif importlib.util.find_spec("ziglang"):
     os.environ["CC"] = f"{python} -m ziglang cc -target {target} -idirafter {headers}"
     os.environ["LDSHARED"] = os.environ["CC"] + " -shared"
 
-kernel = Extension(
-    "synthesis.kernel",
-    [SOURCE, "build_backend/source.c"],
-    depends=["setup.py", "build_backend/__init__.py"],
-    # Cython's own complex numbers: C's look for NaN in every product
-    define_macros=[("KERNEL_SOURCE", sha256(Path(SOURCE).read_bytes()).hexdigest()), ("CYTHON_CCOMPLEX", "0")],
-    libraries=["m"],
-    extra_compile_args=["-O3", "-g0"],
-)
-kernel.cython_directives = {
-    "language_level": 3,
-    "boundscheck": False,
-    "wraparound": False,
-    "cdivision": True,
-    "initializedcheck": False,
-    "infer_types": True,
-}
 
-setup(ext_modules=[kernel])
+def extension(name: str) -> Extension:
+    """Describe how to compile a module that is written in Cython's pure Python mode."""
+    source = name.replace(".", "/") + ".py"
+    module = Extension(
+        name,
+        [source, "build_backend/source.c"],
+        depends=["setup.py", "build_backend/__init__.py"],
+        # Cython's own complex numbers: C's look for NaN in every product
+        define_macros=[("KERNEL_SOURCE", sha256(Path(source).read_bytes()).hexdigest()), ("CYTHON_CCOMPLEX", "0")],
+        libraries=["m"],
+        # loops over eight children are vectors, whatever lies around them
+        extra_compile_args=["-O3", "-g0", "-fno-math-errno", "-fno-tree-loop-vectorize"],
+    )
+    module.cython_directives = {
+        "language_level": 3,
+        "boundscheck": False,
+        "wraparound": False,
+        "cdivision": True,
+        "initializedcheck": False,
+        "infer_types": True,
+    }
+    return module
+
+
+setup(ext_modules=[extension(name) for name in KERNELS])

@@ -449,26 +449,6 @@ def _pretty(value: Any, indent: str = "") -> str:
     return json.dumps(value)
 
 
-def _add_index(parser: argparse.ArgumentParser, name: str) -> None:
-    parser.description = (
-        "Prepares an atlas for scanning, in files beside it (or in the cache folder), which later starts and other "
-        "processes map. Starting without them makes them, too."
-    )
-    add_atlas(parser)
-    parser.set_defaults(run=_index)
-
-
-def _index(options: argparse.Namespace) -> int:
-    from app.resources import opened
-    from app.settings import atlas_of, settings_of
-
-    atlas = opened(atlas_of(settings_of(options)))
-    atlas.prepare()
-    for path in atlas.index_files:
-        print(f"{path}: {sum(file.stat().st_size for file in path.iterdir()):,} bytes")
-    return Exit.OK if atlas.index_files else Exit.FAILED
-
-
 def _add_serve(parser: argparse.ArgumentParser, name: str) -> None:
     parser.description = "Serves the queries over HTTP, and the page."
     group = parser.add_mutually_exclusive_group()
@@ -517,7 +497,6 @@ _COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser, str], None]]]
     "study": ("answer many requests, a line each", _add_study),
     "example": ("print a request to edit, or the list of examples", _add_example),
     "serve": ("answer over HTTP, with a page to draw motions on", _add_serve),
-    "index": ("prepare an atlas for scanning, so that later starts take no time", _add_index),
     "completion": ("print a script that completes this command in a shell", _add_completion),
 }
 """Help of each command outside the batch job, and the function that adds its arguments."""

@@ -14,12 +14,10 @@ import linkage_atlas as la
 from app.settings import Settings
 
 
-def opened(place: Path) -> la.Atlas:
+def opened(path: Path) -> la.Atlas:
     """Open an atlas file, ready for matching."""
-    from linkage_atlas.atlases import open_atlas
-
-    atlas = open_atlas(place)
-    atlas.prepare(positions=False, threads=1, short_spans=False)
+    atlas = la.load_atlas(path)
+    _ = atlas.scan
     return atlas
 
 

@@ -65,14 +65,13 @@ class Grid:
 
     def __init__(self, perimeter: int, starts: int) -> None:
         self.name = f"perimeter {perimeter}, step {360 // starts} deg"
-        self.scan = product.Scan(
-            product.table_of(product.TypeRule(perimeter, 1, product.OrderRule.FULL_CRANK), 64), starts, 1e-3, (8, 20)
-        )
+        lengths = product.enumerate_types(product.TypeRule(perimeter, 1, product.OrderRule.FULL_CRANK)).astype(float)
+        self.scan = product.ErrorTable(product.FOURBAR, lengths, starts, 64, 1e-3, (8, 20))
         self.unknowns = product.FullCrankChart().unknowns(self.scan.lengths)
 
     def rows(self, target: product.Target) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Types, branches and starts, the best start of each type and branch, by approximate error."""
-        error = self.scan.error_table(target)
+        error = self.scan.squared(target)
         start = error.argmin(axis=2)
         least = np.take_along_axis(error, start[:, :, None], 2)[:, :, 0]
         row, side = np.divmod(np.argsort(least, axis=None, kind="stable"), 2)
@@ -319,9 +318,7 @@ def measure(cases: Annotated[int, "of each class"] = 30) -> Iterator[dict[str, A
     baselines.need()
     begin = time.perf_counter()
     grids = [Grid(perimeter, starts) for perimeter in PERIMETERS for starts in STARTS]
-    fast = partial(
-        fast_methods, product.SeedTables(product.FOURBAR), product.Scan(product.table_of(product.TypeRule(), 128))
-    )
+    fast = partial(fast_methods, product.SeedTables(product.FOURBAR), product.scan_of(product.TypeRule()))
     warm = product.target_of(make_case("plain", 999).request)
     list(fast(grids[:1], warm)), list(slow_methods(warm, 0))
     runs: dict[str, Any] = {}

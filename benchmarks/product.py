@@ -19,9 +19,7 @@ from app.settings import Settings
 from benchmarks.report import Times
 from linkage_atlas.limits import read_limits
 from linkage_atlas.motions import Motion
-from synthesis.atlas.file import load_atlas
-from synthesis.atlas.scan import STARTS, Scan, best_rows
-from synthesis.atlas.table import Atlas, Table, make_table
+from synthesis.atlas.scan import STARTS, Scan
 from synthesis.atlas.windows import TIE, Windows
 from synthesis.descents import Pool, Stage, Timed
 from synthesis.errors import FieldError
@@ -35,6 +33,8 @@ from synthesis.free.joint import JointProblem
 from synthesis.free.poses import make_poses
 from synthesis.mechanism import Placed
 from synthesis.pose import objective
+from synthesis.search.atlas_rows import best_rows
+from synthesis.search.error_table import ErrorTable
 from synthesis.search.problems import GivenProblem, given, problem_of
 from synthesis.search.search import DEFAULT_TOLERANCE, search
 from synthesis.search.seeds import SeedTables
@@ -98,6 +98,6 @@ def solution_of(linkage: la.FourBar, target: Target) -> Solution:
     return assess(target, [linkage._linkage])[0]
 
 
-def table_of(rule: TypeRule, samples: int) -> Table:
-    """The types of a rule with their curves, made in this process."""
-    return make_table(FOURBAR, enumerate_types(rule), samples)
+def scan_of(rule: TypeRule) -> Scan:
+    """Return the scan of the types of a rule, made in this process."""
+    return Scan(FOURBAR, enumerate_types(rule))

@@ -249,7 +249,7 @@ def measure(cases: Annotated[int, "of each kind of request"] = 48) -> Iterator[d
     product.la.prepare()
     tables = product.SeedTables(product.FOURBAR)
     tables.windows("full_crank")
-    published = product.Scan(product.table_of(product.TypeRule(), 128))
+    published = product.scan_of(product.TypeRule())
     parts: dict[str, Any] = {}
     for name, measure_part in (
         (TIMED, lambda: measure_timed(cases, tables, published)),

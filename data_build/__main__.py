@@ -9,7 +9,7 @@ interrupt = signal.getsignal(signal.SIGINT)
 if interrupt is signal.default_int_handler:
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # until everything is imported: no traceback
 
-from data_build.cli import main  # noqa: E402
+from data_build.batch import main  # noqa: E402
 
 signal.signal(signal.SIGINT, interrupt)
 

@@ -1,43 +1,42 @@
-"""The build of an atlas file: shards as pure functions over an executor, resumable, and one atomic write at the end.
+"""The batch job: enumerate dimension types, compute them in chunks, write the atlas file; and its commands.
 
-Data flow: rule -> shards of 4,096 types -> `compute_shard` on any ``concurrent.futures.Executor`` -> each result kept in
-``<out>.parts`` as soon as it is there -> column by column, shard by shard, an HDF5 image beside them -> temporary file, fsync,
-rename. A reader sees the old file or the new one, also after a kill or a full disk. Nothing holds more than some shards.
+Chunks are pure functions of the rule and their first row, so the file has the same bytes for any number of processes and on a
+Dask cluster, whatever workers are lost. The file is written once, when everything has been computed: a reader sees the old
+file or the new one.
 """
 
 from __future__ import annotations
 
+import argparse
 import contextlib
-import fcntl
-import hashlib
-import io
 import json
 import multiprocessing
 import os
-import re
-import shutil
 import signal
+import sys
 import threading
-import zipfile
-from collections import deque
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
-from itertools import chain
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from tqdm import tqdm
 
-from synthesis.atlas.file import generator_versions, write_image
-from synthesis.atlas.table import AtlasRule, compute_rows
-from synthesis.errors import FieldError
+from synthesis.atlas.file import StoredAtlas, check_contents, encode_atlas, load_atlas
+from synthesis.atlas.table import KINDS, AtlasRule, Features, Series, compute_features, compute_series
+from synthesis.errors import AtlasError, AtlasFault, FieldError
+from synthesis.fourbar.dimension_types import OrderRule
 
-# -- where the work is done ---------------------------------------------------------------------------------------------
+CHUNK_TYPES = 4096
+EXIT_OK, EXIT_FAILED, EXIT_USAGE, EXIT_DAMAGED, EXIT_INTERRUPTED = 0, 1, 2, 3, 130
+MAX_BUILD_BYTES = 8_000_000_000
+"""Largest array of details that a build makes: a larger rule is a mistake, as everything is held in memory."""
 
 
 def _start_worker() -> None:
-    """Ignore interrupts, which the parent handles, and end when the parent ends, also when it is killed."""
+    """Ignore interrupts, which the parent handles, and end when the parent ends, even if it is killed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
 
@@ -49,24 +48,12 @@ def _start_worker() -> None:
         threading.Thread(target=follow, daemon=True).start()
 
 
-class _Processes(ProcessPoolExecutor):
-    """Processes that are born with interrupts blocked: one that is still importing would show a traceback."""
-
-    def submit(self, *arguments: Any, **others: Any) -> Future[Any]:
-        blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        try:
-            return super().submit(*arguments, **others)
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
-
-
 @contextlib.contextmanager
 def local_executor(jobs: int) -> Iterator[Executor]:
-    """``jobs`` processes; for one job a thread, which saves the start of a process."""
-    if jobs == 1:
-        executor: Executor = ThreadPoolExecutor(1)
-    else:
-        executor = _Processes(jobs, multiprocessing.get_context("spawn"), _start_worker)
+    """Give an executor of ``jobs`` processes; for one job a thread, which saves the start of a process."""
+    executor: Executor = ThreadPoolExecutor(1)
+    if jobs > 1:
+        executor = ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), _start_worker)
     try:
         yield executor
     finally:
@@ -75,7 +62,7 @@ def local_executor(jobs: int) -> Iterator[Executor]:
 
 @contextlib.contextmanager
 def dask_executor(address: str) -> Iterator[Executor]:
-    """A Dask cluster's executor; needs the extra ``[distributed]`` here and this package on the workers."""
+    """Give the executor of a Dask cluster; needs the extra ``[distributed]`` here and this package on the workers."""
     try:
         from distributed import Client
     except ImportError:
@@ -84,222 +71,148 @@ def dask_executor(address: str) -> Iterator[Executor]:
         yield client.get_executor()
 
 
-# -- the batch ----------------------------------------------------------------------------------------------------------
-
-SHARD_TYPES = 4096
-"""Types of one shard: the same whatever the number of workers, so that the file is the same too."""
-
-_SUBMITTED = 128
-"""Shards that an executor has at a time: what waits to be written to disk is in memory."""
-_PIECE_BYTES = 1 << 20
-_DIGEST_BYTES = 32
-_LOOK_SECONDS = 0.1
-"""Between two looks at whether the build is to stop."""
+def compute_chunk(rule: AtlasRule, first: int) -> tuple[Features, Series]:
+    """Compute features and series of the types of a chunk."""
+    lengths, mechanism = rule.lengths(first, first + CHUNK_TYPES), rule.kind.mechanism
+    return compute_features(lengths, rule.samples, mechanism), compute_series(lengths, mechanism)
 
 
-class BuildLocked(Exception):
-    """Another build of the same file is running."""
-
-
-def compute_shard(rule: AtlasRule, shard: int) -> bytes:
-    """The rows of one shard as bytes (npz), from the rule alone: the same bytes on every run, in any process."""
-    buffer = io.BytesIO()
-    rows = compute_rows(_lengths(rule, shard), rule.samples, rule.kind.mechanism)
-    np.savez(buffer, **rows._asdict())
-    return buffer.getvalue()
-
-
-def _lengths(rule: AtlasRule, shard: int) -> NDArray[np.int32]:
-    return rule.lengths(shard * SHARD_TYPES, (shard + 1) * SHARD_TYPES)
-
-
-def check_target(path: Path) -> None:
-    """Refuse to replace what is no regular file: devices, pipes and folders stay what they are."""
+def replace_file(path: Path, data: bytes) -> None:
+    """Write a file so that a reader sees the old content or all of the new content, also after a power failure."""
     if os.path.lexists(path) and not path.is_file():
-        raise FieldError("/out", f"{path} exists and is no regular file")
-
-
-def replace_file(path: Path, parts: Iterable[bytes], *, durable: bool) -> None:
-    """Write a file so that a reader sees the old content or all of the new one.
-
-    The temporary file lies beside it and is removed on any failure. With ``durable`` it returns once both the bytes
-    and the name are on the disk.
-    """
-    check_target(path)
+        raise FieldError("/out", f"{path} exists and is not a regular file")
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         with temporary.open("wb") as file:
-            for part in parts:
-                file.write(part)
-            if durable:
-                file.flush()
-                os.fsync(file.fileno())
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
         temporary.replace(path)
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
-    if durable:
-        folder = os.open(path.parent, os.O_RDONLY)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
-
-
-def _pieces(path: Path) -> Iterator[bytes]:
-    with path.open("rb") as file:
-        while piece := file.read(_PIECE_BYTES):
-            yield piece
-
-
-@contextlib.contextmanager
-def _parts_folder(out: Path) -> Iterator[Path]:
-    """The folder of finished shards, locked for this process; a kill frees the lock and keeps the shards.
-
-    Raises `BuildLocked`.
-    """
-    folder = out.with_name(out.name + ".parts")
-    while True:
-        folder.mkdir(exist_ok=True)
-        handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            # The folder may have been removed by its owner between our open and our lock; then try again.
-            if folder.exists() and os.fstat(handle).st_ino == folder.stat().st_ino:
-                break
-        except BlockingIOError:
-            os.close(handle)
-            raise BuildLocked(f"another build of {out} is running") from None
-        os.close(handle)
+    folder = os.open(path.parent, os.O_RDONLY)
     try:
-        temporary = re.compile(re.escape(f".{out.name}.") + r"\d+\.tmp")  # and not another file's: atlas.h5.new's
-        for stale in out.parent.iterdir():
-            if temporary.fullmatch(stale.name):
-                stale.unlink(missing_ok=True)
-        yield folder
+        os.fsync(folder)
     finally:
-        os.close(handle)
-
-
-class _Parts:
-    """Finished shards on disk, each with the digest of its number, its bytes and the key of what it was made from."""
-
-    def __init__(self, folder: Path, rule: AtlasRule) -> None:
-        made_from = {"rule": rule.as_json(), "generator": generator_versions(), "shard_types": SHARD_TYPES}
-        self.folder = folder
-        self.key = hashlib.sha256(json.dumps(made_from, sort_keys=True).encode()).digest()
-
-    def _path(self, shard: int) -> Path:
-        return self.folder / f"shard-{shard:06d}"
-
-    def _digest(self, shard: int, payload: bytes) -> bytes:
-        return hashlib.sha256(self.key + shard.to_bytes(8, "little") + payload).digest()
-
-    def holds(self, shard: int) -> bool:
-        """Whether there is a shard of this build that is what was written."""
-        try:
-            data = self._path(shard).read_bytes()
-        except OSError:
-            return False
-        return self._digest(shard, data[_DIGEST_BYTES:]) == data[:_DIGEST_BYTES]
-
-    def column(self, shard: int, name: str) -> NDArray[Any]:
-        """A column of a shard that is there; only its bytes are read, and compared with its own checksum."""
-        try:
-            with self._path(shard).open("rb") as file:
-                file.seek(_DIGEST_BYTES)
-                with np.load(file, allow_pickle=False) as arrays:
-                    found: NDArray[Any] = arrays[name]
-                    return found
-        except (zipfile.BadZipFile, ValueError, KeyError) as error:
-            raise OSError(f"{self._path(shard)} has changed since it was written ({error}); build again") from None
-
-    def write(self, shard: int, payload: bytes) -> None:
-        path = self._path(shard)
-        if path.is_dir() and not path.is_symlink():
-            shutil.rmtree(path)  # no part: where one belongs
-        # Not durable: after a power cut a part fails its digest and is made again.
-        replace_file(self._path(shard), [self._digest(shard, payload), payload], durable=False)
-
-
-class Built(NamedTuple):
-    """What has been written to an atlas file."""
-
-    types: int
-    content_sha256: str
-    curve_error_max: float
-    generator: dict[str, str]
+        os.close(folder)
 
 
 def build_atlas(
-    rule: AtlasRule,
-    out: Path,
-    executor: Executor,
-    progress: Callable[[int, int], None] = lambda done, total: None,
-    stopped: Callable[[], bool] = lambda: False,
-) -> Built:
-    """Build an atlas and write it to a file.
+    rule: AtlasRule, out: Path, executor: Executor, progress: Callable[[int, int], None] = lambda done, total: None
+) -> None:
+    """Build an atlas and write it to a file; a symbolic link is followed.
 
-    ``out``: replaced atomically when everything is done; its folder must exist. A symbolic link is followed: what it
-    points to is replaced. ``executor``: runs `compute_shard`; processes, threads or a cluster's. ``progress``:
-    ``progress(done, total)`` after each shard. ``stopped``: asked a few times a second; once it is true the build ends
-    with KeyboardInterrupt, and the shards are kept.
-
-    Law: the file has the same bytes for every executor, and after any number of kills and resumes.
+    ``progress``: ``progress(done, total)`` after each chunk.
 
     Raises
     ------
-    BuildLocked
-        Another process builds the same file.
     FieldError
-        ``out`` exists and is no regular file.
-    KeyboardInterrupt
-        When it was stopped.
+        ``out`` exists and is not a regular file.
     OSError
-        The disk is full or the place cannot be written; ``out`` is as it was.
+        The file cannot be written; an existing file is unchanged.
     """
-
-    def go_on() -> None:
-        if stopped():
-            raise KeyboardInterrupt
-
     out = out.resolve()
-    check_target(out)
-    types, generator = rule.count, generator_versions()
-    shards = -(-types // SHARD_TYPES)
-    with _parts_folder(out) as folder:
-        parts = _Parts(folder, rule)
-        missing = deque(shard for shard in range(shards) if not parts.holds(shard))
-        progress(shards - len(missing), shards)
-        pending: dict[Future[bytes], int] = {}
-        try:
-            while missing or pending:
-                while missing and len(pending) < _SUBMITTED:
-                    shard = missing.popleft()
-                    pending[executor.submit(compute_shard, rule, shard)] = shard
-                done, _ = wait(pending, _LOOK_SECONDS, FIRST_COMPLETED)
-                go_on()
-                for future in done:
-                    parts.write(pending.pop(future), future.result())
-                    progress(shards - len(missing) - len(pending), shards)
-        except BaseException:
-            for future in pending:
-                future.cancel()
-            raise
-        largest = 0.0
+    if os.path.lexists(out) and not out.is_file():
+        raise FieldError("/out", f"{out} exists and is not a regular file")
+    starts = range(0, max(rule.count, 1), CHUNK_TYPES)
+    chunks = []
+    for chunk in executor.map(compute_chunk, [rule] * len(starts), starts):
+        chunks.append(chunk)
+        progress(len(chunks), len(starts))
+    features = Features(*map(np.concatenate, zip(*(chunk[0] for chunk in chunks))))
+    series = Series(*map(np.concatenate, zip(*(chunk[1] for chunk in chunks))))
+    replace_file(out, encode_atlas(rule, features, series))
 
-        def columns(name: str) -> Iterator[NDArray[Any]]:
-            nonlocal largest
-            for shard in range(shards):
-                go_on()
-                values = _lengths(rule, shard) if name == "lengths" else parts.column(shard, name)
-                if name == "curve_error":
-                    largest = max(largest, float(values.max()))
-                yield values
 
-        image = folder / "image"
-        header, content = write_image(image, rule, generator, columns)
-        go_on()
-        replace_file(out, chain([header.encode()], _pieces(image)), durable=True)
-        shutil.rmtree(folder)
-    return Built(types, content, largest, generator)
+# -- commands ------------------------------------------------------------------------------------------------------------
+
+
+def main(argv: Sequence[str] | None = None, prog: str = "linkage-atlas") -> int:
+    """Run a batch command; return the exit code: 0 done, 1 failed, 2 usage, 3 damaged data, 130 interrupted."""
+    parser = argparse.ArgumentParser(prog=prog, description="Builds and checks atlas files.")
+    add_commands(parser.add_subparsers(metavar="COMMAND", required=True))
+    options = parser.parse_args(argv)
+    try:
+        values = options.run(options)
+        if options.json:
+            print(json.dumps(values))
+            return EXIT_OK
+        for name, value in values.items():
+            text = ", ".join(f"{k} {v}" for k, v in value.items()) if isinstance(value, dict) else value
+            print(f"{name:<16} {text:,}" if isinstance(text, int) else f"{name:<16} {text}")
+        return EXIT_OK
+    except KeyboardInterrupt:
+        print("interrupted; nothing was written", file=sys.stderr)
+        return EXIT_INTERRUPTED
+    except AtlasError as error:
+        print(f"{options.file}: {error}", file=sys.stderr)
+        return EXIT_USAGE if error.fault is AtlasFault.MISSING else EXIT_DAMAGED
+    except FieldError as error:
+        print(error, file=sys.stderr)
+        return EXIT_USAGE
+    except OSError as error:
+        print(f"cannot write: {error}", file=sys.stderr)
+        return EXIT_FAILED
+
+
+def _count(text: str) -> int:
+    if (number := int(text)) < 1:
+        raise argparse.ArgumentTypeError(f"must be at least 1, found {number}")
+    return number
+
+
+def add_commands(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the commands of the batch to a parser."""
+    build = commands.add_parser("build", help="build an atlas file", description="Builds an atlas file.")
+    build.add_argument("--out", type=Path, default=Path("atlas.h5"), help="file to write (default: %(default)s)")
+    build.add_argument("--kind", choices=list(KINDS), default="four_bar", help="kind of linkages (%(default)s)")
+    build.add_argument(
+        "--perimeter", type=int, help="sum of the lengths of a type (400 of four_bar, 640 of slider_crank)"
+    )
+    build.add_argument("--smallest", type=int, help="smallest crank (2)")
+    orders = [rule.value for rule in OrderRule]
+    build.add_argument("--order", choices=orders, help=f"order of the lengths of a four-bar ({orders[0]})")
+    build.add_argument("--samples", type=int, help="samples of a curve, a power of two (256)")
+    build.add_argument("--jobs", type=_count, default=os.cpu_count() or 1, help="processes (default: one a core)")
+    build.add_argument("--scheduler", metavar="ADDRESS", help="run on the Dask cluster at this address instead")
+    build.set_defaults(run=_build)
+    verify = commands.add_parser("verify", help="check a whole atlas file", description="Checks a whole atlas file.")
+    verify.set_defaults(run=lambda options: {"status": "sound", **_described(options, check_contents)})
+    info = commands.add_parser("info", help="describe an atlas file", description="Describes an atlas file.")
+    info.set_defaults(run=_described)
+    for command in (build, verify, info):
+        command.add_argument("--json", action="store_true", help="print JSON")
+    for command in (verify, info):
+        command.add_argument("file", type=Path)
+
+
+def _described(options: Any, check: Callable[[Path, StoredAtlas], None] = lambda path, atlas: None) -> dict[str, Any]:
+    atlas = load_atlas(options.file)
+    check(options.file, atlas)
+    facts = {"file": str(options.file), "bytes": options.file.stat().st_size, "types": len(atlas.lengths)}
+    facts |= {"rule": atlas.rule.as_json(), "content_sha256": atlas.content_sha256, "generator": atlas.generator}
+    return facts
+
+
+def _build(options: Any) -> dict[str, Any]:
+    rule, started = (
+        AtlasRule.of(options.kind, options.perimeter, options.smallest, options.order, options.samples),
+        time.perf_counter(),
+    )
+    if (size := rule.count * rule.samples * 4) > MAX_BUILD_BYTES:
+        raise FieldError(
+            "/perimeter", f"gives {size:,} bytes of details, but a build makes at most {MAX_BUILD_BYTES:,}"
+        )
+    if not options.out.parent.is_dir():
+        raise FieldError("/out", f"the folder {options.out.parent} does not exist")
+    chosen = dask_executor(options.scheduler) if options.scheduler else local_executor(options.jobs)
+    with chosen as executor, tqdm(disable=None, unit="chunk", desc="atlas", file=sys.stderr) as bar:
+
+        def progress(done: int, total: int) -> None:
+            bar.total = total
+            bar.update(done - bar.n)
+
+        build_atlas(rule, options.out, executor, progress)
+    options.file = options.out
+    return {**_described(options), "seconds": round(time.perf_counter() - started, 2)}

@@ -101,14 +101,14 @@ __all__ = [
 
 def run_batch(arguments: Sequence[str]) -> int:
     """Run one batch command; returns its exit code."""
-    from data_build.cli import main
+    from data_build.batch import main
 
     return main(arguments)
 
 
 def add_batch_commands(commands: Any) -> None:
     """Add the batch's commands with all their options to the subparsers of a parser."""
-    from data_build.cli import add_commands
+    from data_build.batch import add_commands
 
     add_commands(commands)
 

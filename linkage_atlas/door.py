@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from functools import cache
+from pathlib import Path
 from typing import Any, Literal, NamedTuple, TypedDict, Unpack, get_args
 
 import numpy as np
@@ -29,7 +30,7 @@ from linkage_atlas.answers import (
 )
 from linkage_atlas.arguments import check_above_zero, check_top, column, number, pointing
 from linkage_atlas.assemblies import read_assembly
-from linkage_atlas.atlases import Atlas, default_atlas
+from linkage_atlas.atlases import Atlas, as_atlas, default_atlas
 from linkage_atlas.driving import check_asked
 from linkage_atlas.kinds import (
     UNRANKED,
@@ -59,7 +60,7 @@ from linkage_atlas.motions import Motion
 from linkage_atlas.notes import counted, in_percent, limit_label, listed, sentences
 from linkage_atlas.studies import STUDIES, Studies, check_lengths, check_rows, read_studies, study_notes
 from synthesis.arrays import Floats
-from synthesis.atlas.scan import Scan, best_rows
+from synthesis.atlas.scan import Scan
 from synthesis.errors import FieldError
 from synthesis.fourbar.kinematics import Family, wrap
 from synthesis.fourbar.limits import Limits, Reach
@@ -74,6 +75,7 @@ from synthesis.free.search import path_screens, search_free
 from synthesis.from_linkage import refine_motion, refine_poses
 from synthesis.guided.search import NOTHING_ROUND
 from synthesis.ranking import APART, FAIR, NEAR, PROPORTION, Status, distinct, spread
+from synthesis.search.atlas_rows import best_rows
 from synthesis.search.search import DEFAULT_TOLERANCE, search
 from synthesis.search.seeds import SeedTables
 from synthesis.target import MAX_LENGTH, MIN_LENGTH, MIN_SPAN, TURN, Samples
@@ -225,7 +227,7 @@ def synthesize(
     tolerance: float = DEFAULT_TOLERANCE,
     budget: float | None = None,
     refine_from: StartingLinkage | None = None,
-    atlas: Atlas | None = None,
+    atlas: Atlas | str | Path | None = None,
     work: Callable[[float | None], Work] = Work,
     start_from: Sequence[StartingLinkage] | None = None,
     mechanisms: Sequence[KindName] | Literal["all"] | None = None,
@@ -261,7 +263,7 @@ def synthesize(
     refine_from : FourBar, Solution or mapping, optional
         Search nowhere, but refine this linkage (or its plain values, as `Solution.to_dict` gives them) from just there: one
         solution, its nearest optimum within the limits, of which nothing says that it is the best there is.
-    atlas : Atlas, optional
+    atlas : Atlas, str or Path, optional
         For effort "atlas"; default: as for `match`.
     work : callable
         Makes what watches over time and cancellation from a budget in seconds.
@@ -321,6 +323,7 @@ def synthesize(
         check_kinds_alone(effort, refine_from, start_from)
     # made once, by whoever asks first: no part of this request's time
     source: SeedTables | Scan | Start
+    atlas = None if atlas is None else as_atlas(atlas)
     source = seed_tables() if effort == "refine" else (atlas := atlas or default_atlas()).scan
     watch = work(budget)
     notes, kept, studies = wanted.notes(), read_limits(limits, wanted), read_studies(asked, wanted)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from linkage_atlas.answers import FINISHING, Features, Match, Matches, MatchReport
 from linkage_atlas.arguments import check_above_zero, check_top, kinds_among
-from linkage_atlas.atlases import MECHANISMS, SLIDER_CRANK, Atlas, default_atlas, default_slider_cranks
+from linkage_atlas.atlases import MECHANISMS, SLIDER_CRANK, Atlas, as_atlas, default_atlas, default_slider_cranks
 from linkage_atlas.linkages import FourBar, GuidedLinkage
 from linkage_atlas.motions import Motion
 from linkage_atlas.notes import counted, sentences
@@ -33,7 +34,7 @@ def match(
     rotation: ArrayLike,
     crank_span: float | None = None,
     *,
-    atlas: Atlas | None = None,
+    atlas: Atlas | str | Path | None = None,
     crank_angle: ArrayLike | None = None,
     curve: Literal["coupler", "rocker"] = "coupler",
     mechanisms: Sequence[str] | Literal["all"] = (MECHANISMS[0],),
@@ -43,19 +44,25 @@ def match(
     budget: float | None = None,
     work: Callable[[float | None], Work] = Work,
 ) -> Matches:
-    """The best rows of an atlas by rotation alone: all types, both branches, every whole degree of start.
+    """Return the best rows of an atlas by rotation: all types, both branches, every whole degree of start.
 
     With several kinds of mechanisms they are the best of all, each in its own atlas.
+
+    The source of the atlas (Sun, Liu, Chu) calls this step *fuzzy recognition*: the types whose Haar detail coefficients
+    differ least from those of the request are recognised, ten by default. Here the difference is computed exactly, as the rms
+    rotation error after the best constant offset. For 2^j even samples that is the Euclidean norm of the difference of the
+    orthonormal details over sqrt(2^j) (Parseval); unlike the details it is also defined for other numbers of samples, uneven
+    ones, and weights.
 
     Parameters
     ----------
     rotation : array_like, shape (N,)
     crank_span, crank_angle, degrees
         As for `synthesize`.
-    atlas : Atlas, optional
-        Default: that of ``atlas.h5`` in this folder, or else the default one in the user's cache folder, which is built there
-        when it is first needed (some seconds). One of slider-cranks is made beside it when they are first asked for (two
-        seconds); an atlas of slider-cranks answers for them alone.
+    atlas : Atlas, str or Path, optional
+        An atlas, or the path of its file. Default: ``atlas.h5`` in this folder, or else the default atlas in the user's cache
+        folder, which is built there when it is first needed (some seconds). Slider-cranks have an atlas of their own, computed in
+        memory when first needed (some seconds); an atlas of slider-cranks only answers for them.
     curve : {"coupler", "rocker"}
         Which link is to turn like this. The first match of rockers prepares the atlas for them, some seconds.
     mechanisms : sequence of {"four_bar", "slider_crank"}, or "all"
@@ -87,6 +94,7 @@ def match(
         raise FieldError("/curve", "a slider-crank has no rocker: ask for mechanisms ['four_bar']")
     if crank_span is None and crank_angle is None:
         raise FieldError("/crank_span", HOW_TURNED)
+    atlas = None if atlas is None else as_atlas(atlas)
     atlases = [_atlas_of(kind, atlas) for kind in kinds]
     scans = [one.scan if curve == "coupler" else one.rocker_scan for one in atlases]
     watch = work(budget)

@@ -32,9 +32,10 @@ from xdist.scheduler import LoadFileScheduling
 from app.main import create_app
 from app.settings import Settings
 from data_build.batch import build_atlas, local_executor
-from synthesis.atlas.file import encode_atlas, generator_versions
-from synthesis.atlas.table import Atlas, AtlasRule, compute_rows
-from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_types
+from synthesis.atlas import tree_kernel
+from synthesis.atlas.file import encode_atlas
+from synthesis.atlas.table import AtlasRule, compute_features, compute_series
+from synthesis.fourbar.dimension_types import OrderRule, TypeRule
 from tests.oracles.kernel import LIBRARY, SOURCE, compiled_from
 
 if (
@@ -72,8 +73,10 @@ def until(condition: Callable[[], Any]) -> Any:
 
 def pytest_configure(config: pytest.Config) -> None:
     """What is tested is what can be read; what all processes of the tests would compile each for itself is compiled before."""
-    if not compiled_from(SOURCE, LIBRARY):
-        raise pytest.UsageError(f"{SOURCE} is not what is compiled: python setup.py build_ext --inplace --force")
+    tree = Path(tree_kernel.__file__)
+    for source, library in ((SOURCE, LIBRARY), (tree.with_name("tree_kernel.py"), tree)):
+        if not compiled_from(source, library):
+            raise pytest.UsageError(f"{source} is not what is compiled: python setup.py build_ext --inplace --force")
     if getattr(config.option, "numprocesses", None) and not sys.dont_write_bytecode:
         halves = [multiprocessing.get_context("fork").Process(target=compile_tests, args=(config, k)) for k in (0, 1)]
         for half in halves:
@@ -177,11 +180,10 @@ def started(folder: Path, *command: str, **settings: Any) -> Iterator[tuple[subp
         assert process.wait(PATIENCE) == 0
 
 
-def make_atlas(rule: AtlasRule) -> Atlas:
-    """An atlas in memory, without the batch."""
-    lengths = enumerate_types(rule.types)
-    rows = compute_rows(lengths, rule.samples)
-    return Atlas(rule=rule, lengths=lengths.astype("<u2"), generator=generator_versions(), **rows._asdict())
+def atlas_bytes(rule: AtlasRule) -> bytes:
+    """Return the file of an atlas, made without the batch."""
+    lengths, mechanism = rule.lengths(), rule.kind.mechanism
+    return encode_atlas(rule, compute_features(lengths, rule.samples, mechanism), compute_series(lengths, mechanism))
 
 
 @pytest.fixture(scope="session")
@@ -199,15 +201,9 @@ def atlas_path(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path
 
 
 @pytest.fixture(scope="session")
-def small_atlas() -> Atlas:
-    """Crank-rockers and double-cranks of perimeter 60, 32 samples."""
-    return make_atlas(AtlasRule(TypeRule(60, 2, OrderRule.FULL_CRANK), 32))
-
-
-@pytest.fixture(scope="session")
-def small_bytes(small_atlas: Atlas) -> bytes:
-    """The file of `small_atlas`."""
-    return encode_atlas(small_atlas)
+def small_bytes() -> bytes:
+    """Return the file of an atlas of crank-rockers and double-cranks of perimeter 60, 32 samples."""
+    return atlas_bytes(AtlasRule(TypeRule(60, 2, OrderRule.FULL_CRANK), 32))
 
 
 @pytest.fixture(scope="session")

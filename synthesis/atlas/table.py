@@ -1,16 +1,17 @@
-"""Curves of many types of one mechanism as Haar features: how they are computed, and what an atlas holds of them."""
+"""Dimension types of a rule with the Haar features and the Fourier series of their rotation curves."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from synthesis.arrays import Floats
 from synthesis.atlas import haar
 from synthesis.errors import FieldError
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule, count_types, enumerate_types
@@ -19,42 +20,34 @@ from synthesis.mechanism import Turning
 from synthesis.slider import SLIDER_CRANK_TYPES, SliderTypeRule, count_slider_types, enumerate_slider_types
 from synthesis.target import TURN
 
-SCHEMA = 1
+SCHEMA = 2
+"""Number of the layout of an atlas file."""
 MIN_SAMPLES, MAX_SAMPLES = 16, 4096
-COLUMNS = {"lengths": "<u2", "average": "<f8", "details": "<f4", "winding": "|i1", "curve_error": "<f4"}
-"""Arrays of an atlas with their stored types."""
+FEATURES = {"lengths": "<u2", "average": "<f8", "details": "<f4", "winding": "|i1"}
+"""Arrays with a row for each type, and their stored data types."""
 UNITS = {
     "lengths": "whole numbers L1 crank, L2 coupler, L3 rocker, L4 ground; type number n is row n - 1",
     "average": "radians: Haar average of the periodic part of the coupler angle over one turn of the crank",
     "details": "radians: Haar details, (mean of first half - mean of second half) / 2 of each block, coarse to fine: "
     "level n, block l (from 0) is column 2^n - 1 + l",
     "winding": "turns of the coupler in one turn of the crank; coupler angle = winding * crank angle + periodic part",
-    "curve_error": "radians: bound of the error, at any crank angle, of the stored curve's band-limited interpolation "
-    "(all harmonics below samples / 2)",
 }
-CURVE = (
-    "coupler angle theta2 (measured from the ground line A->B, branch +1: C left of D->B) at crank angles "
-    "2 pi k / samples, k = 0 .. samples - 1, the end not repeated; branch -1: theta2(x) = -theta2_plus(-x)"
-)
 
 
 class AtlasKind(NamedTuple):
-    """A kind of mechanism that an atlas may be of."""
+    """Kind of mechanism that an atlas can hold.
+
+    ``own``: fields of its rule. ``columns``: number of lengths of a type. ``lengths`` and ``curve`` describe the arrays in words.
+    """
 
     mechanism: Turning
     rule: Callable[..., TypeRule | SliderTypeRule]
-    """Its rule of types, from what `own` names."""
     own: tuple[str, ...]
-    """What the rule says, as it is written to the file."""
     count: Callable[[Any], int]
     enumerate: Callable[..., NDArray[np.int32]]
-    """``enumerate(rule, begin, end) -> lengths``"""
     columns: int
-    """Lengths of a type."""
     lengths: str
-    """What they are, in words,"""
     curve: str
-    """and what is sampled."""
 
 
 KINDS = {
@@ -66,7 +59,8 @@ KINDS = {
         enumerate_types,
         4,
         UNITS["lengths"],
-        CURVE,
+        "coupler angle theta2 (measured from the ground line A->B, branch +1: C left of D->B) at crank angles "
+        "2 pi k / samples, k = 0 .. samples - 1, the end not repeated; branch -1: theta2(x) = -theta2_plus(-x)",
     ),
     "slider_crank": AtlasKind(
         SLIDER_CRANK_TYPES,
@@ -81,122 +75,102 @@ KINDS = {
         "theta2(x) = -theta2_plus(-x)",
     ),
 }
-"""Kinds of atlases by their names."""
+"""Kinds of atlases by name."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Types:
-    """Dimension types of a mechanism, whose crank turns fully: what a scan tells its windows by.
-
-    ``lengths`` (T, d). ``winding`` (T,): turns of the body in one turn of the crank.
-    """
-
-    mechanism: Turning = FOURBAR
-    lengths: NDArray[Any]
-    winding: NDArray[np.int8]
-
-    def __len__(self) -> int:
-        return len(self.lengths)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Table(Types):
-    """Types with the rotation of their body over a whole turn of the crank.
-
-    ``average`` (T,). ``details`` (T, samples - 1): of the periodic part of the rotation, in the *mean* normalisation of
-    `haar`. ``curve_error`` (T,): bound of the error of the stored curve, see `compute_rows`.
-    """
-
-    average: NDArray[np.float64]
-    details: NDArray[np.float32]
-    curve_error: NDArray[np.float32]
-
-    @property
-    def samples(self) -> int:
-        """Samples of a curve."""
-        return self.details.shape[1] + 1
-
-    def curves(self, rows: Any = slice(None)) -> NDArray[np.float64]:
-        """Periodic part of theta2 of some rows, shape (rows, samples): the inverse transform of what is stored."""
-        return haar.curve_from_features(self.average[rows], self.details[rows])
-
-
-def make_table(mechanism: Turning, lengths: NDArray[Any], samples: int) -> Table:
-    """The table of a mechanism's types, (T, d); ``samples`` is a power of two."""
-    return Table(mechanism=mechanism, lengths=lengths, **compute_rows(lengths, samples, mechanism)._asdict())
-
+# -- curves of types -----------------------------------------------------------------------------------------------------
 
 BLOCK = 256
-"""Linkages worked on at a time: their samples fit a core's cache, which is twice as fast as all at once."""
-BETWEEN = 1.5
-"""Error anywhere over error at the samples and midway: sqrt(2) for a trigonometric polynomial of these harmonics (Ehlich and
-Zeller, 1964: 1 / cos(pi n / M) for degree n at M points), and a little for what the samples do not resolve."""
+"""Number of types computed at a time: their samples fit into the cache of a processor core."""
+HARMONICS = 31
+"""Harmonics of a series."""
+COLUMNS = 2 + 2 * HARMONICS
+"""Columns of a series: winding, an unused column, then cosine and sine of each harmonic."""
+_GRIDS = (128, 512, 2048)
+"""Samples over the turn from which a series is computed: the first grid that resolves the curve."""
+_RESOLVED = 1e-10
+"""Largest sum of the amplitudes in the highest quarter of the spectrum of a resolved curve, in radians."""
 
 
-class AtlasRows(NamedTuple):
-    """Columns of a table for some types; see `Table`."""
+class Features(NamedTuple):
+    """Haar features of types: ``average`` (T,), ``details`` (T, samples - 1) and ``winding`` (T,), see `UNITS`."""
 
     average: NDArray[np.float64]
     details: NDArray[np.float32]
     winding: NDArray[np.int8]
-    curve_error: NDArray[np.float32]
 
 
-def compute_rows(lengths: ArrayLike, samples: int, mechanism: Turning = FOURBAR) -> AtlasRows:
-    """What the atlas stores of each type.
+class Series(NamedTuple):
+    """Fourier series of body angles.
 
-    ``lengths`` (T, d): types whose crank turns fully. ``samples``: power of two.
-
-    Law: the rows of a part are the part of the rows, bit for bit, if parts begin at multiples of `BLOCK`.
+    ``coefficients`` (T, COLUMNS): theta2(x) = c0 x + sum over h of c[2h] cos hx + c[2h + 1] sin hx, up to a constant. ``errors``
+    (T, 2): bounds, at any crank angle, of what the series leaves out of theta2 and of its derivative.
     """
-    lengths = np.atleast_2d(np.asarray(lengths, dtype=float))
-    blocks = [
-        _compute_block(mechanism, lengths[k : k + BLOCK], samples) for k in range(0, max(len(lengths), 1), BLOCK)
-    ]
-    return AtlasRows(*(np.concatenate(columns) for columns in zip(*blocks)))
+
+    coefficients: Floats
+    errors: Floats
 
 
-def _compute_block(mechanism: Turning, lengths: NDArray[np.float64], samples: int) -> AtlasRows:
-    step = TURN / samples
-    crank = np.arange(samples) * step
+def _periodic(mechanism: Turning, lengths: Floats, samples: int) -> tuple[Floats, NDArray[np.int8]]:
+    """Return the periodic part of theta2 at even samples over the turn, and the winding."""
+    crank = np.arange(samples, dtype=float) * (TURN / samples)
     winding: NDArray[Any] = mechanism.winding(lengths).astype(np.int8)
-
-    def periodic(angle: NDArray[Any]) -> NDArray[np.float64]:
-        return mechanism.body_angle(lengths, np.ones(len(lengths)), angle) - winding[:, None] * angle
-
-    curve = periodic(crank)
-    average, details = haar.features(curve)
-    stored = details.astype("<f4")
-    read_back = haar.curve_from_features(average, stored)
-    at, midway = interpolate(read_back)
-    error = np.maximum(np.abs(at - curve), np.abs(midway - periodic(crank + step / 2))).max(axis=-1)
-    return AtlasRows(average, stored, winding, np.nextafter((BETWEEN * error).astype("<f4"), np.float32(np.inf)))
+    return mechanism.body_angle(lengths, np.ones(len(lengths)), crank) - winding[:, None] * crank, winding
 
 
-def interpolate(curve: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Band-limited interpolation of periodic samples, at each and midway to its next, both shaped as ``curve``.
+def _in_blocks(lengths: ArrayLike, compute: Callable[[Floats], tuple[Any, ...]]) -> list[NDArray[Any]]:
+    lengths = np.atleast_2d(np.asarray(lengths, dtype=float))
+    blocks = [compute(lengths[k : k + BLOCK]) for k in range(0, max(len(lengths), 1), BLOCK)]
+    return [np.concatenate(columns) for columns in zip(*blocks)]
 
-    It is the trigonometric polynomial of all harmonics below the highest, whose phase the samples do not tell; so it does
-    not pass through them.
+
+def compute_features(lengths: ArrayLike, samples: int, mechanism: Turning = FOURBAR) -> Features:
+    """Compute the Haar features of types (T, d) whose crank turns fully.
+
+    Law: the features of a part are that part of the features, bit for bit, if parts begin at multiples of `BLOCK`.
     """
-    samples = curve.shape[-1]
-    spectrum = np.fft.rfft(curve, axis=-1)
-    spectrum[..., -1] = 0
-    shift = np.exp(1j * np.pi / samples * np.arange(samples // 2 + 1))
-    return np.fft.irfft(spectrum, samples, axis=-1), np.fft.irfft(spectrum * shift, samples, axis=-1)
+
+    def compute(block: Floats) -> tuple[Any, ...]:
+        curve, winding = _periodic(mechanism, block, samples)
+        average, details = haar.features(curve)
+        return average, details.astype("<f4"), winding
+
+    return Features(*_in_blocks(lengths, compute))
 
 
-# -- an atlas ----------------------------------------------------------------------------------------------------------
+def compute_series(lengths: ArrayLike, mechanism: Turning = FOURBAR) -> Series:
+    """Compute the series of types (T, d) whose crank turns fully, from the lengths."""
 
-Parts = Callable[[str], Iterable[NDArray[Any]]]
-"""``parts(name)``: a column of `COLUMNS` in parts, one behind the other."""
+    def compute(block: Floats) -> tuple[Any, ...]:
+        coefficients, errors = np.zeros((len(block), COLUMNS)), np.zeros((len(block), 2))
+        left = np.arange(len(block))
+        for samples in _GRIDS:
+            curve, coefficients[left, 0] = _periodic(mechanism, block[left], samples)
+            spectrum = 2 * np.fft.rfft(curve, axis=1) / samples
+            size, harmonic = np.abs(spectrum), np.arange(spectrum.shape[1])
+            own = np.conj(spectrum[:, 1 : HARMONICS + 1])
+            coefficients[left, 2:] = np.ascontiguousarray(own).view(float)
+            # aliases, and harmonics beyond the spectrum, together count at most twice the highest quarter of the spectrum
+            tail = size[:, 3 * samples // 8 :].sum(axis=1)
+            beyond, order = size[:, HARMONICS + 1 :], harmonic[HARMONICS + 1 :]
+            errors[left, 0] = beyond.sum(axis=1) + 2 * tail + 1e-14
+            errors[left, 1] = beyond @ order + 2 * samples * tail + 1e-13
+            left = left[tail > _RESOLVED]
+            if not left.size:
+                break
+        return coefficients, errors
+
+    return Series(*_in_blocks(lengths, compute))
+
+
+# -- an atlas ------------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class AtlasRule:
-    """What an atlas holds: its dimension types and the samples of each curve.
+    """Contents of an atlas: the rule of its dimension types, and the number of samples of a curve over the whole turn.
 
-    ``samples``: samples of a curve over the whole turn; a power of two from 16 to 4,096.
+    ``samples``: a power of two from 16 to 4,096.
     """
 
     types: TypeRule | SliderTypeRule = field(default_factory=TypeRule)
@@ -211,7 +185,7 @@ class AtlasRule:
 
     @classmethod
     def from_json(cls, values: Any) -> AtlasRule:
-        """The rule of such values. Raises ValueError, KeyError or TypeError where they are none."""
+        """Read a rule from plain JSON values. Raises ValueError, KeyError or TypeError if they describe none."""
         kind = KINDS[values.get("kind", TypeRule.kind)]
         own = {name: OrderRule(values[name]) if name == "order" else int(values[name]) for name in kind.own}
         return cls(kind.rule(**own), int(values["samples"]))
@@ -225,104 +199,49 @@ class AtlasRule:
         order: str | None = None,
         samples: int | None = None,
     ) -> AtlasRule:
-        """The rule of a kind, with its own defaults where nothing is given.
-
-        Raises `FieldError`.
-        """
+        """Make the rule of a kind, with its own defaults for arguments that are None. Raises `FieldError`."""
         if kind not in KINDS:
-            raise FieldError("/kind", f"wanted one of {', '.join(KINDS)}, found {kind!r}")
+            raise FieldError("/kind", f"must be one of {', '.join(KINDS)}, found {kind!r}")
         given = {"perimeter": perimeter, "smallest": smallest, "order": order}
         given = {name: value for name, value in given.items() if value is not None}
         if foreign := given.keys() - set(KINDS[kind].own):
-            raise FieldError(f"/{min(foreign)}", f"belongs to an atlas of four-bars, not of kind {kind}")
-        orders = [one.value for one in OrderRule]
+            raise FieldError(f"/{min(foreign)}", f"belongs to an atlas of four-bars, not to one of kind {kind}")
+        orders = [known.value for known in OrderRule]
         if order is not None and order not in orders:
-            raise FieldError("/order", f"wanted one of {', '.join(orders)}, found {order!r}")
+            raise FieldError("/order", f"must be one of {', '.join(orders)}, found {order!r}")
         types = KINDS[kind].rule(**given)
         return cls(types) if samples is None else cls(types, samples)
 
     @property
     def kind(self) -> AtlasKind:
-        """What its types are of."""
+        """Kind of mechanism."""
         return KINDS[self.types.kind]
 
     @property
     def count(self) -> int:
-        """How many types it has."""
+        """Number of types."""
         return self.kind.count(self.types)
 
     def lengths(self, begin: int = 0, end: int | None = None) -> NDArray[np.int32]:
-        """The types of some rows, as of a slice, (types, d)."""
+        """Return the types of the rows from ``begin`` to ``end``, (types, d)."""
         return self.kind.enumerate(self.types, begin, end)
 
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:
-        """Shape of each column."""
-        types, columns = self.count, self.kind.columns
-        shapes: dict[str, tuple[int, ...]] = {name: (types,) for name in COLUMNS}
-        return shapes | {"lengths": (types, columns), "details": (types, self.samples - 1)}
+        """Shape of each array of `FEATURES`."""
+        shapes: dict[str, tuple[int, ...]] = {name: (self.count,) for name in FEATURES}
+        return shapes | {"lengths": (self.count, self.kind.columns), "details": (self.count, self.samples - 1)}
 
     def as_json(self) -> dict[str, Any]:
-        """The rule as plain JSON values. The kind is told of others than four-bars, whose files were first."""
+        """Return the rule as plain JSON values; ``kind`` is left out for four-bars, as in the first files."""
         kind = {} if self.types.kind == TypeRule.kind else {"kind": self.types.kind}
         own = {name: getattr(self.types, name) for name in self.kind.own}
         return {**kind, **own, "samples": self.samples}
 
 
-@dataclass(frozen=True, kw_only=True)
-class AtlasTypes(Types):
-    """The types of a rule, without their rotations.
-
-    ``generator``: versions of what wrote the atlas. ``known_hash``: its content hash, where that has been computed.
-    """
-
-    rule: AtlasRule
-    generator: dict[str, str]
-    schema: int = SCHEMA
-    known_hash: str | None = None
-
-    @classmethod
-    def from_json(cls, values: dict[str, Any], **columns: Any) -> AtlasTypes:
-        """From plain JSON values, and the arrays."""
-        known = {name: values[name] for name in ("generator", "schema", "known_hash")}
-        rule = AtlasRule.from_json(values["rule"])
-        return cls(rule=rule, mechanism=rule.kind.mechanism, **known, **columns)
-
-    def as_json(self) -> dict[str, Any]:
-        """What there is to know of them beside the arrays, as plain JSON values."""
-        facts = {"generator": self.generator, "schema": self.schema, "known_hash": self.known_hash}
-        return {**facts, "rule": self.rule.as_json()}
-
-
-@dataclass(frozen=True, kw_only=True)
-class Atlas(AtlasTypes, Table):
-    """The table of all types of a rule, arrays read-only: what an atlas file holds."""
-
-    def content_hash(self) -> str:
-        """SHA-256 over the raw little-endian arrays and the rule: the same for equal content, however it is packed."""
-        if self.known_hash is not None:
-            return self.known_hash
-        return content_hash(self.rule, lambda name: [getattr(self, name)])
-
-
-def types_of_rule(rule: AtlasRule) -> AtlasTypes:
-    """The types of a rule alone, which takes no time."""
-    lengths = rule.lengths()
-    winding = rule.kind.mechanism.winding(lengths.astype(float)).astype(np.int8)
-    return AtlasTypes(mechanism=rule.kind.mechanism, rule=rule, generator={}, lengths=lengths, winding=winding)
-
-
-def atlas_of_rule(rule: AtlasRule) -> Atlas:
-    """The atlas of a rule, computed here and now."""
-    lengths, mechanism = rule.lengths(), rule.kind.mechanism
-    rows = compute_rows(lengths, rule.samples, mechanism)._asdict()
-    return Atlas(mechanism=mechanism, rule=rule, generator={}, lengths=lengths, **rows)
-
-
-def content_hash(rule: AtlasRule, parts: Parts) -> str:
-    """The hash of `Atlas.content_hash` from columns in parts. Law: the same however they are divided."""
+def content_hash(rule: AtlasRule, features: dict[str, NDArray[Any]]) -> str:
+    """Compute the SHA-256 of the rule and the arrays of `FEATURES`: equal for equal content, however it is packed."""
     digest = hashlib.sha256(json.dumps(rule.as_json(), sort_keys=True).encode())
-    for name, dtype in COLUMNS.items():
-        for part in parts(name):
-            digest.update(np.ascontiguousarray(part, dtype=dtype).data)
+    for name, dtype in FEATURES.items():
+        digest.update(np.ascontiguousarray(features[name], dtype=dtype).data)
     return digest.hexdigest()

@@ -1,9 +1,8 @@
-"""Windows of a table: a type, a branch and a start, with their errors; and the best of those that a scan has evaluated.
+"""Windows of a table (a type, a branch and a start) with their errors, and the best of those evaluated so far.
 
-Windows are in order of their *place*: error in steps of `TIE`, then number, start and branch. The place that a window has by a
-lower bound of its error is never behind its own, so windows are evaluated in the order of those places, and once the next
-one's is behind the last of the best, none of the others is among them. A thousand or a million windows whose bounds are
-equal are settled that way too, by number, start and branch, with as many evaluations as answers are wanted.
+Windows are ordered by their *place*: the error in steps of `TIE`, then number of the type, start and branch. The place of a
+window by a lower bound of its error is never behind its true place. Windows are therefore evaluated in the order of these
+places, and once the next place is behind the last of the best, no other window belongs to the best.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from synthesis.arrays import Floats, Ints
 TIE = 1e-12
 """Errors (radians, or the objective's unit) that agree to this are ties, broken by number, start, branch."""
 FIRST_BATCH = 64
-"""Windows that are evaluated at once, at first; while the next ones are as good it doubles."""
+"""Number of windows in the first batch that is evaluated; each further batch is twice as large."""
 _TRIED_FIRST = 4
 _ROUNDING = 1e-14
 """Relative rounding of a bound and of an error."""
@@ -34,7 +33,7 @@ class Windows(NamedTuple):
     error: Floats
 
     def take(self, index: NDArray[np.intp]) -> Windows:
-        """The windows at some places."""
+        """Return the windows at some indices."""
         columns: list[Any] = [column[index] for column in self]
         return Windows(*columns)
 
@@ -44,30 +43,19 @@ NO_WINDOWS = Windows(_NOTHING, _NOTHING, _NOTHING, np.empty(0))
 
 
 def joined(parts: list[Windows]) -> Windows:
-    """The windows of all parts, in order."""
+    """Return the windows of all parts, in order."""
     columns: list[Any] = [np.concatenate(column) for column in zip(*parts)]
     return Windows(*columns)
 
 
-def each_once(parts: list[Windows]) -> Windows:
-    """The windows of all parts, each once; the errors of one window may differ in the last bits."""
-    windows = joined(parts)
-    _, first = np.unique(np.stack([windows.row, windows.start, windows.branch]), axis=1, return_index=True)
-    return windows.take(first)
-
-
 def best_of(windows: Windows, top: int) -> Windows:
-    """The best ``top`` of some windows: by error, ties by number, start, branch."""
-    order = np.lexsort((windows.branch < 0, windows.start, windows.row, np.round(windows.error / TIE)))
+    """Return the best ``top`` windows by error, ties by number, start, branch."""
+    order = np.lexsort((windows.branch < 0, windows.start, windows.row, steps_of(windows.error)))
     return windows.take(order[:top])
 
 
 class ScanReport(NamedTuple):
-    """How much a scan looked at, and whether its answer is proved to be the best.
-
-    ``evaluated`` are the windows whose error was computed from the lengths, after a first look at the most promising cells that
-    computes those of 64 or more.
-    """
+    """Number of windows, of those evaluated from the lengths after a first look, and whether the answer is proved the best."""
 
     windows: int
     evaluated: int
@@ -75,27 +63,22 @@ class ScanReport(NamedTuple):
 
 
 class Place(NamedTuple):
-    """A place in the order of windows: error in steps of `TIE`, and rank among those of the same step."""
+    """Place of a window: error in steps of `TIE`, and rank among windows of the same step."""
 
     step: float
     rank: float
-
-    @property
-    def bound(self) -> float:
-        """A number that no lower bound of a window up to this place exceeds."""
-        return (self.step + 1) * TIE * (1 + 2 * _ROUNDING)
 
 
 NOWHERE = Place(np.inf, np.inf)
 
 
 def steps_of(errors: Floats) -> Floats:
-    """Errors in steps of `TIE`."""
+    """Return errors in steps of `TIE`."""
     return np.round(errors / TIE)
 
 
 def lowest_steps(bounds: Floats) -> Floats:
-    """The least step of windows with some lower bounds, whatever the rounding of bound and error was."""
+    """Return the smallest step of windows with some lower bounds, whatever the rounding of bound and error was."""
     return steps_of(np.maximum(bounds * (1 - _ROUNDING) - TIE / 8, 0.0))
 
 
@@ -107,57 +90,47 @@ class Numbering(NamedTuple):
 
     @property
     def per_type(self) -> int:
-        """Windows of a type."""
+        """Number of windows of a type."""
         return self.branches * self.starts
 
     def ids(self, windows: Windows) -> Ints:
-        """Numbers of windows."""
+        """Return the numbers of windows."""
         return (self.branches * windows.row + (windows.branch < 0)) * self.starts + windows.start
 
     def windows(self, ids: Ints) -> Windows:
-        """Windows by number, without errors."""
+        """Return windows by number, with errors of zero."""
         row, column = np.divmod(ids, self.per_type)
         return Windows(row, column % self.starts, np.where(column < self.starts, 1, -1), np.zeros(ids.size))
 
     def ranks(self, ids: Ints) -> Ints:
-        """Rank of windows among windows of the same error: by type, start, branch."""
+        """Return the order of windows by type, start, branch."""
         row, column = np.divmod(ids, self.per_type)
         return (row * self.starts + column % self.starts) * self.branches + column // self.starts
 
     def at_ranks(self, row: Ints, within: Ints) -> Ints:
-        """Numbers of the windows of some types that come at some place among their type's."""
+        """Return the numbers of the windows that come at some index among those of their type."""
         return (self.branches * row + within % self.branches) * self.starts + within // self.branches
 
 
-def lowest(numbering: Numbering, ids: Ints, bounds: Floats, count: int) -> tuple[NDArray[np.intp], Place]:
-    """Which windows have the first ``count`` places by their bounds, and the first place of the others."""
-    if ids.size <= count:
-        return np.arange(ids.size), NOWHERE
-    steps = lowest_steps(bounds)
-    step = np.partition(steps, count)[count]
-    before, at = np.flatnonzero(steps < step), np.flatnonzero(steps == step)
-    ranks, wanted = numbering.ranks(ids[at]), count - before.size
-    order = np.argpartition(ranks, wanted)
-    return np.concatenate([before, at[order[:wanted]]]), Place(float(step), float(ranks[order[wanted]]))
-
-
 class BestWindows:
-    """The best of the windows that have been evaluated so far.
+    """Best of the windows evaluated so far.
 
-    ``windows``: at most ``top``, in order. ``last``: of the last of them; `NOWHERE` while there are fewer than ``top``.
+    ``windows``: at most ``top``, in order. ``last``: place of the last of them; `NOWHERE` if there are fewer than ``top``.
 
     Parameters
     ----------
     top : int
-        How many are wanted.
+        Number of windows wanted.
     exact : callable
         ``exact(windows) -> error``; infinite for windows that are no answer.
     at_once : int
-        Most windows that are evaluated together.
+        Largest number of windows evaluated together.
     expired : callable
-        Asked between evaluations, whether there is time for more.
+        Whether the time is up; called between evaluations.
     enough : float
         Once ``top`` windows have an error of at most this, no better ones are looked for.
+    most : float
+        Largest number of windows evaluated.
     """
 
     def __init__(
@@ -168,26 +141,29 @@ class BestWindows:
         at_once: int,
         expired: Callable[[], bool],
         enough: float = -1.0,
+        most: float = np.inf,
     ) -> None:
         self.windows, self.last, self.evaluated = NO_WINDOWS, NOWHERE, 0
-        self.numbering = numbering
-        self.top, self._exact, self._expired, self._enough = top, exact, expired, enough
-        self.at_once = max(1, at_once)
+        self.numbering, self.top, self.enough, self.most = numbering, top, enough, most
+        self._exact, self._expired, self._at_once = exact, expired, max(1, at_once)
+        self.cut_short = False
 
     @property
     def worst(self) -> float:
-        """Error of the last; infinite while there are fewer than wanted."""
+        """Error of the last window; infinite if there are fewer than wanted."""
         return float(self.windows.error[-1]) if self.windows.row.size == self.top else np.inf
 
     @property
-    def reached(self) -> bool:
-        """Whether all that are wanted are good enough."""
-        return self.worst <= self._enough
+    def stopped(self) -> bool:
+        """True if the scan must stop: the time is up, all windows are good enough, or too many have been evaluated."""
+        if not self.cut_short:
+            self.cut_short = self.worst <= self.enough or self.evaluated >= self.most or self._expired()
+        return self.cut_short
 
     def evaluate(self, ids: Ints, known: Floats | None = None) -> Windows:
-        """Evaluate windows, and keep the best; those that are answers, with their errors.
+        """Evaluate windows and keep the best; return the answers among them with their errors.
 
-        Where errors are ``known``, only whether they are answers is asked: the rounding of an evaluation breaks no tie.
+        If errors are ``known``, only whether the windows are answers is evaluated: its rounding then breaks no tie.
         """
         windows = self.numbering.windows(ids)
         error = self._exact(windows)
@@ -202,30 +178,26 @@ class BestWindows:
         return windows
 
     def consider(self, ids: Ints, bounds: Floats) -> None:
-        """Evaluate all windows that may be among the best by their bounds; none of them again that is among them."""
+        """Evaluate all windows that their bounds allow among the best, except those that are already among them."""
         steps, ranks = lowest_steps(bounds), self.numbering.ranks(ids)
         near = np.flatnonzero((steps < self.last.step) | ((steps == self.last.step) & (ranks < self.last.rank)))
-        if self.windows.row.size:
-            near = near[np.isin(ids[near], self.numbering.ids(self.windows), invert=True)]
+        near = near[np.isin(ids[near], self.numbering.ids(self.windows), invert=True)]
         near = near[np.lexsort((ranks[near], steps[near]))]
-        done, batch = 0, min(self.at_once, max(FIRST_BATCH, 2 * self.top))
-        while done < near.size and Place(steps[near[done]], ranks[near[done]]) < self.last:
-            if self.reached or (self.evaluated and self._expired()):
-                break
+        done, batch = 0, min(self._at_once, max(FIRST_BATCH, 2 * self.top))
+        while done < near.size and Place(steps[near[done]], ranks[near[done]]) < self.last and not self.stopped:
             self.evaluate(ids[near[done : done + batch]])
-            done, batch = done + batch, min(2 * batch, self.at_once)
+            done, batch = done + batch, min(2 * batch, self._at_once)
 
-    def settled_in_order(self, types: int, alike: Floats | None, most: float) -> bool:
-        """Evaluate windows by number, start and branch while each has the least error there can be; whether that is the answer.
+    def settled_in_order(self, types: int, alike: Floats | None) -> bool:
+        """Evaluate windows by number, start and branch while each has the smallest possible error; return whether that suffices.
 
-        Every four-bar meets three positions, and every start of a type the same rotations when the samples lie whole turns
-        of the crank apart.
+        Every four-bar meets three positions, for example, and every start of a type gives the same rotations if the samples lie
+        whole turns of the crank apart.
 
-        ``alike`` (types,): the error of each type, where it is the same for all of its windows. Default: no more is
-        known than that none is below 0. ``most``: windows that are evaluated at most.
+        ``alike`` (types,): the error of each type if it is the same for all of its windows.
         """
         per_type = self.numbering.per_type
-        total = int(min(types * per_type, most))
+        total = int(min(types * per_type, self.most))
         rows = None if alike is None else np.argsort(steps_of(alike), kind="stable")
         done, batch = 0, _TRIED_FIRST
         while done < total:
@@ -233,12 +205,13 @@ class BestWindows:
             row = row if rows is None else rows[row]
             ids, known = self.numbering.at_ranks(row, within), None if alike is None else alike[row]
             step = 0.0 if known is None else float(steps_of(known[0]))
-            if not Place(step, float(self.numbering.ranks(ids[:1])[0])) < self.last or self.reached:
+            if not Place(step, float(self.numbering.ranks(ids[:1])[0])) < self.last:
                 return True
-            if done and self._expired():
-                return known is not None
+            if done and self.stopped:
+                return True
             found = self.evaluate(ids, known)
             if known is None and 2 * np.count_nonzero(steps_of(found.error) == 0) < max(found.row.size, 1):
                 return False
-            done, batch = done + ids.size, min(2 * batch, self.at_once)
-        return alike is not None or done >= types * per_type
+            done, batch = done + ids.size, min(2 * batch, self._at_once)
+        self.cut_short = self.cut_short or done < types * per_type
+        return True

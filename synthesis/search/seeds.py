@@ -19,10 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.arrays import Complexes, Floats, Singles
-from synthesis.atlas.scan import Scan
-from synthesis.atlas.table import make_table
 from synthesis.descents import Pool, Timed
 from synthesis.mechanism import Boxes, Chart, Constraints, Mechanism, Placed
+from synthesis.search.error_table import ErrorTable
 from synthesis.search.problems import GivenProblem, given
 from synthesis.target import TURN, Mean, Target
 
@@ -275,7 +274,7 @@ def thinned(pool: Pool, count: int, cell: float = 0.05) -> Pool:
 class SeedTable(NamedTuple):
     """A coarse table of types, prepared for seeds."""
 
-    scan: Scan
+    errors_of: ErrorTable
     chart: Chart
     """The mechanism's first,"""
     unknowns: Floats
@@ -283,8 +282,8 @@ class SeedTable(NamedTuple):
 
     def errors(self, target: Target) -> tuple[Floats, Floats]:
         """Squared errors (T, branches, starts) where offset or start are given, at a few samples; and the starts."""
-        mechanism, chart = self.scan.mechanism, self.chart
-        starts: Floats = np.linspace(0.0, TURN, self.scan.starts, endpoint=False)
+        mechanism, chart = self.errors_of.mechanism, self.chart
+        starts: Floats = np.linspace(0.0, TURN, self.errors_of.starts, endpoint=False)
         if target.start is not None:
             starts = np.array([target.start % TURN])
         problem = GivenProblem(target.thinned(_GIVEN_SAMPLES), chart)
@@ -301,9 +300,9 @@ class SeedTables:
         self.mechanism = mechanism
         self._windows: dict[str, Windows] = {}
         lengths = mechanism.coarse_types
-        table, chart = make_table(mechanism, lengths, _TABLE_SAMPLES), mechanism.charts("full_crank")[0]
+        chart = mechanism.charts("full_crank")[0]
         self.table = SeedTable(
-            Scan(table, _STARTS, _SERIES_ERROR, _HARMONICS, cells=False),
+            ErrorTable(mechanism, lengths, _STARTS, _TABLE_SAMPLES, _SERIES_ERROR, _HARMONICS),
             chart,
             chart.unknowns(lengths),
         )
@@ -317,17 +316,17 @@ class SeedTables:
     @property
     def nbytes(self) -> int:
         """Memory of the table."""
-        return self.table.scan.nbytes + self.table.unknowns.nbytes
+        return self.table.errors_of.nbytes + self.table.unknowns.nbytes
 
     def best_starts(self, target: Target, family: str) -> Pool:
         """Best start of each type and branch of the table for a target, thinned out over cells of the chart, best first."""
         table = self.table
-        scan, shapes = table.scan, table.unknowns
+        coarse, shapes = table.errors_of, table.unknowns
         if target.start is None and target.offset is None:
-            error, starts = scan.error_table(target), np.arange(scan.starts) * (TURN / scan.starts)
+            error, starts = coarse.squared(target), np.arange(coarse.starts) * (TURN / coarse.starts)
         else:
             error, starts = table.errors(target)
-        error[~self.mechanism.in_family(family, scan.lengths)] = np.inf
+        error[~self.mechanism.in_family(family, coarse.lengths)] = np.inf
         best = error.argmin(axis=2)
         cost = np.take_along_axis(error, best[:, :, None], 2)[:, :, 0]
         chart, parts = self.mechanism.charts(family)[0], []

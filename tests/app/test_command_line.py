@@ -226,18 +226,3 @@ def test_a_port_in_use_is_said(small_path) -> None:
         done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE)
     output = done.stdout + done.stderr
     assert done.returncode != OK and "address already in use" in output and "Traceback" not in output
-
-
-def test_an_index_that_cannot_be_written_is_a_failure_of_its_command_alone(
-    run, small_bytes, request_file, tmp_path, monkeypatch
-) -> None:
-    path = tmp_path / "small.h5"
-    path.write_bytes(small_bytes)
-
-    def full(*_: int) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("os.posix_fallocate", full)
-    assert run("index", "--atlas", path)[0] == 1
-    assert run("match", request_file, "--atlas", path)[0] == OK
-    assert not list(tmp_path.glob("small.h5.index/[!.]*"))

@@ -119,7 +119,7 @@ def test_synthesize_recovers_the_published_linkage(effort, paper) -> None:
 
 def test_atlas_routes_describe_what_is_loaded(paper) -> None:
     atlas = paper.get("/v1/atlas").json()
-    assert (atlas["types"], atlas["schema_version"]) == (101_408, 1)
+    assert (atlas["types"], atlas["schema_version"]) == (101_408, 2)
     assert len(atlas["content_sha256"]) == 64 and atlas["parameters"]["perimeter"] == 400
     one = paper.get("/v1/types/45185").json()
     assert (one["number"], one["lengths"], one["family"]) == (45185, [19, 72, 144, 165], "crank_rocker")

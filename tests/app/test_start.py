@@ -35,9 +35,9 @@ sys.exit(" ".join(name for name in {without} if name in sys.modules) or 0)
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.parametrize("name", ["serve", "index", "synthesize", "study", "example", "lift", "completion"])
+@pytest.mark.parametrize("name", ["serve", "synthesize", "study", "example", "lift", "completion"])
 def test_a_command_that_is_named_alone_takes_what_it_takes_among_all(name, capsys) -> None:
-    texts = {"serve": "--port 7 --workers 3", "index": "--atlas a", "synthesize": "--rank 3 --set top=3"}
+    texts = {"serve": "--port 7 --workers 3", "synthesize": "--rank 3 --set top=3"}
     texts |= {"study": "lines --out replies", "lift": "motion", "completion": "zsh"}
     alone, among = cli.make_parser(named=name), cli.make_parser(whole=True)
     made = [vars(parser.parse_args([name, *texts.get(name, "").split()])) for parser in (alone, among)]

@@ -12,7 +12,7 @@ from typing import Annotated
 import numpy as np
 import pytest
 
-from benchmarks import figures, growth, report
+from benchmarks import engine, figures, report
 
 NAMES = report.names()
 
@@ -75,10 +75,10 @@ def test_a_picture_is_the_same_every_time(tmp_path, monkeypatch) -> None:
     pytest.importorskip("matplotlib")
     for name in ("first", "second"):
         monkeypatch.setattr(figures, "IMAGES", tmp_path / name)
-        growth.draw(report.load("growth"))
+        engine.draw(report.load("engine"))
         with figures.figure("line.png") as (_, (axes,)):
             axes.plot([1, 2], [3, 4])
-    for picture in ("growth.svg", "line.png"):
+    for picture in ("engine.svg", "line.png"):
         first, second = ((tmp_path / name / picture).read_bytes() for name in ("first", "second"))
         assert first == second and b"<dc:date>" not in first
 
@@ -102,10 +102,10 @@ def test_what_is_saved_can_be_loaded_and_bears_its_stamp(tmp_path, monkeypatch) 
 
 def test_a_command_names_no_folder_of_the_machine(monkeypatch) -> None:
     monkeypatch.setattr(
-        "sys.orig_argv", ["/a/bin/python", "-m", "benchmarks.growth", "--atlas", "/some/where/atlas.h5"]
+        "sys.orig_argv", ["/a/bin/python", "-m", "benchmarks.retrieval", "--atlas", "/some/where/atlas.h5"]
     )
     monkeypatch.setenv("OMP_NUM_THREADS", "1")
-    assert report.command() == "OMP_NUM_THREADS=1 python -m benchmarks.growth --atlas atlas.h5"
+    assert report.command() == "OMP_NUM_THREADS=1 python -m benchmarks.retrieval --atlas atlas.h5"
 
 
 def test_a_source_is_told_once() -> None:
@@ -215,10 +215,3 @@ def test_sizes_and_durations_have_units() -> None:
     assert (
         json.dumps([report.finite(value) for value in (1, np.float64(2), np.inf, np.nan)]) == "[1.0, 2.0, null, null]"
     )
-
-
-@pytest.mark.parametrize("exponent", [-1.0, 0.0, 0.45])
-def test_the_slope_of_a_power_is_its_exponent(exponent) -> None:
-    types = [1e3, 2e4, 7e6]
-    assert growth.slope(types, [3 * n**exponent for n in types]) == pytest.approx(exponent, abs=1e-12)
-    assert np.isnan(growth.slope(types[:1], [1.0])) and np.isnan(growth.slope(types[:2], [1.0, None]))

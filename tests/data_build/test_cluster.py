@@ -15,11 +15,13 @@ import numpy as np
 import pytest
 
 import linkage_atlas as la
+from data_build.batch import build_atlas, dask_executor, local_executor
+from synthesis.atlas.table import AtlasRule
+from synthesis.fourbar.dimension_types import TypeRule
 from tests.app.test_study import study
 from tests.conftest import PATIENCE
 
 ROOT = Path(__file__).parents[2]
-BUILD = ["build", "--perimeter", "260", "--samples", "64"]
 REQUESTS = 24
 
 
@@ -58,12 +60,24 @@ def lose_a_worker(cluster: Any, process: subprocess.Popen[str], after: Path, siz
 
 
 def test_a_build_that_loses_a_worker_gives_the_same_bytes(cluster, tmp_path) -> None:
-    la.build_atlas(tmp_path / "alone.h5", 260, samples=64, jobs=1)
-    folder = tmp_path / "beside"
-    folder.mkdir()
-    process = command(*BUILD, "--scheduler", cluster.scheduler_address, "--out", folder / "atlas.h5")
-    lose_a_worker(cluster, process, folder, 1 << 18)
-    assert (folder / "atlas.h5").read_bytes() == (tmp_path / "alone.h5").read_bytes()
+    rule = AtlasRule(TypeRule(260), 64)
+    with local_executor(1) as executor:
+        build_atlas(rule, tmp_path / "alone.h5", executor)
+    lost: list[int] = []
+
+    def lose_one(done: int, total: int) -> None:
+        if done < total and not lost:
+            lost.append(next(iter(cluster.workers.values())).process.pid)
+            os.kill(lost[0], signal.SIGKILL)
+
+    with dask_executor(cluster.scheduler_address) as executor:
+        build_atlas(rule, tmp_path / "cluster.h5", executor, lose_one)
+    assert lost and (tmp_path / "cluster.h5").read_bytes() == (tmp_path / "alone.h5").read_bytes()
+    process = command(
+        "build", "--perimeter", 60, "--scheduler", cluster.scheduler_address, "--out", tmp_path / "small.h5"
+    )
+    output, _ = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 0 and len(la.load_atlas(tmp_path / "small.h5")) == 192, output
 
 
 def test_a_study_that_loses_a_worker_gives_the_same_bytes(cluster, tmp_path) -> None:

@@ -25,8 +25,10 @@ class Clock:
 
 
 @pytest.fixture(scope="module")
-def atlas(small_atlas) -> la.Atlas:
-    return la.Atlas(small_atlas)
+def atlas(small_bytes, tmp_path_factory) -> la.Atlas:
+    path = tmp_path_factory.mktemp("budgets") / "small.h5"
+    path.write_bytes(small_bytes)
+    return la.load_atlas(path)
 
 
 def test_a_match_that_is_cut_short_says_so(atlas) -> None:

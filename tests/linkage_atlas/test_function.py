@@ -173,7 +173,7 @@ def test_rocker_matches_are_the_best_of_all_windows(rocker_atlas: la.Atlas, seed
     samples, span = int(random.integers(3, 12)), random.uniform(30, 360) * random.choice([-1, 1])
     wanted = random.uniform(-40, 40, samples).cumsum()
     matches = la.match(wanted, span, atlas=rocker_atlas, curve="rocker", top=4).matches
-    lengths, t = rocker_atlas.stored.lengths.astype(float), np.deg2rad(np.linspace(0, span, samples))
+    lengths, t = rocker_atlas.lengths.astype(float), np.deg2rad(np.linspace(0, span, samples))
     errors = []
     for branch in (1, -1):
         crank = np.deg2rad(np.arange(360))[:, None] + t

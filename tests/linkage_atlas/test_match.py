@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 import linkage_atlas as la
-from synthesis.atlas.index import check_index
-from tests.conftest import some_of
+from linkage_atlas.atlases import as_atlas
 from tests.oracles.slider_crank import body_angle
 
 KINDS = ["four_bar", "slider_crank"]
@@ -16,10 +15,7 @@ KINDS = ["four_bar", "slider_crank"]
 
 @pytest.fixture(scope="module")
 def four_bars(tmp_path_factory: pytest.TempPathFactory) -> la.Atlas:
-    """A small atlas with an index, beside which that of slider-cranks is made."""
-    path = tmp_path_factory.mktemp("match") / "atlas.h5"
-    la.build_atlas(path, 80, samples=64, jobs=1)
-    return la.load_atlas(path, index=path.with_name("atlas.h5.index"))
+    return la.build_atlas(tmp_path_factory.mktemp("match") / "atlas.h5", 80, samples=64, jobs=1)
 
 
 @pytest.fixture(scope="module")
@@ -65,23 +61,32 @@ def test_the_rows_of_both_kinds_are_the_best_of_all(four_bars: la.Atlas) -> None
     assert {one.kind for one in la.match(wanted, 120, atlas=four_bars, top=6)} == {"four_bar"}
 
 
-@pytest.mark.parametrize("part", some_of(["slider_cranks", "short_spans"], 1))
-def test_the_atlas_of_slider_cranks_beside_another_is_kept_in_its_index(part: str, four_bars: la.Atlas) -> None:
+def test_an_atlas_is_named_by_its_path_and_opened_once(four_bars: la.Atlas) -> None:
+    path = four_bars._path
+    wanted = rod([100, 500, 40], 20)
+    expected = la.match(wanted, 120, atlas=four_bars).to_dict()["matches"]
+    for named in (path, str(path)):
+        assert la.match(wanted, 120, atlas=named).to_dict()["matches"] == expected
+    assert as_atlas(str(path)) is as_atlas(path) and as_atlas(four_bars) is four_bars
+    position = np.exp(1j * np.deg2rad(np.linspace(0, 120, 13))) + 2 * np.exp(1j * np.deg2rad(wanted))
+    rows = [
+        la.synthesize(wanted, position, crank_span=120, effort="atlas", atlas=a, top=2) for a in (path, four_bars)
+    ]
+    assert rows[0].to_dict()["solutions"] == rows[1].to_dict()["solutions"] and len(rows[0].solutions) == 2
+    with pytest.raises(la.AtlasError, match="no atlas file"):
+        la.match(wanted, 120, atlas="no such atlas.h5")
+    with pytest.raises(la.FieldError) as error:
+        la.match(wanted, 120, atlas=3)  # type: ignore[arg-type]
+    assert error.value.field == "/atlas"
+
+
+def test_an_atlas_of_slider_cranks_is_computed_beside_another(four_bars: la.Atlas) -> None:
     beside = four_bars.of("slider_crank")
     assert beside is four_bars.slider_cranks and len(beside) == 50_721 and beside.kind == "slider_crank"
-    folder = four_bars._source.path.with_name("atlas.h5.index")
-    (beside if part == "short_spans" else four_bars).make(part)
-    kept = "slider_crank_short_spans" if part == "short_spans" else "slider_crank_cells"
-    assert kept in {one.name for one in folder.iterdir()}
-    check_index(folder)
-    again = la.load_atlas(four_bars._source.path, index=folder)
-    assert again.has("slider_cranks")
-    wanted = rod([100, 500, 40], 20, span=40)
-    found, other = (la.match(wanted, 40, atlas=one, mechanisms=["slider_crank"]) for one in (four_bars, again))
-    assert found.to_dict()["matches"] == other.to_dict()["matches"]
+    found = la.match(rod([100, 500, 40], 20, span=40), 40, atlas=four_bars, mechanisms=["slider_crank"])
     assert found[0].type.lengths == [100, 500, 40]
-    told = {"kind": "slider_crank", "lengths": [100, 500, 40], "family": None, "winding": 0}
-    assert beside.details_of(found[0].type.number).items() >= told.items()
+    facts = {"kind": "slider_crank", "lengths": [100, 500, 40], "family": None, "winding": 0}
+    assert beside.details_of(found[0].type.number).items() >= facts.items()
 
 
 WRONG = [({"mechanisms": kinds}, "/mechanisms") for kinds in ([], "every", ["four_bar"])]

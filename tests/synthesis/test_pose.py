@@ -8,14 +8,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from linkage_atlas.atlases import open_atlas
-from synthesis.atlas.scan import Scan, best_rows
+import linkage_atlas as la
+from synthesis.atlas.scan import Scan
 from synthesis.fourbar.kinematics import coupler_angle, wrap
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.fourbar.solution import mounted
 from synthesis.pose import DEGENERATE, fit_positions, objective
+from synthesis.search.atlas_rows import best_rows
 from synthesis.target import Target, make_target
 from tests.oracles import naive
 from tests.oracles.conditions import position_condition
@@ -148,7 +149,7 @@ def test_a_body_that_turns_with_the_crank_has_no_coupler_vector() -> None:
 @pytest.fixture(scope="module")
 def default_scan(atlas_path) -> Scan:
     """Open the scan of the atlas that the tests of the service build or use."""
-    return open_atlas(atlas_path).scan
+    return la.load_atlas(atlas_path).scan
 
 
 @pytest.mark.parametrize(("scale", "offset"), [(1.0, 0.0), (1e-9, 2e7)], ids=["as_is", "small_and_far"])

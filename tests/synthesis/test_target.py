@@ -9,8 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from synthesis.atlas.scan import Scan
+from synthesis.atlas.table import AtlasRule
+from synthesis.fourbar.dimension_types import OrderRule, TypeRule
 from synthesis.fourbar.kinematics import coupler_angle
-from synthesis.fourbar.mechanism import FullCrankChart
+from synthesis.fourbar.mechanism import FOURBAR, FullCrankChart
 from synthesis.pose import objective
 from synthesis.search import problems
 from synthesis.search.problems import GivenProblem
@@ -56,8 +58,8 @@ def with_gaps(weights: list[float], replacements: list[float]) -> tuple[Target, 
 
 
 @pytest.fixture(scope="module")
-def scan(small_atlas) -> Scan:
-    return Scan(small_atlas)
+def scan() -> Scan:
+    return Scan(FOURBAR, AtlasRule(TypeRule(60, 2, OrderRule.FULL_CRANK)).lengths())
 
 
 @LAW

@@ -1,11 +1,14 @@
 """The published digits: `tests/reference`."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import linkage_atlas as la
 from synthesis.atlas import haar
 from synthesis.fourbar.dimension_types import TypeRule, count_types, enumerate_types
 from synthesis.fourbar.kinematics import coupler_angle
@@ -38,3 +41,24 @@ def test_table_2_is_met_to_the_last_place() -> None:
         assert average == pytest.approx(table["average"][name], abs=HALF_OF_LAST_PLACE)
         assert details[: len(table["details"])] == pytest.approx(table["details"], abs=HALF_OF_LAST_PLACE)
     assert np.angle(line * np.exp(-1j * coupler)) == pytest.approx(table["K"], abs=HALF_OF_LAST_PLACE)
+
+
+def test_the_example_script_recognises_the_published_type_from_the_file(atlas_path) -> None:
+    """The script uses only h5py and pywt; `la.match` finds the same type at the same start."""
+    script = Path(__file__).parents[3] / "docs" / "examples" / "atlas_and_wavelets.py"
+    told = subprocess.run([sys.executable, script, atlas_path], capture_output=True, text=True, check=True).stdout
+    first, _, *recognised = told.splitlines()
+    digits = [float(word) for word in first.partition("details")[2].split()]
+    assert digits == PRINTED["table_2"]["details"] and "1.0388" in first
+    assert len(recognised) == 10 and "45185  [ 19  72 144 165]" in recognised[0]
+    crank = np.deg2rad(np.linspace(30, 100, 16))
+    curve = coupler_angle(PRINTED["numbered"]["lengths"], 1, crank)
+    best = la.match(curve, np.deg2rad(70), atlas=atlas_path, degrees=False).matches
+    assert len(best) == 10 and (best[0].type.number, best[0].branch) == (45_185, 1)
+    assert best[0].start_angle == pytest.approx(np.deg2rad(30))
+    # by Parseval the rms error is the distance of the orthonormal details
+    weights = haar.block_roots(16) / 4
+    for match in best:
+        own = coupler_angle(match.type.lengths, match.branch, match.start_angle + crank - crank[0])
+        gap = np.linalg.norm(weights * (haar.features(own)[1] - haar.features(curve)[1]))
+        assert gap == pytest.approx(match.similarity, abs=1e-12)

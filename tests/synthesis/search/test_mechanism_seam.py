@@ -6,9 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from synthesis.atlas import window_index
 from synthesis.atlas.scan import Scan
-from synthesis.atlas.table import make_table
 from synthesis.atlas.windows import Windows, best_of, joined
 from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.guided.by_crank import BY_CRANK, linkages_by_crank
@@ -145,23 +143,6 @@ def every_window(mechanism: Mechanism, lengths: np.ndarray, target: Target) -> W
     return joined(found)
 
 
-@pytest.fixture
-def always_by_the_index(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """Short spans are answered by the index, however many windows are left: for so few types the cells do better."""
-    for name in ("MOST_LEAVES", "LARGEST_LIMIT", "MOST_WINDOWS", "MOST_PLACED"):
-        monkeypatch.setattr(window_index, name, np.inf)
-    answered: list[int] = []
-    ask = window_index.WindowSearch.candidates
-
-    def counted(*arguments: Any) -> Any:
-        near = ask(*arguments)
-        answered.append(near is not None)
-        return near
-
-    monkeypatch.setattr(window_index.WindowSearch, "candidates", counted)
-    return answered
-
-
 MECHANISMS = [*BY_CRANK.values(), SLIDER_CRANK_TYPES]
 
 
@@ -171,9 +152,9 @@ SPANS = (20.0, 75.0, 360.0)
 @pytest.mark.parametrize(
     ("mechanism", "span"), some_of([(MECHANISMS[(k + turn) % 3], SPANS[k]) for turn in range(3) for k in range(3)], 3)
 )
-def test_the_scan_finds_the_best_windows_of_all_branches_that_there_are(mechanism, span, always_by_the_index) -> None:
+def test_the_scan_finds_the_best_windows_of_all_branches_that_there_are(mechanism, span) -> None:
     lengths = tables(mechanism.guide)
-    scan = Scan(make_table(mechanism, lengths, 64))
+    scan = Scan(mechanism, lengths)
     assert scan.windows == len(lengths) * STARTS * len(mechanism.branches)
     crank = np.deg2rad(np.linspace(0, span, 13))
     # nearly what a second branch would do
@@ -181,17 +162,12 @@ def test_the_scan_finds_the_best_windows_of_all_branches_that_there_are(mechanis
     position = np.array([1, 0.3, -0.8]) @ [np.ones(13), np.exp(1j * crank), np.exp(1j * wanted)]
     asked = (wanted, None), (None, position), (wanted, position), (np.zeros(13), None)
     targets = [make_target(*one, crank_angle=crank) for one in asked]
-    every = [every_window(mechanism, lengths, target) for target in targets]
-    for by_index in (False, True):
-        if by_index:
-            scan.prepare_short_spans(Work())
-        for target, windows in zip(targets, every):
-            for top in (1, 50, 3000):
-                found, report = scan.best(target, top)
-                best = best_of(windows, top)
-                assert report.exhaustive
-                np.testing.assert_allclose(found.error, best.error, rtol=1e-9, atol=1e-12)
-                for column, wished in zip(found[:3], best[:3]):
-                    np.testing.assert_array_equal(column, wished)
-    assert any(always_by_the_index) == (span < 100)
-    assert scan.error_table(targets[0]).shape == (len(lengths), len(mechanism.branches), STARTS)
+    for target in targets:
+        windows = every_window(mechanism, lengths, target)
+        for top in (1, 50, 3000):
+            found, report = scan.best(target, top)
+            best = best_of(windows, top)
+            assert report.exhaustive
+            np.testing.assert_allclose(found.error, best.error, rtol=1e-9, atol=1e-12)
+            for column, wished in zip(found[:3], best[:3]):
+                np.testing.assert_array_equal(column, wished)
