@@ -32,9 +32,9 @@ class PositionRequest:
     def __init__(self, target: Target, branches: int) -> None:
         mean, crank = target.position_mean, target.crank
         fixed = fixed_columns(target)
-        self.size = float(np.sqrt(mean(np.abs(fixed.rest) ** 2)))
-        found: list[Complexes] = [fixed.one, fixed.turned]
-        candidates = [fixed.rest, np.exp(-1j * crank), np.exp(2j * crank)]
+        self.size = float(np.sqrt(mean(np.abs(fixed.remainder) ** 2)))
+        found: list[Complexes] = [fixed.constant, fixed.crank]
+        candidates = [fixed.remainder, np.exp(-1j * crank), np.exp(2j * crank)]
         for column in candidates:
             rest = column.astype(complex)
             before = mean(np.abs(rest) ** 2)

@@ -179,11 +179,11 @@ class _Matrices:
         """Return mean squared position errors over l^2, (n, windows)."""
         target, mean, highest = self._target, self._target.position_mean, group.phasors.shape[1] // 2
         fixed = fixed_columns(target)
-        size = float(np.sqrt(mean(np.abs(fixed.rest) ** 2)))
+        size = float(np.sqrt(mean(np.abs(fixed.remainder) ** 2)))
         turn = self._phases[:, np.abs(np.arange(-highest, highest + 1))]
         turn = np.concatenate([np.conj(turn[:, :highest]), turn[:, highest:]], axis=1)
         squares = []
-        for column in (fixed.one, fixed.turned, fixed.rest / size if size > 0 else fixed.rest):
+        for column in (fixed.constant, fixed.crank, fixed.remainder / size if size > 0 else fixed.remainder):
             ahead, behind = self._means(np.conj(column), mean), np.conj(self._means(column, mean))
             row = np.concatenate([behind[highest:0:-1], ahead[: highest + 1]])
             product = group.phasors @ self._both(turn * row).T
