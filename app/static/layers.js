@@ -54,11 +54,13 @@ const inWords = (pair) => pair.map((name) => (name.startsWith("head ") ? `head o
 /** Whether a place of the drive lies within a collision, also one over the seam of a turn. */
 const within = ({ from, to }, place, turns) => (turns ? [-360, 0, 360] : [0]).some((turn) => from <= place + turn && place + turn <= to);
 
+const CLICK_MS = 300;
+
 export class Layers {
   /** `jump(degrees)` moves the crank; `told(solution)` is called when the verdict of a solution has its assembly. */
   constructor(board, jump, told) {
     Object.assign(this, { board, jump, told, solution: null, answer: null, control: null, outline: null, wrong: new Map() });
-    for (const name of ["layer-boards", "layer-heads", "layer-body", ...Object.values(SIZES)]) $(name).addEventListener("change", () => this.#again());
+    for (const name of ["layer-boards", "layer-heads", "layer-body", ...Object.values(SIZES)]) $(name).addEventListener("change", () => this.#soonAgain());
     $("layer-plates").addEventListener("change", () => this.#drawPlates());
     board.seen.push(() => this.#drawPlates());
     board.redrawn.push(() => this.#see(board.motion?.outline ?? null));
@@ -88,6 +90,12 @@ export class Layers {
     if (!answer) return;
     this.control = new AbortController();
     this.#askAll(answer, this.control.signal);
+  }
+
+  /** Asks again once the click that ended an entry is over: what moves under the pointer is not pressed. */
+  #soonAgain() {
+    clearTimeout(this.timer);
+    this.timer = setTimeout(() => this.#again(), CLICK_MS);
   }
 
   #again() {
