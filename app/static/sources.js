@@ -160,7 +160,7 @@ export class Sources {
     } catch (error) {
       if (this.reading === turn) {
         failed(error.message);
-        this.#offerColumns(error.heads ?? null);
+        if (!columns) this.#offerColumns(error.heads ?? null); // a wrong choice of columns stays, to be corrected
       }
     } finally {
       if (!this.reading || this.reading === turn) $("paste-use").disabled = false;
@@ -181,9 +181,14 @@ export class Sources {
 
   #bindColumns() {
     $("columns-use").addEventListener("click", () => {
-      const columns = Object.fromEntries(ROLES.map((role) => [role, $(`column-${role}`).value]).filter(([, value]) => value));
+      const chosen = ROLES.map((role) => [role, $(`column-${role}`)]).filter(([, select]) => select.value);
       const { source, from, failed } = this.reading;
-      this.#read(source, from, failed, columns);
+      const values = chosen.map(([, select]) => select.value), repeat = values.findIndex((value, k) => values.indexOf(value) < k);
+      if (repeat >= 0) {
+        failed(`The column '${chosen[repeat][1].selectedOptions[0].text}' is chosen for ${chosen[values.indexOf(values[repeat])][0]} and for ${chosen[repeat][0]}: choose a different column for each.`);
+        return;
+      }
+      this.#read(source, from, failed, Object.fromEntries(chosen.map(([role, select]) => [role, select.value])));
     });
   }
 

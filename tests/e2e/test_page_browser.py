@@ -393,8 +393,19 @@ def test_the_page_says_how_a_table_was_read(standing) -> None:
 
 
 def test_columns_are_picked(standing) -> None:
-    standing.paste("left,right,lift,turn\n0,1,2,3\n4,5,6,7\n8,9,9,8\n")
+    standing.paste("left,right,lift,turn,color\n0,1,2,3,red\n4,5,6,7,red\n8,9,9,8,red\n")
     assert "or choose the columns below" in standing.text("paste-error") and standing.shown("columns-use")
+    standing.select("column-x", "2")
+    for head, message in (
+        ("", "Line 1: wanted both x and y, or neither"),
+        ("5", "'red' is not a number"),
+        ("2", "The column 'right' is chosen for x and for y: choose a different column for each."),
+    ):
+        standing.select("column-y", head)
+        standing.click("columns-use")
+        standing.wait("!document.getElementById('paste-use').disabled")
+        assert message in standing.text("paste-error")
+        assert standing.value("column-x") == "2" and standing.shown("columns-use"), "a wrong choice can be corrected"
     for name, head in (("x", "2"), ("y", "3"), ("angle", "4")):
         standing.select(f"column-{name}", head)
     standing.click("columns-use")
