@@ -161,6 +161,10 @@ def test_parts_are_taken_away_and_stand_on_the_sheet(page) -> None:
     page.select("parts-fit", "print")
     page.type_into("layer-scale", "0.5")
     page.wait("document.querySelectorAll('#stack rect.board').length == 2")
+    drawn = page.run(
+        "return [...document.querySelectorAll('#stack rect')].map((r) => [r.getBBox().height, r.getAttribute('height')])"
+    )
+    assert all(height == float(wanted) for height, wanted in drawn), "no board hides the layers between them"
     rows = list(csv.DictReader(io.StringIO(page.saved("linkage-1.parts.csv", "[data-format=parts]").decode())))
     assert {row["material"] for row in rows} == {"PLA"} and "board_above" in {row["name"] for row in rows}
     crank = next(row for row in rows if row["name"] == "crank")
