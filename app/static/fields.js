@@ -187,7 +187,7 @@ export class Fields {
     for (const option of $("mechanisms").options) option.hidden = option.disabled = option.value === "some" && !Array.isArray(motion.mechanisms);
     $("mechanisms").disabled = !slidable(motion);
     $("weights").hidden = !this.#has("wr", "wp", "er", "ep");
-    $("box-clear").hidden = !limits.box;
+    $("box-clear").hidden = !limits.box && !BOX.some((id) => $(id).dataset.typed);
     $("add-row").textContent = `Add a ${itemOf(motion)}`;
     $("modes").querySelector("[data-mode=add]").textContent = `Add ${itemOf(motion)}s`;
     $("studies-summary").textContent = [motion.analysis.speed === null ? "" : "analysis", Object.values(motion.study).some(Number.isFinite) ? "tolerances" : ""].filter(Boolean).join(", ");

@@ -248,6 +248,9 @@ def test_lengths_of_links_that_exclude_each_other_are_said_before_they_are_asked
 
 def test_the_pivot_box_can_be_typed(standing) -> None:
     standing.click("new-motion")
+    standing.type_into("box-1", f"5{Keys.TAB}")
+    standing.click("box-clear")
+    assert standing.text("box-error") == "" and standing.value("box-1") == "", "half a pivot box can be removed"
     for k, entry in enumerate(["-10", "-20,5", "30", "40"]):
         standing.type_into(f"box-{k}", entry + Keys.TAB)
         assert standing.value(f"box-{k}") == entry
