@@ -39,6 +39,7 @@ let named = "log10"; // the function that was chosen before
 
 const untouched = JSON.stringify(asIs());
 const rowsTyped = new Pairs(showFields);
+const FEW_ROWS = 5; // as many as a four-bar has free numbers: it can meet them exactly
 const draft = new Draft("linkage-atlas-function", (content) => fill(content), clear);
 const visits = new Visits(showAgain, (question) => { fill(question); solve(); });
 
@@ -106,7 +107,8 @@ function showFields() {
   if (columns.x && $("name").value === "pairs") $("name").value = "table";
   if (columns.output && $("name").value === "table") $("name").value = "pairs";
   const name = $("name").value, pairs = name === "pairs";
-  $("table-note").textContent = rowsTyped.notes;
+  const assumed = pairs && columns.output?.length <= FEW_ROWS && $("objective").value === "max";
+  $("table-note").textContent = assumed ? `${rowsTyped.notes} The largest error anywhere counts the curve between the rows too, which is assumed to be smooth. To meet these rows only, choose root mean square error.`.trim() : rowsTyped.notes;
   const kinds = { name: !["drawn", "table", "pairs"].includes(name), crank: !pairs || !columns.input, rocker: !pairs, [name]: true };
   for (const block of document.querySelectorAll("[data-for]")) block.hidden = !block.dataset.for.split(" ").some((kind) => kinds[kind]);
   const { asks, says } = DRIVES[$("drive").value];

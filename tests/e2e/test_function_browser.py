@@ -108,6 +108,10 @@ def test_angle_pairs_are_asked_for_as_they_are(page) -> None:
     request = page.asked()
     assert request["input"] == [0, 20, 45, 80, 110] and request["output"] == [0, 11.5, 33, 61, 84]
     assert not {"function", "crank_span", "angle_unit"} & request.keys()
+    hint = "To meet these rows only, choose root mean square error."
+    assert hint in page.text("table-note"), "the least largest error includes the assumed curve between five rows"
+    page.select("objective", "rms")
+    assert hint not in page.text("table-note")
     page.slide(1)
     crank, rocker = page.text("where").split(", rocker ")
     error = float(page.text("solutions").split()[1].rstrip("°"))
