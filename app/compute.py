@@ -70,11 +70,11 @@ class Worker:
             return False
         return True
 
-    def end(self) -> None:
-        """End the process."""
+    def end(self, wait: bool = False) -> None:
+        """End the process, and ``wait`` for the thread that watches it: otherwise it may be closing when Python ends."""
         with suppress(ProcessLookupError):
             os.kill(self.process, signal.SIGKILL)
-        self.executor.shutdown(wait=False, cancel_futures=True)
+        self.executor.shutdown(wait=wait, cancel_futures=True)
 
 
 class Workers:
@@ -116,7 +116,7 @@ class Workers:
             for task in self._background:
                 task.cancel()
             for one in self._all:
-                one.end()
+                one.end(wait=True)
 
     async def answer(self, request: Request, question: Question, content: bytes) -> Response:
         """Return the reply to a body, computed by a worker; the work ends when the client leaves.
