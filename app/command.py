@@ -16,6 +16,7 @@ from app.terminal import Exit, Units, exit_of, plural, waiting
 from linkage_atlas import FieldError
 from linkage_atlas.arguments import pointing
 from linkage_atlas.formats import kind_of
+from linkage_atlas.notes import sentences
 from linkage_atlas.tables import decoded
 
 
@@ -29,7 +30,10 @@ def text_of(options: argparse.Namespace) -> bytes:
         if sys.stdin.isatty():
             print("reading the request from this terminal; Ctrl-D ends it", file=sys.stderr)
         return sys.stdin.buffer.read()
-    return Path(options.file).read_bytes()
+    text = Path(options.file).read_bytes()
+    if not text.strip():
+        raise FieldError("", "the file is empty: wanted a request (JSON) or a table of samples")
+    return text
 
 
 def _read(target: Target, options: argparse.Namespace, more: Sequence[Setting] = ()) -> Source:
@@ -79,9 +83,9 @@ def run_question(options: argparse.Namespace, query: Query) -> int:
     if table is not None:
         notes = getattr(getattr(reply, "report", None), "notes", None)
         if isinstance(notes, list):
-            notes.insert(0, table.note)
+            notes[:0] = sentences([table.note])
         else:
-            print(table.note, file=sys.stderr)
+            print(*sentences([table.note]), file=sys.stderr)
     if found < rank and (wanted or options.plot or rank > 1):
         verb = "is" if found == 1 else "are"
         print(f"there is no solution of rank {rank}: there {verb} {plural(found, 'solution')}", file=sys.stderr)
@@ -128,7 +132,7 @@ def run_export(options: argparse.Namespace) -> int:
     source = _read(Target("export", ExportRequest), options, [one for one in given if one[1] is not None])
     request = source.request
     if source.table is not None:
-        print(source.table.note, file=sys.stderr)
+        print(*sentences([source.table.note]), file=sys.stderr)
     resources = ServiceResources(settings_of(options), atlas_of)
     with (
         waiting("computing", resources.max_budget_ms / 1000),

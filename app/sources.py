@@ -207,7 +207,10 @@ def _body_of(target: Target, content: Any, rank: int) -> tuple[dict[str, Any], s
     if isinstance(inner, dict):
         nested = inner.keys() & {"request", *LINKAGES}
         body = _body_of(target, inner, rank)[0] if nested else {"request": inner}
+        load = inner.get("load") if target.command == "drive" else None
         body = {key: value for key, value in body.items() if key in ("request", name)}
+        if load is not None:
+            body["load"] = load
     if content.get("solutions"):
         body[name] = _ranked(content["solutions"], rank)
         what += f", of which solution {rank} is used"

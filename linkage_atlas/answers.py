@@ -428,7 +428,8 @@ class Result(Record, Ranked[AnySolution]):
 
     def __repr__(self) -> str:
         rows = [f"  {s.rank}  {s.linkage!r}  {s.errors_in_words()}" for s in self.solutions]
-        return "\n".join([f"{self.status}: {counted(len(self.solutions), 'solution')}", *rows])
+        notes = [f"note: {note}" for note in self.report.notes]
+        return "\n".join([f"{self.status}: {counted(len(self.solutions), 'solution')}", *rows, *notes])
 
 
 @dataclass(frozen=True)

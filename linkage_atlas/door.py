@@ -127,6 +127,8 @@ FEW_POSES = (
     "Infinitely many four-bars pass {0} poses exactly: those listed differ clearly from one another, and the first are compact "
     "with a good transmission angle. Add a pose, or limits, to narrow the choice."
 )
+_EXACT = 1e-6
+"""Objective below which a linkage passes a few poses exactly."""
 MAX_STARTS = 10
 """Maximum number of linkages in `start_from`."""
 _FOR_STARTS = 0.6
@@ -373,6 +375,7 @@ def synthesize(
             notes.append(SAME_LENGTHS.format(len(solutions), reported))
     if kinds.four_bars_alone and solutions and solutions[0].determination.ill_posed:
         few = isinstance(wanted.samples, Poses) and wanted.samples.full.size == wanted.samples.samples <= FEW
+        few = few and solutions[0].errors.objective < max(tolerance, _EXACT)
         uncertainty = in_percent(solutions[0].determination.length_uncertainty)
         notes.append(FEW_POSES.format(NUMERALS[wanted.samples.samples]) if few else ILL_POSED.format(uncertainty))
     notes += _hopeless_notes(solutions, wanted)

@@ -313,13 +313,24 @@ class Drive(Record):
 
 @dataclass(frozen=True)
 class Refusal(Record):
-    """Why there is no drive, or no spring, of a kind on a link."""
+    """Drive or spring that is missing, with the reason."""
 
     kind: str
     link: str
     name: str | None
-    """Of the row of the catalogue, where it is about one."""
+    """Name of the row of the catalogue, if the refusal concerns a row."""
     reason: str
+
+    @property
+    def sentence(self) -> str:
+        """Name the missing drive or spring, its link or links, and the reason."""
+        is_spring = self.kind in SPRING_KINDS
+        what = (
+            f"{self.kind} spring between {self.link.replace('-', ' and ')}"
+            if is_spring
+            else f"{self.kind} on the {self.link}"
+        )
+        return f"no {what}{'' if self.name is None else f' ({self.name})'}: {self.reason}"
 
 
 class TorqueSize(NamedTuple):
@@ -433,10 +444,8 @@ class Drives(Record):
             rows.append(
                 f"  {spring.kind} spring {'-'.join(spring.between)}, stiffness {spring.stiffness:.4g}: {left}"
             )
-        for no in self.refused:
-            named = "" if no.name is None else f" ({no.name})"
-            rows.append(f"  no {no.kind}{named} on {no.link}: {no.reason}")
-        return "\n".join(rows)
+        rows += [f"  {refusal.sentence}" for refusal in self.refused]
+        return "\n".join([*rows, *(f"note: {note}" for note in self.notes)])
 
 
 # -- what is asked ----------------------------------------------------------------------------------------------------
@@ -1423,7 +1432,7 @@ class _Search:
     def spring(self, wish: Mapping[str, Any], number_: int) -> None:
         """Springs that take load off the drive: ideal ones without a catalogue, else those of the catalogue that do best."""
         kind, between = wish["kind"], wish.get("between")
-        words = "two springs" if between is None else "-".join(between)
+        words = "any two links" if between is None else "-".join(between)
         if not self.loaded:
             self.refuse(kind, words, "there is no load to balance")
             return

@@ -617,6 +617,12 @@ def _in_radians(
 ) -> tuple[Wanted, Dials | None]:
     """A function whose input and output are read as angles, whatever they are."""
     radian, (of_input, of_output) = radians_in(degrees), scales[1:]
+    if np.ndim(crank_span):  # type: ignore[arg-type]
+        raise FieldError(
+            "/crank_span",
+            "wanted one number, the crank angle from the first sample to the last: "
+            "give the crank angles of the samples as `input`",
+        )
     span = None if crank_span is None else number("crank_span", crank_span) * of_input
     angles = None if input is None else column("input", input) * of_input
     dials = exact = None
@@ -823,7 +829,8 @@ class FunctionResult(Record, Ranked[FunctionSolution | TravelSolution]):
     def __repr__(self) -> str:
         unit = ("deg" if self.degrees else "rad") if self.dial.output == "angle" else "(length)"
         rows = [f"  {s.rank}  {s.linkage!r}  within {s.errors.max:.3g} {unit}" for s in self.solutions]
-        return "\n".join([f"{self.status}: {counted(len(self.solutions), 'linkage')}", *rows])
+        notes = [f"note: {note}" for note in self.report.notes]
+        return "\n".join([f"{self.status}: {counted(len(self.solutions), 'linkage')}", *rows, *notes])
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ import linkage_atlas as la
 from app.terminal import DEGREES, Units, columns, left_table, number
 from linkage_atlas import GuidedSolution, Matches, Result, Solution
 from linkage_atlas.answers import Errors
-from linkage_atlas.driving import Drive, Refusal, Spring
+from linkage_atlas.driving import Drive, Spring
 from linkage_atlas.notes import counted
 
 _ROUNDING = 1e-10
@@ -192,7 +191,11 @@ def synthesize_table(reply: Result, units: Units = DEGREES) -> str:
         for name, words in (("crank_angle", "crank angles"), ("travel", "travel")):
             values = getattr(best, name, None)
             if values is not None:
-                lines.append(f"{words} of rank 1: {', '.join(number(value, 4) for value in values)}")
+                shown = [number(value, 4) for value in values]
+                if len(shown) > 2 * _SHOWN_SAMPLES:
+                    left_out = f".. ({len(shown) - 2 * _SHOWN_SAMPLES} more) .."
+                    shown = [*shown[:_SHOWN_SAMPLES], left_out, *shown[-_SHOWN_SAMPLES:]]
+                lines.append(f"{words} of rank 1: {', '.join(shown)}")
         if best.verdict.assembly is not None and best.verdict.assembly.free:
             found = best.verdict.assembly
             lines.append(f"rank 1 has {counted(found.count, 'free layer')}: {found.reasons[0]}")
@@ -252,6 +255,8 @@ def function_table(reply: Any, units: Units = DEGREES) -> str:
     return "\n".join(lines + _search_lines(reply.report))
 
 
+_SHOWN_SAMPLES = 8
+"""Crank angles shown at each end of a long motion."""
 _DRIVES = {"rotary": "rotary drive", "dyad": "motor with a rod", "toggle": "knee"}
 
 
@@ -308,14 +313,7 @@ def _drive_lines(best: Solution | GuidedSolution, units: Units) -> list[str]:
     lines += [f"spring of rank 1: {_spring_words(spring, units)}" for spring in best.springs or ()]
     if best.drivable is False:
         lines.append("rank 1 has no drive within the limits of `drive`")
-    return lines + _refusals(best.refused or ())
-
-
-def _refusals(refused: Iterable[Refusal]) -> list[str]:
-    """Say why there is no drive or spring of a kind on a link."""
-    return [
-        f"no {no.kind} on the {no.link}{'' if no.name is None else f' ({no.name})'}: {no.reason}" for no in refused
-    ]
+    return lines + [refusal.sentence for refusal in best.refused or ()]
 
 
 def drives_table(reply: la.Drives, units: Units = DEGREES) -> str:
@@ -364,7 +362,7 @@ def drives_table(reply: la.Drives, units: Units = DEGREES) -> str:
                 ("by itself", "", "stays"),
             )
         )
-    lines += _refusals(reply.refused)
+    lines += [refusal.sentence for refusal in reply.refused]
     if not lines:
         lines.append("nothing was asked for")
     return "\n".join([*lines, *(f"note: {note}" for note in reply.notes)])

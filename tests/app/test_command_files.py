@@ -86,7 +86,7 @@ def test_a_table_is_the_motion_of_every_command(command, run, files, tmp_path) -
         more = ["--linkage", tmp_path / "saved.json"]
         assert run("synthesize", "--family", "any", "--export", more[1], stdin=TABLE)[0] == Exit.OK
     code, _, err = run(command, "--set", "limits.family=any", *more, stdin=TABLE)
-    assert code in (Exit.OK, Exit.INFEASIBLE) and "columns read: x from 'x', y from 'y', angle from 'phi'" in err
+    assert code in (Exit.OK, Exit.INFEASIBLE) and "Columns read: x from 'x', y from 'y', angle from 'phi'." in err
 
 
 def test_the_unit_of_a_table_is_kept_in_every_file(run, tmp_path) -> None:
@@ -278,7 +278,53 @@ def test_the_drives_and_springs_of_a_solution_are_described(run) -> None:
             and words[1] == f"  by itself: {spring['stays']}"
         )
     for no in reply["refused"]:
-        assert f"no {no['kind']} on the {no['link']}" in out
+        is_spring = no["kind"] in ("tension", "gas")
+        links = f"spring between {no['link'].replace('-', ' and ')}" if is_spring else f"on the {no['link']}"
+        assert f"no {no['kind']} {links}" in out
+
+
+def test_the_place_of_a_missing_spring_is_named_by_its_links(run) -> None:
+    """The answer was "no gas on the ground-rocker"."""
+    request: dict = {"rocker": {"pivot": [0, 0], "start": 0, "swing": 60, "length": 500}, "drives": []}
+    for spring, links in (
+        ({"between": ["ground", "rocker"]}, "ground and rocker"),
+        ({}, "any two links"),
+    ):
+        code, out, err = run("drive", stdin=json.dumps(request | {"springs": [{"kind": "gas"} | spring]}))
+        assert code == Exit.OK and f"no gas spring between {links}: there is no load to balance" in out, out + err
+
+
+def test_drives_of_a_reply_carry_the_load_of_its_request(run, tmp_path) -> None:
+    """The load was dropped, and the drives were found for no load."""
+    request = EXAMPLE | {"top": 1, "refine_from": SOLUTION, "load": {"force": [0, -100]}, "drives": DRIVES[:1]}
+    peak, reply = 0.0, tmp_path / "reply.json"
+    reply.write_text(run("synthesize", "--json", stdin=json.dumps(request))[1])
+    for more in ([], ["--set", "load.force=[0, -200]"]):
+        code, out, err = run("drive", reply, "--json", "--set", 'drives=[{"kind": "rotary"}]', *more)
+        assert code == Exit.OK, err
+        answer = json.loads(out)
+        torque = answer["drives"][0]["peak_torque"]
+        assert not answer["notes"] and torque > 0
+        if more:
+            assert torque == pytest.approx(2 * peak)
+        peak = torque
+
+
+def test_an_empty_file_is_called_empty(run, tmp_path) -> None:
+    """Beside an option it was taken for a request without fields."""
+    file = tmp_path / "empty.csv"
+    file.write_text("\n")
+    for more in ([], ["--family", "any"]):
+        code, _, err = run("synthesize", file, *more)
+        assert code == Exit.USAGE and err.startswith(f"{file}: the file is empty"), err
+
+
+def test_crank_angles_of_a_long_motion_are_shortened(run) -> None:
+    """Hundreds of them filled the terminal."""
+    position = [[k, (k / 40) ** 2] for k in range(60)]
+    code, out, err = run("synthesize", "--set", "top=1", stdin=json.dumps({"timing": "free", "position": position}))
+    (line,) = [line for line in out.splitlines() if line.startswith("crank angles of rank 1")]
+    assert code == Exit.OK and "(44 more)" in line and len(line.split(",")) == 17, err
 
 
 def test_a_wanted_drive_that_does_not_exist_is_said(run) -> None:

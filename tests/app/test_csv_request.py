@@ -265,8 +265,8 @@ def test_the_command_says_how_the_table_was_read(tmp_path, capsys) -> None:
     path.write_text("Frame,X [cm],Y [cm],Z\n1,0,0,0\n2,10,2,0\n3,20,8,0\n")
     assert cli.main(["synthesize", str(path), "--set", "top=1", "--set", "budget_ms=50", "--json"]) == 0
     notes = json.loads(capsys.readouterr().out)["report"]["notes"]
-    assert [note for note in notes if "columns read" in note] == [
-        "columns read: x from 'X [cm]', y from 'Y [cm]'; not read: 'Frame', 'Z'"
+    assert [note for note in notes if "olumns read" in note] == [
+        "Columns read: x from 'X [cm]', y from 'Y [cm]'; not read: 'Frame', 'Z'."
     ]
     assert cli.main(["synthesize", str(path), "--set", "top=1", "--set", "budget_ms=50"]) == 0
-    assert "columns read: x from 'X [cm]'" in capsys.readouterr().out
+    assert "note: Columns read: x from 'X [cm]'" in capsys.readouterr().out

@@ -328,7 +328,9 @@ def test_no_actuator_of_free_sizes_is_shorter_than_can_be_had() -> None:
 
 def test_a_refused_row_is_named_in_words() -> None:
     asked = [{"kind": "cylinder", "catalogue": "iso_6432"}]
-    assert "no actuator (ISO 6432" in repr(la.drives(rocker=FLAP, drives=asked, load={"force": [0, -1e6]}))
+    assert "no actuator on the rocker (ISO 6432" in repr(
+        la.drives(rocker=FLAP, drives=asked, load={"force": [0, -1e6]})
+    )
 
 
 TOLD = [(True, 270, "32.3438 degrees"), (False, 4.7, "0.567917 radians")]

@@ -159,6 +159,11 @@ def test_a_jump_is_named_and_infeasible_is_said() -> None:
     assert nothing.status == "infeasible" and not nothing.solutions
 
 
+def test_crank_angles_in_place_of_their_span_are_pointed_to_input() -> None:
+    with pytest.raises(la.FieldError, match="give the crank angles of the samples as `input`"):
+        la.function([0, 45, 80], [0, 60, 90])  # type: ignore[arg-type]
+
+
 def test_few_samples_for_a_largest_error_are_named() -> None:
     found = la.function([0, 15, 18, 35], 60, objective="max", top=1)
     assert any("spline" in note for note in found.report.notes)

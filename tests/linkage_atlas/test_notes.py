@@ -148,6 +148,16 @@ def test_notes_are_whole_sentences() -> None:
         for note in reply.report.notes:
             assert re.fullmatch(r"[A-Z0-9].*[.?!]", note), note
             assert "_" not in re.sub(r"`[^`]*`", "", note), f"a name of the interface in a sentence: {note}"
+            assert f"note: {note}" in repr(reply).splitlines(), "a printed result hides a note"
+
+
+@pytest.mark.parametrize("limits", [{"pivot_box": [500, 500, 501, 501]}, {"link_max": 2}])
+def test_poses_that_limits_put_out_of_reach_are_not_called_exact(limits: dict[str, Any]) -> None:
+    request = {name: values[:3] if isinstance(values, list) else values for name, values in LID.items()}
+    exact, off = (la.synthesize(**request, limits={"family": "any"} | more, top=1) for more in ({}, limits))
+    assert any("pass three poses exactly" in note for note in exact.report.notes)
+    assert off.best is not None and off.best.errors.objective > 0.1
+    assert not any("exactly" in note for note in off.report.notes), off.report.notes
 
 
 def test_numbers_have_their_noun_in_the_right_form() -> None:
