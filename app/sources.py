@@ -56,7 +56,9 @@ class Target(NamedTuple):
         return POSES if "request" in self.model.model_fields or self.command == "motion" else KINDS.get(self.command)
 
     def full_path(self, path: Sequence[str]) -> list[str]:
-        """Return the path of a field in the request; the fields of the motion need no ``request`` in front."""
+        """Return the path of a field in the request; ``request`` in front of a field of the motion is optional."""
+        if path[0] == "request" and len(path) > 1 and "request" not in self.model.model_fields:
+            return list(path[1:])
         is_motions = self.motion and path[0] not in self.model.model_fields and path[0] in self.motion.model_fields
         return ["request", *path] if is_motions else list(path)
 

@@ -310,6 +310,14 @@ def test_drives_of_a_reply_carry_the_load_of_its_request(run, tmp_path) -> None:
         peak = torque
 
 
+@pytest.mark.parametrize("command", ["synthesize", "export"])
+def test_a_path_may_begin_with_request(command, run, tmp_path) -> None:
+    """One command refused the spelling that another accepts."""
+    out = ["--out", tmp_path / "linkage.csv"] if command == "export" else []
+    code, _, err = run(command, "--set", "request.limits.family=any", *out, stdin=TABLE)
+    assert code == Exit.OK, err
+
+
 def test_an_empty_file_is_called_empty(run, tmp_path) -> None:
     """Beside an option it was taken for a request without fields."""
     file = tmp_path / "empty.csv"
