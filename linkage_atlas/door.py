@@ -68,7 +68,7 @@ from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.fourbar.passage import proportion, size_of
 from synthesis.fourbar.solution import Solution, assess, within
-from synthesis.free.dyads import FEW
+from synthesis.free.few_poses import is_few
 from synthesis.free.poses import Poses
 from synthesis.free.screen import PathScreen
 from synthesis.free.search import path_screens, search_free
@@ -82,6 +82,7 @@ from synthesis.target import MAX_LENGTH, MIN_LENGTH, MIN_SPAN, TURN, Samples
 from synthesis.work import Work
 
 NUMERALS = {2: "two", 3: "three", 4: "four"}
+"""Numbers of poses as words."""
 DIVERSE_LOSS = 2.0
 """Times the best objective that the objectives of diverse solutions may be."""
 UNASKED = (
@@ -374,7 +375,7 @@ def synthesize(
             found = found[:-same]
             notes.append(SAME_LENGTHS.format(len(solutions), reported))
     if kinds.four_bars_alone and solutions and solutions[0].determination.ill_posed:
-        few = isinstance(wanted.samples, Poses) and wanted.samples.full.size == wanted.samples.samples <= FEW
+        few = isinstance(wanted.samples, Poses) and is_few(wanted.samples)
         few = few and solutions[0].errors.objective < max(tolerance, _EXACT)
         uncertainty = in_percent(solutions[0].determination.length_uncertainty)
         notes.append(FEW_POSES.format(NUMERALS[wanted.samples.samples]) if few else ILL_POSED.format(uncertainty))

@@ -157,28 +157,6 @@ def rotation_residual(target: Target, angle: Floats) -> tuple[Floats, Floats]:
     return offset, difference - offset[:, None]
 
 
-def position_errors(target: Target, angle: Floats) -> Floats:
-    """Compute the rms position error of candidates over the length scale.
-
-    The sum of squares over a subset of the samples never exceeds the sum over all samples.
-
-    Parameters
-    ----------
-    target : Target
-        A target with positions.
-    angle : ndarray, shape (n, N)
-        Angle theta2 of the candidates at the samples.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        The error, infinite for candidates that do not close at every sample.
-    """
-    relative = fit_positions(target, angle).residual / target.length_scale
-    mean_square = target.position_mean(np.abs(relative) ** 2)
-    return np.sqrt(np.where(np.isnan(mean_square), np.inf, mean_square))
-
-
 def objective(target: Target, angle: Floats) -> Floats:
     """Compute the objective J = sqrt(mean square rotation error + mean square position error / l^2) of candidates.
 

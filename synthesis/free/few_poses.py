@@ -28,6 +28,7 @@ from synthesis.fourbar.limits import Constraints, Limits, in_family
 from synthesis.fourbar.mechanism import AnyChart
 from synthesis.fourbar.passage import LEAVES_SAMPLES, SHORTEST_CHORD
 from synthesis.free.dyads import (
+    FEW,
     Body,
     Dyads,
     Pairs,
@@ -77,6 +78,8 @@ class FewPosesOptions:
     """Largest such distance."""
     detour: float = 0.98
     """Fraction of the largest detour that candidates may take, since chords measure it a little short."""
+    chord: float = np.deg2rad(12.0)
+    """Largest crank angle between the ends of a chord of the path, in radians."""
     tilt: float = 1.4
     """Largest angle at c_1 between the chord c_1 c_2 and m, in radians, for two poses."""
 
@@ -109,9 +112,13 @@ class Candidates(NamedTuple):
 
     def take(self, indices: Any) -> Candidates:
         """Return some of the candidates."""
-        columns = (column[indices] for column in (self.lengths, self.merit, self.origin))
-        lengths, merits, origin = columns
-        return Candidates(self.parameters.take(indices), lengths, self.timed.take(indices), merits, origin)
+        return Candidates(
+            self.parameters.take(indices),
+            self.lengths[indices],
+            self.timed.take(indices),
+            self.merit[indices],
+            self.origin[indices],
+        )
 
     def joined(self, other: Candidates) -> Candidates:
         """Return these candidates followed by others."""
@@ -269,8 +276,13 @@ class ExactFamily:
         """Check that the body takes no detour between poses: neither its point nor its rotation."""
         if not candidates.merit.size:
             return np.ones(0, dtype=bool)
-        detour, rotation = self._problem.excursions(candidates.timed, SHORTEST_CHORD, np.deg2rad(12.0))
+        detour, rotation = self._problem.excursions(candidates.timed, SHORTEST_CHORD, self.options.chord)
         return np.asarray((detour <= self.options.detour * LEAVES_SAMPLES) & ~self.poses.turned_otherwise(rotation))
+
+
+def is_few(poses: Poses) -> bool:
+    """Check that there are two to four samples, each with rotation and position: infinitely many four-bars pass them."""
+    return poses.full.size == poses.samples <= FEW
 
 
 def exact_four_bars(

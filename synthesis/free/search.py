@@ -34,7 +34,7 @@ from synthesis.fourbar.mechanism import FOURBAR, AnyChart, FullCrankChart, ways
 from synthesis.fourbar.passage import LEAVES_SAMPLES, SHORTEST_CHORD, excursions, proportion
 from synthesis.fourbar.solution import Solution, assess, keeps
 from synthesis.free.dyads import FEW, chart_of, search_motion
-from synthesis.free.few_poses import Candidates, exact_four_bars
+from synthesis.free.few_poses import Candidates, exact_four_bars, is_few
 from synthesis.free.joint import JointProblem
 from synthesis.free.limited import guessed_windows, limited_problem, placed_within
 from synthesis.free.poses import Poses
@@ -501,7 +501,7 @@ def search_free(
         if not trace or least < (1 - GAIN) * trace[-1][1]:
             trace.append((work.elapsed, least))
 
-    if poses.full.size == poses.samples <= FEW and not poses.closed and not any(limits.links):
+    if is_few(poses) and not poses.closed and not any(limits.links):
         candidates = exact_four_bars(poses, limits, work)
         exact = solutions_of_few(poses, candidates, limits, top, tolerance)
         if exact:
