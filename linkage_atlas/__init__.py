@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from linkage_atlas.assemblies import Assembly
     from linkage_atlas.atlases import Atlas, build_atlas, load_atlas
     from linkage_atlas.batch import study
-    from linkage_atlas.door import prepare, synthesize
     from linkage_atlas.driving import Drives, drives
     from linkage_atlas.functions import FunctionResult, FunctionSolution, function
     from linkage_atlas.limits import Limits
@@ -26,6 +25,8 @@ if TYPE_CHECKING:
     from linkage_atlas.motions import Motion
     from linkage_atlas.six_bars import SixBarJoints, SixBarLinkage
     from linkage_atlas.solids import SolidParts
+    from linkage_atlas.synthesize import synthesize
+    from linkage_atlas.task import prepare
     from synthesis.errors import AtlasError, AtlasFault, FieldError
     from synthesis.work import Cancelled, OutOfTime, Work
 
@@ -39,7 +40,8 @@ BATCH_COMMANDS = {
 """The commands of the batch job, which `data_build` runs."""
 
 _HOMES = {
-    "linkage_atlas.door": ("synthesize", "prepare"),
+    "linkage_atlas.synthesize": ("synthesize",),
+    "linkage_atlas.task": ("prepare",),
     "linkage_atlas.matching": ("match",),
     "linkage_atlas.driving": ("drives", "Drives"),
     "linkage_atlas.functions": ("function", "FunctionResult", "FunctionSolution"),

@@ -23,21 +23,14 @@ from linkage_atlas.arguments import (
     pointing,
     radians_in,
 )
-from linkage_atlas.door import (
-    CUT_SHORT,
-    LOCAL,
-    NOWHERE,
-    Start,
-    StartingLinkage,
-    pointing_to_start,
-    read_start,
-    seed_tables,
-)
 from linkage_atlas.limits import read_function_limits
 from linkage_atlas.linkages import AnyGuide, DriverName, FourBar, GuidedLinkage, KindName, Links, guides_of
 from linkage_atlas.motions import unit_notes, unwound
 from linkage_atlas.notes import counted, in_percent, sentences
 from linkage_atlas.records import KEPT, Record, Values, names_of
+from linkage_atlas.result_notes import CUT_SHORT, LOCAL, NOWHERE
+from linkage_atlas.task import seed_tables
+from linkage_atlas.warm_start import Start, StartingLinkage, pointing_to_start, read_start
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.fourbar.determination import determinations, sensitivities

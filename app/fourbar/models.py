@@ -20,15 +20,15 @@ from app.query import (
 from linkage_atlas.arguments import LARGEST
 from linkage_atlas.assemblies import FIXED_PINS, LAYERS_MOST, MOST_CORNERS, MOST_LAYERS
 from linkage_atlas.catalogues import ACTUATORS, MOST_ROWS, MOST_SPRING_ROWS
-from linkage_atlas.door import MAX_STARTS
 from linkage_atlas.driving import MOST_DRIVES, MOST_MASSES, MOST_SPRINGS
 from linkage_atlas.functions import MIN_PAIRS
-from linkage_atlas.kinds import MECHANISMS
 from linkage_atlas.limits import FUNCTION_LIMITS, LIMITS
 from linkage_atlas.linkages import DriverName, KindName
+from linkage_atlas.mechanism_types import MECHANISMS
 from linkage_atlas.motions import MAX_LENGTH, MAX_SAMPLES, MIN_LENGTH, MIN_POSES, MIN_SAMPLES, MOST_STOCK
 from linkage_atlas.part_settings import LARGEST_SCALE, LEAST_SCALE
 from linkage_atlas.studies import FEWEST_SAMPLES, MOST_LINK_MASSES, MOST_SAMPLES, SAMPLES
+from linkage_atlas.warm_start import MAX_STARTS
 
 MAX_TOP = 1000
 

@@ -9,7 +9,7 @@ from fastapi.testclient import TestClient
 import linkage_atlas as la
 from app import cli
 from app.registry import worked_example
-from linkage_atlas.door import LOCAL, NOWHERE
+from linkage_atlas.result_notes import LOCAL, NOWHERE
 
 EXAMPLE = worked_example()
 POSES = {name: EXAMPLE[name] for name in ("rotation", "position")}

@@ -12,7 +12,7 @@ from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import Select
 
 import linkage_atlas as la
-from linkage_atlas.door import ILL_POSED
+from linkage_atlas.result_notes import ILL_POSED
 from tests.e2e.page import CARDS, EXAMPLES, GOOD, IDLE, ROOT, VERDICTS, path_request
 
 

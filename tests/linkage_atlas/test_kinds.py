@@ -7,7 +7,7 @@ import pytest
 
 import linkage_atlas as la
 from linkage_atlas.assemblies import assembled
-from linkage_atlas.kinds import Measures
+from linkage_atlas.pareto import Measures
 from synthesis.work import OutOfTime
 from tests.conftest import some_of
 from tests.linkage_atlas.test_assembly import by_layers
@@ -115,7 +115,7 @@ def test_layers_that_the_time_did_not_reach_are_said(monkeypatch, mechanisms):
             raise OutOfTime
         return assembled(*given)
 
-    monkeypatch.setattr("linkage_atlas.kinds.assembled", two_in_time)
+    monkeypatch.setattr("linkage_atlas.preferences.assembled", two_in_time)
     found = la.synthesize(**asked)
     assert (found.report.stopped_by, len(calls)) == ("budget", 3)
     said = [note for note in found.report.notes if "layers of" in note]

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import linkage_atlas as la
-from linkage_atlas.door import goal_of
 from tests.conftest import some_of
 from tests.oracles.classes import make_case
 
@@ -85,11 +84,6 @@ def test_size_is_the_default_with_tolerances_also_with_given_crank_angles() -> N
     assert default.best.linkage.links == pytest.approx(small.best.linkage.links)
     assert small.best.size < 0.9 * exact.best.size
     assert exact.best.errors.objective < small.best.errors.objective
-
-
-def test_a_search_for_what_is_allowed_ends_before_it_is_exact() -> None:
-    assert goal_of(None, 1e-10) == 1e-10
-    assert goal_of(1e-2, 1e-10) < 1e-2 and goal_of(1e-12, 1e-10) == 1e-10
 
 
 # -- presets and verdicts ---------------------------------------------------------------------------------------------

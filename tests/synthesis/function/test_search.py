@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import linkage_atlas as la
-from linkage_atlas.door import seed_tables
+from linkage_atlas.task import seed_tables
 from synthesis.fourbar.limits import Limits
 from synthesis.function.answers import finished
 from synthesis.function.search import Problem, generate, refit

@@ -1,0 +1,337 @@
+"""Candidates of a task: the search, linkages of fair size, the preferred measure, and results of given linkages."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from linkage_atlas.answers import proportion_of
+from linkage_atlas.mechanism_search import Found, SearchCourse, search_kinds
+from linkage_atlas.motions import Motion
+from linkage_atlas.pareto import (
+    UNRANKED,
+    exact_below,
+    front,
+    proportionate,
+    smaller_first,
+    target_of,
+)
+from linkage_atlas.preferences import Search, arranged, improved, measure_of, tolerance_goal
+from linkage_atlas.studies import Studies
+from linkage_atlas.task import Fair, Task, screens, seed_tables
+from linkage_atlas.warm_start import Start, pointing_to_start
+from synthesis.atlas.scan import Scan
+from synthesis.fourbar.kinematics import Family, wrap
+from synthesis.fourbar.limits import Limits
+from synthesis.fourbar.passage import size_of
+from synthesis.fourbar.solution import Solution, assess, within
+from synthesis.free.poses import Poses
+from synthesis.free.search import search_free
+from synthesis.from_linkage import refine_motion, refine_poses
+from synthesis.ranking import APART, PROPORTION, Status, distinct, spread
+from synthesis.search.atlas_rows import best_rows
+from synthesis.search.search import search
+from synthesis.search.seeds import SeedTables
+from synthesis.work import Work
+
+OUT_OF_PROPORTION = (
+    "The linkage of least error (objective {error:.2g}) is out of all proportion: its largest part is {times:.2g} times the "
+    "extent of the motion or the shortest link. Linkages within {fair:g} times come before it; only the error counts if the "
+    "request declines the practical limits (`limits.preset`)."
+)
+FIRST_OUT_OF_PROPORTION = (
+    "The {which} linkage is out of all proportion: its largest part is {times:.2g} times the extent of the motion or the "
+    "shortest link. "
+)
+FAIR_FOUND = "The best linkage of fair size has the objective {:.2g}."
+NO_FAIR_FOUND = "No linkage of fair size was found."
+DIVERSE_LOSS = 2.0
+"""Largest ratio of the objective of diverse solutions to the best one."""
+_ONLY_SHIFTED = 1e-9
+"""Largest rotation in radians of a body that is only shifted."""
+_FOR_STARTS = 0.6
+"""Fraction of the budget for the refinement of the linkages of `start_from`."""
+_LAYERED, _MIN_LAYERED = 3, 20
+"""Linkages whose layers are compared: a multiple of the number of results, and a minimum."""
+_FOR_LAYERS = 0.3
+"""Fraction of the budget for the comparison of layers."""
+_MIN_ROUNDED = 5
+"""Minimum number of linkages that are rounded: the best linkage with rounded lengths is often not the nearest one."""
+_POOL = 20
+"""Number of additional linkages among which those in proportion are chosen."""
+_VARIETY = 6
+"""Multiple of the number of results among which diverse solutions are chosen."""
+
+
+class Candidates(NamedTuple):
+    """Linkages that were found, in the order of the preference."""
+
+    found: Sequence[Found]
+    course: SearchCourse
+    studies: Studies
+    """The studies of the task, with the assemblies that were made to compare layers."""
+    seconds: float
+    """Time since the task began."""
+
+
+@dataclass(frozen=True)
+class CandidateSearch:
+    """The search of a task, for any motion and limits."""
+
+    task: Task
+
+    @property
+    def pool_size(self) -> int:
+        """Number of linkages from which the results are chosen."""
+        task = self.task
+        if not task.kinds.only_four_bars:
+            return task.top
+        if task.refines:
+            return 1
+        size = _VARIETY * task.top if task.diverse else task.top
+        size = max(size, _MIN_ROUNDED) if task.rounds else size
+        return max(size, _LAYERED * task.top, _MIN_LAYERED) if task.prefer == "layers" else size
+
+    def __call__(
+        self,
+        motion: Motion,
+        limits: Limits,
+        goal: float,
+        work: Work,
+        rounds: int | None = None,
+        max_results: int | None = None,
+    ) -> tuple[list[Found], SearchCourse]:
+        """Return linkages and how the search went; it may end once the objective is below ``goal``."""
+        task = self.task
+        if task.kinds.only_four_bars:
+            size = self.pool_size if max_results is None else max_results
+            four_bars, course = search_four_bars(task.source, motion, limits, size, goal, work, rounds)
+            return list(four_bars), course
+
+        def beside_sliders(within: Limits, work: Work, rounds: int | None) -> tuple[list[Solution], SearchCourse]:
+            found, course = search_four_bars(seed_tables(), motion, within, task.top, goal, work, rounds)
+            if task.fair and within is task.limits:
+                return _with_fair(found, course, seed_tables(), motion, task.fair, task.top, goal, work)
+            return found, course
+
+        return search_kinds(task.kinds, motion, limits, goal, beside_sliders, work, rounds)
+
+
+def find_candidates(task: Task, search: CandidateSearch) -> Candidates:
+    """Search the linkages of a task and improve them by the preferred measure."""
+    if task.kinds.only_four_bars:
+        found, course, studies = _best_four_bars(task, search)
+    else:
+        found, course, studies = _best_of_kinds(task, search)
+    return Candidates(found, course, studies, task.work.elapsed)
+
+
+def _best_four_bars(task: Task, search: CandidateSearch) -> tuple[Sequence[Found], SearchCourse, Studies]:
+    work, size, source = task.search_work(), search.pool_size, task.source
+    goal = task.tolerance if task.by_error else tolerance_goal(task.motion, task.tolerance)
+    first_work = task.search_work(_FOR_LAYERS if task.prefer == "layers" else 0.0)
+    continued = [_continued(task, start, goal) for start in task.starts or ()]
+    pool = size + _POOL if task.fair else size
+    found, course = search_four_bars(source, task.motion, task.limits, pool, goal, first_work)
+    if task.fair:
+        found, course = _with_fair(found, course, source, task.motion, task.fair, size, goal, first_work)
+    if isinstance(source, SeedTables):
+        found = [_drawn_near(solution, task.motion, task.limits) for solution in found]
+    studies = task.studies
+    if found and task.prefer == "layers":
+        smallest = max(found[0].errors.objective, goal)
+        ranks, studies, course = arranged(found, task, smallest, work, course)
+        found.sort(key=lambda solution: (id(solution) not in ranks, ranks.get(id(solution), UNRANKED)))
+        found = found if task.diverse else found[: task.top]
+    elif found and not task.by_error:
+        found = _preferred(found, task, goal, search, work)[:size]
+        course = course.ended_by(work.expired())
+    if task.diverse:
+        found = spread(found, task.top, DIVERSE_LOSS, goal)
+    if continued:
+        found, continued = _with_continued(found, continued, size, task.by_error)
+        course = course._replace(continued=continued)
+    return found, course, studies
+
+
+def _preferred(found: Sequence[Solution], task: Task, goal: float, search: Search, work: Work) -> list[Solution]:
+    """Return four-bars by the preferred measure, and behind them those whose error is too large for it."""
+    good = improved(found, found[0].errors.objective, task, goal, search, work)
+    measure = measure_of(task.prefer, task.motion, task.limits).value
+    near = {id(solution) for solution in good}
+    four_bars = [solution for solution in good if isinstance(solution, Solution)]
+    ranked = distinct(sorted(four_bars, key=measure), len(four_bars), APART, order=measure)
+    return ranked + [solution for solution in found if id(solution) not in near]
+
+
+def _continued(task: Task, start: Start, goal: float) -> Solution | None:
+    """Refine a given linkage in its fraction of the time; return None if that leads to no linkage within the limits."""
+    work = task.search_work()
+    part = work.part(_FOR_STARTS * work.budget)
+    found, _ = search_four_bars(start, task.motion, task.limits, 1, goal, part)
+    return found[0] if found else None
+
+
+def _with_continued(
+    found: Sequence[Solution], continued: Sequence[Solution | None], top: int, by_error: bool
+) -> tuple[list[Solution], list[Solution | None]]:
+    """Return at most ``top`` linkages, those of ``continued`` among them, and ``continued`` as it is there.
+
+    A linkage that was both found and continued is there once, with the smaller of its errors.
+    """
+    merged, held = list(found), list(continued)
+    for k, solution in enumerate(held):
+        if solution is None:
+            continue
+        twin = next((other for other in merged if len(distinct([other, solution], 2)) == 1), None)
+        if twin is not None:
+            if twin.errors.objective <= solution.errors.objective:
+                held[k] = twin
+                continue
+            merged.remove(twin)
+            held = [solution if other is twin else other for other in held]
+        worse = (j for j, other in enumerate(merged) if other.errors.objective > solution.errors.objective)
+        merged.insert(next(worse, len(merged)) if by_error else len(merged), solution)
+    searched = [other for other in merged if all(other is not solution for solution in held)]
+    dropped = searched[max(0, len(searched) - max(0, len(merged) - top)) :]
+    return [solution for solution in merged if all(solution is not other for other in dropped)], held
+
+
+def _best_of_kinds(task: Task, search: CandidateSearch) -> tuple[Sequence[Found], SearchCourse, Studies]:
+    """Find the best linkages of several kinds, or of other kinds than four-bars."""
+    motion, limits, prefer, tolerance, top = task.motion, task.limits, task.prefer, task.tolerance, task.top
+    studies, work, layered = task.studies, task.search_work(), task.prefer == "layers"
+    found, course = search(motion, limits, tolerance, task.search_work(_FOR_LAYERS if layered else 0.0))
+    if task.fair and found:
+        longest = task.fair.longest
+        best = smaller_first(found, motion.samples)[0]
+        found = proportionate(found, motion.samples, tolerance, longest)
+        if found[0] is not best:
+            found = [solution for solution in found if proportion_of(solution, motion.samples) <= longest]
+    size = max(_LAYERED * top, _MIN_LAYERED) if layered else top
+    chosen = front(found, motion, limits, prefer, tolerance, size)
+    if not chosen:
+        return chosen, course, studies
+    smallest = min(solution.errors.objective for solution in chosen)
+    if layered:
+        ranks, studies, course = arranged(chosen, task, max(tolerance, smallest), work, course)
+        chosen = front(chosen, motion, limits, prefer, tolerance, top, ranks)
+    elif not task.by_error:
+        goal = tolerance_goal(motion, tolerance)
+        found += improved(chosen, smallest, task, goal, search, work)
+        chosen = front(found, motion, limits, prefer, tolerance, top)
+        course = course.ended_by(work.expired())
+    return chosen, course, studies
+
+
+# -- four-bars --------------------------------------------------------------------------------------------------------
+
+
+def search_four_bars(
+    source: SeedTables | Scan | Start,
+    motion: Motion,
+    limits: Limits,
+    max_results: int,
+    tolerance: float,
+    work: Work,
+    rounds: int | None = None,
+) -> tuple[list[Solution], SearchCourse]:
+    """Find the best four-bars: by the search with free or given crank angles, in an atlas, or near a given linkage."""
+    if isinstance(source, Scan):
+        return _search_atlas(source, motion, limits, max_results, tolerance, work)
+    samples = motion.samples
+    if isinstance(source, Start):
+        with pointing_to_start(source.field):
+            if isinstance(samples, Poses):
+                found, report = refine_poses(samples, limits, source.linkage, source.crank, tolerance, work)
+            else:
+                found, report = refine_motion(samples, limits, source.linkage, tolerance, work)
+    elif isinstance(samples, Poses):
+        found, report = search_free(samples, limits, max_results, tolerance, work, screens, source.windows, rounds)
+    else:
+        found, report = search(source, samples, limits, max_results, tolerance, work)
+        found = smaller_first(found, samples)
+    stages = {"screen": report.screen_seconds, "refine": work.elapsed - report.screen_seconds}
+    course = SearchCourse(stages, report.trace, report.stopped_by.value, report.seeds, unseen=report.unseen)
+    return found, course
+
+
+def _search_atlas(
+    scan: Scan, motion: Motion, limits: Limits, max_results: int, tolerance: float, work: Work
+) -> tuple[list[Solution], SearchCourse]:
+    """Find the best rows of an atlas."""
+    found, scanned = best_rows(scan, motion.target, limits, max_results, work, tolerance)
+    seconds = work.elapsed
+    trace = [(seconds, found[0].errors.objective)] if found else []
+    reached = Status.of(found, tolerance) is Status.REACHED
+    stopped_by = "tolerance" if reached else ("converged" if scanned.exhaustive else "budget")
+    return found, SearchCourse(
+        {"screen": seconds}, trace, stopped_by, windows=scanned.windows, exhaustive=scanned.exhaustive
+    )
+
+
+def _drawn_near(solution: Solution, motion: Motion, limits: Limits) -> Solution:
+    """Move a linkage near the motion if its body is only shifted, as a parallelogram's: any point of it has the same path.
+
+    Returns the solution itself if the moved linkage violates a limit or is not smaller.
+    """
+    samples, linkage = motion.samples, solution.linkage
+    if samples.position is None or solution.family is not Family.CHANGE_POINT:
+        return solution
+    target = target_of(solution, motion)
+    at = linkage.joints(target.crank)
+    assert at.body_point is not None
+    if not np.ptp(at.coupler_angle) <= _ONLY_SHIFTED:
+        return solution
+    # short vectors: crank pin to body point, and each pivot to the middle of the motion
+    vectors = at.body_point[0] - at.crank_pin[0], samples.middle - at.pivot_a, samples.middle - at.pivot_b
+    shift = complex(np.mean(vectors))
+    arm = (vectors[0] - shift) * np.exp(-1j * at.coupler_angle[0])
+    point = float(abs(arm)), wrap(float(np.angle(arm)))
+    near = assess(target, [linkage.placed(linkage.pivot_a + shift, linkage.ground_angle, point)])
+    for moved in within(target, limits, near):
+        smaller = (size_of(moved.linkage, samples) or 0.0) < (size_of(linkage, samples) or 0.0)
+        if smaller and abs(moved.errors.objective - solution.errors.objective) <= _ONLY_SHIFTED:
+            return replace(moved, crank=solution.crank)
+    return solution
+
+
+def _with_fair(
+    found: list[Solution],
+    course: SearchCourse,
+    source: SeedTables | Scan | Start,
+    motion: Motion,
+    fair: Fair,
+    top: int,
+    tolerance: float,
+    work: Work,
+) -> tuple[list[Solution], SearchCourse]:
+    """Order linkages as `proportionate` does; if the best is out of all proportion, search for linkages of fair size too."""
+    if not found:
+        return found, course
+    samples, exact, again = motion.samples, exact_below(motion.samples, tolerance), course
+
+    def smallest_fair() -> float:
+        errors = [solution.errors.objective for solution in found if proportion_of(solution, samples) <= fair.longest]
+        return min(errors, default=np.inf)
+
+    if proportion_of(found[0], samples) > PROPORTION and (
+        found[0].errors.objective >= exact or smallest_fair() == np.inf
+    ):
+        more, again = search_four_bars(source, motion, fair.limits, top, tolerance, work)
+        found = smaller_first(found + more, samples)
+    best, ranked = found[0], proportionate(found, samples, tolerance, fair.longest)
+    error, times, smallest, note = best.errors.objective, proportion_of(best, samples), smallest_fair(), ""
+    if ranked[0] is not best:
+        note = OUT_OF_PROPORTION.format(error=error, times=times, fair=fair.longest)
+        course = course._replace(unseen=again.unseen, stopped_by=again.stopped_by)
+    elif times > PROPORTION and smallest >= tolerance:
+        note = FIRST_OUT_OF_PROPORTION.format(which="exact" if error < exact else "best", times=times)
+        note += FAIR_FOUND.format(smallest) if smallest < np.inf else NO_FAIR_FOUND
+    chosen = distinct(ranked, top, APART, lambda _: 0, tolerance)
+    if top > 1 and all(solution is not best for solution in chosen):  # dropped, since it resembles one before it
+        chosen[1:] = [best, *chosen[1:]][: top - 1]
+    return chosen, course._replace(notes=[*course.notes, note] if note else course.notes)

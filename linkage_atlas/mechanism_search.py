@@ -1,0 +1,249 @@
+"""Search among several kinds of mechanism for one motion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from linkage_atlas.mechanism_types import Kinds, as_poses, has_poses, is_closed, is_path
+from linkage_atlas.motions import Motion
+from synthesis.arrays import Floats
+from synthesis.fourbar import solution as fourbar
+from synthesis.fourbar.limits import Limits
+from synthesis.free.poses import Poses
+from synthesis.guided import solution as guided
+from synthesis.guided.by_crank import linkages_by_crank
+from synthesis.guided.linkage import Driver, GuidedLinkage
+from synthesis.guided.search import NOTHING_ROUND, search_guided
+from synthesis.guided.solution import broken_limits
+from synthesis.search.search import StoppedBy
+from synthesis.target import Target
+from synthesis.work import Work
+
+NO_ROTATION = "Only four-bars were searched: linkages with sliders need positions without rotations, or with two of them or more."
+NO_LEAD = "Linkages with sliders were not searched: they begin with rotations of a four-bar, and none was found for this path."
+ROUND_AGAIN = (
+    "Only drives that turn fully were searched: sliders and cylinders would have to turn back on a closed path."
+)
+OUTSIDE_BOX = "Left out, because no such linkage has its pivots, rails and pins of slots inside the pivot box: {}."
+NO_TIME = "The time was up before linkages with sliders were searched."
+_PIVOT_BOXES = ("pivot_box", "pivot_a_box", "pivot_b_box")
+_FOUR_BARS = 0.4
+"""Largest fraction of the budget for four-bars if other kinds are searched too."""
+_FIRST_ROUNDS = 4
+"""Rounds of the first search for four-bars whose rotations lead the linkages with sliders, independent of the time."""
+_MAX_LEADS = 3
+"""Maximum number of rotation curves taken from four-bars."""
+_OTHER_ROTATION = 1e-2
+"""Smallest difference of two such rotation curves, in radians."""
+
+Found = fourbar.Solution | guided.GuidedSolution
+FourBarSearch = Callable[[Limits, Work, int | None], tuple[list[fourbar.Solution], "SearchCourse"]]
+"""The search among four-bars within limits, with a maximum number of rounds."""
+
+
+class SearchCourse(NamedTuple):
+    """How a search went, for any kind of mechanism."""
+
+    stages: dict[str, float]
+    """Seconds of each stage."""
+    trace: list[tuple[float, float]]
+    """Seconds and best objective after each round."""
+    stopped_by: str
+    seeds: int | None = None
+    windows: int | None = None
+    exhaustive: bool | None = None
+    unseen: float | None = None
+    notes: Sequence[str] = ()
+    continued: Sequence[fourbar.Solution | None] = ()
+    """The result of each linkage of `start_from`."""
+
+    def ended_by(self, time_up: bool) -> SearchCourse:
+        """Return the course with its budget as the reason to stop, if the time was up."""
+        return self._replace(stopped_by=StoppedBy.BUDGET.value) if time_up else self
+
+    @property
+    def time_up(self) -> bool:
+        """True if the budget ended the search."""
+        return self.stopped_by == StoppedBy.BUDGET.value
+
+
+@dataclass
+class _Progress:
+    """Results of the searches so far, one search after the other."""
+
+    found: list[Found] = field(default_factory=list)
+    trace: list[tuple[float, float]] = field(default_factory=list)
+    unseen: list[tuple[float, float | None]] = field(default_factory=list)
+    """For each search its smallest objective, and the chance that it missed a better linkage."""
+    seeds: int = 0
+    notes: list[str] = field(default_factory=list)
+    stopped: set[str] = field(default_factory=set)
+
+    def add(self, found: Sequence[Found], trace: Sequence[tuple[float, float]]) -> None:
+        """Add linkages of another search; its trace counts from the point at which it improves on the previous ones."""
+        best = _smallest(self.trace)
+        self.found = [*self.found, *found]
+        self.trace = self.trace + [entry for entry in trace if entry[1] < best]
+
+    def course(self, between: float, total: float, tolerance: float) -> SearchCourse:
+        """Return the course of all searches; ``between``: seconds at the end of the searches with given crank angles."""
+        reasons = (StoppedBy.BUDGET, StoppedBy.CONVERGED, StoppedBy.TOLERANCE)
+        stopped_by = next(reason.value for reason in reasons if reason.value in self.stopped)
+        stages = {"screen": between, "refine": total - between}
+        best, unseen = min(self.unseen, key=lambda pair: pair[0], default=(np.inf, None))
+        unseen = None if best <= tolerance else unseen
+        return SearchCourse(stages, self.trace, stopped_by, self.seeds, unseen=unseen, notes=self.notes)
+
+
+def search_kinds(
+    kinds: Kinds,
+    motion: Motion,
+    limits: Limits,
+    tolerance: float,
+    search_four_bars: FourBarSearch,
+    work: Work,
+    rounds: int | None = None,
+) -> tuple[list[Found], SearchCourse]:
+    """Find linkages of several kinds within the limits, in no particular order.
+
+    ``rounds``: maximum number of rounds of each search for linkages with sliders.
+    """
+    progress = _Progress()
+    by_path = bool(kinds.sliders) and is_path(motion)
+    with_sliders = by_path or (bool(kinds.sliders) and has_poses(motion.samples))
+    leads: list[fourbar.Solution] = []
+    if (kinds.four_bars or by_path) and motion.travel is None:
+        shared = with_sliders and np.isfinite(work.budget)
+        part = work.part(_FOUR_BARS * work.budget) if shared else work
+        leads = _search_four_bars(kinds, motion, limits, search_four_bars, (work, part), rounds, progress, by_path)
+    beginnings: list[GuidedLinkage] = []
+    if isinstance(motion.samples, Target) and motion.samples.position is not None:
+        beginnings = _search_by_crank(kinds, motion.samples, limits, tolerance, work, progress)
+    between = work.elapsed
+    if with_sliders and progress.found and work.expired():
+        progress.notes.append(NO_TIME)
+    elif with_sliders:
+        poses = as_poses(motion.samples)
+        if by_path and not leads:
+            progress.notes.append(NO_TIME if work.expired() else NO_LEAD)
+        turned = _rotations(leads, poses) if by_path else [None]
+        _search_sliders(kinds, motion, limits, tolerance, work, turned, rounds, beginnings, progress)
+        if is_closed(motion.samples) and not set(progress.notes) & set(NOTHING_ROUND.values()):
+            progress.notes.append(ROUND_AGAIN)
+    if kinds.sliders and not with_sliders and not kinds.by_crank:
+        progress.notes.append(NO_ROTATION)
+    elif progress.found and any(getattr(limits, name) is not None for name in _PIVOT_BOXES):
+        made = {found.linkage.kind for found in progress.found if isinstance(found, guided.GuidedSolution)}
+        if missing := [kind.value.replace("_", " ") for kind in kinds.sliders if kind not in made]:
+            progress.notes.append(OUTSIDE_BOX.format(", ".join(missing)))
+    return progress.found, progress.course(between, work.elapsed, tolerance)
+
+
+def _search_four_bars(
+    kinds: Kinds,
+    motion: Motion,
+    limits: Limits,
+    search: FourBarSearch,
+    work: tuple[Work, Work],
+    rounds: int | None,
+    progress: _Progress,
+    by_path: bool,
+) -> list[fourbar.Solution]:
+    """Search four-bars and return those whose rotations lead the linkages with sliders.
+
+    ``work``: all of the budget, and the fraction for four-bars. If four-bars are results too, the first rounds for the leads
+    may use all of it: a search with more time then only adds to what a search with less time examines.
+    """
+    whole, part = work
+    begun = [search(limits, whole if kinds.four_bars else part, _FIRST_ROUNDS)] if by_path else []
+    first = [lead for leads, _ in begun for lead in leads[:1]]
+    cut_off = any(course.time_up for _, course in begun)
+    searches = begun if cut_off else [search(limits, part, rounds), *begun]
+    leads, course = searches[0]
+    if kinds.four_bars:
+        for found, its_course in reversed(searches):
+            progress.add(found, its_course.trace)
+        progress.unseen.append((_smallest(progress.trace), course.unseen))
+    progress.seeds += course.seeds or 0
+    progress.stopped.add(course.stopped_by)
+    progress.notes += course.notes
+    if by_path and is_closed(motion.samples) and kinds.only_a_hinge_turns:
+        # a hinge turns the body fully, as a double-crank does
+        first, (leads, _) = [], search(replace(limits, family="double_crank"), part, rounds)
+    if first:
+        leads = first + ([] if course.time_up else leads)
+    return leads
+
+
+def _search_by_crank(
+    kinds: Kinds, target: Target, limits: Limits, tolerance: float, work: Work, progress: _Progress
+) -> list[GuidedLinkage]:
+    """Search linkages with a rail or slot for given crank angles; return all, also those outside the limits."""
+    beginnings: list[GuidedLinkage] = []
+    for kind in kinds.by_crank:
+        solutions, report = linkages_by_crank(kind, target, tolerance=tolerance, work=work)
+        inside = [found for found in solutions if not broken_limits(found, target, limits)]
+        beginnings += [found.linkage for found in solutions]
+        best = min((found.errors.objective for found in inside), default=np.inf)
+        progress.add(inside, [(work.elapsed, best)] if inside else [])
+        progress.unseen.append((best, None))
+        progress.seeds += report.seeds
+        progress.stopped.add(report.stopped_by.value)
+    return beginnings
+
+
+def _search_sliders(
+    kinds: Kinds,
+    motion: Motion,
+    limits: Limits,
+    tolerance: float,
+    work: Work,
+    rotations: Sequence[Floats | None],
+    rounds: int | None,
+    beginnings: Sequence[GuidedLinkage],
+    progress: _Progress,
+) -> None:
+    """Search linkages with rails or slots, once for each rotation curve."""
+    poses = as_poses(motion.samples)
+    drive, driver = _drive_of(motion, kinds.driver)
+    for turned in rotations:
+        found, report = search_guided(
+            poses, limits, kinds.sliders, driver, tolerance, work, drive, turned, rounds, beginnings
+        )
+        progress.add(found, report.trace)
+        progress.unseen.append((_smallest(report.trace), report.unseen if turned is None else None))
+        progress.seeds += report.seeds
+        progress.notes += [note for note in report.notes if note not in progress.notes]
+        progress.stopped.add(report.stopped_by.value)
+        if work.expired():
+            break
+
+
+def _smallest(trace: Sequence[tuple[float, float]]) -> float:
+    return min((error for _, error in trace), default=np.inf)
+
+
+def _rotations(leads: Sequence[fourbar.Solution], poses: Poses) -> list[Floats]:
+    """Return the rotation curves of the first four-bars that clearly differ from one another, in radians (N,) each."""
+    curves: list[Floats] = []
+    for lead in leads:
+        assert lead.crank is not None
+        turned = lead.linkage.joints(lead.crank[: poses.samples]).rotation
+        if all(np.ptp(turned - curve) > _OTHER_ROTATION for curve in curves):
+            curves.append(turned)
+        if len(curves) == _MAX_LEADS:
+            break
+    return curves
+
+
+def _drive_of(motion: Motion, driver: Driver | None) -> tuple[Floats | None, Driver | None]:
+    """Return the given coordinates of the drive, and the driver."""
+    if motion.travel is not None:
+        return motion.travel, driver
+    if isinstance(motion.samples, Target):
+        return motion.samples.crank, Driver.CRANK
+    return None, driver

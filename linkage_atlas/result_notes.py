@@ -1,0 +1,225 @@
+"""Notes and report of a result: sentences on the search, the solutions and the limits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from linkage_atlas.answers import AnySolution, Report, Solution, cognate_notes, errors_in_words, in_unit
+from linkage_atlas.candidates import Candidates
+from linkage_atlas.finishing import RankedSolutions
+from linkage_atlas.limits import QUICK, QUICK_ROUNDS, thinned, what_excludes
+from linkage_atlas.mechanism_search import Found, SearchCourse
+from linkage_atlas.motions import Motion
+from linkage_atlas.notes import counted, in_percent, limit_label, listed, sentences
+from linkage_atlas.preferences import Search
+from linkage_atlas.studies import study_notes
+from linkage_atlas.task import Task
+from synthesis.atlas.scan import Scan
+from synthesis.fourbar.limits import Limits
+from synthesis.free.few_poses import is_few
+from synthesis.free.poses import Poses
+from synthesis.guided.search import NOTHING_ROUND
+from synthesis.ranking import NEAR
+from synthesis.target import TURN
+from synthesis.work import Work
+
+NUMERALS = {2: "two", 3: "three", 4: "four"}
+UNASKED = (
+    "With given {drive} the practical limits apply only if they are switched on (`limits.preset`): "
+    "the verdict names those that the best linkage violates."
+)
+SWINGS = (
+    "Only linkages whose crank can turn fully were searched, but this motion takes no more than half a turn of it: "
+    "linkages that only swing may come nearer if any family is allowed (`limits.family`)."
+)
+HOPELESS = (
+    "No linkage that was found comes near this motion: the error of the best is {0:.2g} times that of a body at rest"
+)
+IN_ANY_ORDER = (
+    "The samples go back and forth. In their order the best linkage meets them with {0}; in any order a linkage was found that "
+    "meets them with {1} (`order`)."
+)
+ILL_POSED = (
+    "The problem is ill-posed: lengths that differ by {0} make this motion about equally well "
+    "(see `determination` of each solution)."
+)
+FEW_POSES = (
+    "Infinitely many four-bars pass {0} poses exactly: those listed differ clearly from one another, and the first are compact "
+    "with a good transmission angle. Add a pose, or limits, to narrow the choice."
+)
+SAME_LENGTHS = "{0} of {1} linkages are listed: the others have the same lengths once rounded, and a larger error."
+LOCAL = (
+    "The given linkage was refined to the nearest optimum that the descent reached: linkages elsewhere were not searched and "
+    "may be better."
+)
+CUT_SHORT = "No linkage within the limits was found before the time was up; that does not prove that there is none."
+NOWHERE = (
+    "No descent from the given linkage led within the limits; that does not prove that there is no other linkage."
+)
+TIME_UP = "The time was up: only the best {0} of {1} found are reported."
+_HOPELESS = 0.5
+"""Ratio to the error of a body at rest above which a linkage is not near the motion."""
+_IN_ANY_ORDER = 0.5
+"""Largest ratio of the error in any order to the error in the given order for which a note mentions the former."""
+_BACK_AND_FORTH = 1.1
+"""Smallest ratio of the path through the samples in their order to the shortest path for which they go back and forth."""
+_HALF_TURN = np.pi
+_EXACT = 1e-6
+"""Objective below which a linkage passes a few poses exactly."""
+
+
+def notes_of(task: Task, search: Search, candidates: Candidates, ranked: RankedSolutions) -> list[str]:
+    """Return the notes of a result as whole sentences."""
+    motion, solutions = task.motion, ranked.solutions
+    notes = [*motion.notes(), *_envelope_notes(motion, task.limits)]
+    if task.refines:
+        notes.append(LOCAL)
+    notes += candidates.course.notes
+    if ranked.same_lengths:
+        notes.append(SAME_LENGTHS.format(len(solutions), len(solutions) + ranked.same_lengths))
+    notes += _determination_notes(task, solutions)
+    notes += _hopeless_notes(solutions, motion)
+    notes += _order_notes(task, solutions, search)
+    notes += _unasked_notes(task, solutions)
+    notes += _swing_notes(task, solutions)
+    notes += study_notes(candidates.studies.manufacture, solutions)
+    if task.kinds.only_four_bars and motion.samples.rotation is None:
+        notes += cognate_notes([solution for solution in solutions if isinstance(solution, Solution)])
+    if not solutions:
+        notes += _empty_notes(task, search, candidates, notes)
+    if len(solutions) < ranked.total:
+        notes.append(TIME_UP.format(len(solutions), counted(ranked.total, "linkage")))
+    return sentences(notes)
+
+
+def report_of(task: Task, candidates: Candidates, ranked: RankedSolutions, notes: list[str]) -> Report:
+    """Return the report of a result."""
+    course, samples, now = candidates.course, task.motion.samples, task.work.elapsed
+    seconds = course.stages | {"report": now - candidates.seconds, "total": now}
+    return Report(
+        elapsed_ms={name: 1000 * value for name, value in seconds.items()},
+        trace=[(1000 * value, objective) for value, objective in course.trace],
+        stopped_by=course.stopped_by,
+        length_scale=None if samples.position is None else samples.length_scale,
+        seeds=course.seeds,
+        windows=course.windows,
+        exhaustive=course.exhaustive,
+        notes=notes,
+        continued=None if task.starts is None else _ranks_of(course.continued, ranked.solutions),
+        unseen=None if course.time_up else course.unseen,
+    )
+
+
+def _ranks_of(continued: Sequence[Found | None], solutions: Sequence[AnySolution]) -> list[int | None]:
+    """Return the rank of each linkage among the finished solutions; None if it is not there."""
+    ranks = {id(solution.origin.found): solution.rank for solution in solutions}
+    return [ranks.get(id(linkage)) for linkage in continued]
+
+
+def _empty_notes(task: Task, search: Search, candidates: Candidates, notes: Sequence[str]) -> list[str]:
+    """Return why a result has no solutions: the time, the given linkage, or the limits."""
+    if candidates.course.time_up:
+        return [CUT_SHORT]
+    if task.refines:
+        return [NOWHERE]
+    if task.limits.only_family or isinstance(task.source, Scan) or set(notes) & set(NOTHING_ROUND.values()):
+        return []
+
+    def quick(eased: Limits, work: Work) -> tuple[list[Found], SearchCourse]:
+        return search(thinned(task.motion), eased, max(task.tolerance, QUICK), work, QUICK_ROUNDS, 1)
+
+    return what_excludes(task.limits, task.motion, quick, task.work, task.named_limits)
+
+
+def _determination_notes(task: Task, solutions: Sequence[AnySolution]) -> list[str]:
+    """Return that many different lengths make the motion of the best linkage, if only four-bars were searched."""
+    if not (task.kinds.only_four_bars and solutions and isinstance(solutions[0], Solution)):
+        return []
+    best, samples = solutions[0], task.motion.samples
+    if not best.determination.ill_posed:
+        return []
+    exact = best.errors.objective < max(task.tolerance, _EXACT)
+    if isinstance(samples, Poses) and is_few(samples) and exact:
+        return [FEW_POSES.format(NUMERALS[samples.samples])]
+    return [ILL_POSED.format(in_percent(best.determination.length_uncertainty))]
+
+
+def _hopeless_notes(solutions: Sequence[AnySolution], motion: Motion) -> list[str]:
+    """Return that the best linkage does not make the motion, with the limits that hold it."""
+    if not solutions or solutions[0].verdict.within_tolerance:
+        return []
+    best, at_rest = solutions[0], motion.asked.error_at_rest(modulo_turn=motion.free)
+    if not at_rest or (ratio := best.errors.objective / at_rest) <= _HOPELESS:
+        return []
+    limits = best.determination.at_limits if isinstance(best, Solution) else ()
+    held = f"; it is held by {listed([limit_label(name) for name in limits])}" if limits else ""
+    return [f"{HOPELESS.format(ratio)}{held}."]
+
+
+def _order_notes(task: Task, solutions: Sequence[AnySolution], search: Search) -> list[str]:
+    """Return the errors of a linkage that passes jumbled samples in any order, if they are much smaller."""
+    motion, samples = task.motion, task.motion.samples
+    if not (solutions and isinstance(samples, Poses) and samples.ordered):
+        return []
+    if samples.closed or motion.travel is not None:
+        return []
+    best = solutions[0]
+    if best.verdict.within_tolerance or best.errors.objective <= NEAR or samples.detour < _BACK_AND_FORTH:
+        return []
+    any_order = Motion.of(replace(samples, ordered=False, span_max=TURN), motion.degrees, motion.tolerances)
+    found, _ = search(any_order, task.limits, task.tolerance, task.work, None, 1)
+    if not found:
+        return []
+    nearest = min(found, key=lambda solution: solution.errors.objective)
+    if nearest.errors.objective > _IN_ANY_ORDER * best.errors.objective:
+        return []
+    errors = in_unit(nearest.errors, motion.radian)
+    return [IN_ANY_ORDER.format(*(errors_in_words(pair, motion.degrees) for pair in (best.errors, errors)))]
+
+
+def _unasked_notes(task: Task, solutions: Sequence[AnySolution]) -> list[str]:
+    """Return that the practical limits did not apply, if the request did not choose and the best linkage violates a limit."""
+    motion = task.motion
+    if (motion.free and motion.travel is None) or "preset" in task.named_limits:
+        return []
+    if not solutions or solutions[0].verdict.practical:
+        return []
+    return [UNASKED.format(drive="crank angles" if motion.travel is None else "travel")]
+
+
+def _envelope_notes(motion: Motion, limits: Limits) -> list[str]:
+    """Return that positions lie outside the box that the body point must not leave."""
+    box, samples = limits.envelope, motion.asked
+    if box is None or samples.position is None:
+        return []
+    weights = samples.position_weights
+    used = np.isfinite(samples.position) & (True if weights is None else weights > 0)
+    x, y = samples.position.real, samples.position.imag
+    beyond = np.hypot(
+        np.maximum(np.maximum(box[0] - x, x - box[2]), 0), np.maximum(np.maximum(box[1] - y, y - box[3]), 0)
+    )
+    outside = np.flatnonzero(used & (beyond > 0))
+    if not outside.size:
+        return []
+    worst = int(outside[np.argmax(beyond[outside])])
+    missed = f"missed by at least {beyond[worst]:.4g} (`limits.envelope`)"
+    if outside.size == 1:
+        return [f"The position of sample {worst + 1} lies outside the envelope and is {missed}."]
+    return [f"{outside.size} positions lie outside the envelope; that of sample {worst + 1} is {missed}."]
+
+
+def _swing_notes(task: Task, solutions: Sequence[AnySolution]) -> list[str]:
+    """Return that rocking four-bars were not searched, if they could make the motion and no other linkage is good enough."""
+    motion, samples = task.motion, task.motion.samples
+    if not motion.free or task.named_limits.get("family") is not None or not isinstance(samples, Poses):
+        return []
+    best = next((solution for solution in solutions if isinstance(solution, Solution)), None)
+    if best is None or samples.closed or not samples.ordered or best.crank_angle is None:
+        return []
+    exact = any(solution.errors.objective < task.tolerance for solution in solutions)
+    if solutions[0].verdict.within_tolerance or exact:
+        return []
+    return [SWINGS] if np.ptp(best.crank_angle) * motion.radian <= _HALF_TURN else []

@@ -1,0 +1,155 @@
+"""Linkages for a motion: `synthesize`, a pipeline of stages from a request to a `Result`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal, TypedDict, Unpack
+
+from numpy.typing import ArrayLike
+
+from linkage_atlas.answers import Result
+from linkage_atlas.atlases import Atlas
+from linkage_atlas.candidates import CandidateSearch, find_candidates
+from linkage_atlas.finishing import finish_candidates, rank_solutions
+from linkage_atlas.linkages import DriverName, KindName
+from linkage_atlas.motions import Motion
+from linkage_atlas.result_notes import notes_of, report_of
+from linkage_atlas.task import Prefer, read_task
+from linkage_atlas.warm_start import StartingLinkage
+from synthesis.search.search import DEFAULT_TOLERANCE
+from synthesis.work import Work
+
+
+class MotionAndStudies(TypedDict, total=False):
+    """Arguments of a `Motion` by name, and the studies of `Solution.studied`."""
+
+    rotation: ArrayLike | None
+    position: ArrayLike | None
+    crank_span: float | None
+    crank_angle: ArrayLike | None
+    timing: Literal["free"] | None
+    order: Literal["given", "any"]
+    closed: bool
+    crank_span_max: float | None
+    travel: ArrayLike | None
+    travel_span: float | None
+    weights: Mapping[str, ArrayLike] | None
+    tolerances: Mapping[str, ArrayLike] | None
+    length_scale: float | None
+    degrees: bool
+    round_to: float | None
+    lengths_from: ArrayLike | None
+    sensitivity: bool
+    analysis: Mapping[str, Any] | None
+    tolerance_study: Mapping[str, Any] | None
+    load: Mapping[str, Any] | None
+    drives: Sequence[Mapping[str, Any]] | None
+    springs: Sequence[Mapping[str, Any]] | None
+    drive: Mapping[str, Any] | None
+    assembly: Mapping[str, Any] | bool | None
+
+
+def synthesize(
+    *motion: Motion | Mapping[str, Any] | ArrayLike | None,
+    limits: Mapping[str, Any] | None = None,
+    top: int = 10,
+    effort: Literal["refine", "atlas"] = "refine",
+    prefer: Prefer | None = None,
+    diverse: bool = False,
+    tolerance: float = DEFAULT_TOLERANCE,
+    budget: float | None = None,
+    refine_from: StartingLinkage | None = None,
+    atlas: Atlas | str | Path | None = None,
+    work: Callable[[float | None], Work] = Work,
+    start_from: Sequence[StartingLinkage] | None = None,
+    mechanisms: Sequence[KindName] | Literal["all"] | None = None,
+    driver: DriverName | None = None,
+    **more: Unpack[MotionAndStudies],
+) -> Result:
+    """Find linkages that make a motion: their dimensions and where they are mounted.
+
+    Call it as ``synthesize(motion, limits)``, or with the arguments of a `Motion` in its place:
+    ``synthesize(rotation, position, crank_span=70)``.
+
+    Parameters
+    ----------
+    *motion : Motion, or array_like
+        The required motion.
+    limits : Limits or mapping, optional
+        Limits on the linkages, see `Limits`.
+    top : int
+        Maximum number of linkages, which differ from one another.
+    effort : {"refine", "atlas"}
+        "refine" searches and refines to machine precision; "atlas" returns the best rows of ``atlas`` without refinement.
+    prefer : {"error", "size", "transmission", "crank_span", "layers"}, optional
+        Merit of linkages inside the tolerances: smallest error, smallest links and reach, best transmission angle, shortest
+        swing of the crank, or layers in which nothing passes over the fixed pivots (this includes an ``assembly``).
+        Default: "size" with tolerances, otherwise "error". Without tolerances, linkages compete whose error is at most 10 %
+        above the smallest error.
+    diverse : bool
+        Spread the solutions over families, branches and positions; their objective is at most twice the best objective.
+    tolerance : float
+        Objective below which the search ends.
+    budget : float, optional
+        Time limit in seconds; the best linkages found by then are returned.
+    refine_from : FourBar, Solution or mapping, optional
+        Refine this linkage (or its plain values, as `Solution.to_dict` gives them) instead of a search. The one solution is its
+        nearest optimum within the limits, which need not be the best linkage.
+    atlas : Atlas, str or Path, optional
+        The atlas for effort "atlas"; default: see `match`.
+    work : callable
+        Makes the object that watches time and cancellation from a budget in seconds.
+    start_from : sequence of FourBar, Solution or mapping, optional
+        Linkages to begin with, for example the displayed linkage while a motion is changed. Each is refined to its nearest
+        optimum within the limits before the search begins; ``report.continued`` has the rank of each result. With free timing
+        each is a solution or its plain values, since its mount is needed.
+    mechanisms : sequence of str or "all", optional
+        Kinds of mechanism: "four_bar" (the default), "slider_crank", "swinging_block", "rail_slot", "two_rails", "two_slots".
+        With several kinds the result is the Pareto front of error, size and transmission angle for each drive.
+    driver : {"crank", "slider", "cylinder", "hinge"}, optional
+        Restrict the search to linkages with this drive.
+    **more
+        Arguments of `Motion` if ``motion`` holds arrays; and studies of each solution within the budget, see `Solution.studied`.
+
+    Returns
+    -------
+    Result
+
+    Raises
+    ------
+    FieldError
+        If an argument is wrong; the error names it.
+
+    Examples
+    --------
+    >>> import numpy as np, linkage_atlas as la
+    >>> rotation = la.FourBar(19, 72, 144, 165, start_angle=30).joints(np.linspace(0, 70, 16)).rotation
+    >>> la.synthesize(la.Motion(rotation, crank_span=70), la.Limits(link_ratio_max=12), top=1).status
+    'reached'
+    >>> la.synthesize(rotation, crank_span=70, top=1).status
+    'reached'
+    """
+    task = read_task(
+        motion,
+        more,
+        limits=limits,
+        top=top,
+        effort=effort,
+        prefer=prefer,
+        diverse=diverse,
+        tolerance=tolerance,
+        budget=budget,
+        refine_from=refine_from,
+        atlas=atlas,
+        work=work,
+        start_from=start_from,
+        mechanisms=mechanisms,
+        driver=driver,
+    )
+    search = CandidateSearch(task)
+    candidates = find_candidates(task, search)
+    solutions = finish_candidates(task, candidates)
+    ranked = rank_solutions(task, candidates, solutions)
+    notes = notes_of(task, search, candidates, ranked)
+    return Result(ranked.status, ranked.solutions, report_of(task, candidates, ranked, notes))

@@ -1,0 +1,140 @@
+"""Linkages that a search begins with: read from `FourBar`, solutions or plain values, and checked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from linkage_atlas.arguments import column, number, pointing
+from linkage_atlas.linkages import FourBar
+from linkage_atlas.motions import Motion
+from synthesis.arrays import Floats
+from synthesis.errors import FieldError
+from synthesis.fourbar.kinematics import wrap
+from synthesis.fourbar.linkage import Linkage
+from synthesis.target import MAX_LENGTH, MIN_LENGTH, TURN, Samples
+
+MAX_STARTS = 10
+"""Maximum number of linkages in `start_from`."""
+MAX_RATIO = 1e6
+"""Largest ratio of a given linkage's lengths and distances to one another and to the motion's extent."""
+
+StartingLinkage = Any
+"""A `FourBar`, a `Solution` or `FunctionSolution`, or its plain values."""
+
+
+class Start(NamedTuple):
+    """A linkage to refine, in radians."""
+
+    linkage: Linkage
+    crank: Floats | None = None
+    """(N,): crank angles at the samples, relative to the first sample."""
+    offset: float | None = None
+    """For a function generator: the output minus the rocker angle."""
+    field: str = "refine_from"
+    """The argument that holds the linkage."""
+
+
+def pointing_to_start(field: str = "refine_from") -> AbstractContextManager[None]:
+    """Make errors of the linkage's fields point into an argument."""
+
+    def within(name: str) -> str:
+        link = name.lstrip("/") in ("crank", "coupler", "rocker", "ground")
+        return f"/{field}{'/links' if link else ''}{name}"
+
+    return pointing(within)
+
+
+def read_start(start: StartingLinkage, degrees: bool, field: str = "refine_from") -> Start:
+    """Read a linkage to refine: a `FourBar`, a solution, or the plain values of either in the request's unit of angle.
+
+    Raises
+    ------
+    FieldError
+        If the linkage is wrong; the error names the field within the argument ``field``.
+    """
+    if isinstance(start, FourBar):
+        return _checked(start, field)
+    if isinstance(start, Mapping):
+        with pointing_to_start(field):
+            try:
+                linkage = FourBar.from_dict(start, degrees)
+            except (KeyError, TypeError, ValueError) as error:
+                if isinstance(error, FieldError):
+                    raise
+                raise FieldError("", "wanted links (crank, coupler, rocker, ground), branch, start_angle") from None
+        crank, offset = start.get("crank_angle"), start.get("output_offset")
+    else:
+        found = getattr(start, "linkage", None)
+        crank, offset = getattr(start, "crank_angle", None), getattr(start, "output_offset", None)
+        if not isinstance(found, FourBar):
+            raise FieldError(f"/{field}", "wanted a FourBar, a solution, or its plain values")
+        linkage = found
+    radian = np.pi / 180 if linkage.degrees else 1.0
+    angles = None if crank is None else column(f"{field}/crank_angle", crank) * radian
+    if angles is not None and not np.isfinite(angles).all():
+        raise FieldError(f"/{field}/crank_angle", "wanted finite numbers")
+    own = None if offset is None else number(f"{field}/output_offset", offset) * radian
+    return _checked(linkage, field)._replace(crank=angles, offset=own)
+
+
+def read_starts(starts: Sequence[StartingLinkage], motion: Motion) -> list[Start]:
+    """Read the linkages of ``start_from`` and check them against the motion."""
+    if not 1 <= len(starts) <= MAX_STARTS:
+        raise FieldError("/start_from", f"wanted 1 to {MAX_STARTS} linkages, found {len(starts)}")
+    checked = []
+    for k, linkage in enumerate(starts):
+        start = read_start(linkage, motion.degrees, f"start_from/{k}")
+        if start.crank is not None and start.crank.shape != (motion.asked.samples,):  # samples were added or removed
+            start = start._replace(crank=None)
+        check_start(start, motion)
+        checked.append(start)
+    return checked
+
+
+def check_start(start: Start, motion: Motion) -> None:
+    """Raise FieldError for a linkage that cannot be refined for this motion."""
+    linkage, samples = start.linkage, motion.asked
+    if motion.free:
+        if not linkage.mounted:
+            raise FieldError(f"/{start.field}/mount", "needed, with its coupler point: the crank angles are free")
+        if start.crank is not None and start.crank.shape != (samples.samples,):
+            found = start.crank.size
+            raise FieldError(f"/{start.field}/crank_angle", f"wanted {samples.samples} crank angles, found {found}")
+    if samples.position is not None and linkage.mounted:
+        _check_mount(linkage, samples, start.field)
+
+
+def _checked(four_bar: FourBar, field: str) -> Start:
+    """Return a linkage with lengths in the allowed range and angles within a turn."""
+    linkage = four_bar.plain
+    for name, length in zip(("crank", "coupler", "rocker", "ground"), linkage.links):
+        path = f"/{field}/links/{name}"
+        if not MIN_LENGTH <= length <= MAX_LENGTH:
+            raise FieldError(path, f"wanted a length from {MIN_LENGTH:g} to {MAX_LENGTH:g}, found {length:g}")
+        if length * MAX_RATIO < max(linkage.links):
+            raise FieldError(path, f"wanted no link more than {MAX_RATIO:g} times another")
+    point = linkage.coupler_point
+    for name, angles in (("start_angle", linkage.start), ("mount/ground_angle", linkage.ground_angle)):
+        number(f"{field}/{name}", angles)
+    if point is not None and not (np.isfinite(point).all() and point[0] >= 0):
+        raise FieldError(f"/{field}/mount/coupler_point", "wanted a radius of at least 0 and an angle")
+    turned = replace(linkage, start=linkage.start % TURN, ground_angle=wrap(linkage.ground_angle))
+    return Start(turned, field=field)
+
+
+def _check_mount(linkage: Linkage, samples: Samples, field: str) -> None:
+    """Raise FieldError for a linkage that is too far from the positions, too large or too small for them."""
+    assert samples.position is not None and linkage.coupler_point is not None
+    scale = samples.length_scale
+    if abs(linkage.pivot_a - complex(samples.position_mean(samples.position))) > MAX_RATIO * scale:
+        message = f"lies farther than {MAX_RATIO:g} times the motion's extent from it"
+        raise FieldError(f"/{field}/mount/pivot_a", message)
+    longest, shortest = max(linkage.coupler_point[0], *linkage.links), min(linkage.links)
+    if longest > MAX_RATIO * scale or shortest * MAX_RATIO < scale:
+        message = f"wanted lengths within {MAX_RATIO:g} times the motion's extent, either way"
+        raise FieldError(f"/{field}/links", message)
