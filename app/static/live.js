@@ -22,10 +22,10 @@ function continuation({ solutions, report }, starts) {
 
 /** `page` has `isDragged()`, `shown()`: {answer, solution}, `fits(answer)`, and `show(answer, solution)`. */
 export class Live {
-  #begun = null; // what was on show when the drag began
-  #next = null;
+  #drag = null; // {kind, answer, solution}: what was on show when the drag began; each drag is an object of its own
+  #next = null; // the question that is sent next: {drag, request, motion, turn}
+  #latest = null; // the last answer that continues the linkage on show
   #busy = false;
-  #latest = null;
 
   constructor(page) {
     this.page = page;
@@ -34,40 +34,55 @@ export class Live {
 
   /** Follows a drag, of a `kind`, to a motion; brings back what was on show where the drag returns to its beginning. */
   follow(kind, request, motion) {
-    if (this.#begun?.kind !== kind) this.#begun = { kind, ...this.page.shown() };
-    this.#next = [request, motion];
-    if (!this.page.fits(this.#begun.answer)) {
-      if (!this.#busy) this.#ask();
+    if (this.#drag?.kind !== kind) this.#drag = { kind, ...this.page.shown() };
+    const drag = this.#drag;
+    if (!this.page.fits(drag.answer)) {
+      this.#next = { drag, request, motion, turn: 0 };
+      this.#askAll();
       return;
     }
     this.#next = this.#latest = null;
-    if (this.page.shown().answer !== this.#begun.answer) this.page.show(this.#begun.answer, this.#begun.solution);
+    if (this.page.shown().answer !== drag.answer) this.page.show(drag.answer, drag.solution);
   }
 
-  forget() { this.#begun = this.#next = this.#latest = null; }
+  forget() { this.#drag = this.#next = this.#latest = null; }
 
-  /** Asks for one motion at a time; those in between are not asked for. */
-  async #ask() {
+  /** Asks one question at a time, the latest; those in between are not asked. */
+  async #askAll() {
+    if (this.#busy) return;
     this.#busy = true;
-    for (let tries = 0; this.#next && tries < RETRIES;) {
-      const [wanted, motion, turn = 0] = this.#next, { mechanisms: _kinds, ...request } = wanted, begun = this.#begun;
-      const starts = [...new Set([begun.solution, this.page.shown().solution])];
-      this.#next = null;
-      try {
-        const reply = await (await ask("/v1/synthesize", { ...request, start_from: starts.map(start), budget_ms: BUDGETS_MS[turn], top: TOP })).json(), found = continuation(reply, starts);
-        tries = 0;
-        if (!found && turn + 1 < BUDGETS_MS.length) this.#next ??= [wanted, motion, turn + 1];
-        if (!found || begun !== this.#begun || this.page.fits(begun.answer) || !(this.page.isDragged() || this.page.fits({ request: wanted }))) continue;
-        this.#latest = { request: wanted, motion, reply, found };
-        this.#show();
-      } catch (error) { // Solve says what is wrong with a request
-        if (error.status !== 503) continue;
-        this.#next ??= [wanted, motion, turn];
-        tries += 1;
-        await new Promise((done) => { setTimeout(done, RETRY_MS); });
+    try {
+      for (let refusals = 0; this.#next && refusals < RETRIES;) {
+        const question = this.#next;
+        this.#next = null;
+        const { again, refused } = await this.#ask(question);
+        refusals = refused ? refusals + 1 : 0;
+        // only the drag that asked may ask again, unless it has moved on meanwhile
+        if (again && question.drag === this.#drag) this.#next ??= again;
       }
+    } finally { this.#busy = false; }
+  }
+
+  /** Asks a question and shows its answer; returns the question to ask `again`, and whether the service has `refused` it. */
+  async #ask(question) {
+    const { drag, request: { mechanisms: _kinds, ...request }, motion, turn } = question;
+    const starts = [...new Set([drag.solution, this.page.shown().solution])].filter((one) => one?.links);
+    if (!starts.length) return {};
+    let reply = null;
+    try {
+      reply = await (await ask("/v1/synthesize", { ...request, start_from: starts.map(start), budget_ms: BUDGETS_MS[turn], top: TOP })).json();
+    } catch (error) {
+      if (error.status !== 503) return {}; // Solve says what is wrong with a request
+      await new Promise((done) => { setTimeout(done, RETRY_MS); });
+      return { again: question, refused: true };
     }
-    this.#busy = false;
+    const found = continuation(reply, starts);
+    if (!found) return { again: turn + 1 < BUDGETS_MS.length ? { ...question, turn: turn + 1 } : null };
+    const late = drag !== this.#drag || this.page.fits(drag.answer);
+    if (late || !(this.page.isDragged() || this.page.fits(question))) return {};
+    this.#latest = { request: question.request, motion, reply, found };
+    this.#show();
+    return {};
   }
 
   /** Shows only the linkage that continues while the drag lasts, then also others, and first one that is clearly better. */

@@ -273,6 +273,27 @@ def test_the_answer_follows_a_drag(standing) -> None:
     assert standing.text("status") == before
 
 
+HELD = (
+    "const own = window.fetch, none = JSON.stringify({solutions: [], report: {continued: []}}); window.held = [];"
+    "window.fetch = (path, how) => path !== '/v1/synthesize' || !JSON.parse(how.body).start_from ? own(path, how)"
+    ": new Promise((done) => { held.push((status) => { done(new Response(none, {status})); window.fetch = own; }); })"
+)
+"""Holds the reply to the next question of a drag until the test gives it, without a linkage, with a status."""
+
+
+@pytest.mark.parametrize("status", [200, 503])
+def test_a_reply_to_a_drag_that_comes_after_another_choice_is_dropped(status, standing) -> None:
+    """Once the page repeated the question without its linkage, and no drag was followed from then on."""
+    standing.choose("carton")
+    standing.run(HELD)
+    standing.drag(standing.pick("[data-pose='4'] .hit"), 8, -6)
+    standing.wait("held.length")
+    standing.choose("wiper")
+    standing.run("held[0](arguments[0])", status)
+    standing.drag(standing.pick("[data-pose='4'] .hit"), 1, 0)
+    standing.wait("document.getElementById('status').textContent.includes('Found while dragging')")
+
+
 def links_on_show(page) -> list[float]:
     """Lengths of the four links of the selected solution, from the page's table of numbers."""
     rows = "[...document.querySelectorAll('#numbers tr')].map((row) => [...row.children].map((cell) => cell.textContent))"
