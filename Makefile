@@ -45,7 +45,7 @@ help:
 
 setup: $(READY)
 
-$(READY): pyproject.toml constraints.txt setup.py build_backend/__init__.py synthesis/kernel.py synthesis/atlas/tree_kernel.py
+$(READY): pyproject.toml constraints.txt setup.py build_backend/__init__.py $(wildcard synthesis/kernels/*.p*) synthesis/atlas/tree_kernel.py
 	@$(PYTHON) -c 'import sys; sys.version_info >= (3, 11) or sys.exit("linkage-atlas needs Python 3.11 or newer, $(PYTHON) is " + sys.version.split()[0] + "; set PYTHON=")'
 	@$(PYTHON) -c 'import os, sys, sysconfig; os.path.exists(sysconfig.get_path("include") + "/Python.h") or sys.exit("linkage-atlas needs Python.h to compile its kernel: on Debian and Ubuntu the package python3-dev")'
 	$(PYTHON) -m venv $(VENV)
@@ -163,5 +163,5 @@ solids: $(READY)
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.solids
 
 clean:
-	rm -rf $(VENV) build dist *.egg-info synthesis/kernel.c synthesis/kernel.*.so synthesis/atlas/tree_kernel.c \
+	rm -rf $(VENV) build dist *.egg-info synthesis/kernels/*.c synthesis/kernels/*.so synthesis/atlas/tree_kernel.c \
 	  synthesis/atlas/tree_kernel.*.so $(ATLAS)

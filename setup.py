@@ -5,14 +5,21 @@ import os
 import shlex
 import sys
 import sysconfig
-from hashlib import sha256
 from pathlib import Path
 
 from setuptools import Extension, setup
 
 from build_backend import compiler
 
-KERNELS = ("synthesis.kernel", "synthesis.atlas.tree_kernel")
+KERNELS = (
+    "synthesis.kernels.crank_loops",
+    "synthesis.kernels.four_bar_limits",
+    "synthesis.kernels.crank_descent",
+    "synthesis.kernels.pair_descent",
+    "synthesis.kernels.quadratic_program",
+    "synthesis.kernels.distinct",
+    "synthesis.atlas.tree_kernel",
+)
 
 if found := compiler():
     os.environ["CC"] = found
@@ -29,10 +36,10 @@ def extension(name: str) -> Extension:
     source = name.replace(".", "/") + ".py"
     module = Extension(
         name,
-        [source, "build_backend/source.c"],
-        depends=["setup.py", "build_backend/__init__.py"],
+        [source],
+        depends=["setup.py", "build_backend/__init__.py", *map(str, Path("synthesis/kernels").glob("*.pxd"))],
         # Cython's own complex numbers: C's look for NaN in every product
-        define_macros=[("KERNEL_SOURCE", sha256(Path(source).read_bytes()).hexdigest()), ("CYTHON_CCOMPLEX", "0")],
+        define_macros=[("CYTHON_CCOMPLEX", "0")],
         libraries=["m"],
         # loops over eight children are vectors, whatever lies around them
         extra_compile_args=["-O3", "-g0", "-fno-math-errno", "-fno-tree-loop-vectorize"],

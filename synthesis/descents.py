@@ -23,7 +23,7 @@ stage rho grows, and the shifts (the multipliers over rho) take up what is still
 Wright, Numerical Optimization, 17.3). A limit that depends on where the crank begins or ends has its row beside the first or
 last sample's own, so that the crank angle of that sample can make up for it. Candidates that break none go on in their best pose.
 
-All of it is computed by `synthesis.kernel`, one candidate after the other.
+`synthesis.kernels.crank_descent` computes all of it, one candidate after another.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from synthesis import kernel
 from synthesis.arrays import Complexes, Floats
+from synthesis.kernels import crank_descent, four_bar_limits
 from synthesis.mechanism import Chart
 from synthesis.target import Samples
 from synthesis.work import Work
@@ -123,10 +123,10 @@ class Problem:
     ----------
     samples : Samples
     chart : Chart
-    limits : kernel.Limits, optional
+    limits : four_bar_limits.Limits, optional
         That descents keep to, over the length scale and from the mean position.
     ordered, span_max, crank, fixed, closed
-        As of `kernel.Descent`.
+        As of `crank_descent.Descent`.
     shortest : float
         |z1| below this is no crank.
 
@@ -142,7 +142,7 @@ class Problem:
         self,
         samples: Samples,
         chart: Chart,
-        limits: kernel.Limits | None = None,
+        limits: four_bar_limits.Limits | None = None,
         *,
         ordered: bool = True,
         span_max: float = np.inf,
@@ -155,7 +155,7 @@ class Problem:
         self.has_rotation, self.has_position = samples.rotation is not None, samples.position is not None
         self._angles = samples.samples if crank is None else 1
         self._shifts = 0 if limits is None else limits.count_rows
-        self._kernel = kernel.Descent(
+        self._kernel = crank_descent.Descent(
             self.goal(samples),
             samples.rotation_mean.root if self.has_rotation else 1.0,
             _real(samples.scaled[:, None]) if self.has_position else None,
@@ -228,7 +228,7 @@ class Problem:
         return pool.timed
 
     def linearised(self, timed: Timed, damping: float, weight: float = 1.0) -> list[dict[str, Any]]:
-        """What a step of each candidate is made of; see `kernel.Descent.linearised`."""
+        """What a step of each candidate is made of; see `crank_descent.Descent.linearised`."""
         self._begin(timed, weight)
         return [self._kernel.linearised(n, damping) for n in range(len(timed.branch))]
 

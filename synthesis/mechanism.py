@@ -19,8 +19,8 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from synthesis import kernel
 from synthesis.arrays import Complexes, Flags, Floats
+from synthesis.kernels import codes, crank_loops
 from synthesis.target import Interval, Target
 
 Box = tuple[float, float, float, float]
@@ -50,7 +50,7 @@ class Shape(NamedTuple):
     lengths: Floats
     """(n, d)"""
     x0: Floats
-    """(n,): the two numbers that the loop closes by, see `kernel.Loop`,"""
+    """(n,): the two numbers that the loop closes by, see `crank_loops.Loop`,"""
     y0: Floats
     """formed without cancellation."""
     jacobian: Floats
@@ -62,7 +62,7 @@ class Chart:
 
     kind: int
     """Its code in the kernel."""
-    guide: int = kernel.CIRCLE
+    guide: int = codes.CIRCLE
     """How the body is guided, as a code too."""
     sheet: int = 0
     """-1: only linkages with L1 < L4; +1: only L1 > L4; 0: both."""
@@ -78,7 +78,7 @@ class Chart:
 
     def shape(self, unknowns: Floats) -> Shape:
         """Shapes at unknowns."""
-        return Shape(*kernel.shapes(self.kind, np.array(unknowns, dtype=float, order="C")))
+        return Shape(*crank_loops.shapes(self.kind, np.array(unknowns, dtype=float, order="C")))
 
     def unknowns(self, lengths: ArrayLike) -> Floats:
         """Unknowns (n, k) of lengths (n, d). Law: ``unknowns(shape(x).lengths) == x`` for moderate x."""
@@ -96,7 +96,7 @@ class Chart:
         """Angles of shapes (n, k) at crank angles (n, N), each candidate's own."""
         shape, theta1 = self.shape(unknowns), np.array(theta1, dtype=float, order="C")
         side = np.array(branch, dtype=float, order="C")
-        angle, slopes, closes = kernel.body_angles(self.guide, *shape[:3], side, theta1, derivatives)
+        angle, slopes, closes = crank_loops.body_angles(self.guide, *shape[:3], side, theta1, derivatives)
         slope = slopes
         if derivatives:
             by_shape = np.matmul(shape.jacobian.transpose(0, 2, 1), slopes[:, :-1])
@@ -155,7 +155,7 @@ class Constraints(Protocol):
         """The constraints at linkages in that unit, with derivatives where they are wanted."""
 
     def compiled(self, posed: bool) -> Any:
-        """Them as `kernel.Limits`: for linkages in a place, or for shapes alone."""
+        """Them as `four_bar_limits.Limits`: for linkages in a place, or for shapes alone."""
 
 
 class Boxes(NamedTuple):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from synthesis.arrays import Floats
-from synthesis.kernel import QuadraticProgram
+from synthesis.kernels.quadratic_program import QuadraticProgram
 
 
 def minimise_quadratics(

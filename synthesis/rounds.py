@@ -17,9 +17,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from synthesis import kernel
 from synthesis.arrays import Flags, Floats
 from synthesis.descents import Pool, Problem, Stage, Timed
+from synthesis.kernels import codes, distinct
 from synthesis.ranking import NEAR, STANDS_BACK
 from synthesis.target import Samples
 from synthesis.work import Work
@@ -227,8 +227,8 @@ class Rounds:
         place = np.column_stack([found.timed.shape, found.timed.angles[:, 0], found.timed.branch])
         rows, scale = self.signature(found.timed)
         exact = int(np.searchsorted(stood, self.found.tolerance**2, side="right"))
-        kept = kernel.apart(place[:exact], np.full(exact, _ALIKE), (), 0, most)
-        return found.take(kernel.apart(rows, apart * scale, kept, exact, most))
+        kept = distinct.apart(place[:exact], np.full(exact, _ALIKE), (), 0, most)
+        return found.take(distinct.apart(rows, apart * scale, kept, exact, most))
 
     # -- rounds until they gain nothing -----------------------------------------------------------------------------
 
@@ -380,6 +380,6 @@ class Rounds:
         shape = self.chart.hopped(timed.shape, noise)
         branch = np.where(random.random(count) < _FLIPPED, -timed.branch, timed.branch)
         exchanged = random.random(count) < _EXCHANGED
-        if self._exchanges and self.chart.kind == kernel.GRASHOF:  # crank-rockers from double-cranks and back
+        if self._exchanges and self.chart.kind == codes.GRASHOF:  # crank-rockers from double-cranks and back
             shape[:, 0] *= np.where(exchanged, -1.0, 1.0)
         return timed._replace(shape=shape, angles=self.turned_apart(timed, width), branch=branch)

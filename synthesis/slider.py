@@ -26,12 +26,12 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from synthesis import kernel
 from synthesis.arrays import Flags, Floats
 from synthesis.errors import FieldError
+from synthesis.kernels import codes, crank_loops
 from synthesis.mechanism import Chart
 
-RAIL, SLOT = kernel.RAIL, kernel.SLOT
+RAIL, SLOT = codes.RAIL, codes.SLOT
 """How the body is guided beside its crank: slider-crank, swinging block."""
 
 
@@ -67,7 +67,7 @@ class SliderCrankChart(SliderChart):
     """
 
     guide = RAIL
-    kind = kernel.SLIDER_CRANK
+    kind = codes.SLIDER_CRANK
     edges = np.array([(p, q) for p in _EDGE for q in _EDGE if min(p, q) < -2 or max(p, q) > 5])
     LIMIT = 20.0
 
@@ -86,7 +86,7 @@ class SwingingBlockChart(SliderChart):
     """
 
     guide = SLOT
-    kind = kernel.SWINGING_BLOCK
+    kind = codes.SWINGING_BLOCK
     edges = np.array([(p, q) for p in (-8.0, -4.0, -1.0, 1.0, 4.0, 8.0) for q in (-8.0, -4.0, 4.0, 8.0)])
     LIMITS = np.array([16.0, 17.0])
 
@@ -112,7 +112,7 @@ class AnySliderChart(SliderChart):
     @property
     def kind(self) -> int:  # type: ignore[override]
         """Its code in the compiled kernel."""
-        return kernel.ANY_SLIDER_CRANK if self.guide == RAIL else kernel.ANY_SWINGING_BLOCK
+        return codes.ANY_SLIDER_CRANK if self.guide == RAIL else codes.ANY_SWINGING_BLOCK
 
     def unknowns(self, lengths: ArrayLike) -> Floats:
         """Unknowns (n, 2) of lengths (n, 3)."""
@@ -216,7 +216,7 @@ class SliderTurning:
         """theta2 at crank angles (n, N) or (N,), continuous; NaN where it does not close, (n, N)."""
         lengths = np.asarray(lengths, dtype=float)
         crank = np.broadcast_to(crank, (len(lengths), np.shape(crank)[-1]))
-        angle, _, closes = kernel.body_angles(
+        angle, _, closes = crank_loops.body_angles(
             self.guide,
             np.array(lengths, order="C"),
             *excesses(self.guide, lengths),

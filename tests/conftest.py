@@ -32,11 +32,9 @@ from xdist.scheduler import LoadFileScheduling
 from app.main import create_app
 from app.settings import Settings
 from data_build.batch import build_atlas, local_executor
-from synthesis.atlas import tree_kernel
 from synthesis.atlas.file import encode_atlas
 from synthesis.atlas.table import AtlasRule, compute_features, compute_series
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule
-from tests.oracles.kernel import LIBRARY, SOURCE, compiled_from
 
 if (
     signal.getsignal(signal.SIGINT) == signal.SIG_IGN
@@ -72,11 +70,7 @@ def until(condition: Callable[[], Any]) -> Any:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """What is tested is what can be read; what all processes of the tests would compile each for itself is compiled before."""
-    tree = Path(tree_kernel.__file__)
-    for source, library in ((SOURCE, LIBRARY), (tree.with_name("tree_kernel.py"), tree)):
-        if not compiled_from(source, library):
-            raise pytest.UsageError(f"{source} is not what is compiled: python setup.py build_ext --inplace --force")
+    """Compile the bytecode of the tests once, before several processes would each compile it."""
     if getattr(config.option, "numprocesses", None) and not sys.dont_write_bytecode:
         halves = [multiprocessing.get_context("fork").Process(target=compile_tests, args=(config, k)) for k in (0, 1)]
         for half in halves:

@@ -15,7 +15,14 @@ from docs import map as layout
 ROOT = layout.ROOT
 PRODUCT = layout.sources(*layout.FLOORS)
 SOLE_IMPORTERS = {
-    "cython": ("synthesis/kernel.py", "synthesis/atlas/tree_kernel.py"),
+    "cython": (
+        "synthesis/atlas/tree_kernel.py",
+        *(
+            f"synthesis/kernels/{name}.py"
+            for name in ("crank_loops", "four_bar_limits", "crank_descent", "pair_descent")
+        ),
+        *(f"synthesis/kernels/{name}.py" for name in ("quadratic_program", "distinct")),
+    ),
     "h5py": ("synthesis/atlas/file.py",),
     "mapbox_earcut": ("synthesis/solids/mesh.py",),
     "pywt": ("synthesis/atlas/haar.py",),

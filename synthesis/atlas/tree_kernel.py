@@ -1,6 +1,6 @@
 """The compiled step down the tree of an atlas: bounds for eight siblings at a time.
 
-Written in Cython's pure Python mode, like `synthesis.kernel`; `scan` is the only caller and `docs/method.md` derives the bounds.
+Written in Cython's pure Python mode, like `synthesis.kernels`; `scan` is the only caller and `docs/method.md` derives the bounds.
 Eight siblings lie side by side in every array, so that the processor handles them as vectors.
 """
 

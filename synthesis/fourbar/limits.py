@@ -14,10 +14,10 @@ from typing import Annotated, Any, Literal, NamedTuple, get_type_hints
 
 import numpy as np
 
-from synthesis import kernel
 from synthesis.arrays import Flags, Floats
 from synthesis.errors import FieldError
 from synthesis.fourbar.kinematics import FULL_CRANK, family, grashof_excesses
+from synthesis.kernels import codes, four_bar_limits
 from synthesis.mechanism import Box, Constrained, Placed
 from synthesis.target import MIN_LENGTH, Samples
 
@@ -407,7 +407,7 @@ class Constraints:
         self, limits: Limits, middle: complex = 0j, scale: float = 1.0, exact: bool = True, smooth: bool = False
     ) -> None:
         self.limits, self.middle, self.scale, self.exact, self.smooth = limits, middle, scale, exact, smooth
-        self._made: dict[bool, tuple[kernel.Limits, _Table]] = {}
+        self._made: dict[bool, tuple[four_bar_limits.Limits, _Table]] = {}
 
     @property
     def any(self) -> bool:
@@ -432,35 +432,35 @@ class Constraints:
         )
         return Constrained(values, slopes, table.equal, table.names)
 
-    def compiled(self, posed: bool) -> kernel.Limits:
+    def compiled(self, posed: bool) -> four_bar_limits.Limits:
         """Them as a descent takes them: for linkages in a place, or for shapes alone."""
         return self._once(posed)[0]
 
-    def _once(self, posed: bool) -> tuple[kernel.Limits, _Table]:
+    def _once(self, posed: bool) -> tuple[four_bar_limits.Limits, _Table]:
         if posed not in self._made:
             table = self._table(posed)
-            self._made[posed] = kernel.Limits(np.array(table.rows).reshape(-1, 8), posed, table.equal), table
+            self._made[posed] = four_bar_limits.Limits(np.array(table.rows).reshape(-1, 8), posed, table.equal), table
         return self._made[posed]
 
     def _table(self, posed: bool) -> _Table:
         table, limits, scale = _Table(), self.limits, self.scale
         every = self.smooth and limits.family != "any"
         if limits.transmission_angle_min:
-            table.add("transmission_angle_min", kernel.USED, np.cos(limits.transmission_angle_min))
+            table.add("transmission_angle_min", codes.USED, np.cos(limits.transmission_angle_min))
         if every:
-            table.add("family", kernel.FAMILY, _SIGNS.get(limits.family, 0.0))
+            table.add("family", codes.FAMILY, _SIGNS.get(limits.family, 0.0))
         if (least := limits.transmission_angle_min_turn) and not limits.swings:
-            table.add("transmission_angle_min_turn", kernel.OVER_TURN, np.cos(least), every)
+            table.add("transmission_angle_min_turn", codes.OVER_TURN, np.cos(least), every)
         for name, bound, sign in (("link_min", limits.link_min, 1.0), ("link_max", limits.link_max, -1.0)):
             if bound is not None:
                 for k, given in enumerate(limits.links):
                     if given is None:  # the others are within it
-                        table.add(name, kernel.LENGTH, k, sign, -sign * bound / scale)
+                        table.add(name, codes.LENGTH, k, sign, -sign * bound / scale)
         if limits.link_ratio_max is not None:
-            table.add("link_ratio_max", kernel.RATIOS if self.smooth else kernel.RATIO, limits.link_ratio_max)
+            table.add("link_ratio_max", codes.RATIOS if self.smooth else codes.RATIO, limits.link_ratio_max)
         for k, given in enumerate(limits.links):
             if given is not None:
-                table.add(f"links.{LINKS[k]}", kernel.LENGTH, k, 1.0, -given / scale, equal=True)
+                table.add(f"links.{LINKS[k]}", codes.LENGTH, k, 1.0, -given / scale, equal=True)
         if posed:
             self._on_pose(table)
         return table
@@ -469,25 +469,25 @@ class Constraints:
         limits, reach = self.limits, self.limits.pivot_reach
         for point, name in enumerate(_BOTH_PIVOTS):
             if (given := getattr(limits, name)) is not None:
-                table.add(name, kernel.AT, point, *self._point(given), equal=True)
+                table.add(name, codes.AT, point, *self._point(given), equal=True)
                 continue
             for box_name in (f"{name}_box", "pivot_box"):
                 if (box := getattr(limits, box_name)) is not None:
-                    table.add(box_name, kernel.INSIDE, point, *self._box(box))
+                    table.add(box_name, codes.INSIDE, point, *self._box(box))
             if reach is not None and (far := getattr(reach, name)) is not None:
-                table.add("pivot_reach", kernel.NEAR, point, *self._point(reach.middle), far / self.scale)
+                table.add("pivot_reach", codes.NEAR, point, *self._point(reach.middle), far / self.scale)
             for out in limits.keep_out:
-                table.add("keep_out", kernel.OUTSIDE, point, *self._box(out))
+                table.add("keep_out", codes.OUTSIDE, point, *self._box(out))
         if limits.coupler_radius_max is not None:
-            table.add("coupler_radius_max", kernel.NEAR, _COUPLER, 0.0, 0.0, limits.coupler_radius_max / self.scale)
+            table.add("coupler_radius_max", codes.NEAR, _COUPLER, 0.0, 0.0, limits.coupler_radius_max / self.scale)
         if reach is not None and reach.body is not None:
             for point in (_COUPLER, _COUPLER_FROM_ROCKER):
-                table.add("body_reach", kernel.NEAR, point, 0.0, 0.0, reach.body / self.scale)
+                table.add("body_reach", codes.NEAR, point, 0.0, 0.0, reach.body / self.scale)
         if limits.envelope is not None:
             spare = 0.0 if self.exact else SPARE
             x, y, right, upper = self._box(limits.envelope)
             box = x + spare, y + spare, right - spare, upper - spare
-            table.add("envelope", kernel.ENVELOPE, *box, *_TRACED[self.exact])
+            table.add("envelope", codes.ENVELOPE, *box, *_TRACED[self.exact])
 
     def _point(self, point: complex) -> tuple[float, float]:
         moved = (point - self.middle) / self.scale
@@ -508,8 +508,8 @@ class _Table:
     def add(self, name: str, kind: int, *numbers: float, equal: bool = False) -> None:
         """One limit."""
         self.rows.append([kind, *numbers, *[0.0] * (7 - len(numbers))])
-        self.names += [name] * kernel.COUNTS[kind]
-        self._equal += [equal] * kernel.COUNTS[kind]
+        self.names += [name] * codes.COUNTS[kind]
+        self._equal += [equal] * codes.COUNTS[kind]
 
     @property
     def equal(self) -> Flags:

@@ -1,8 +1,8 @@
 """The four-bar as scan and search see it: how it turns, charts of its shapes, its linkages.
 
 Each chart maps its unknowns, without bounds or with change points at bounds, to four lengths (their common scale is free, the
-pose takes it up) and to the two constants X0, Y0 of the closure (see `kinematics`), formed without cancellation; `kernel.Shape`
-computes both.
+pose takes it up) and to the two constants X0, Y0 of the closure (see `kinematics`), formed without cancellation;
+`crank_loops.Shape` computes both.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from synthesis import kernel
 from synthesis.arrays import Complexes, Floats
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_types
 from synthesis.fourbar.kinematics import coupler_angle, grashof_excesses, wrap
 from synthesis.fourbar.limits import Constraints, Limits, in_family
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.solution import assess, four, keeps, mounted, within
+from synthesis.kernels import codes
 from synthesis.mechanism import Bounded, Box, Boxes, Chart
 from synthesis.target import TURN, Samples
 
@@ -56,7 +56,7 @@ class FullCrankChart(FourBarChart):
 
     sheet: int = 0
 
-    kind = kernel.FULL_CRANK
+    kind = codes.FULL_CRANK
     edges = np.array(list(product(_FAR, (-8.0, -4.0, -2.0, -0.5, 0.5, 2.0, 4.0), _FAR)))
     """Near one change point or two."""
     LIMITS = np.array([16.0, 30.0, 17.0])
@@ -79,7 +79,7 @@ class FullCrankChart(FourBarChart):
 class AnyChart(FourBarChart):
     """All four-bars: the logarithms of L1 / L4, L2 / L4, L3 / L4. Most points close over a part of the turn only."""
 
-    kind = kernel.ANY
+    kind = codes.ANY
 
     def unknowns(self, lengths: ArrayLike) -> Floats:
         """Unknowns (n, 3) of lengths (n, 4)."""
@@ -104,7 +104,7 @@ class GrashofChart(Chart):
     cell = np.append(np.full(4, 0.1), FourBarChart.cell[3])
     hop = np.array([0.4, 0.8, 0.8, 0.8, 0.3])
     """Of the logarithms of the magnitudes, and of the start."""
-    kind = kernel.GRASHOF
+    kind = codes.GRASHOF
 
     def unknowns(self, lengths: ArrayLike) -> Floats:
         """Unknowns (n, 4) of lengths (n, 4)."""

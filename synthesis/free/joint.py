@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from synthesis import kernel
 from synthesis.descents import Problem, Timed
 from synthesis.free.poses import Poses
+from synthesis.kernels import four_bar_limits
 from synthesis.mechanism import Chart
 
 
 class JointProblem(Problem):
     """Poses, a chart and limits made ready for many candidates."""
 
-    def __init__(self, poses: Poses, chart: Chart, limits: kernel.Limits | None = None) -> None:
+    def __init__(self, poses: Poses, chart: Chart, limits: four_bar_limits.Limits | None = None) -> None:
         super().__init__(poses, chart, limits, ordered=poses.ordered, span_max=poses.span_max, closed=poses.closed)
         self.posed, self.poses = self.limited, poses
 

@@ -23,7 +23,7 @@ given poses, and an eleventh unknown is the drive at the first sample. Where it 
 guides allow stands for it, with a row for what the drive lacks.
 
 Within limits c >= 0 the cost is J squared and rho sum min(0, c)^2, whose weight rho grows from stage to stage. The limits follow
-the corrected poses, whose derivatives are those above. All of it is computed by `synthesis.kernel`.
+the corrected poses, whose derivatives are those above. `synthesis.kernels.pair_descent` computes all of it.
 
 *Guides* lead a body through its poses: points of it that run on circles or rails, and lines of it that run through a pin.
 
@@ -47,12 +47,12 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from synthesis import kernel
 from synthesis.arrays import Complexes, Flags, Floats
 from synthesis.fourbar.limits import REACH, Limits
 from synthesis.free.dyads import Body, Dyads
 from synthesis.free.poses import Poses
 from synthesis.guided.solution import dead_length
+from synthesis.kernels import pair_descent
 from synthesis.mechanism import Box
 from synthesis.work import Work
 
@@ -342,7 +342,7 @@ _LENGTHS = (
 
 
 def numbers_of(limits: Limits, poses: Poses, timed: bool) -> dict[str, Any]:
-    """The limits of a request for `kernel.PairDescent`, each at least 0 where it is kept.
+    """The limits of a request for `pair_descent.PairDescent`, each at least 0 where it is kept.
 
     Lengths over the length scale, places from the mean position. ``timed``: whether the drive is given, and with it the order.
     """
@@ -390,7 +390,7 @@ class Problem:
         self.samples = samples
         columns = [samples.angle, samples.position.real, samples.position.imag, *samples[2:]]
         table = np.ascontiguousarray(np.stack(columns, axis=1), dtype=float)
-        self._kernel = kernel.PairDescent(table, numbers_of(limits, poses, driven), driven)
+        self._kernel = pair_descent.PairDescent(table, numbers_of(limits, poses, driven), driven)
 
     def look(
         self, chart: Chart, labels: Floats, sweeps: int, start: Floats | None = None, bounded: bool = True

@@ -20,7 +20,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from synthesis import kernel
 from synthesis.arrays import Floats, Ints
 from synthesis.fourbar.kinematics import wrap
 from synthesis.fourbar.limits import Limits
@@ -54,6 +53,7 @@ from synthesis.guided.pairs import (
     lines_of,
 )
 from synthesis.guided.solution import GuidedSolution, assess, broken_limits
+from synthesis.kernels import distinct
 from synthesis.rounds import TIRED, elsewhere, unseen
 from synthesis.search.search import DEFAULT_TOLERANCE, StoppedBy
 from synthesis.target import TURN
@@ -495,7 +495,7 @@ class Search:
         places = []
         for number in range(len(self.ways)):
             own = rank[drive[rank] == number]
-            places.append(own[kernel.apart(marks[own], reach[: own.size], (), 0, most)])
+            places.append(own[distinct.apart(marks[own], reach[: own.size], (), 0, most)])
         return places
 
     def _unlike(self, found: Candidates, known: Candidates | None) -> Ints:

@@ -1,22 +1,32 @@
-"""The source of `synthesis.kernel`: as it is, not compiled, it runs as plain Python, slowly."""
+"""The sources of `synthesis.kernels` run uncompiled, as plain Python: an oracle for the compiled libraries, slow."""
 
 from __future__ import annotations
 
 import importlib.util
 import sys
 from functools import cache
-from hashlib import sha256
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from unittest.mock import patch
 
-import cython  # noqa: F401 - it names a module of C's functions itself
+import cython  # noqa: F401 - the module of C's functions is replaced below
 import numpy as np
 
-from synthesis import kernel
+from synthesis import kernels
+from synthesis.kernels import (
+    codes,
+    crank_descent,
+    crank_loops,
+    distinct,
+    four_bar_limits,
+    pair_descent,
+    plane,
+    quadratic_program,
+)
 
-LIBRARY = Path(kernel.__file__)
-SOURCE = LIBRARY.with_name("kernel.py")
+FOLDER = Path(kernels.__file__).parent
+COMPILED = (crank_loops, four_bar_limits, crank_descent, pair_descent, quadratic_program, distinct)
+"""Each module after those that it uses."""
 C_FUNCTIONS = {
     **{
         name: getattr(np, name)
@@ -24,22 +34,32 @@ C_FUNCTIONS = {
     },
     "atan2": np.arctan2,
 }
-"""As numpy has them: where Python's raise, C's and these give NaN or infinity."""
+"""The functions of numpy: C's also return NaN or infinity where Python's raise an exception."""
 
 
-def compiled_from(source: Path, library: Path) -> bool:
-    """Whether a library was compiled from a source as it is now: setup.py puts the source's hash into it."""
-    return sha256(source.read_bytes()).hexdigest().encode() in library.read_bytes()
+def _joined(modules: list[ModuleType]) -> SimpleNamespace:
+    return SimpleNamespace(**{name: value for module in modules for name, value in vars(module).items()})
+
+
+def compiled() -> SimpleNamespace:
+    """Return the contents of all compiled modules in one namespace."""
+    return _joined([codes, *COMPILED])
 
 
 @cache
-def uncompiled() -> ModuleType:
-    """The source as a module of its own; arrays take the place of typed views, and numpy's numbers that of C's."""
+def uncompiled() -> SimpleNamespace:
+    """Return the same names from the sources; arrays take the place of typed views, numpy's numbers that of C's."""
     libc = ModuleType("cython.cimports.libc.math")
     vars(libc).update(C_FUNCTIONS)
-    spec = importlib.util.spec_from_file_location("uncompiled_kernel", SOURCE)
-    module = importlib.util.module_from_spec(spec)
-    with patch.dict(sys.modules, {libc.__name__: libc}):
-        spec.loader.exec_module(module)
-    module.Loop.guide = 0  # as C begins
-    return module
+    prefix = f"cython.cimports.{kernels.__name__}."
+    loaded = {libc.__name__: libc, f"{prefix}codes": codes, f"{prefix}plane": plane}
+    with patch.dict(sys.modules, loaded):
+        for library in COMPILED:
+            name = library.__name__.rpartition(".")[2]
+            spec = importlib.util.spec_from_file_location(f"uncompiled_{name}", FOLDER / f"{name}.py")
+            assert spec is not None and spec.loader is not None
+            sys.modules[prefix + name] = loaded[prefix + name] = module = importlib.util.module_from_spec(spec)
+            spec.loader.exec_module(module)
+    found = _joined([module for name, module in loaded.items() if name.startswith(prefix)])
+    found.Loop.guide = 0  # as in C
+    return found

@@ -1,35 +1,36 @@
 """The compiled kernel against its own source run as Python; what it computes is checked at its door (`descents`)."""
 
+import re
 import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
 
-from synthesis import kernel
 from synthesis.fourbar.limits import Constraints, Limits, Reach
 from synthesis.fourbar.mechanism import AnyChart, FullCrankChart, GrashofChart
 from synthesis.free.poses import make_poses
 from synthesis.guided.pairs import numbers_of
+from synthesis.kernels import codes, distinct
 from synthesis.slider import SliderChart
-from tests.oracles.kernel import LIBRARY, SOURCE, compiled_from, uncompiled
+from tests.oracles.kernel import FOLDER, compiled, uncompiled
 from tests.oracles.slider_crank import SLIDER_CHARTS, SLIDER_NAMES, SLIDERS, body_angle
 
 
-def test_a_library_of_another_source_is_noticed(tmp_path: Path) -> None:
-    other = tmp_path / "kernel.py"
-    other.write_text(SOURCE.read_text() + "\n")
-    assert compiled_from(SOURCE, LIBRARY) and not compiled_from(other, LIBRARY) and not compiled_from(SOURCE, SOURCE)
+def test_the_codes_of_c_are_those_of_python() -> None:
+    declared = re.findall(r"^    ([A-Z_]+) = (\d+)$", (FOLDER / "codes.pxd").read_text(), re.MULTILINE)
+    assert {name: int(value) for name, value in declared} == {
+        name: value for name, value in vars(codes).items() if name.isupper() and isinstance(value, int)
+    }
 
 
-def test_the_library_runs_without_cython() -> None:
-    code = "import sys, synthesis.kernel; sys.exit('cython' in sys.modules or 'Cython' in sys.modules)"
-    subprocess.run([sys.executable, "-c", code], check=True, cwd=SOURCE.parents[1])
+def test_the_libraries_run_without_cython() -> None:
+    code = "import sys, synthesis.descents; sys.exit('cython' in sys.modules or 'Cython' in sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=FOLDER.parents[1])
 
 
 CHARTS = [GrashofChart(), AnyChart(), FullCrankChart()]
@@ -43,7 +44,7 @@ def test_shapes_and_angles(chart: Any) -> None:
     points = random.uniform(-1.5, 1.5, (8, len(chart.cell) - 1))
     theta1, side = random.uniform(-7, 7, (8, 5)), random.choice([-1.0, 1.0], 8)
     told = []
-    for module in (kernel, uncompiled()):
+    for module in (compiled(), uncompiled()):
         lengths, x0, y0, jacobian = module.shapes(chart.kind, points)
         found = module.body_angles(chart.guide, lengths, x0, y0, side, theta1, True)
         told.append((lengths, x0, y0, jacobian, *found))
@@ -108,7 +109,7 @@ class Descent:
         place = 0.5 * np.exp(1j * crank) + np.exp(1j * (turned + 0.3)) + 0.05 * random.standard_normal(samples)
         place -= place.mean()
         root = np.sqrt(random.dirichlet(np.full(samples, 9.0)))
-        limits = limits_of(module, chart.kind == kernel.ANY, posed) if limited else None
+        limits = limits_of(module, chart.kind == codes.ANY, posed) if limited else None
         given = timing != "free"
         self.kernel = module.Descent(
             turned + 0.02 * random.standard_normal(samples) if rotation else None,
@@ -144,7 +145,7 @@ class Descent:
 
 def same(work: Callable[[ModuleType], list[Any]], tolerance: float = 1e-12) -> None:
     """Both do the same."""
-    one, other = work(kernel), work(uncompiled())
+    one, other = work(compiled()), work(uncompiled())
     assert len(one) == len(other)
     for found, source in zip(one, other):
         size = np.abs(np.asarray(source, dtype=float))
@@ -177,9 +178,9 @@ def test_limits_of_every_kind(smooth: bool, posed: bool) -> None:
     where = first, first + random.uniform(-3, 3, 4), pivot, random.uniform(-3, 3, 4), random.normal(size=(4, 2))
     side = np.array([1.0, -1.0, 1.0, 1.0])
     kinds = {int(row[0]) for row in Constraints(EVERY_KIND, smooth=smooth)._table(posed).rows}
-    ours = {kernel.USED, kernel.OVER_TURN, kernel.LENGTH}
-    ours |= {kernel.FAMILY, kernel.RATIOS} if smooth else {kernel.RATIO}
-    assert kinds == ours | (set(range(kernel.AT, kernel.ENVELOPE + 1)) if posed else set())
+    ours = {codes.USED, codes.OVER_TURN, codes.LENGTH}
+    ours |= {codes.FAMILY, codes.RATIOS} if smooth else {codes.RATIO}
+    assert kinds == ours | (set(range(codes.AT, codes.ENVELOPE + 1)) if posed else set())
     same(lambda module: list(limits_of(module, smooth, posed)(lengths, side, *where)))
 
 
@@ -298,9 +299,9 @@ def test_rows_that_are_apart() -> None:
     for n, row in enumerate(rows):
         if all(np.abs(rows[k] - row).max() >= reach[n] for k in kept):
             kept.append(n)
-    assert kernel.apart(rows, reach, (), 0, 100).tolist() == kept
-    assert kernel.apart(rows, reach, (), 0, 3).tolist() == kept[:3]
-    assert kernel.apart(rows, reach, (7, 9), 60, 100).tolist() == [7, 9]
+    assert distinct.apart(rows, reach, (), 0, 100).tolist() == kept
+    assert distinct.apart(rows, reach, (), 0, 3).tolist() == kept[:3]
+    assert distinct.apart(rows, reach, (7, 9), 60, 100).tolist() == [7, 9]
 
 
 @pytest.mark.parametrize("driven", [False, True])

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from synthesis import kernel
+from synthesis.kernels import crank_loops
 from synthesis.slider import (
     RAIL,
     SLOT,
@@ -26,7 +26,7 @@ unknown = st.floats(-3, 3).filter(lambda q: abs(q) > 1e-3)
 def turned(guide: int, lengths: Any, crank: Any, derivatives: bool = False) -> Any:
     lengths = np.atleast_2d(np.asarray(lengths, dtype=float))
     crank = np.atleast_2d(np.asarray(crank, dtype=float))
-    return kernel.body_angles(guide, lengths, *excesses(guide, lengths), np.ones(1), crank, derivatives)
+    return crank_loops.body_angles(guide, lengths, *excesses(guide, lengths), np.ones(1), crank, derivatives)
 
 
 @pytest.mark.parametrize(
