@@ -1,8 +1,8 @@
 """Order of linkages of several kinds: their measures, the Pareto front, and linkages of fair proportions first.
 
 A rail or slot is the limit of a circle, so that without limits a four-bar always has the smallest error; a slider offers a better
-transmission angle, a smaller machine or a straight drive. Of linkages with the same drive, all stay that no other linkage beats in
-error, size and transmission angle at once.
+transmission angle, a smaller machine or a straight drive. Of linkages with the same drive, all stay that no other linkage beats
+in error, size and transmission angle at once.
 """
 
 from __future__ import annotations
