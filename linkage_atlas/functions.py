@@ -67,6 +67,8 @@ _LINKS = {"crank": "crank", "coupler": "rod", "ground": "ground"}
 """Names of limits' links, and of the lengths that they are."""
 MIN_PAIRS = 2
 """Minimum number of pairs of a function; two leave freedom, and the answers are a spread of exact linkages."""
+_FEW_PAIRS = 3
+"""Number of pairs up to which linkages that meet them leave freedom."""
 _OTHERS = "; `input_unit` and `output_unit` say what is a length"
 _SHOWN = 361
 """Places of an error curve."""
@@ -323,6 +325,10 @@ DOUBTFUL = (
     "error more meaningful."
 )
 ILL_POSED = "The problem is ill-posed: lengths that differ by {0} make this function about equally well."
+FEW_PAIRS = (
+    "Infinitely many linkages pass through {} pairs: the first of these transmit well and are compact. A further pair, or "
+    "limits, narrow the choice."
+)
 SEVERAL_KINDS = "Linkages of several kinds are ordered by error only; they differ in transmission angle and size."
 _STILL = 1e-12
 """Radians by which an output must move to be one."""
@@ -525,13 +531,11 @@ def function(
     if largest and found and wanted.doubt > 0.2 * found[0].errors.max:
         notes.append(DOUBTFUL.format(wanted.doubt / radian))
     notes += told if begin is None else []
-    few = wanted.crank.size == MIN_PAIRS and wanted.exact is None
-    if few and found and found[0].errors.objective < tolerance:
-        straight = " Between the pairs a straight line is requested." if largest else ""
-        notes.append(
-            "Infinitely many linkages pass through two pairs: these are some of them. A third pair, or limits, narrow the "
-            f"choice.{straight}"
-        )
+    many = [one for one in found if one.errors.objective < tolerance]
+    if wanted.crank.size <= _FEW_PAIRS and wanted.exact is None and len(many) > 1:
+        notes.append(FEW_PAIRS.format("two" if wanted.crank.size == MIN_PAIRS else "three"))
+        if largest:
+            notes.append("Between the pairs a straight line is requested.")
     elif solutions and solutions[0].determination.ill_posed:
         notes.append(ILL_POSED.format(in_percent(solutions[0].determination.length_uncertainty)))
     return asked.result(found, solutions, limits, course, searched, watch, notes, begin is not None)
@@ -727,7 +731,7 @@ class FunctionSolution(Record):
     """A linkage that makes a function, and how well."""
 
     rank: int
-    """From 1: exact ones by transmission angle and even links, others by `errors.objective`, uneven ones behind (function.md)."""
+    """From 1: exact ones by merit, others by `errors.objective`, uneven ones behind (function.md)."""
     links: Links
     branch: Literal[-1, 1]
     start_angle: float

@@ -36,12 +36,13 @@ from synthesis.function.descent import (
     descend,
     freudenstein_step,
 )
+from synthesis.function.few_pairs import exact_functions, function_merit, is_few
 from synthesis.function.wanted import Wanted
 from synthesis.least_squares import Evaluation, minimise
 from synthesis.mechanism import Placed
 from synthesis.pose import whole_turns
 from synthesis.ranking import APART, PROPORTION, Status, by_proportion, distinct
-from synthesis.search.search import SEARCH_SAMPLES, SearchReport, search, stopped_by
+from synthesis.search.search import SEARCH_SAMPLES, SearchReport, StoppedBy, search, stopped_by
 from synthesis.search.seeds import SeedTables
 from synthesis.target import TURN
 from synthesis.work import Work
@@ -70,8 +71,8 @@ _EVEN, _TIMES_LESS = 20.0, 10.0
 proportion is near unless its error is so many times as large."""
 _RANKED = 10
 """Answers that are known at least, of which exact ones are then ordered by what one would build."""
-_TRANSMISSION_STEP = np.deg2rad(5.0)
-"""Exact answers are ordered by their transmission angle in steps."""
+_USABLE = np.deg2rad(20.0)
+"""Transmission angle of the best four-bar through two or three pairs above which nothing else is searched."""
 _FIRST_PLACES, _PLACES = 9, 33
 _SEEDS, _VALLEYS, _CANDIDATES = 160, 48, 24
 _BEGUN = 8
@@ -624,20 +625,37 @@ def generate(
     if wanted.clockwise:
         found, report = generate(tables, wanted.mirrored(), limits, largest, top, tolerance, work)
         return [one.mirrored() for one in found], report
-    ground, many = ground_of(limits), max(top, _RANKED)
+    few, many = list[Generator](), max(top, _RANKED)
+    if not largest and is_few(wanted, limits):
+        few = exact_generators(wanted, limits, many, tolerance, work)
+        if few and few[0].transmission_angle_min > _USABLE:
+            trace = [(work.elapsed, few[0].errors.objective)]
+            return few[:top], SearchReport(StoppedBy.TOLERANCE, trace, work.elapsed, len(few))
+    found, report = _generate_any(tables, wanted, limits, largest, many, tolerance, work)
+    found = distinct(few + found, many, APART) if few else found
+    return best_built(wanted, found, top, tolerance, limits.links[3] is not None), report
+
+
+def _generate_any(
+    tables: SeedTables, wanted: Wanted, limits: Limits, largest: bool, many: int, tolerance: float, work: Work
+) -> tuple[list[Generator], SearchReport]:
+    """Search for ``many`` linkages for any number of pairs; see `generate`."""
+    ground = ground_of(limits)
     if not largest and limits.over(ground).only_family and not wanted.one_way:
         mechanism = Generators(wanted, ground)
         found, report = search(tables, wanted.target, Limits(family=limits.family), many, tolerance, work, mechanism)
         given = wanted.start is not None or wanted.offset is not None
-        lopsided = not found or min(found, key=lambda one: _build(one, tolerance)).linkage.link_ratio > PROPORTION
+        lopsided = _is_lopsided(found, tolerance)
         reached = Status.of(found, tolerance) is Status.REACHED
         if work.expired() or not (lopsided or (given and not reached)):
-            return best_built(found, top, tolerance), report
+            return found, report
         # with given zeros the search for motions ends with full cranks; and where its answer is of lengths that nobody makes,
         # as for a parallelogram's function, others may do as well
         within = replace(limits, link_ratio_max=_EVEN) if lopsided and not (given and not reached) else limits
         run = FunctionSearch(wanted, within, False, many, tolerance, work)
-        found = best_built(distinct(found + run.run(), 2 * many, APART), top, tolerance)
+        found = best_built(
+            wanted, distinct(found + run.run(), 2 * many, APART), many, tolerance, limits.links[3] is not None
+        )
         trace = report.trace + [
             (at, min(value, report.trace[-1][1]) if report.trace else value) for at, value in run.trace
         ]
@@ -651,24 +669,50 @@ def generate(
             only = Limits(family=limits.family)
             near, _ = search(tables, wanted.target, only, many, tolerance, work, Generators(wanted, ground))
         found = run.led_on([one.linkage for one in near])
-    found = best_built(found, top, tolerance)
     stopped = stopped_by(found, tolerance, work)
     return found, SearchReport(stopped, run.trace, run.screened, run.seeds, run.settled or not found)
 
 
-def _build(generator: Generator, tolerance: float) -> tuple[float, ...]:
-    """The place of an answer: exact ones by what one would build, even links first, others by error."""
-    if generator.errors.objective >= tolerance:
-        return 1.0, generator.errors.objective
-    ratio, step = generator.linkage.link_ratio, generator.transmission_angle_min // _TRANSMISSION_STEP
-    return 0.0, float(ratio > PROPORTION), -step, ratio
+def _is_lopsided(found: Sequence[Generator], tolerance: float) -> bool:
+    """Check that all exact linkages are out of all proportion, or the one of least error if none is exact."""
+    exact = [one for one in found if one.errors.objective < tolerance]
+    best = exact or sorted(found, key=lambda one: one.errors.objective)[:1]
+    return all(one.linkage.link_ratio > PROPORTION for one in best)
 
 
-def best_built(found: list[Generator], top: int, tolerance: float) -> list[Generator]:
-    """The first of answers: exact ones by what one would build, others by error; in the order of `by_proportion`."""
+def exact_generators(wanted: Wanted, limits: Limits, most: int, tolerance: float, work: Work) -> list[Generator]:
+    """Return linkages that meet two or three pairs, different from one another, the best to build first."""
+    ground = ground_of(limits)
+    linkages, offsets = exact_functions(wanted, limits.over(ground), limits.links[3] is not None, work)
+    given = [(k, length) for k, length in enumerate(limits.links) if length is not None]
+    scaled = []
+    for linkage in linkages:
+        lengths = np.array(linkage.links) * ground
+        for k, length in given:  # as it was given, to the last bit
+            lengths[k] = length
+        scaled.append(replace(linkage, links=four(lengths)))
+    found = [one for one in finished(wanted, scaled, False, offsets) if one.errors.objective < tolerance]
+    places = {id(one): place for place, one in enumerate(found)}
+    found = distinct(found, most, APART, order=lambda one: places[id(one)], exact=tolerance)
+    back = [sentence is not None for sentence in turns_back(wanted, [one.linkage for one in found])]
+    return [found[k] for k in np.argsort(back, kind="stable")]
+
+
+def best_built(wanted: Wanted, found: list[Generator], top: int, tolerance: float, sized: bool) -> list[Generator]:
+    """Return the first of answers: exact ones by merit, others by error; in the order of `by_proportion`.
+
+    Exact ones whose rocker turns back on the way come behind the other exact ones. ``sized``: see `function_merit`.
+    """
     if not found:
         return []
-    ranked = sorted(found, key=lambda one: _build(one, tolerance))
+    exact = [one for one in found if one.errors.objective < tolerance]
+    back = np.array([sentence is not None for sentence in turns_back(wanted, [one.linkage for one in exact])], bool)
+    lengths = np.array([one.linkage.links for one in exact]).reshape(-1, 4)
+    merits = function_merit(lengths, np.array([one.transmission_angle_min for one in exact]), sized)
+    ranked = [exact[k] for k in np.lexsort((merits, back))]
+    ranked += sorted(
+        (one for one in found if one.errors.objective >= tolerance), key=lambda one: one.errors.objective
+    )
     objective = np.array([one.errors.objective for one in ranked])
     ratio = np.array([one.linkage.link_ratio for one in ranked])
     return [ranked[k] for k in by_proportion(objective, ratio, tolerance, PROPORTION, _TIMES_LESS).tolist()][:top]

@@ -1,0 +1,364 @@
+"""Four-bars that meet two or three pairs of a function exactly: sample the exact family densely, then improve the best within it.
+
+With the crank angle phi and the rocker angle psi of a pair, both from the ground line, and the ground as the unit of length,
+Freudenstein's equation is linear in three ratios of the lengths::
+
+    K1 cos psi - K2 cos phi + K3 = cos(phi - psi),   K1 = 1 / crank,   K2 = 1 / rocker,
+    K3 = (crank^2 - coupler^2 + rocker^2 + 1) / (2 crank rocker)
+
+(F. Freudenstein, Approximate synthesis of four-bar linkages, Trans. ASME 77 (1955) 853-861). So the zeros of both dials are free
+numbers of the family, and every pair fixes one ratio; two pairs leave one ratio free as well. The improvement moves these free
+numbers, and never has to trade exactness for anything else.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from synthesis.arrays import Floats
+from synthesis.fourbar.kinematics import close_loop, transmission_angle_over
+from synthesis.fourbar.limits import Constraints, Limits, in_family
+from synthesis.fourbar.linkage import Linkage
+from synthesis.fourbar.solution import four
+from synthesis.function.wanted import Wanted
+from synthesis.mechanism import Placed
+from synthesis.ranking import PROPORTION, merit
+from synthesis.work import Work
+
+_EQUAL = 1e-12
+"""Difference of the turns of input and output, in radians, up to which they are equal."""
+
+
+@dataclass(frozen=True)
+class FewPairsOptions:
+    """Options of the search for four-bars that meet two or three pairs."""
+
+    samples: int = 16_000
+    """Random members of the family."""
+    examined: int = 1000
+    """Number of sampled four-bars, best first, whose rocker is followed between the pairs."""
+    regions: int = 20
+    """Number of sampled four-bars that are improved."""
+    region_size: float = 0.12
+    """Minimum difference of two of them in some length over the longest."""
+    rounds: int = 6
+    """Rounds of the improvement."""
+    trials: int = 30
+    """Random neighbours of each four-bar that are tried in a round."""
+    step: float = 0.3
+    """Standard deviation of the first round's changes, in radians and in logarithms of a ratio."""
+    step_ratio: float = 0.6
+    """Ratio of the changes of two successive rounds."""
+    farthest: float = 2.2
+    """Largest logarithm of a sampled ratio of crank or rocker to the ground, either sign."""
+    places: int = 41
+    """Number of crank angles at which the rocker is followed."""
+    parallelograms: int = 50
+    """Number of parallelograms among the samples if the output turns as far as the input."""
+    returned: int = 60
+    """Maximum number of four-bars that are returned."""
+
+
+class Parameters(NamedTuple):
+    """Free numbers of exact four-bars, shape (n,) each."""
+
+    start: Floats
+    """Crank angle at the first pair, from the ground line."""
+    offset: Floats
+    """Output less rocker angle."""
+    ratio: Floats
+    """Logarithm of crank or rocker over the ground; used for two pairs only."""
+
+    def take(self, indices: Any) -> Parameters:
+        """Return the parameters of some four-bars."""
+        return Parameters(*(column[indices] for column in self))
+
+
+class Candidates(NamedTuple):
+    """Exact four-bars within the limits, shape (n,) each unless noted."""
+
+    parameters: Parameters
+    lengths: Floats
+    """(n, 4): crank, coupler, rocker, ground over the ground."""
+    branch: Floats
+    forward: NDArray[np.bool_]
+    """Whether the rocker turns the wanted way at all pairs, if the output goes one way."""
+    merit: Floats
+    """See `synthesis.ranking.merit`."""
+    origin: NDArray[np.intp]
+    """Index of each in the parameters that were evaluated."""
+
+    def take(self, indices: Any) -> Candidates:
+        """Return some of the candidates."""
+        return Candidates(
+            self.parameters.take(indices),
+            self.lengths[indices],
+            self.branch[indices],
+            self.forward[indices],
+            self.merit[indices],
+            self.origin[indices],
+        )
+
+    def joined(self, other: Candidates) -> Candidates:
+        """Return these candidates followed by others."""
+        return Candidates(
+            Parameters(*(np.concatenate(columns) for columns in zip(self.parameters, other.parameters))),
+            *(np.concatenate(columns) for columns in zip(self[1:], other[1:])),
+        )
+
+
+class ExactFamily:
+    """The four-bars that meet two or three pairs exactly within limits.
+
+    Parameters
+    ----------
+    wanted : Wanted
+        Of two or three pairs, with a crank that turns counter-clockwise.
+    limits : Limits
+        Lengths over the ground.
+    sized : bool
+        See `function_merit`.
+    options : FewPairsOptions
+    """
+
+    def __init__(self, wanted: Wanted, limits: Limits, sized: bool, options: FewPairsOptions) -> None:
+        self.wanted, self.limits, self.sized, self.options = wanted, limits, sized, options
+        self.pairs = wanted.crank.size
+        self.random = np.random.default_rng(20)
+        self._constraints = Constraints(replace(limits, links=(None,) * 4))
+        crank, _, rocker, _ = limits.links
+        directions = np.sign(np.diff(wanted.output))
+        self._direction = float(directions[0]) if np.all(directions == directions[0]) else 0.0
+        """Direction in which the output goes all the way; 0 if it turns back."""
+        self._held = crank if crank is not None else rocker
+        self._by_crank = rocker is None
+        """Whether the ratio that two pairs leave free is that of the crank; otherwise it is that of the rocker."""
+
+    # -- sampling and moving ------------------------------------------------------------------------------------------
+
+    def sample(self) -> Parameters:
+        """Draw members of the family evenly over its free numbers."""
+        options, wanted = self.options, self.wanted
+        ratio_is_free = self.pairs == 2 and self._held is None
+        count = options.samples if ratio_is_free or wanted.start is None or wanted.offset is None else 1
+        start, offset = (
+            self.random.uniform(-np.pi, np.pi, count) if given is None else np.full(count, given)
+            for given in (wanted.start, wanted.offset)
+        )
+        ratio = self.random.uniform(-options.farthest, options.farthest, count)
+        return Parameters(start, offset, ratio if self._held is None else np.full(count, np.log(self._held)))
+
+    def moved(self, parameters: Parameters, step: float) -> Parameters:
+        """Return random neighbours of parameters, by changes of very different sizes."""
+        count = parameters.start.size
+        size = step * 10.0 ** self.random.uniform(-1.5, 0.0, count)
+        start, offset, ratio = size * self.random.standard_normal((3, count))
+        return Parameters(
+            parameters.start + (start if self.wanted.start is None else 0.0),
+            parameters.offset + (offset if self.wanted.offset is None else 0.0),
+            parameters.ratio + (ratio if self._held is None else 0.0),
+        )
+
+    # -- evaluation ---------------------------------------------------------------------------------------------------
+
+    def solved(self, parameters: Parameters) -> tuple[Parameters, Floats]:
+        """Return parameters with positive crank and rocker, and the lengths (n, 4), which are NaN if there are none.
+
+        A negative length is a positive one whose link points the other way, which a dial without a given zero allows.
+        """
+        crank = parameters.start[:, None] + self.wanted.crank
+        rocker = self.wanted.output - parameters.offset[:, None]
+        columns = [np.cos(rocker), -np.cos(crank), np.ones_like(crank)]
+        right = np.cos(crank - rocker)
+        given = np.exp(-parameters.ratio)
+        if self.pairs == 2:
+            right = right - columns.pop(0 if self._by_crank else 1) * given[:, None]
+        matrix = np.stack(columns, axis=2)
+        # a pair of dials at which the equations are dependent has no neighbour that is exact in rounded numbers
+        with np.errstate(all="ignore"):
+            found = _solved(matrix, right)
+            if self.pairs == 2:
+                found = np.insert(found, 0 if self._by_crank else 1, given, axis=1)
+            first, second, third = found.T
+            start = parameters.start + np.where((first < 0) & (self.wanted.start is None), np.pi, 0.0)
+            offset = parameters.offset - np.where((second < 0) & (self.wanted.offset is None), np.pi, 0.0)
+            third = third * np.where(self.wanted.start is None, np.sign(first), 1.0)
+            third = third * np.where(self.wanted.offset is None, np.sign(second), 1.0)
+            first = np.abs(first) if self.wanted.start is None else first
+            second = np.abs(second) if self.wanted.offset is None else second
+            l1, l3 = 1 / first, 1 / second
+            l2 = np.sqrt(l1 * l1 + l3 * l3 + 1 - 2 * l1 * l3 * third)
+        lengths = np.stack([l1, l2, l3, np.ones_like(l1)], axis=1)
+        lengths[~np.all(lengths > 0, axis=1)] = np.nan
+        return Parameters(start, offset, parameters.ratio), lengths
+
+    def parallelograms(self) -> Candidates:
+        """Return the parallelograms that turn the output as far as the input, for which the equations are dependent."""
+        options, wanted, (crank, _, rocker, _) = self.options, self.wanted, self.limits.links
+        gap = wanted.output - wanted.crank
+        starts = [] if wanted.start is None else [wanted.start]
+        starts += [] if wanted.offset is None else [float(wanted.output[0] - wanted.offset)]
+        same = bool(np.ptp(gap) <= _EQUAL) and (len(starts) < 2 or abs(np.sin((starts[1] - starts[0]) / 2)) <= _EQUAL)
+        given = {length for length in (crank, rocker) if length is not None}
+        count = options.parallelograms if same and len(given) < 2 else 0
+        start = np.full(count, starts[0]) if starts else self.random.uniform(-np.pi, np.pi, count)
+        ratio = self.random.uniform(-options.farthest, options.farthest, count)
+        length = np.full(count, given.pop()) if given else np.exp(ratio)
+        lengths = np.stack([length, np.ones(count), length, np.ones(count)], axis=1)
+        return self.rated(Parameters(start, gap[0] - start + wanted.crank[0], np.log(length)), lengths)
+
+    def evaluate(self, parameters: Parameters) -> Candidates:
+        """Return the four-bars of parameters that stay on one branch over the interval and keep the limits."""
+        return self.rated(*self.solved(parameters))
+
+    def rated(self, parameters: Parameters, lengths: Floats) -> Candidates:
+        """Return the exact four-bars of lengths (n, 4) that stay on one branch over the interval and keep the limits."""
+        ratio = lengths.max(axis=1) / lengths.min(axis=1)
+        origin = np.flatnonzero((ratio < PROPORTION) & in_family(self.limits.family, lengths))
+        branch, forward = self._at_pairs(parameters.take(origin), lengths[origin])
+        used = self.wanted.interval.after(parameters.start[origin])
+        transmission = np.nan_to_num(transmission_angle_over(lengths[origin], used))
+        inside = (branch != 0) & (transmission > 0) & (transmission >= self.limits.transmission_angle_min)
+        if not self.limits.only_family:
+            found = self._constraints(
+                Placed(lengths[origin], np.where(branch == 0, 1.0, branch), used), derivatives=False
+            )
+            inside &= (found.values >= 0).all(axis=1)
+        keep = np.flatnonzero(inside)
+        origin, branch, forward, transmission = origin[keep], branch[keep], forward[keep], transmission[keep]
+        merits = function_merit(lengths[origin], transmission, self.sized)
+        return Candidates(parameters.take(origin), lengths[origin], branch, forward, merits, origin)
+
+    def _at_pairs(self, parameters: Parameters, lengths: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+        """Return the branch (n,), 0 if it differs between pairs, and whether the rocker turns the wanted way at all pairs."""
+        crank = lengths[:, :1] * np.exp(1j * (parameters.start[:, None] + self.wanted.crank))
+        rocker = lengths[:, 2:3] * np.exp(1j * (self.wanted.output - parameters.offset[:, None]))
+        coupler = 1 + rocker - crank
+        side = np.sign(np.imag(np.conj(1 - crank) * coupler))
+        same = np.all(side == side[:, :1], axis=1)
+        speed = np.sign(np.imag(np.conj(coupler) * crank) * np.imag(np.conj(coupler) * rocker))
+        return np.where(same, side[:, 0], 0.0), np.all(speed == self._direction, axis=1) | (self._direction == 0)
+
+    def follows(self, candidates: Candidates) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Check that rockers turn as far as the output, not by whole turns more, and that they never turn back on the way."""
+        share = (1 - np.cos(np.linspace(0.0, np.pi, self.options.places))) / 2
+        travel = np.concatenate([self.wanted.crank, share * self.wanted.crank[-1]])
+        closure = close_loop(candidates.lengths, candidates.parameters.start[:, None] + travel)
+        at_pairs, between = np.split(closure.rocker_angle(candidates.branch), [self.pairs], axis=1)
+        gap = at_pairs - at_pairs[:, :1] - (self.wanted.output - self.wanted.output[0])
+        turns = np.all(np.abs(gap) < 1.0, axis=1)
+        forward = np.all(np.diff(between, axis=1) * self._direction > 0, axis=1) | (self._direction == 0)
+        return turns, forward
+
+
+def function_merit(lengths: Floats, transmission: Floats, sized: bool) -> Floats:
+    """Rate function generators by what one would build: lower is better; see `synthesis.ranking.merit`.
+
+    ``sized``: whether the ground is given. Then the size is the longest link over the ground; otherwise a linkage can be built in
+    any size, and only its proportions count.
+    """
+    longest = lengths.max(axis=1)
+    size = longest / lengths[:, 3] if sized else np.ones_like(longest)
+    return merit(size, transmission, np.zeros_like(longest), longest / lengths.min(axis=1))
+
+
+def _solved(matrix: Floats, right: Floats) -> Floats:
+    """Return the solutions of two or three equations (n, k, k) by Cramer's rule; not finite if they are dependent."""
+    columns = list(np.moveaxis(matrix, 2, 0))
+
+    def determinant(parts: list[Floats]) -> Floats:
+        if len(parts) == 2:
+            return parts[0][:, 0] * parts[1][:, 1] - parts[0][:, 1] * parts[1][:, 0]
+        return np.einsum("ni,ni->n", parts[0], np.cross(parts[1], parts[2]))
+
+    whole = determinant(columns)
+    replaced = ([*columns[:k], right, *columns[k + 1 :]] for k in range(len(columns)))
+    return np.stack([determinant(parts) / whole for parts in replaced], axis=1)
+
+
+def is_few(wanted: Wanted, limits: Limits) -> bool:
+    """Check that the lengths of four-bars through two or three pairs follow from the zeros, and perhaps one ratio."""
+    crank, coupler, rocker, _ = limits.links
+    free = (crank is None) + (rocker is None) + 1
+    counted = wanted.weights is None or bool(np.all(wanted.weights > 0))
+    return wanted.crank.size <= min(3, free) and coupler is None and counted
+
+
+def exact_functions(
+    wanted: Wanted, limits: Limits, sized: bool, work: Work, options: FewPairsOptions | None = None
+) -> tuple[list[Linkage], Floats]:
+    """Search for good four-bars that meet two or three pairs exactly.
+
+    Parameters
+    ----------
+    wanted : Wanted
+        See `is_few`; with a crank that turns counter-clockwise.
+    limits : Limits
+        Lengths over the ground.
+    sized : bool
+        See `function_merit`.
+    work : Work
+        The search ends once it has expired.
+    options : FewPairsOptions, optional
+
+    Returns
+    -------
+    linkages : list of Linkage
+        First the best of each region by merit, then the others by merit; those whose rocker turns back come last.
+    offsets : ndarray, shape (n,)
+    """
+    options = options or FewPairsOptions()
+    family = ExactFamily(wanted, limits, sized, options)
+    sampled = family.evaluate(family.sample()).joined(family.parallelograms())
+    sampled = _following(family, sampled.take(np.lexsort((sampled.merit, ~sampled.forward))[: options.examined]))
+    improved = _improved(family, sampled.take(_regions(sampled, options, options.regions)), work)
+    found = _following(family, improved.joined(sampled))
+    first = _regions(found, options, options.returned)
+    found = found.take([*first, *np.setdiff1d(np.arange(found.merit.size), first)][: options.returned])
+    rows = zip(found.lengths, found.branch, found.parameters.start)
+    return [Linkage(four(row), int(side), float(start)) for row, side, start in rows], found.parameters.offset
+
+
+def _following(family: ExactFamily, candidates: Candidates) -> Candidates:
+    """Return the candidates whose rockers turn as wanted, best first; those that turn back come last, or not at all."""
+    turns, forward = family.follows(candidates)
+    keep = np.flatnonzero(turns & (forward | (not family.wanted.one_way)))
+    order = np.lexsort((candidates.merit[keep], ~forward[keep]))
+    return candidates._replace(forward=forward).take(keep[order])
+
+
+def _regions(candidates: Candidates, options: FewPairsOptions, maximum: int) -> NDArray[np.intp]:
+    """Return the indices of the first candidates that differ from all before them in some length or the branch."""
+    numbers = np.column_stack([candidates.lengths / candidates.lengths.max(axis=1, keepdims=True), candidates.branch])
+    chosen = list[int]()
+    for k in range(len(numbers)):
+        if len(chosen) == maximum:
+            break
+        if np.all(np.max(np.abs(numbers[chosen] - numbers[k]), axis=1, initial=0.0) > options.region_size):
+            chosen.append(k)
+    return np.array(chosen, dtype=np.intp)
+
+
+def _improved(family: ExactFamily, candidates: Candidates, work: Work) -> Candidates:
+    """Return each candidate moved by random steps within the exact family to lower merit.
+
+    Law: no candidate has a higher merit than before, unless its rocker turned back then.
+    """
+    options, step = family.options, family.options.step
+    for _ in range(options.rounds):
+        if work.expired() or not candidates.merit.size:
+            break
+        parents = np.repeat(np.arange(candidates.merit.size), options.trials)
+        trials = family.evaluate(family.moved(candidates.parameters.take(parents), step))
+        trials = _following(family, trials)
+        every = candidates._replace(origin=np.arange(candidates.merit.size)).joined(
+            trials._replace(origin=parents[trials.origin])
+        )
+        order = np.lexsort((every.merit, ~every.forward, every.origin))
+        candidates = every.take(order[np.flatnonzero(np.diff(every.origin[order], prepend=-1))])
+        step *= options.step_ratio
+    return candidates
