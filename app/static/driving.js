@@ -70,7 +70,7 @@ export class Driving {
     $("drive-find").addEventListener("click", () => this.#find());
     $("drive-kind").addEventListener("change", () => this.#offer());
     $("drive-catalogue").addEventListener("change", () => { this.#offer(); if ($("drive-catalogue").value === "own") $("drive-file").click(); });
-    $("drive-file").addEventListener("change", async () => { this.table = await $("drive-file").files[0]?.text(); this.#say(this.table ? `Rows of ${$("drive-file").files[0].name}.` : ""); });
+    $("drive-file").addEventListener("change", async () => { const [file] = $("drive-file").files; this.table = await file?.text(); this.#say(file ? `Rows of ${file.name}.` : ""); });
     for (const id of FIELDS) for (const name of ["input", "change"]) $(`drive-${id}`).addEventListener(name, () => this.#compare());
     for (const id of FIELDS) $(`drive-${id}`).addEventListener("keydown", (event) => { if (event.key === "Enter") { event.preventDefault(); this.#find(); } });
     board.driven = () => this.lines().flat();

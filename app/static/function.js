@@ -30,7 +30,7 @@ const LINKS = ["crank", "coupler", "rocker", "ground"];
 const drawnOf = (solution) => (solution.guides ? linkageOf(solution) : new Linkage({ ...solution, mount: null }));
 
 let drawn = []; // points [px, py] of the pad, from left to right
-let answer = null; // {request, reply, solutions, from}: the reply in degrees, its solutions as they came, the crank angle given first
+let answer = null; // {request, reply, signs, from}: the units behind input and output, the crank angle given first
 let shown = null; // the selected solution
 let charts = []; // of its error
 let running = null; // AbortController of the search that runs
@@ -331,7 +331,7 @@ function sayStatus() {
 
 function show(request, reply) {
   const signs = [sign(request.input_unit), sign(request.output_unit)];
-  answer = { request, reply, solutions: reply.solutions, signs, from: request.input?.[0] ?? 0 };
+  answer = { request, reply, signs, from: request.input?.[0] ?? 0 };
   shown = null;
   const found = reply.solutions.length > 0;
   for (const id of ["picture-card", "error-card", "results", "numbers-card"]) $(id).hidden = !found;
@@ -371,10 +371,11 @@ async function solve() {
 }
 
 async function save(format) {
+  const { request } = answer, solution = shown;
   $("export-note").textContent = `Making ${format.toUpperCase()}…`;
   try {
-    const reply = await ask("/v1/function/export", { request: answer.request, solution: answer.solutions[answer.reply.solutions.indexOf(shown)], format });
-    const name = `function-${shown.rank}.${format === "mjcf" ? "xml" : format}`;
+    const reply = await ask("/v1/function/export", { request, solution, format });
+    const name = `function-${solution.rank}.${format === "mjcf" ? "xml" : format}`;
     download(await reply.blob(), name);
     $("export-note").textContent = `Saved ${name}.`;
   } catch (error) { $("export-note").textContent = error.message; }

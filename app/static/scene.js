@@ -21,12 +21,9 @@ const HOSTS = ["picture", "facts", "curves", "tables"];
 
 const CHOSEN = "Press Answer to compute it.";
 
-let scene = null, machine = null, query = null, form = null, answered = null, running = null, run = null, own = "", edited = false;
+let scene = null, machine = null, query = null, form = null, answered = null, running = null, player = null, own = "", edited = false;
 
-const visits = new Visits(
-  (earlier) => showAgain(earlier).catch((error) => say(error.message, true)),
-  () => {}, // what the address asks is asked for by `hashchange`
-);
+const visits = new Visits(showAgain, () => {}); // the question of the address is sent by `hashchange`
 
 function chooseQuery(path) {
   query = scene.queries.find((one) => one.path === path);
@@ -53,53 +50,71 @@ function busy(now) {
   $("form").setAttribute("aria-busy", String(now));
 }
 
-async function answer(at = null) {
-  const mine = new AbortController(), asking = form;
-  let request = null;
+/**
+ * Runs `work(get)`, where `get(path, body)` asks the service, until other work begins or Stop is pressed: then `get` throws AbortError, so
+ * that only the latest work draws. Returns whether the work came to its end.
+ */
+async function run(question, work) {
+  const mine = Object.assign(new AbortController(), { question }), asking = form;
+  running?.abort();
+  running = mine;
+  edited = false;
+  busy(true);
   try {
-    request = form.read();
-    const question = { query: query.path, request };
-    if (running && JSON.stringify(question) === JSON.stringify(running.question)) return; // as after a double click
-    running?.abort();
-    edited = false;
-    const begin = performance.now();
-    running = Object.assign(mine, { question });
-    say("Computing…");
-    busy(true);
-    const asked = query, sent = machine.request?.(asked, request) ?? request;
-    const get = async (path, body) => (await ask(path, body, mine.signal)).json();
-    const reply = await get(asked.path, sent);
-    answered = { query: asked, request, sent, reply, ask: get, words: `Answered in ${Math.round(performance.now() - begin)} ms.` };
-    await show(answered, at);
+    await work(async (path, body) => (await ask(path, body, mine.signal)).json());
+    mine.signal.throwIfAborted();
     markEarlier(edited);
     say(answered.words);
-    own = await toFragment(question);
-    visits.add(question, { ...answered, own }, `#${own}`);
+    return true;
   } catch (error) {
-    markEarlier(edited || answered?.request !== request);
-    if (error.name === "AbortError") { if (running === mine) say("Stopped."); return; }
+    if (running !== mine) return false;
+    markEarlier(edited || answered?.request !== question.request);
     if (form === asking) form.mark(error.rows ?? []);
-    say(error.message, true);
+    if (error.name === "AbortError") say("Stopped.");
+    else say(error.message, true);
+    return false;
   } finally {
-    if (running === mine) [running] = [null, busy(false)];
+    if (running === mine) {
+      running = null;
+      busy(false);
+    }
   }
 }
 
+/** Sends the question in the form; `at` is the position of the slider of a link. */
+async function answer(at = null) {
+  let request = null;
+  try {
+    request = form.read();
+  } catch (error) {
+    say(error.message, true);
+    return;
+  }
+  const question = { query: query.path, request }, begin = performance.now(), asked = query;
+  if (running && JSON.stringify(question) === JSON.stringify(running.question)) return;
+  say("Computing…");
+  const complete = await run(question, async (get) => {
+    const sent = machine.request?.(asked, request) ?? request, reply = await get(asked.path, sent);
+    answered = { query: asked, request, sent, reply, words: `Answered in ${Math.round(performance.now() - begin)} ms.` };
+    await show(at, get);
+  });
+  const shown = answered, fragment = await toFragment(question);
+  if (!complete || answered !== shown) return;
+  own = fragment;
+  visits.add(question, { ...answered, own }, `#${own}`);
+}
+
 /** Shows an answer of this page again, with its question in the form. */
-async function showAgain(earlier) {
-  running?.abort();
-  running = null;
-  busy(false);
+function showAgain(earlier) {
   own = earlier.own;
   if (query !== earlier.query) chooseQuery(earlier.query.path);
   fill(earlier.request);
   answered = earlier;
-  await show(earlier, null);
-  markEarlier(edited = false);
-  say(earlier.words);
+  return run({ query: earlier.query.path, request: earlier.request }, (get) => show(null, get));
 }
 
-async function show(answer_, at) {
+/** Draws the answer, for whose drawing `get` may ask the service. */
+async function show(at, get) {
   const hosts = Object.fromEntries(HOSTS.map((name) => [name, $(name)]));
   for (const name of HOSTS) {
     hosts[name].replaceChildren();
@@ -108,8 +123,8 @@ async function show(answer_, at) {
   $("all").replaceChildren();
   $("all-fold").open = false;
   showExports();
-  run = (await machine.show(answer_, hosts)) ?? null;
-  if (at !== null) run?.go(at);
+  player = (await machine.show({ ...answered, ask: get }, hosts)) ?? null;
+  if (at !== null) player?.go(at);
   for (const name of HOSTS) $(`${name}-card`).hidden = !hosts[name].childElementCount && name !== "facts";
 }
 
@@ -129,7 +144,7 @@ function showExports() {
 /** The page's address with the question, its values and the place of the slider behind #. */
 async function copyLink() {
   const link = new URL(location.href);
-  link.hash = await toFragment({ query: answered.query.path, request: answered.request, at: run?.value });
+  link.hash = await toFragment({ query: answered.query.path, request: answered.request, at: player?.value });
   await copy(link.href, "The link is copied. It restores the question, its values and the place of the slider.");
 }
 
@@ -160,6 +175,7 @@ async function start() {
   $("fields").addEventListener("input", change);
   $("fields").addEventListener("click", ({ target }) => { if (target.type === "button") change(); }); // rows that come and go
   $("form").addEventListener("submit", (event) => { event.preventDefault(); answer(); });
+  $("run").addEventListener("click", (event) => { if (event.detail > 1 && !edited) event.preventDefault(); }); // a double click asks once
   $("stop").addEventListener("click", () => { running?.abort(); $("run").focus(); });
   $("link").addEventListener("click", () => copyLink().catch((error) => say(error.message, true)));
   $("all-fold").addEventListener("toggle", () => { if ($("all-fold").open && !$("all").childElementCount) everything($("all"), machine.numbers?.(answered.reply) ?? answered.reply); });

@@ -163,6 +163,37 @@ def test_choosing_only_shows_a_double_click_asks_once_and_back_steps_through_ans
     assert page.run("return window.asked") == 1, "answers of this page are shown as they were"
 
 
+HELD = (
+    "const own = window.fetch; window.held = [];"
+    "window.fetch = (...a) => new Promise((done) => window.held.push(() => done(own(...a))))"
+)
+"""Holds each reply until the test gives it."""
+
+
+def test_a_double_click_asks_once_and_one_drawing_is_left_after_two_steps_back(at) -> None:
+    """Once a second click asked again if the first was already answered, and each of two quick steps back drew its motion."""
+    page = at("lift")
+    page.wait(ANSWERED)
+    page.select("query", "/v1/lift/optimize")
+    for length in ("310", "320", "330"):
+        field = page.one("#fields input")
+        field.clear()
+        field.send_keys(length)
+        asked(page, lambda: page.click("run"))
+    page.run(HELD)
+    second = "new MouseEvent('click', {detail: 2, bubbles: true, cancelable: true})"
+    page.run(f"document.getElementById('run').dispatchEvent({second})")
+    assert page.run("return window.held") == []
+    page.run("history.go(-1)")
+    page.wait("window.held.length === 1")
+    page.run("history.go(-1)")
+    page.wait("window.held.length === 2")
+    page.run("for (const give of window.held) give()")
+    page.wait("document.querySelector('#picture .stage')")
+    page.wait(ANSWERED)
+    assert page.count("#picture .stage") == 1 and page.count("#picture .player") == 1
+
+
 def test_what_is_wrong_is_said_at_its_field(at) -> None:
     page = at("lift")
     fields = page.all("#fields input")
