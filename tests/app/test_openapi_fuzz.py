@@ -17,7 +17,7 @@ EXAMPLES = {"positive": 12, "negative": 25}
 """Requests of each operation in the wide run: those that follow the description are searched for, which takes time."""
 SHARE = {"positive": 12, "negative": 9}
 """The default run takes the first of them, one of so many."""
-SHAPED = 100
+SHAPED = 40
 """Requests of the right shape with numbers of any size."""
 CHECKS = [f"{part}_conformance" for part in ("status_code", "content_type", "response_schema")]
 CHECKS += ["not_a_server_error", "negative_data_rejection"]

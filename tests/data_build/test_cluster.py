@@ -15,11 +15,10 @@ import numpy as np
 import pytest
 
 import linkage_atlas as la
-from data_build.batch import build_atlas, dask_executor, local_executor
-from synthesis.atlas.table import AtlasRule
-from synthesis.fourbar.dimension_types import TypeRule
+from data_build.batch import EXIT_OK, build_atlas, dask_executor, main
 from tests.app.test_study import study
 from tests.conftest import PATIENCE
+from tests.data_build.conftest import RULE
 
 ROOT = Path(__file__).parents[2]
 REQUESTS = 24
@@ -59,10 +58,7 @@ def lose_a_worker(cluster: Any, process: subprocess.Popen[str], after: Path, siz
     assert process.returncode == 0, output
 
 
-def test_a_build_that_loses_a_worker_gives_the_same_bytes(cluster, tmp_path) -> None:
-    rule = AtlasRule(TypeRule(260), 64)
-    with local_executor(1) as executor:
-        build_atlas(rule, tmp_path / "alone.h5", executor)
+def test_a_build_that_loses_a_worker_gives_the_same_bytes(cluster, wanted, out) -> None:
     lost: list[int] = []
 
     def lose_one(done: int, total: int) -> None:
@@ -71,13 +67,10 @@ def test_a_build_that_loses_a_worker_gives_the_same_bytes(cluster, tmp_path) -> 
             os.kill(lost[0], signal.SIGKILL)
 
     with dask_executor(cluster.scheduler_address) as executor:
-        build_atlas(rule, tmp_path / "cluster.h5", executor, lose_one)
-    assert lost and (tmp_path / "cluster.h5").read_bytes() == (tmp_path / "alone.h5").read_bytes()
-    process = command(
-        "build", "--perimeter", 60, "--scheduler", cluster.scheduler_address, "--out", tmp_path / "small.h5"
-    )
-    output, _ = process.communicate(timeout=PATIENCE)
-    assert process.returncode == 0 and len(la.load_atlas(tmp_path / "small.h5")) == 192, output
+        build_atlas(RULE, out, executor, lose_one)
+    assert lost and out.read_bytes() == wanted
+    options = ["--perimeter", "60", "--scheduler", cluster.scheduler_address, "--out", str(out)]
+    assert main(["build", *options]) == EXIT_OK and len(la.load_atlas(out)) == 192
 
 
 def test_a_study_that_loses_a_worker_gives_the_same_bytes(cluster, tmp_path) -> None:

@@ -113,7 +113,6 @@ def test_constraints_hold_for_a_decelerating_cylinder() -> None:
     ("stroke", "change", "name", "value"),
     [
         ((200.0, 510.0), {"lengths": {"b": (600.0, 600.0)}}, "b", 600.0),
-        ((200.0, 510.0), {"lengths": {"l4": (200.0, 200.0)}}, "l4", 200.0),
         ((200.0, 510.0), {"rise_time": (3.0, 3.0)}, "rise_time", 3.0),
         (
             (300.0, 350.0),
@@ -135,10 +134,9 @@ def test_a_range_can_be_a_single_value(stroke, change, name, value) -> None:
     assert [row.name for row in constraint_rows(constraints, values) if not row.satisfied and row.name != name] == []
 
 
-@pytest.mark.parametrize("l4", [51.0, 52.0, 60.0])
-def test_a_value_that_needs_a_nearly_flat_triangle_is_found(l4) -> None:
+def test_a_value_that_needs_a_nearly_flat_triangle_is_found() -> None:
     """Check a gamma at the end of its range; rounding may violate l4 by 1e-12 of the top height."""
-    task, constraints = CASES["default"]
+    (task, constraints), l4 = CASES["default"], 52.0
     optimum = optimize_within(task, replace(constraints, lengths=constraints.lengths | {"l4": (l4, l4)}))
     assert optimum.stroke_design.gamma < 1e-4 and optimum.design.l4 == pytest.approx(l4, abs=1e-12 * task.high)
 
@@ -178,14 +176,13 @@ def test_a_box_can_end_at_the_top_of_the_stroke_but_not_below() -> None:
     ("change", "constraint"),
     some_of(
         [
-            ({"lengths": LOOSE.lengths | {"l2": (51.0, 60.0)}}, "l2<=max"),
             ({"rise_time": (5.0, 4.0)}, "rise_time"),
             ({"envelope": (None, 5.0, None, None)}, "envelope"),
             ({"closed_length": (300.0, 200.0)}, "closed_length"),
             ({"jerk_max": 1e-3}, "jerk<=max"),
             ({"lengths": LOOSE.lengths | {"l3": (300.0, 400.0)}}, "l3>=min"),
         ],
-        4,
+        3,
     ),
 )
 def test_the_error_names_the_violated_constraint(change, constraint) -> None:
