@@ -12,6 +12,7 @@ import linkage_atlas as la
 from benchmarks import report
 from benchmarks.figures import BLUE, GREEN, GREY, INK, ORANGE, RED, bare, figure
 from benchmarks.report import ROOT
+from linkage_atlas.drive_design.records import ActuatorDrive, MotorCurve, MotorDrive, ToggleCurve, ToggleDrive
 
 GALLERY = {one["name"]: one["request"] for one in json.loads((ROOT / "app/static/examples.json").read_text())}
 HYDRAULIC = "name,retracted,stroke,force,pull,rod\n" + "\n".join(
@@ -176,14 +177,14 @@ def words(found: la.Drives) -> dict[str, str]:
             "place": " to ".join(_pair(place) for place in spring.points),
         }
     one = found.drives[0]
-    place = f"{_pair(one.motor or one.ground_point)} to {_pair(one.pin)}"
-    if one.six_bar is not None:
+    place = f"{_pair(one.motor if isinstance(one, MotorDrive) else one.ground_point)} to {_pair(one.pin)}"
+    if isinstance(one, MotorDrive):
         return {
             "drive": f"motor, crank {one.six_bar.crank:.4g}, rod {one.six_bar.coupler:.4g}, on the {one.link}",
             "needs": f"{one.six_bar.motor_torque_max / 1000:.3g} N m, rod at {one.six_bar.transmission_angle_min:.3g}° or more",
             "place": place,
         }
-    if one.lock is not None:
+    if isinstance(one, ToggleDrive):
         holds = "holds" if one.lock.holds else "does not hold"
         return {
             "drive": f"knee, handle {one.lock.handle:.4g}, strut {one.lock.strut:.4g}, on the {one.link}",
@@ -268,7 +269,11 @@ def _driving(found: la.Drives, k: int) -> list[Any]:
     if found.springs:
         return [one.curve.ends[k] @ np.array([1, 1j]) for one in found.springs]
     curve = found.drives[0].curve
-    joints = [curve.ground[k], *([] if curve.knee is None else [curve.knee[k]]), curve.pin[k]]
+    joints = [
+        curve.ground[k],
+        *([curve.knee[k]] if isinstance(curve, (MotorCurve, ToggleCurve)) else []),
+        curve.pin[k],
+    ]
     return [np.array(joints) @ np.array([1, 1j])]
 
 
@@ -280,16 +285,17 @@ def _curve(axes: Any, found: la.Drives) -> None:
         axes.set_title("torque without and with spring, N m", fontsize=9)
         return
     one = found.drives[0]
-    if one.six_bar is not None:
+    if isinstance(one, MotorDrive):
         turn = np.abs(one.six_bar.motor_angle - one.six_bar.motor_angle[0])
         axes.plot(turn, one.six_bar.motor_torque / 1000, color=GREEN)
         axes.set_title("motor torque over its turn, N m", fontsize=9)
         return
     axes.plot(x, np.abs(one.curve.force), color=GREEN)
-    if one.bound is not None:
-        axes.axhline(one.bound, color=RED, ls="--", lw=1.2)
+    bound = one.bound if isinstance(one, ActuatorDrive) else None
+    if bound is not None:
+        axes.axhline(bound, color=RED, ls="--", lw=1.2)
     axes.set_ylim(0, None)
-    axes.set_title("force, N" + (" (dashed: no peak is below)" if one.bound else ""), fontsize=9)
+    axes.set_title("force, N" + (" (dashed: no peak is below)" if bound else ""), fontsize=9)
 
 
 if __name__ == "__main__":

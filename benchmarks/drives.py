@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks import report
 from benchmarks.report import Times
-from linkage_atlas.driving import FINE as FINE_WAY
+from linkage_atlas.drive_design.operation import FINE as FINE_WAY
 from synthesis.drives.actuator import Placement, Refused
 from synthesis.drives.links import GROUND, motions_at, motions_of
 from synthesis.drives.six_bar import Driven, about_pivot, driven, on_any_link

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from linkage_atlas.assemblies import Assembly
     from linkage_atlas.atlases import Atlas, build_atlas, load_atlas
     from linkage_atlas.batch import study
-    from linkage_atlas.driving import Drives, drives
+    from linkage_atlas.drive_design.design import drives
+    from linkage_atlas.drive_design.records import Drives
     from linkage_atlas.functions import FunctionResult, FunctionSolution, function
     from linkage_atlas.limits import Limits
     from linkage_atlas.linkages import FourBar, GuidedJoints, GuidedLinkage, Joints, assembly
@@ -43,7 +44,8 @@ _HOMES = {
     "linkage_atlas.synthesize": ("synthesize",),
     "linkage_atlas.task": ("prepare",),
     "linkage_atlas.matching": ("match",),
-    "linkage_atlas.driving": ("drives", "Drives"),
+    "linkage_atlas.drive_design.design": ("drives",),
+    "linkage_atlas.drive_design.records": ("Drives",),
     "linkage_atlas.functions": ("function", "FunctionResult", "FunctionSolution"),
     "linkage_atlas.limits": ("Limits",),
     "linkage_atlas.linkages": ("FourBar", "Joints", "GuidedLinkage", "GuidedJoints", "assembly"),

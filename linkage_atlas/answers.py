@@ -14,7 +14,8 @@ import numpy as np
 
 from linkage_atlas.arguments import check_names
 from linkage_atlas.assemblies import AskedAssembly, Assembly, assembled
-from linkage_atlas.driving import Drive, Refusal, Spring, driven_solution
+from linkage_atlas.drive_design.design import driven_solution
+from linkage_atlas.drive_design.records import Drive, Refusal, Spring
 from linkage_atlas.linkages import (
     AnyGuide,
     CircleGuide,

@@ -13,7 +13,7 @@ import numpy as np
 from linkage_atlas.answers import FINISHING
 from linkage_atlas.arguments import check_above_zero, check_top, number
 from linkage_atlas.atlases import Atlas, as_atlas, default_atlas
-from linkage_atlas.driving import check_asked
+from linkage_atlas.drive_design.design import check_request
 from linkage_atlas.limits import read_limits
 from linkage_atlas.mechanism_types import Kinds, check_no_slider_limits, check_only_four_bars, read_kinds
 from linkage_atlas.motions import Motion
@@ -153,7 +153,7 @@ def read_task(
         check_start(source, asked_motion)
     starts = None if start_from is None else read_starts(start_from, asked_motion)
     if checked_studies.drives is not None:
-        check_asked(checked_studies.drives, asked_motion.radian)
+        check_request(checked_studies.drives, asked_motion.radian)
     if checked_studies.analysis is not None:
         check_rows(top, None if asked_motion.free else asked_motion.target.interval)
     task = Task(

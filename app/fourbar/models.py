@@ -20,7 +20,7 @@ from app.query import (
 from linkage_atlas.arguments import LARGEST
 from linkage_atlas.assemblies import FIXED_PINS, LAYERS_MOST, MOST_CORNERS, MOST_LAYERS
 from linkage_atlas.catalogues import ACTUATORS, MOST_ROWS, MOST_SPRING_ROWS
-from linkage_atlas.driving import MOST_DRIVES, MOST_MASSES, MOST_SPRINGS
+from linkage_atlas.drive_design.question import MAX_DRIVES, MAX_MASSES, MAX_SPRINGS
 from linkage_atlas.functions import MIN_PAIRS
 from linkage_atlas.limits import FUNCTION_LIMITS, LIMITS
 from linkage_atlas.linkages import DriverName, KindName
@@ -409,7 +409,7 @@ class DriveLoadRequest(LoadRequest):
     """What acts on the body and on the links, in directions that do not turn with them."""
 
     torque: Bounded | None = Field(None, description="On the body, counter-clockwise: force times length.")
-    masses: Annotated[list[MassRequest], Field(max_length=MOST_MASSES)] | None = None
+    masses: Annotated[list[MassRequest], Field(max_length=MAX_MASSES)] | None = None
     parts: Flag = Field(
         False, description="To /v1/drives: also what the linkage's plates and pins weigh, made by default."
     )
@@ -516,10 +516,10 @@ class SpringRequest(RequestModel):
     )
 
 
-Drives = Annotated[list[DriveRequest], Field(max_length=MOST_DRIVES)]
+Drives = Annotated[list[DriveRequest], Field(max_length=MAX_DRIVES)]
 
 
-Springs = Annotated[list[SpringRequest], Field(max_length=MOST_SPRINGS)]
+Springs = Annotated[list[SpringRequest], Field(max_length=MAX_SPRINGS)]
 
 
 class RockerRequest(RequestModel):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,14 @@ import linkage_atlas as la
 from app.terminal import DEGREES, Units, columns, left_table, number
 from linkage_atlas import GuidedSolution, Matches, Result, Solution
 from linkage_atlas.answers import Errors
-from linkage_atlas.driving import Drive, Spring
+from linkage_atlas.drive_design.records import (
+    ActuatorDrive,
+    Drive,
+    MotorDrive,
+    RotaryDrive,
+    Spring,
+    ToggleDrive,
+)
 from linkage_atlas.notes import counted
 
 _ROUNDING = 1e-10
@@ -262,37 +270,55 @@ _DRIVES = {"rotary": "rotary drive", "dyad": "motor with a rod", "toggle": "knee
 
 def _drive_words(drive: Drive, units: Units) -> str:
     """Describe a drive: kind, ends, stroke, force or torque, and what it needs and holds."""
-    angle, length, bar, lock = units.angle, units.length, drive.six_bar, drive.lock
-    kind = _DRIVES.get(drive.kind, drive.kind) + ("" if drive.name is None else f" ({drive.name})")
-    words = [f"{kind} on the {drive.link}"]
-    if (start := drive.ground_point or drive.motor) is not None:
-        on = "" if drive.on == "ground" else f" on the {drive.on}"
-        words.append(
-            f"from {_place(start)}{on}" + ("" if drive.pin is None else f" to its pin at {_place(drive.pin)}")
-        )
-    if bar is not None:
-        words.append(f"crank {number(bar.crank)}, rod {number(bar.coupler)}, time ratio {number(bar.time_ratio, 3)}")
-        words.append(f"transmission angle at least {units.value(bar.transmission_angle_min, angle)}")
-    if lock is not None:
-        words.append(f"handle {number(lock.handle)}, strut {number(lock.strut)}")
-    if drive.stroke is not None:
-        span = f", length {_length(drive)}" if drive.length else ""
-        words.append(f"stroke {units.value(drive.stroke, length, 4)}{span}")
-    else:
-        words.append(f"swing {units.value(abs(drive.swing), angle, 4)}")
-    if drive.peak_force is not None:
-        bound = "" if drive.over_bound is None else f", {drive.over_bound:.4g} times the smallest possible"
-        words.append(f"force at most {number(drive.peak_force, 5)}{bound}")
-    torque = drive.peak_torque if bar is None else bar.motor_torque_max
+    length, swing = units.length, f"swing {units.value(abs(drive.swing), units.angle, 4)}"
+    match drive:
+        case RotaryDrive():
+            words = [f"from {_place(drive.motor)}", swing, *_load_words(None, drive.peak_torque)]
+        case ActuatorDrive():
+            on = "" if drive.on == "ground" else f" on the {drive.on}"
+            words = [
+                f"from {_place(drive.ground_point)}{on} to its pin at {_place(drive.pin)}",
+                f"stroke {units.value(drive.stroke, length, 4)}, length {_length(drive)}",
+                *_load_words(drive.peak_force, None, drive.over_bound),
+                f"least arm {units.value(drive.arm_min, length, 4)}",
+            ]
+            if drive.buckling is not None and drive.buckling.safety is not None:
+                words.append(f"safety against buckling {drive.buckling.safety:.3g}")
+        case MotorDrive(six_bar=bar):
+            words = [
+                f"from {_place(drive.motor)} to its pin at {_place(drive.pin)}",
+                f"crank {number(bar.crank)}, rod {number(bar.coupler)}, time ratio {number(bar.time_ratio, 3)}",
+                f"transmission angle at least {units.value(bar.transmission_angle_min, units.angle)}",
+                swing,
+                *_load_words(drive.peak_force, bar.motor_torque_max),
+            ]
+        case _:
+            words = [
+                f"from {_place(drive.ground_point)} to its pin at {_place(drive.pin)}",
+                f"handle {number(drive.lock.handle)}, strut {number(drive.lock.strut)}",
+                swing,
+            ]
+            if drive.peak_force is not None:
+                words += _load_words(drive.peak_force, drive.peak_torque)
+            words.append(f"least arm {units.value(drive.arm_min, length, 4)}")
+    kind = _DRIVES.get(drive.kind, drive.kind) + _row_name(drive)
+    sentence = "; ".join([f"{kind} on the {drive.link}", *words])
+    return f"{sentence}\n  stops: {drive.stops}\n  holds without power: {drive.holds}"
+
+
+def _row_name(drive: Drive) -> str:
+    return f" ({drive.name})" if isinstance(drive, ActuatorDrive) and drive.name is not None else ""
+
+
+def _load_words(force: float | None, torque: float | None, over_bound: float | None = None) -> list[str]:
+    """Describe the largest force and torque of a drive."""
+    words = []
+    if force is not None:
+        bound = "" if over_bound is None else f", {over_bound:.4g} times the smallest possible"
+        words.append(f"force at most {number(force, 5)}{bound}")
     if torque is not None:
         words.append(f"torque at most {number(torque, 5)}")
-    elif drive.peak_force is None and lock is None:
-        words.append("no load was given, so its force is not known")
-    if drive.arm_min is not None:
-        words.append(f"least arm {units.value(drive.arm_min, length, 4)}")
-    if drive.buckling is not None and drive.buckling.safety is not None:
-        words.append(f"safety against buckling {drive.buckling.safety:.3g}")
-    return f"{'; '.join(words)}\n  stops: {drive.stops}\n  holds without power: {drive.holds}"
+    return words or ["no load was given, so its force is not known"]
 
 
 def _spring_words(spring: Spring, units: Units) -> str:
@@ -325,25 +351,25 @@ def drives_table(reply: la.Drives, units: Units = DEGREES) -> str:
                 reply.drives,
                 ("kind", "", "kind"),
                 ("link", "", "link"),
-                ("name", "", "name"),
-                ("ground or motor", "", lambda one: _place(one.ground_point or one.motor)),
-                ("pin", "", lambda one: _place(one.pin)),
-                (units.head("length", units.length), "", _length),
-                ("least arm", ".6g", "arm_min"),
-                ("peak force", ".6g", "peak_force"),
-                ("over bound", ".4g", "over_bound"),
-                ("peak torque", ".6g", "peak_torque"),
-                (units.head("transm.", units.angle), ".4g", _angle),
+                ("name", "", _field("name")),
+                ("ground or motor", "", lambda one: _place(_field("ground_point")(one) or _field("motor")(one))),
+                ("pin", "", lambda one: _place(_field("pin")(one))),
+                (units.head("length", units.length), "", lambda one: _length(one) if hasattr(one, "length") else "-"),
+                ("least arm", ".6g", _field("arm_min")),
+                ("peak force", ".6g", _field("peak_force")),
+                ("over bound", ".4g", _field("over_bound")),
+                ("peak torque", ".6g", _field("peak_torque")),
+                (units.head("transm.", units.angle), ".4g", _transmission_angle),
             )
         )
     for one in reply.drives:
-        if one.six_bar is not None:
+        if isinstance(one, MotorDrive):
             bar = one.six_bar
             lines.append(
                 f"motor on the {one.link}: crank {number(bar.crank)}, rod {number(bar.coupler)}, time ratio "
                 f"{number(bar.time_ratio)} ({bar.kind})"
             )
-        if one.lock is not None:
+        if isinstance(one, ToggleDrive):
             lines.append(
                 f"knee on the {one.link}: handle {number(one.lock.handle)}, strut {number(one.lock.strut)}; holds {one.holds}"
             )
@@ -373,11 +399,18 @@ def _place(place: Any) -> str:
 
 
 def _length(one: Any) -> str:
-    return "-" if one.length is None else f"{one.length[0]:.5g} to {one.length[1]:.5g}"
+    return f"{one.length[0]:.5g} to {one.length[1]:.5g}"
 
 
-def _angle(one: Any) -> float | None:
-    return one.transmission_angle_min if one.six_bar is None else one.six_bar.transmission_angle_min
+def _field(name: str) -> Callable[[Drive], Any]:
+    """Return a function that reads a field which some kinds of drives lack."""
+    return lambda drive: getattr(drive, name, None)
+
+
+def _transmission_angle(drive: Drive) -> float | None:
+    if isinstance(drive, MotorDrive):
+        return drive.six_bar.transmission_angle_min
+    return drive.transmission_angle_min if isinstance(drive, RotaryDrive) else None
 
 
 def assembly_table(reply: la.Assembly, units: Units = DEGREES) -> str:

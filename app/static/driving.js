@@ -197,9 +197,9 @@ export class Driving {
     if (drive.retracted) rows.push(["retracted, stroke", `${number(drive.retracted)} + ${number(drive.stroke)} ${unit}, ${drive.extends ? "extends" : "retracts"}`]);
     if (drive.dead !== undefined && drive.dead !== null) rows.push(["dead point", `at ${number(drive.dead)}${turns ? "°" : ` ${unit}`}`]);
     if (drive.arm_min !== null && drive.arm_min !== undefined) rows.push(["least arm", `${number(drive.arm_min)} ${armUnit(unit, turns)}`]);
-    if (drive.peak_force !== null) rows.push(["peak force", `${force(drive.peak_force)}${drive.over_bound ? `, ${number(drive.over_bound, 4)} × the least there can be` : ""}`]);
-    if (drive.peak_torque !== null) rows.push([drive.kind === "toggle" ? "torque at the handle" : "peak torque", torque(drive.peak_torque)]);
-    if (drive.holding) rows.push(["holding, first and last", drive.holding.map(drive.peak_force === null ? torque : force).join(", ")]);
+    if (Number.isFinite(drive.peak_force)) rows.push(["peak force", `${force(drive.peak_force)}${drive.over_bound ? `, ${number(drive.over_bound, 4)} × the least there can be` : ""}`]);
+    if (Number.isFinite(drive.peak_torque)) rows.push([drive.kind === "toggle" ? "torque at the handle" : "peak torque", torque(drive.peak_torque)]);
+    if (drive.holding) rows.push(["holding, first and last", drive.holding.map(drive.kind === "rotary" ? torque : force).join(", ")]);
     if (drive.buckling) rows.push(["buckling", drive.buckling.safety === null ? "never pushed" : `${number(drive.buckling.safety, 3)} times safe`]);
     if (drive.six_bar) rows.push(["crank and rod", `${number(drive.six_bar.crank)}, ${number(drive.six_bar.coupler)} ${unit}`], ["time ratio", number(drive.six_bar.time_ratio, 4)], ["transmission of the rod", `${number(drive.six_bar.transmission_angle_min, 4)}° or more`]);
     if (drive.lock) rows.push(["handle and strut", `${number(drive.lock.handle)}, ${number(drive.lock.strut)} ${unit}`], ["over centre", `${number(drive.lock.over_centre, 3)}° at the ${drive.lock.at} pose`]);

@@ -72,7 +72,7 @@ def test_a_drawing_has_the_drive_on_a_layer(client, found, kind) -> None:
     assert not document.audit().errors
     parts = document.modelspace().query('*[layer=="DRIVE"]')
     assert parts
-    where = drive["motor"] or drive["ground_point"]
+    where = drive.get("motor") or drive["ground_point"]
     centres = [tuple(circle.dxf.center)[:2] for circle in parts.query("CIRCLE")]
     assert any(np.allclose(centre, where) for centre in centres)
 

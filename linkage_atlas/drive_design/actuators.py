@@ -1,0 +1,311 @@
+"""Actuators and cylinders: placements with the smallest peak force, of given or free sizes or from a catalogue."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from linkage_atlas.drive_design.operation import Operation
+from linkage_atlas.drive_design.question import ActuatorRequest
+from linkage_atlas.drive_design.records import ActuatorCurve, ActuatorDrive, Buckling
+from linkage_atlas.drive_design.task import DriveTask, both_ends, envelope
+from linkage_atlas.records import plane, xy
+from synthesis.arrays import Complexes, Floats
+from synthesis.drives.actuator import (
+    COARSE_GRID,
+    GRID,
+    Actuator,
+    Placement,
+    Question,
+    Refused,
+    Row,
+    Sizes,
+    Unfit,
+    Wanted,
+    best_of_rows,
+)
+from synthesis.drives.links import LinkMotions, largest
+from synthesis.guided.analysis import Pull
+from synthesis.mechanism import Box
+
+STEEL = 210_000.0
+"""Elastic modulus of a rod that buckles, in newtons per square millimetre."""
+ARM_SHARE = 0.1
+"""Default of the smallest moment arm, as a fraction of the largest that the stroke allows."""
+USUAL_RATIO, LONG_RATIO = 1.4, 2.0
+"""Retracted lengths over stroke that are tried if neither is given."""
+FORCE_TOLERANCE = 1.05
+"""Largest ratio of peak forces at which a shorter actuator replaces the best one."""
+STROKE_SHARES = (1.0, 0.85, 0.7, 0.55)
+"""Fractions of the best stroke that are tried for an actuator of usual length."""
+
+
+class Loads(NamedTuple):
+    """Extreme values of a placement over the whole motion, also between the positions of the search."""
+
+    arm_min: float
+    push: float
+    pull: float
+
+    @property
+    def peak(self) -> float:
+        """Largest absolute force."""
+        return max(self.push, self.pull)
+
+
+class Mounted:
+    """A placement between two links, evaluated anywhere in the motion."""
+
+    def __init__(self, task: DriveTask, on: str, link: str, placement: Placement) -> None:
+        self.task, self.on, self.link, self.placement = task, on, link, placement
+
+    def along(self, at: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return length, moment arm and force at travels of the drive."""
+        # the frame of a link that carries the other end lies as the plane does at the first position
+        machine = self.task.operation.poses(np.append(self.task.machine.at[0], at))
+        found = self.placement
+        length, arm = machine.seen(self.link, self.on).leverage(found.ground, found.pin)
+        return length[1:], arm[1:], (machine.torque(self.task.question.load) / arm)[1:]
+
+    def maximum(self, of: Callable[[Floats, Floats, Floats], Floats]) -> float:
+        """Return the maximum over the motion of a function of length, arm and force."""
+        return largest(lambda at: of(*self.along(at)), self.task.machine.at)
+
+    def loads(self) -> Loads:
+        """Return the smallest arm and the largest forces."""
+        return Loads(
+            -self.maximum(lambda length, arm, force: -np.abs(arm)),
+            self.maximum(lambda length, arm, force: force),
+            self.maximum(lambda length, arm, force: -force),
+        )
+
+    def ends(self, machine: LinkMotions) -> tuple[Complexes, Complexes]:
+        """Return the positions of both ends, (n,) each."""
+        found = self.placement
+        return machine.end(self.on, machine.point_on(self.on, found.ground)), machine.end(self.link, found.pin)
+
+    def pulls(self) -> list[Pull]:
+        """Return the forces on both links at the fine positions."""
+        fine = self.task.fine
+        ground, pin = self.ends(fine)
+        length, _, force = self.along(fine.at)
+        push = force * (pin - ground) / length
+        return [Pull(self.link, pin, push), Pull(self.on, ground, -push)]
+
+    def buckling(self, rod: float) -> Buckling:
+        """Compare the compression with Euler's load of the whole length as a steel rod."""
+        euler = np.pi**2 * STEEL * self.task.question.millimetres**2 * np.pi / 64 * rod**4
+        worst = self.maximum(lambda length, arm, force: force * length**2)
+        if worst <= 0:
+            return Buckling(euler / float(self.placement.length.max()) ** 2, None)
+        longest = self.maximum(lambda length, arm, force: np.where(force > 0, length, 0.0))
+        return Buckling(euler / longest**2, euler / worst)
+
+    def turns_back(self, kind: str) -> bool:
+        """Check for a dead point between the positions of the search and refuse the placement if there is one."""
+        task, found = self.task, self.placement
+        _, arm = task.fine.seen(self.link, self.on).leverage(found.ground, found.pin)
+        bad = arm * found.arm[0] <= 0
+        if bad.any():
+            at = task.operation.words(task.fine.at[int(np.argmax(bad))])
+            reason = f"dead point at {at} of the best placement, between the positions looked at"
+            task.findings.refuse(kind, self.link, reason)
+        return bool(bad.any())
+
+
+def limits_of(
+    task: DriveTask,
+    name: str,
+    on: str,
+    ground_box: Box | None,
+    reach_max: float | None,
+    arm_min: float | None,
+    extends: bool | None = None,
+    stroke: float | None = None,
+) -> Wanted:
+    """Return the limits of a placement; by default with an arm of a fraction of the largest for a stroke."""
+    reach = task.reach(reach_max, name)
+    if arm_min is None:
+        arm_min = ARM_SHARE * (stroke or task.machine.seen(name, on).longest_way(reach)) / task.machine.span
+    return Wanted(ground_box or task.box, reach, arm_min, extends)
+
+
+def find_actuators(task: DriveTask, request: ActuatorRequest) -> None:
+    """Place an actuator on each requested link."""
+    for name in request.links:
+        if name == request.on:
+            continue
+        if task.work.expired():
+            return
+        if request.rows:
+            _from_catalogue(task, request, name)
+        else:
+            _of_sizes(task, request, name)
+
+
+def _question(task: DriveTask, request: ActuatorRequest, name: str, grid: int) -> Question:
+    stroke = min((row.actuator.stroke for row in request.rows), default=request.stroke)
+    limits = limits_of(
+        task, name, request.on, request.ground_box, request.reach_max, request.arm_min, request.extends, stroke
+    )
+    link = task.machine.seen(name, request.on)
+    return Question(link, task.machine.at, task.torque, limits, grid, task.torque_curve.amount)
+
+
+def _from_catalogue(task: DriveTask, request: ActuatorRequest, name: str) -> None:
+    question = _question(task, request, name, COARSE_GRID)
+    bought, unfit = best_of_rows(question, request.rows, task.max_results, task.work)
+    for index, one in enumerate(bought):
+        _add(task, request, name, question, one.placement, one.row.actuator, one.row, index)
+    if not bought:
+        _none_fits(task, name, question, unfit)
+    elif unfit:
+        task.findings.notes.append(f"actuator on the {name}: {_count_unfit(unfit)}")
+
+
+def _of_sizes(task: DriveTask, request: ActuatorRequest, name: str) -> None:
+    fine, question = (_question(task, request, name, grid) for grid in (GRID, COARSE_GRID))
+    retracted, stroke, dead_length = request.retracted, request.stroke, request.dead_length or 0.0
+    sizes = Actuator(retracted or question.size, stroke or question.size)
+    if retracted and stroke:
+        found = fine.best(sizes, task.work)
+    else:
+        found = question.best_of_sizes(Sizes(sizes, retracted is None, stroke is None, dead_length), task.work)
+        if retracted is None and isinstance(found, Placement):
+            found = _of_usual_length(task, fine, found, dead_length, stroke is None)
+    if isinstance(found, Refused):
+        task.findings.refuse("actuator", name, reason_of(task.operation, found, question, sizes, stroke is None))
+    else:
+        low, high = float(found.length[[0, -1]].min()), float(found.length[[0, -1]].max())
+        _add(task, request, name, question, found, Actuator(low, high - low), None, 0)
+
+
+def _of_usual_length(
+    task: DriveTask, question: Question, best: Placement, dead_length: float, is_stroke_free: bool
+) -> Placement:
+    """Replace the best actuator of any length by one of usual length if this costs little force."""
+    low, high = np.sort(best.length[[0, -1]]).tolist()
+    whole = high - low
+    can_be_had = dead_length > 0 or low >= USUAL_RATIO * whole * (1 - 1e-9)
+    for share in STROKE_SHARES if is_stroke_free and not can_be_had else (1.0,):
+        stroke = share * whole
+        for length in [stroke + dead_length] if dead_length else [USUAL_RATIO * stroke, LONG_RATIO * stroke]:
+            if task.work.expired() or (can_be_had and length >= low):
+                return best
+            found = question.best(Actuator(length, stroke), task.work)
+            if isinstance(found, Placement) and (not can_be_had or found.worst <= FORCE_TOLERANCE * best.worst):
+                return found
+    return best
+
+
+def _add(
+    task: DriveTask,
+    request: ActuatorRequest,
+    name: str,
+    question: Question,
+    placement: Placement,
+    sizes: Actuator,
+    row: Row | None,
+    index: int,
+) -> None:
+    mounted = Mounted(task, request.on, name, placement)
+    if mounted.turns_back("actuator"):
+        return
+    rod = request.rod if row is None else request.rods.get(row.name, request.rod)
+    loads = mounted.loads()
+    if row is not None and task.loaded and (loads.push > row.push or loads.pull > row.pull):
+        reason = f"needs a force of {loads.peak:.4g} between the positions looked at"
+        task.findings.refuse("actuator", name, reason, row.name)
+        return
+    ground, pin = mounted.ends(task.machine)
+    bound = task.if_loaded(question.bound(sizes.stroke))
+    rank: tuple[float, ...] = (placement.worst,)
+    if row is not None:
+        rank = (math.inf if row.price is None else row.price, max(row.push, row.pull), placement.worst)
+    drive = ActuatorDrive(
+        link=name,
+        on=request.on,
+        swing=task.swing(name),
+        stops="none: its own ends of stroke are the ends of the way",
+        holds="a spindle does, a cylinder with its valves shut",
+        name=None if row is None else row.name,
+        price=None if row is None else row.price,
+        ground_point=xy(placement.ground),
+        pin=xy(pin[0]),
+        pin_on_link=xy(placement.pin),
+        length=both_ends(placement.length),
+        extends=placement.extends,
+        arm_min=loads.arm_min,
+        peak_force=task.if_loaded(loads.peak),
+        holding=task.if_loaded(both_ends(placement.force)),
+        retracted=sizes.retracted,
+        stroke=sizes.stroke,
+        bound=bound,
+        over_bound=None if bound is None else loads.peak / bound,
+        buckling=None if rod is None or not task.loaded else mounted.buckling(rod),
+        envelope=envelope(ground, pin),
+        pin_forces=task.pin_peaks(task.fine, mounted.pulls()),
+        curve=ActuatorCurve(
+            task.operation.curve_at,
+            placement.length,
+            placement.arm,
+            task.if_loaded(placement.force),
+            plane(ground),
+            plane(pin),
+        ),
+    )
+    task.findings.ranked.append(((*rank, float(index)), drive))
+
+
+# -- why there is none ------------------------------------------------------------------------------------------------
+
+
+def reason_of(
+    operation: Operation, refused: Refused, question: Question, sizes: Actuator, is_stroke_free: bool
+) -> str:
+    """Explain why an actuator finds no placement, with the number that binds."""
+    limits, stroke = question.wanted, sizes.stroke
+    subject = "an actuator of free stroke" if is_stroke_free else f"stroke {stroke:.6g}"
+    match refused.reason:
+        case "reach":
+            about = "the pivot" if question.link.pivot is not None else "the link's origin"
+            return f"{subject} needs a pin at {refused.needed:.4g} from {about}; reach_max is {limits.reach:.6g}"
+        case "box":
+            return f"{subject} needs a ground point at {refused.needed:.4g} from the pivot; ground_box has none there"
+        case "dead":
+            low, high = refused.between or (0, 1)
+            where = operation.poses_around(*question.at[[low, high]])
+            at = operation.words(refused.needed)
+            return f"{subject}: even the best place that was found has a dead point {where}at {at}"
+        case "arm":
+            return f"{subject}: the largest least arm found is {refused.needed:.4g}; arm_min is {limits.arm:.4g}"
+        case "knee":
+            at = operation.words(refused.needed)
+            return f"the handle of the best knee turns back at {at}, whichever way it bends"
+    if refused.needed > 0 and not is_stroke_free:
+        longest = max(stroke - refused.needed, 0.0)
+        return f"{subject} is longer than any pin of the link goes from a point of ground_box: at most {longest:.4g}"
+    return f"{subject} from {sizes.retracted:.6g} on fits no point of ground_box: no pin is so near, or so far, at both ends"
+
+
+def _none_fits(task: DriveTask, name: str, question: Question, unfit: list[Unfit]) -> None:
+    """Refuse the row that comes nearest, and count the others."""
+    findings = task.findings
+    weak = [(why, max(row.push, row.pull), row.name) for row, why in unfit if isinstance(why, float)]
+    if weak:
+        force, available, row_name = min(weak, key=lambda one: one[0] / one[1])
+        findings.refuse("actuator", name, f"needs a force of {force:.4g}, and it gives {available:.4g}", row_name)
+    placeless = [(row, why) for row, why in unfit if isinstance(why, Refused)]
+    if placeless:
+        row, why = min(placeless, key=lambda one: one[0].actuator.stroke)
+        findings.refuse("actuator", name, reason_of(task.operation, why, question, row.actuator, False), row.name)
+    if len(unfit) > 2:
+        findings.notes.append(f"actuator on the {name}: {_count_unfit(unfit)}")
+
+
+def _count_unfit(unfit: list[Unfit]) -> str:
+    weak = sum(isinstance(one.why, float) for one in unfit)
+    return f"{weak} rows of the catalogue are too weak and {len(unfit) - weak} find no place"

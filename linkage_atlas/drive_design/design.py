@@ -1,0 +1,228 @@
+"""Drives and springs of a linkage: request, linkage over its motion, searches, reply.
+
+`drives` answers a user; `driven_solution` answers for one solution of a search.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from linkage_atlas.arguments import check_above_zero, check_top, millimetres_in, radians_in
+from linkage_atlas.drive_design.actuators import find_actuators
+from linkage_atlas.drive_design.knees import find_knees
+from linkage_atlas.drive_design.motors import find_motors
+from linkage_atlas.drive_design.operation import Operation
+from linkage_atlas.drive_design.question import (
+    ActuatorRequest,
+    DriveQuestion,
+    DriveRequest,
+    MotorRequest,
+    Reader,
+    RotaryRequest,
+    check_sizes,
+)
+from linkage_atlas.drive_design.records import Drives, Refusal
+from linkage_atlas.drive_design.rotary import find_rotary
+from linkage_atlas.drive_design.springs import find_springs
+from linkage_atlas.drive_design.task import DriveTask
+from linkage_atlas.motions import Motion
+from synthesis.arrays import Floats
+from synthesis.drives.links import motions_of
+from synthesis.errors import FieldError
+from synthesis.fourbar.linkage import Linkage
+from synthesis.guided.linkage import Circle, Driver, Rail, Slot
+from synthesis.guided.linkage import GuidedLinkage as Guided
+from synthesis.target import Interval
+from synthesis.work import Work
+
+REPLY_ORDER = ("rotary", "actuator", "dyad", "toggle")
+"""Order of the kinds of drives in a reply."""
+
+
+def drives(
+    linkage: Any = None,
+    drives: Sequence[Mapping[str, Any]] = ({"kind": "rotary"}, {"kind": "actuator"}, {"kind": "dyad"}),
+    *,
+    load: Mapping[str, Any] | None = None,
+    springs: Sequence[Mapping[str, Any]] = (),
+    motion: Motion | None = None,
+    crank_angle: ArrayLike | None = None,
+    rocker: Mapping[str, Any] | None = None,
+    hand: ArrayLike | None = None,
+    length_unit: str | None = None,
+    top: int = 5,
+    degrees: bool = True,
+    budget: float | None = None,
+    work: Callable[[float | None], Work] = Work,
+) -> Drives:
+    """What drives a linkage over its way: the best drives of each kind, and springs that carry its load.
+
+    Parameters
+    ----------
+    linkage : FourBar, GuidedLinkage, Solution or mapping, optional
+        A `GuidedLinkage` too, driven by a crank, slider, cylinder or hinge. Or None with ``rocker``.
+    drives : sequence of mapping
+        Each with its ``kind``: "rotary", "actuator" (or "cylinder"), "dyad", "toggle", and its wishes by name, see
+        docs/drives.md.
+    load : mapping, optional
+        ``force`` [fx, fy] at the body point and ``torque`` on the body, in directions that do not turn with it; ``masses``:
+        [{"link", "mass", "at": [x, y], "inertia"}], ``at`` in the link's frame (default: its middle, of the body its point);
+        ``gravity`` [gx, gy] (default [0, -9.81]); ``speed``, at which the crank turns steadily: then masses resist. Without a
+        load the largest least moment arm counts.
+    springs : sequence of mapping
+        Each with its ``kind``, "tension" or "gas", and its wishes by name, see docs/drives.md: ``between``, two links or
+        the ground (default: the best of all pairs); ``holds``, {"open": True, "closed": True}; ``hand_force_max``.
+    motion : Motion, optional
+        What the linkage answers; default: its own.
+    crank_angle : array_like, shape (n,), optional
+        Crank angles from the start angle on, in place of a motion: their first and last are the ends of the way.
+    rocker : mapping, optional
+        In place of a linkage a link on a hinge: ``pivot`` [x, y], ``start`` and ``swing`` (angles), ``length``.
+    hand : array_like, shape (2,), optional
+        A place on the body at the first position, for the force of a hand there.
+    length_unit : {"um", "mm", "cm", "m", "in", "ft"}, optional
+        Unit of its lengths, for the bundled catalogues; forces are then in newtons. Default: the unit of the motion, or
+        millimetres.
+    top : int
+        Drives of each kind at most.
+    degrees : bool
+        Unit of angles, where the linkage does not say it.
+    budget : float, optional
+        Seconds.
+    work : callable
+        Makes what watches over time and cancellation from a budget in seconds.
+
+    Returns
+    -------
+    Drives
+
+    Raises
+    ------
+    FieldError
+        Naming the argument.
+
+    Examples
+    --------
+    >>> import linkage_atlas as la
+    >>> flap = {"pivot": [0, 0], "start": 0, "swing": 60, "length": 400}
+    >>> asked = [{"kind": "actuator", "retracted": 255, "stroke": 150, "ground_box": [-300, -400, 300, 0], "reach_max": 300}]
+    >>> found = la.drives(rocker=flap, drives=asked, load={"force": [0, -100]})
+    >>> round(found.best("actuator").peak_force, 1)
+    238.6
+    """
+    check_top(top)
+    check_above_zero(budget=budget)
+    watch = work(budget)
+    if length_unit is None:
+        length_unit = next((unit for one in (motion, linkage) if (unit := _unit_of(one))), "mm")
+    if rocker is not None:
+        if any(one is not None for one in (linkage, motion, crank_angle)):
+            raise FieldError("/rocker", "stands for a linkage and its way: give either these or this")
+        operation = Operation.of_rocker(rocker, radians_in(degrees))
+    else:
+        operation = Operation.of_given(linkage, motion, crank_angle, degrees)
+    own = (load or {}).get("masses") or ()
+    if load is not None and load.get("parts"):
+        load = {**load, "parts": False, "masses": [*own, *operation.masses_of_parts(length_unit)]}
+    reader = Reader(operation.machine, operation.radian, millimetres_in(length_unit))
+    question = reader.question(load, drives, springs, hand)
+    check_sizes(question, operation.machine.extent)
+    found = _answer(operation, question, top, watch)
+    if not question.load.speed and any(mass.get("inertia") for mass in own):
+        found.notes.append("load.masses: inertia counts at a speed alone, and load.speed gives none")
+    return found
+
+
+def _unit_of(given: Any) -> str | None:
+    """Return the unit of lengths of a motion, a linkage or a solution; None if it is unknown."""
+    unit: str | None = getattr(getattr(given, "linkage", given), "length_unit", None)
+    return unit
+
+
+def _answer(operation: Operation, question: DriveQuestion, max_results: int, work: Work) -> Drives:
+    """Search for the drives and springs of a question."""
+    task = DriveTask(operation, question, max_results, work)
+    findings = task.findings
+    task.note_missing_load(question.drives)
+    with np.errstate(all="ignore"):
+        for request in question.drives:
+            _find(task, request)
+        for set_number, spring in enumerate(question.springs, 1):
+            if work.expired():
+                break
+            find_springs(task, spring, set_number)
+    ranked = [drive for _, drive in sorted(findings.ranked, key=lambda row: row[0])]
+    best = [drive for kind in REPLY_ORDER for drive in [one for one in ranked if one.kind == kind][:max_results]]
+    if work.expired():
+        findings.notes.append("the time was up: not every place was looked at")
+    return Drives(best, findings.refused, findings.springs, task.torque_curve, findings.notes, operation.machine)
+
+
+def _find(task: DriveTask, request: DriveRequest) -> None:
+    match request:
+        case RotaryRequest():
+            find_rotary(task, request)
+        case ActuatorRequest():
+            find_actuators(task, request)
+        case MotorRequest():
+            find_motors(task, request)
+        case _:
+            find_knees(task, request)
+
+
+# -- drives of the solutions of a search ------------------------------------------------------------------------------
+
+
+def check_request(given: Mapping[str, Any], radian: float) -> None:
+    """Raise FieldError for a request that no linkage can answer, before a linkage is known; see `driven_solution`."""
+    interval = Interval(0.0, 0.2)
+    circle, slot = Circle(0j, 1.0, 0j), Slot(3.0 + 0.5j, 1.0 + 0.2j, 0.1)
+    rail = Rail(2.0 + 0.3j, 0.0, 2.0 + 0j)
+    machines = [motions_of(Linkage((2.0, 3.0, 4.0, 3.5), 1, 1.0, coupler_point=(1.0, 0.0)), interval, 3)]
+    machines += [motions_of(Guided((circle, guide), Driver.CRANK, 1, 0.5), interval, 3) for guide in (slot, rail)]
+    errors = []
+    for machine in machines:
+        try:
+            _read(Reader(machine, radian, 1.0), given)
+            return
+        except FieldError as error:
+            errors.append(error)
+    raise errors[0]
+
+
+def _read(reader: Reader, given: Mapping[str, Any]) -> tuple[DriveQuestion, DriveRequest | None]:
+    """Check the fields of a search, and the drive that decides which solutions come first."""
+    question = reader.question(given.get("load"), given.get("drives"), given.get("springs"))
+    deciding = given.get("drive")
+    return question, None if deciding is None else reader.drive("drive", deciding)
+
+
+def driven_solution(
+    linkage: Linkage | Guided, travel: Floats, given: Mapping[str, Any], radian: float, work: Work
+) -> dict[str, Any]:
+    """Return the fields of a solution that `load`, `drives`, `springs` and `drive` request: the best of each kind.
+
+    ``travel`` (n,): of its drive at the samples, radians or lengths. ``given``: in the user's units.
+    """
+    try:
+        operation = Operation.of(linkage, travel, radian)
+        question, deciding = _read(Reader(operation.machine, radian, 1.0), given)
+        requests = (*question.drives, *([] if deciding is None else [deciding]))
+        check_sizes(question._replace(drives=requests), operation.machine.extent)
+    except FieldError as error:
+        refused = [Refusal("any", "linkage", None, error.message)]
+        return {"drives": [], "refused": refused, "springs": [], "drivable": None if "drive" not in given else False}
+    found = _answer(operation, question, 1, work)
+    if deciding is None:
+        return {"drives": found.drives, "refused": found.refused, "springs": found.springs}
+    first = _answer(operation, question._replace(drives=(deciding,), springs=()), 1, work)
+    return {
+        "drives": [*first.drives, *found.drives],
+        "refused": [*first.refused, *found.refused],
+        "springs": found.springs,
+        "drivable": bool(first.drives),
+    }

@@ -1,0 +1,76 @@
+"""Knees that lock one end of the motion."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from linkage_atlas.drive_design.actuators import Mounted, limits_of, reason_of
+from linkage_atlas.drive_design.question import ToggleRequest
+from linkage_atlas.drive_design.records import Lock, ToggleCurve, ToggleDrive
+from linkage_atlas.drive_design.task import DriveTask, both_ends, envelope
+from linkage_atlas.records import plane, xy
+from synthesis.drives.actuator import Actuator, Knee, Question, Refused, locked
+from synthesis.drives.links import GROUND
+
+
+def find_knees(task: DriveTask, request: ToggleRequest) -> None:
+    """Place a knee on each requested link."""
+    machine, last = task.machine, request.at == "last"
+    for name in request.links:
+        if task.work.expired():
+            return
+        link = machine.links[name]
+        limits = limits_of(task, name, GROUND, request.ground_box, request.reach_max, request.arm_min)
+        found = locked(link, machine.at, task.torque, limits, last, request.over_centre, request.knee, task.work)
+        if isinstance(found, Refused):
+            question = Question(link, machine.at, task.torque, limits._replace(extends=last))
+            reason = reason_of(task.operation, found, question, Actuator(1.0, 1.0), True)
+            task.findings.refuse("toggle", name, reason)
+        else:
+            _add(task, request, name, found)
+
+
+def _add(task: DriveTask, request: ToggleRequest, name: str, found: Knee) -> None:
+    placement, operation = found.placement, task.operation
+    mounted = Mounted(task, GROUND, name, placement)
+    if mounted.turns_back("toggle"):
+        return
+    loads, (ground, pin) = mounted.loads(), mounted.ends(task.machine)
+    lock = Lock(
+        found.handle,
+        found.strut,
+        request.over_centre / operation.radian,
+        request.at,
+        found.overshoot / operation.unit,
+        task.if_loaded(float(np.abs(found.handle_torque).max())),
+        task.if_loaded(found.holds),
+    )
+    words = "with its knee on the stop" if found.holds else "not: the load pulls its knee straight"
+    drive = ToggleDrive(
+        link=name,
+        swing=task.swing(name),
+        stops="one, for the knee beyond its line",
+        holds=words if task.loaded else "where the load pushes the strut together",
+        ground_point=xy(placement.ground),
+        pin=xy(pin[0]),
+        pin_on_link=xy(placement.pin),
+        length=both_ends(placement.length),
+        extends=placement.extends,
+        arm_min=loads.arm_min,
+        peak_force=task.if_loaded(loads.peak),
+        peak_torque=lock.handle_torque_max,
+        holding=task.if_loaded(both_ends(placement.force)),
+        envelope=envelope(ground, pin, found.knee),
+        curve=ToggleCurve(
+            operation.curve_at,
+            placement.length,
+            placement.arm,
+            task.if_loaded(placement.force),
+            task.if_loaded(found.handle_torque),
+            plane(ground),
+            plane(pin),
+            plane(found.knee),
+        ),
+        lock=lock,
+    )
+    task.findings.ranked.append(((not found.holds, placement.worst), drive))

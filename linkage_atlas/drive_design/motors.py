@@ -1,0 +1,154 @@
+"""Motors that turn continuously and swing a linkage through a rod."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from linkage_atlas.drive_design.operation import FINE
+from linkage_atlas.drive_design.question import MotorRequest
+from linkage_atlas.drive_design.records import MotorCurve, MotorDrive, SixBar, SixBarLink
+from linkage_atlas.drive_design.task import DriveTask, both_ends, envelope
+from linkage_atlas.records import plane, xy
+from linkage_atlas.six_bars import SixBarLinkage, on_hinge
+from synthesis.arrays import dot
+from synthesis.drives.links import GROUND
+from synthesis.drives.six_bar import (
+    MOTOR_CRANK,
+    ROD,
+    Driven,
+    Joint,
+    Motor,
+    about_pivot,
+    driven,
+    joints_of,
+    on_any_link,
+    rod_joints,
+)
+from synthesis.drives.six_bar import SixBar as Swung
+from synthesis.guided.analysis import Pull
+from synthesis.target import TURN, Interval
+
+DWELL_SHARE = 0.01
+"""Fraction of the motion within which a linkage counts as resting at its end."""
+PIN_SHARE = 0.8
+"""Default distance of the rod's pin from a fixed pivot, as a fraction of the link's size."""
+STEPS = 121
+"""Motor angles of a reply, over a whole turn."""
+
+
+def find_motors(task: DriveTask, request: MotorRequest) -> None:
+    """Place a motor and a rod on each requested link."""
+    for name in request.links:
+        if task.work.expired():
+            return
+        found = _placed(task, request, name)
+        if isinstance(found, str):
+            task.findings.refuse("dyad", name, found)
+            continue
+        link = task.fine.links[name]
+        whole = driven(link, task.fine_torque, found.motor, found.pin, found.crank, found.rod, found.extends)
+        if whole is None:
+            task.findings.refuse("dyad", name, "the best motor's rod turns back between the positions looked at")
+            continue
+        words = "the best transmission angle is"
+        if not task.too_flat("dyad", name, words, whole.least_angle, request.transmission_angle_min):
+            _add(task, name, whole)
+
+
+def _placed(task: DriveTask, request: MotorRequest, name: str) -> Driven | str:
+    machine, link, ratio = task.machine, task.machine.links[name], request.time_ratio
+    reach = task.reach(request.reach_max, name)
+    if link.pivot is None:
+        box = request.motor_box or task.box
+        return on_any_link(link, machine.at, task.torque, ratio, request.pin_radius or reach, box, task.work)
+    radius = request.pin_radius or min(reach, PIN_SHARE * machine.reaches.get(name, reach))
+    is_given = request.pin_radius is not None
+    return about_pivot(link, task.torque, ratio, radius, is_given, request.motor_box, reach=reach)
+
+
+def _add(task: DriveTask, name: str, whole: Driven) -> None:
+    operation, coarse = task.operation, slice(None, None, (FINE - 1) // (task.machine.at.size - 1))
+    pin = task.fine.links[name].place(whole.pin)
+    interval = Interval(*task.fine.at[[0, -1]].tolist())
+    six = Swung(operation.poses, interval, Motor(name, whole.motor, whole.crank, whole.rod, whole.pin))
+    bar, motor = _six_bar(task, six, whole), np.full(FINE, whole.motor)
+    pulls = [
+        [Pull(name, pin, force * (pin - knee) / whole.rod)] for force, knee in zip(whole.rod_force, whole.crank_pin)
+    ]
+    drive = MotorDrive(
+        link=name,
+        swing=task.swing(name),
+        stops="none: the motor passes both ends with the linkage at rest",
+        holds="near its dead centres",
+        motor=xy(whole.motor),
+        pin=xy(pin[0]),
+        pin_on_link=xy(whole.pin),
+        length=both_ends(whole.length),
+        extends=whole.extends,
+        peak_torque=bar.motor_torque_max,
+        peak_force=task.if_loaded(float(np.abs(whole.rod_force).max())),
+        envelope=envelope(pin, *whole.crank_pin, motor),
+        pin_forces=task.pin_peaks(task.fine, *pulls),
+        curve=MotorCurve(
+            operation.curve_at,
+            whole.length[coarse],
+            task.if_loaded(whole.rod_force[0][coarse]),
+            task.if_loaded(whole.motor_torque[0][coarse]),
+            plane(motor[coarse]),
+            plane(pin[coarse]),
+            plane(whole.crank_pin[0][coarse]),
+        ),
+        six_bar=bar,
+        linkage=on_hinge(six, operation.radian)
+        if operation.view is None
+        else SixBarLinkage.of_view(operation.view, six, operation.samples),
+    )
+    task.findings.ranked.append(((-bar.transmission_angle_min,), drive))
+
+
+def _six_bar(task: DriveTask, six: Swung, whole: Driven) -> SixBar:
+    """Describe a motor with its rod over a whole turn at even steps."""
+    operation, motor = task.operation, six.motor
+    radian = operation.radian
+    even = six.sense * np.linspace(0.0, TURN, STEPS)
+    machine, at = six.machine(even), six.travel(even)
+    plain = operation.poses(at)
+    rod, arm = machine.links[ROD], machine.links[MOTOR_CRANK].direction * motor.crank
+    force = plain.torque(task.question.load) / dot(rod.direction, plain.links[motor.link].speed(motor.pin))
+    (forwards, backwards), dwell = six.turn, six.dwell(DWELL_SHARE)
+    joints = _joints(task, six)
+    points = {joint.name: xy(joint.place[0]) for joint in joints}
+    names = {
+        link: [joint.name for joint in joints if link in (joint.first, joint.second)]
+        for link in (GROUND, *machine.links)
+    }
+    if operation.view is not None and machine.body is not None:
+        points["P"] = xy(six.machine(six.forwards(np.zeros(1))).link("body").origin[0])
+        names["coupler"].append("P")
+    return SixBar(
+        crank=motor.crank,
+        coupler=motor.rod,
+        kind="crank_rocker" if operation.view is None else six.kind,
+        time_ratio=whole.time_ratio,
+        transmission_angle_min=whole.least_angle / radian,
+        motor_torque_max=task.if_loaded(float(np.abs(whole.motor_torque).max())),
+        motor_turn=(forwards / radian, backwards / radian),
+        dwell=(dwell[0] / radian, dwell[1] / radian),
+        motor_angle=(six.start + even) / radian,
+        crank_angle=at / operation.unit,
+        motor_torque=task.if_loaded(force * dot(rod.direction, 1j * arm)),
+        rod_force=task.if_loaded(force),
+        motor_pin=plane(six.knee(even)),
+        driver=MOTOR_CRANK,
+        joints=points,
+        links=[SixBarLink(link, on_link) for link, on_link in names.items()],
+    )
+
+
+def _joints(task: DriveTask, six: Swung) -> list[Joint]:
+    """Return the joints at the first sample, forwards; on a hinged link B is its pivot."""
+    machine = six.machine(six.forwards(np.zeros(1)))
+    if task.operation.view is not None:
+        return joints_of(task.operation.view.plain, six.motor, machine)
+    pivot = Joint("B", GROUND, six.motor.link, machine.links[six.motor.link].origin)
+    return [pivot, *rod_joints(six.motor, machine)]

@@ -1,0 +1,165 @@
+"""A linkage, or a link on a hinge, over the interval of its drive that is used."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from linkage_atlas.arguments import check_names, column, number, pair, radians_in
+from linkage_atlas.drive_design.question import SIZE_RATIO
+from linkage_atlas.linkages import FourBar, GuidedLinkage, given_linkage
+from linkage_atlas.motions import Motion
+from synthesis.arrays import Floats
+from synthesis.drives.links import SAMPLES, LinkMotions, ends_of, hinged_at, motions_at, motions_of
+from synthesis.errors import FieldError
+from synthesis.fourbar.linkage import Linkage
+from synthesis.guided.linkage import GuidedLinkage as Guided
+from synthesis.target import MAX_LENGTH, TURN, Target
+
+FINE = 961
+"""Positions of the fine evaluation of a motion; searches use `SAMPLES` of them."""
+
+
+class Operation(NamedTuple):
+    """A linkage over the used interval of its drive, and the travel of the drive at the samples of its motion."""
+
+    poses: Callable[[Floats], LinkMotions]
+    """The linkage at any travel of its drive."""
+    machine: LinkMotions
+    """At `SAMPLES` even steps, for searches."""
+    fine: LinkMotions
+    """At `FINE` even steps."""
+    radian: float
+    samples: Floats
+    view: FourBar | GuidedLinkage | None
+    """The user's linkage; None for a link on a hinge."""
+
+    @classmethod
+    def of(
+        cls,
+        linkage: Linkage | Guided,
+        travel: Floats,
+        radian: float,
+        target: Target | None = None,
+        length_unit: str | None = None,
+    ) -> Operation:
+        """Prepare a linkage between the smallest and the largest travel of its drive, perhaps at samples of a motion."""
+        ends, four_bar = ends_of(travel), isinstance(linkage, Linkage)
+        if not abs(ends.last - ends.first) > (1e-6 if four_bar else 0.0):
+            field, words = ("crank_angle", "crank angle") if four_bar else ("travel", "place of the drive")
+            raise FieldError(f"/{field}", f"the way has no length: its first and last {words} are the same")
+        if isinstance(linkage, Guided) and not linkage.closes_over(ends.after(linkage.start)):
+            raise FieldError("/linkage", "does not close over its way")
+        coarse, fine = (motions_of(linkage, ends, count) for count in (SAMPLES, FINE))
+        view = (FourBar if four_bar else GuidedLinkage).of(linkage, radian, target, length_unit)
+        operation = cls(lambda at: motions_at(linkage, at), coarse, fine, radian, travel, view)
+        operation.check()
+        return operation
+
+    @classmethod
+    def of_given(cls, linkage: Any, motion: Motion | None, crank_angle: ArrayLike | None, degrees: bool) -> Operation:
+        """Prepare the user's linkage over the interval that a motion, its own motion or crank angles define."""
+        angles = None if crank_angle is None else np.atleast_1d(column("crank_angle", crank_angle))
+        view, own = given_linkage(linkage, degrees if motion is None else motion.degrees)
+        if angles is None and own is not None:
+            name = "travel" if isinstance(view, GuidedLinkage) else "crank_angle"
+            angles = np.asarray(column(f"linkage/{name}", own))
+        if not isinstance(view, (FourBar, GuidedLinkage)):
+            raise FieldError("/linkage", "wanted a four-bar or a body on guides: this one has a motor already")
+        radian, target, four_bar = radians_in(view.degrees), None, isinstance(view, FourBar)
+        if motion is not None:
+            turns = isinstance(view, FourBar) or view._linkage.driver.turns
+            if motion.free and angles is None and turns:
+                raise FieldError("/linkage/crank_angle", "needed: the motion's crank angles are free")
+            if motion.free and angles is None and motion.travel is None:
+                raise FieldError("/linkage/travel", "needed: the motion's timing is free")
+            target = view.target_of(motion, angles)
+            travel = target.way
+        elif angles is not None:
+            if four_bar and (angles.size < 2 or not np.all(np.isfinite(angles))):
+                raise FieldError("/crank_angle", "wanted two finite crank angles or more")
+            travel = angles * view._unit
+        elif view.way is not None:
+            travel, target = view.way, view._motion
+        else:
+            raise FieldError("/crank_angle", "needed: this linkage answers no motion that would say its way")
+        return cls.of(view.plain, travel, radian, target, view.length_unit)
+
+    @classmethod
+    def of_rocker(cls, given: Mapping[str, Any], radian: float) -> Operation:
+        """Prepare a link on a hinge."""
+        check_names("/rocker", given, ("pivot", "start", "swing", "length"))
+        values = {"pivot": (0, 0), "start": 0, "length": 1}
+        values |= {name: value for name, value in given.items() if value is not None}
+        swing = number("rocker/swing", values.get("swing")) * radian
+        if not 1e-3 <= abs(swing) < np.pi:
+            raise FieldError("/rocker/swing", "wanted an angle of less than half a turn, and not of nothing")
+        length = number("rocker/length", values["length"])
+        if not 0 < length <= MAX_LENGTH:
+            raise FieldError("/rocker/length", "wanted a length above 0")
+        pivot = pair("rocker/pivot", values["pivot"], MAX_LENGTH)
+        start = number("rocker/start", values["start"]) * radian
+
+        def poses(at: Floats) -> LinkMotions:
+            return hinged_at(pivot, start, length, at)
+
+        machine, fine = (poses(np.linspace(0.0, swing, count)) for count in (SAMPLES, FINE))
+        operation = cls(poses, machine, fine, radian, machine.at[[0, -1]], None)
+        operation.check()
+        return operation
+
+    def check(self) -> None:
+        """Raise FieldError if the linkage has a dead position in the interval, or lies too far from the origin."""
+        distance = max(float(np.abs(link.origin).max()) for link in self.machine.links.values())
+        if distance > SIZE_RATIO * self.machine.extent:
+            raise FieldError(
+                "/linkage", f"lies farther than {SIZE_RATIO:g} times its size from the origin: move the origin"
+            )
+        for link in self.fine.links.values():
+            bad = ~np.isfinite(link.rate)
+            if bad.any():
+                at = self.words(self.fine.at[int(np.argmax(bad))])
+                raise FieldError("/linkage", f"does not close, or is dead, at {at} of its drive's way")
+
+    @property
+    def linkage(self) -> Linkage | None:
+        """The four-bar, from which ideal springs are computed."""
+        return self.view.plain if isinstance(self.view, FourBar) else None
+
+    @property
+    def unit(self) -> float:
+        """Radians in the user's angle for a drive that turns, 1 for a drive that slides."""
+        return self.radian if self.machine.turns else 1.0
+
+    @property
+    def curve_at(self) -> Floats:
+        """Travel of the drive at the positions of `machine`, in the user's unit."""
+        return self.machine.at / self.unit
+
+    def words(self, at: float) -> str:
+        """Write a travel of the drive with its unit."""
+        angle = " radians" if self.radian == 1 else " degrees"
+        return f"{at / self.unit:.6g}" + angle * self.machine.turns
+
+    def poses_around(self, low: float, high: float) -> str:
+        """Name the samples of the motion between which two travels of the drive lie."""
+        middle, samples = (low + high) / 2, self.samples
+        last = samples.size - 1
+        for k in range(last):
+            if (samples[k] - middle) * (samples[k + 1] - middle) <= 0:
+                is_closed = k + 1 == last and abs(abs(samples[last] - samples[0]) - TURN) < 1e-9
+                if is_closed and last == 1:
+                    return ""
+                return f"between poses {k + 1} and {1 if is_closed else k + 2}, "
+        return ""
+
+    def masses_of_parts(self, length_unit: str) -> list[dict[str, Any]]:
+        """Return the masses of the links as plates and pins of default sizes."""
+        from linkage_atlas.solids import masses_of_parts
+
+        if self.view is None:
+            raise FieldError("/load/parts", "a link on a hinge has no parts: give its masses")
+        return masses_of_parts(self.view.plain, ends_of(self.samples), length_unit)

@@ -1,0 +1,324 @@
+"""Requests for drives and springs, checked and in the units of the linkage; angles in radians."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from linkage_atlas.arguments import (
+    bounded,
+    box,
+    check_above_zero,
+    flag,
+    known_fields,
+    number,
+    one_of,
+    pair,
+)
+from linkage_atlas.catalogues import PRESSURE, read_actuators, read_springs
+from linkage_atlas.drive_design.records import SPRING_KINDS
+from linkage_atlas.studies import read_load
+from synthesis.drives.actuator import Row
+from synthesis.drives.links import GROUND, LinkMotions
+from synthesis.drives.six_bar import LARGEST_RATIO
+from synthesis.drives.springs import SpringRow
+from synthesis.errors import FieldError
+from synthesis.guided.analysis import Load
+from synthesis.mechanism import Box
+from synthesis.target import MAX_LENGTH
+
+KINDS = ("rotary", "actuator", "cylinder", "dyad", "toggle")
+"""Kinds of drives; a cylinder is an actuator."""
+MAX_DRIVES, MAX_SPRINGS, MAX_MASSES = 8, 4, 20
+"""Largest number of entries in a request."""
+SIZE_RATIO = 1e6
+"""Largest ratio of a length to the size of the linkage, either way; beyond it coordinates lose their digits."""
+HOLDING_ENDS = ("closed", "open")
+"""Names of the first and the last position of a linkage that springs hold."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RotaryRequest:
+    """A rotary drive at a fixed pivot."""
+
+    links: list[str]
+    transmission_angle_min: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class ActuatorRequest:
+    """An actuator or cylinder between a link and the ground, or another link."""
+
+    links: list[str]
+    retracted: float | None = None
+    stroke: float | None = None
+    catalogue: Any = None
+    pressure: float | None = None
+    on: str = GROUND
+    ground_box: Box | None = None
+    reach_max: float | None = None
+    arm_min: float | None = None
+    dead_length: float | None = None
+    rod: float | None = None
+    extends: bool | None = None
+    rows: list[Row] = field(default_factory=list)
+    """Rows of the catalogue."""
+    rods: dict[str, float] = field(default_factory=dict)
+    """Rod diameters by the names of the rows."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotorRequest:
+    """A motor that turns continuously, with a rod."""
+
+    links: list[str]
+    time_ratio: float | None = None
+    motor_box: Box | None = None
+    pin_radius: float | None = None
+    reach_max: float | None = None
+    transmission_angle_min: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class ToggleRequest:
+    """A knee that locks one end of the motion."""
+
+    links: list[str]
+    at: Literal["first", "last"] = "last"
+    over_centre: float = float(np.deg2rad(5.0))
+    knee: float = 0.5
+    """Length of the handle over both lengths."""
+    ground_box: Box | None = None
+    reach_max: float | None = None
+    arm_min: float | None = None
+
+
+DriveRequest = RotaryRequest | ActuatorRequest | MotorRequest | ToggleRequest
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpringRequest:
+    """Springs that carry the load."""
+
+    kind: Literal["tension", "gas"]
+    between: tuple[str, str] | None = None
+    catalogue: Any = None
+    stiffness: float | None = None
+    ground_box: Box | None = None
+    reach_max: float | None = None
+    clear: float | None = None
+    holds: Mapping[str, bool] = field(default_factory=dict)
+    hand_force_max: float | None = None
+    rows: list[SpringRow] = field(default_factory=list)
+    """Rows of the catalogue; without rows springs are ideal."""
+
+
+class DriveQuestion(NamedTuple):
+    """A checked request, in the units of the linkage and in radians."""
+
+    load: Load
+    drives: tuple[DriveRequest, ...]
+    springs: tuple[SpringRequest, ...]
+    hand: complex | None
+    millimetres: float
+
+    @property
+    def loaded(self) -> bool:
+        """Whether a force, a torque or a mass acts."""
+        return bool(self.load.force or self.load.torque or self.load.masses)
+
+
+class Reader:
+    """Checks of a request for one linkage.
+
+    Parameters
+    ----------
+    machine : LinkMotions
+        The linkage over its motion.
+    radian : float
+        Radians in the user's unit of angle.
+    millimetres : float
+        Millimetres in the user's unit of length.
+    """
+
+    def __init__(self, machine: LinkMotions, radian: float, millimetres: float) -> None:
+        self.machine, self.radian, self.millimetres = machine, radian, millimetres
+
+    def question(
+        self,
+        load: Mapping[str, Any] | None,
+        drives: Sequence[Mapping[str, Any]] | None,
+        springs: Sequence[Mapping[str, Any]] | None,
+        hand: ArrayLike | None = None,
+    ) -> DriveQuestion:
+        """Check a whole request; raise FieldError with the name of a field."""
+        hand_point = None if hand is None else pair("hand", hand, MAX_LENGTH)
+        if hand_point is not None and not springs:
+            raise FieldError("/hand", "needs `springs`, which tell the force of a hand there")
+        return DriveQuestion(
+            self._load(load or {}),
+            tuple(self.drive(f"drives/{k}", entry) for k, entry in enumerate(_list("drives", drives, MAX_DRIVES))),
+            tuple(
+                self.spring(f"springs/{k}", entry) for k, entry in enumerate(_list("springs", springs, MAX_SPRINGS))
+            ),
+            hand_point,
+            self.millimetres,
+        )
+
+    def _load(self, given: Mapping[str, Any]) -> Load:
+        machine = self.machine
+        links, mounted = (*machine.links, "body"), machine.body is not None
+        load, parts = read_load(
+            "load", given, links, mounted, MAX_MASSES, "speed", link="body", middles=machine.middles
+        )
+        if parts:
+            raise FieldError("/load/parts", "for one linkage only: /v1/drives, or `linkage_atlas.drives`")
+        speed = bounded("load/speed", given.get("speed") or 0.0) * (self.radian if machine.turns else 1.0)
+        return load._replace(speed=speed, metre=self.millimetres / 1000)
+
+    def drive(self, at: str, given: Mapping[str, Any]) -> DriveRequest:
+        """Check one entry of ``drives``."""
+        kind = one_of(f"{at}/kind", given.get("kind") if isinstance(given, Mapping) else None, KINDS)
+        links = list(self.machine.links)
+        match kind:
+            case "rotary":
+                pivoted = [name for name, link in self.machine.links.items() if link.pivot is not None]
+                return RotaryRequest(**self._fields(at, given, RotaryRequest, pivoted))
+            case "dyad":
+                values = self._fields(at, given, MotorRequest, links)
+                if not 1 / LARGEST_RATIO <= values.get("time_ratio", 1.0) <= LARGEST_RATIO:
+                    raise FieldError(
+                        f"/{at}/time_ratio", f"wanted a ratio from {1 / LARGEST_RATIO:g} to {LARGEST_RATIO:g}"
+                    )
+                return MotorRequest(**values)
+            case "toggle":
+                return self._toggle(at, self._fields(at, given, ToggleRequest, links))
+        return self._actuator(at, self._fields(at, given, ActuatorRequest, links))
+
+    def _toggle(self, at: str, values: dict[str, Any]) -> ToggleRequest:
+        request = ToggleRequest(**values)
+        if request.at not in ("first", "last"):
+            raise FieldError(f"/{at}/at", f"wanted 'first' or 'last', found {request.at!r}")
+        if request.over_centre > np.pi / 3:
+            raise FieldError(f"/{at}/over_centre", "wanted at most 60 degrees")
+        if not 0.1 <= request.knee <= 0.9:
+            raise FieldError(f"/{at}/knee", "wanted the handle's part of both links, from 0.1 to 0.9")
+        return request
+
+    def _actuator(self, at: str, values: dict[str, Any]) -> ActuatorRequest:
+        names = self.machine.links
+        if (on := values.setdefault("on", GROUND)) not in (GROUND, *names):
+            raise FieldError(f"/{at}/on", f"wanted ground or one of {', '.join(names)}, found {on!r}")
+        if set(values["links"]) == {on}:
+            raise FieldError(f"/{at}/on", f"wanted ground or another link than it moves, found {on!r}")
+        if not isinstance(values.get("extends", True), bool):
+            raise FieldError(f"/{at}/extends", "wanted true or false")
+        if "catalogue" in values:
+            for name in ("retracted", "stroke", "dead_length"):
+                if name in values:
+                    raise FieldError(f"/{at}/{name}", "give either this or `catalogue`")
+            pressure = values.get("pressure", PRESSURE)
+            rows, rods = read_actuators(f"{at}/catalogue", values["catalogue"], self.millimetres, pressure)
+            values |= {"rows": rows, "rods": rods}
+        elif "pressure" in values:
+            raise FieldError(f"/{at}/pressure", "of a catalogue with bores; there is none")
+        return ActuatorRequest(**values)
+
+    def spring(self, at: str, given: Mapping[str, Any]) -> SpringRequest:
+        """Check one entry of ``springs``."""
+        kind = one_of(f"{at}/kind", given.get("kind") if isinstance(given, Mapping) else None, SPRING_KINDS)
+        values = self._fields(at, given, SpringRequest)
+        names = (GROUND, *self.machine.links)
+        if "between" in values:
+            both = values["between"]
+            if isinstance(both, str) or len(both) != 2 or both[0] == both[1] or any(one not in names for one in both):
+                raise FieldError(f"/{at}/between", f"wanted two different ones of {', '.join(names)}")
+            values["between"] = (both[1], both[0]) if both[1] == GROUND else (both[0], both[1])
+        is_real = kind == "gas" or "catalogue" in values
+        for name in ("holds", "hand_force_max"):
+            if name in values and not is_real:
+                raise FieldError(
+                    f"/{at}/{name}",
+                    "needs springs of a `catalogue`: ideal springs balance the load at every position, so that it stays anywhere",
+                )
+        if "holds" in values:
+            known_fields(f"{at}/holds", values["holds"], HOLDING_ENDS)
+            values["holds"] = {name: flag(f"{at}/holds/{name}", values["holds"].get(name)) for name in HOLDING_ENDS}
+        if "hand_force_max" in values and self.machine.body is None:
+            raise FieldError(
+                f"/{at}/hand_force_max", "needs `position`: without it there is no body for a hand to move"
+            )
+        if is_real:
+            values["rows"] = read_springs(f"{at}/catalogue", values.get("catalogue"), kind, self.millimetres)
+            if "stiffness" in values:
+                raise FieldError(f"/{at}/stiffness", "of ideal springs, which need no catalogue")
+        return SpringRequest(kind=kind, **values)
+
+    def _fields(
+        self, at: str, given: Mapping[str, Any], request: type, links: Sequence[str] | None = None
+    ) -> dict[str, Any]:
+        """Return the fields of an entry after a check of numbers, boxes and links."""
+        names = [one.name for one in fields(request) if one.name not in ("kind", "rows", "rods")]
+        known_fields(at, given, ("kind", *names))
+        values = {
+            name: self._value(f"{at}/{name}", name, value)
+            for name, value in given.items()
+            if value is not None and name != "kind"
+        }
+        if links is not None:
+            values["links"] = _links(f"{at}/links", values.get("links"), links)
+        return values
+
+    def _value(self, at: str, name: str, value: Any) -> Any:
+        match name:
+            case (
+                "retracted" | "stroke" | "reach_max" | "pin_radius" | "time_ratio" | "pressure" | "rod" | "stiffness"
+                | "clear" | "hand_force_max"
+            ):  # fmt: skip
+                check_above_zero(**{at: value})
+                return bounded(at, value, MAX_LENGTH)
+            case "arm_min" | "dead_length":
+                return number(at, value, 0.0)
+            case "knee":
+                return number(at, value)
+            case "transmission_angle_min" | "over_centre":
+                return number(at, value, 0.0) * self.radian
+            case "ground_box" | "motor_box":
+                return box(at, value, flat=True)
+        return value
+
+
+def check_sizes(question: DriveQuestion, extent: float) -> None:
+    """Raise FieldError for lengths and positions that are out of proportion to the linkage."""
+    lengths = ("retracted", "stroke", "reach_max", "pin_radius", "dead_length", "clear", "arm_min", "rod")
+    entries: list[tuple[str, int, DriveRequest | SpringRequest]] = [
+        ("drives", k, entry) for k, entry in enumerate(question.drives)
+    ]
+    entries += [("springs", k, entry) for k, entry in enumerate(question.springs)]
+    for group, k, entry in entries:
+        for one in fields(entry):
+            value, at = getattr(entry, one.name), f"/{group}/{k}/{one.name}"
+            size = f"{SIZE_RATIO:g} times the linkage's size"
+            if one.name in lengths and value and not extent / SIZE_RATIO <= value <= extent * SIZE_RATIO:
+                raise FieldError(at, f"wanted a length within {size} of {extent:.4g}, either way")
+            if one.name in ("ground_box", "motor_box") and value and max(map(abs, value)) > extent * SIZE_RATIO:
+                raise FieldError(at, f"lies farther than {size} from the origin")
+
+
+def _list(name: str, given: Sequence[Mapping[str, Any]] | None, max_entries: int) -> Sequence[Mapping[str, Any]]:
+    found = () if given is None else given
+    if isinstance(found, (Mapping, str)) or len(found) > max_entries:
+        raise FieldError(f"/{name}", f"wanted a list of at most {max_entries}")
+    return found
+
+
+def _links(at: str, given: Any, names: Sequence[str]) -> list[str]:
+    if given is None:
+        return list(names)
+    if isinstance(given, str) or not given:
+        raise FieldError(f"/{at}", f"wanted a list of some of {', '.join(names)}")
+    return list(dict.fromkeys(one_of(f"{at}/{k}", name, names) for k, name in enumerate(given)))

@@ -1,0 +1,454 @@
+"""Records of a reply about drives: one for each kind of drive, for springs, and for what is missing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Annotated, Literal, NamedTuple, overload
+
+from linkage_atlas.linkages import FourBar
+from linkage_atlas.records import KEPT, Record, Values, Vectors
+from linkage_atlas.six_bars import SixBarLinkage
+from synthesis.arrays import Floats
+from synthesis.drives.links import GROUND, LinkMotions
+
+Point = tuple[float, float]
+SPRING_KINDS = ("tension", "gas")
+
+# -- curves over the motion -------------------------------------------------------------------------------------------
+
+
+class RotaryCurve(NamedTuple):
+    """A rotary drive over the motion."""
+
+    crank_angle: Floats
+    """At even steps from the first sample on; the travel of a linkage that a slider or cylinder drives."""
+    torque: Values | None
+    """Null without a load."""
+
+
+class ActuatorCurve(NamedTuple):
+    """An actuator over the motion."""
+
+    crank_angle: Floats
+    """At even steps from the first sample on; the travel of a linkage that a slider or cylinder drives."""
+    length: Values
+    arm: Values
+    """Moment arm: change of length per radian of the crank."""
+    force: Values | None
+    """Pushing is positive. Null without a load."""
+    ground: Vectors
+    """Position of the end on the ground, or on the other link."""
+    pin: Vectors
+    """Position of the pin."""
+
+
+class MotorCurve(NamedTuple):
+    """A motor and its rod over the motion, forwards."""
+
+    crank_angle: Floats
+    """At even steps from the first sample on; the travel of a linkage that a slider or cylinder drives."""
+    length: Values
+    """Distance from the motor to the pin."""
+    force: Values | None
+    """Compression of the rod. Null without a load."""
+    torque: Values | None
+    """Torque of the motor. Null without a load."""
+    ground: Vectors
+    """Position of the motor."""
+    pin: Vectors
+    """Position of the pin."""
+    knee: Vectors
+    """End of the motor's crank."""
+
+
+class ToggleCurve(NamedTuple):
+    """A knee over the motion."""
+
+    crank_angle: Floats
+    """At even steps from the first sample on; the travel of a linkage that a slider or cylinder drives."""
+    length: Values
+    """Distance from the ground point to the pin."""
+    arm: Values
+    """Moment arm: change of length per radian of the crank."""
+    force: Values | None
+    """Along the line from the ground point to the pin; pushing is positive. Null without a load."""
+    torque: Values | None
+    """Torque at the handle. Null without a load."""
+    ground: Vectors
+    """Position of the ground point."""
+    pin: Vectors
+    """Position of the pin."""
+    knee: Vectors
+    """Joint between both links of the knee."""
+
+
+# -- parts of drives --------------------------------------------------------------------------------------------------
+
+
+class PinPeaks(NamedTuple):
+    """Largest force in each pin of a four-bar over the motion, with the drive and the load."""
+
+    pivot_a: float
+    crank_pin: float
+    coupler_pin: float
+    pivot_b: float
+
+
+class SixBarLink(NamedTuple):
+    """A link and the names of its joints."""
+
+    name: str
+    joints: list[str]
+
+
+class SixBar(NamedTuple):
+    """A motor and a rod on a linkage: together six links."""
+
+    crank: float
+    """Length of the motor's crank."""
+    coupler: float
+    """Length of the rod."""
+    kind: str
+    """`watt_2` on a link with a fixed pivot, `stephenson_3` on any other, `crank_rocker` on a hinged link."""
+    time_ratio: float
+    """Time of the slower direction over time of the faster one, at a constant speed of the motor."""
+    transmission_angle_min: float
+    """Smallest angle between the rod and the normal of its pin's path, in both directions."""
+    motor_torque_max: float | None
+    """In both directions; null without a load."""
+    motor_turn: tuple[float, float]
+    """Turn of the motor forwards and backwards, counter-clockwise positive; together a whole turn."""
+    dwell: tuple[float, float]
+    """Turn of the motor while the linkage is within 1 % of its motion from the first end, and from the last."""
+    motor_angle: Annotated[Floats, list[float]]
+    """At even steps over a whole turn, from the first end on."""
+    crank_angle: Values
+    """Crank angle of the linkage at these motor angles."""
+    motor_torque: Values | None
+    """Torque of the motor at these motor angles; zero at both ends."""
+    rod_force: Values | None
+    """Force that rod, motor crank and motor bearing carry; compression positive."""
+    motor_pin: Vectors
+    """End of the motor's crank at these motor angles."""
+    driver: str
+    """The link that is turned."""
+    joints: dict[str, Point]
+    """By name, at the first sample, forwards: A to D of the linkage, P its body point, M the motor, K and Q the rod's ends."""
+    links: list[SixBarLink]
+    """The ground among them, and the coupler, which is the body."""
+
+
+class Buckling(NamedTuple):
+    """Euler's load of a steel rod as long as the whole actuator, pinned at both ends."""
+
+    critical_force: float
+    """At the longest position in compression."""
+    safety: float | None
+    """Smallest ratio of critical force to compression; null if the actuator is never compressed."""
+
+
+class Lock(NamedTuple):
+    """A knee that passes its straight position."""
+
+    handle: float
+    """Length of the link on the ground."""
+    strut: float
+    """Length of the link on the pin."""
+    over_centre: float
+    """Angle by which the knee passes its straight position."""
+    at: Literal["first", "last"]
+    overshoot: float
+    """Crank angle beyond the end while the knee passes its straight position."""
+    handle_torque_max: float | None
+    holds: bool | None
+    """Whether the load presses the knee onto its stop; null without a load."""
+
+
+# -- one record for each kind of drive --------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Drive(Record):
+    """Fields that every drive has."""
+
+    kind: str
+    link: str
+    """The link that is moved."""
+    swing: float
+    """Rotation of this link over the motion."""
+    stops: str
+    """Stops that must be built."""
+    holds: str
+    """Whether the drive holds without power."""
+    pin_forces: Annotated[PinPeaks | None, PinPeaks] = None
+    """Of a four-bar with a load; of a motor in both directions."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RotaryDrive(_Drive):
+    """A rotary drive at a fixed pivot."""
+
+    kind: Literal["rotary"] = "rotary"
+    motor: Point
+    """The pivot."""
+    peak_torque: float | None
+    """Null without a load."""
+    holding: Point | None
+    """Torque at the first position and at the last; null without a load."""
+    transmission_angle_min: float | None
+    """Of a four-bar that is driven at this pivot."""
+    curve: RotaryCurve
+
+    @property
+    def summary(self) -> str:
+        """Describe the drive in one line."""
+        return f"rotary on the {self.link}{_at_most('torque', self.peak_torque)}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class _PinnedDrive(_Drive):
+    """Fields of a drive that acts on a pin of the link."""
+
+    pin: Point
+    """In the plane, at the first position."""
+    pin_on_link: Point
+    """In the link's frame."""
+    length: tuple[float, float]
+    """Distance from the other end to the pin at the first position and at the last."""
+    extends: bool
+    """Whether this distance grows from the first position to the last."""
+    peak_force: float | None
+    """Null without a load."""
+    envelope: tuple[float, float, float, float]
+    """Range of its pins: xmin, ymin, xmax, ymax."""
+
+    @property
+    def _span(self) -> str:
+        return f"{self.length[0]:.4g} to {self.length[1]:.4g} long"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ActuatorDrive(_PinnedDrive):
+    """An actuator or a cylinder between two links."""
+
+    kind: Literal["actuator"] = "actuator"
+    on: str = GROUND
+    """Link that carries the other end."""
+    name: str | None
+    """Name of the row of the catalogue."""
+    price: float | None
+    ground_point: Point
+    """The other end, in the plane at the first position."""
+    retracted: float
+    stroke: float
+    arm_min: float
+    """Smallest moment arm: change of length per radian of the crank."""
+    holding: Point | None
+    """Force at the first position and at the last; null without a load."""
+    bound: float | None
+    """No actuator of this stroke has a smaller peak force."""
+    over_bound: float | None
+    """Peak force over this bound: 1.01 is close to the best possible."""
+    buckling: Annotated[Buckling | None, Buckling] = None
+    curve: ActuatorCurve
+
+    @property
+    def summary(self) -> str:
+        """Describe the drive in one line."""
+        row = "" if self.name is None else f" ({self.name})"
+        return f"actuator{row} on the {self.link}, {self._span}{_at_most('force', self.peak_force)}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotorDrive(_PinnedDrive):
+    """A motor that turns continuously, with a rod."""
+
+    kind: Literal["dyad"] = "dyad"
+    motor: Point
+    peak_torque: float | None
+    """Null without a load."""
+    curve: MotorCurve
+    six_bar: SixBar
+    linkage: SixBarLinkage | FourBar = field(metadata=KEPT, repr=False, compare=False)
+    """The linkage with its motor; on a hinged link a four-bar whose rocker is the link."""
+
+    @property
+    def summary(self) -> str:
+        """Describe the drive in one line."""
+        loads = _at_most("force", self.peak_force) + _at_most("torque", self.peak_torque)
+        return f"{self.kind} on the {self.link}, {self._span}{loads}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ToggleDrive(_PinnedDrive):
+    """A knee that locks one end of the motion."""
+
+    kind: Literal["toggle"] = "toggle"
+    ground_point: Point
+    arm_min: float
+    """Smallest moment arm: change of length per radian of the crank."""
+    peak_torque: float | None
+    """At the handle; null without a load."""
+    holding: Point | None
+    """Force at the first position and at the last; null without a load."""
+    curve: ToggleCurve
+    lock: Lock
+
+    @property
+    def summary(self) -> str:
+        """Describe the drive in one line."""
+        loads = _at_most("force", self.peak_force) + _at_most("torque", self.peak_torque)
+        return f"{self.kind} on the {self.link}, {self._span}{loads}"
+
+
+Drive = RotaryDrive | ActuatorDrive | MotorDrive | ToggleDrive
+
+
+def _at_most(quantity: str, value: float | None) -> str:
+    return "" if value is None else f", {quantity} at most {value:.4g}"
+
+
+# -- springs ----------------------------------------------------------------------------------------------------------
+
+
+class TorqueSize(NamedTuple):
+    """Size of a torque over the motion."""
+
+    rms: float
+    peak: float
+
+
+class BeforeAfter(NamedTuple):
+    """Torque of the drive without a spring and with it."""
+
+    before: TorqueSize
+    after: TorqueSize
+
+
+class SpringCurve(NamedTuple):
+    """A spring over the motion."""
+
+    crank_angle: Floats
+    length: Values
+    force: Values
+    """Pull; that of a gas spring is negative."""
+    torque: Values
+    """Torque that the drive gives with all springs of the set."""
+    hand_force: Values | None
+    """With `hand`: force of a hand along the path of this point; positive towards the last position."""
+    ends: Annotated[Floats, list[tuple[Point, Point]]]
+    """(n, 2, 2): positions of its ends."""
+
+
+class Holds(NamedTuple):
+    """Ends at which the linkage rests on its stop, without a drive and without friction."""
+
+    closed: bool
+    """At the first position."""
+    open: bool
+    """At the last position."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spring(Record):
+    """A spring in its place. Springs with the same `set` work together."""
+
+    kind: Literal["tension", "gas"]
+    set: int
+    name: str | None
+    """Name of the row of the catalogue."""
+    between: tuple[str, str]
+    points: tuple[Point, Point]
+    """Its ends in the plane, at the first position."""
+    points_on_links: tuple[Point, Point]
+    """The same in the links' frames."""
+    stiffness: float
+    free_length: float
+    """Length at which it pulls with its preload."""
+    preload: float
+    length: tuple[float, float]
+    """Smallest and largest."""
+    torque: BeforeAfter
+    exact: bool
+    """Balanced in every position, by springs of zero free length."""
+    pin_forces: Annotated[PinPeaks | None, PinPeaks] = None
+    """Of a four-bar, with all springs of the set and the remaining torque at the crank."""
+    stays: str
+    """What the linkage does by itself at both ends, without friction."""
+    holds: Annotated[Holds, Holds]
+    """Ends at which the linkage rests on its stop, without friction."""
+    hand_force_max: float | None = None
+    """Largest absolute force of a hand over the motion; null without `hand` or `hand_force_max`."""
+    curve: SpringCurve
+
+
+# -- the reply --------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Refusal(Record):
+    """Drive or spring that is missing, with the reason."""
+
+    kind: str
+    link: str
+    name: str | None
+    """Name of the row of the catalogue, if the refusal concerns a row."""
+    reason: str
+
+    @property
+    def sentence(self) -> str:
+        """Name the missing drive or spring, its link or links, and the reason."""
+        is_spring = self.kind in SPRING_KINDS
+        subject = (
+            f"{self.kind} spring between {self.link.replace('-', ' and ')}"
+            if is_spring
+            else f"{self.kind} on the {self.link}"
+        )
+        return f"no {subject}{'' if self.name is None else f' ({self.name})'}: {self.reason}"
+
+
+class TorqueCurve(NamedTuple):
+    """Torque that the load requires from a drive at the crank."""
+
+    crank_angle: Floats
+    torque: Values
+    work: float
+    """Over the motion; negative if the load gives it."""
+    amount: float
+    """Integral of the absolute torque: divided by a stroke it is the smallest possible peak force."""
+
+
+@dataclass(frozen=True)
+class Drives(Record):
+    """Answer of `linkage_atlas.drives`: drives, the best first within each kind, springs, and reasons for what is missing."""
+
+    drives: list[Drive]
+    refused: list[Refusal]
+    springs: list[Spring]
+    torque: TorqueCurve
+    notes: list[str]
+    machine: LinkMotions = field(metadata=KEPT, repr=False)
+
+    @overload
+    def best(self, kind: Literal["rotary"]) -> RotaryDrive | None: ...
+    @overload
+    def best(self, kind: Literal["actuator"]) -> ActuatorDrive | None: ...
+    @overload
+    def best(self, kind: Literal["dyad"]) -> MotorDrive | None: ...
+    @overload
+    def best(self, kind: Literal["toggle"]) -> ToggleDrive | None: ...
+    def best(self, kind: str) -> Drive | None:
+        """Return the best drive of a kind; None if there is none."""
+        return next((drive for drive in self.drives if drive.kind == kind), None)
+
+    def __repr__(self) -> str:
+        rows = [f"{len(self.drives)} drives, {len(self.springs)} springs"]
+        rows += [f"  {drive.summary}" for drive in self.drives]
+        for spring in self.springs:
+            before, after = spring.torque.before.rms, spring.torque.after.rms
+            left = f"{100 * after / before:.3g} % of the torque left" if before > 0 else "nothing to carry"
+            rows.append(
+                f"  {spring.kind} spring {'-'.join(spring.between)}, stiffness {spring.stiffness:.4g}: {left}"
+            )
+        rows += [f"  {refusal.sentence}" for refusal in self.refused]
+        return "\n".join([*rows, *(f"note: {note}" for note in self.notes)])

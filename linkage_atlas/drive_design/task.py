@@ -1,0 +1,129 @@
+"""What the searches for all kinds of drives share: the linkage, its load, and the torque that the load requires."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, TypeVar
+
+import numpy as np
+
+from linkage_atlas.drive_design.operation import FINE, Operation
+from linkage_atlas.drive_design.question import DriveQuestion, DriveRequest, RotaryRequest
+from linkage_atlas.drive_design.records import Drive, PinPeaks, Refusal, Spring, TorqueCurve
+from synthesis.arrays import Floats
+from synthesis.drives.links import LinkMotions
+from synthesis.guided.analysis import Pull, forces, on_links
+from synthesis.guided.linkage import of_four_bar
+from synthesis.mechanism import Box
+from synthesis.work import Work
+
+Value = TypeVar("Value")
+
+
+@dataclass
+class Findings:
+    """Drives with their ranks, springs, and reasons for what is missing."""
+
+    ranked: list[tuple[tuple[float, ...], Drive]] = field(default_factory=list)
+    """The drive with the smallest rank is the best of its kind."""
+    springs: list[Spring] = field(default_factory=list)
+    refused: list[Refusal] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    def refuse(self, kind: str, link: str, reason: str, name: str | None = None) -> None:
+        """Add the reason why there is no drive of a kind on a link."""
+        self.refused.append(Refusal(kind, link, name, reason))
+
+
+class DriveTask:
+    """A linkage over its motion with its load, in model units.
+
+    Parameters
+    ----------
+    operation : Operation
+    question : DriveQuestion
+    max_results : int
+        Largest number of drives of each kind.
+    work : Work
+    """
+
+    def __init__(self, operation: Operation, question: DriveQuestion, max_results: int, work: Work) -> None:
+        self.operation, self.question, self.max_results, self.work = operation, question, max_results, work
+        self.machine, self.fine = operation.machine, operation.fine
+        self.torque, self.fine_torque = (machine.torque(question.load) for machine in (self.machine, self.fine))
+        self.loaded = question.loaded and bool(np.any(self.torque))
+        self.findings = Findings()
+
+    @cached_property
+    def torque_curve(self) -> TorqueCurve:
+        """Torque that the load requires, with its integrals."""
+        step = (self.fine.at[-1] - self.fine.at[0]) / (FINE - 1)
+        return TorqueCurve(
+            self.operation.curve_at,
+            self.torque,
+            _simpson(self.fine_torque) * step,
+            _simpson(np.abs(self.fine_torque)) * abs(step),
+        )
+
+    @cached_property
+    def box(self) -> Box:
+        """Box of the linkage, larger by half its size each way: the default for ends on the ground."""
+        bodies = [] if self.machine.body is None else [self.machine.body]
+        pivots = [link.pivot for link in self.machine.links.values() if link.pivot is not None]
+        left, low, right, high = envelope(*(one.origin for one in [*self.machine.links.values(), *bodies]), *pivots)
+        room = max(right - left, high - low, self.machine.extent) / 2
+        return left - room, low - room, right + room, high + room
+
+    def reach(self, reach_max: float | None, link: str) -> float:
+        """Return the largest distance of a pin from its link's origin; by default the link's own size."""
+        return float(reach_max or self.machine.reaches.get(link, self.machine.extent))
+
+    def swing(self, link: str) -> float:
+        """Return the rotation of a link over the motion in the user's unit."""
+        return abs(self.machine.links[link].swing()) / self.operation.radian
+
+    def if_loaded(self, value: Value) -> Value | None:
+        """Return a value that is null without a load."""
+        return value if self.loaded else None
+
+    def pin_peaks(self, machine: LinkMotions, *directions: Sequence[Pull]) -> PinPeaks | None:
+        """Return the largest pin forces of a four-bar with the forces of a drive, over all directions of a motor."""
+        linkage = self.operation.linkage
+        if linkage is None or not self.loaded:
+            return None
+        load = on_links(self.question.load, linkage)
+        states = [forces(of_four_bar(linkage), machine.at, load, pulls) for pulls in directions]
+        pins = [(state.driven_ground, state.driven, state.other, state.other_ground) for state in states]
+        return PinPeaks(*(float(np.abs(pin).max()) for pin in zip(*pins)))
+
+    def too_flat(self, kind: str, link: str, words: str, angle: float | None, minimum: float) -> bool:
+        """Check a transmission angle against its minimum and refuse the drive if it is smaller."""
+        if angle is None or angle >= minimum:
+            return False
+        self.findings.refuse(kind, link, f"{words} {np.rad2deg(angle):.4g}, below {np.rad2deg(minimum):.4g} degrees")
+        return True
+
+    def note_missing_load(self, drives: Sequence[DriveRequest]) -> None:
+        """Explain the ranking of drives without a load."""
+        if not self.loaded and any(not isinstance(request, RotaryRequest) for request in drives):
+            self.findings.notes.append(
+                "no load was given: each has the best leverage that was found, and there are no forces to tell"
+            )
+
+
+def both_ends(values: Any) -> tuple[float, float]:
+    """Return the first and the last of some values."""
+    return float(values[0]), float(values[-1])
+
+
+def envelope(*points: Any) -> Box:
+    """Return the smallest box around points."""
+    every = np.concatenate([np.atleast_1d(one) for one in points])
+    return float(every.real.min()), float(every.imag.min()), float(every.real.max()), float(every.imag.max())
+
+
+def _simpson(values: Floats) -> float:
+    """Return the integral over even steps of 1 by Simpson's rule; an odd number of values."""
+    return float((values[0] + values[-1] + 4 * values[1:-1:2].sum() + 2 * values[2:-1:2].sum()) / 3)
