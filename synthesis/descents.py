@@ -182,18 +182,20 @@ class Problem:
         pose = np.array(timed.pose, dtype=complex, order="C")
         mine = Timed(shape, pose, timed.offset + np.zeros(count), angles, timed.branch + np.zeros(count))
         shifts = np.zeros((count, self._shifts))
-        return Pool(mine, self._kernel.begin(shape, _real(pose), mine.offset, angles, mine.branch, shifts, weight**2))
+        return Pool(
+            mine, self._kernel.set_candidates(shape, _real(pose), mine.offset, angles, mine.branch, shifts, weight**2)
+        )
 
     def measured(self, timed: Timed, posed: bool = True, facing: bool = False) -> Pool:
         """Candidates and J squared: in their best pose or as they are; ``facing``: of offsets that are unknown."""
         pool = self._begin(timed)
-        self._kernel.look(posed, facing)
+        self._kernel.evaluate_candidates(posed, facing)
         return pool
 
     def nearest(self, timed: Timed, steps: int) -> Timed:
         """Candidates with each crank angle moved to the nearest point of the path by Gauss-Newton steps; order is kept."""
         pool = self._begin(timed)
-        self._kernel.nearest(steps)
+        self._kernel.move_to_nearest_angles(steps)
         return pool.timed
 
     def aligned(self, timed: Timed, places: int) -> Timed:
@@ -202,7 +204,7 @@ class Problem:
         Law: no candidate has angles on the same places that fit it better. Those at one place share the room about it.
         """
         pool = self._begin(timed)
-        self._kernel.align(places)
+        self._kernel.align_crank_angles(places)
         return pool.timed
 
     def errors_at(self, timed: Timed, angles: Floats) -> Floats:
@@ -218,13 +220,13 @@ class Problem:
         """
         pool, count = self._begin(timed, 1.0), len(timed.branch)
         columns = timed.shape.shape[1] + (self._angles == 1) + 6 * self.has_position + self.has_rotation
-        self._kernel.loose(random.standard_normal((count, columns)), random.standard_t(3, size=count), size)
+        self._kernel.perturb(random.standard_normal((count, columns)), random.standard_t(3, size=count), size)
         return pool.timed
 
     def moved(self, timed: Timed, steps: Floats, turns: Floats) -> Timed:
         """Candidates after steps (n, m) and turns of the crank angles (n, N), each unknown and gap cut by itself."""
         pool = self._begin(timed)
-        self._kernel.moved(np.ascontiguousarray(steps, dtype=float), np.ascontiguousarray(turns, dtype=float))
+        self._kernel.apply_steps(np.ascontiguousarray(steps, dtype=float), np.ascontiguousarray(turns, dtype=float))
         return pool.timed
 
     def linearised(self, timed: Timed, damping: float, weight: float = 1.0) -> list[dict[str, Any]]:
@@ -235,7 +237,7 @@ class Problem:
     def lacking(self, timed: Timed) -> tuple[Floats, Floats]:
         """The sum of squares of what candidates lack of the limits, and the largest, (n,) each."""
         self._begin(timed)
-        squares, largest = self._kernel.broken()
+        squares, largest = self._kernel.violations()
         return squares, largest
 
     def excursions(self, timed: Timed, shortest: float, panel: float) -> tuple[Floats, Floats]:
@@ -296,14 +298,14 @@ class Problem:
         work = work or Work()
         pool = self._begin(timed, stages[0].weight)
         most = max(1, _BETWEEN_LOOKS // self.samples)
-        self._kernel.look(not self.limited, False)
+        self._kernel.evaluate_candidates(not self.limited, False)
         for number, stage in enumerate(stages):
             if number:
                 if between is not None:
                     between(pool.take(np.arange(pool.cost.size)))
                 if self.limited:
-                    self._kernel.renew(stage.weight**2)
-            self._kernel.descend(stage.steps, damping, stage.stall, tolerance**2, others, bent_below**2)
+                    self._kernel.update_multipliers(stage.weight**2)
+            self._kernel.configure(stage.steps, damping, stage.stall, tolerance**2, others, bent_below**2)
             while not work.expired() and not self._kernel.run(most):
                 pass
         return pool

@@ -396,7 +396,9 @@ class Problem:
         self, chart: Chart, labels: Floats, sweeps: int, start: Floats | None = None, bounded: bool = True
     ) -> Looked:
         """Candidates as they are; ``start`` (n,): the drive at the first sample, where it is given."""
-        table, poses, drive = self._kernel.look(_with(chart, start), _joined(chart, labels), sweeps, bounded)
+        table, poses, drive = self._kernel.evaluate_candidates(
+            _with(chart, start), _joined(chart, labels), sweeps, bounded
+        )
         cost, closed, worst, merit, excess, sines, gone, extension = table.T
         return Looked(cost, closed > 0, worst, merit, excess, sines, gone, extension, poses, drive)
 
@@ -409,7 +411,7 @@ class Problem:
         ways the drive counts.
         """
         x = _with(chart, start)
-        cost = self._kernel.begin(
+        cost = self._kernel.set_candidates(
             x, _joined(chart, labels), stage.steps, stage.damping, stage.stall, stage.weight, stage.sweeps
         )
         while not self._kernel.run(max(1, _BETWEEN_LOOKS // self.samples.number)) and not work.expired():

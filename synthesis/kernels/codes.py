@@ -1,4 +1,4 @@
-"""Numbers that stand for guides, charts, limits and columns in the arrays of the kernels. `codes.pxd` repeats them for C."""
+"""Integer codes of guides, charts, limits and columns in the arrays of the kernels. `codes.pxd` repeats them for C."""
 
 # Guide of the body of a crank-driven linkage
 CIRCLE = 0  # a body point moves on a circle: four-bar

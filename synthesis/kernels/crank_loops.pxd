@@ -10,19 +10,19 @@ cdef class Loop:
     cdef double[4] length
     cdef double x0
     cdef double y0
-    cdef double side
+    cdef double branch
     cdef double complex e1
     cdef double complex e2
-    cdef double[5] by
+    cdef double[5] partials
     cdef double root
-    cdef double square
-    cdef double both
-    cdef double across
-    cdef of_lengths(self, double l1, double l2, double l3, double l4)
-    cdef bint turn(self, double theta1, bint slopes) noexcept
-    cdef bint on_rail(self, double theta1)
-    cdef bint through_pin(self, double theta1)
-    cdef double angle(self, double theta1) noexcept
+    cdef double sine_squared
+    cdef double sine_cosine
+    cdef double projection
+    cdef set_lengths(self, double l1, double l2, double l3, double l4)
+    cdef bint close_at(self, double theta1, bint slopes) noexcept
+    cdef bint close_on_rail(self, double theta1)
+    cdef bint close_through_pin(self, double theta1)
+    cdef double coupler_angle(self, double theta1) noexcept
 
 
 @cython.final
@@ -30,10 +30,10 @@ cdef class Shape:
     cdef int chart
     cdef int size
     cdef Loop loop
-    cdef double[:, ::1] by
-    cdef at(self, double q0, double q1, double q2, double q3, double side)
+    cdef double[:, ::1] partials
+    cdef evaluate(self, double q0, double q1, double q2, double q3, double side)
     cdef slider_crank(self, double x, double y)
     cdef swinging_block(self, double p, double w)
-    cdef any_slider(self, double ratio, double w)
+    cdef any_slider_crank(self, double ratio, double w)
     cdef grashof(self, double q0, double x, double y, double z)
     cdef full_crank(self, double p, double u, double w)

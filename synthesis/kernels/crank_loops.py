@@ -20,21 +20,23 @@ from cython.cimports.synthesis.kernels.codes import (
     SLOT,
     SWINGING_BLOCK,
 )
-from cython.cimports.synthesis.kernels.plane import cross, inner, inside, times, vector
+from cython.cimports.synthesis.kernels.plane import clip, cross, inner, times, vector
 
 PI = declare(double, 3.141592653589793)
-TINY = declare(double, 1e-300)  # keeps a divisor from zero
-DEAD = declare(double, 1e-8)  # least sqrt(X Y) of slopes, so that a dead position stops a step and not the program
-FAR = declare(double, 16.0)  # largest logarithm of a ratio of lengths, as of `fourbar.charts`
-FAR_EXCESS = declare(double, 30.0)  # largest |u| of a full crank
-FAR_SHARE = declare(double, 17.0)  # largest |w| of a full crank: beyond, tanh is one
-FAR_ROD = declare(double, 20.0)  # largest logarithm of what a slider-crank's rod has beyond what it must have
-SERIES = declare(double, 1e-3)  # |x| below which tanh comes from its series, whose next term is below rounding
+TINY = declare(double, 1e-300)  # keeps divisors away from zero
+TOGGLE_ROOT_MIN = declare(
+    double, 1e-8
+)  # smallest sqrt(X Y) in derivatives: a toggle position then gives a large finite derivative
+LOG_RATIO_MAX = declare(double, 16.0)  # largest logarithm of a ratio of lengths
+FULL_CRANK_U_MAX = declare(double, 30.0)  # largest |u| of a full crank
+FULL_CRANK_W_MAX = declare(double, 17.0)  # largest |w| of a full crank: tanh is one beyond
+LOG_ROD_EXCESS_MAX = declare(double, 20.0)  # largest logarithm of the rod's excess over its minimum in a slider-crank
+SERIES_MAX = declare(double, 1e-3)  # |x| below which tanh comes from its series, whose next term is below rounding
 
 
 @cfunc
 def pair_difference(a: double, b: double, c: double, d: double) -> double:
-    """(a + b) - (c + d) to nearly full relative accuracy (Knuth, TAOCP vol. 2, 4.2.2, theorem B)."""
+    """Return (a + b) - (c + d) to nearly full relative accuracy (Knuth, TAOCP vol. 2, 4.2.2, theorem B)."""
     left = a + b
     part = left - a
     left_error = (a - (left - part)) + (b - part)
@@ -44,28 +46,29 @@ def pair_difference(a: double, b: double, c: double, d: double) -> double:
     return (left - right) + (left_error - right_error)
 
 
-# How the body is guided beside its crank
-
-
 @final
 @cclass
 class Loop:
-    """A linkage at a crank angle, whose body hangs on the crank pin and is guided in one of three ways.
+    """A crank-driven loop at one crank angle.
 
-    CIRCLE: L1..L4, and X0, Y0 of the closure (see `fourbar.kinematics`). RAIL: crank l1, rod l2, offset l3 of the rail,
-    sin theta2 = (l3 - l1 sin theta1) / l2, with X0 = l2 - l1 - l3 and Y0 = l2 - l1 + l3. SLOT: crank l1, ground l2 to the pin,
-    offset l3 of the slot from the crank pin, l2 - l1 e^{i theta1} = e^{i theta2} (s + i l3), with X0 + Y0 = 2 |l2 - l1| and
-    Y0 - X0 = 2 l3. A crank of the latter two turns fully where both are above 0.
+    The body hangs on the crank pin and is guided in one of three ways:
+
+    * CIRCLE: lengths L1..L4, and X0, Y0 of the closure (see `fourbar.kinematics`).
+    * RAIL: crank l1, rod l2, offset l3 of the rail; sin theta2 = (l3 - l1 sin theta1) / l2, X0 = l2 - l1 - l3, Y0 = l2 - l1 + l3.
+    * SLOT: crank l1, ground l2 to the pin, offset l3 of the slot from the crank pin;
+      l2 - l1 e^{i theta1} = e^{i theta2} (s + i l3), X0 + Y0 = 2 |l2 - l1|, Y0 - X0 = 2 l3.
+
+    The crank of a slider-crank or swinging block turns fully if X0 and Y0 are positive.
     """
 
     def __init__(self, guide=CIRCLE):
         self.guide = guide
         self.length = np.zeros(4)
-        self.by = np.zeros(5)
+        self.partials = np.zeros(5)
 
     @cfunc
-    def of_lengths(self, l1: double, l2: double, l3: double, l4: double):
-        """Take the lengths of a four-bar."""
+    def set_lengths(self, l1: double, l2: double, l3: double, l4: double):
+        """Set the lengths of a four-bar."""
         self.length[0] = l1
         self.length[1] = l2
         self.length[2] = l3
@@ -76,15 +79,15 @@ class Loop:
     @cfunc
     @inline
     @cython.exceptval(check=False)
-    def turn(self, theta1: double, slopes: bint) -> bint:
-        """Crank and coupler directions at a crank angle; False where the loop does not close.
+    def close_at(self, theta1: double, slopes: bint) -> bint:
+        """Compute the crank and coupler directions at a crank angle. Return False if the loop does not close.
 
-        With ``slopes`` the derivatives of theta2 by the lengths and theta1 as well, into ``by``.
+        With ``slopes``, ``partials`` receives the derivatives of theta2 with respect to the lengths and theta1.
         """
         if self.guide == RAIL:
-            return self.on_rail(theta1)
+            return self.close_on_rail(theta1)
         if self.guide == SLOT:
-            return self.through_pin(theta1)
+            return self.close_through_pin(theta1)
         l1, l2, l3, l4 = self.length[0], self.length[1], self.length[2], self.length[3]
         sine, cosine, four, gap = sin(0.5 * theta1), cos(0.5 * theta1), 4.0 * l1 * l4, l4 - l1
         square, both = sine * sine, sine * cosine
@@ -96,34 +99,34 @@ class Loop:
         root = sqrt(x * y)
         across = gap * gap + reach + (l2 - l3) * (l2 + l3)
         e1 = vector(1.0 - 2.0 * square, 2.0 * both)
-        # e^{i theta2} is (B - D) (C + i side root) to its direction; B - D in the form in which nothing cancels
+        # e^{i theta2} is (B - D) (C + i side root) to its direction; B - D in the form without cancellation
         if gap >= 0.0:
             diagonal = vector(gap + 2.0 * l1 * square, -2.0 * l1 * both)
         else:
             diagonal = e1 * vector(gap - 2.0 * l4 * square, -2.0 * l4 * both)
-        toward = diagonal * vector(across, self.side * root)
+        toward = diagonal * vector(across, self.branch * root)
         size = sqrt(inner(toward, toward))
         if not size > 0.0:
             return False
         e2 = vector(toward.real / size, toward.imag / size)
-        self.square, self.both, self.across, self.root = square, both, across, root
+        self.sine_squared, self.sine_cosine, self.projection, self.root = square, both, across, root
         self.e1 = e1
         self.e2 = e2
         if slopes:
             arm = times(l1, e1) + times(l2, e2)
             e3 = vector((arm.real - l4) / l3, arm.imag / l3)
-            # one over L2 sin(theta2 - theta3)
-            lever = -2.0 * self.side * l3 / max(root, DEAD)
-            self.by[0] = lever * inner(e1, e3)
-            self.by[1] = lever * inner(e2, e3)
-            self.by[2] = -lever
-            self.by[3] = -lever * e3.real
-            self.by[4] = lever * l1 * cross(e1, e3)
+            # 1 / (L2 sin(theta2 - theta3))
+            lever = -2.0 * self.branch * l3 / max(root, TOGGLE_ROOT_MIN)
+            self.partials[0] = lever * inner(e1, e3)
+            self.partials[1] = lever * inner(e2, e3)
+            self.partials[2] = -lever
+            self.partials[3] = -lever * e3.real
+            self.partials[4] = lever * l1 * cross(e1, e3)
         return True
 
     @cfunc
-    def on_rail(self, theta1: double) -> bint:
-        """The same of a slider-crank; with X, Y = X0, Y0 + l1 (1 +- sin theta1) the rod's part along the rail is sqrt(X Y)."""
+    def close_on_rail(self, theta1: double) -> bint:
+        """Close a slider-crank. The rod's component along the rail is sqrt(X Y) with X, Y = X0, Y0 + l1 (1 +- sin theta1)."""
         crank, rod = self.length[0], self.length[1]
         half = 0.25 * PI - 0.5 * theta1
         sine, cosine = sin(half), cos(half)
@@ -135,17 +138,17 @@ class Loop:
         self.e1 = vector(2.0 * sine * cosine, (cosine - sine) * (cosine + sine))
         across = (self.length[2] - crank * self.e1.imag) / rod
         self.e2 = vector(along / rod, across)
-        along = max(along, DEAD * rod)
-        self.by[0] = -self.e1.imag / along
-        self.by[1] = -across / along
-        self.by[2] = 1.0 / along
-        self.by[3] = 0.0
-        self.by[4] = -crank * self.e1.real / along
+        along = max(along, TOGGLE_ROOT_MIN * rod)
+        self.partials[0] = -self.e1.imag / along
+        self.partials[1] = -across / along
+        self.partials[2] = 1.0 / along
+        self.partials[3] = 0.0
+        self.partials[4] = -crank * self.e1.real / along
         return True
 
     @cfunc
-    def through_pin(self, theta1: double) -> bint:
-        """The same of a swinging block; s^2 = X0 Y0 + 4 l1 l2 sin^2(theta1 / 2)."""
+    def close_through_pin(self, theta1: double) -> bint:
+        """Close a swinging block: s^2 = X0 Y0 + 4 l1 l2 sin^2(theta1 / 2)."""
         crank, ground, offset = self.length[0], self.length[1], self.length[2]
         sine, cosine, gap = sin(0.5 * theta1), cos(0.5 * theta1), ground - crank
         square, both = sine * sine, sine * cosine
@@ -154,7 +157,7 @@ class Loop:
             return False
         along = sqrt(along)
         self.e1 = vector(1.0 - 2.0 * square, 2.0 * both)
-        # from the crank pin to the fixed pin, in the form in which nothing cancels
+        # from the crank pin to the fixed pin, in the form without cancellation
         if gap >= 0.0:
             diagonal = vector(gap + 2.0 * crank * square, -2.0 * crank * both)
         else:
@@ -164,20 +167,20 @@ class Loop:
         if not size > 0.0:
             return False
         self.e2 = vector(toward.real / size, toward.imag / size)
-        self.root, self.square, self.both = along, square, both
-        along = max(along, DEAD * ground)
-        self.by[0] = cross(self.e1, self.e2) / along
-        self.by[1] = -self.e2.imag / along
-        self.by[2] = -1.0 / along
-        self.by[3] = 0.0
-        self.by[4] = -crank * inner(self.e1, self.e2) / along
+        self.root, self.sine_squared, self.sine_cosine = along, square, both
+        along = max(along, TOGGLE_ROOT_MIN * ground)
+        self.partials[0] = cross(self.e1, self.e2) / along
+        self.partials[1] = -self.e2.imag / along
+        self.partials[2] = -1.0 / along
+        self.partials[3] = 0.0
+        self.partials[4] = -crank * inner(self.e1, self.e2) / along
         return True
 
     @cfunc
     @inline
     @cython.exceptval(check=False)
-    def angle(self, theta1: double) -> double:
-        """theta2 where the loop was turned to, continuous over the turn."""
+    def coupler_angle(self, theta1: double) -> double:
+        """Return theta2 at the crank angle of the last closure, continuous over the turn."""
         if self.guide == RAIL:
             return atan2(self.e2.imag, self.e2.real)
         ground = self.length[1] if self.guide == SLOT else self.length[3]
@@ -186,18 +189,15 @@ class Loop:
         if self.guide == SLOT:
             angle = -atan2(self.length[2], self.root)
         else:
-            angle = self.side * atan2(self.root, self.across)
-        angle += atan2(copysign(twice, -gap) * self.both, fabs(gap) + twice * self.square)
+            angle = self.branch * atan2(self.root, self.projection)
+        angle += atan2(copysign(twice, -gap) * self.sine_cosine, fabs(gap) + twice * self.sine_squared)
         return angle if gap >= 0.0 else angle + theta1 - PI
-
-
-# Charts, see `fourbar.charts` and `slider.charts`
 
 
 @cfunc
 def tanh_of(x: double) -> double:
-    """Hyperbolic tangent, without cancellation where it is small."""
-    if fabs(x) < SERIES:
+    """Return the hyperbolic tangent without cancellation near zero."""
+    if fabs(x) < SERIES_MAX:
         return x * (1.0 - x * x * (1.0 / 3.0 - x * x * (2.0 / 15.0)))
     e = exp(-2.0 * fabs(x))
     return copysign((1.0 - e) / (1.0 + e), x)
@@ -206,51 +206,53 @@ def tanh_of(x: double) -> double:
 @final
 @cclass
 class Shape:
-    """Lengths by the unknowns of a chart, with derivatives."""
+    """Lengths as functions of the unknowns of a chart, with derivatives."""
 
     def __init__(self, chart):
         self.chart = chart
         self.size = 4 if chart == GRASHOF else 3 if chart < SLIDER_CRANK else 2
         guides = {SLIDER_CRANK: RAIL, ANY_SLIDER_CRANK: RAIL, SWINGING_BLOCK: SLOT, ANY_SWINGING_BLOCK: SLOT}
         self.loop = Loop(guides.get(chart, CIRCLE))
-        self.by = np.zeros((4, 4))
+        self.partials = np.zeros((4, 4))
 
     @cfunc
-    def at(self, q0: double, q1: double, q2: double, q3: double, side: double):
-        """Lengths, X0 and Y0 into ``loop``, derivatives by the unknowns into ``by``."""
-        self.loop.side = side
+    def evaluate(self, q0: double, q1: double, q2: double, q3: double, side: double):
+        """Set lengths, X0 and Y0 of ``loop``, and ``partials`` of the lengths with respect to the unknowns."""
+        self.loop.branch = side
         if self.chart == GRASHOF:
             self.grashof(q0, max(q1, 0.0), max(q2, 0.0), max(q3, 0.0))
         elif self.chart == ANY:
-            self.loop.of_lengths(exp(inside(q0, FAR)), exp(inside(q1, FAR)), exp(inside(q2, FAR)), 1.0)
+            self.loop.set_lengths(
+                exp(clip(q0, LOG_RATIO_MAX)), exp(clip(q1, LOG_RATIO_MAX)), exp(clip(q2, LOG_RATIO_MAX)), 1.0
+            )
             for k in range(3):
-                self.by[k, k] = self.loop.length[k]
+                self.partials[k, k] = self.loop.length[k]
         elif self.chart == FULL_CRANK:
-            self.full_crank(inside(q0, FAR), inside(q1, FAR_EXCESS), inside(q2, FAR_SHARE))
+            self.full_crank(clip(q0, LOG_RATIO_MAX), clip(q1, FULL_CRANK_U_MAX), clip(q2, FULL_CRANK_W_MAX))
         elif self.chart == SLIDER_CRANK:
-            self.slider_crank(exp(inside(q0, FAR_ROD)), exp(inside(q1, FAR_ROD)))
+            self.slider_crank(exp(clip(q0, LOG_ROD_EXCESS_MAX)), exp(clip(q1, LOG_ROD_EXCESS_MAX)))
         elif self.chart == SWINGING_BLOCK:
-            self.swinging_block(inside(q0, FAR), inside(q1, FAR_SHARE))
+            self.swinging_block(clip(q0, LOG_RATIO_MAX), clip(q1, FULL_CRANK_W_MAX))
         else:
-            self.any_slider(exp(inside(q0, FAR)), inside(q1, FAR_SHARE))
+            self.any_slider_crank(exp(clip(q0, LOG_RATIO_MAX)), clip(q1, FULL_CRANK_W_MAX))
 
     @cfunc
     def slider_crank(self, x: double, y: double):
-        """Of `slider.charts.SliderCrankChart`."""
+        """Evaluate `slider.SliderCrankChart`."""
         loop = self.loop
         loop.length[0] = 1.0
         loop.length[1] = 1.0 + 0.5 * (x + y)
         loop.length[2] = 0.5 * (y - x)
         loop.x0 = x
         loop.y0 = y
-        self.by[1, 0] = 0.5 * x
-        self.by[1, 1] = 0.5 * y
-        self.by[2, 0] = -0.5 * x
-        self.by[2, 1] = 0.5 * y
+        self.partials[1, 0] = 0.5 * x
+        self.partials[1, 1] = 0.5 * y
+        self.partials[2, 0] = -0.5 * x
+        self.partials[2, 1] = 0.5 * y
 
     @cfunc
     def swinging_block(self, p: double, w: double):
-        """Of `slider.charts.SwingingBlockChart`."""
+        """Evaluate `slider.SwingingBlockChart`."""
         loop, ratio = self.loop, exp(p)
         gap, share, e = fabs(tanh_of(0.5 * p)), tanh_of(w), exp(-2.0 * fabs(w))
         less, fall = 2.0 * e / (1.0 + e), 4.0 * e / ((1.0 + e) * (1.0 + e))  # 1 - |tanh w|, 1 / cosh^2 w
@@ -260,14 +262,14 @@ class Shape:
         loop.x0 = gap * (less if w > 0.0 else 2.0 - less)
         loop.y0 = gap * (2.0 - less if w > 0.0 else less)
         step = loop.length[0] * loop.length[1]
-        self.by[0, 0] = step
-        self.by[1, 0] = -step
-        self.by[2, 0] = copysign(2.0 * step, p) * share
-        self.by[2, 1] = gap * fall
+        self.partials[0, 0] = step
+        self.partials[1, 0] = -step
+        self.partials[2, 0] = copysign(2.0 * step, p) * share
+        self.partials[2, 1] = gap * fall
 
     @cfunc
-    def any_slider(self, ratio: double, w: double):
-        """Of `slider.charts.AnySliderChart`: l1 = 1, l2, and l3 as a part of their sum."""
+    def any_slider_crank(self, ratio: double, w: double):
+        """Evaluate `slider.AnySliderChart`: l1 = 1, l2, and l3 as a fraction of their sum."""
         loop = self.loop
         share, e = tanh_of(w), exp(-2.0 * fabs(w))
         fall = 4.0 * e / ((1.0 + e) * (1.0 + e))
@@ -279,33 +281,33 @@ class Shape:
             gap = fabs(gap)
         loop.x0 = gap - loop.length[2]
         loop.y0 = gap + loop.length[2]
-        self.by[1, 0] = ratio
-        self.by[2, 0] = ratio * share
-        self.by[2, 1] = (1.0 + ratio) * fall
+        self.partials[1, 0] = ratio
+        self.partials[2, 0] = ratio * share
+        self.partials[2, 1] = (1.0 + ratio) * fall
 
     @cfunc
     def grashof(self, q0: double, x: double, y: double, z: double):
-        """Of shortest link and excesses, of `fourbar.charts.GrashofChart`; excesses below zero count as zero."""
-        loop, least = self.loop, fabs(q0)
+        """Evaluate `fourbar.mechanism.GrashofChart`: shortest link and excesses. Negative excesses count as zero."""
+        loop, shortest = self.loop, fabs(q0)
         short = 0 if q0 > 0.0 else 3
         long = 3 - short
-        loop.length[short] = least
-        loop.length[long] = least + 0.5 * (y + z)
-        loop.length[1] = least + 0.5 * (x + y)
-        loop.length[2] = least + 0.5 * (x + z)
-        loop.x0 = x * (4.0 * least + x + y + z)
+        loop.length[short] = shortest
+        loop.length[long] = shortest + 0.5 * (y + z)
+        loop.length[1] = shortest + 0.5 * (x + y)
+        loop.length[2] = shortest + 0.5 * (x + z)
+        loop.x0 = x * (4.0 * shortest + x + y + z)
         loop.y0 = y * z
         for k in range(4):
-            self.by[k, 0] = 1.0 if q0 > 0.0 else -1.0
+            self.partials[k, 0] = 1.0 if q0 > 0.0 else -1.0
         for k in range(2, 4):
-            self.by[short, k] = 0.0
-            self.by[long, k] = 0.5
-            self.by[k - 1, 1] = 0.5
-            self.by[k - 1, k] = 0.5
+            self.partials[short, k] = 0.0
+            self.partials[long, k] = 0.5
+            self.partials[k - 1, 1] = 0.5
+            self.partials[k - 1, k] = 0.5
 
     @cfunc
     def full_crank(self, p: double, u: double, w: double):
-        """Of `fourbar.charts.FullCrankChart`."""
+        """Evaluate `fourbar.mechanism.FullCrankChart`."""
         loop, ratio, excess = self.loop, exp(p), exp(u)
         gap, share, e = fabs(tanh_of(0.5 * p)), tanh_of(w), exp(-2.0 * fabs(w))
         fall = 4.0 * e / ((1.0 + e) * (1.0 + e))  # 1 / cosh^2 w
@@ -317,17 +319,31 @@ class Shape:
         loop.x0 = excess * (2.0 + excess)
         loop.y0 = gap * gap * fall
         step = loop.length[0] * loop.length[3]
-        self.by[0, 0] = step
-        self.by[3, 0] = -step
+        self.partials[0, 0] = step
+        self.partials[3, 0] = -step
         for k in range(1, 3):
             sign = 1.0 if k == 1 else -1.0
-            self.by[k, 0] = sign * copysign(step, p) * share
-            self.by[k, 1] = 0.5 * excess
-            self.by[k, 2] = sign * 0.5 * gap * fall
+            self.partials[k, 0] = sign * copysign(step, p) * share
+            self.partials[k, 1] = 0.5 * excess
+            self.partials[k, 2] = sign * 0.5 * gap * fall
 
 
 def shapes(chart: cython.int, unknowns: double[:, ::1]):
-    """Lengths (n, d) at points (n, k) of a chart, X0 and Y0 (n,), and derivatives of the lengths by the unknowns (n, d, k)."""
+    """Compute lengths and closure constants at points of a chart.
+
+    Parameters
+    ----------
+    chart : int
+        Code of the chart.
+    unknowns : ndarray, shape (n, k)
+
+    Returns
+    -------
+    lengths : ndarray, shape (n, d)
+    x0, y0 : ndarray, shape (n,)
+    derivatives : ndarray, shape (n, d, k)
+        Derivatives of the lengths with respect to the unknowns.
+    """
     shape = Shape(chart)
     count, links, k = unknowns.shape[0], 4 if shape.loop.guide == CIRCLE else 3, shape.size
     lengths, excess, slopes = np.empty((count, links)), np.empty((2, count)), np.empty((count, links, k))
@@ -338,12 +354,12 @@ def shapes(chart: cython.int, unknowns: double[:, ::1]):
     for n in range(count):
         q2 = unknowns[n, 2] if k > 2 else 0.0
         q3 = unknowns[n, 3] if k > 3 else 0.0
-        shape.at(unknowns[n, 0], unknowns[n, 1], q2, q3, 1.0)
+        shape.evaluate(unknowns[n, 0], unknowns[n, 1], q2, q3, 1.0)
         x[n], y[n] = shape.loop.x0, shape.loop.y0
         for j in range(links):
             length[n, j] = shape.loop.length[j]
             for c in range(k):
-                by[n, j, c] = shape.by[j, c]
+                by[n, j, c] = shape.partials[j, c]
     return lengths, excess[0], excess[1], slopes
 
 
@@ -356,10 +372,26 @@ def body_angles(
     theta1: double[:, ::1],
     derivatives: bint = False,
 ):
-    """theta2 of linkages at crank angles of their own, continuous over the turn, its derivatives, and where they close.
+    """Compute theta2, continuous over the turn, at crank angles of each linkage.
 
-    Lengths (n, d), X0, Y0 and branches (n,), theta1 (n, N). Shapes (n, N); (n, d + 1, N), by the lengths and theta1; (n, N).
-    Both are 0 where a linkage does not close. Law: to full relative accuracy wherever X0 and Y0 are exact and not negative.
+    The result has full relative accuracy if X0 and Y0 are exact and not negative.
+
+    Parameters
+    ----------
+    guide : int
+        Code of the guide.
+    lengths : ndarray, shape (n, d)
+    x0, y0, branch : ndarray, shape (n,)
+    theta1 : ndarray, shape (n, N)
+    derivatives : bool
+
+    Returns
+    -------
+    angles : ndarray, shape (n, N)
+        0 if the linkage does not close.
+    slopes : ndarray, shape (n, d + 1, N)
+        Derivatives with respect to the lengths and theta1; 0 if the linkage does not close.
+    closes : ndarray of bool, shape (n, N)
     """
     count, samples, links = theta1.shape[0], theta1.shape[1], lengths.shape[1]
     angles, slopes = np.zeros((count, samples)), np.zeros((count if derivatives else 0, links + 1, samples))
@@ -371,14 +403,14 @@ def body_angles(
     for n in range(count):
         for k in range(links):
             loop.length[k] = lengths[n, k]
-        loop.x0, loop.y0, loop.side = x0[n], y0[n], branch[n]
+        loop.x0, loop.y0, loop.branch = x0[n], y0[n], branch[n]
         for i in range(samples):
-            if not loop.turn(theta1[n, i], derivatives):
+            if not loop.close_at(theta1[n, i], derivatives):
                 continue
             close[n, i] = 1
-            angle[n, i] = loop.angle(theta1[n, i])
+            angle[n, i] = loop.coupler_angle(theta1[n, i])
             if derivatives:
                 for k in range(links):
-                    by[n, k, i] = loop.by[k]
-                by[n, links, i] = loop.by[4]
+                    by[n, k, i] = loop.partials[k]
+                by[n, links, i] = loop.partials[4]
     return angles, slopes, closes.view(bool)

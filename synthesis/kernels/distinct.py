@@ -5,17 +5,31 @@ from cython import Py_ssize_t, bint, double
 from cython.cimports.libc.math import fabs
 
 
-def apart(rows: double[:, ::1], reach: double[::1], kept, start: Py_ssize_t, most: Py_ssize_t):
-    """Which rows to keep, best first: those that differ from every row kept before by their own reach in some number.
+def apart(rows: double[:, ::1], reach: double[::1], selected, start: Py_ssize_t, max_rows: Py_ssize_t):
+    """Select rows that differ from every row selected before by at least their own reach in some number.
 
-    ``rows`` (n, m), ``reach`` (n,); ``kept`` are kept already, the others are looked at from ``start`` on; ``most`` at most.
+    Parameters
+    ----------
+    rows : ndarray, shape (n, m)
+        Best first.
+    reach : ndarray, shape (n,)
+    kept : sequence of int
+        Rows selected already.
+    start : int
+        First row to examine.
+    most : int
+        Maximum number of rows to select.
+
+    Returns
+    -------
+    selected : ndarray of int
     """
-    room = np.empty(len(rows) + len(kept), dtype=np.intp)
+    room = np.empty(len(rows) + len(selected), dtype=np.intp)
     out: Py_ssize_t[::1] = room
-    count: Py_ssize_t = len(kept)
-    room[:count] = kept
+    count: Py_ssize_t = len(selected)
+    room[:count] = selected
     for n in range(start, rows.shape[0]):
-        if count >= most:
+        if count >= max_rows:
             break
         twin: bint = False
         for k in range(count):

@@ -7,139 +7,145 @@ import cython
 import numpy as np
 from cython import Py_ssize_t, bint, cclass, cfunc, declare, double, doublecomplex, final, inline
 from cython.cimports.libc.math import atan2, copysign, cos, fabs, isfinite, rint, sin, sqrt
-from cython.cimports.synthesis.kernels.plane import cross, depth, inner, times, vector
+from cython.cimports.synthesis.kernels.plane import cross, depth_inside, inner, times, vector
 
 PI = declare(double, 3.141592653589793)
 TURN = declare(double, 6.283185307179586)
 NAN = declare(double, float("nan"))
 INFINITE = declare(double, float("inf"))
-TINY = declare(double, 1e-300)  # keeps a divisor from zero
-MARGIN = declare(double, 1e-7)  # by which descents keep limits, so that rounding breaks none
-FALL = declare(
-    double, 0.1
-)  # damping falls to this part in a step at least (Nielsen's rule), grows twice as fast each time,
-UNDAMPED = declare(double, 1e-22)  # counts for nothing below,
-STUCK = declare(double, 1e10)  # and ends a descent above
-EXACT = declare(double, 1e-30)  # J squared that is rounding
+TINY = declare(double, 1e-300)  # keeps divisors away from zero
+MARGIN = declare(double, 1e-7)  # margin by which descents satisfy limits, so that rounding violates none
+DAMPING_DECREASE_MAX = declare(double, 0.1)  # largest decrease of the damping in one step (Nielsen's rule)
+DAMPING_MIN = declare(double, 1e-22)  # damping below which a descent counts as undamped
+DAMPING_MAX = declare(double, 1e10)  # damping above which a descent ends
+ROUNDING_COST = declare(double, 1e-30)  # J squared at the level of rounding
 
 
-# Unknowns of a pair: of each guide its running point (x, y), direction and offset of the curve's normal, and curvature
-OF_GUIDE = declare(cython.int, 5)
-BY_START = declare(cython.int, 10)  # the drive at the first sample, where it is given
-# Derivatives by the pose at a sample, behind those by the unknowns: rotation, x, y
+# Unknowns of each guide: body point (x, y), direction and offset of the curve's normal, curvature
+GUIDE_UNKNOWNS = declare(cython.int, 5)
+BY_START = declare(cython.int, 10)  # drive at the first sample, if it is prescribed
+# Columns of the derivatives with respect to the pose, after the unknowns
 BY_ROTATION = declare(cython.int, 11)
 BY_X = declare(cython.int, 12)
 BY_Y = declare(cython.int, 13)
 WIDTH = declare(cython.int, 14)
-VALUE = declare(cython.int, 11)  # behind the derivatives by the unknowns
+VALUE = declare(cython.int, 11)  # column of the value, after the derivatives with respect to the unknowns
 
-FAR_OFF = declare(double, 0.7)  # longest correction of a pose, in radians and length scales
-LINED_UP = declare(double, 1e-9)  # least part of the second guide's own, where both guides have one force line
-CLOSED = declare(
+POSE_STEP_MAX = declare(double, 0.7)  # longest correction of a pose, in radians and length scales
+INDEPENDENT_FRACTION_MIN = declare(
+    double, 1e-9
+)  # smallest independent fraction of the second guide, if both guides push along one line
+CLOSURE_GAP = declare(
     double, 1e-7
-)  # gap of a pose whose drive is given, in radians and length scales, below which it closes
-ON_BRANCH = declare(double, 1e-3)  # least sine of the transmission angle: at a dead position the branches meet
-APART = declare(double, 1e-3)  # least step of the drive between samples in their order, in radians or length scales
-EQUAL = declare(double, 1e-8)  # to which a given length or place is kept
-BLOCK = declare(cython.int, 64)  # rows that are made a triangle at once
-LONGEST_PAIR = declare(double, 1.5)  # step of an unknown of a pair
+)  # gap below which a pose with prescribed drive closes, in radians and length scales
+BRANCH_SINE_MIN = declare(
+    double, 1e-3
+)  # smallest sine of the transmission angle: at a toggle position the branches meet
+DRIVE_STEP_MIN = declare(
+    double, 1e-3
+)  # smallest step of the drive between ordered samples, in radians or length scales
+EQUATION_TOLERANCE = declare(double, 1e-8)  # accuracy to which a prescribed length or position is satisfied
+BLOCK = declare(cython.int, 64)  # rows that are triangularised at once
+STEP_MAX = declare(double, 1.5)  # largest change of an unknown
 
 
 @final
 @cclass
 class Guide:
-    """One guide of a pair, a circle, rail or slot, and where its point is at a pose; see `guided.pairs` for the formulas."""
+    """One guide of a pair (circle, rail or slot) and its point at a pose; `guided.pairs` derives the formulas."""
 
-    place: cython.int  # 0 or 1: in the pair
+    index: cython.int  # 0 or 1 within the pair
     point: doublecomplex
-    inward: doublecomplex
+    inward_normal: doublecomplex
     offset: double
     unit: double
     curvature: double
     origin: doublecomplex
-    straight: bint
-    inverse: bint
-    # at a pose, in the guide's own frame, which is the body's for a slot
-    turned: doublecomplex
+    is_straight: bint
+    is_slot: bint
+    # at a pose, in the guide's own frame: the body's for a slot
+    rotation: doublecomplex
     frame: doublecomplex
-    arm: doublecomplex
-    at: doublecomplex
-    from_foot: doublecomplex
+    rotated_point: doublecomplex
+    local_point: doublecomplex
+    foot_offset: doublecomplex
     rise: double
     root: double
     distance: double
     normal: doublecomplex
     by_rotation: doublecomplex
     by_position: doublecomplex
-    turn: double
-    shift: doublecomplex
+    rotation_slope: double
+    position_slope: doublecomplex
 
     @cfunc
-    def take(self, unknowns: double[::1], labels: double[::1], place: cython.int):
-        """A guide of a candidate."""
-        own = OF_GUIDE * place
-        self.place = place
+    def load(self, unknowns: double[::1], labels: double[::1], index: cython.int):
+        """Load a guide of a candidate."""
+        own = GUIDE_UNKNOWNS * index
+        self.index = index
         self.point = vector(unknowns[own], unknowns[own + 1])
-        self.inward = vector(cos(unknowns[own + 2]), sin(unknowns[own + 2]))
+        self.inward_normal = vector(cos(unknowns[own + 2]), sin(unknowns[own + 2]))
         self.offset = unknowns[own + 3]
         first = 1 + own
         self.origin = vector(labels[first], labels[first + 1])
         self.unit = labels[first + 2]
-        self.inverse = labels[first + 3] > 0.0
-        self.straight = labels[first + 4] > 0.0
-        self.curvature = 0.0 if self.straight else unknowns[own + 4] * self.unit
+        self.is_slot = labels[first + 3] > 0.0
+        self.is_straight = labels[first + 4] > 0.0
+        self.curvature = 0.0 if self.is_straight else unknowns[own + 4] * self.unit
 
     @cfunc
-    def pose(self, turned: doublecomplex, position: doublecomplex):
-        """Its point at a pose: distance from the curve, and how that changes with the pose."""
-        if self.inverse:
+    def set_pose(self, turned: doublecomplex, position: doublecomplex):
+        """Compute its point, the distance of the point from the curve, and the derivatives with respect to the pose."""
+        if self.is_slot:
             self.frame = vector(turned.real, -turned.imag)
-            self.arm = self.frame * self.point
-            self.at = self.arm - self.frame * position
-            self.by_rotation = vector(self.at.imag, -self.at.real)
+            self.rotated_point = self.frame * self.point
+            self.local_point = self.rotated_point - self.frame * position
+            self.by_rotation = vector(self.local_point.imag, -self.local_point.real)
             self.by_position = vector(-self.frame.real, -self.frame.imag)
         else:
             self.frame = turned
-            self.arm = self.frame * self.point
-            self.at = self.arm + position
-            self.by_rotation = vector(-self.arm.imag, self.arm.real)
+            self.rotated_point = self.frame * self.point
+            self.local_point = self.rotated_point + position
+            self.by_rotation = vector(-self.rotated_point.imag, self.rotated_point.real)
             self.by_position = vector(1.0, 0.0)
-        self.turned = turned
-        away = self.at - self.origin - times(self.offset, self.inward)
+        self.rotation = turned
+        away = self.local_point - self.origin - times(self.offset, self.inward_normal)
         bent = self.curvature
-        self.from_foot = away
-        self.rise = 0.5 * bent * inner(away, away) - inner(self.inward, away)
+        self.foot_offset = away
+        self.rise = 0.5 * bent * inner(away, away) - inner(self.inward_normal, away)
         self.root = sqrt(max(1.0 + 2.0 * bent * self.rise, 1e-24))
         self.distance = 2.0 * self.rise / (1.0 + self.root)
-        self.normal = times(1.0 / self.root, times(bent, away) - self.inward)
-        self.turn = inner(self.normal, self.by_rotation)
-        self.shift = vector(inner(self.by_position, self.normal), cross(self.by_position, self.normal))
+        self.normal = times(1.0 / self.root, times(bent, away) - self.inward_normal)
+        self.rotation_slope = inner(self.normal, self.by_rotation)
+        self.position_slope = vector(inner(self.by_position, self.normal), cross(self.by_position, self.normal))
 
     @cfunc
-    def by_point(self, out: doublecomplex[::1], moved: doublecomplex):
-        """Derivatives by the running point of what moves with it, turned and stretched by a number."""
-        own = OF_GUIDE * self.place
+    def put_point_slopes(self, out: doublecomplex[::1], moved: doublecomplex):
+        """Fill the derivatives, with respect to the body point, of a vector that rotates and scales with it."""
+        own = GUIDE_UNKNOWNS * self.index
         out[own] = moved
         out[own + 1] = vector(-moved.imag, moved.real)
 
     @cfunc
-    def columns(self, out: double[::1]):
-        """Derivatives of the distance by the guide's unknowns."""
-        own, bent, away = OF_GUIDE * self.place, self.curvature, self.from_foot
+    def distance_slopes(self, out: double[::1]):
+        """Fill the derivatives of the distance with respect to the guide's unknowns."""
+        own, bent, away = GUIDE_UNKNOWNS * self.index, self.curvature, self.foot_offset
         out[own] = inner(self.normal, self.frame)
         out[own + 1] = -cross(self.normal, self.frame)
-        out[own + 2] = -(1.0 + bent * self.offset) * cross(self.inward, away) / self.root
-        out[own + 3] = -inner(self.normal, self.inward)
+        out[own + 2] = -(1.0 + bent * self.offset) * cross(self.inward_normal, away) / self.root
+        out[own + 3] = -inner(self.normal, self.inward_normal)
         out[own + 4] = 0.0
-        if not self.straight:
+        if not self.is_straight:
             ahead = 1.0 + self.root
-            rest = inner(away, away) / (2.0 * self.root) - 2.0 * self.rise * self.rise / (self.root * ahead * ahead)
-            out[own + 4] = rest * self.unit
+            curvature_slope = inner(away, away) / (2.0 * self.root) - 2.0 * self.rise * self.rise / (
+                self.root * ahead * ahead
+            )
+            out[own + 4] = curvature_slope * self.unit
 
     @cfunc
     def normal_slopes(self, out: double[::1], sign: double):
-        """Add derivatives of the normal's direction in the guide's frame, times a sign."""
-        own, bent = OF_GUIDE * self.place, self.curvature
+        """Add the derivatives of the direction of the normal, times a sign."""
+        own, bent = GUIDE_UNKNOWNS * self.index, self.curvature
         part = sign / self.root
         out[BY_ROTATION] += part * bent * cross(self.normal, self.by_rotation)
         across = vector(cross(self.normal, self.by_position), inner(self.normal, self.by_position))
@@ -147,104 +153,106 @@ class Guide:
         out[BY_Y] += part * bent * across.imag
         out[own] += part * bent * cross(self.normal, self.frame)
         out[own + 1] += part * bent * inner(self.normal, self.frame)
-        out[own + 2] -= part * (1.0 + bent * self.offset) * inner(self.normal, self.inward)
-        out[own + 3] -= part * bent * cross(self.normal, self.inward)
-        if not self.straight:
-            out[own + 4] += part * self.unit * cross(self.normal, self.from_foot)
+        out[own + 2] -= part * (1.0 + bent * self.offset) * inner(self.normal, self.inward_normal)
+        out[own + 3] -= part * bent * cross(self.normal, self.inward_normal)
+        if not self.is_straight:
+            out[own + 4] += part * self.unit * cross(self.normal, self.foot_offset)
 
     @cfunc
     def travel(self) -> double:
-        """The way of the point along a straight curve."""
-        return cross(self.inward, self.at - self.origin)
+        """Return the coordinate of the point along a straight curve."""
+        return cross(self.inward_normal, self.local_point - self.origin)
 
     @cfunc
     def travel_slopes(self, out: double[::1]):
-        """Add its derivatives."""
-        own = OF_GUIDE * self.place
-        out[BY_ROTATION] += cross(self.inward, self.by_rotation)
-        out[BY_X] += cross(self.inward, self.by_position)
-        out[BY_Y] += inner(self.inward, self.by_position)
-        out[own] += cross(self.inward, self.frame)
-        out[own + 1] += inner(self.inward, self.frame)
-        out[own + 2] -= inner(self.inward, self.at - self.origin)
+        """Add the derivatives of the travel."""
+        own = GUIDE_UNKNOWNS * self.index
+        out[BY_ROTATION] += cross(self.inward_normal, self.by_rotation)
+        out[BY_X] += cross(self.inward_normal, self.by_position)
+        out[BY_Y] += inner(self.inward_normal, self.by_position)
+        out[own] += cross(self.inward_normal, self.frame)
+        out[own + 1] += inner(self.inward_normal, self.frame)
+        out[own + 2] -= inner(self.inward_normal, self.local_point - self.origin)
 
     @cfunc
-    def ground(self) -> doublecomplex:
-        """The place in the ground that both bodies share there."""
-        return self.point if self.inverse else self.at
+    def ground_point(self) -> doublecomplex:
+        """Return the point of the ground that coincides with the guided point."""
+        return self.point if self.is_slot else self.local_point
 
     @cfunc
-    def ground_slopes(self, out: doublecomplex[::1]):
-        """Its derivatives: of what runs in the ground those of its own place, of a pin those of its point alone."""
-        if not self.inverse:
-            self.own_slopes(out)
+    def ground_point_slopes(self, out: doublecomplex[::1]):
+        """Fill the derivatives of the ground point."""
+        if not self.is_slot:
+            self.local_slopes(out)
             return
         for c in range(WIDTH):
             out[c] = 0.0
-        self.by_point(out, vector(1.0, 0.0))
+        self.put_point_slopes(out, vector(1.0, 0.0))
 
     @cfunc
-    def own_slopes(self, out: doublecomplex[::1]):
-        """Derivatives of the place in the guide's own frame."""
+    def local_slopes(self, out: doublecomplex[::1]):
+        """Fill the derivatives of the guided point in the guide's own frame."""
         for c in range(WIDTH):
             out[c] = 0.0
-        self.by_point(out, self.frame)
+        self.put_point_slopes(out, self.frame)
         out[BY_ROTATION] = self.by_rotation
         out[BY_X] = self.by_position
         out[BY_Y] = vector(-self.by_position.imag, self.by_position.real)
 
     @cfunc
     def pivot(self) -> doublecomplex:
-        """Centre of a circle, pin of a slot."""
-        if self.inverse or self.straight:
+        """Return the centre of a circle or the pin of a slot."""
+        if self.is_slot or self.is_straight:
             return self.point
-        return self.origin + times(self.offset + 1.0 / self.curvature, self.inward)
+        return self.origin + times(self.offset + 1.0 / self.curvature, self.inward_normal)
 
     @cfunc
     def pivot_slopes(self, out: doublecomplex[::1]):
-        """Its derivatives."""
+        """Fill the derivatives of the pivot."""
         for c in range(WIDTH):
             out[c] = 0.0
-        if self.inverse or self.straight:
-            self.by_point(out, vector(1.0, 0.0))
+        if self.is_slot or self.is_straight:
+            self.put_point_slopes(out, vector(1.0, 0.0))
             return
-        own, bent = OF_GUIDE * self.place, self.curvature
-        out[own + 2] = times(self.offset + 1.0 / bent, vector(-self.inward.imag, self.inward.real))
-        out[own + 3] = self.inward
-        out[own + 4] = times(-self.unit / (bent * bent), self.inward)
+        own, bent = GUIDE_UNKNOWNS * self.index, self.curvature
+        out[own + 2] = times(self.offset + 1.0 / bent, vector(-self.inward_normal.imag, self.inward_normal.real))
+        out[own + 3] = self.inward_normal
+        out[own + 4] = times(-self.unit / (bent * bent), self.inward_normal)
 
 
 @cfunc
 def room(number) -> double:
-    """A number of a limit; NaN where there is none."""
+    """Return the number of a limit, or NaN if there is no limit."""
     return NAN if number is None else number
 
 
 @final
 @cclass
 class PairDescent:
-    """Levenberg-Marquardt over pairs of guides toward the samples of one request, and their limits.
+    """Levenberg-Marquardt over pairs of guides towards the samples of one motion, with limits.
 
-    See `guided.pairs` for the mathematics, `guided.limits` for the limits. Lengths over the length scale, from the mean position.
+    Lengths are relative to the length scale, positions to the mean position.
 
     Parameters
     ----------
     samples : ndarray, shape (N, 8)
-        Rotation, x and y of the position, reciprocals of the weights of rotation and position, whether either is missing (1 or
-        0), and the drive from the first sample on.
+        Rotation, position (x, y), reciprocals of the weights of rotation and position, whether either is missing (1 or 0), the
+        drive relative to the first sample.
     limits : dict
-        Numbers by name, None where there is no such limit; ``pivots``, ``pivot_boxes``, ``reaches``: one of each pivot.
-    driven : bool
-        Whether the drive is given.
+        Numbers by name, None without such a limit; ``pivots``, ``pivot_boxes`` and ``reaches`` have an entry for each pivot.
+    has_timing : bool
+        Whether the drive is prescribed.
 
-    Labels of candidates, (n, 15): whether the first guide, a slot, is turned about its pin; of each guide the origin (x, y), the
-    unit of the curvature, whether it is a slot, whether it is straight; branch, the way that the drive goes, what is added to the
-    least transmission angle, and along which of its own ways the drive counts.
+    Notes
+    -----
+    Labels of candidates have shape (n, 15): whether the first guide is a slot that turns about its pin; for each guide the origin
+    (x, y), the unit of the curvature, whether it is a slot, whether it is straight; then the branch, the direction of the drive,
+    the margin added to the smallest transmission angle, and the sign of the drive's coordinate.
     """
 
-    number: Py_ssize_t
-    given: double[:, ::1]
-    driven: bint
+    samples: Py_ssize_t
+    targets: double[:, ::1]
+    has_timing: bint
     # limits
     transmission: double
     ordered: bint
@@ -255,8 +263,8 @@ class PairDescent:
     link_min: double
     link_ratio: double
     coupler_radius: double
-    dead: double
-    extended: double
+    cylinder_dead_length: double
+    cylinder_extended_max: double
     crank: double
     coupler: double
     ground: double
@@ -265,74 +273,74 @@ class PairDescent:
     middle: doublecomplex
     reaches: double[::1]
     rail_boxes: double[:, ::1]
-    far: double
+    rail_reach: double
     envelope: double[::1]
     keep_out: double[:, ::1]
-    # a candidate
+    # candidate
     size: cython.int
-    one: Guide
-    other: Guide
-    hinge: bint
-    slides: bint
+    first_guide: Guide
+    second_guide: Guide
+    is_hinge: bint
+    is_slider: bint
     branch: double
-    way: double
+    direction: double
     margin: double
     sign: double
     start: double
     sweeps: cython.int
-    weight: double  # of broken limits; 0 where none counts
-    # at a sample
-    angle: double
+    weight: double  # weight of violated limits; 0 ignores them
+    # sample
+    rotation: double
     position: doublecomplex
     l11: double
     l21: double
     l22: double
-    top: double
-    low: double
-    inverse: double[:, ::1]
-    lack: double
-    opened: bint
+    first_residual: double
+    second_residual: double
+    pose_inverse: double[:, ::1]
+    drive_gap: double
+    is_open: bint
     drive: double
     sine: double
     cosine: double
     gap: doublecomplex
-    turning: double[::1]
-    moving: doublecomplex[::1]
+    rotation_slopes: double[::1]
+    position_slopes: doublecomplex[::1]
     row: double[::1]
-    second: double[::1]
-    by_drive: double[::1]
+    second_row: double[::1]
+    drive_row: double[::1]
     vectors: doublecomplex[:, ::1]
-    # at all samples, derivatives and value: the drive, the travel along the first guide and the second, a cylinder's length
-    ways: double[:, :, ::1]
-    # derivatives and values of the links: both cranks, the distance of two points, that of two pivots
+    # derivatives and values at all samples: drive, travel along each guide, length of a cylinder
+    tracked: double[:, :, ::1]
+    # derivatives and values of links: both cranks, coupler or distance of two pins, distance of two pivots
     lengths: double[:, ::1]
-    has: cython.int[4]
-    # of a candidate at all samples
-    full: bint
-    kept: bint
+    has_length: cython.int[4]
+    # candidate at all samples
+    with_rows: bint
+    is_valid: bint
     closed: bint
     poses: double[:, ::1]
     cost: double
     worst: double
     merit: double
-    excess: double
-    sines: double
-    gone: double
+    violation_squares: double
+    sine_sum: double
+    drive_travel: double
     extension: double
-    # rows made a triangle, by column; that of where a candidate stands; and damped
-    filled: cython.int
-    m: double[:, ::1]
-    stand: double[:, ::1]
-    upper: double[:, ::1]
+    # triangular factor by column: last evaluation, current position, damped
+    filled_rows: cython.int
+    rows: double[:, ::1]
+    current_rows: double[:, ::1]
+    damped_rows: double[:, ::1]
     ridge: double[::1]
     step: double[::1]
     trial: double[::1]
-    # the run
+    # run
     unknowns: double[:, ::1]
     labels: double[:, ::1]
     costs: double[::1]
     candidate: Py_ssize_t
-    begun: bint
+    started: bint
     iteration: cython.int
     iterations: cython.int
     first_damping: double
@@ -340,11 +348,11 @@ class PairDescent:
     damping: double
     growth: double
 
-    def __init__(self, samples, limits, driven):
-        self.given = samples
-        self.number = len(samples)
-        self.driven = driven
-        self.size = 11 if driven else 10
+    def __init__(self, samples, limits, has_timing):
+        self.targets = samples
+        self.samples = len(samples)
+        self.has_timing = has_timing
+        self.size = 11 if has_timing else 10
         self.transmission = limits["transmission"]
         self.ordered = limits["ordered"]
         self.span_max = limits["span_max"]
@@ -354,123 +362,143 @@ class PairDescent:
         self.link_min = room(limits["link_min"])
         self.link_ratio = room(limits["link_ratio_max"])
         self.coupler_radius = room(limits["coupler_radius_max"])
-        self.dead = room(limits["cylinder_dead_length"])
-        self.extended = room(limits["cylinder_extended_max"])
+        self.cylinder_dead_length = room(limits["cylinder_dead_length"])
+        self.cylinder_extended_max = room(limits["cylinder_extended_max"])
         self.crank, self.coupler, self.ground = room(limits["crank"]), room(limits["coupler"]), room(limits["ground"])
         self.pivots = limits["pivots"]
         self.pivot_boxes = limits["pivot_boxes"]
         self.middle = limits["reach_middle"]
         self.reaches = limits["reaches"]
         self.rail_boxes = limits["rail_boxes"]
-        self.far = room(limits["far"])
+        self.rail_reach = room(limits["far"])
         self.envelope = limits["envelope"]
         self.keep_out = limits["keep_out"]
-        self.one, self.other = Guide(), Guide()
-        self.inverse = np.zeros((3, 3))
-        self.turning, self.moving = np.zeros(WIDTH), np.zeros(WIDTH, dtype=complex)
-        self.row, self.second, self.by_drive = np.zeros(WIDTH), np.zeros(WIDTH), np.zeros(WIDTH)
+        self.first_guide, self.second_guide = Guide(), Guide()
+        self.pose_inverse = np.zeros((3, 3))
+        self.rotation_slopes, self.position_slopes = np.zeros(WIDTH), np.zeros(WIDTH, dtype=complex)
+        self.row, self.second_row, self.drive_row = np.zeros(WIDTH), np.zeros(WIDTH), np.zeros(WIDTH)
         self.vectors = np.zeros((2, WIDTH), dtype=complex)
-        self.ways = np.zeros((4, self.number, VALUE + 1))
+        self.tracked = np.zeros((4, self.samples, VALUE + 1))
         self.lengths = np.zeros((4, WIDTH + 1))
-        self.has = np.zeros(4, dtype=np.intc)
-        self.m, self.stand = np.zeros((12, BLOCK)), np.zeros((12, 12))
-        self.upper = np.zeros((12, 24))
+        self.has_length = np.zeros(4, dtype=np.intc)
+        self.rows, self.current_rows = np.zeros((12, BLOCK)), np.zeros((12, 12))
+        self.damped_rows = np.zeros((12, 24))
         self.ridge, self.step, self.trial = np.zeros(11), np.zeros(11), np.zeros(11)
-        self.poses = np.zeros((self.number, 3))
+        self.poses = np.zeros((self.samples, 3))
 
-    # -- a candidate at a sample -------------------------------------------------------------------------------------
-
-    @cfunc
-    def take(self, unknowns: double[::1], labels: double[::1]):
-        """A candidate."""
-        self.one.take(unknowns, labels, 0)
-        self.other.take(unknowns, labels, 1)
-        self.hinge = labels[0] > 0.0
-        self.slides = self.one.straight and not self.hinge
-        self.branch, self.way, self.margin, self.sign = labels[11], labels[12], labels[13], labels[14]
-        self.start = unknowns[BY_START] if self.driven else 0.0
+    # -- candidate at a sample -------------------------------------------------------------------------------------
 
     @cfunc
-    def pose(self, angle: double, position: doublecomplex):
-        """Both guides at a pose."""
-        self.angle, self.position = angle, position
+    def load(self, unknowns: double[::1], labels: double[::1]):
+        """Load a candidate."""
+        self.first_guide.load(unknowns, labels, 0)
+        self.second_guide.load(unknowns, labels, 1)
+        self.is_hinge = labels[0] > 0.0
+        self.is_slider = self.first_guide.is_straight and not self.is_hinge
+        self.branch, self.direction, self.margin, self.sign = labels[11], labels[12], labels[13], labels[14]
+        self.start = unknowns[BY_START] if self.has_timing else 0.0
+
+    @cfunc
+    def set_pose(self, angle: double, position: doublecomplex):
+        """Set the pose of both guides."""
+        self.rotation, self.position = angle, position
         turned = vector(cos(angle), sin(angle))
-        self.one.pose(turned, position)
-        self.other.pose(turned, position)
+        self.first_guide.set_pose(turned, position)
+        self.second_guide.set_pose(turned, position)
 
     @cfunc
-    def factor(self, i: Py_ssize_t, angle: double, position: doublecomplex):
-        """L of S = B W^-1 B' at the pose that it is in, and L^-1 of the gaps toward a given one: ``top``, ``low``."""
-        v, p, one, other = self.given[i, 3], self.given[i, 4], self.one, self.other
-        s11 = v * one.turn * one.turn + p * inner(one.shift, one.shift)
-        s12 = v * one.turn * other.turn + p * inner(one.shift, other.shift)
-        s22 = v * other.turn * other.turn + p * inner(other.shift, other.shift)
+    def factorise_pose_system(self, i: Py_ssize_t, angle: double, position: doublecomplex):
+        """Factorise S = B W^-1 B' at the current pose and solve L x = gaps towards a given pose."""
+        v, p, first_guide, second_guide = self.targets[i, 3], self.targets[i, 4], self.first_guide, self.second_guide
+        s11 = v * first_guide.rotation_slope * first_guide.rotation_slope + p * inner(
+            first_guide.position_slope, first_guide.position_slope
+        )
+        s12 = v * first_guide.rotation_slope * second_guide.rotation_slope + p * inner(
+            first_guide.position_slope, second_guide.position_slope
+        )
+        s22 = v * second_guide.rotation_slope * second_guide.rotation_slope + p * inner(
+            second_guide.position_slope, second_guide.position_slope
+        )
         # the determinant as a sum of squares (Cauchy-Binet)
-        differ = times(one.turn, other.shift) - times(other.turn, one.shift)
-        area = cross(one.shift, other.shift)
+        differ = times(first_guide.rotation_slope, second_guide.position_slope) - times(
+            second_guide.rotation_slope, first_guide.position_slope
+        )
+        area = cross(first_guide.position_slope, second_guide.position_slope)
         minors = v * p * inner(differ, differ) + p * p * area * area
         self.l11 = sqrt(max(s11, TINY))
         self.l21 = s12 / self.l11
-        self.l22 = max(sqrt(minors) / self.l11, LINED_UP * sqrt(s22))
-        back, away = angle - self.angle, position - self.position
-        self.top = (one.distance + one.turn * back + inner(one.shift, away)) / self.l11
-        low = other.distance + other.turn * back + inner(other.shift, away)
-        self.low = (low - self.l21 * self.top) / self.l22
+        self.l22 = max(sqrt(minors) / self.l11, INDEPENDENT_FRACTION_MIN * sqrt(s22))
+        back, away = angle - self.rotation, position - self.position
+        self.first_residual = (
+            first_guide.distance + first_guide.rotation_slope * back + inner(first_guide.position_slope, away)
+        ) / self.l11
+        low = second_guide.distance + second_guide.rotation_slope * back + inner(second_guide.position_slope, away)
+        self.second_residual = (low - self.l21 * self.first_residual) / self.l22
 
     @cfunc
-    def correct(self, i: Py_ssize_t, sweeps: cython.int):
-        """The pose that both guides allow that is nearest to the sample's."""
-        angle, position = self.given[i, 0], vector(self.given[i, 1], self.given[i, 2])
-        v, p = self.given[i, 3], self.given[i, 4]
-        self.pose(angle, position)
+    def project_pose(self, i: Py_ssize_t, sweeps: cython.int):
+        """Find the pose on both guides that is nearest to a sample."""
+        angle, position = self.targets[i, 0], vector(self.targets[i, 1], self.targets[i, 2])
+        v, p = self.targets[i, 3], self.targets[i, 4]
+        self.set_pose(angle, position)
         for sweep in range(sweeps):
-            self.factor(i, angle, position)
+            self.factorise_pose_system(i, angle, position)
             if sweep == sweeps - 1:
                 break
-            second = self.low / self.l22
-            first = (self.top - self.l21 * second) / self.l11
-            change = -v * (self.one.turn * first + self.other.turn * second)
-            shift = times(-p, times(first, self.one.shift) + times(second, self.other.shift))
-            part = 1.0 / max(1.0, max(fabs(change), sqrt(inner(shift, shift))) / FAR_OFF)
-            self.pose(angle + part * change, position + times(part, shift))
-            # what is missing begins anew where it is
-            if self.given[i, 5] > 0.0:
-                angle = self.angle
-            if self.given[i, 6] > 0.0:
+            second = self.second_residual / self.l22
+            first = (self.first_residual - self.l21 * second) / self.l11
+            change = -v * (self.first_guide.rotation_slope * first + self.second_guide.rotation_slope * second)
+            shift = times(
+                -p, times(first, self.first_guide.position_slope) + times(second, self.second_guide.position_slope)
+            )
+            part = 1.0 / max(1.0, max(fabs(change), sqrt(inner(shift, shift))) / POSE_STEP_MAX)
+            self.set_pose(angle + part * change, position + times(part, shift))
+            # a missing coordinate restarts from its current value
+            if self.targets[i, 5] > 0.0:
+                angle = self.rotation
+            if self.targets[i, 6] > 0.0:
                 position = self.position
 
     @cfunc
-    def lead(self, i: Py_ssize_t, sweeps: cython.int):
-        """The pose that a given drive leads to; where it does not reach so far the nearest one, and what the drive lacks."""
-        wanted = self.start + self.sign * self.given[i, 7]
-        self.pose(self.given[i, 0], vector(self.given[i, 1], self.given[i, 2]))
+    def solve_driven_pose(self, i: Py_ssize_t, sweeps: cython.int):
+        """Find the pose of a prescribed drive. If the drive cannot reach it, take the nearest pose and record the gap."""
+        target = self.start + self.sign * self.targets[i, 7]
+        self.set_pose(self.targets[i, 0], vector(self.targets[i, 1], self.targets[i, 2]))
         for sweep in range(sweeps):
-            self.inverted(wanted)
+            self.invert_pose_system(target)
             if sweep == sweeps - 1:
                 break
-            turn = self.solved(0, self.one.distance, self.other.distance, self.lack)
-            x = self.solved(1, self.one.distance, self.other.distance, self.lack)
-            y = self.solved(2, self.one.distance, self.other.distance, self.lack)
-            part = 1.0 / max(1.0, max(fabs(turn), sqrt(x * x + y * y)) / FAR_OFF)
-            self.pose(self.angle - part * turn, self.position - vector(part * x, part * y))
-        off = max(fabs(self.one.distance), max(fabs(self.other.distance), fabs(self.lack)))
-        self.opened = not off <= CLOSED
-        if self.opened:
+            turn = self.pose_change(0, self.first_guide.distance, self.second_guide.distance, self.drive_gap)
+            x = self.pose_change(1, self.first_guide.distance, self.second_guide.distance, self.drive_gap)
+            y = self.pose_change(2, self.first_guide.distance, self.second_guide.distance, self.drive_gap)
+            part = 1.0 / max(1.0, max(fabs(turn), sqrt(x * x + y * y)) / POSE_STEP_MAX)
+            self.set_pose(self.rotation - part * turn, self.position - vector(part * x, part * y))
+        off = max(fabs(self.first_guide.distance), max(fabs(self.second_guide.distance), fabs(self.drive_gap)))
+        self.is_open = not off <= CLOSURE_GAP
+        if self.is_open:
             self.closed = False
-            self.correct(i, 4)
-            self.inverted(wanted)
+            self.project_pose(i, 4)
+            self.invert_pose_system(target)
 
     @cfunc
-    def inverted(self, wanted: double):
-        """The inverse of the derivatives of both distances and the drive by the pose, and what the drive lacks."""
-        self.drive_slopes()
-        self.lack = self.drive - wanted
-        if not self.slides:
-            self.lack -= TURN * rint(self.lack / TURN)
-        a0, a1, a2 = self.one.turn, self.one.shift.real, self.one.shift.imag
-        b0, b1, b2 = self.other.turn, self.other.shift.real, self.other.shift.imag
-        c0, c1, c2 = self.by_drive[BY_ROTATION], self.by_drive[BY_X], self.by_drive[BY_Y]
-        to = self.inverse
+    def invert_pose_system(self, target: double):
+        """Invert the derivatives of both distances and the drive with respect to the pose, and compute the drive's gap."""
+        self.update_drive()
+        self.drive_gap = self.drive - target
+        if not self.is_slider:
+            self.drive_gap -= TURN * rint(self.drive_gap / TURN)
+        a0, a1, a2 = (
+            self.first_guide.rotation_slope,
+            self.first_guide.position_slope.real,
+            self.first_guide.position_slope.imag,
+        )
+        b0, b1, b2 = (
+            self.second_guide.rotation_slope,
+            self.second_guide.position_slope.real,
+            self.second_guide.position_slope.imag,
+        )
+        c0, c1, c2 = self.drive_row[BY_ROTATION], self.drive_row[BY_X], self.drive_row[BY_Y]
+        to = self.pose_inverse
         to[0, 0], to[1, 0], to[2, 0] = b1 * c2 - b2 * c1, b2 * c0 - b0 * c2, b0 * c1 - b1 * c0
         to[0, 1], to[1, 1], to[2, 1] = c1 * a2 - c2 * a1, c2 * a0 - c0 * a2, c0 * a1 - c1 * a0
         to[0, 2], to[1, 2], to[2, 2] = a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0
@@ -482,46 +510,54 @@ class PairDescent:
                 to[k, j] /= determinant
 
     @cfunc
-    def solved(self, k: cython.int, first: double, second: double, third: double) -> double:
-        """A part of the change of the pose that closes three gaps."""
-        return self.inverse[k, 0] * first + self.inverse[k, 1] * second + self.inverse[k, 2] * third
+    def pose_change(self, k: cython.int, first: double, second: double, third: double) -> double:
+        """Return one component of the change of pose that closes three gaps."""
+        return self.pose_inverse[k, 0] * first + self.pose_inverse[k, 1] * second + self.pose_inverse[k, 2] * third
 
     @cfunc
-    def drive_slopes(self):
-        """The drive's coordinate at a pose, and its derivatives at that."""
-        out = self.by_drive
+    def update_drive(self):
+        """Compute the drive's coordinate at the pose and its derivatives."""
+        out = self.drive_row
         for c in range(WIDTH):
             out[c] = 0.0
-        if self.slides:
-            self.drive = self.one.travel()
-            self.one.travel_slopes(out)
-        elif self.hinge:
-            self.drive = self.angle
+        if self.is_slider:
+            self.drive = self.first_guide.travel()
+            self.first_guide.travel_slopes(out)
+        elif self.is_hinge:
+            self.drive = self.rotation
             out[BY_ROTATION] = 1.0
         else:
-            self.drive = atan2(self.one.normal.imag, self.one.normal.real)
-            self.one.normal_slopes(out, 1.0)
+            self.drive = atan2(self.first_guide.normal.imag, self.first_guide.normal.real)
+            self.first_guide.normal_slopes(out, 1.0)
 
     @cfunc
-    def transmit(self):
-        """The transmission angle's sine and cosine: between the follower's push and the way that its point would go."""
-        push = self.one.turned * self.other.normal if self.other.inverse else self.other.normal
-        self.gap = self.other.ground() - self.one.ground()
+    def update_transmission(self):
+        """Compute sine and cosine of the transmission angle between the follower's push and the direction of its point."""
+        push = (
+            self.first_guide.rotation * self.second_guide.normal
+            if self.second_guide.is_slot
+            else self.second_guide.normal
+        )
+        self.gap = self.second_guide.ground_point() - self.first_guide.ground_point()
         size = sqrt(inner(self.gap, self.gap))
-        to = self.one.turned * self.one.normal if self.hinge else times(1.0 / size if size > 0.0 else 1.0, self.gap)
+        to = (
+            self.first_guide.rotation * self.first_guide.normal
+            if self.is_hinge
+            else times(1.0 / size if size > 0.0 else 1.0, self.gap)
+        )
         self.sine, self.cosine = cross(to, push), inner(to, push)
 
     @cfunc
     def transmission_slopes(self, out: double[::1], scale: double):
-        """Derivatives of the sine, times a number."""
+        """Fill the derivatives of the sine, times a factor."""
         for c in range(WIDTH):
             out[c] = 0.0
-        self.other.normal_slopes(out, 1.0)
-        if self.other.inverse:
+        self.second_guide.normal_slopes(out, 1.0)
+        if self.second_guide.is_slot:
             out[BY_ROTATION] += 1.0
-        if self.hinge:
+        if self.is_hinge:
             out[BY_ROTATION] -= 1.0
-            self.one.normal_slopes(out, -1.0)
+            self.first_guide.normal_slopes(out, -1.0)
         else:
             self.gap_slopes()
             square = max(inner(self.gap, self.gap), 1e-24)
@@ -532,37 +568,37 @@ class PairDescent:
 
     @cfunc
     def gap_slopes(self):
-        """Derivatives of the vector from the first guide's place in the ground to the second's, into ``vectors[0]``."""
-        self.other.ground_slopes(self.vectors[0])
-        self.one.ground_slopes(self.vectors[1])
+        """Fill the derivatives of the vector between the ground points of both guides."""
+        self.second_guide.ground_point_slopes(self.vectors[0])
+        self.first_guide.ground_point_slopes(self.vectors[1])
         for c in range(WIDTH):
             self.vectors[0, c] = self.vectors[0, c] - self.vectors[1, c]
 
     # -- rows --------------------------------------------------------------------------------------------------------
 
     @cfunc
-    def put(self, row: double[::1], scale: double, value: double):
-        """A row of the least squares: its derivatives times a scale, and its value."""
+    def put_row(self, row: double[::1], scale: double, value: double):
+        """Append a least-squares row: derivatives times a scale, and the residual."""
         for c in range(self.size):
-            self.m[c, self.filled] = scale * row[c]
-        self.m[self.size, self.filled] = value
+            self.rows[c, self.filled_rows] = scale * row[c]
+        self.rows[self.size, self.filled_rows] = value
         self.cost += value * value
-        self.filled += 1
-        if self.filled == BLOCK:
-            self.triangle(self.m, BLOCK)
-            self.filled = self.size + 1
+        self.filled_rows += 1
+        if self.filled_rows == BLOCK:
+            self.triangularise(self.rows, BLOCK)
+            self.filled_rows = self.size + 1
 
     @cfunc
-    def triangle(self, m: double[:, ::1], rows: cython.int):
-        """Rows as a triangle in their place, by Householder's method; the residual is the last column."""
+    def triangularise(self, m: double[:, ::1], rows: cython.int):
+        """Triangularise rows in place by Householder's method; the residual is the last column."""
         for c in range(min(self.size + 1, rows)):
-            square = self.product(m, c, c, rows)
+            square = self.column_product(m, c, c, rows)
             if square > 0.0:
                 norm = -copysign(sqrt(square), m[c, c])
                 head = m[c, c] - norm
                 m[c, c] = head
                 for k in range(c + 1, self.size + 1):
-                    product = self.product(m, c, k, rows) / (norm * head)
+                    product = self.column_product(m, c, k, rows) / (norm * head)
                     for j in range(c, rows):
                         m[k, j] += product * m[c, j]
                 m[c, c] = norm
@@ -572,8 +608,8 @@ class PairDescent:
     @cfunc
     @inline
     @cython.exceptval(check=False)
-    def product(self, m: double[:, ::1], a: cython.int, b: cython.int, rows: cython.int) -> double:
-        """Product of two columns from the diagonal of the first one on, in two sums that a processor takes at once."""
+    def column_product(self, m: double[:, ::1], a: cython.int, b: cython.int, rows: cython.int) -> double:
+        """Return the inner product of two columns from the diagonal of the first, in two partial sums."""
         even: double = 0.0
         odd: double = 0.0
         for j in range(a, rows - 1, 2):
@@ -584,574 +620,613 @@ class PairDescent:
         return even + odd
 
     @cfunc
-    def own_rows(self, i: Py_ssize_t):
-        """A sample's own rows, and the derivatives of its pose by the unknowns: ``turning``, ``moving``."""
-        v, p, row, second = self.given[i, 3], self.given[i, 4], self.row, self.second
+    def fill_sample_rows(self, i: Py_ssize_t):
+        """Append the rows of a sample and compute the derivatives of its pose with respect to the unknowns."""
+        v, p, row, second = self.targets[i, 3], self.targets[i, 4], self.row, self.second_row
         for c in range(WIDTH):
-            row[c], second[c], self.turning[c], self.moving[c] = 0.0, 0.0, 0.0, 0.0
-        if self.driven:
-            self.driven_rows(v, p, i)
+            row[c], second[c], self.rotation_slopes[c], self.position_slopes[c] = 0.0, 0.0, 0.0, 0.0
+        if self.has_timing:
+            self.fill_driven_rows(v, p, i)
             return
-        if not self.full:
-            self.cost += self.top * self.top + self.low * self.low
+        if not self.with_rows:
+            self.cost += self.first_residual * self.first_residual + self.second_residual * self.second_residual
             return
-        self.one.columns(row)
-        self.other.columns(second)
+        self.first_guide.distance_slopes(row)
+        self.second_guide.distance_slopes(second)
         upper, lower = 1.0 / self.l11, 1.0 / self.l22
         for c in range(self.size):
             row[c] *= upper
             second[c] = (second[c] - self.l21 * row[c]) * lower
             low = second[c] * lower
             first = (row[c] - self.l21 * low) * upper
-            self.turning[c] = -v * (self.one.turn * first + self.other.turn * low)
-            self.moving[c] = times(-p, times(first, self.one.shift) + times(low, self.other.shift))
-        self.put(row, 1.0, self.top)
-        self.put(second, 1.0, self.low)
+            self.rotation_slopes[c] = -v * (
+                self.first_guide.rotation_slope * first + self.second_guide.rotation_slope * low
+            )
+            self.position_slopes[c] = times(
+                -p, times(first, self.first_guide.position_slope) + times(low, self.second_guide.position_slope)
+            )
+        self.put_row(row, 1.0, self.first_residual)
+        self.put_row(second, 1.0, self.second_residual)
 
     @cfunc
-    def driven_rows(self, v: double, p: double, i: Py_ssize_t):
-        """The same where the drive is given: differences to the sample's pose, and what the drive lacks."""
-        row, second = self.row, self.second
-        off = self.given[i, 0] - self.angle
+    def fill_driven_rows(self, v: double, p: double, i: Py_ssize_t):
+        """Append the rows of a sample with a prescribed drive: gaps to the sample's pose, and the drive's gap."""
+        row, second = self.row, self.second_row
+        off = self.targets[i, 0] - self.rotation
         off -= TURN * rint(off / TURN)
-        away = vector(self.given[i, 1], self.given[i, 2]) - self.position
-        turn = 0.0 if self.given[i, 5] > 0.0 else 1.0 / sqrt(v)
-        place = 0.0 if self.given[i, 6] > 0.0 else 1.0 / sqrt(p)
-        if self.full:
-            self.one.columns(row)
-            self.other.columns(second)
-            self.by_drive[BY_START] = -1.0
-            if not self.opened:
+        away = vector(self.targets[i, 1], self.targets[i, 2]) - self.position
+        turn = 0.0 if self.targets[i, 5] > 0.0 else 1.0 / sqrt(v)
+        point = 0.0 if self.targets[i, 6] > 0.0 else 1.0 / sqrt(p)
+        if self.with_rows:
+            self.first_guide.distance_slopes(row)
+            self.second_guide.distance_slopes(second)
+            self.drive_row[BY_START] = -1.0
+            if not self.is_open:
                 for c in range(self.size):
-                    third = self.by_drive[c]
-                    self.turning[c] = -self.solved(0, row[c], second[c], third)
-                    self.moving[c] = vector(
-                        -self.solved(1, row[c], second[c], third), -self.solved(2, row[c], second[c], third)
+                    third = self.drive_row[c]
+                    self.rotation_slopes[c] = -self.pose_change(0, row[c], second[c], third)
+                    self.position_slopes[c] = vector(
+                        -self.pose_change(1, row[c], second[c], third), -self.pose_change(2, row[c], second[c], third)
                     )
             for c in range(self.size):
-                row[c] = self.turning[c]
-            self.put(row, -turn, turn * off)
+                row[c] = self.rotation_slopes[c]
+            self.put_row(row, -turn, turn * off)
             for c in range(self.size):
-                row[c], second[c] = self.moving[c].real, self.moving[c].imag
-            self.put(row, -place, place * away.real)
-            self.put(second, -place, place * away.imag)
-            if self.opened:
-                self.put(self.by_drive, 1.0, self.lack)
+                row[c], second[c] = self.position_slopes[c].real, self.position_slopes[c].imag
+            self.put_row(row, -point, point * away.real)
+            self.put_row(second, -point, point * away.imag)
+            if self.is_open:
+                self.put_row(self.drive_row, 1.0, self.drive_gap)
         else:
-            self.cost += turn * turn * off * off + place * place * inner(away, away)
-            if self.opened:
-                self.cost += self.lack * self.lack
+            self.cost += turn * turn * off * off + point * point * inner(away, away)
+            if self.is_open:
+                self.cost += self.drive_gap * self.drive_gap
 
     # -- limits ------------------------------------------------------------------------------------------------------
 
     @cfunc
-    def lacks(self, value: double, among: double, equal: bint) -> bint:
-        """Count a limit, one ``among`` so many of its kind; whether it needs its row."""
+    def register_limit(self, value: double, among: double, equal: bint) -> bint:
+        """Record the value of a limit, one of ``among`` of its kind. Return whether it needs a row."""
         off = value if equal else min(value, 0.0)
         if not isfinite(value):
-            self.kept = False
+            self.is_valid = False
             return False
-        self.worst = max(self.worst, fabs(value) - EQUAL if equal else -value)
-        self.excess += off * off
+        self.worst = max(self.worst, fabs(value) - EQUATION_TOLERANCE if equal else -value)
+        self.violation_squares += off * off
         self.merit += min(off * off, 1.0) / among
-        return self.full and self.weight > 0.0 and (equal or value < MARGIN)
+        return self.with_rows and self.weight > 0.0 and (equal or value < MARGIN)
 
     @cfunc
-    def hold(self, row: double[::1], sign: double, value: double, equal: bint):
-        """The row of a limit whose derivatives at a pose, times a sign, are given: what the pose's own do is added."""
+    def put_limit_row(self, row: double[::1], sign: double, value: double, equal: bint):
+        """Append the row of a limit from its derivatives at a pose, times a sign."""
         scale = sqrt(self.weight)
-        self.chained(row)
-        self.put(row, sign * scale, scale * (value if equal else value - MARGIN))
+        self.chain_pose_slopes(row)
+        self.put_row(row, sign * scale, scale * (value if equal else value - MARGIN))
 
     @cfunc
-    def chained(self, row: double[::1]):
-        """Add to derivatives at a pose what the pose's own do."""
+    def chain_pose_slopes(self, row: double[::1]):
+        """Add the contribution of the pose to the derivatives in a row."""
         turn, x, y = row[BY_ROTATION], row[BY_X], row[BY_Y]
         for c in range(self.size):
-            row[c] += turn * self.turning[c] + x * self.moving[c].real + y * self.moving[c].imag
+            row[c] += (
+                turn * self.rotation_slopes[c] + x * self.position_slopes[c].real + y * self.position_slopes[c].imag
+            )
 
     @cfunc
-    def along(self, to: doublecomplex, v: cython.int) -> double[::1]:
-        """Derivatives of a vector's part along a direction, from ``vectors``."""
+    def project_slopes(self, to: doublecomplex, v: cython.int) -> double[::1]:
+        """Fill ``row`` with the derivatives of a vector's component along a direction."""
         for c in range(WIDTH):
             self.row[c] = inner(to, self.vectors[v, c])
         return self.row
 
     @cfunc
-    def slopes_of(self, what: cython.int):
-        """Derivatives of a place into ``vectors[0]``: the body's, or those of its guides in the ground, and their pivots."""
+    def put_slopes_of(self, what: cython.int):
+        """Fill the derivatives of a point: 0 the body, 1 and 2 the ground points of the guides, 3 and 4 their pivots."""
         to = self.vectors[0]
         if what == 1 or what == 2:
-            (self.one if what == 1 else self.other).ground_slopes(to)
+            (self.first_guide if what == 1 else self.second_guide).ground_point_slopes(to)
         elif what == 3 or what == 4:
-            (self.one if what == 3 else self.other).pivot_slopes(to)
+            (self.first_guide if what == 3 else self.second_guide).pivot_slopes(to)
         else:
             for c in range(WIDTH):
                 to[c] = 0.0
             to[BY_X], to[BY_Y] = 1.0, vector(0.0, 1.0)
 
     @cfunc
-    def inside(self, place: doublecomplex, what: cython.int, box: double[::1], among: double):
-        """A place within a box."""
+    def inside_box(self, point: doublecomplex, what: cython.int, box: double[::1], among: double):
+        """Add the limits that keep a point inside a box."""
         for side in range(4):
-            value = depth(place, side, box[side])
-            if self.lacks(value, among, False):
-                self.slopes_of(what)
+            value = depth_inside(point, side, box[side])
+            if self.register_limit(value, among, False):
+                self.put_slopes_of(what)
                 to = vector(0.0, 1.0) if side % 2 else vector(1.0, 0.0)
-                self.hold(self.along(to, 0), 1.0 if side < 2 else -1.0, value, False)
+                self.put_limit_row(self.project_slopes(to, 0), 1.0 if side < 2 else -1.0, value, False)
 
     @cfunc
-    def outside(self, place: doublecomplex, what: cython.int, box: double[::1]):
-        """A place outside of a box: beyond the side that is nearest."""
+    def outside_box(self, point: doublecomplex, what: cython.int, box: double[::1]):
+        """Add the limit that keeps a point outside a box, beyond the nearest side."""
         nearest: cython.int = 0
         for side in range(1, 4):
-            if -depth(place, side, box[side]) > -depth(place, nearest, box[nearest]):
+            if -depth_inside(point, side, box[side]) > -depth_inside(point, nearest, box[nearest]):
                 nearest = side
-        value = -depth(place, nearest, box[nearest])
-        if self.lacks(value, 1.0, False):
-            self.slopes_of(what)
+        value = -depth_inside(point, nearest, box[nearest])
+        if self.register_limit(value, 1.0, False):
+            self.put_slopes_of(what)
             to = vector(0.0, 1.0) if nearest % 2 else vector(1.0, 0.0)
-            self.hold(self.along(to, 0), -1.0 if nearest < 2 else 1.0, value, False)
+            self.put_limit_row(self.project_slopes(to, 0), -1.0 if nearest < 2 else 1.0, value, False)
 
     @cfunc
-    def within(self, off: doublecomplex, what: cython.int, far: double, among: double):
-        """A place no farther than that from another."""
+    def within_distance(self, off: doublecomplex, what: cython.int, distance: double, among: double):
+        """Add the limit that keeps a point within a distance."""
         size = sqrt(inner(off, off))
-        if self.lacks(far - size, among, False):
-            self.slopes_of(what)
-            self.hold(self.along(times(1.0 / max(size, 1e-12), off), 0), -1.0, far - size, False)
+        if self.register_limit(distance - size, among, False):
+            self.put_slopes_of(what)
+            self.put_limit_row(
+                self.project_slopes(times(1.0 / max(size, 1e-12), off), 0), -1.0, distance - size, False
+            )
 
     @cfunc
-    def at_sample(self):
-        """The limits of a sample."""
-        many: double = self.number
-        least = max(sin(min(self.transmission + self.margin, 0.5 * PI - 1e-6)), ON_BRANCH)
-        value = self.branch * self.sine - least
-        if self.lacks(value, many, False):
+    def sample_limits(self):
+        """Add the limits of a sample."""
+        many: double = self.samples
+        sine_min = max(sin(min(self.transmission + self.margin, 0.5 * PI - 1e-6)), BRANCH_SINE_MIN)
+        value = self.branch * self.sine - sine_min
+        if self.register_limit(value, many, False):
             self.transmission_slopes(self.row, self.branch)
-            self.hold(self.row, 1.0, value, False)
-        if self.arm_min == self.arm_min and self.other.inverse and not self.hinge:
+            self.put_limit_row(self.row, 1.0, value, False)
+        if self.arm_min == self.arm_min and self.second_guide.is_slot and not self.is_hinge:
             size = sqrt(inner(self.gap, self.gap))
             value = self.branch * size * self.sine - self.arm_min
-            if self.lacks(value, many, False):
+            if self.register_limit(value, many, False):
                 self.transmission_slopes(self.row, self.branch * size)
                 self.gap_slopes()
                 for c in range(WIDTH):
                     across = inner(self.gap, self.vectors[0, c]) / max(size, 1e-12)
                     self.row[c] += self.branch * self.sine * across
-                self.hold(self.row, 1.0, value, False)
+                self.put_limit_row(self.row, 1.0, value, False)
         if self.envelope[0] == self.envelope[0]:
-            self.inside(self.position, 0, self.envelope, many)
-            self.inside(self.one.ground(), 1, self.envelope, many)
-            self.inside(self.other.ground(), 2, self.envelope, many)
-        self.guide_at_sample(self.one, many)
-        self.guide_at_sample(self.other, many)
+            self.inside_box(self.position, 0, self.envelope, many)
+            self.inside_box(self.first_guide.ground_point(), 1, self.envelope, many)
+            self.inside_box(self.second_guide.ground_point(), 2, self.envelope, many)
+        self.guide_limits(self.first_guide, many)
+        self.guide_limits(self.second_guide, many)
 
     @cfunc
-    def guide_at_sample(self, guide: Guide, many: double):
-        """The limits of one guide at a sample."""
-        if guide.straight and not guide.inverse:
-            if self.rail_boxes[guide.place, 0] == self.rail_boxes[guide.place, 0]:
-                self.inside(guide.ground(), 1 + guide.place, self.rail_boxes[guide.place], many)
-            if self.far == self.far:
-                self.within(guide.ground(), 1 + guide.place, self.far, many)
-        if guide.inverse and self.link_max == self.link_max:  # how far out the slot is used
-            size = sqrt(inner(guide.at, guide.at))
-            if self.lacks(self.link_max - size, many, False):
-                guide.own_slopes(self.vectors[0])
-                to = times(1.0 / max(size, 1e-12), guide.at)
-                self.hold(self.along(to, 0), -1.0, self.link_max - size, False)
+    def guide_limits(self, guide: Guide, many: double):
+        """Add the limits of one guide at a sample."""
+        if guide.is_straight and not guide.is_slot:
+            if self.rail_boxes[guide.index, 0] == self.rail_boxes[guide.index, 0]:
+                self.inside_box(guide.ground_point(), 1 + guide.index, self.rail_boxes[guide.index], many)
+            if self.rail_reach == self.rail_reach:
+                self.within_distance(guide.ground_point(), 1 + guide.index, self.rail_reach, many)
+        if guide.is_slot and self.link_max == self.link_max:  # used end of the slot
+            size = sqrt(inner(guide.local_point, guide.local_point))
+            if self.register_limit(self.link_max - size, many, False):
+                guide.local_slopes(self.vectors[0])
+                to = times(1.0 / max(size, 1e-12), guide.local_point)
+                self.put_limit_row(self.project_slopes(to, 0), -1.0, self.link_max - size, False)
 
     @cfunc
-    def keep(self, which: cython.int, i: Py_ssize_t, value: double):
-        """Keep what goes on from sample to sample: its value, and its derivatives in ``row`` at a pose."""
-        self.ways[which, i, VALUE] = value
-        if self.full:
-            self.chained(self.row)
+    def store_tracked(self, which: cython.int, i: Py_ssize_t, value: double):
+        """Store a quantity that is compared between samples, and its derivatives."""
+        self.tracked[which, i, VALUE] = value
+        if self.with_rows:
+            self.chain_pose_slopes(self.row)
             for c in range(self.size):
-                self.ways[which, i, c] = self.row[c]
+                self.tracked[which, i, c] = self.row[c]
 
     @cfunc
-    def follow(self, i: Py_ssize_t):
-        """Keep drive, strokes and a cylinder's length of a sample, as far as limits concern them."""
-        if self.full and self.ordered:
+    def track_drive(self, i: Py_ssize_t):
+        """Store the drive, the strokes and the length of a cylinder at a sample."""
+        if self.with_rows and self.ordered:
             for c in range(WIDTH):
-                self.row[c] = self.by_drive[c]
-        self.keep(0, i, self.drive)
+                self.row[c] = self.drive_row[c]
+        self.store_tracked(0, i, self.drive)
         if self.stroke_max == self.stroke_max:
-            self.keep_travel(1, i, self.one)
-            self.keep_travel(2, i, self.other)
-        if self.one.inverse and not self.hinge:
-            self.keep_travel(3, i, self.one)
+            self.track_travel(1, i, self.first_guide)
+            self.track_travel(2, i, self.second_guide)
+        if self.first_guide.is_slot and not self.is_hinge:
+            self.track_travel(3, i, self.first_guide)
 
     @cfunc
-    def keep_travel(self, which: cython.int, i: Py_ssize_t, guide: Guide):
-        """Keep the way along a straight guide."""
-        if not guide.straight:
+    def track_travel(self, which: cython.int, i: Py_ssize_t, guide: Guide):
+        """Store the travel along a straight guide."""
+        if not guide.is_straight:
             return
-        if self.full:
+        if self.with_rows:
             for c in range(WIDTH):
                 self.row[c] = 0.0
             guide.travel_slopes(self.row)
-        self.keep(which, i, guide.travel())
+        self.store_tracked(which, i, guide.travel())
 
     @cfunc
-    def between(self, which: cython.int, i: Py_ssize_t, j: Py_ssize_t, sign: double, value: double):
-        """The row of a limit of what was kept of one sample, less that of another."""
+    def put_difference_row(self, which: cython.int, i: Py_ssize_t, j: Py_ssize_t, sign: double, value: double):
+        """Append the row of a limit on the difference of a tracked quantity between two samples."""
         for c in range(self.size):
-            self.row[c] = self.ways[which, i, c] - self.ways[which, j, c]
+            self.row[c] = self.tracked[which, i, c] - self.tracked[which, j, c]
         scale = sqrt(self.weight)
-        self.put(self.row, sign * scale, scale * (value - MARGIN))
+        self.put_row(self.row, sign * scale, scale * (value - MARGIN))
 
     @cfunc
-    def over_samples(self):
-        """The limits of all samples together: their order, the span of the drive, strokes, a cylinder's length."""
-        last, way = self.number - 1, self.ways
-        self.gone = 0.0
-        worst = self.worst  # the order itself is looked at with the whole motion
+    def motion_limits(self):
+        """Add the limits that involve several samples: their order, the span of the drive and the strokes."""
+        last, tracked = self.samples - 1, self.tracked
+        self.drive_travel = 0.0
+        worst = self.worst  # the order is checked with the whole motion elsewhere
         for i in range(last):
-            gone: double = way[0, i + 1, VALUE] - way[0, i, VALUE]
-            if not self.slides:
+            gone: double = tracked[0, i + 1, VALUE] - tracked[0, i, VALUE]
+            if not self.is_slider:
                 gone -= TURN * rint(gone / TURN)
-            self.gone += gone
+            self.drive_travel += gone
             if self.ordered:
-                value = self.way * gone - APART
-                if self.lacks(value, 1.0 * last, False):
-                    self.between(0, i + 1, i, self.way, value)
+                value = self.direction * gone - DRIVE_STEP_MIN
+                if self.register_limit(value, 1.0 * last, False):
+                    self.put_difference_row(0, i + 1, i, self.direction, value)
         self.worst = worst
-        if self.ordered and not self.slides:
-            value = self.span_max - self.way * self.gone
-            if self.lacks(value, 1.0, False):
-                self.between(0, last, 0, -self.way, value)
+        if self.ordered and not self.is_slider:
+            value = self.span_max - self.direction * self.drive_travel
+            if self.register_limit(value, 1.0, False):
+                self.put_difference_row(0, last, 0, -self.direction, value)
         if self.stroke_max == self.stroke_max:
             for k in range(1, 3):
-                if (self.one if k == 1 else self.other).straight:
+                if (self.first_guide if k == 1 else self.second_guide).is_straight:
                     low: Py_ssize_t = 0
                     high: Py_ssize_t = 0
-                    for i in range(1, self.number):
-                        if way[k, i, VALUE] < way[k, low, VALUE]:
+                    for i in range(1, self.samples):
+                        if tracked[k, i, VALUE] < tracked[k, low, VALUE]:
                             low = i
-                        if way[k, i, VALUE] > way[k, high, VALUE]:
+                        if tracked[k, i, VALUE] > tracked[k, high, VALUE]:
                             high = i
-                    value = self.stroke_max - (way[k, high, VALUE] - way[k, low, VALUE])
-                    if self.lacks(value, 1.0, False):
-                        self.between(k, high, low, -1.0, value)
+                    value = self.stroke_max - (tracked[k, high, VALUE] - tracked[k, low, VALUE])
+                    if self.register_limit(value, 1.0, False):
+                        self.put_difference_row(k, high, low, -1.0, value)
 
     @cfunc
-    def reference(self) -> double:
-        """Where a cylinder's length is measured from, along its slot; derivatives into ``second``.
+    def cylinder_reference(self) -> double:
+        """Return the reference from which a cylinder's length is measured along its slot; fill its derivatives.
 
-        That is the foot of the other guide's body point, or where two slots of the body meet.
+        The reference is the foot of the other guide's body point, or the intersection of two slots of the body.
         """
-        one, other, out = self.one, self.other, self.second
+        first_guide, second_guide, out = self.first_guide, self.second_guide, self.second_row
         for c in range(WIDTH):
             out[c] = 0.0
-        if not other.inverse:
-            away = other.point - one.origin
-            out[OF_GUIDE], out[OF_GUIDE + 1] = -one.inward.imag, one.inward.real
-            out[2] = -inner(one.inward, away)
-            return cross(one.inward, away)
-        along = vector(-one.inward.imag, one.inward.real)
-        gap = other.origin + times(other.offset, other.inward) - one.origin - times(one.offset, one.inward)
-        below = inner(other.inward, along)
+        if not second_guide.is_slot:
+            away = second_guide.point - first_guide.origin
+            out[GUIDE_UNKNOWNS], out[GUIDE_UNKNOWNS + 1] = (
+                -first_guide.inward_normal.imag,
+                first_guide.inward_normal.real,
+            )
+            out[2] = -inner(first_guide.inward_normal, away)
+            return cross(first_guide.inward_normal, away)
+        along = vector(-first_guide.inward_normal.imag, first_guide.inward_normal.real)
+        gap = (
+            second_guide.origin
+            + times(second_guide.offset, second_guide.inward_normal)
+            - first_guide.origin
+            - times(first_guide.offset, first_guide.inward_normal)
+        )
+        below = inner(second_guide.inward_normal, along)
         if not fabs(below) > 1e-12:
             below = 1e-12
-        value = inner(other.inward, gap) / below
-        facing = inner(other.inward, one.inward)
-        out[2] = (value * facing - one.offset * below) / below
+        value = inner(second_guide.inward_normal, gap) / below
+        facing = inner(second_guide.inward_normal, first_guide.inward_normal)
+        out[2] = (value * facing - first_guide.offset * below) / below
         out[3] = -facing / below
-        out[OF_GUIDE + 2] = cross(other.inward, gap - times(value, along)) / below
-        out[OF_GUIDE + 3] = 1.0 / below
+        out[GUIDE_UNKNOWNS + 2] = cross(second_guide.inward_normal, gap - times(value, along)) / below
+        out[GUIDE_UNKNOWNS + 3] = 1.0 / below
         return value
 
     @cfunc
-    def cylinder(self):
-        """The limits of a cylinder's length at all samples, without its sign; ``extension`` is the mean, with it."""
-        if not (self.one.inverse and not self.hinge):
+    def cylinder_limits(self):
+        """Add the limits of a cylinder's length at all samples; ``extension`` receives the signed mean."""
+        if not (self.first_guide.is_slot and not self.is_hinge):
             return
-        start: double = self.reference()
+        start: double = self.cylinder_reference()
         total: double = 0.0
-        for i in range(self.number):
-            total += self.ways[3, i, VALUE] - start
-        self.extension = total / self.number
+        for i in range(self.samples):
+            total += self.tracked[3, i, VALUE] - start
+        self.extension = total / self.samples
         sign = copysign(1.0, total)
-        for i in range(self.number):
-            length = sign * (self.ways[3, i, VALUE] - start)
+        for i in range(self.samples):
+            length = sign * (self.tracked[3, i, VALUE] - start)
             for k in range(2):
                 side = sign if k == 0 else -sign
-                value = length - self.dead if k == 0 else self.extended - length
-                if value == value and self.lacks(value, 1.0 * self.number, False):
+                value = length - self.cylinder_dead_length if k == 0 else self.cylinder_extended_max - length
+                if value == value and self.register_limit(value, 1.0 * self.samples, False):
                     for c in range(self.size):
-                        self.row[c] = self.ways[3, i, c] - self.second[c]
+                        self.row[c] = self.tracked[3, i, c] - self.second_row[c]
                     scale = sqrt(self.weight)
-                    self.put(self.row, side * scale, scale * (value - MARGIN))
+                    self.put_row(self.row, side * scale, scale * (value - MARGIN))
 
     @cfunc
-    def distance_of(self, which: cython.int, gap: doublecomplex):
-        """A link from the vector along it, whose derivatives are in ``vectors[0]``."""
+    def measure_distance(self, which: cython.int, gap: doublecomplex):
+        """Store the length of a link and its derivatives from the vector along the link."""
         size = sqrt(inner(gap, gap))
         for c in range(WIDTH):
             self.lengths[which, c] = inner(gap, self.vectors[0, c]) / max(size, 1e-12)
         self.lengths[which, WIDTH] = size
 
     @cfunc
-    def measure(self):
-        """The links: both cranks, the distance of two points of the body or of two pins of the ground, that of two pivots."""
-        one, other = self.one, self.other
+    def measure_links(self):
+        """Measure both cranks, the coupler (or the distance of two pins), and the distance of two pivots."""
+        first_guide, second_guide = self.first_guide, self.second_guide
         for k in range(2):
-            guide = one if k == 0 else other
-            self.has[k] = not guide.straight
+            guide = first_guide if k == 0 else second_guide
+            self.has_length[k] = not guide.is_straight
             for c in range(WIDTH + 1):
                 self.lengths[k, c] = 0.0
-            if not guide.straight:
+            if not guide.is_straight:
                 bent = guide.curvature
-                self.lengths[k, OF_GUIDE * k + 4] = -copysign(guide.unit / (bent * bent), bent)
+                self.lengths[k, GUIDE_UNKNOWNS * k + 4] = -copysign(guide.unit / (bent * bent), bent)
                 self.lengths[k, WIDTH] = 1.0 / fabs(bent)
-        self.has[2] = one.inverse == other.inverse
-        if self.has[2]:
+        self.has_length[2] = first_guide.is_slot == second_guide.is_slot
+        if self.has_length[2]:
             for k in range(2):
                 for c in range(WIDTH):
                     self.vectors[k, c] = 0.0
-            other.by_point(self.vectors[0], vector(1.0, 0.0))
-            one.by_point(self.vectors[0], vector(-1.0, 0.0))
-            self.distance_of(2, other.point - one.point)
-        pinned: bint = (one.inverse or not one.straight) and (other.inverse or not other.straight)
-        self.has[3] = pinned and not (one.inverse and other.inverse)
-        if self.has[3]:
-            other.pivot_slopes(self.vectors[0])
-            one.pivot_slopes(self.vectors[1])
+            second_guide.put_point_slopes(self.vectors[0], vector(1.0, 0.0))
+            first_guide.put_point_slopes(self.vectors[0], vector(-1.0, 0.0))
+            self.measure_distance(2, second_guide.point - first_guide.point)
+        pinned: bint = (first_guide.is_slot or not first_guide.is_straight) and (
+            second_guide.is_slot or not second_guide.is_straight
+        )
+        self.has_length[3] = pinned and not (first_guide.is_slot and second_guide.is_slot)
+        if self.has_length[3]:
+            second_guide.pivot_slopes(self.vectors[0])
+            first_guide.pivot_slopes(self.vectors[1])
             for c in range(WIDTH):
                 self.vectors[0, c] = self.vectors[0, c] - self.vectors[1, c]
-            self.distance_of(3, other.pivot() - one.pivot())
+            self.measure_distance(3, second_guide.pivot() - first_guide.pivot())
 
     @cfunc
-    def length(self, which: cython.int, sign: double, value: double, equal: bint):
-        """A limit of one link."""
-        if self.lacks(value, 1.0, equal):
+    def length_limit(self, which: cython.int, sign: double, value: double, equal: bint):
+        """Add a limit on one link."""
+        if self.register_limit(value, 1.0, equal):
             for c in range(WIDTH):
                 self.row[c] = self.lengths[which, c]
-            self.hold(self.row, sign, value, equal)
+            self.put_limit_row(self.row, sign, value, equal)
 
     @cfunc
-    def over_links(self):
-        """The limits of links."""
-        self.measure()
+    def link_limits(self):
+        """Add the limits on links."""
+        self.measure_links()
         for k in range(4):
-            if not self.has[k]:
+            if not self.has_length[k]:
                 continue
             value = self.lengths[k, WIDTH]
             if self.link_max == self.link_max:
-                self.length(k, -1.0, self.link_max - value, False)
+                self.length_limit(k, -1.0, self.link_max - value, False)
             if self.link_min == self.link_min:
-                self.length(k, 1.0, value - self.link_min, False)
-            wanted = self.crank if k < 2 else self.ground if k == 3 or self.one.inverse else self.coupler
-            if wanted == wanted:
-                self.length(k, 1.0, value - wanted, True)
+                self.length_limit(k, 1.0, value - self.link_min, False)
+            target = self.crank if k < 2 else self.ground if k == 3 or self.first_guide.is_slot else self.coupler
+            if target == target:
+                self.length_limit(k, 1.0, value - target, True)
         if self.link_ratio == self.link_ratio:
             for j in range(2):
                 for k in range(2, 4):
-                    if self.has[j] and self.has[k]:
-                        self.ratio(j, k)
-                        self.ratio(k, j)
+                    if self.has_length[j] and self.has_length[k]:
+                        self.ratio_limit(j, k)
+                        self.ratio_limit(k, j)
 
     @cfunc
-    def ratio(self, j: cython.int, k: cython.int):
-        """One link no shorter than another's part."""
+    def ratio_limit(self, j: cython.int, k: cython.int):
+        """Add the limit on the ratio of two links."""
         value = self.lengths[j, WIDTH] - self.lengths[k, WIDTH] / self.link_ratio
-        if self.lacks(value, 1.0, False):
+        if self.register_limit(value, 1.0, False):
             for c in range(WIDTH):
                 self.row[c] = self.lengths[j, c] - self.lengths[k, c] / self.link_ratio
-            self.hold(self.row, 1.0, value, False)
+            self.put_limit_row(self.row, 1.0, value, False)
 
     @cfunc
-    def over_places(self, guide: Guide):
-        """The limits of the point of a guide, and of its fixed pivot or pin."""
-        k = guide.place
-        if not guide.inverse:
+    def point_limits(self, guide: Guide):
+        """Add the limits on the body point of a guide and on its pivot or pin."""
+        k = guide.index
+        if not guide.is_slot:
             size = sqrt(inner(guide.point, guide.point))
             for j in range(2):
-                far = self.link_max if j == 0 else self.coupler_radius if k == 0 else NAN
-                if far == far and self.lacks(far - size, 1.0, False):
+                distance = self.link_max if j == 0 else self.coupler_radius if k == 0 else NAN
+                if distance == distance and self.register_limit(distance - size, 1.0, False):
                     for c in range(WIDTH):
                         self.vectors[0, c] = 0.0
-                    guide.by_point(self.vectors[0], vector(1.0, 0.0))
+                    guide.put_point_slopes(self.vectors[0], vector(1.0, 0.0))
                     to = times(1.0 / max(size, 1e-12), guide.point)
-                    self.hold(self.along(to, 0), -1.0, far - size, False)
-        if guide.straight and not guide.inverse:
+                    self.put_limit_row(self.project_slopes(to, 0), -1.0, distance - size, False)
+        if guide.is_straight and not guide.is_slot:
             return
-        place = guide.pivot()
+        point = guide.pivot()
         if self.pivots[k, 0] == self.pivots[k, 0]:
             for side in range(2):
-                value = (place.imag if side else place.real) - self.pivots[k, side]
-                if self.lacks(value, 1.0, True):
-                    self.slopes_of(3 + k)
-                    self.hold(self.along(vector(0.0, 1.0) if side else vector(1.0, 0.0), 0), 1.0, value, True)
+                value = (point.imag if side else point.real) - self.pivots[k, side]
+                if self.register_limit(value, 1.0, True):
+                    self.put_slopes_of(3 + k)
+                    self.put_limit_row(
+                        self.project_slopes(vector(0.0, 1.0) if side else vector(1.0, 0.0), 0), 1.0, value, True
+                    )
             return
         if self.pivot_boxes[k, 0] == self.pivot_boxes[k, 0]:
-            self.inside(place, 3 + k, self.pivot_boxes[k], 1.0)
+            self.inside_box(point, 3 + k, self.pivot_boxes[k], 1.0)
         if self.reaches[k] == self.reaches[k]:
-            self.within(place - self.middle, 3 + k, self.reaches[k], 1.0)
+            self.within_distance(point - self.middle, 3 + k, self.reaches[k], 1.0)
         for box in range(self.keep_out.shape[0]):
-            self.outside(place, 3 + k, self.keep_out[box])
+            self.outside_box(point, 3 + k, self.keep_out[box])
 
-    # -- a candidate -------------------------------------------------------------------------------------------------
+    # -- candidate -------------------------------------------------------------------------------------------------
 
     @cfunc
     def evaluate(self, full: bint, bounded: bint) -> bint:
-        """Cost and limits of the candidate taken; ``full``: with the triangle of its rows. Whether they are numbers."""
-        self.full = full
-        self.cost, self.worst, self.merit, self.excess, self.sines = 0.0, 0.0, 0.0, 0.0, 0.0
-        self.filled, self.extension = 0, 0.0
-        self.kept, self.closed = True, True
-        for i in range(self.number):
-            if self.driven:
-                self.lead(i, self.sweeps)
+        """Compute cost and limits, with ``full`` also the triangular factor. Return whether all values are finite."""
+        self.with_rows = full
+        self.cost, self.worst, self.merit, self.violation_squares, self.sine_sum = 0.0, 0.0, 0.0, 0.0, 0.0
+        self.filled_rows, self.extension = 0, 0.0
+        self.is_valid, self.closed = True, True
+        for i in range(self.samples):
+            if self.has_timing:
+                self.solve_driven_pose(i, self.sweeps)
             else:
-                self.correct(i, self.sweeps)
-                self.drive_slopes()
-            self.transmit()
-            self.sines += self.sine
-            self.own_rows(i)
+                self.project_pose(i, self.sweeps)
+                self.update_drive()
+            self.update_transmission()
+            self.sine_sum += self.sine
+            self.fill_sample_rows(i)
             if bounded:
-                self.at_sample()
-            self.follow(i)
-            self.poses[i, 0], self.poses[i, 1], self.poses[i, 2] = self.angle, self.position.real, self.position.imag
-        self.over_samples()
-        self.cylinder()
+                self.sample_limits()
+            self.track_drive(i)
+            self.poses[i, 0], self.poses[i, 1], self.poses[i, 2] = (
+                self.rotation,
+                self.position.real,
+                self.position.imag,
+            )
+        self.motion_limits()
+        self.cylinder_limits()
         if bounded:
-            self.over_links()
-            self.over_places(self.one)
-            self.over_places(self.other)
+            self.link_limits()
+            self.point_limits(self.first_guide)
+            self.point_limits(self.second_guide)
         if full:
-            self.triangle(self.m, self.filled)
+            self.triangularise(self.rows, self.filled_rows)
             for c in range(self.size + 1):
-                for j in range(self.filled, self.size + 1):
-                    self.m[c, j] = 0.0
-        return isfinite(self.cost) and (self.kept or not bounded)
+                for j in range(self.filled_rows, self.size + 1):
+                    self.rows[c, j] = 0.0
+        return isfinite(self.cost) and (self.is_valid or not bounded)
 
-    def look(self, unknowns: double[:, ::1], labels: double[:, ::1], sweeps: cython.int, bounded: bint):
-        """Candidates as they are.
+    def evaluate_candidates(
+        self, unknowns: double[:, ::1], labels: double[:, ::1], sweeps: cython.int, bounded: bint
+    ):
+        """Evaluate candidates without moving them.
 
         Returns
         -------
         table : ndarray, shape (n, 8)
-            Cost, whether all poses close, the most by which a limit is broken (order apart), the mean square of what is (no more
-            than 1 each) summed over the limits, the sum of squares, the sum of the transmission angle's sines, the way that the
-            drive goes from first to last, and a cylinder's mean length with its sign; infinite cost where it does not close.
+            Cost (infinite if a limit has no value), whether all poses close, largest violation (without the order), sum over
+            the limits of their mean squared violations (at most 1 each), sum of squared violations, sum of the sines of the
+            transmission angles, travel of the drive from first to last sample, and signed mean length of a cylinder.
         poses : ndarray, shape (n, N, 3)
         drive : ndarray, shape (n, N)
         """
         count = unknowns.shape[0]
-        table, poses, drive = np.zeros((count, 8)), np.zeros((count, self.number, 3)), np.zeros((count, self.number))
+        table, poses, drive = (
+            np.zeros((count, 8)),
+            np.zeros((count, self.samples, 3)),
+            np.zeros((count, self.samples)),
+        )
         to: double[:, ::1] = table
-        places: double[:, :, ::1] = poses
+        pose_values: double[:, :, ::1] = poses
         drives: double[:, ::1] = drive
         self.sweeps, self.weight = sweeps, 0.0
         for n in range(count):
-            self.take(unknowns[n], labels[n])
+            self.load(unknowns[n], labels[n])
             good: bint = self.evaluate(False, bounded)
             to[n, 0] = self.cost if good else INFINITE
-            to[n, 1], to[n, 2], to[n, 3], to[n, 4] = self.closed, self.worst, self.merit, self.excess
-            to[n, 5], to[n, 6], to[n, 7] = self.sines, self.gone, self.extension
-            for i in range(self.number):
-                drives[n, i] = self.ways[0, i, VALUE]
+            to[n, 1], to[n, 2], to[n, 3], to[n, 4] = self.closed, self.worst, self.merit, self.violation_squares
+            to[n, 5], to[n, 6], to[n, 7] = self.sine_sum, self.drive_travel, self.extension
+            for i in range(self.samples):
+                drives[n, i] = self.tracked[0, i, VALUE]
                 for k in range(3):
-                    places[n, i, k] = self.poses[i, k]
+                    pose_values[n, i, k] = self.poses[i, k]
         return table, poses, drive
 
     def gradient(self, unknowns: double[::1], labels: double[::1], weight: double, sweeps: cython.int):
-        """The derivatives of a candidate's cost."""
+        """Return the gradient of a candidate's cost."""
         self.weight, self.sweeps = weight, sweeps
-        self.take(unknowns, labels)
+        self.load(unknowns, labels)
         self.evaluate(True, weight > 0.0)
-        table = np.asarray(self.m)[: self.size + 1, : self.size + 1]
+        table = np.asarray(self.rows)[: self.size + 1, : self.size + 1]
         return 2.0 * (table[: self.size] @ table[self.size])
 
     # -- descents ----------------------------------------------------------------------------------------------------
 
-    def begin(self, unknowns, labels, iterations, damping, stall, weight, sweeps):
-        """Take candidates (n, 10 or 11), which move, and their labels; returns their costs, which follow.
+    def set_candidates(self, unknowns, labels, iterations, damping, stall, weight, sweeps):
+        """Set the candidates, which the run moves. Return the array of their costs.
 
-        ``weight``: of broken limits; 0 where none counts. Otherwise as of `least_squares.minimise`.
+        Parameters
+        ----------
+        unknowns : ndarray, shape (n, 10 or 11)
+        labels : ndarray, shape (n, 15)
+        iterations, damping, stall
+            See `least_squares.minimise`.
+        weight : float
+            Weight of violated limits; 0 ignores them.
+        sweeps : int
+            Newton sweeps to a pose.
         """
         costs = np.full(len(unknowns), np.inf)
         self.unknowns, self.labels, self.costs = unknowns, labels, costs
         self.iterations, self.first_damping, self.stall = iterations, damping, stall
         self.weight, self.sweeps = weight, sweeps
-        self.candidate, self.begun = 0, False
+        self.candidate, self.started = 0, False
         return costs
 
-    def run(self, most: Py_ssize_t):
-        """Go on for so many steps; True once all candidates came to their end."""
+    def run(self, max_steps: Py_ssize_t):
+        """Continue for a number of steps. Return True once all candidates have terminated."""
         while self.candidate < self.costs.shape[0]:
-            if most <= 0:
+            if max_steps <= 0:
                 return False
-            most -= 1
-            if self.begun:
+            max_steps -= 1
+            if self.started:
                 ended: bint = self.iteration >= self.iterations or self.advance()
             else:
-                ended = not self.start_out()
+                ended = not self.start_candidate()
             self.iteration += 1
             if ended:
                 self.candidate += 1
-                self.begun = False
+                self.started = False
         return True
 
     @cfunc
-    def start_out(self) -> bint:
-        """Begin with the next candidate; False where it does not close."""
+    def start_candidate(self) -> bint:
+        """Begin with the next candidate. Return False if it does not close."""
         n = self.candidate
-        self.take(self.unknowns[n], self.labels[n])
+        self.load(self.unknowns[n], self.labels[n])
         if not self.evaluate(True, self.weight > 0.0):
             return False
-        self.stay()
+        self.accept_current()
         self.iteration = -1
-        self.damping, self.growth, self.begun = self.first_damping, 2.0, True
+        self.damping, self.growth, self.started = self.first_damping, 2.0, True
         return True
 
     @cfunc
-    def stay(self):
-        """Where it was evaluated last is where the candidate stands."""
+    def accept_current(self):
+        """Make the last evaluation the current position of the candidate."""
         self.costs[self.candidate] = self.cost
         for c in range(self.size + 1):
             for j in range(self.size + 1):
-                self.stand[c, j] = self.m[c, j]
+                self.current_rows[c, j] = self.rows[c, j]
 
     @cfunc
     def advance(self) -> bint:
-        """One step of the candidate; whether it was its last."""
+        """Take one step of the candidate. Return whether it has terminated."""
         n, before = self.candidate, self.costs[self.candidate]
-        predicted = self.solve()
+        predicted = self.compute_step()
         for k in range(self.size):
             self.trial[k] = self.unknowns[n, k] + self.step[k]
-        self.take(self.trial, self.labels[n])
+        self.load(self.trial, self.labels[n])
         good: bint = self.evaluate(True, self.weight > 0.0)
         decrease = before - self.cost
         if not (good and decrease > 0.0):
             self.damping *= self.growth
             self.growth *= 2.0
-            return before < EXACT or self.damping > STUCK
+            return before < ROUNDING_COST or self.damping > DAMPING_MAX
         for k in range(self.size):
             self.unknowns[n, k] = self.trial[k]
-        self.stay()
+        self.accept_current()
         gain = 2.0 * min(decrease / max(predicted, TINY), 1.0) - 1.0
-        self.damping = max(self.damping * max(FALL, 1.0 - gain * gain * gain), UNDAMPED)
+        self.damping = max(self.damping * max(DAMPING_DECREASE_MAX, 1.0 - gain * gain * gain), DAMPING_MIN)
         self.growth = 2.0
-        return decrease < self.stall * before or before < EXACT
+        return decrease < self.stall * before or before < ROUNDING_COST
 
     @cfunc
-    def solve(self) -> double:
-        """The damped step; returns by how much a linear model's cost falls."""
-        size, upper, step = self.size, self.upper, self.step
+    def compute_step(self) -> double:
+        """Compute the damped step. Return the predicted decrease of the cost."""
+        size, upper, step = self.size, self.damped_rows, self.step
         for c in range(size + 1):
             square: double = 0.0
             for j in range(2 * size + 1):
-                upper[c, j] = self.stand[c, j] if j <= size else 0.0
+                upper[c, j] = self.current_rows[c, j] if j <= size else 0.0
                 square += upper[c, j] * upper[c, j]
             if c < size:
                 self.ridge[c] = self.damping * max(square, 1e-24)
                 upper[c, size + 1 + c] = sqrt(self.ridge[c])
-        self.triangle(upper, 2 * size + 1)
+        self.triangularise(upper, 2 * size + 1)
         right, longest = 0.0, 0.0
         for c in range(size - 1, -1, -1):
             value: double = upper[size, c]
@@ -1160,7 +1235,7 @@ class PairDescent:
                 value -= upper[k, c] * step[k]
             step[c] = value / upper[c, c]
             longest = max(longest, fabs(step[c]))
-        part = min(1.0, LONGEST_PAIR / max(longest, TINY))
+        part = min(1.0, STEP_MAX / max(longest, TINY))
         # |r|^2 - |r + J s|^2 with J' r = R' right: a sum of positive terms
         fall = part * (2.0 - part) * right
         for c in range(size):

@@ -20,10 +20,10 @@ cdef inline double cross(double complex a, double complex b) noexcept:
     return a.real * b.imag - a.imag * b.real
 
 
-cdef inline double inside(double value, double bound) noexcept:
+cdef inline double clip(double value, double bound) noexcept:
     return min(max(value, -bound), bound)
 
 
-cdef inline double depth(double complex point, int side, double edge) noexcept:
+cdef inline double depth_inside(double complex point, int side, double edge) noexcept:
     cdef double value = (point.imag if side % 2 else point.real) - edge
     return value if side < 2 else -value

@@ -21,12 +21,12 @@ def cross(a, b):
     return a.real * b.imag - a.imag * b.real
 
 
-def inside(value, bound):
+def clip(value, bound):
     """Clip a value to the interval from -bound to bound."""
     return min(max(value, -bound), bound)
 
 
-def depth(point, side, edge):
-    """Return how far a point lies inside one side of a box: 0 left, 1 lower, 2 right, 3 upper."""
+def depth_inside(point, side, edge):
+    """Return the distance of a point from a side of a box, positive inside: 0 left, 1 lower, 2 right, 3 upper."""
     value = (point.imag if side % 2 else point.real) - edge
     return value if side < 2 else -value

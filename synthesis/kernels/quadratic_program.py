@@ -6,18 +6,18 @@ from cython import Py_ssize_t, cclass, cfunc, declare, double, final
 from cython.cimports.libc.math import fabs, sqrt
 
 INFINITE = declare(double, float("inf"))
-TINY = declare(double, 1e-300)  # keeps a divisor from zero
-ITERATIONS = declare(cython.int, 30)  # of a quadratic program at most
-SHARE = declare(double, 0.995)  # of the way to the nearest constraint that a step of it takes
-ROUNDING = declare(double, 1e-16)  # pivot of its scaled system that is rounding
+TINY = declare(double, 1e-300)  # keeps divisors away from zero
+MAX_ITERATIONS = declare(cython.int, 30)
+SHARE = declare(double, 0.995)  # fraction of the distance to the nearest constraint that a step covers
+PIVOT_MIN = declare(double, 1e-16)  # pivot of the scaled system at the level of rounding
 
 
 @final
 @cclass
 class QuadraticProgram:
-    """Programs min z'Hz/2 + g'z over Az + b >= 0 of one size: Mehrotra's predictor-corrector from a point inside.
+    """Solver of min z'Hz/2 + g'z subject to Az + b >= 0 for one size, from a feasible interior point.
 
-    Nocedal and Wright, Numerical Optimization, algorithm 16.4.
+    Mehrotra's predictor-corrector method: Nocedal and Wright, Numerical Optimization, algorithm 16.4.
     """
 
     rows: Py_ssize_t
@@ -26,18 +26,18 @@ class QuadraticProgram:
     dual: double[::1]
     slack: double[::1]
     weight: double[::1]
-    along: double[::1]  # change of the slack,
-    change: double[::1]  # and of the multipliers
-    triangle: double[:, ::1]  # of the scaled system, lower
+    slack_change: double[::1]
+    dual_change: double[::1]
+    factor: double[:, ::1]  # lower Cholesky factor of the scaled system
     scaling: double[::1]
-    rest: double[::1]  # of the gradient of the Lagrangian
+    residual: double[::1]  # gradient of the Lagrangian
     step: double[::1]
 
     def __init__(self, rows: Py_ssize_t, size: Py_ssize_t):
         self.rows, self.size = rows, size
-        self.slack, self.weight, self.along, self.change = np.empty((4, rows))
-        self.triangle = np.empty((size, size))
-        self.scaling, self.rest, self.step = np.empty((3, size))
+        self.slack, self.weight, self.slack_change, self.dual_change = np.empty((4, rows))
+        self.factor = np.empty((size, size))
+        self.scaling, self.residual, self.step = np.empty((3, size))
 
     def minimise(
         self,
@@ -49,7 +49,7 @@ class QuadraticProgram:
         z: double[::1],
         dual: double[::1],
     ):
-        """Lead ``z`` from inside to the minimum, up to a sum of multipliers times slacks of ``accuracy``; fill ``dual``."""
+        """Move ``z`` to the minimum until the sum of multipliers times slacks is at most ``accuracy``; fill ``dual``."""
         self.matrix, self.dual = matrix, dual
         scale: double = 1.0
         for j in range(self.size):
@@ -60,40 +60,40 @@ class QuadraticProgram:
                 value += matrix[i, j] * z[j]
             self.slack[i] = value
             dual[i] = min(0.1 * scale / max(value, 1e-12), 1e6)
-        for _ in range(ITERATIONS):
+        for _ in range(MAX_ITERATIONS):
             worst = 0.0
             for j in range(self.size):
-                self.rest[j] = gradient[j]
+                self.residual[j] = gradient[j]
                 for k in range(self.size):
-                    self.rest[j] += hessian[j, k] * z[k]
+                    self.residual[j] += hessian[j, k] * z[k]
             gap = 0.0
             for i in range(self.rows):
                 gap += self.slack[i] * dual[i]
                 for j in range(self.size):
-                    self.rest[j] -= matrix[i, j] * dual[i]
+                    self.residual[j] -= matrix[i, j] * dual[i]
             for j in range(self.size):
-                worst = max(worst, fabs(self.rest[j]))
+                worst = max(worst, fabs(self.residual[j]))
             if gap <= accuracy and worst <= 1e-6 * scale:
                 return
             self.factorise(hessian)
-            self.solve(0.0, 0.0)
-            part, dual_part = longest(self.slack, self.along), longest(dual, self.change)
+            self.compute_step(0.0, 0.0)
+            part, dual_part = longest(self.slack, self.slack_change), longest(dual, self.dual_change)
             ahead = 0.0
             for i in range(self.rows):
-                ahead += (self.slack[i] + part * self.along[i]) * (dual[i] + dual_part * self.change[i])
+                ahead += (self.slack[i] + part * self.slack_change[i]) * (dual[i] + dual_part * self.dual_change[i])
             centring = min(max(ahead / max(gap, TINY), 0.0), 1.0)
-            self.solve(gap / self.rows * centring * centring * centring, 1.0)
-            part, dual_part = SHARE * longest(self.slack, self.along), SHARE * longest(dual, self.change)
+            self.compute_step(gap / self.rows * centring * centring * centring, 1.0)
+            part, dual_part = SHARE * longest(self.slack, self.slack_change), SHARE * longest(dual, self.dual_change)
             for j in range(self.size):
                 z[j] += part * self.step[j]
             for i in range(self.rows):
-                self.slack[i] += part * self.along[i]
-                dual[i] += dual_part * self.change[i]
+                self.slack[i] += part * self.slack_change[i]
+                dual[i] += dual_part * self.dual_change[i]
 
     @cfunc
     def factorise(self, hessian: double[:, ::1]):
-        """Cholesky's triangle of H + A'WA, scaled to a diagonal of ones; what nothing holds stays where it is."""
-        size, triangle, matrix = self.size, self.triangle, self.matrix
+        """Compute the Cholesky factor of H + A'WA, scaled to a unit diagonal; undetermined directions do not move."""
+        size, triangle, matrix = self.size, self.factor, self.matrix
         for j in range(size):
             for k in range(j + 1):
                 triangle[j, k] = hessian[j, k]
@@ -113,19 +113,19 @@ class QuadraticProgram:
                 if k < j:
                     triangle[j, k] = value / triangle[k, k]
                 else:
-                    triangle[j, j] = sqrt(value) if value > ROUNDING else INFINITE
+                    triangle[j, j] = sqrt(value) if value > PIVOT_MIN else INFINITE
 
     @cfunc
-    def solve(self, centre: double, second: double):
-        """Steps towards complementarity ``centre``, less ``second`` times the product that the steps before have missed."""
-        size, matrix, step, triangle = self.size, self.matrix, self.step, self.triangle
+    def compute_step(self, centre: double, second: double):
+        """Compute the step towards complementarity ``centre``, minus ``second`` times the predictor's second-order term."""
+        size, matrix, step, triangle = self.size, self.matrix, self.step, self.factor
         for j in range(size):
-            step[j] = -self.rest[j]
+            step[j] = -self.residual[j]
         for i in range(self.rows):
-            missed = second * self.along[i] * self.change[i] if second != 0.0 else 0.0
-            self.change[i] = (centre - missed) / self.slack[i] - self.dual[i]
+            missed = second * self.slack_change[i] * self.dual_change[i] if second != 0.0 else 0.0
+            self.dual_change[i] = (centre - missed) / self.slack[i] - self.dual[i]
             for j in range(size):
-                step[j] += matrix[i, j] * self.change[i]
+                step[j] += matrix[i, j] * self.dual_change[i]
         for j in range(size):
             value: double = step[j] * self.scaling[j]
             for k in range(j):
@@ -142,13 +142,13 @@ class QuadraticProgram:
             value = 0.0
             for j in range(size):
                 value += matrix[i, j] * step[j]
-            self.along[i] = value
-            self.change[i] -= self.weight[i] * value
+            self.slack_change[i] = value
+            self.dual_change[i] -= self.weight[i] * value
 
 
 @cfunc
 def longest(values: double[::1], change: double[::1]) -> double:
-    """The longest part, at most 1 / `SHARE`, of a change that leaves positive values positive."""
+    """Return the largest fraction, at most 1 / `SHARE`, of a change that keeps positive values positive."""
     steepest: double = SHARE
     for i in range(values.shape[0]):
         steepest = max(steepest, -change[i] / values[i])

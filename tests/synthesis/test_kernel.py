@@ -121,7 +121,7 @@ class Descent:
             6.0,
             limits,
             crank=crank - crank[0] if given else None,
-            shortest=1e-9 if given and position else 0.0,
+            crank_min=1e-9 if given and position else 0.0,
             **TIMINGS[timing],
         )
         angles = np.stack([crank, crank[::-1]]) + 0.1 * random.uniform(-1, 1, (2, 1))
@@ -135,7 +135,7 @@ class Descent:
         ]
         self.columns = self.arrays[0].shape[1] + 6 * position + rotation + given
         self.turns = (2, samples)
-        self.random, self.costs = random, self.kernel.begin(*self.arrays, 0.3)
+        self.random, self.costs = random, self.kernel.set_candidates(*self.arrays, 0.3)
 
     @property
     def state(self) -> list[np.ndarray]:
@@ -206,8 +206,8 @@ def test_rows_and_steps(chart: Any, timing: str, limited: bool) -> None:
 def test_descents(timing: str, rotation: bool, position: bool, bent_below: float) -> None:
     def work(module: ModuleType) -> list[Any]:
         descent = Descent(module, CHARTS[0], timing, rotation, position)
-        descent.kernel.look(True, rotation)
-        descent.kernel.descend(4, 1e-3, 1e-9, 0.0, 1.0, bent_below)
+        descent.kernel.evaluate_candidates(True, rotation)
+        descent.kernel.configure(4, 1e-3, 1e-9, 0.0, 1.0, bent_below)
         assert not descent.kernel.run(3) and descent.kernel.run(100)
         return [*descent.state, descent.kernel.steps]
 
@@ -221,25 +221,25 @@ def test_descents(timing: str, rotation: bool, position: bool, bent_below: float
 def test_descents_within_limits(chart: Any, timing: str, posed: bool) -> None:
     def work(module: ModuleType) -> list[Any]:
         descent = Descent(module, chart, timing, limited=True, posed=posed)
-        descent.kernel.look(False, False)
+        descent.kernel.evaluate_candidates(False, False)
         for weight in (0.3, 3.0):
-            descent.kernel.renew(weight)
-            descent.kernel.descend(2, 1e-3, 1e-9, 0.0, 1.0, 0.0)
+            descent.kernel.update_multipliers(weight)
+            descent.kernel.configure(2, 1e-3, 1e-9, 0.0, 1.0, 0.0)
             assert descent.kernel.run(100)
-        return [*descent.state, *descent.kernel.broken()]
+        return [*descent.state, *descent.kernel.violations()]
 
     same(work, 1e-9)
 
 
 TASKS: dict[str, Callable[[Descent], Any]] = {
-    "look": lambda one: one.kernel.look(False, False),
-    "look, posed": lambda one: one.kernel.look(True, True),
-    "nearest": lambda one: one.kernel.nearest(3),
-    "loose": lambda one: one.kernel.loose(one.random.normal(size=(2, one.columns)), np.array([0.5, -2.0]), 0.5),
-    "moved": lambda one: one.kernel.moved(
+    "look": lambda one: one.kernel.evaluate_candidates(False, False),
+    "look, posed": lambda one: one.kernel.evaluate_candidates(True, True),
+    "nearest": lambda one: one.kernel.move_to_nearest_angles(3),
+    "loose": lambda one: one.kernel.perturb(one.random.normal(size=(2, one.columns)), np.array([0.5, -2.0]), 0.5),
+    "moved": lambda one: one.kernel.apply_steps(
         3 * one.random.normal(size=(2, one.columns)), one.random.normal(size=one.turns)
     ),
-    "broken": lambda one: one.kernel.broken(),
+    "broken": lambda one: one.kernel.violations(),
     "excursions": lambda one: np.column_stack(one.kernel.excursions(0.05, 0.2)),
     "restore": lambda one: one.kernel.restore(3),
 }
@@ -250,8 +250,8 @@ TASKS: dict[str, Callable[[Descent], Any]] = {
 def test_alignment(samples: int, ordered: bool) -> None:
     def work(module: ModuleType) -> list[Any]:
         descent = Descent(module, CHARTS[1], ordered=ordered, samples=samples)
-        descent.kernel.look(True, True)
-        descent.kernel.align(11)
+        descent.kernel.evaluate_candidates(True, True)
+        descent.kernel.align_crank_angles(11)
         return descent.state
 
     same(work, 1e-12)
@@ -267,7 +267,7 @@ def test_few_samples(timing: str, samples: int, limited: bool) -> None:
         descent = Descent(module, CHARTS[2], timing, limited=limited, samples=samples)
         for task in TASKS.values():
             task(descent)
-        descent.kernel.descend(3, 1e-3, 1e-9, 0.0, 1.0, 0.0 if limited else np.inf)
+        descent.kernel.configure(3, 1e-3, 1e-9, 0.0, 1.0, 0.0 if limited else np.inf)
         assert descent.kernel.run(100)
         return [descent.costs] if samples == 3 else []
 
@@ -331,9 +331,9 @@ def test_pairs_of_guides(driven: bool) -> None:
     def work(module: ModuleType) -> list[Any]:
         kernel = module.PairDescent(samples, numbers, driven)
         here = x.copy()
-        cost = kernel.begin(here, labels, 2, 1e-2, 1e-9, 10.0, 3)
+        cost = kernel.set_candidates(here, labels, 2, 1e-2, 1e-9, 10.0, 3)
         while not kernel.run(3):
             pass
-        return [*kernel.look(x, labels, 3, True), kernel.gradient(x[0], labels[0], 1.0, 3), here, cost]
+        return [*kernel.evaluate_candidates(x, labels, 3, True), kernel.gradient(x[0], labels[0], 1.0, 3), here, cost]
 
     same(work, 1e-8)
