@@ -146,9 +146,8 @@ export class LinkageShape {
   show(joints, view, directed = true) {
     this.group.setAttribute("visibility", joints ? "visible" : "hidden");
     if (!joints) return;
-    const { a, b, c, d, p } = joints;
-    const { rails = [], slots = [], blocks = [], links = [[a, d], [b, c]], fixed = [true, true] } = joints;
-    put(this.ground, { d: joints.links ? "" : pathData([a, b], view) });
+    const { a, b, c, d, p, rails, slots, blocks, links, ground, fixed } = joints;
+    put(this.ground, { d: ground ? pathData(ground, view) : "" });
     put(this.rails, { d: rails.map((line) => pathData(line, view)).join("") });
     put(this.slots, { d: slots.map((line) => pathData(line, view)).join("") });
     put(this.blocks, { d: blocks.map(([at, angle]) => this.#block(view.at(at), angle)).join("") });

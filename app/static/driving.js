@@ -6,6 +6,7 @@ import { button, element, make, namedRows, put, text } from "./drawing.js";
 import { driveTurns } from "./drive.js";
 import { fitOf, settled } from "./fit.js";
 import { itemOf } from "./motion.js";
+import { add, less, turned } from "./plane.js";
 import { ask } from "./service.js";
 import { $, capital } from "./shell.js";
 
@@ -26,11 +27,6 @@ function behaviour() {
   return given({ holds: open || closed ? { open, closed } : null, hand_force_max: hand });
 }
 const plain = (link) => link.replaceAll("_", " ");
-const less = ([a, b], [c, d]) => [a - c, b - d];
-const turned = ([x, y], angle) => [x * Math.cos(angle) - y * Math.sin(angle), x * Math.sin(angle) + y * Math.cos(angle)];
-
-/** Frames of a four-bar's links at its joints, as the service has them. */
-const FRAMES = { crank: (j) => [j.a, j.crank], coupler: (j) => [j.d, j.coupler], rocker: (j) => [j.b, j.rocker] };
 
 /** The joints of a four-bar's links: from them an arm leads to a pin of a drive. */
 const JOINTS = { crank: (j) => [j.a, j.d], coupler: (j) => [j.d, j.c], rocker: (j) => [j.b, j.c] };
@@ -51,8 +47,8 @@ const armUnit = (unit, turns) => (turns ? `${unit} a radian` : `${unit} a ${unit
 
 /** A drive with other ends, its lengths, arms and forces computed here from the torque of the load. */
 function moved(drive, linkage, torque) {
-  const { crank_angle: at } = drive.curve, joints = at.map((angle) => linkage.at(angle * RAD)), frame = FRAMES[drive.link];
-  const pin = joints.map((j) => { const [origin, angle] = frame(j); return turned(drive.pin_on_link, angle).map((part, i) => part + origin[i]); });
+  const { crank_angle: at } = drive.curve, joints = at.map((angle) => linkage.at(angle * RAD));
+  const pin = joints.map(({ frames: { [drive.link]: frame } }) => add(frame.at, turned(drive.pin_on_link, frame.angle)));
   const ground = at.map(() => drive.ground_point), length = pin.map((place, k) => Math.hypot(...less(place, ground[k])));
   // slopes at even steps: of second order, at the ends too
   const step = (at[1] - at[0]) * RAD, n = length.length, arm = length.map((_, k) => (k === 0 ? -3 * length[0] + 4 * length[1] - length[2] : k === n - 1 ? 3 * length[k] - 4 * length[k - 1] + length[k - 2] : length[k + 1] - length[k - 1]) / (2 * step));
@@ -229,23 +225,23 @@ export class Driving {
     host.replaceChildren();
     this.charts = [];
     if (!drive || $("drive-card").hidden) return;
-    const sense = this.player.shown?.pass.sense ?? 1, unit = this.answer.motion.unit, turns = driveTurns(this.solution), axis = turns ? { sense } : { sense, degreesX: false, xName: ` ${unit}` }, add = (title, x, series) => {
+    const sense = this.player.shown?.pass.sense ?? 1, unit = this.answer.motion.unit, turns = driveTurns(this.solution), axis = turns ? { sense } : { sense, degreesX: false, xName: ` ${unit}` }, plot = (title, x, series) => {
       const order = x.map((at, k) => [sense * at, k]).sort((a, b) => a[0] - b[0]);
       this.charts.push(titledChart(host, title, { x: order.map(([at]) => at), series: series.map((one) => ({ ...one, values: order.map(([, k]) => one.values[k]) })), height: 140, ...axis }));
     };
     const [newtons, moment] = this.#newtons ? [", N", `, N·${unit}`] : ["", ""];
     if (drive.springs) {
       const { curve } = drive.springs[0];
-      add(`Torque of the drive with the springs${moment} (dashed: without)`, curve.crank_angle, [{ values: curve.torque, colour: "body" }, { values: reply.torque.torque, colour: "muted", dash: [6, 4], width: 1.2 }]);
+      plot(`Torque of the drive with the springs${moment} (dashed: without)`, curve.crank_angle, [{ values: curve.torque, colour: "body" }, { values: reply.torque.torque, colour: "muted", dash: [6, 4], width: 1.2 }]);
       return;
     }
     const { curve, bound } = drive, level = (one) => ({ values: curve.crank_angle.map(() => one), colour: "box", dash: [6, 4], width: 1.2 });
     if (curve.force) {
       const amounts = curve.force.map(Math.abs);
-      add(`Force of the ${KINDS[drive.kind]}, push or pull${newtons}${bound ? " (dashed: no peak is below this)" : ""}`, curve.crank_angle, [{ values: amounts, colour: "body" }, ...(bound ? [level(bound)] : [])]);
+      plot(`Force of the ${KINDS[drive.kind]}, push or pull${newtons}${bound ? " (dashed: no peak is below this)" : ""}`, curve.crank_angle, [{ values: amounts, colour: "body" }, ...(bound ? [level(bound)] : [])]);
     }
-    if (curve.torque) add((drive.kind === "dyad" ? "Torque of the motor, forwards" : drive.kind === "toggle" ? "Torque at the handle" : "Torque") + moment, curve.crank_angle, [{ values: curve.torque, colour: "body" }]);
-    if (curve.arm) add(`Moment arm, ${armUnit(unit, turns)}`, curve.crank_angle, [{ values: curve.arm.map(Math.abs), colour: "path" }]);
+    if (curve.torque) plot((drive.kind === "dyad" ? "Torque of the motor, forwards" : drive.kind === "toggle" ? "Torque at the handle" : "Torque") + moment, curve.crank_angle, [{ values: curve.torque, colour: "body" }]);
+    if (curve.arm) plot(`Moment arm, ${armUnit(unit, turns)}`, curve.crank_angle, [{ values: curve.arm.map(Math.abs), colour: "path" }]);
     this.#mark();
   }
 
@@ -283,7 +279,7 @@ export class Driving {
     const corner = (along, across) => [ground[0] + way[0] * along - way[1] * across, ground[1] + way[1] * along + way[0] * across];
     this.#line("rod", [ground, pin]);
     this.#line("cylinder", [corner(0.04 * body, half), corner(body, half), corner(body, -half), corner(0.04 * body, -half)], true);
-    const free = drive.on === "ground" && Boolean(FRAMES[drive.link]) && Boolean(solution.links);
+    const free = drive.on === "ground" && Boolean(JOINTS[drive.link]) && Boolean(solution.links);
     this.#handle(ground, "ground", free);
     this.#handle(pin, "pin", free);
     put(layer, { "data-length": text(length, 6) });
@@ -321,8 +317,8 @@ export class Driving {
 
   /** One end is put elsewhere by hand, where the crank stands now. */
   #put(end, place) {
-    const { drive, board } = this, [origin, angle] = FRAMES[drive.link](board.joints), from = drive.from ?? drive;
-    const ends = end === "ground" ? { ground_point: place } : { pin_on_link: turned(less(place, origin), -angle) };
+    const { drive, board } = this, { at, angle } = board.joints.frames[drive.link], from = drive.from ?? drive;
+    const ends = end === "ground" ? { ground_point: place } : { pin_on_link: turned(less(place, at), -angle) };
     this.drive = { ...moved({ ...drive, ...ends }, fitOf(this.solution, this.answer.motion).linkage, this.reply.torque), from };
     this.#list();
     this.#describe();

@@ -9,9 +9,9 @@ const MAX_BYTES = 5e6;
 
 /** What the canvas shows of a linkage of any kind by its joints; null stands for a four-bar. */
 function parts(joints) {
-  const { links = [true, true], rails = [], slots = [] } = joints ?? {};
+  const { links, rails, slots, ground } = joints ?? { links: [true, true], rails: [], slots: [], ground: true };
   const found = [links[0] && ["crank", "crank AD"], ["body", "body DCP"], slots.length && ["body", `slot${slots.length > 1 ? "s" : ""} in the body`]];
-  found.push(links[1] && ["rocker", links[0] ? "rocker BC" : "crank BC"], rails.length && ["rail", `rail${rails.length > 1 ? "s" : ""}`], !joints?.links && ["ground", "ground AB"]);
+  found.push(links[1] && ["rocker", links[0] ? "rocker BC" : "crank BC"], rails.length && ["rail", `rail${rails.length > 1 ? "s" : ""}`], ground && ["ground", "ground AB"]);
   return [...found.filter(Boolean), ["path", "path of P"], ["pose", "wanted"], ["bad", "error"]];
 }
 

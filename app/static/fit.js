@@ -1,7 +1,7 @@
 // How well a linkage meets a motion: its joints and errors at each pose, the worst pose by its number, the limits that hold it.
 
 import { text } from "./drawing.js";
-import { linkageOf } from "./guided.js";
+import { Linkage } from "./kinematics.js";
 import { itemOf, placeOf, wantsAngles, wantsPlaces } from "./motion.js";
 import { angleError, passing } from "./timing.js";
 
@@ -17,7 +17,7 @@ function worstOf(list) {
  * (degrees got minus wanted), null where nothing is wanted or the loop is open; `worst` has the pose of the largest of each.
  */
 export function fitOf(solution, motion) {
-  const linkage = linkageOf(solution), pass = passing(solution, motion, linkage.turnsFully);
+  const linkage = new Linkage(solution), pass = passing(solution, motion, linkage.turnsFully);
   const at = pass.angles.map((angle) => linkage.at(angle * RAD));
   const places = motion.poses.map((pose, k) => {
     const place = wantsPlaces(motion) && linkage.mount ? placeOf(pose) : null;

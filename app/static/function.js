@@ -4,7 +4,6 @@ import { redrawOn, titledChart } from "./charts.js";
 import { numberIn as number, startNumbers } from "./decimal.js";
 import { Draft } from "./draft.js";
 import { LinkageShape, View, button, element, make, namedRows, put, text, thumbnail } from "./drawing.js";
-import { linkageOf } from "./guided.js";
 import { Linkage } from "./kinematics.js";
 import { fromFragment, toFragment } from "./link.js";
 import { Pairs } from "./pairs.js";
@@ -26,8 +25,6 @@ const STATUS = {
 const ENDS = { sin: ["0", "90"], cos: ["0", "90"], tan: ["0", "45"] };
 const endsOf = (name) => ENDS[name] ?? ["1", "2"];
 const LINKS = ["crank", "coupler", "rocker", "ground"];
-/** The linkage of a solution; a four-bar that makes a function is not mounted. */
-const drawnOf = (solution) => (solution.guides ? linkageOf(solution) : new Linkage({ ...solution, mount: null }));
 
 let drawn = []; // points [px, py] of the pad, from left to right
 let answer = null; // {request, reply, signs, from}: the units behind input and output, the crank angle given first
@@ -251,7 +248,7 @@ function showNumbers() {
 }
 
 function showLinkage() {
-  const span = answer.reply.input.at(-1) * RAD, linkage = drawnOf(shown), [into, out] = answer.signs;
+  const span = answer.reply.input.at(-1) * RAD, linkage = new Linkage(shown), [into, out] = answer.signs;
   const { clientWidth: width, clientHeight: height } = $("canvas"), view = new View(width, height), used = linkage.over(0, span, 120).filter(Boolean);
   $("canvas").replaceChildren();
   put($("canvas"), { viewBox: `0 0 ${width} ${height}` });
@@ -264,7 +261,7 @@ function showLinkage() {
   const move = () => {
     const share = Number($("slider").value), joints = linkage.at(share * span);
     shape.show(joints, view);
-    const made = joints && (shown.links ? joints.rocker / RAD + shown.output_offset : wantedAt(share) + errorAt(share));
+    const made = joints && (shown.links ? joints.frames.rocker.angle / RAD + shown.output_offset : wantedAt(share) + errorAt(share));
     const wrapped = made === null || !out ? made : made - 360 * Math.round((made - wantedAt(share)) / 360);
     const crank = answer.from + (share * span) / RAD;
     $("where").textContent = joints ? `${text(crank, 4)}${into}, ${shown.links ? "rocker" : "output"} ${text(wrapped, 5)}${out}` : "does not close here";
@@ -315,7 +312,7 @@ function select(k) {
 function card(solution, k) {
   const one = button("", () => select(k)), verdict = mark(solution.verdict), item = element("li", "");
   one.append(
-    thumbnail(drawnOf(solution), [0, answer.reply.input.at(-1) * RAD], []),
+    thumbnail(new Linkage(solution), [0, answer.reply.input.at(-1) * RAD], []),
     element("span", "name", `${solution.rank}. ${text(solution.errors.max, 3)}${answer.signs[1]}`),
     element("span", `verdict ${verdict.kind}`, `${verdict.sign} ${verdict.text}`),
   );

@@ -2,20 +2,19 @@
 
 import { fitOf } from "./fit.js";
 import { drivePlaces, driveTurns } from "./drive.js";
-import { guidesFrom, linkageOf, withUsed } from "./guided.js";
 import { Linkage, family } from "./kinematics.js";
 import { placeOf, placesOf, wantsAngles, wantsPlaces } from "./motion.js";
+import { add, along, cross, direction, dot, less, size, turned } from "./plane.js";
 import { angleError } from "./timing.js";
 
 const DEG = 180 / Math.PI;
+const RAD = Math.PI / 180;
 const BEYOND = 40; // degrees beyond the former crank angles within which new ones are looked for
 const GRID = 1; // degrees between crank angles that are compared
 const REFINEMENTS = 30; // golden sections of one step of the grid
 const COINCIDE = 1e-9; // joints this part of the longest link apart are one
 const GOLDEN = (Math.sqrt(5) - 1) / 2;
 
-const argument = (from, to) => Math.atan2(to[1] - from[1], to[0] - from[0]);
-const distance = (from, to) => Math.hypot(to[0] - from[0], to[1] - from[1]);
 const wrap = (angle) => Math.atan2(Math.sin(angle), Math.cos(angle));
 
 /**
@@ -26,6 +25,41 @@ export function fromJoints(joints, travel, before) {
   return before.links ? fourBarFrom(joints, travel, before) : guidedFrom(joints, travel, before);
 }
 
+/** The guides that lie as joints {a, b, c, d, p, rotation} say, and where the drive then is; null for what is none. */
+function guidesFrom({ a, b, c, d, p, rotation }, { guides, driver }) {
+  const made = [[a, d], [b, c]].map(([fixed, held], k) => {
+    const { guide } = guides[k], reach = less(held, fixed), local = turned(less(held, p), -rotation);
+    if (!(size(reach) > 0)) return null;
+    if (guide === "circle") return { guide, pivot: fixed, radius: size(reach), body_point: local };
+    if (guide === "rail") {
+      const old = guides[k].direction, found = direction(less(fixed, held)) / RAD;
+      return { guide, point: held, direction: found + 180 * Math.round((old - found) / 180), body_point: local, used: null };
+    }
+    const old = guides[k].body_direction, found = (direction(reach) - rotation) / RAD;
+    return { guide, pin: fixed, body_point: turned(less(fixed, p), -rotation), body_direction: found + 180 * Math.round((old - found) / 180), used: null };
+  });
+  if (!made.every(Boolean)) return null;
+  const [driven, other] = made, place = (one) => add(p, turned(one.body_point, rotation));
+  const slot = (one) => one.body_direction * RAD + rotation;
+  const start = { crank: () => direction(less(place(driven), driven.pivot)) / RAD, slider: () => 0, cylinder: () => 0, hinge: () => slot(driven) / RAD }[driver]();
+  const push = other.guide === "circle" ? less(place(other), other.pivot) : other.guide === "rail" ? turned(along(other.direction * RAD), Math.PI / 2) : turned(along(slot(other)), Math.PI / 2);
+  const at = other.guide === "slot" ? other.pin : place(other), pin = driven.guide === "slot" ? driven.pin : place(driven);
+  const sine = driver === "hinge" ? dot(push, along(slot(driven))) : cross(less(at, pin), push);
+  return { guides: made, start, branch: sine < 0 ? -1 : 1 };
+}
+
+/** Guides with the parts of rails and slots that poses (joints of `at`) use. */
+function withUsed(linkage, joints) {
+  return linkage.guides.map(({ fixed, body, angle, ...one }) => {
+    if (one.guide === "circle") return one;
+    const places = joints.filter(Boolean).map((j) => {
+      const held = add(j.p, turned(body, j.rotation));
+      return one.guide === "rail" ? dot(along(angle), less(held, fixed)) : dot(along(angle + j.rotation), less(fixed, held));
+    });
+    return { ...one, used: places.length ? [Math.min(...places), Math.max(...places)] : null };
+  });
+}
+
 /** The same of a linkage with rails or slots: each guide goes through its two joints. */
 function guidedFrom(joints, travel, before) {
   const found = guidesFrom(joints, before);
@@ -34,17 +68,17 @@ function guidedFrom(joints, travel, before) {
     ...before, source: "hand", rank: null, ...found, start: found.start - travel, verdict: null, analysis: null, tolerance_study: null, rounded: null, excursion: null,
     transmission_angle_min_turn: null, arm_min: null, determination: null,
   };
-  return linkageOf(made).at(travel / DEG) && made;
+  return new Linkage(made).at(travel / DEG) && made;
 }
 
 function fourBarFrom({ a, b, c, d, p, rotation }, travel, before) {
-  const links = { crank: distance(a, d), coupler: distance(d, c), rocker: distance(b, c), ground: distance(a, b) };
+  const links = { crank: size(less(d, a)), coupler: size(less(c, d)), rocker: size(less(c, b)), ground: size(less(b, a)) };
   const lengths = Object.values(links);
   if (!(Math.min(...lengths) > COINCIDE * Math.max(...lengths))) return null;
-  const turn = argument(a, b), side = (b[0] - d[0]) * (c[1] - d[1]) - (b[1] - d[1]) * (c[0] - d[0]);
+  const turn = direction(less(b, a)), side = (b[0] - d[0]) * (c[1] - d[1]) - (b[1] - d[1]) * (c[0] - d[0]);
   const made = {
-    ...before, source: "hand", rank: null, links, branch: side < 0 ? -1 : 1, start_angle: wrap(argument(a, d) - turn) * DEG - travel, body_offset: 0,
-    mount: { ground_angle: turn * DEG, pivot_a: a, pivot_b: b, coupler_point: p ? { radius: distance(d, p), angle: wrap(argument(d, p) - argument(d, c)) * DEG } : null },
+    ...before, source: "hand", rank: null, links, branch: side < 0 ? -1 : 1, start_angle: wrap(direction(less(d, a)) - turn) * DEG - travel, body_offset: 0,
+    mount: { ground_angle: turn * DEG, pivot_a: a, pivot_b: b, coupler_point: p ? { radius: size(less(p, d)), angle: wrap(direction(less(p, d)) - direction(less(c, d))) * DEG } : null },
     family: family(lengths), verdict: null, rounded: null, analysis: null, tolerance_study: null, excursion: null,
     transmission_angle_min_turn: null, determination: { ill_posed: false, at_limits: [] },
   };
@@ -56,9 +90,9 @@ function fourBarFrom({ a, b, c, d, p, rotation }, travel, before) {
 function squareError(motion, k, joints, scale) {
   if (!joints) return Infinity;
   const pose = motion.poses[k], place = wantsPlaces(motion) ? placeOf(pose) : null;
-  const off = place && joints.p ? distance(place, joints.p) / scale : 0;
-  const turned = wantsAngles(motion) && pose.angle !== null ? angleError(motion, pose.angle, joints.rotation * DEG) / DEG : 0;
-  return off ** 2 + turned ** 2;
+  const off = place && joints.p ? size(less(joints.p, place)) / scale : 0;
+  const missed = wantsAngles(motion) && pose.angle !== null ? angleError(motion, pose.angle, joints.rotation * DEG) / DEG : 0;
+  return off ** 2 + missed ** 2;
 }
 
 /** The crank angle near `angle` at which pose k is met best, by golden sections. */
@@ -76,7 +110,7 @@ function sharpened(linkage, motion, k, angle, scale, step) {
 
 /** Crank angles from the start at which a linkage meets the poses best, near the former ones. */
 function crankAngles(solution, motion, scale) {
-  const linkage = linkageOf(solution), former = drivePlaces(solution), span = Math.max(...former) - Math.min(...former);
+  const linkage = new Linkage(solution), former = drivePlaces(solution), span = Math.max(...former) - Math.min(...former);
   // a slider's or cylinder's way is looked at in as many steps as a crank's quarter turn
   const [beyond, step] = driveTurns(solution) ? [BEYOND, GRID] : [0.4 * span, span / 90];
   const sense = former.at(-1) < 0 && !motion.anyOrder ? -1 : 1, ends = [Math.min(...former) - beyond, Math.max(...former) + beyond];
@@ -108,7 +142,7 @@ const largest = (values) => { const given = values.filter((value) => value !== n
 /** A solution with crank angles, errors and transmission angle found anew in the browser. */
 export function assessed(solution, motion) {
   const places = placesOf(motion), middle = [0, 1].map((i) => places.reduce((sum, place) => sum + place[i], 0) / (places.length || 1));
-  const scale = Math.max(...places.map((place) => distance(middle, place)), Number.MIN_VALUE);
+  const scale = Math.max(...places.map((place) => size(less(place, middle))), Number.MIN_VALUE);
   let [made, shift] = [solution, 0];
   if (motion.timing === "free" && drivePlaces(solution)) {
     const angles = crankAngles(solution, motion, scale), own = solution.crank_angle ? "crank_angle" : "travel", begin = solution.links ? "start_angle" : "start";
@@ -118,7 +152,7 @@ export function assessed(solution, motion) {
   const fit = fitOf(made, motion), { pass } = fit;
   const used = fit.linkage.over((pass.sense * pass.low) / DEG, (pass.sense * pass.high) / DEG, 90);
   if (!made.links) made = { ...made, guides: withUsed(fit.linkage, used) };
-  const { mount } = made, reach = mount && Math.max(...Object.values(made.links), mount.coupler_point?.radius ?? 0, distance(middle, mount.pivot_a), distance(middle, mount.pivot_b));
+  const { mount } = made, reach = mount && Math.max(...Object.values(made.links), mount.coupler_point?.radius ?? 0, size(less(mount.pivot_a, middle)), size(less(mount.pivot_b, middle)));
   const squares = [rms(fit.places) === null ? 0 : (rms(fit.places) / scale) ** 2, rms(fit.turns) === null ? 0 : (rms(fit.turns) / DEG) ** 2];
   return {
     shift, closes: used.every(Boolean) && fit.at.every(Boolean),

@@ -1,7 +1,15 @@
-// Kinematics of the planar four-bar: the closed form of synthesis/fourbar/kinematics.py, for drawing in the browser.
-// Lengths L1 crank, L2 coupler, L3 rocker, L4 ground; radians, counter-clockwise from the ground line A->B.
+// Kinematics of a planar linkage, a body on two guides of which the first is driven: the closed forms of the service, for drawing.
+// Angles are radians. The travel of a slider or cylinder is a length, which the page passes in as that many degrees.
 
+import { driveTurns } from "./drive.js";
+import { add, along, cross, direction, less, size, times, turned } from "./plane.js";
+
+const RAD = Math.PI / 180;
 const TURN = 2 * Math.PI;
+const BEYOND = 0.12; // length by which a rail or slot is drawn beyond its used ends, as a fraction of the linkage's size
+const CHANGE_POINT = 1e-12; // difference of two pairings of the links that counts as none, as a fraction of the longest link
+const FULL_CRANK = ["crank_rocker", "double_crank"];
+const FIXED = { circle: "pivot", rail: "point", slot: "pin" };
 
 function twoSum(a, b) {
   const total = a + b, part = total - a;
@@ -14,114 +22,210 @@ function pairDifference(a, b, c, d) {
   return left - right + (leftError - rightError);
 }
 
-/** Lengths divided by a power of two near the longest; null unless all are finite and positive. */
-function scaled(links) {
-  if (!links.every((value) => Number.isFinite(value) && value > 0)) return null;
-  const exponent = Math.floor(Math.log2(Math.max(...links))) + 1;
-  // in two steps: 2 ** 1074 overflows
-  const half = Math.trunc(exponent / 2);
-  return links.map((value) => (value * 2 ** -half) * 2 ** -(exponent - half));
+/** How a four-bar of lengths crank, coupler, rocker and ground can turn, by Grashof's rule. */
+export function family(lengths) {
+  if (!lengths.every((value) => Number.isFinite(value) && value > 0)) return "triple_rocker";
+  const [crank, coupler, rocker, ground] = lengths;
+  const excesses = [pairDifference(coupler, ground, crank, rocker), pairDifference(rocker, ground, crank, coupler), pairDifference(coupler, rocker, crank, ground)];
+  if (Math.min(...excesses.map(Math.abs)) <= CHANGE_POINT * Math.max(...lengths)) return "change_point";
+  const signs = excesses.map((excess) => (excess > 0 ? "+" : "-")).join("");
+  return { "+++": "crank_rocker", "--+": "double_crank", "+--": "rocker_crank", "-+-": "double_rocker" }[signs] ?? "triple_rocker";
 }
 
-function grashofExcesses([l1, l2, l3, l4]) {
-  return [pairDifference(l2, l4, l1, l3), pairDifference(l3, l4, l1, l2), pairDifference(l2, l3, l1, l4)];
-}
+/** A vector of the loop over the coordinate q of the drive; here a vector that stays as it is. */
+class Vector {
+  constructor(middle) { Object.assign(this, { middle, distance: size(middle), towards: direction(middle) }); }
 
-export function family(links) {
-  const unit = scaled(links);
-  if (!unit) return "triple_rocker";
-  const [a, b, c] = grashofExcesses(unit);
-  if (Math.min(...[a, b, c].map(Math.abs)) <= 1e-12 * Math.max(...unit)) return "change_point";
-  if (a > 0 && b > 0 && c > 0) return "crank_rocker";
-  if (a < 0 && b < 0 && c > 0) return "double_crank";
-  if (a > 0 && b < 0 && c < 0) return "rocker_crank";
-  if (a < 0 && b > 0 && c < 0) return "double_rocker";
-  return "triple_rocker";
-}
+  at() { return this.middle; }
 
-const turnsFully = (links) => ["crank_rocker", "double_crank"].includes(family(links));
-
-/** Angles of the loop at a crank angle, {coupler, rocker, transmission}; null where the links do not close. */
-export function closeLoop(links, branch, angle) {
-  const unit = scaled(links);
-  if (!unit || !Number.isFinite(angle)) return null;
-  const [l1, l2, l3, l4] = unit;
-  const [a, b, c] = grashofExcesses(unit);
-  const product = 4 * l1 * l4;
-  const halfSine = Math.sin(angle / 2);
-  const sine2 = halfSine ** 2, cosine2 = Math.cos(angle / 2) ** 2;
-  let x = c * (l1 + l2 + l3 + l4) + product * cosine2;
-  const y = a * b + product * sine2;
-  const r = Math.sqrt((l4 - l1) ** 2 + product * sine2);
-  const longest = l2 + l3;
-  if (c < 0 && product * cosine2 > longest ** 2) x = (longest - r) * (longest + r);
-  if (!(x >= 0 && y >= 0 && r > 0)) return null;
-  const longer = l1 > l4;
-  const [big, small] = longer ? [l1, l4] : [l4, l1];
-  let diagonal = Math.atan2(-small * Math.sin(angle) * (longer ? -1 : 1), big - small + 2 * small * halfSine ** 2);
-  if (longer) diagonal += angle - Math.PI;
-  const beside = (near, far) => {
-    const difference = far - near;
-    const larger = r + Math.abs(difference);
-    const smaller = y / larger;
-    const [ahead, behind] = difference >= 0 ? [larger, smaller] : [smaller, larger];
-    const total = r + near + far;
-    return 2 * Math.atan2(Math.sqrt((ahead * x) / total), Math.sqrt(behind * total));
-  };
-  return {
-    coupler: diagonal + branch * beside(l2, l3),
-    rocker: diagonal + Math.PI - branch * beside(l3, l2),
-    transmission: 2 * Math.atan2(Math.sqrt(Math.min(x, y)), Math.sqrt(Math.max(x, y))),
-  };
-}
-
-/** The whole turns to subtract from an angle curve so that its first sample lies in (-pi, pi]. */
-function principalShift(first) {
-  return TURN * Math.round((first - Math.atan2(Math.sin(first), Math.cos(first))) / TURN);
+  direction() { return this.towards; }
 }
 
 /**
- * The linkage of a solution in the service's reply, whose angles are in degrees.
- * at(travel): its joints after the crank has turned by `travel` radians from the first sample; null where it does not close.
+ * `middle - radius e^{iq}`: from the pin of a crank to a fixed point. `longerThan` is its square less that of the difference of two lengths,
+ * `shorterThan` the square of their sum less its own, `across` a length less its part to the left (`side` 1) or right (-1) of a direction; the
+ * loop closes if these are not negative. Each is a sum of terms that are not negative wherever the drive moves freely.
  */
-export class Linkage {
-  constructor(solution) {
-    const rad = Math.PI / 180;
-    const { crank, coupler, rocker, ground } = solution.links;
-    this.links = [crank, coupler, rocker, ground];
-    this.branch = solution.branch;
-    this.start = solution.start_angle * rad;
-    this.mount = solution.mount;
-    this.turn = solution.mount ? solution.mount.ground_angle * rad : 0;
-    this.bodyOffset = (solution.body_offset ?? 0) * rad;
-    this.a = solution.mount ? solution.mount.pivot_a : [0, 0];
-    this.b = [this.a[0] + ground * Math.cos(this.turn), this.a[1] + ground * Math.sin(this.turn)];
-    this.point = solution.mount ? [solution.mount.coupler_point.radius, solution.mount.coupler_point.angle * rad] : null;
-    const first = closeLoop(this.links, this.branch, this.start);
-    this.shift = first ? principalShift(first.coupler) : 0;
-    this.turnsFully = turnsFully(this.links);
+class Round extends Vector {
+  constructor(middle, radius) {
+    super(middle);
+    this.radius = radius;
   }
 
-  at(travel) {
-    const angle = this.start + travel;
-    const loop = closeLoop(this.links, this.branch, angle);
-    if (!loop) return null;
-    const crank = angle + this.turn;
-    const coupler = loop.coupler - this.shift + this.turn;
-    const [l1, l2] = this.links;
-    const d = [this.a[0] + l1 * Math.cos(crank), this.a[1] + l1 * Math.sin(crank)];
-    const c = [d[0] + l2 * Math.cos(coupler), d[1] + l2 * Math.sin(coupler)];
-    let p = null;
-    if (this.point) {
-      const direction = this.point[1] + coupler;
-      p = [d[0] + this.point[0] * Math.cos(direction), d[1] + this.point[0] * Math.sin(direction)];
+  at(q) { return less(this.middle, times(along(q), this.radius)); }
+
+  /** Its angle, continuous in q. */
+  direction(q) {
+    const { distance, towards, radius } = this, x = q - towards;
+    if (distance >= radius) return towards + Math.atan2(-radius * Math.sin(x), distance - radius + 2 * radius * Math.sin(x / 2) ** 2);
+    return q - Math.PI + Math.atan2(distance * Math.sin(x), radius - distance + 2 * distance * Math.sin(x / 2) ** 2);
+  }
+
+  longerThan(q, first, second) {
+    const { distance, towards, radius } = this;
+    return pairDifference(distance, first, radius, second) * pairDifference(distance, second, radius, first) + 4 * distance * radius * Math.sin((q - towards) / 2) ** 2;
+  }
+
+  shorterThan(q, first, second) {
+    const { distance, towards, radius } = this;
+    return pairDifference(first, second, distance, radius) * (first + second + distance + radius) + 4 * distance * radius * Math.cos((q - towards) / 2) ** 2;
+  }
+
+  across(q, angle, length, side) {
+    const { middle, radius } = this;
+    return length - radius - side * cross(along(angle), middle) + 2 * radius * Math.sin((q - angle) / 2 + (side * Math.PI) / 4) ** 2;
+  }
+}
+
+/** `middle - q e^{i angle}`: from the pin of a slider to a fixed point. */
+class Straight extends Vector {
+  constructor(middle, angle) {
+    super(middle);
+    Object.assign(this, { angle, foot: turned(middle, -angle) });
+  }
+
+  at(q) { return less(this.middle, times(along(this.angle), q)); }
+
+  direction(q) { return this.angle + Math.atan2(this.foot[1], this.foot[0] - q); }
+
+  longerThan(q, first, second) {
+    const beside = Math.abs(this.foot[1]), length = Math.abs(first - second);
+    return (beside - length) * (beside + length) + (this.foot[0] - q) ** 2;
+  }
+
+  shorterThan(q, first, second) {
+    const from = this.foot[0] - q, beside = Math.abs(this.foot[1]), square = (first + second - beside) * (first + second + beside);
+    if (square < 0) return square - from ** 2;
+    return (Math.sqrt(square) - from) * (Math.sqrt(square) + from);
+  }
+
+  across(q, angle, length, side) { return length - side * (cross(along(angle), this.middle) - q * Math.sin(this.angle - angle)); }
+}
+
+/**
+ * The triangle of the pin Z of the drive, the other guide's pivot C and its body point X, with a `varying` and a `still` side at Z: {atZ, atX},
+ * the angle at Z and the acute angle at X, of `shorter` and `longer` as in `Round`, free of cancellation; null if the loop does not close.
+ */
+function triangle(varying, still, radius, shorter, longer, pinMovesOnBody) {
+  if (!(shorter >= 0 && longer >= 0)) return null;
+  const total = varying + still + radius, outer = varying + radius - still, inner = varying + still - radius, larger = Math.max(outer, inner), smaller = longer / (larger || 1);
+  const [lessStill, lessRadius] = outer > inner ? [larger, smaller] : [smaller, larger], beyond = shorter / total;
+  const [ahead, behind] = pinMovesOnBody ? [lessStill, beyond] : [beyond, lessStill], first = total * ahead, second = behind * lessRadius;
+  return {
+    atZ: 2 * Math.atan2(Math.sqrt(ahead * behind), Math.sqrt(total * lessRadius)),
+    atX: 2 * Math.atan2(Math.sqrt(Math.min(first, second)), Math.sqrt(Math.max(first, second))),
+  };
+}
+
+/** The guides of a solution in frames of the linkage's own, in which the lengths of a four-bar are as they were given. */
+function guidesOf({ links, guides }) {
+  const given = links ? [{ guide: "circle", pivot: [0, 0], radius: links.crank, body_point: [0, 0] }, { guide: "circle", pivot: [links.ground, 0], radius: links.rocker, body_point: [links.coupler, 0] }] : guides;
+  return given.map((guide) => ({ ...guide, fixed: guide[FIXED[guide.guide]], body: guide.body_point, angle: (guide.direction ?? guide.body_direction ?? 0) * RAD }));
+}
+
+/** The linkage of a solution in the service's reply. */
+export class Linkage {
+  #pin;
+  #spread;
+  #arm;
+  #shift = 0;
+
+  constructor(solution) {
+    const { links = null, mount = null, driver = "crank", branch } = solution;
+    this.guides = guidesOf(solution);
+    const [driven, other] = this.guides, { fixed, body, angle } = driven;
+    Object.assign(this, { driver, branch, turns: driveTurns(solution), mount: links ? mount : true, origin: mount?.pivot_a ?? [0, 0], turn: (mount?.ground_angle ?? 0) * RAD, offset: links ? (solution.body_offset ?? 0) * RAD : 0 });
+    const point = mount?.coupler_point;
+    this.point = point ? times(along(point.angle * RAD), point.radius) : [0, 0];
+    this.start = (links ? solution.start_angle : solution.start) * (this.turns ? RAD : 1);
+    const fromPin = (middle) => (driven.guide === "circle" ? new Round(middle, driven.radius) : driven.guide === "rail" ? new Straight(middle, angle) : new Vector(middle));
+    this.#pin = fromPin(times(fixed, -1));
+    this.#spread = fromPin(less(other.fixed, fixed));
+    this.#arm = driven.guide === "slot" ? new Straight(less(other.body, body), angle) : new Vector(less(other.body, body));
+    const lengths = this.guides.flatMap(({ used, radius }) => (used ? [used[1] - used[0]] : [radius ?? 0]));
+    this.reach = Math.max(...lengths, size(less(driven.body, other.body)));
+    if (links) {
+      this.turnsFully = FULL_CRANK.includes(family([links.crank, links.coupler, links.rocker, links.ground]));
+      const first = this.#pose(this.start)?.rotation ?? 0;
+      this.#shift = TURN * Math.round((first - Math.atan2(Math.sin(first), Math.cos(first))) / TURN);
+    } else {
+      // a loop opens first where one of its vectors is longest or shortest, or reaches farthest across the other guide
+      const { towards } = this.#spread, across = [towards, other.angle];
+      this.turnsFully = this.turns && [0, 1, 2, 3].every((k) => across.every((from) => this.#pose(from + (k * Math.PI) / 2)));
     }
+  }
+
+  /** {rotation, place, transmission} of the body's own frame at the coordinate of the drive; null if the loop does not close. */
+  #pose(q) { return this.driver === "hinge" ? this.#byHinge(q) : this.#byPin(q); }
+
+  #byPin(q) {
+    const [driven, other] = this.guides, spread = this.#spread, arm = this.#arm, onBody = driven.guide === "slot", side = this.branch;
+    const distance = size(spread.at(q)), length = size(arm.at(q)), [varying, still] = onBody ? [arm, spread] : [spread, arm];
+    let rotation, transmission;
+    if (!(distance > 0)) return null; // any direction would do
+    if (other.guide === "circle") {
+      const lengths = [still.distance, other.radius], found = triangle(onBody ? length : distance, still.distance, other.radius, varying.shorterThan(q, ...lengths), varying.longerThan(q, ...lengths), onBody);
+      if (!found) return null;
+      rotation = spread.direction(q) + side * found.atZ - arm.direction(q);
+      transmission = found.atX;
+    } else {
+      const isRail = other.guide === "rail", projected = isRail ? spread : arm;
+      const conditions = projected === varying ? [1, -1].map((one) => varying.across(q, other.angle, still.distance, one)) : [varying.longerThan(q, Math.abs(cross(along(other.angle), still.middle)), 0)];
+      if (!conditions.every((value) => value >= 0)) return null;
+      const root = conditions.reduce((product, value) => product * Math.sqrt(value), 1), beside = cross(along(other.angle), projected.at(q));
+      const push = Math.atan2(beside, root), angle = side > 0 ? push : Math.PI - push;
+      rotation = isRail ? other.angle + angle - arm.direction(q) : spread.direction(q) - angle - other.angle;
+      transmission = Math.atan2(root, Math.abs(beside));
+    }
+    const held = onBody ? add(driven.body, times(along(driven.angle), q)) : driven.body;
+    return { rotation, place: times(add(this.#pin.at(q), turned(held, rotation)), -1), transmission };
+  }
+
+  #byHinge(q) {
+    const [driven, other] = this.guides, rotation = q - driven.angle;
+    const between = less(driven.fixed, other.fixed), arm = turned(this.#arm.middle, -driven.angle), free = add(turned(between, -q), arm);
+    let extension, sine, cosine;
+    if (other.guide === "circle") {
+      const towards = direction(between), pushed = new Round(turned([0, arm[1]], towards), size(between)), conditions = [1, -1].map((one) => pushed.across(q, towards, other.radius, one));
+      if (!conditions.every((value) => value >= 0)) return null;
+      [sine, cosine] = [Math.sqrt(conditions[0]) * Math.sqrt(conditions[1]), free[1]];
+      extension = free[0] - this.branch * sine;
+    } else {
+      const isRail = other.guide === "rail", tilt = isRail ? other.angle - q : other.angle - driven.angle;
+      [sine, cosine] = [-Math.sin(tilt), Math.cos(tilt)];
+      if (!sine || (isRail && Math.sign(sine) !== this.branch)) return null;
+      extension = cross(along(tilt), free) / sine;
+    }
+    const held = add(driven.body, times(along(driven.angle), extension));
+    return { rotation, place: less(driven.fixed, turned(held, rotation)), transmission: Math.atan2(Math.abs(sine), Math.abs(cosine)) };
+  }
+
+  /**
+   * The joints after the drive has moved by `travel` from the first sample; null if the loop does not close. A, D and C, B lie on the guides,
+   * P is the body point; `frames` are {at, angle} of links by their names, `coupler` is the rotation of the body's own frame.
+   */
+  at(travel) {
+    const q = this.start + (this.turns ? travel : travel / RAD), pose = this.#pose(q);
+    if (!pose) return null;
+    const coupler = pose.rotation - this.#shift + this.turn, ground = (point) => add(this.origin, turned(point, this.turn)), body = (point) => add(ground(pose.place), turned(point, coupler));
+    const rails = [], slots = [], blocks = [], ends = this.guides.map((guide) => this.#ends(guide, ground, body, coupler, { rails, slots, blocks }));
+    const [[a, d], [b, c]] = ends, circles = this.guides.map(({ guide }) => guide === "circle"), both = circles.every(Boolean);
+    const arms = ends.map((pair, k) => (circles[k] ? pair : null)), [crank, rocker] = arms.map((pair) => pair && { at: pair[0], angle: direction(less(pair[1], pair[0])) });
     return {
-      travel, a: this.a, b: this.b, d, c, p, crank, coupler,
-      rocker: loop.rocker + this.turn,
-      rotation: coupler + this.bodyOffset,
-      transmission: loop.transmission,
+      travel, a, b, c, d, p: this.mount ? body(this.point) : null, rotation: coupler + this.offset, coupler, transmission: pose.transmission,
+      rails, slots, blocks, links: arms, ground: both ? [a, b] : null, fixed: this.guides.map(({ guide }) => guide !== "rail"),
+      frames: { ground: { at: ground(this.guides[0].fixed), angle: 0 }, crank: crank ?? rocker, coupler: { at: body(this.guides[0].body), angle: coupler }, rocker },
     };
+  }
+
+  /** The two joints of a guide: a fixed pivot and the pin it holds, or the ends of a rail or slot as they are drawn, which are added to `parts`. */
+  #ends({ guide, fixed, body: held, angle, used }, ground, body, coupler, { rails, slots, blocks }) {
+    const at = guide === "rail" ? null : ground(fixed), pin = body(held), margin = BEYOND * this.reach, [low, high] = used ?? [0, 0], reach = [low - margin, high + margin];
+    if (guide === "circle") return [at, pin];
+    const way = along(guide === "rail" ? angle + this.turn : angle + coupler), line = reach.map((s) => add(guide === "rail" ? ground(fixed) : pin, times(way, s)));
+    (guide === "rail" ? rails : slots).push(line);
+    blocks.push([at ?? pin, direction(way)]);
+    return guide === "rail" ? [line[1], pin] : [at, line[1]];
   }
 
   /** Joints at steps + 1 even travels from `first` to `last`; nulls where the loop does not close. */

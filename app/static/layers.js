@@ -33,21 +33,6 @@ function bodyOf(outline, solution, motion) {
   return corners.map(([x, y]) => [cosine * x - sine * y, sine * x + cosine * y]);
 }
 
-/** Where the frame of a link of a four-bar is: {at, angle}, at joints of `Linkage.at`. */
-const FRAMES = { ground: (j) => ({ at: j.a, angle: 0 }), crank: (j) => ({ at: j.a, angle: j.crank }), coupler: (j) => ({ at: j.d, angle: j.coupler }), rocker: (j) => ({ at: j.b, angle: j.rocker }) };
-
-const fromTo = ([x, y], [u, v]) => ({ at: [x, y], angle: Math.atan2(v - y, u - x) });
-
-/** Where the frame of a link of a solution is; null for one that is not drawn. */
-function frameOf(link, joints, { links, guides }) {
-  if (links) return FRAMES[link]?.(joints) ?? null;
-  const [driven] = guides, { p, rotation } = joints, [x, y] = driven.body_point, cosine = Math.cos(rotation), sine = Math.sin(rotation);
-  if (link === "ground") return { at: driven.pivot ?? driven.point ?? driven.pin, angle: 0 };
-  if (link === "coupler") return { at: [p[0] + cosine * x - sine * y, p[1] + sine * x + cosine * y], angle: rotation };
-  const circle = joints.links[driven.guide === "circle" && link === "crank" ? 0 : 1];
-  return circle ? fromTo(...circle) : null;
-}
-
 const placeText = (value, sign) => `${text(Math.abs(value) < 1e-9 ? 0 : value, 5)}${sign}`;
 const inWords = (pair) => pair.map((name) => (name.startsWith("head ") ? `head of pin ${name.slice(5)}` : name.length <= 2 ? `pin ${name}` : name)).join(" and ");
 
@@ -182,7 +167,7 @@ export class Layers {
     const degrees = joints.travel / RAD, hit = new Set(assembly.collisions.filter((one) => within(one, degrees, driveTurns(this.solution))).flatMap(({ pair }) => pair));
     const flat = assembly.parts.filter(({ kind }) => kind !== "board").toSorted((a, b) => a.layers[1] - b.layers[1] || (a.kind === "plate" ? -1 : 1));
     for (const { name, kind, link, core, radius, slits } of flat) {
-      const frame = frameOf(link, joints, this.solution);
+      const frame = joints.frames[link];
       if (!frame) continue;
       const { at, angle } = frame, cosine = Math.cos(angle), sine = Math.sin(angle);
       const placed = ([x, y]) => view.at([at[0] + cosine * x - sine * y, at[1] + sine * x + cosine * y]);

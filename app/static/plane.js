@@ -1,0 +1,12 @@
+// Vectors of the plane, [x, y]; angles in radians, counter-clockwise.
+
+export const add = ([a, b], [c, d]) => [a + c, b + d];
+export const less = ([a, b], [c, d]) => [a - c, b - d];
+export const times = ([a, b], factor) => [a * factor, b * factor];
+export const turned = ([x, y], angle) => [x * Math.cos(angle) - y * Math.sin(angle), x * Math.sin(angle) + y * Math.cos(angle)];
+/** The unit vector of an angle. */
+export const along = (angle) => [Math.cos(angle), Math.sin(angle)];
+export const cross = ([a, b], [c, d]) => a * d - b * c;
+export const dot = ([a, b], [c, d]) => a * c + b * d;
+export const size = ([x, y]) => Math.hypot(x, y);
+export const direction = ([x, y]) => Math.atan2(y, x);
