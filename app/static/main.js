@@ -4,24 +4,24 @@ import { startNumbers } from "./decimal.js";
 import { Draft } from "./draft.js";
 import { button } from "./drawing.js";
 import { Editor } from "./editor.js";
-import { alike, fitOf, roundedText, worstRows, worstWords } from "./fit.js";
+import { startEntry } from "./entry.js";
+import { alike } from "./fit.js";
 import { fromPage, fromRequest, requestText, toPage, toRequest } from "./formats.js";
 import { Gallery } from "./gallery.js";
 import { fromHere, nearby } from "./hand.js";
 import { Live } from "./live.js";
-import { fault, itemOf, wantsAngles } from "./motion.js";
-import { matters, offered } from "./offers.js";
+import { fault, wantsAngles } from "./motion.js";
+import { offered } from "./offers.js";
 import { Results, note } from "./results.js";
-import { STAGES, preferred, refine, solve, together } from "./service.js";
+import { howNear, sentenceOf } from "./sentence.js";
+import { STAGES, refine, solve, together } from "./service.js";
 import { fillSheet } from "./sheet.js";
 import { $, copy, markEarlier, say, startScenes, startTheme } from "./shell.js";
 import { Sources } from "./sources.js";
 import { startStage } from "./extras.js";
 import { explainTerms, startTour } from "./tour.js";
-import { defects, limitName, plainNote } from "./verdict.js";
+import { defects } from "./verdict.js";
 import { Visits, readdress } from "./visits.js";
-
-const FIRST = { size: "the smallest found", transmission: "the best transmission angle found", crank_span: "the shortest swing found", layers: "the simplest layers found" };
 
 let answer = null; // the last answer: {request, reply, motion, stored}
 let running = null; // AbortController of the search that runs
@@ -29,7 +29,7 @@ let passed = false; // a later search has not brought anything in the place of t
 let linkedCard = null; // the card that a link chose, until the search for it has ended
 
 const editor = new Editor(motionChanged, pathDrawn, jointDragged, { get: asShown, put: putBack });
-const results = new Results(editor.board, (kind) => editor.keep(kind));
+const results = new Results(editor.board, (kind) => editor.keep(kind), () => { if (!running) sayAnswer(); });
 const sources = new Sources(() => editor.motion, useMotion);
 const draft = new Draft("linkage-atlas-motion", (content) => sources.openDraft(content), () => sources.useExample(sources.examples[0]?.name));
 const gallery = new Gallery((name) => sources.useExample(name));
@@ -86,34 +86,6 @@ function showAgain(earlier, left) {
   sayAnswer();
 }
 
-/** What the best linkage found really does, in a few words: "off by 0.27 mm (pose 5) and 0.08° (pose 4)". */
-function howNear({ reply, motion }) {
-  const best = reply.solutions[0], rows = worstRows(fitOf(best, motion), motion, reply.report.length_scale ?? 1), off = rows.filter(([, , pose]) => pose !== null);
-  if (!off.length) return "met to within rounding";
-  return `off by ${worstWords(off, motion)}`;
-}
-
-function sentenceOf({ reply: { status, solutions, report }, request, motion, stored, live, seconds }) {
-  if (!solutions.length) {
-    const why = report.notes.filter((one) => !one.startsWith("No linkage within")).map((one) => plainNote(one, itemOf(motion))).join(" ");
-    const proved = status === "infeasible" ? "No linkage was found within these limits, and the search ran to its end." : `None found in ${seconds.toFixed(1)} s, when the time was up; that proves nothing.`;
-    return [proved, why || "Loosen a limit, allow any family, or let the pivots lie elsewhere.", ""].join(" ").trim();
-  }
-  const held = solutions[0].determination?.at_limits ?? [], near = howNear({ reply: { solutions, report }, motion });
-  const limited = held.length && status !== "reached" ? `, held by ${new Intl.ListFormat("en-GB").format(held.map(limitName))}` : "";
-  const kept = status === "reached" && request.tolerances ? `Within the allowed errors at every ${itemOf(motion)}` : !request.tolerances && request.prefer && "Near the least error", first = FIRST[preferred(request)];
-  const parts = [`${kept && first ? `${kept}, ${first}` : kept || "Best found"}: ${near}${limited}.`];
-  const rounded = roundedText(solutions[0], report.length_scale, ` ${motion.unit}`);
-  if (rounded) parts.push(`With rounded links: ${rounded}.`);
-  if (report.stopped_by === "budget" && !stored && !live) parts.push(`The time was up after ${seconds.toFixed(1)} s: there may be better ones.`);
-  if (stored) parts.push("Searched beforehand.");
-  parts.push(...report.notes.filter(matters).map((one) => plainNote(one, itemOf(motion))));
-  if (request.tolerances && status !== "reached") parts.push(`The allowed errors are not kept at every ${itemOf(motion)}.`);
-  if (live) parts.push("Found while dragging: Solve searches for others.");
-  if (defects(solutions[0].verdict).length) parts.push("But none is free of defects: see the verdicts.");
-  return parts.join(" ");
-}
-
 /** Offers what the notes of an answer suggest, as buttons. */
 function suggest({ reply: { report, solutions }, request }) {
   const all = report.notes.map((one) => offered(one, request, solutions.length > 0)).filter(Boolean);
@@ -126,9 +98,9 @@ function suggest({ reply: { report, solutions }, request }) {
 }
 
 function sayAnswer() {
-  const { reply: { solutions } } = answer;
-  if (editor.board.stale) {
-    say("The question has changed since it was answered.");
+  const { reply, reply: { solutions }, motion } = answer, { solution } = results;
+  if (editor.board.stale || solution?.source === "hand") {
+    say(editor.board.stale ? "The question has changed since it was answered." : `Changed by hand: ${howNear({ reply: { ...reply, solutions: [solution] }, motion })}.`);
     return;
   }
   say(sentenceOf(answer), !solutions.length || defects(solutions[0].verdict).length > 0);
@@ -335,6 +307,21 @@ async function startRefinement() {
   });
 }
 
+/** Shows a linkage that the user entered, with the motion that it makes, as the service judges it. */
+function showEntered({ motion, solution }) {
+  useMotion(motion, { mode: "hand" });
+  const request = toRequest(motion);
+  return run(async (control, begin) => {
+    const reply = await refine(fromHere(request, solution), control.signal);
+    if (running !== control) return;
+    answer = { request, reply, motion: structuredClone(motion), seconds: (performance.now() - begin) / 1000, refined: true };
+    visit();
+    results.show(answer);
+    results.player.goto(0);
+    say("The linkage as entered. Drag its joints, or type them, to change it.");
+  });
+}
+
 function bindButtons() {
   $("form").addEventListener("submit", (event) => { event.preventDefault(); startSearch(); });
   document.addEventListener("keydown", (event) => { if (event.key === "Enter" && (event.ctrlKey || event.metaKey)) { event.preventDefault(); startSearch(); } });
@@ -380,6 +367,7 @@ async function start() {
   bindButtons();
   explainTerms();
   startTour();
+  startEntry(() => editor.motion.unit, showEntered);
   startStage(editor.board, (change) => editor.history.change((motion) => { change(motion); }), (mode) => editor.setMode(mode));
   editor.refresh();
   await sources.loadExamples();

@@ -99,9 +99,9 @@ export function note(sentence) {
 const isHand = (solution) => solution.source === "hand";
 
 export class Results {
-  /** `keep(kind)` makes what there is before a joint is moved a step of undo. */
-  constructor(board, keep) {
-    Object.assign(this, { keep, answer: null, solution: null, board, player: new Player(board), picked: false });
+  /** `keep(kind)` makes what there is before a joint is moved a step of undo; `changed()` is called when the user has moved one or picked a card. */
+  constructor(board, keep, changed) {
+    Object.assign(this, { keep, changed, answer: null, solution: null, board, player: new Player(board), picked: false });
     this.layers = new Layers(board, (degrees) => { this.player.stop(); this.player.goto(degrees); }, (solution) => this.#judgedAnew(solution));
     this.driving = new Driving(board, this.player);
     this.fields = new JointFields(board, (name, place) => this.drag(name, place, null), () => this.player.stop());
@@ -197,6 +197,7 @@ export class Results {
     this.later = setTimeout(() => this.player.drawCurves(), REST_MS);
     this.#showNumbers();
     this.#list();
+    this.changed();
     this.board.tell(closes ? [errorText(solution.errors.position_max, 1e-300, ` ${motion.unit}`), errorText(solution.errors.rotation_max, 1e-300, "°")].filter(Boolean).join(", ") : `does not close at every ${itemOf(motion)}`);
     return null;
   }
@@ -212,7 +213,7 @@ export class Results {
   #list() {
     const { motion, reply, size } = this.answer, active = $("solutions").contains(document.activeElement);
     const shown = sorted(reply.solutions, $("sort").value);
-    $("solutions").replaceChildren(...shown.map((solution) => card(solution, motion, size, () => { this.picked = true; this.#select(solution); })));
+    $("solutions").replaceChildren(...shown.map((solution) => card(solution, motion, size, () => { this.picked = true; this.#select(solution); this.changed(); })));
     this.cards = shown;
     this.#press();
     if (active) $("solutions").querySelector("[aria-pressed=true]")?.focus({ preventScroll: true });

@@ -13,6 +13,18 @@ function base64Of(file) {
   });
 }
 
+/** The other question of a table: its name, the columns that only it reads, and the words for it. */
+const OTHER = {
+  synthesize: ["function", ["input", "output"], "These are columns of a function: paste the table on the page “Function”"],
+  function: ["synthesize", ["angle", "crank"], "These are columns of a motion: for poses, paste the table on the page “Four-bar”"],
+};
+
+/** Points to the page of the other question if the named columns of the table are read there; else "". */
+async function pointer(table, asked) {
+  const [question, roles, sentence] = OTHER[asked], { status, columns } = await (await ask("/v1/motion", { ...table, question })).json();
+  return status === "read" && columns.some(({ role, head }) => roles.includes(role) && !/^\d+$/.test(head)) ? sentence : "";
+}
+
 /**
  * Reads a table, text or a file, for a question of the service: {request, length_unit, columns, heads, notes}. `columns` chooses columns.
  * Throws Error with a sentence; if columns have to be chosen it has the `heads` of the table.
@@ -20,7 +32,12 @@ function base64Of(file) {
 export async function readTable(source, question, columns = null) {
   const table = typeof source === "string" ? { table: source } : { file: await base64Of(source) };
   const reply = await (await ask("/v1/motion", { ...table, question, ...(columns ? { columns } : {}) })).json();
-  if (reply.status === "read") return reply;
+  if (reply.status === "read") {
+    const { columns: used, heads } = reply, hint = !columns && used.length < heads.length ? await pointer(table, question) : "";
+    return { ...reply, notes: [...reply.notes, hint].filter(Boolean) };
+  }
+  const hint = columns ? "" : await pointer(table, question);
+  if (hint) throw new Error(`${hint}.`);
   const { message, heads } = reply, detail = message.replace(/; or choose columns, as in .*$/, question === "synthesize" ? "; or choose the columns below" : "");
   throw Object.assign(new Error(`${capital(detail)}.`), { heads: heads.length ? heads : null });
 }

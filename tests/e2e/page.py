@@ -453,6 +453,12 @@ class MotionPage(Page):
         """By one call: cards are drawn again when their layers are known."""
         self.run("document.querySelectorAll('#solutions button')[arguments[0]].click()", k)
 
+    def links(self) -> list[float]:
+        """Lengths of the four links of the selected solution, from the table of numbers."""
+        rows = "[...document.querySelectorAll('#numbers tr')].map((row) => [...row.children].map((cell) => cell.textContent))"
+        found = dict(self.run(f"return {rows}"))
+        return [float(found[name].split()[0]) for name in ("Crank", "Coupler", "Rocker", "Ground")]
+
     def card(self) -> str:
         """Text of the card that is chosen."""
         return self.read("#solutions [aria-pressed=true]")

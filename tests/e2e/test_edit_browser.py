@@ -28,6 +28,11 @@ def test_joints_are_typed_and_stay_as_typed(edited) -> None:
     worst = re.search(r"Off by at most ([\d.]+) mm", page.text("joints-note"))[1]
     assert f"{worst} mm" in page.text("numbers"), "the same error as in the numbers"
     assert page.count("#canvas .worst") >= 1
+    assert page.text("status").startswith(f"Changed by hand: off by {worst} mm"), (
+        "no longer the error of the best linkage"
+    )
+    page.choose_card(1)
+    assert page.text("status").startswith("Best found")
 
 
 def test_what_cannot_be_used_stays_and_is_named(edited) -> None:
@@ -93,3 +98,36 @@ def test_a_linkage_given_with_a_request_is_no_part_of_the_motion(standing) -> No
     begin = {"links": {"crank": 1, "coupler": 2, "rocker": 2, "ground": 2}, "branch": 1, "start_angle": 0}
     page.take({"position": [[0, 0], [3, 4], [6, 5]], "timing": "free", "refine_from": begin})
     assert "refine_from" not in page.request()
+
+
+def test_a_linkage_is_entered_by_its_lengths_or_its_joints(standing) -> None:
+    """It moves, is judged, driven and exported like one that was found."""
+    page = standing
+    page.click("entry-open")
+    page.press("#entry-form [type=submit]")
+    assert "are needed" in page.text("entry-error") and page.faults("#entry") == []
+    for name, length in {"crank": "19", "coupler": "72", "rocker": "144"}.items():
+        page.type_into(f"entry-{name}", length)
+    page.type_into("entry-ground", "300" + Keys.TAB)
+    assert "cannot be assembled" in page.text("entry-error")
+    page.type_into("entry-ground", "165" + Keys.TAB)
+    page.type_into("entry-p-y", "60,5")
+    page.press("#entry-form [type=submit]")
+    page.wait(f"{IDLE} && document.getElementById('status').textContent.startsWith('The linkage as entered')")
+    assert page.links() == pytest.approx([19, 72, 144, 165], rel=1e-7)
+    assert len(page.table()) == 24 and page.value("joint-p-y") == "60.5"
+    assert GOOD.search(page.card()) or "transmission" in page.card()
+    assert b"LWPOLYLINE" in page.saved("linkage-1.dxf", "[data-format=dxf]")
+    page.select("drive-kind", "rotary")
+    page.click("drive-find")
+    page.wait("document.querySelectorAll('#drive-found button').length")
+    page.click("entry-open")
+    joints = {"a": ("0", "0"), "d": ("40", "0"), "c": ("60", "30"), "b": ("70", "0"), "p": ("50", "50")}
+    for name, place in joints.items():
+        for axis, entry in zip("xy", place):
+            page.type_into(f"entry-{name}-{axis}", entry)
+    page.press("#entry-form [type=submit]")
+    page.wait(f"{IDLE} && document.querySelectorAll('#poses tbody tr').length === 13")
+    assert page.links() == pytest.approx([40, 1300**0.5, 1000**0.5, 70], rel=1e-7)
+    places = page.placed()
+    assert min(abs(x + 1j * y - 50 - 50j) for x, y in places) < 20, "the position entered lies within its swing"

@@ -182,6 +182,8 @@ def test_rounded_links_need_a_length(page) -> None:
 
 
 def test_rows_that_are_no_table_of_a_function_are_named(page) -> None:
+    ask_table(page, "x;y;angle\n0;0;0\n1;2;10\n2;3;30")
+    page.wait("document.getElementById('table-note').textContent.includes('paste the table on the page “Four-bar”')")
     ask_table(page, "0, 0\n1, a")
     solve(page)
     assert "Line 2" in page.text("status")

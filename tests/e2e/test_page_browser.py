@@ -13,7 +13,6 @@ import xml.etree.ElementTree as ElementTree
 import zlib
 
 import ezdxf
-import httpx2 as httpx
 import numpy as np
 import pytest
 from selenium.webdriver.common.keys import Keys
@@ -294,28 +293,21 @@ def test_a_reply_to_a_drag_that_comes_after_another_choice_is_dropped(status, st
     standing.wait("document.getElementById('status').textContent.includes('Found while dragging')")
 
 
-def links_on_show(page) -> list[float]:
-    """Lengths of the four links of the selected solution, from the page's table of numbers."""
-    rows = "[...document.querySelectorAll('#numbers tr')].map((row) => [...row.children].map((cell) => cell.textContent))"
-    found = {name: value for name, value in page.run(f"return {rows}")}
-    return [float(found[name].split()[0]) for name in ("Crank", "Coupler", "Rocker", "Ground")]
-
-
 @pytest.mark.parametrize("name", ["wiper", "pick"])
 def test_a_drag_by_a_pixel_keeps_the_linkage_and_back_restores_it(name, standing) -> None:
     standing.choose(name)
-    before, status = links_on_show(standing), standing.text("status")
+    before, status = standing.links(), standing.text("status")
     pose = standing.actions(50).move_to_element(standing.centre(standing.pick("[data-pose='4'] .hit")))
     pose.click_and_hold().move_by_offset(1, 0).perform()
     standing.wait("document.getElementById('status').textContent.includes('Found while dragging')")
     assert standing.earlier() is False
-    assert links_on_show(standing) == pytest.approx(before, rel=0.05), "the same linkage, a little changed"
+    assert standing.links() == pytest.approx(before, rel=0.05), "the same linkage, a little changed"
     standing.actions(50).move_by_offset(-1, 0).perform()
     standing.wait(f"document.getElementById('status').textContent === {json.dumps(status)}")
-    assert links_on_show(standing) == before
+    assert standing.links() == before
     standing.actions(50).move_by_offset(2, 0).release().perform()
     standing.wait("document.getElementById('status').textContent.includes('Found while dragging')")
-    assert links_on_show(standing) == pytest.approx(before, rel=0.05), "no other one is clearly better"
+    assert standing.links() == pytest.approx(before, rel=0.05), "no other one is clearly better"
 
 
 def test_a_pivot_box_is_drawn_and_kept_to(standing) -> None:
@@ -375,6 +367,7 @@ def test_rows_are_pasted(standing, rows, wanted) -> None:
     ("rows", "said"),
     [
         *((rows, None) for rows in ("", "a,b\n1,2", "1,2,3\n1,x,3", "{", '{"x": 1}')),
+        ("input;output\n0;0\n10;12", "These are columns of a function: paste the table on the page “Function”."),
         ("x,y,phi\n1,2,3\n4,two,6", "Line 3, column 2 (y): 'two' is not a number."),
         ("x,y,angle\n1,2\n3,4,5", "Line 2: wanted 3 cells, found 2."),
         (
@@ -914,18 +907,11 @@ def test_axe_finds_no_serious_fault_and_nothing_sticks_out(page, width, theme) -
     assert page.faults() == []
 
 
-def test_files_come_from_this_service_alone_and_are_light(page) -> None:
-    entries = page.run("return performance.getEntriesByType('resource').map(e => [e.name, e.decodedBodySize])")
-    assert all(name.startswith(page.address) for name, _ in entries)
-    address, page = page.address, len(httpx.get(page.address).content)
-    answers = f"{address}/v1/"  # which are there or not yet
-    assert page + sum(size for name, size in entries if not name.startswith(answers)) < 450_000
-
-
-def test_the_layers_of_a_solution_are_asked_for_once(page) -> None:
+def test_files_come_from_this_service_alone_and_layers_are_asked_for_once(page) -> None:
     page.wait("[...document.querySelectorAll('#solutions li')].every((one) => /layers/.test(one.textContent))")
-    asked = page.run("return performance.getEntriesByName(`${location.origin}/v1/assembly`).length")
-    assert asked == page.count("#solutions li")
+    files = page.run("return performance.getEntriesByType('resource').map((one) => one.name)")
+    assert all(name.startswith(page.address) for name in files)
+    assert files.count(f"{page.address}/v1/assembly") == page.count("#solutions li")
 
 
 def test_the_machine_of_the_readme_is_whole_in_its_picture(page) -> None:
