@@ -20,7 +20,7 @@ from app.query import (
 from linkage_atlas.arguments import LARGEST
 from linkage_atlas.assemblies import FIXED_PINS, LAYERS_MOST, MOST_CORNERS, MOST_LAYERS
 from linkage_atlas.catalogues import ACTUATORS, MOST_ROWS, MOST_SPRING_ROWS
-from linkage_atlas.drive_design.question import MAX_DRIVES, MAX_MASSES, MAX_SPRINGS
+from linkage_atlas.drive_design.question import MAX_COUNT, MAX_DRIVES, MAX_MASSES, MAX_SPRINGS
 from linkage_atlas.functions import MIN_PAIRS
 from linkage_atlas.limits import FUNCTION_LIMITS, LIMITS
 from linkage_atlas.linkages import DriverName, KindName
@@ -405,8 +405,20 @@ class MassRequest(RequestModel):
     inertia: Annotated[Number, Field(ge=0, le=LARGEST)] | None = Field(None, description="About that place.")
 
 
+class PointForceRequest(RequestModel):
+    """A force at a point of a link, in a direction that does not turn with the link."""
+
+    link: LinkName = Field(description="`crank`, `coupler`, `rocker` or `body`.")
+    at: PlacePair | None = Field(None, description="In the link's frame. Default: the middle of the link.")
+    force: Pair = Field(description="[fx, fy].")
+
+
 class DriveLoadRequest(LoadRequest):
     """What acts on the body and on the links, in directions that do not turn with them."""
+
+    forces: Annotated[list[PointForceRequest], Field(max_length=MAX_MASSES)] | None = Field(
+        None, description="At points of any links."
+    )
 
     torque: Bounded | None = Field(None, description="On the body, counter-clockwise: force times length.")
     masses: Annotated[list[MassRequest], Field(max_length=MAX_MASSES)] | None = None
@@ -467,6 +479,17 @@ class DriveRequest(RequestModel):
     reach_max: Above | None = Field(
         None, description="Largest distance of the pin from the origin of its link's frame."
     )
+    pin_box: Box | None = Field(None, description="Box of an actuator's pin, in the frame of its link.")
+    ground_point: PlacePair | None = Field(
+        None,
+        description="Given end of an actuator, in the plane at the first position. With `pin` or `pin_on_link` the actuator is "
+        "evaluated and not searched.",
+    )
+    pin: PlacePair | None = Field(None, description="Given pin of an actuator, in the plane at the first position.")
+    pin_on_link: PlacePair | None = Field(None, description="Given pin of an actuator, in the frame of its link.")
+    count: Annotated[Count, Field(ge=1, le=MAX_COUNT)] | None = Field(
+        None, description="Number of equal actuators side by side; forces are those of each."
+    )
     arm_min: Size | None = Field(None, description="Least moment arm, a radian of the crank.")
     time_ratio: Above | None = Field(
         None, description="Of a motor: the slower way over the other; null: as it is best."
@@ -502,6 +525,9 @@ class SpringRequest(RequestModel):
     catalogue: Words | Annotated[list[CatalogueRow], Field(min_length=1, max_length=MOST_SPRING_ROWS)] | None = Field(
         None,
         description="`tension_springs`, `gas_springs`, rows or a CSV text; null: ideal springs, of gas those bundled.",
+    )
+    count: Annotated[Count, Field(ge=1, le=MAX_COUNT)] | None = Field(
+        None, description="Number of equal springs side by side; stiffness and forces are those of each."
     )
     stiffness: Above | None = Field(None, description="Of ideal springs.")
     ground_box: Box | None = Field(None, description="Of its end on the ground.")

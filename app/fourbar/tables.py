@@ -302,7 +302,8 @@ def _drive_words(drive: Drive, units: Units) -> str:
                 words += _load_words(drive.peak_force, drive.peak_torque)
             words.append(f"least arm {units.value(drive.arm_min, length, 4)}")
     kind = _DRIVES.get(drive.kind, drive.kind) + _row_name(drive)
-    sentence = "; ".join([f"{kind} on the {drive.link}", *words])
+    count = f"{drive.count} equal ones: " if isinstance(drive, ActuatorDrive) and drive.count > 1 else ""
+    sentence = "; ".join([f"{count}{kind} on the {drive.link}", *words])
     return f"{sentence}\n  stops: {drive.stops}\n  holds without power: {drive.holds}"
 
 
@@ -325,9 +326,11 @@ def _spring_words(spring: Spring, units: Units) -> str:
     """Describe a spring: kind, ends, length, the torque that it leaves, and what the linkage does by itself."""
     before, after = spring.torque.before.rms, spring.torque.after.rms
     after = 0.0 if after < _ROUNDING * before else after
+    count = f"{spring.count} equal ones: " if spring.count > 1 else ""
     return (
-        f"{spring.name or f'{spring.kind} spring'} between {' and '.join(spring.between)}; from {_place(spring.points[0])} to "
-        f"{_place(spring.points[1])}; stiffness {spring.stiffness:.4g}; length {spring.length[0]:.4g} to "
+        f"{count}{spring.name or f'{spring.kind} spring'} between {' and '.join(spring.between)}; "
+        f"from {_place(spring.points[0])} to {_place(spring.points[1])}; "
+        f"stiffness {spring.stiffness:.4g}; length {spring.length[0]:.4g} to "
         f"{units.value(spring.length[1], units.length, 4)}; rms torque {number(before, 5)} without and "
         f"{number(after, 5)} with it\n  by itself: {spring.stays}"
     )

@@ -39,6 +39,10 @@ USUAL_RATIO, LONG_RATIO = 1.4, 2.0
 """Retracted lengths over stroke that are tried if neither is given."""
 FORCE_TOLERANCE = 1.05
 """Largest ratio of peak forces at which a shorter actuator replaces the best one."""
+LENGTH_TOLERANCE = 1e-9
+"""Fraction of its length by which the ends of an actuator may lie beyond its stroke."""
+STROKE_TOLERANCE = 1e-6
+"""Fraction by which a stroke may be longer than the part of it that is used, for its ends to be the stops."""
 STROKE_SHARES = (1.0, 0.85, 0.7, 0.55)
 """Fractions of the best stroke that are tried for an actuator of usual length."""
 
@@ -59,16 +63,16 @@ class Loads(NamedTuple):
 class Mounted:
     """A placement between two links, evaluated anywhere in the motion."""
 
-    def __init__(self, task: DriveTask, on: str, link: str, placement: Placement) -> None:
-        self.task, self.on, self.link, self.placement = task, on, link, placement
+    def __init__(self, task: DriveTask, on: str, link: str, placement: Placement, count: int = 1) -> None:
+        self.task, self.on, self.link, self.placement, self.count = task, on, link, placement, count
 
     def along(self, at: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return length, moment arm and force at travels of the drive."""
+        """Return length, moment arm and the force of each actuator at travels of the drive."""
         # the frame of a link that carries the other end lies as the plane does at the first position
         machine = self.task.operation.poses(np.append(self.task.machine.at[0], at))
         found = self.placement
         length, arm = machine.seen(self.link, self.on).leverage(found.ground, found.pin)
-        return length[1:], arm[1:], (machine.torque(self.task.question.load) / arm)[1:]
+        return length[1:], arm[1:], (machine.torque(self.task.question.load) / arm)[1:] / self.count
 
     def maximum(self, of: Callable[[Floats, Floats, Floats], Floats]) -> float:
         """Return the maximum over the motion of a function of length, arm and force."""
@@ -88,11 +92,11 @@ class Mounted:
         return machine.end(self.on, machine.point_on(self.on, found.ground)), machine.end(self.link, found.pin)
 
     def pulls(self) -> list[Pull]:
-        """Return the forces on both links at the fine positions."""
+        """Return the forces of all actuators on both links at the fine positions."""
         fine = self.task.fine
         ground, pin = self.ends(fine)
         length, _, force = self.along(fine.at)
-        push = force * (pin - ground) / length
+        push = self.count * force * (pin - ground) / length
         return [Pull(self.link, pin, push), Pull(self.on, ground, -push)]
 
     def buckling(self, rod: float) -> Buckling:
@@ -140,7 +144,9 @@ def find_actuators(task: DriveTask, request: ActuatorRequest) -> None:
             continue
         if task.work.expired():
             return
-        if request.rows:
+        if request.ground_point is not None:
+            _of_given_ends(task, request, name, request.ground_point)
+        elif request.rows:
             _from_catalogue(task, request, name)
         else:
             _of_sizes(task, request, name)
@@ -152,7 +158,63 @@ def _question(task: DriveTask, request: ActuatorRequest, name: str, grid: int) -
         task, name, request.on, request.ground_box, request.reach_max, request.arm_min, request.extends, stroke
     )
     link = task.machine.seen(name, request.on)
-    return Question(link, task.machine.at, task.torque, limits, grid, task.torque_curve.amount)
+    torque, amount = task.torque / request.count, task.torque_curve.amount / request.count
+    return Question(link, task.machine.at, torque, limits._replace(pin_box=request.pin_box), grid, amount)
+
+
+def _of_given_ends(task: DriveTask, request: ActuatorRequest, name: str, ground: complex) -> None:
+    """Evaluate an actuator whose two ends are given, of given sizes or from a catalogue."""
+    if request.pin_on_link is not None:
+        pin = request.pin_on_link
+    else:
+        assert request.pin is not None
+        pin = task.machine.link(name).point_at(request.pin)
+    question = _question(task, request, name, 2)
+    placement = question.placement(ground, pin)
+    lengths, arms = task.fine.seen(name, request.on).leverage(ground, pin)
+    is_dead = ~(arms * arms[0] > 0)
+    if is_dead.any():
+        k = int(np.argmax(is_dead))
+        at = task.operation.words(task.fine.at[k])
+        task.findings.refuse(
+            "actuator", name, f"dead point at {at}: its length turns back there, at {lengths[k]:.6g}"
+        )
+        return
+    low, high = sorted(both_ends(placement.length))
+    used = Actuator(low, high - low)
+    if request.rows:
+        _rows_of_given_ends(task, request, name, question, placement, used)
+        return
+    retracted = low if request.retracted is None else request.retracted
+    stroke = high - retracted if request.stroke is None else request.stroke
+    if not _covers(Actuator(retracted, stroke), used):
+        words = f"its length goes from {low:.6g} to {high:.6g}, beyond an actuator of {retracted:.6g} + {stroke:.6g}"
+        task.findings.refuse("actuator", name, words)
+        return
+    _add(task, request, name, question, placement, Actuator(retracted, stroke), None, 0)
+
+
+def _covers(sizes: Actuator, used: Actuator) -> bool:
+    """Check that an actuator has all lengths that are used, up to rounding."""
+    hair = LENGTH_TOLERANCE * (used.retracted + used.stroke)
+    shorter = sizes.retracted <= used.retracted + hair
+    return shorter and sizes.retracted + sizes.stroke >= used.retracted + used.stroke - hair
+
+
+def _rows_of_given_ends(
+    task: DriveTask, request: ActuatorRequest, name: str, question: Question, placement: Placement, used: Actuator
+) -> None:
+    """Add the rows of a catalogue whose lengths and forces suffice for given ends, the cheapest first."""
+    fitting = [row for row in request.rows if _covers(row.actuator, used)]
+    strong = [row for row in fitting if not task.loaded or row.bears(placement)]
+    strong.sort(key=lambda row: (math.inf if row.price is None else row.price, max(row.push, row.pull)))
+    for index, row in enumerate(strong[: task.max_results]):
+        _add(task, request, name, question, placement, row.actuator, row, index)
+    if not strong:
+        words = f"lengths from {used.retracted:.6g} to {used.retracted + used.stroke:.6g}"
+        if fitting:
+            words += f" and a force of {placement.peak:.4g}"
+        task.findings.refuse("actuator", name, f"no row of the catalogue has {words}")
 
 
 def _from_catalogue(task: DriveTask, request: ActuatorRequest, name: str) -> None:
@@ -211,7 +273,7 @@ def _add(
     row: Row | None,
     index: int,
 ) -> None:
-    mounted = Mounted(task, request.on, name, placement)
+    mounted = Mounted(task, request.on, name, placement, request.count)
     if mounted.turns_back("actuator"):
         return
     rod = request.rod if row is None else request.rods.get(row.name, request.rod)
@@ -221,7 +283,9 @@ def _add(
         task.findings.refuse("actuator", name, reason, row.name)
         return
     ground, pin = mounted.ends(task.machine)
-    bound = task.if_loaded(question.bound(sizes.stroke))
+    used = abs(float(placement.length[-1] - placement.length[0]))
+    bound = task.if_loaded(question.bound(used))
+    is_whole = sizes.stroke <= used * (1 + STROKE_TOLERANCE)
     rank: tuple[float, ...] = (placement.worst,)
     if row is not None:
         rank = (math.inf if row.price is None else row.price, max(row.push, row.pull), placement.worst)
@@ -229,7 +293,10 @@ def _add(
         link=name,
         on=request.on,
         swing=task.swing(name),
-        stops="none: its own ends of stroke are the ends of the way",
+        count=request.count,
+        stops="none: its own ends of stroke are the ends of the way"
+        if is_whole
+        else "two stops, or position control: its stroke is longer than the way",
         holds="a spindle does, a cylinder with its valves shut",
         name=None if row is None else row.name,
         price=None if row is None else row.price,
@@ -275,6 +342,8 @@ def reason_of(
             return f"{subject} needs a pin at {refused.needed:.4g} from {about}; reach_max is {limits.reach:.6g}"
         case "box":
             return f"{subject} needs a ground point at {refused.needed:.4g} from the pivot; ground_box has none there"
+        case "pin_box":
+            return f"{subject}: pins of pin_box need a ground point outside of ground_box, by at least {refused.needed:.4g}"
         case "dead":
             low, high = refused.between or (0, 1)
             where = operation.poses_around(*question.at[[low, high]])

@@ -18,6 +18,7 @@ from linkage_atlas.arguments import (
     number,
     one_of,
     pair,
+    whole_number,
 )
 from linkage_atlas.catalogues import PRESSURE, read_actuators, read_springs
 from linkage_atlas.drive_design.records import SPRING_KINDS
@@ -27,7 +28,7 @@ from synthesis.drives.links import GROUND, LinkMotions
 from synthesis.drives.six_bar import LARGEST_RATIO
 from synthesis.drives.springs import SpringRow
 from synthesis.errors import FieldError
-from synthesis.guided.analysis import Load
+from synthesis.guided.analysis import Load, PointForce
 from synthesis.mechanism import Box
 from synthesis.target import MAX_LENGTH
 
@@ -35,6 +36,8 @@ KINDS = ("rotary", "actuator", "cylinder", "dyad", "toggle")
 """Kinds of drives; a cylinder is an actuator."""
 MAX_DRIVES, MAX_SPRINGS, MAX_MASSES = 8, 4, 20
 """Largest number of entries in a request."""
+MAX_COUNT = 8
+"""Largest number of equal actuators or springs side by side."""
 SIZE_RATIO = 1e6
 """Largest ratio of a length to the size of the linkage, either way; beyond it coordinates lose their digits."""
 HOLDING_ENDS = ("closed", "open")
@@ -65,6 +68,16 @@ class ActuatorRequest:
     dead_length: float | None = None
     rod: float | None = None
     extends: bool | None = None
+    pin_box: Box | None = None
+    """In the frame of the link."""
+    ground_point: complex | None = None
+    """The other end, in the plane at the first position; with a pin both ends are given and nothing is searched."""
+    pin: complex | None = None
+    """In the plane at the first position."""
+    pin_on_link: complex | None = None
+    """In the frame of the link."""
+    count: int = 1
+    """Number of equal actuators side by side."""
     rows: list[Row] = field(default_factory=list)
     """Rows of the catalogue."""
     rods: dict[str, float] = field(default_factory=dict)
@@ -111,6 +124,8 @@ class SpringRequest:
     ground_box: Box | None = None
     reach_max: float | None = None
     clear: float | None = None
+    count: int = 1
+    """Number of equal springs side by side."""
     holds: Mapping[str, bool] = field(default_factory=dict)
     hand_force_max: float | None = None
     rows: list[SpringRow] = field(default_factory=list)
@@ -129,7 +144,8 @@ class DriveQuestion(NamedTuple):
     @property
     def loaded(self) -> bool:
         """Whether a force, a torque or a mass acts."""
-        return bool(self.load.force or self.load.torque or self.load.masses)
+        load = self.load
+        return bool(load.force or load.torque or load.masses or any(acting.force for acting in load.forces))
 
 
 class Reader:
@@ -172,13 +188,28 @@ class Reader:
     def _load(self, given: Mapping[str, Any]) -> Load:
         machine = self.machine
         links, mounted = (*machine.links, "body"), machine.body is not None
+        entries = _list("load/forces", given.get("forces"), MAX_MASSES) if isinstance(given, Mapping) else ()
+        acting = tuple(self._point_force(f"load/forces/{k}", entry) for k, entry in enumerate(entries))
+        if isinstance(given, Mapping):
+            given = {name: value for name, value in given.items() if name != "forces"}
         load, parts = read_load(
             "load", given, links, mounted, MAX_MASSES, "speed", link="body", middles=machine.middles
         )
         if parts:
             raise FieldError("/load/parts", "for one linkage only: /v1/drives, or `linkage_atlas.drives`")
         speed = bounded("load/speed", given.get("speed") or 0.0) * (self.radian if machine.turns else 1.0)
-        return load._replace(speed=speed, metre=self.millimetres / 1000)
+        return load._replace(speed=speed, metre=self.millimetres / 1000, forces=acting)
+
+    def _point_force(self, at: str, given: Any) -> PointForce:
+        known_fields(at, given, ("link", "at", "force"))
+        names = [*self.machine.links, *(["body"] if self.machine.body is not None else [])]
+        link = one_of(f"{at}/link", given.get("link"), names)
+        point = (
+            self.machine.middles.get(link, 0j)
+            if given.get("at") is None
+            else pair(f"{at}/at", given["at"], MAX_LENGTH)
+        )
+        return PointForce(link, point, pair(f"{at}/force", given.get("force"), words="[fx, fy]"))
 
     def drive(self, at: str, given: Mapping[str, Any]) -> DriveRequest:
         """Check one entry of ``drives``."""
@@ -215,6 +246,18 @@ class Reader:
             raise FieldError(f"/{at}/on", f"wanted ground or one of {', '.join(names)}, found {on!r}")
         if set(values["links"]) == {on}:
             raise FieldError(f"/{at}/on", f"wanted ground or another link than it moves, found {on!r}")
+        is_given = "ground_point" in values
+        if is_given != ("pin" in values or "pin_on_link" in values):
+            missing, words = ("pin", "`pin_box`") if is_given else ("ground_point", "`ground_box`")
+            raise FieldError(f"/{at}/{missing}", f"needed beside the other end; to search for this end give {words}")
+        if is_given:
+            if "pin" in values and "pin_on_link" in values:
+                raise FieldError(f"/{at}/pin", "give either this or `pin_on_link`")
+            if len(values["links"]) != 1:
+                raise FieldError(f"/{at}/links", "wanted the one link that carries the given pin")
+            for name in ("ground_box", "pin_box", "reach_max", "dead_length", "extends", "arm_min"):
+                if name in values:
+                    raise FieldError(f"/{at}/{name}", "is for a search; here both ends are given")
         if not isinstance(values.get("extends", True), bool):
             raise FieldError(f"/{at}/extends", "wanted true or false")
         if "catalogue" in values:
@@ -287,8 +330,12 @@ class Reader:
                 return number(at, value)
             case "transmission_angle_min" | "over_centre":
                 return number(at, value, 0.0) * self.radian
-            case "ground_box" | "motor_box":
+            case "ground_box" | "motor_box" | "pin_box":
                 return box(at, value, flat=True)
+            case "ground_point" | "pin" | "pin_on_link":
+                return pair(at, value, MAX_LENGTH)
+            case "count":
+                return whole_number(at, value, 1, MAX_COUNT)
         return value
 
 
@@ -305,7 +352,13 @@ def check_sizes(question: DriveQuestion, extent: float) -> None:
             size = f"{SIZE_RATIO:g} times the linkage's size"
             if one.name in lengths and value and not extent / SIZE_RATIO <= value <= extent * SIZE_RATIO:
                 raise FieldError(at, f"wanted a length within {size} of {extent:.4g}, either way")
-            if one.name in ("ground_box", "motor_box") and value and max(map(abs, value)) > extent * SIZE_RATIO:
+            if (
+                one.name in ("ground_box", "motor_box", "pin_box")
+                and value
+                and max(map(abs, value)) > extent * SIZE_RATIO
+            ):
+                raise FieldError(at, f"lies farther than {size} from the origin")
+            if isinstance(value, complex) and abs(value) > extent * SIZE_RATIO:
                 raise FieldError(at, f"lies farther than {size} from the origin")
 
 

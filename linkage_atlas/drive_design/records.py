@@ -237,6 +237,8 @@ class ActuatorDrive(_PinnedDrive):
     name: str | None
     """Name of the row of the catalogue."""
     price: float | None
+    count: int
+    """Number of equal actuators side by side; forces are those of each."""
     ground_point: Point
     """The other end, in the plane at the first position."""
     retracted: float
@@ -246,7 +248,7 @@ class ActuatorDrive(_PinnedDrive):
     holding: Point | None
     """Force at the first position and at the last; null without a load."""
     bound: float | None
-    """No actuator of this stroke has a smaller peak force."""
+    """No actuator with this change of length has a smaller peak force."""
     over_bound: float | None
     """Peak force over this bound: 1.01 is close to the best possible."""
     buckling: Annotated[Buckling | None, Buckling] = None
@@ -355,6 +357,8 @@ class Spring(Record):
 
     kind: Literal["tension", "gas"]
     set: int
+    count: int
+    """Number of equal springs side by side; stiffness, preload and forces are those of each."""
     name: str | None
     """Name of the row of the catalogue."""
     between: tuple[str, str]

@@ -45,7 +45,7 @@ def find_springs(task: DriveTask, request: SpringRequest, set_number: int) -> No
     if not task.loaded:
         task.findings.refuse(request.kind, links, "there is no load to balance")
         return
-    found = _from_catalogue(task, request) if request.rows else _ideal(task, request.between, request.stiffness)
+    found = _from_catalogue(task, request) if request.rows else _ideal(task, request)
     if isinstance(found, str):
         task.findings.refuse(request.kind, links, found)
     else:
@@ -63,7 +63,11 @@ def _from_catalogue(task: DriveTask, request: SpringRequest) -> Fitted | str:
         float(request.reach_max or extent),
         float(request.clear or CLEAR_SHARE * extent),
     )
-    behaviour, rows, between = _behaviour(task, request), request.rows, request.between
+    behaviour, between = _behaviour(task, request), request.between
+    rows = [
+        row._replace(stiffness=request.count * row.stiffness, preload=request.count * row.preload)
+        for row in request.rows
+    ]
     pairs = pairs_of(machine) if between is None else [between]
     found = best_spring(machine, task.torque, pairs, rows, room, task.work, behaviour)
     pivoted = [(GROUND, name) for name, link in machine.links.items() if link.pivot is not None]
@@ -139,8 +143,9 @@ def _no_help(task: DriveTask, found: Fitted, behaviour: Behaviour | None) -> str
 # -- ideal springs ----------------------------------------------------------------------------------------------------
 
 
-def _ideal(task: DriveTask, between: tuple[str, str] | None, stiffness: float | None) -> Fitted | str:
+def _ideal(task: DriveTask, request: SpringRequest) -> Fitted | str:
     """Find springs of zero free length that balance every position, or return the reason why there are none."""
+    between, stiffness = request.between, None if request.stiffness is None else request.count * request.stiffness
     linkage, load = task.operation.linkage, task.question.load
     if load.torque or load.speed:
         return "a torque, or inertia, has no potential that springs of zero free length carry: give a catalogue"
@@ -152,7 +157,8 @@ def _ideal(task: DriveTask, between: tuple[str, str] | None, stiffness: float | 
     found = one_spring(potential, between)
     if isinstance(found, Placed):
         if stiffness is not None and abs(stiffness - found.stiffness) > 1e-9 * stiffness and between[0] != GROUND:
-            return f"the only spring between {between[0]} and {between[1]} has the stiffness {found.stiffness:.6g}"
+            needed = found.stiffness / request.count
+            return f"the only spring between {between[0]} and {between[1]} has the stiffness {needed:.6g}"
         if stiffness is not None and between in ((GROUND, "crank"), (GROUND, "rocker")):
             found = next(one for one in two_springs(potential, stiffness) if one.between == between)
         return fitted(task.machine, task.torque, [found])
@@ -205,13 +211,14 @@ def _add(task: DriveTask, request: SpringRequest, set_number: int, found: Fitted
             Spring(
                 kind=request.kind,
                 set=set_number,
+                count=request.count,
                 name=None if row is None else row.name,
                 between=spring.between,
                 points=(both_ends(curve_ends[0, 0]), both_ends(curve_ends[0, 1])),
                 points_on_links=(xy(spring.points[0]), xy(spring.points[1])),
-                stiffness=spring.stiffness,
+                stiffness=spring.stiffness / request.count,
                 free_length=spring.free_length,
-                preload=spring.preload,
+                preload=spring.preload / request.count,
                 length=(float(length.min()), float(length.max())),
                 torque=sizes,
                 exact=not request.rows,
@@ -220,7 +227,12 @@ def _add(task: DriveTask, request: SpringRequest, set_number: int, found: Fitted
                 holds=holds,
                 hand_force_max=None if hand is None else float(np.abs(hand).max()),
                 curve=SpringCurve(
-                    task.operation.curve_at, length, spring.force(length), found.torque, hand, curve_ends
+                    task.operation.curve_at,
+                    length,
+                    spring.force(length) / request.count,
+                    found.torque,
+                    hand,
+                    curve_ends,
                 ),
             )
         )

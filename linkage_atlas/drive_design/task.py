@@ -94,7 +94,12 @@ class DriveTask:
         if linkage is None or not self.loaded:
             return None
         load = on_links(self.question.load, linkage)
-        states = [forces(of_four_bar(linkage), machine.at, load, pulls) for pulls in directions]
+        acting = []
+        for link, at, force in load.forces:
+            # the body is the coupler with another frame
+            name = "coupler" if link == "body" else link
+            acting.append(Pull(name, machine.link(link).place(at), np.full(machine.at.size, force)))
+        states = [forces(of_four_bar(linkage), machine.at, load, [*acting, *pulls]) for pulls in directions]
         pins = [(state.driven_ground, state.driven, state.other, state.other_ground) for state in states]
         return PinPeaks(*(float(np.abs(pin).max()) for pin in zip(*pins)))
 

@@ -60,7 +60,7 @@ _CLOSER = 4
 """Times that places around the best ones are looked at, each half as far away as the last."""
 _ABOUT = np.array([complex(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if x or y])
 """Such places, in steps of the grid."""
-_NEAREST = ("arm", "dead", "reach", "stroke", "box")
+_NEAREST = ("arm", "dead", "pin_box", "reach", "stroke", "box")
 """Reasons, the one first that is nearest to a placement."""
 _ANGLES = 2001
 """Values of alpha that are looked at on a link with a pivot."""
@@ -99,13 +99,15 @@ class Wanted(NamedTuple):
     """What a placement must keep to.
 
     ``box``: of the ground point. ``reach``: largest distance of the pin from the origin of its link's frame. ``arm``: least
-    moment arm, per radian of the drive. ``extends``: which way it goes, where that matters.
+    moment arm, per radian of the drive. ``extends``: which way it goes, where that matters. ``pin_box``: of the pin, in its
+    link's frame.
     """
 
     box: Box
     reach: float
     arm: float
     extends: bool | None = None
+    pin_box: Box | None = None
 
 
 @dataclass(frozen=True)
@@ -135,7 +137,7 @@ class Refused(NamedTuple):
     """Why an actuator finds no place: what binds, with its numbers."""
 
     reason: str
-    """``stroke``, ``reach``, ``box``, ``dead`` or ``arm``; ``knee``, whose handle turns back whichever way it bends."""
+    """``stroke``, ``reach``, ``box``, ``pin_box``, ``dead`` or ``arm``; ``knee``: its handle turns back on both sides."""
     needed: float
     """Reach or arm: what would be needed, or what there is at best; the place of a dead point, in the drive's parameter."""
     between: tuple[int, int] | None = None
@@ -178,12 +180,15 @@ class Question:
         span = float(abs(at[-1] - at[0]))
         self.amount = span if not self.loaded else amount or float(np.trapezoid(np.abs(torque), at) * self.sense)
         left, bottom, right, top = wanted.box
-        x, y = np.meshgrid(np.linspace(left, right, grid), np.linspace(bottom, top, grid))
-        self.grounds = (x + 1j * y).ravel()
-        self.grid = grid
+        self.grid, self.grounds = grid, _grid_of(wanted.box, grid)
         self.ways = (True, False) if wanted.extends is None else (wanted.extends,)
         self.middle = complex(np.mean(link.origin))
         self.size = max(right - left, top - bottom, wanted.reach)
+
+    @property
+    def turns_about_pivot(self) -> bool:
+        """Whether the closed form for a link with a fixed pivot applies: its pin may be anywhere within the reach."""
+        return self.link.pivot is not None and self.wanted.pin_box is None
 
     def bound(self, stroke: float) -> float:
         """The peak force that no placement is below: the integral of |torque| over the stroke; without a load that of 1."""
@@ -203,7 +208,7 @@ class Question:
 
     def best(self, actuator: Actuator, work: Work | None = None) -> Placement | Refused:
         """The placement of an actuator with the least peak force, or why there is none."""
-        if self.link.pivot is not None:
+        if self.turns_about_pivot:
             return self._about_pivot(actuator)
         return self.descend(self.screened([actuator], DESCENTS, work), Sizes(actuator), work)
 
@@ -286,8 +291,10 @@ class Question:
         Where none is within what is wanted, of closer and closer looks around them. ``work``: once it has expired no more of the
         actuators are looked at than one.
         """
+        box = self.wanted.pin_box or self.wanted.box
+        points = self.grounds if self.wanted.pin_box is None else _grid_of(box, self.grid)
         found = [
-            self._on_grid(self.grounds, np.array([one]))
+            self._on_grid(points, np.array([one]))
             for k, one in enumerate(actuators)
             if not (k and work is not None and work.expired())
         ]
@@ -296,13 +303,14 @@ class Question:
             refused = [one for one in found if isinstance(one, Refused)]
             return min(refused, key=lambda one: _NEAREST.index(one.reason), default=Refused("stroke", 0.0))
         best = self._chosen(Screened.joined(looked))
-        left, bottom, right, top = self.wanted.box
+        left, bottom, right, top = box
         step = complex(right - left, top - bottom) / max(self.grid - 1, 1)
         for _ in range(_CLOSER):
             if best.worth > 0:
                 break
             step /= 2
-            about = best.grounds[:, None] + (_ABOUT.real * step.real + 1j * _ABOUT.imag * step.imag)
+            centres = best.grounds if self.wanted.pin_box is None else best.pins
+            about = centres[:, None] + (_ABOUT.real * step.real + 1j * _ABOUT.imag * step.imag)
             about = np.clip(about.real, left, right) + 1j * np.clip(about.imag, bottom, top)
             closer = self._on_grid(about.ravel(), np.repeat(best.actuators, _ABOUT.size, axis=0))
             if not isinstance(closer, Refused):
@@ -320,14 +328,22 @@ class Question:
         short, few = Refused("arm", least), best.taken(np.arange(min(BEGINNINGS, best.value.size)))
         return few._replace(short=short) if least >= _ALMOST * self.wanted.arm else short
 
-    def _on_grid(self, grounds: Complexes, actuators: Floats) -> Screened | Refused:
-        """All placements of actuators (1, 2) or (m, 2) from ground points (m,) within the reach, or why there are none."""
-        grounds, pins, ways, sides, actuators, need = self.families(grounds, actuators)
+    def _on_grid(self, points: Complexes, actuators: Floats) -> Screened | Refused:
+        """All placements of actuators (1, 2) or (m, 2) from points (m,) of the grid within the limits, or why there are none.
+
+        The grid is over ground points, or over pins if these have a box.
+        """
+        grounds, pins, ways, sides, actuators, need = self.families(points, actuators)
         if not grounds.size:
             return Refused("stroke", need)
         near = np.abs(pins) <= self.wanted.reach
         if not near.any():
             return Refused("reach", float(np.abs(pins).min()))
+        if self.wanted.pin_box is not None:
+            beyond = outside(grounds, self.wanted.box)
+            if not (near & (beyond <= 0)).any():
+                return Refused("pin_box", float(beyond[near].min()))
+            near &= beyond <= 0
         grounds, pins, ways, sides = grounds[near], pins[near], ways[near], sides[near]
         arm = self.arms(grounds, pins) * (self.sense * np.where(ways, 1.0, -1.0))[:, None]
         least = arm.min(axis=1)
@@ -355,15 +371,19 @@ class Question:
         return np.array(found, dtype=np.int64)
 
     def families(
-        self, grounds: Complexes, actuators: Floats
+        self, points: Complexes, actuators: Floats
     ) -> tuple[Complexes, Complexes, Flags, Floats, Floats, float]:
         """Ground points, pins, ways, intersections and actuators of all four families; and by how much the stroke is too long.
 
-        ``actuators``: (m, 2) at ground points (m,), or (1, 2).
+        ``actuators``: (m, 2) at points (m,), or (1, 2). From ground points follow pins, or from pins that have a box ground
+        points.
         """
-        link = self.link
-        first, last = (np.conj(link.direction[k]) * (grounds - link.origin[k]) for k in (0, -1))
-        actuators = np.broadcast_to(actuators, (grounds.size, 2))
+        link, has_pins = self.link, self.wanted.pin_box is not None
+        if has_pins:
+            first, last = (link.origin[k] + link.direction[k] * points for k in (0, -1))
+        else:
+            first, last = (np.conj(link.direction[k]) * (points - link.origin[k]) for k in (0, -1))
+        actuators = np.broadcast_to(actuators, (points.size, 2))
         short, long = actuators[:, 0], actuators[:, 0] + actuators[:, 1]
         between = last - first
         distance = np.abs(between)
@@ -377,9 +397,10 @@ class Question:
                 meets = np.flatnonzero(height >= 0)
                 root = np.sqrt(height[meets])
                 for side in (1.0, -1.0):
-                    pin = first[meets] + (foot[meets] + 1j * side * root) * along[meets]
+                    other = first[meets] + (foot[meets] + 1j * side * root) * along[meets]
                     same = np.full(meets.size, way), np.full(meets.size, side)
-                    parts.append((grounds[meets], pin, *same, actuators[meets]))
+                    ends = (other, points[meets]) if has_pins else (points[meets], other)
+                    parts.append((*ends, *same, actuators[meets]))
         grounds, pins, ways, sides, sizes = (np.concatenate(column) for column in zip(*parts))
         return grounds, pins, ways, sides, sizes, float((actuators[:, 1] - distance).min())
 
@@ -407,6 +428,7 @@ class Question:
         return bool(
             outside(found.ground, self.wanted.box) <= room
             and abs(found.pin) <= self.wanted.reach + room
+            and (self.wanted.pin_box is None or outside(found.pin, self.wanted.pin_box) <= room)
             and np.all(np.isfinite(signed))
             and signed.min() >= self.wanted.arm - room
             and signed.min() > 0
@@ -485,7 +507,7 @@ def best_of_rows(
     # rows of other forces have the same sizes
     @cache
     def begun(actuator: Actuator) -> Screened | Refused | None:
-        return None if question.link.pivot is not None else question.screened([actuator], _ROW_DESCENTS)
+        return None if question.turns_about_pivot else question.screened([actuator], _ROW_DESCENTS)
 
     @cache
     def placed(actuator: Actuator) -> Placement | Refused:
@@ -596,6 +618,13 @@ def slopes_of_leverage(
     return lengths, np.real(np.conj(dn) * speed[:, None]) + np.real(back * 1j * link.rate[:, None] * turned)
 
 
+def _grid_of(box: Box, count: int) -> Complexes:
+    """Return the points of a grid over a box, ``count`` in each direction."""
+    left, bottom, right, top = box
+    x, y = np.meshgrid(np.linspace(left, right, count), np.linspace(bottom, top, count))
+    return np.asarray((x + 1j * y).ravel())
+
+
 @cache
 def _threads() -> ThreadpoolController:
     return ThreadpoolController()  # made once scipy has loaded its own BLAS, which it then knows
@@ -681,7 +710,10 @@ class _Descent(Descent):
         self.size = question.size
         left, bottom, right, top = np.array(question.wanted.box) / self.size
         reach = question.wanted.reach / self.size
-        self.bounds = [(left, right), (bottom, top), (-reach, reach), (-reach, reach), (0.0, 1e6)]
+        low_x, low_y, high_x, high_y = -reach, -reach, reach, reach
+        if question.wanted.pin_box is not None:
+            low_x, low_y, high_x, high_y = np.array(question.wanted.pin_box) / self.size
+        self.bounds = [(left, right), (bottom, top), (low_x, high_x), (low_y, high_y), (0.0, 1e6)]
         # u is told in what a placement at the bound would have, so that all unknowns are of order one
         whole = float(np.trapezoid(question.burden, question.at) * question.sense)
         self.unit = sizes.begin.stroke / max(whole, 1e-300)

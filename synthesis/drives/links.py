@@ -85,6 +85,8 @@ class LinkMotions:
         torque = np.zeros(self.at.size)
         if self.body is not None:
             torque -= dot(load.force, self.body.speed(0j)) + load.torque * self.body.rate
+        for acting in load.forces:
+            torque -= dot(acting.force, self.link(acting.link).speed(acting.at))
         for mass in load.masses:
             link = self.link(mass.link)
             torque -= mass.mass * dot(load.gravity, link.speed(mass.at))

@@ -95,11 +95,11 @@ def potential_of(linkage: Linkage, load: Load) -> Potential:
 
     if linkage.mounted:
         add(load.force, "coupler", linkage.arm)
-    for mass in load.masses:
-        link, point = mass.link, mass.at
+    weights = [(mass.link, mass.at, mass.mass * load.gravity) for mass in load.masses]
+    for link, point, force in [*load.forces, *weights]:
         if link == "body":
             link, point = "coupler", linkage.arm + point * np.exp(1j * (linkage.body_offset or 0.0))
-        add(mass.mass * load.gravity, link, point)
+        add(force, link, point)
     return Potential(linkage, complex(w1), complex(w2))
 
 

@@ -18,6 +18,14 @@ from synthesis.fourbar.linkage import Linkage, Mass
 from synthesis.guided.linkage import BODY, Circle, Driver, GuidedLinkage, LinkMotion, Rail, Slot, on_body
 
 
+class PointForce(NamedTuple):
+    """A force at a point of a link that does not turn with it; ``at`` in the link's frame."""
+
+    link: str
+    at: complex
+    force: complex
+
+
 class Load(NamedTuple):
     """What acts on the body, in directions that do not turn with it, and what the links weigh."""
 
@@ -31,6 +39,8 @@ class Load(NamedTuple):
     """Of the drive, constant: masses resist their acceleration too."""
     metre: float = 1.0
     """Force of a unit of mass that gains a unit of length a second every second: 0.001 for kg, mm and N."""
+    forces: tuple[PointForce, ...] = ()
+    """At points of links; `forces` takes them as pulls."""
 
 
 class Pull(NamedTuple):

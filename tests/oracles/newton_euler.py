@@ -140,6 +140,13 @@ class Bodies:
             return column
 
         right += acts(1, state.place(1, origin), load.force, load.torque)
+        for acting in load.forces:
+            k, at = (
+                (1, origin + direction * acting.at)
+                if acting.link == "body"
+                else (self.names.index(acting.link), acting.at)
+            )
+            right += acts(k, state.place(k, at), acting.force)
         for mass in load.masses:
             k, at = (
                 (1, origin + direction * mass.at) if mass.link == "body" else (self.names.index(mass.link), mass.at)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from synthesis.drives.links import SAMPLES, LinkMotions, hinged_at, motions_of
 from synthesis.fourbar.linkage import Linkage
-from synthesis.guided.analysis import Load, Pull, forces, on_links
+from synthesis.guided.analysis import Load, PointForce, Pull, forces, on_links
 from synthesis.guided.linkage import Circle, Driver, GuidedLinkage, Rail, Slot, of_four_bar
 from synthesis.target import Interval
 from tests.conftest import some_of
@@ -78,6 +78,11 @@ def test_all_kinds_hold_three_bodies_in_equilibrium(seed: int) -> None:
     linkage, interval = any_linkage(seed)
     machine = motions_of(linkage, interval, 7)
     load, three = loads(machine, rng), bodies(linkage)
+    spots = np.random.default_rng([seed, 2]).normal(size=(4, 4))
+    names = [*machine.links, "body"]
+    load = load._replace(
+        forces=tuple(PointForce(name, complex(a, b), complex(c, d)) for name, (a, b, c, d) in zip(names, spots))
+    )
     states = three.along(machine.at)
     for k, name in enumerate(three.names):
         link = machine.links[name]

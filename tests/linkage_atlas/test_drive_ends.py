@@ -1,0 +1,140 @@
+"""Actuators whose ends are given, boxes of their pins, forces on any link, and equal drives side by side.
+
+Bugs that these tests would catch: forces that miss a load on the rocker, a pin outside of its box, and a
+force that is shared twice.
+"""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from fastapi.testclient import TestClient
+
+import linkage_atlas as la
+
+CASEMENT = la.FourBar(240, 101.3, 83.8, 155.1, start_angle=18, coupler_point=(162, 115.7))
+WAY = [0, -33.7]
+LOADS = {
+    "body": {"force": [0, 100]},
+    "rocker": {"forces": [{"link": "rocker", "at": [83.8, 0], "force": [0, 100]}]},
+    "crank": {"forces": [{"link": "crank", "at": [120, 30], "force": [40, 80]}, {"link": "body", "force": [0, 9]}]},
+}
+
+
+def drives(wish: dict[str, Any], load: dict[str, Any], **more: Any) -> la.Drives:
+    return la.drives(CASEMENT, [{"kind": "actuator", **wish}], crank_angle=WAY, load=load, **more)
+
+
+@pytest.mark.parametrize("load", LOADS.values(), ids=LOADS)
+@pytest.mark.parametrize("link, on", [("crank", "ground"), ("coupler", "ground"), ("rocker", "crank")])
+def test_an_actuator_that_was_found_is_evaluated_alike_when_its_ends_are_given(load: Any, link: str, on: str) -> None:
+    """And its work over the motion is minus the work of the load, computed from positions alone."""
+    found = drives({"links": [link], "on": on, "retracted": 200, "stroke": 50, "reach_max": 300}, load).best(
+        "actuator"
+    )
+    assert found is not None
+    given = {"links": [link], "on": on, "ground_point": found.ground_point}
+    for pin in ({"pin": found.pin}, {"pin_on_link": found.pin_on_link}):
+        (again,) = drives(given | pin, load).drives
+        for name in ("peak_force", "arm_min", "length", "holding", "over_bound", "stroke", "retracted"):
+            assert getattr(again, name) == pytest.approx(getattr(found, name), rel=1e-9), name
+    length, force = found.curve.length, found.curve.force
+    work = np.sum((force[1:] + force[:-1]) / 2 * np.diff(length))
+    joints = CASEMENT.joints(np.linspace(0, -33.7, 61))
+    moved = 0.0
+    if "force" in load:
+        moved += (joints.body_point @ np.array(load["force"]))[[0, -1]] @ [-1, 1]
+    frames = {
+        "crank": (joints.pivot_a, joints.crank_pin),
+        "rocker": (joints.pivot_b, joints.coupler_pin),
+        "body": (joints.body_point, joints.body_point + np.array([1, 0])),
+    }
+    for one in load.get("forces", ()):
+        start, end = (np.broadcast_to(part, (61, 2)) for part in frames[one["link"]])
+        along = (end - start) / np.linalg.norm(end - start, axis=1)[:, None]
+        x, y = one.get("at", (0, 0))
+        place = start + x * along + y * np.stack([-along[:, 1], along[:, 0]], axis=1)
+        moved += (place @ np.array(one["force"]))[[0, -1]] @ [-1, 1]
+    assert work == pytest.approx(-moved, rel=2e-3)
+
+
+def test_a_pin_stays_in_its_box_and_a_wider_box_is_no_worse() -> None:
+    wish = {
+        "links": ["coupler"],
+        "retracted": 255,
+        "stroke": 150,
+        "ground_box": [-100, -250, 400, 150],
+        "reach_max": 250,
+    }
+    free = drives(wish, LOADS["body"]).best("actuator")
+    assert free is not None
+    x, y = free.pin_on_link
+    forces = []
+    for half in (3, 30):
+        box = [x + 10 - half, y + 10 - half, x + 10 + half, y + 10 + half]
+        one = drives(wish | {"pin_box": box}, LOADS["body"]).best("actuator")
+        assert one is not None and one.peak_force is not None
+        assert (
+            box[0] - 1e-4 <= one.pin_on_link[0] <= box[2] + 1e-4
+            and box[1] - 1e-4 <= one.pin_on_link[1] <= box[3] + 1e-4
+        )
+        forces.append(one.peak_force)
+    assert forces[0] >= forces[1] * (1 - 1e-6) and forces[1] == pytest.approx(free.peak_force, rel=1e-5)
+    rocker = {"links": ["rocker"], "stroke": 60, "retracted": 100, "pin_box": [30, -60, 60, -30]}
+    found = drives(rocker, LOADS["body"])
+    for one in found.drives:
+        assert 30 - 1e-4 <= one.pin_on_link[0] <= 60 + 1e-4 and -60 - 1e-4 <= one.pin_on_link[1] <= -30 + 1e-4
+    assert found.drives or "pin_box" in found.refused[0].reason
+
+
+def test_equal_actuators_share_the_force() -> None:
+    wish = {
+        "links": ["coupler"],
+        "retracted": 255,
+        "stroke": 150,
+        "ground_box": [-100, -250, 400, 150],
+        "reach_max": 250,
+    }
+    one, two = (drives(wish | {"count": count}, LOADS["body"]).drives[0] for count in (1, 2))
+    assert two.count == 2 and two.ground_point == one.ground_point
+    for name in ("peak_force", "bound", "holding"):
+        assert np.multiply(getattr(two, name), 2) == pytest.approx(getattr(one, name), rel=1e-9)
+    assert two.pin_forces == pytest.approx(one.pin_forces, rel=1e-9)
+    row = {"name": "weak", "retracted": 255, "stroke": 150, "force": 0.6 * one.peak_force}
+    bought = {key: wish[key] for key in ("links", "ground_box", "reach_max")} | {"catalogue": [row]}
+    assert not drives(bought, LOADS["body"]).drives
+    assert drives(bought | {"count": 2}, LOADS["body"]).drives[0].name == "weak"
+
+
+def test_given_ends_take_the_rows_that_reach(client: TestClient) -> None:
+    ends = {"kind": "cylinder", "links": ["coupler"], "ground_point": [160, 7], "pin": [267, -224]}
+    rows = [
+        {"name": "short", "retracted": 255, "stroke": 100, "force": 900},
+        {"name": "weak", "retracted": 250, "stroke": 160, "force": 50},
+        {"name": "good", "retracted": 250, "stroke": 160, "force": 900},
+    ]
+    plain = {"linkage": CASEMENT.to_dict(), "crank_angle": WAY, "load": LOADS["body"], "top": 3}
+    bare = client.post("/v1/drives", json=plain | {"drives": [ends]}).json()["drives"]
+    if bare:
+        reply = client.post("/v1/drives", json=plain | {"drives": [ends | {"catalogue": rows}]}).json()
+        fits = [bare[0]["retracted"] >= 250 and sum((bare[0]["retracted"], bare[0]["stroke"])) <= 410]
+        assert [one["name"] for one in reply["drives"]] == ["good"] * sum(fits)
+        assert all(one["stops"].startswith("two stops") for one in reply["drives"])
+
+
+@pytest.mark.parametrize(
+    "wish, field",
+    [
+        ({"ground_point": [0, 0]}, "pin"),
+        ({"pin": [0, 0]}, "ground_point"),
+        ({"ground_point": [0, 0], "pin": [1, 1]}, "links"),
+        ({"ground_point": [0, 0], "pin": [1, 1], "links": ["crank"], "reach_max": 3}, "reach_max"),
+        ({"count": 9}, "count"),
+    ],
+)
+def test_ends_that_are_half_given_are_refused(client: TestClient, wish: dict[str, Any], field: str) -> None:
+    with pytest.raises(la.FieldError) as error:
+        drives(wish, LOADS["body"])
+    assert error.value.field == f"/drives/0/{field}"
+    body = {"linkage": CASEMENT.to_dict(), "crank_angle": WAY, "drives": [{"kind": "actuator", **wish}]}
+    assert client.post("/v1/drives", json=body).status_code == 422
