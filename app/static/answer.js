@@ -2,22 +2,16 @@
 
 import { titledChart } from "./charts.js";
 import { text } from "./drawing.js";
-import { counted } from "./shell.js";
+import { build, counted } from "./shell.js";
 
 const ROWS = 1000; // rows of a table that are shown; files hold all
 const LONG = 60; // letters of a cell that is written in several lines
 const LISTED = 8; // numbers that are written in one line
 
-const element = (name, properties = {}, ...children) => {
-  const made = Object.assign(document.createElement(name), properties);
-  made.append(...children);
-  return made;
-};
-
-const heading = (title) => element("h3", { textContent: title });
+const heading = (title) => build("h3", { textContent: title });
 
 /** A value in words: numbers to `digits` digits. */
-export function words(value, digits = 7) {
+function words(value, digits = 7) {
   if (value === null || value === undefined) return "–";
   if (typeof value === "number") return text(value, digits);
   if (typeof value === "boolean") return value ? "yes" : "no";
@@ -26,34 +20,34 @@ export function words(value, digits = 7) {
 
 /** Key figures in `host`: rows [name, value, unit]; `title` stands above them. */
 export function facts(host, rows, title = "") {
-  const list = element("dl", { className: "facts" });
+  const list = build("dl", { className: "facts" });
   for (const [name, value, unit] of rows) {
-    const shown = element("dd", { textContent: words(value) });
-    if (unit) shown.append(" ", element("span", { className: "unit", textContent: unit }));
-    list.append(element("div", {}, element("dt", { textContent: name }), shown));
+    const shown = build("dd", { textContent: words(value) });
+    if (unit) shown.append(" ", build("span", { className: "unit", textContent: unit }));
+    list.append(build("div", {}, build("dt", { textContent: name }), shown));
   }
   host.append(...(title ? [heading(title)] : []), list);
 }
 
 /** A sentence in `host`. */
 export function note(host, sentence) {
-  host.append(element("p", { className: "note", textContent: sentence }));
+  host.append(build("p", { className: "note", textContent: sentence }));
 }
 
 /** A table in `host`: `columns` are names or {name, unit}, `rows` lists of values; the first column names its row. */
 export function table(host, title, columns, rows) {
-  const body = element("tbody"), head = element("tr");
+  const body = build("tbody"), head = build("tr");
   for (const column of columns) {
-    const { name, unit } = typeof column === "string" ? { name: column } : column, top = element("th", { scope: "col", textContent: name });
-    if (unit) top.append(" ", element("span", { className: "unit", textContent: unit }));
+    const { name, unit } = typeof column === "string" ? { name: column } : column, top = build("th", { scope: "col", textContent: name });
+    if (unit) top.append(" ", build("span", { className: "unit", textContent: unit }));
     head.append(top);
   }
   const cell = (value, k) => {
     const shown = words(value);
-    return element(k ? "td" : "th", { textContent: shown, className: shown.length > LONG ? "long" : "", ...(k ? {} : { scope: "row" }) });
+    return build(k ? "td" : "th", { textContent: shown, className: shown.length > LONG ? "long" : "", ...(k ? {} : { scope: "row" }) });
   };
-  for (const row of rows.slice(0, ROWS)) body.append(element("tr", {}, ...row.map(cell)));
-  const scroll = element("div", { className: "scroll", tabIndex: 0 }, element("table", {}, element("thead", {}, head), body));
+  for (const row of rows.slice(0, ROWS)) body.append(build("tr", {}, ...row.map(cell)));
+  const scroll = build("div", { className: "scroll", tabIndex: 0 }, build("table", {}, build("thead", {}, head), body));
   scroll.setAttribute("role", "region");
   scroll.setAttribute("aria-label", title);
   host.append(heading(title), scroll);
@@ -82,7 +76,7 @@ document.addEventListener("themechange", () => {
  * Returns `mark(value)`, which moves a line along all of them.
  */
 export function curves(host, { x, xUnit = "", list }) {
-  const block = element("div", { className: list.length > 1 ? "curves-list" : "curves-list one" });
+  const block = build("div", { className: list.length > 1 ? "curves-list" : "curves-list one" });
   let charts = [], at = null;
   const mark = (value) => {
     at = value;

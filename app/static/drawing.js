@@ -1,5 +1,7 @@
 // SVG drawing in world coordinates (y up): elements, views, paths, linkages; and numbers as text.
 
+import { build } from "./shell.js";
+
 const SVG = "http://www.w3.org/2000/svg";
 
 export function make(name, attributes = {}, parent = null) {
@@ -15,7 +17,7 @@ export function put(made, attributes) {
 
 /** An HTML element with a class and text. */
 export function element(name, className, content = "") {
-  return Object.assign(document.createElement(name), { className, textContent: content });
+  return build(name, { className, textContent: content });
 }
 
 /** A button that does `act` when it is pressed. */
@@ -43,6 +45,9 @@ export function signed(name, className, sign, words) {
   made.append(symbol, ` ${words}`);
   return made;
 }
+
+/** Path data of the icons of a button that runs and stops. */
+export const ICONS = { Play: "M6 3.5v13l11-6.5z", Pause: "M5.5 3.5h3v13h-3zM11.5 3.5h3v13h-3z" };
 
 /** A pixel as far away as a drawing can have it: SVG's numbers end at 3e38. */
 const within = (pixel) => Math.min(Math.max(pixel, -1e9), 1e9);

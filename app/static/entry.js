@@ -5,7 +5,7 @@ import { element } from "./drawing.js";
 import { fromJoints } from "./hand.js";
 import { Linkage } from "./kinematics.js";
 import { emptyMotion } from "./motion.js";
-import { $ } from "./shell.js";
+import { $, build } from "./shell.js";
 
 const RAD = Math.PI / 180;
 const JOINTS = [["a", "A, crank pivot"], ["d", "D, crank pin"], ["c", "C, rocker pin"], ["b", "B, rocker pivot"], ["p", "P, body point"]];
@@ -14,7 +14,7 @@ const STEP = 15; // degrees of crank between the samples of a whole turn
 const SAMPLES = 12; // steps between the samples of a crank that swings
 
 const field = (id, hidden, shown, attributes) => {
-  const input = Object.assign(document.createElement("input"), { id, inputMode: "decimal", autocomplete: "off" }), label = document.createElement("label");
+  const input = build("input", { id, inputMode: "decimal", autocomplete: "off" }), label = document.createElement("label");
   Object.assign(input.dataset, { number: "", ...attributes });
   label.append(element("span", "hidden", hidden), shown, input);
   return label;

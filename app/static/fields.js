@@ -5,7 +5,7 @@ import { text } from "./drawing.js";
 import { toRequest } from "./formats.js";
 import { PRESET, clone, itemOf, preferable, setTiming, scaleTravels, slidable, wantsAngles } from "./motion.js";
 import { preferred } from "./service.js";
-import { $ } from "./shell.js";
+import { $, build } from "./shell.js";
 import { limitName } from "./verdict.js";
 
 const NOTES = {
@@ -104,7 +104,7 @@ export class Fields {
     const field = $(id), beside = BOX.includes(id) ? $("box-error") : null;
     let note = beside ?? $(`${id}-error`);
     if (!note && sentence) {
-      note = Object.assign(document.createElement("p"), { id: `${id}-error`, className: "error field-error" });
+      note = build("p", { id: `${id}-error`, className: "error field-error" });
       (field.closest(".measure") ?? field.closest(".field")).after(note);
     }
     if (note) note.textContent = sentence ?? "";

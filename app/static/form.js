@@ -2,14 +2,9 @@
 
 import { typed, unreadable } from "./decimal.js";
 import { readCells } from "./rows.js";
+import { build } from "./shell.js";
 
 let serial = 0;
-
-const element = (name, properties = {}, ...children) => {
-  const made = Object.assign(document.createElement(name), properties);
-  made.append(...children);
-  return made;
-};
 
 /** A schema with its references resolved; `nullable` where null was one of its alternatives. */
 function plain(schema, root) {
@@ -64,14 +59,14 @@ class Fields {
 
   /** A labelled control, its unit, help and range, and a place for what is wrong with it. */
   field(at, name, schema, control, wide = false) {
-    const id = `field-${++serial}`, wrong = element("span", { className: "error", id: `${id}-wrong` }), block = element("div", { className: wide ? "field wide" : "field" });
-    const title = element("label", { htmlFor: id, textContent: label(name, schema) }), about = [], told = range(schema);
+    const id = `field-${++serial}`, wrong = build("span", { className: "error", id: `${id}-wrong` }), block = build("div", { className: wide ? "field wide" : "field" });
+    const title = build("label", { htmlFor: id, textContent: label(name, schema) }), about = [], told = range(schema);
     control.id = id;
     if (schema.unit) title.append(" ", this.unit(schema.unit));
     block.append(title);
-    if (told && isNumber(schema)) about.push(element("span", { className: "range", id: `${id}-range`, textContent: told }));
+    if (told && isNumber(schema)) about.push(build("span", { className: "range", id: `${id}-range`, textContent: told }));
     block.append(...about, control);
-    if (schema.description) about.push(element("span", { className: "help", id: `${id}-help`, textContent: help(schema) }));
+    if (schema.description) about.push(build("span", { className: "help", id: `${id}-help`, textContent: help(schema) }));
     block.append(...about.slice(-1).filter((one) => one.className === "help"), wrong);
     control.setAttribute("aria-describedby", [...about, wrong].map((one) => one.id).join(" "));
     this.known.set(at, { control, wrong, title: label(name, schema) });
@@ -80,7 +75,7 @@ class Fields {
 
   /** The unit beside a name; "angle" and "angle/s" follow the form's unit of angle. */
   unit(name) {
-    const mark = element("span", { className: "unit" });
+    const mark = build("span", { className: "unit" });
     this.units.push([mark, name]);
     return mark;
   }
@@ -141,7 +136,7 @@ class Fields {
   entry(host, at, name, schema, value, parse, wide = false) {
     // where blank stands for the default, null has to be written: none
     const lifts = schema.nullable && schema.default !== undefined && schema.default !== null;
-    const control = element("input", { type: "text", spellcheck: false, value: lifts && value === null ? "none" : shown(value) });
+    const control = build("input", { type: "text", spellcheck: false, value: lifts && value === null ? "none" : shown(value) });
     if (isNumber(schema) && !lifts) control.inputMode = "decimal";
     control.placeholder = shown(Array.isArray(schema.default) ? schema.default.join(", ") : schema.default);
     host.append(this.field(at, name, lifts ? { ...schema, description: `${schema.description ?? ""} “none” takes it away.`.trim() } : schema, control, wide));
@@ -150,7 +145,7 @@ class Fields {
 
   choice(host, at, name, schema, value) {
     const options = schema.enum ?? (schema.const === undefined ? [true, false] : [schema.const]), word = (option) => (option === true ? "yes" : option === false ? "no" : String(option).replaceAll("_", " "));
-    const control = element("select");
+    const control = build("select");
     if (schema.const === undefined) control.append(new Option(schema.default === undefined || schema.default === null ? "–" : `${word(schema.default)} (default)`, ""));
     for (const option of options) control.append(new Option(word(option), JSON.stringify(option)));
     control.value = schema.const !== undefined ? JSON.stringify(schema.const) : value === undefined || value === null ? "" : JSON.stringify(value);
@@ -161,9 +156,9 @@ class Fields {
 
   /** A box with a name, a sentence and room for fields; `folded` shows only the name until it is asked for more. */
   box(host, title, schema, folded = false) {
-    const grid = element("div", { className: "fields" }), box = element("fieldset"), said = schema.description ? [element("p", { className: "help", textContent: help(schema) })] : [];
-    if (folded) box.append(element("legend", { className: "hidden", textContent: title }), element("details", {}, element("summary", { textContent: title }), ...said, grid));
-    else box.append(element("legend", {}, title), ...said, grid);
+    const grid = build("div", { className: "fields" }), box = build("fieldset"), said = schema.description ? [build("p", { className: "help", textContent: help(schema) })] : [];
+    if (folded) box.append(build("legend", { className: "hidden", textContent: title }), build("details", {}, build("summary", { textContent: title }), ...said, grid));
+    else box.append(build("legend", {}, title), ...said, grid);
     host.append(box);
     return grid;
   }
@@ -183,8 +178,8 @@ class Fields {
 
   /** An object that may be left out: a switch, and its properties while that is on. */
   optional(host, at, name, schema, value) {
-    const toggle = element("input", { type: "checkbox" }), stands = value === undefined ? schema.default : value;
-    const grid = this.box(host, element("label", { className: "check" }, toggle, label(name, schema)), schema);
+    const toggle = build("input", { type: "checkbox" }), stands = value === undefined ? schema.default : value;
+    const grid = this.box(host, build("label", { className: "check" }, toggle, label(name, schema)), schema);
     toggle.checked = stands !== undefined && stands !== null;
     const read = this.properties(grid, at, schema, stands ?? undefined), show = () => { grid.hidden = !toggle.checked; };
     toggle.addEventListener("change", show);
@@ -198,11 +193,11 @@ class Fields {
     const word = (kind) => String(kind.properties?.[tag]?.const ?? kind.title ?? (kind.type === "array" ? "list" : kind.type)).replaceAll("_", " ");
     const stands = value ?? schema.default;
     const fits = (kind) => (tag ? kind.properties[tag].const === stands?.[tag] : kind.type === (Array.isArray(stands) ? "array" : typeof stands));
-    const chosen = element("select"), box = element("fieldset"), grid = element("div", { className: "fields" });
+    const chosen = build("select"), box = build("fieldset"), grid = build("div", { className: "fields" });
     if (schema.nullable) chosen.append(new Option("–", ""));
     for (const [k, kind] of kinds.entries()) chosen.append(new Option(word(kind), k));
     chosen.value = stands === undefined || stands === null ? (schema.nullable ? "" : "0") : String(Math.max(0, kinds.findIndex(fits)));
-    box.append(element("legend", { className: "hidden", textContent: label(name, schema) }), this.field(at, name, { ...schema, type: "kind" }, chosen), grid);
+    box.append(build("legend", { className: "hidden", textContent: label(name, schema) }), this.field(at, name, { ...schema, type: "kind" }, chosen), grid);
     host.append(box);
     let read = () => undefined;
     const show = (now) => {
@@ -250,7 +245,7 @@ class Fields {
 
   /** Rows of numbers, a line for each. */
   matrix(host, at, name, schema, items, value) {
-    const control = element("textarea", { spellcheck: false, value: (value ?? []).map((row) => row.join(", ")).join("\n") });
+    const control = build("textarea", { spellcheck: false, value: (value ?? []).map((row) => row.join(", ")).join("\n") });
     const described = { ...schema, description: [schema.description, `A row on each line, ${items.maxItems ?? "some"} numbers in it.`].filter(Boolean).join(" ") };
     host.append(this.field(at, name, described, control, true));
     const row = (cells, k) => {
@@ -265,8 +260,8 @@ class Fields {
     const grid = this.box(host, label(name, schema), schema);
     grid.className = "checks";
     const controls = items.enum.map((option) => {
-      const control = element("input", { type: "checkbox", checked: (value ?? schema.default ?? []).includes(option) });
-      grid.append(element("label", { className: "check" }, control, String(option).replaceAll("_", " ")));
+      const control = build("input", { type: "checkbox", checked: (value ?? schema.default ?? []).includes(option) });
+      grid.append(build("label", { className: "check" }, control, String(option).replaceAll("_", " ")));
       return [option, control];
     });
     return () => controls.filter(([, control]) => control.checked).map(([option]) => option);
@@ -274,13 +269,13 @@ class Fields {
 
   /** A list of groups with buttons that add and remove them. */
   rows(host, at, name, schema, items, value) {
-    const box = element("fieldset"), rows = element("div", { className: "rows" }), add = element("button", { type: "button", textContent: "Add one" });
+    const box = build("fieldset"), rows = build("div", { className: "rows" }), add = build("button", { type: "button", textContent: "Add one" });
     const title = label(name, schema), entries = [];
     this.lists.set(at, entries);
-    box.append(element("legend", { textContent: title }), rows, add);
+    box.append(build("legend", { textContent: title }), rows, add);
     host.append(box);
     const append = (one) => {
-      const row = element("div", { className: "row" }), entry = { row, read: null, at: ++serial }, gone = element("button", { type: "button", className: "link", textContent: "Remove" });
+      const row = build("div", { className: "row" }), entry = { row, read: null, at: ++serial }, gone = build("button", { type: "button", className: "link", textContent: "Remove" });
       entry.read = this.build(row, `${at}/${entry.at}`, `${title} ${entries.length + 1}`, { ...items, title: undefined, description: undefined }, one);
       gone.setAttribute("aria-label", `Remove ${title} ${entries.length + 1}`);
       gone.addEventListener("click", () => { entries.splice(entries.indexOf(entry), 1); row.remove(); add.focus(); });
@@ -300,7 +295,7 @@ class Fields {
  * left blank; it marks a wrong field and throws Error. `mark(rows)` marks what the service found wrong, {pointer, detail}.
  */
 export function buildForm(host, schema, example) {
-  const fields = new Fields(schema), near = element("div", { className: "fields" }), far = element("div", { className: "fields" });
+  const fields = new Fields(schema), near = build("div", { className: "fields" }), far = build("div", { className: "fields" });
   const readers = Object.entries(schema.properties ?? {}).map(([name, kind]) => {
     // optional parameters that the example does not set go into the folded part
     const folded = example[name] === undefined && !(schema.required ?? []).includes(name);
@@ -310,7 +305,7 @@ export function buildForm(host, schema, example) {
   fields.angle = () => angle?.();
   fields.showUnits(fields.angle());
   host.replaceChildren(near);
-  if (far.childElementCount) host.append(element("details", { open: !near.childElementCount }, element("summary", { textContent: "More parameters" }), far));
+  if (far.childElementCount) host.append(build("details", { open: !near.childElementCount }, build("summary", { textContent: "More parameters" }), far));
   return {
     read() {
       fields.clear();

@@ -3,7 +3,7 @@
 import { element, text } from "./drawing.js";
 import { markWrong, typed, unreadable } from "./decimal.js";
 import { settled } from "./fit.js";
-import { $ } from "./shell.js";
+import { $, build } from "./shell.js";
 
 const JOINTS = [["a", "A", "crank pivot"], ["b", "B", "rocker pivot"], ["d", "D", "crank pin"], ["c", "C", "rocker pin"], ["p", "P", "body point"]];
 const SAME = 1e-9; // of the linkage's size: a field keeps its entry while the joint is there
@@ -17,7 +17,7 @@ export class JointFields {
       const group = document.createElement("fieldset");
       group.append(element("legend", "", `${letter}, ${what}`));
       ["x", "y"].forEach((axis, k) => {
-        const input = Object.assign(document.createElement("input"), { id: `joint-${name}-${axis}`, inputMode: "decimal", autocomplete: "off" }), label = document.createElement("label");
+        const input = build("input", { id: `joint-${name}-${axis}`, inputMode: "decimal", autocomplete: "off" }), label = document.createElement("label");
         input.setAttribute("aria-label", `${letter}, ${what}, ${axis}`);
         label.append(axis, input);
         group.append(label);

@@ -3,6 +3,7 @@
 import { curves, facts, note, table } from "./answer.js";
 import { put, text } from "./drawing.js";
 import { seldom } from "./play.js";
+import { build } from "./shell.js";
 import { along, circle, Projection } from "./space.js";
 import { dot, grid, line, stage, symbol } from "./stage.js";
 
@@ -22,10 +23,10 @@ function sentence(name, part, unit) {
 }
 
 function verdict(host, reply, unit) {
-  const list = Object.assign(document.createElement("ul"), { className: "verdicts-list" });
+  const list = build("ul", { className: "verdicts-list" });
   for (const name of CONDITIONS) {
-    const part = reply[name], row = Object.assign(document.createElement("li"), { className: part.holds ? "yes" : "no" });
-    row.append(Object.assign(document.createElement("strong"), { textContent: `${part.holds ? "✓" : "✗"} ${name}: ` }), `${sentence(name, part, unit)}.`);
+    const part = reply[name], row = build("li", { className: part.holds ? "yes" : "no" });
+    row.append(build("strong", { textContent: `${part.holds ? "✓" : "✗"} ${name}: ` }), `${sentence(name, part, unit)}.`);
     list.append(row);
   }
   host.append(list);
@@ -128,7 +129,7 @@ function pair({ reply, request }, hosts) {
   const unit = degree(request.angle_unit), follow = [];
   const run = space(hosts.picture, reply, unit, (alpha) => follow.forEach((one) => one(alpha)));
   verdict(hosts.picture, reply, unit);
-  const planes = Object.assign(document.createElement("div"), { className: "planes" }), halves = [0, 1].map(() => document.createElement("div"));
+  const planes = build("div", { className: "planes" }), halves = [0, 1].map(() => document.createElement("div"));
   planes.append(...halves);
   hosts.picture.append(planes);
   for (const [name, sides, part, steps] of [["E1", [1, 2], reply.wrap, reply.step_before], ["E2", [0, 2], reply.bite, null]]) follow.push(plane(halves[name === "E1" ? 0 : 1], reply, name, sides, part, steps));
@@ -162,24 +163,24 @@ function verdicts(host, reply) {
   caption.className = "note";
   caption.textContent = `Rows vary ${first}, columns ${second}. Where further parameters vary, the combination with the largest margin is shown. The numbers are margins; positive if the condition holds.`;
   const head = cells.createTHead().insertRow();
-  head.append(Object.assign(document.createElement("th"), { scope: "col", textContent: `${first} \\ ${second}` }));
-  for (const column of columns) head.append(Object.assign(document.createElement("th"), { scope: "col", textContent: text(column, 5) }));
+  head.append(build("th", { scope: "col", textContent: `${first} \\ ${second}` }));
+  for (const column of columns) head.append(build("th", { scope: "col", textContent: text(column, 5) }));
   const body = cells.createTBody();
   for (const row of rows) {
     const made = body.insertRow();
-    made.append(Object.assign(document.createElement("th"), { scope: "row", textContent: text(row, 5) }));
+    made.append(build("th", { scope: "row", textContent: text(row, 5) }));
     for (const column of columns) {
       const best = reply.pairs.filter((one) => value(one, first) === row && value(one, second) === column).reduce((a, b) => (b.margin > a.margin ? b : a));
       const cell = made.insertCell();
       cell.className = best.feasible ? "yes" : "no";
-      cell.append(Object.assign(document.createElement("strong"), { textContent: best.feasible ? "ties" : "fails" }));
+      cell.append(build("strong", { textContent: best.feasible ? "ties" : "fails" }));
       for (const name of CONDITIONS) {
         if (!best[name]) continue;
         cell.append(`${best[name].holds ? "✓" : "✗"} ${name} ${text(best[name].margin, 3)}`, document.createElement("br"));
       }
     }
   }
-  const scroll = Object.assign(document.createElement("div"), { className: "scroll", tabIndex: 0 });
+  const scroll = build("div", { className: "scroll", tabIndex: 0 });
   scroll.setAttribute("role", "region");
   scroll.setAttribute("aria-label", "Verdicts");
   scroll.append(cells);

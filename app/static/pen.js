@@ -17,7 +17,7 @@ function lengths(points) {
 }
 
 /** `count` points evenly along a polyline, its ends included; of a closed one the last is left out, as it is the first again. */
-export function thin(points, count, closed = false) {
+function thin(points, count, closed = false) {
   const way = closed ? [...points, points[0]] : points, at = lengths(way);
   const step = at.at(-1) / (closed ? count : count - 1);
   let k = 1;

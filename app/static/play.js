@@ -1,6 +1,7 @@
 // A slider with Play: runs a value over its range at the screen's rate, there and back or round and round.
 
-const ICONS = { Play: "M6 3.5v13l11-6.5z", Pause: "M5.5 3.5h3v13h-3zM11.5 3.5h3v13h-3z" };
+import { ICONS } from "./drawing.js";
+
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4];
 const STEPS = 1000;
 

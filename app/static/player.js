@@ -1,7 +1,7 @@
 // Moves the selected linkage over the crank angle, past marks at the samples, and plots its curves over that angle.
 
 import { redrawOn, titledChart } from "./charts.js";
-import { make, text } from "./drawing.js";
+import { ICONS, make, text } from "./drawing.js";
 import { driveName } from "./drive.js";
 import { fitOf, settled } from "./fit.js";
 import { PRESET, itemOf, placeOf, wantsAngles } from "./motion.js";
@@ -16,13 +16,12 @@ const STOPS_MS = 1600; // time that one pass stops at all samples together, at m
 const STOP_MS = 240;
 const MOST_STOPS = 40;
 const THUMB = 8; // pixels from the slider's ends to the middle of its knob there
-const PLAY = "M6 3.5v13l11-6.5z", PAUSE = "M5.5 3.5h3v13h-3zM11.5 3.5h3v13h-3z";
 
 const wholeTurn = () => $("range").value === "turn";
 
-function setButton(name, icon) {
+function setButton(name) {
   $("play").setAttribute("aria-label", name);
-  $("play").querySelector("path").setAttribute("d", icon);
+  $("play").querySelector("path").setAttribute("d", ICONS[name]);
 }
 
 /** What canvas and curves need of a solution: joints over the interval and the turn, joints and errors at the samples. */
@@ -150,7 +149,7 @@ export class Player {
     if (!this.shown) return;
     const slider = $("slider");
     if (!wholeTurn() && Number(slider.value) >= Number(slider.max)) slider.value = slider.min;
-    setButton("Pause", PAUSE);
+    setButton("Pause");
     let before = performance.now(), heading = 1, until = 0;
     const step = (now) => {
       this.frame = requestAnimationFrame(step);
@@ -177,7 +176,7 @@ export class Player {
   #pause() {
     if (this.frame !== null) cancelAnimationFrame(this.frame);
     this.frame = null;
-    setButton("Play", PLAY);
+    setButton("Play");
   }
 
   drawCurves() {

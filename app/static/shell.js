@@ -11,6 +11,13 @@ export const counted = (count, noun) => `${count} ${noun}${count === 1 ? "" : "s
 
 export const $ = (id) => document.getElementById(id);
 
+/** An HTML element with properties and children. */
+export function build(name, properties = {}, ...children) {
+  const made = Object.assign(document.createElement(name), properties);
+  made.append(...children);
+  return made;
+}
+
 /** Writes the status line; `bad` marks an error. */
 export function say(sentence, bad = false) {
   $("status").textContent = sentence;
@@ -58,7 +65,7 @@ export async function startScenes(current = null) {
   try {
     const scenes = await (await fetch("/scenes")).json();
     for (const { name, title } of scenes) {
-      const link = Object.assign(document.createElement("a"), { href: `/scenes/${name}`, textContent: title });
+      const link = build("a", { href: `/scenes/${name}`, textContent: title });
       if (name === current) link.setAttribute("aria-current", "page");
       $("scenes").append(link);
     }

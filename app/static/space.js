@@ -1,7 +1,9 @@
 // A view of points in space: parallel projection from a direction that is chosen or turned by dragging.
 
+import { build } from "./shell.js";
+
 /** Directions: [name, turn about the upright axis, tilt] in radians; the first is the one that is shown. */
-export const DIRECTIONS = [["oblique", 0.7, 0.42], ["along i1: plane j1 k1", Math.PI / 2, 0], ["along j1: plane i1 k1", 0, 0], ["along k1: plane i1 j1", 0, Math.PI / 2]];
+const DIRECTIONS = [["oblique", 0.7, 0.42], ["along i1: plane j1 k1", Math.PI / 2, 0], ["along j1: plane i1 k1", 0, 0], ["along k1: plane i1 j1", 0, Math.PI / 2]];
 
 const RADIANS_PER_PIXEL = 0.008;
 
@@ -18,7 +20,7 @@ export class Projection {
 
   /** The directions as a menu in `host`, and dragging on `svg`; `changed` is called after each turn. */
   control(host, svg, changed) {
-    const label = Object.assign(document.createElement("label"), { className: "view-choice", textContent: "View, or drag the drawing" }), menu = document.createElement("select");
+    const label = build("label", { className: "view-choice", textContent: "View, or drag the drawing" }), menu = document.createElement("select");
     for (const [name] of [...DIRECTIONS, ["as turned"]]) menu.append(new Option(name));
     menu.options[DIRECTIONS.length].hidden = true;
     menu.addEventListener("change", () => {

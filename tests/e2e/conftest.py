@@ -139,9 +139,7 @@ def standing(pages, request):
     To load the page takes longer than most of them.
     """
     if pages.run("return window.standing") == request.module.__name__:
-        pages.resize(1280)
-        pages.run("window.stub = window.guided = null; window.restage?.()")
-        pages.run("for (const one of document.querySelectorAll('details')) one.open = false")
+        pages.renew()
     else:
         pages.load()
         pages.run("window.standing = arguments[0]", request.module.__name__)

@@ -306,6 +306,14 @@ class MotionPage(Page):
         self.run(f"document.querySelector('#gallery [data-example={name}]').click()")
         self.rest()
 
+    def renew(self, machine: str = "") -> None:
+        """Take back what a test has put in place of the service, and open a machine of the gallery if one is named."""
+        self.resize(1280)
+        self.run("window.stub = window.guided = null; window.restage?.()")
+        self.run("for (const one of document.querySelectorAll('details')) one.open = false")
+        if machine:
+            self.choose(machine)
+
     def rest(self) -> None:
         """Let the linkage stand still at the first sample."""
         self.run(

@@ -152,15 +152,12 @@ def test_a_catalogue_offers_its_rows_and_the_drawing_has_the_drive(opened) -> No
     assert b"DRIVE" in opened.saved("linkage-1.dxf", "#exports [data-format=dxf]", "mouse")
 
 
-def test_bad_numbers_are_answered_in_words(opened) -> None:
+def test_bad_numbers_and_refusals_are_answered_in_words(opened) -> None:
     opened.wait("document.querySelectorAll('#solutions li').length > 0")
     fill(opened, kind="dyad", ratio=9)
     opened.click("drive-find")
     opened.wait("document.getElementById('drive-note').className.includes('bad')")
     assert re.fullmatch(r"time ratio: .*\b5\b.*", opened.text("drive-note")), "by the name of its field"
-
-
-def test_springs_that_are_refused_are_on_no_link(opened) -> None:
     refused = [
         {"kind": "tension", "link": "two springs", "name": None, "reason": "no spring of 12 fits"},
         {"kind": "rotary", "link": "crank", "name": None, "reason": "it does not turn"},

@@ -125,8 +125,8 @@ def test_the_worst_pose_is_told_whole_on_a_narrow_canvas(standing) -> None:
     assert len(places) == 2 and min(places) > 0
 
 
-def test_rounded_links_of_any_kind_are_told_with_their_error(standing) -> None:
-    """A slider-crank has two links to round; where none of its lengths would do, the reason is told."""
+def test_links_of_any_kind_are_rounded_and_driven_by_their_names(standing) -> None:
+    # A slider-crank has two links to round; where none of its lengths would do, the reason is told.
     page = standing
     page.run("window.guided = null")
     page.unhurried()
@@ -143,10 +143,22 @@ def test_rounded_links_of_any_kind_are_told_with_their_error(standing) -> None:
     page.take({**asked, "timing": "free", "mechanisms": ["swinging_block"]})
     page.solve()
     assert "With rounded links: exact." in page.text("status")
+    standing.renew()
+    page = standing
+    page.run("window.guided = null")
+    page.unhurried()
+    asked = {"position": [[0, 1.1], [0.25, 1.6], [0.9, 2.1]], "rotation": [90, 60, 0], "timing": "free"}
+    page.take({**asked, "mechanisms": ["two_slots"], "top": 1})
+    page.solve()
+    page.click("drive-find")
+    page.wait("document.querySelectorAll('#drive-found button').length")
+    told = page.text("drive-found") + page.text("drive-numbers")
+    assert "on the second block" in told and "_" not in told
 
 
 def test_what_is_rounding_alone_is_told_as_nothing(standing) -> None:
-    """Of a linkage that meets its poses: where its parts stand, what is typed of them and what is printed."""
+    """Coordinates, travel and prints of an exact linkage, and an error below 1e-10 of the extent, which counts as none."""
+    # Of a linkage that meets its poses: where its parts stand, what is typed of them and what is printed.
     page = standing
     page.run("window.guided = null")
     page.unhurried()
@@ -158,25 +170,10 @@ def test_what_is_rounding_alone_is_told_as_nothing(standing) -> None:
     shown = [page.value("joint-p-x"), page.value("joint-p-y"), page.text("travel"), page.content("sheet")]
     assert all(shown) and not any(re.search(r"\de-\d", one) for one in shown), shown
     page.mode("move")
-
-
-def test_a_linkage_that_ends_the_search_meets_its_points(standing) -> None:
-    """What the search calls exact, an error below 1e-10 of the extent, is no error to a reader."""
+    standing.renew()
+    # What the search calls exact, an error below 1e-10 of the extent, is no error to a reader.
     page = standing
     page.run("window.guided = null")
     places = np.add(FREE.joints([0, 60, 120]).body_point, [[3e-10, 0], [0, 0], [0, 0]])
     page.answered({"position": places.tolist(), "timing": "free"}, [0, 60, 120])
     assert page.text("status").startswith("Best found: met to within rounding")
-
-
-def test_links_that_are_driven_have_names_in_words(standing) -> None:
-    page = standing
-    page.run("window.guided = null")
-    page.unhurried()
-    asked = {"position": [[0, 1.1], [0.25, 1.6], [0.9, 2.1]], "rotation": [90, 60, 0], "timing": "free"}
-    page.take({**asked, "mechanisms": ["two_slots"], "top": 1})
-    page.solve()
-    page.click("drive-find")
-    page.wait("document.querySelectorAll('#drive-found button').length")
-    told = page.text("drive-found") + page.text("drive-numbers")
-    assert "on the second block" in told and "_" not in told

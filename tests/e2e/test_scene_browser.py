@@ -211,9 +211,7 @@ def test_what_is_wrong_is_said_at_its_field(at) -> None:
     fields[0].send_keys("1e20")
     page.click("run")
     assert "≤ 1000000000000 is wanted, found 1e20" in page.text("status")
-
-
-def test_what_is_wrong_in_a_row_is_said_at_its_field(at) -> None:
+    at("lift").wait(ANSWERED)
     page = at("lift")
     page.select("query", "/v1/lift/batch")
     asked(page, lambda: page.click("run"))
@@ -369,7 +367,11 @@ def test_names_do_not_lie_on_one_another(at, scene, width) -> None:
         assert shown == 12, "all find room"
 
 
-def test_places_are_named_to_their_unit_and_without_rounding(at) -> None:
+def test_the_lift_is_saved_and_named_as_asked(at) -> None:
+    page = at("lift")
+    kept = json.loads(page.saved("lift-motion.json", "#exports [data-format=json]"))
+    assert len(kept["reply"]["time"]) == kept["request"]["samples"] and kept["request"]["include"] == ["points"]
+    assert len(page.saved("lift-motion.csv", "#exports [data-format=csv]").splitlines()) == 52  # as was asked for
     page = at("lift")
     slide(page, 99)
     assert page.read(".player output").endswith("height 510 mm, 0 mm/s")
@@ -378,13 +380,10 @@ def test_places_are_named_to_their_unit_and_without_rounding(at) -> None:
     page.select(field_of(page, "angle unit"), '"rad"')
     asked(page, lambda: page.click("run"))
     assert page.read(".player output") == "θ1 0.5158rad"
-
-
-def test_the_json_of_an_answer_holds_the_request_that_it_answers(at) -> None:
     page = at("lift")
-    kept = json.loads(page.saved("lift-motion.json", "#exports [data-format=json]"))
-    assert len(kept["reply"]["time"]) == kept["request"]["samples"] and kept["request"]["include"] == ["points"]
-    assert len(page.saved("lift-motion.csv", "#exports [data-format=csv]").splitlines()) == 52  # as was asked for
+    Select(page.find("query")).select_by_index(1)
+    asked(page, lambda: page.click("run"))
+    assert "dead point at least, jerk at most" in page.text("facts")
 
 
 def test_a_lift_at_times_of_ones_own_is_drawn_over_its_whole_motion(at) -> None:
@@ -402,13 +401,6 @@ def test_a_lift_at_times_of_ones_own_is_drawn_over_its_whole_motion(at) -> None:
         page.run("const fold = document.getElementById('all-fold'); fold.open = false; fold.open = true")
         page.wait("document.getElementById('all').childElementCount")
         assert "cylinder length\n" + ("682.2" if entry == "2" else "782.2, 582.2, 682.2") in page.text("all")
-
-
-def test_what_holds_the_lifts_optimum_is_said_in_words(at) -> None:
-    page = at("lift")
-    Select(page.find("query")).select_by_index(1)
-    asked(page, lambda: page.click("run"))
-    assert "dead point at least, jerk at most" in page.text("facts")
 
 
 def test_the_knotter_shows_entries_and_verdicts_and_can_be_turned(at) -> None:
@@ -446,16 +438,13 @@ def test_the_knotter_shows_entries_and_verdicts_and_can_be_turned(at) -> None:
     assert page.all("circle.enter.wrong")
 
 
-def test_a_condition_without_limits_is_said_to_hold_over_the_whole_range(at) -> None:
+def test_ranges_and_long_lists_of_the_knotter_are_said_whole(at) -> None:
     page = at("knotter")
     page.select("query", "/v1/knotter/limit")
     asked(page, lambda: page.click("run"))
     page.select(field_of(page, "condition"), '"clearance"')
     asked(page, lambda: page.click("run"))
     assert "The clearance holds over the whole range of d5." in page.text("facts")
-
-
-def test_a_scan_of_many_pairs_lists_them(at) -> None:
     page = at("knotter")
     page.select("query", "/v1/knotter/scan")
     asked(page, lambda: page.click("run"))

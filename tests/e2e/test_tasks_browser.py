@@ -36,8 +36,8 @@ def test_a_practical_machine_moves_on_load(moving, page) -> None:
     assert lead["y"] + lead["height"] < 160 and page.shown("new-path")
 
 
-def test_nothing_is_cut_off_at_any_size(opened) -> None:
-    """The canvas becomes lower as legend and help below it take more lines."""
+def test_nothing_is_cut_off_and_cards_come_in_one_order_at_any_size(opened) -> None:
+    # The canvas becomes lower as legend and help below it take more lines.
     page = opened
     cut = (
         "const frame = document.getElementById('canvas').getBoundingClientRect();"
@@ -54,9 +54,7 @@ def test_nothing_is_cut_off_at_any_size(opened) -> None:
     page.choose("casement")
     longest = "return Math.max(...[...document.querySelectorAll('#canvas .miss')].map((one) => one.getTotalLength()))"
     assert 10 < page.run(longest) < 35, "errors are seen, and hide neither poses nor linkage"
-
-
-def test_cards_come_in_one_order_on_a_phone_and_beside_a_table(opened) -> None:
+    opened.renew("casement")
     order = "return ['results', 'layers', 'drive', 'curves'].map((one) => document.querySelector(`.card.${one}`).offsetTop)"
     for width in (1366, 390):
         opened.resize(width)
@@ -64,7 +62,7 @@ def test_cards_come_in_one_order_on_a_phone_and_beside_a_table(opened) -> None:
         assert 0 < tops[0] and tops == sorted(set(tops)), width
 
 
-def test_the_gallery_has_eight_machines_with_their_errors(standing) -> None:
+def test_the_gallery_the_tour_and_explained_terms(standing) -> None:
     standing.click("open-gallery")
     machines = standing.all("#machines button")
     assert len(machines) == 8 and all("off by at most" in one.text for one in machines)
@@ -72,9 +70,7 @@ def test_the_gallery_has_eight_machines_with_their_errors(standing) -> None:
     machines[4].click()
     assert "Film advance" in standing.text("example-note") and not standing.shown("gallery")
     assert "off by" in standing.text("status") and "Searched beforehand" in standing.text("status")
-
-
-def test_the_tour_leads_through_and_terms_are_explained(standing) -> None:
+    standing.renew()
     standing.click("start-tour")
     for k in range(5):
         assert standing.text("tour-count") == f"{k + 1} of 5"
@@ -238,15 +234,13 @@ def test_nothing_that_is_typed_is_changed_silently(opened) -> None:
     assert opened.value("stock") == "20 30 40", "as in other lists commas alone separate"
 
 
-def test_lengths_of_links_that_exclude_each_other_are_said_before_they_are_asked_for(standing) -> None:
+def test_lengths_and_the_pivot_box_are_checked_as_they_are_typed(standing) -> None:
     standing.take({**path_request([0, 60, 120]), "limits": {"link_min": 9, "link_max": 5}})
     standing.listen()
     standing.click("solve")
     assert standing.text("status") == "Links at least, 9, may not be more than links at most, 5."
     assert standing.focus == "link-min" and standing.run("return window.asked.length") == 0
-
-
-def test_the_pivot_box_can_be_typed(standing) -> None:
+    standing.renew()
     standing.click("new-motion")
     standing.type_into("box-1", f"5{Keys.TAB}")
     standing.click("box-clear")
@@ -258,7 +252,20 @@ def test_the_pivot_box_can_be_typed(standing) -> None:
     assert standing.request()["limits"]["pivot_box"] == [-10, -20.5, 30, 40]
 
 
-def test_each_practical_limit_can_be_switched_off(standing) -> None:
+def test_practical_limits_follow_the_crank_until_they_are_chosen_one_by_one(standing) -> None:
+    standing.click("new-motion")
+    standing.unfold("limits")
+    assert standing.ticked("practical") and "off" not in standing.text("timing-note")
+    standing.select("timing", "even")
+    assert not standing.ticked("practical") and standing.limits() == {}
+    assert "The practical limits are off" in standing.text("timing-note")
+    standing.click("practical")
+    assert standing.limits() == {"preset": "practical"} and "off" not in standing.text("timing-note")
+    standing.select("timing", "free")
+    standing.click("keep-use")
+    standing.select("timing", "even")
+    assert standing.ticked("keep-turn"), "what was chosen stays"
+    standing.renew()
     standing.click("new-motion")
     standing.unfold("limits")
     assert standing.limits() == {"preset": "practical"}
@@ -273,21 +280,6 @@ def test_each_practical_limit_can_be_switched_off(standing) -> None:
     assert not standing.ticked("keep-turn") and standing.ticked("keep-ratio")
     standing.click("practical")
     assert standing.limits() == {"preset": "practical", "transmission_angle_min": 35, "link_ratio_max": 10}
-
-
-def test_practical_limits_follow_what_is_known_of_the_crank_until_they_are_chosen(standing) -> None:
-    standing.click("new-motion")
-    standing.unfold("limits")
-    assert standing.ticked("practical") and "off" not in standing.text("timing-note")
-    standing.select("timing", "even")
-    assert not standing.ticked("practical") and standing.limits() == {}
-    assert "The practical limits are off" in standing.text("timing-note")
-    standing.click("practical")
-    assert standing.limits() == {"preset": "practical"} and "off" not in standing.text("timing-note")
-    standing.select("timing", "free")
-    standing.click("keep-use")
-    standing.select("timing", "even")
-    assert standing.ticked("keep-turn"), "what was chosen stays"
 
 
 def test_what_is_preferred_is_asked_for_and_kept(opened) -> None:
@@ -388,8 +380,8 @@ def test_a_further_stage_takes_the_place_of_the_one_before(standing) -> None:
     assert shown[6:] == [[], [], [2, 4, 5]], "where there is none, a last one is given more time"
 
 
-def test_the_order_of_the_service_stays(standing) -> None:
-    """A linkage that goes astray comes after near ones that do not, also where an earlier stage is joined to a later one."""
+def test_stages_keep_the_order_of_the_service(standing) -> None:
+    # A linkage that goes astray comes after near ones that do not, also where an earlier stage is joined to a later one.
     shown = standing.run(
         "return import('/static/service.js').then((s) => {"
         "const one = (size, objective, practical = true) => ({links: {coupler: size}, errors: {objective},"
@@ -401,9 +393,6 @@ def test_the_order_of_the_service_stays(standing) -> None:
         "return [join([], reply), join(before, reply), join([one(7, 0.5)], far)]; })"
     )
     assert shown == [[1, 2, 3], [1, 4, 2, 5, 3, 6], [8, 7]]
-
-
-def test_rounded_linkages_are_joined_by_their_error_when_rounded(standing) -> None:
     shown = standing.run(
         "return import('/static/service.js').then((s) => {"
         "const one = (size, objective, rounded) => ({links: {crank: size}, errors: {objective}, verdict: {},"
@@ -426,19 +415,6 @@ def test_status_and_errors_are_in_view(page) -> None:
     assert "cannot be reached" in page.text("status")
     box = page.find("status").rect
     assert page.run("return scrollY") + 800 >= box["y"] + box["height"]
-
-
-def test_a_drag_of_a_pose_adds_none(opened) -> None:
-    opened.mode("add")
-    before = opened.table()
-    opened.drag(opened.pick("[data-pose='3'] .hit"), 30, 20)
-    after = opened.table()
-    assert len(after) == len(before) and after[3] != before[3]
-    middle = opened.view()
-    opened.drag(opened.find("canvas"), 40, 0, (220, 120))
-    assert len(opened.table()) == len(before) and opened.view() != middle, "a drag beside the poses moves the view"
-    opened.click_canvas((220, 140))
-    assert len(opened.table()) == len(before) + 1
 
 
 def test_solve_is_few_tabs_away_and_keeps_the_focus(page) -> None:
@@ -476,7 +452,7 @@ def test_texts_are_free_of_jargon(standing) -> None:
     assert marked == ["buildable in 1 layer", "buildable in 2 layers"]
 
 
-def test_a_linkage_that_breaks_a_limit_is_red_with_its_reason(standing) -> None:
+def test_a_broken_limit_is_red_and_rows_of_a_path_are_called_points(standing) -> None:
     request = path_request([0, 60, 120])
     standing.answered(request, [0, 60, 120])
     cards = standing.cards()  # of a stub, whose layers never come
@@ -484,9 +460,7 @@ def test_a_linkage_that_breaks_a_limit_is_red_with_its_reason(standing) -> None:
     assert "broken" not in cards[0].get_attribute("class")
     assert "Position error, largest" in standing.text("numbers") and "mm at point" in standing.text("numbers")
     assert standing.count("#canvas .worst") == 1
-
-
-def test_the_points_of_a_path_are_called_points(standing) -> None:
+    standing.renew()
     standing.answered(path_request([0, 60, 120]), [0, 55, 120])
     said = [*map(standing.text, ("status", "results-note", "numbers")), standing.content("canvas")]
     assert all("point" in one and "pose" not in one for one in said), said
@@ -577,7 +551,7 @@ def test_a_link_brings_the_chosen_card_back(page) -> None:
     assert page.read("#numbers tr") == longest and longest.endswith("cm")
 
 
-def test_cards_are_sorted_and_the_scale_stays(opened) -> None:
+def test_a_drag_adds_no_pose_and_cards_leave_the_scale(opened) -> None:
     scale = opened.view()
     for k in range(len(opened.cards())):
         opened.choose_card(k)
@@ -588,6 +562,17 @@ def test_cards_are_sorted_and_the_scale_stays(opened) -> None:
     assert angles == sorted(angles, reverse=True)
     opened.click("overlay")
     assert opened.count("[data-layer=overlay] .small") == 2
+    opened.renew("casement")
+    opened.mode("add")
+    before = opened.table()
+    opened.drag(opened.pick("[data-pose='3'] .hit"), 30, 20)
+    after = opened.table()
+    assert len(after) == len(before) and after[3] != before[3]
+    middle = opened.view()
+    opened.drag(opened.find("canvas"), 40, 0, (220, 120))
+    assert len(opened.table()) == len(before) and opened.view() != middle, "a drag beside the poses moves the view"
+    opened.click_canvas((220, 140))
+    assert len(opened.table()) == len(before) + 1
 
 
 CODES = "0 SECTION 2 ENTITIES 0 LWPOLYLINE 70 1 90 4 10 0 20 0 10 40 20 0 42 1 10 40 20 20 10 0 20 20 0 ENDSEC 0 EOF"

@@ -35,7 +35,7 @@ def test_what_is_drawn_or_pasted_survives_reload_back_and_other_pages(page) -> N
     assert "Casement" in page.text("example-note") and not page.shown("draft")
 
 
-def test_an_example_is_a_draft_only_once_it_is_changed(page) -> None:
+def test_an_example_and_a_link_leave_the_draft(page) -> None:
     page.choose("wiper")
     assert not page.shown("draft")
     assert page.run("return localStorage.getItem('linkage-atlas-motion')") is None
@@ -45,9 +45,7 @@ def test_an_example_is_a_draft_only_once_it_is_changed(page) -> None:
     assert "kept in this browser" in page.text("draft-text"), "another example leaves the draft"
     page.click("draft-open")
     assert page.ticked("any-order") and len(page.table()) == 9
-
-
-def test_a_link_wins_over_the_draft_and_leaves_it(page) -> None:
+    page.load()
     page.paste("0, 0\n10, 20\n30, 25")
     link = page.later(
         "const [body, done] = arguments; import('/static/link.js').then(async (l) => done(await l.toFragment(body)))",
@@ -160,7 +158,7 @@ def test_undo_takes_back_motion_and_joints_in_the_order_in_which_they_were_chang
     assert page.value("family") == "crank_rocker" and not page.find("redo").is_enabled()
 
 
-def test_undo_takes_back_a_joint_that_was_typed_or_moved_by_keys(edited) -> None:
+def test_undo_brings_back_joints_and_the_answer_of_another_motion(edited) -> None:
     page = edited
     before = page.drawn("c")
     page.pick("#canvas [data-joint=c]").send_keys(Keys.ARROW_RIGHT * 3)
@@ -171,9 +169,7 @@ def test_undo_takes_back_a_joint_that_was_typed_or_moved_by_keys(edited) -> None
     assert abs(page.drawn("c") - moved) < 0.5
     page.undo()
     assert abs(page.drawn("c") - before) < 0.5
-
-
-def test_undo_of_another_motion_brings_its_answer_and_linkage_back(edited) -> None:
+    edited.renew("casement")
     page = edited
     before = page.drawn("c")
     page.drag(page.pick("#canvas [data-joint=c]"), 14, -9)
@@ -279,21 +275,19 @@ def test_an_answer_to_a_motion_that_was_changed_meanwhile_says_so(page) -> None:
     assert page.earlier() is False and "off by" in page.text("status")
 
 
-def test_a_note_goes_with_its_motion(opened) -> None:
+def test_notes_belong_to_their_motion(opened) -> None:
     opened.paste("0,0,0\n10,4,350\n10,4,350\n20,5,10")
     assert "Poses 2 and 3 are the same" in opened.text("example-note") and opened.shown("unwrap")
     opened.undo()
     assert "Casement" in opened.text("example-note") and not opened.shown("unwrap")
-
-
-def test_the_words_of_an_example_are_of_its_own_question(opened) -> None:
+    opened.renew("casement")
     opened.click("any-order")
     assert not opened.text("example-note") and "The question has changed" in opened.text("status")
     opened.undo()
     assert "Casement" in opened.text("example-note") and "off by" in opened.text("status")
 
 
-def test_larger_solutions_further_down_leave_the_motion_large(standing) -> None:
+def test_the_view_fits_a_new_answer(standing) -> None:
     page, request = standing, path_request([0, 120, 240])
     page.take(request)
     page.stub(request, [0, 120, 240], VERDICTS[:2])
@@ -306,23 +300,7 @@ def test_larger_solutions_further_down_leave_the_motion_large(standing) -> None:
     dots += "return [...document.querySelectorAll('#canvas .dot')].map(at)"
     size = page.run("const c = document.getElementById('canvas'); return [c.clientWidth, c.clientHeight]")
     assert page.in_view() and max(np.ptp(page.run(dots), axis=0) / size) > 0.33
-
-
-def replies(page, *sizes: float) -> None:
-    """Let the service answer stage by stage, each time with `FREE` so many times as large."""
-    page.run(
-        "const [sizes] = arguments, reply = window.stub, stages = sizes.map((size, k) => { const one = structuredClone(reply);"
-        "one.report.stopped_by = k < sizes.length - 1 ? 'budget' : 'converged';"
-        "for (const s of one.solutions) { for (const n in s.links) s.links[n] *= size; s.mount.coupler_point.radius *= size;"
-        "for (const p of ['pivot_a', 'pivot_b']) s.mount[p] = s.mount[p].map((v) => v * size + 400 * (size - 1));"
-        "s.errors.objective /= size; }"
-        "return one; });"
-        "Object.defineProperty(window, 'stub', {configurable: true, get: () => stages.length > 1 ? stages.shift() : stages[0]})",
-        sizes,
-    )
-
-
-def test_the_view_fits_a_new_answer_unless_the_user_has_moved_it(standing) -> None:
+    standing.renew()
     page = standing
     request = path_request([0, 60, 120])
     page.take(request)
@@ -340,6 +318,20 @@ def test_the_view_fits_a_new_answer_unless_the_user_has_moved_it(standing) -> No
     page.click("closed")
     page.solve()
     assert page.view() != before and page.in_view(), "another motion"
+
+
+def replies(page, *sizes: float) -> None:
+    """Let the service answer stage by stage, each time with `FREE` so many times as large."""
+    page.run(
+        "const [sizes] = arguments, reply = window.stub, stages = sizes.map((size, k) => { const one = structuredClone(reply);"
+        "one.report.stopped_by = k < sizes.length - 1 ? 'budget' : 'converged';"
+        "for (const s of one.solutions) { for (const n in s.links) s.links[n] *= size; s.mount.coupler_point.radius *= size;"
+        "for (const p of ['pivot_a', 'pivot_b']) s.mount[p] = s.mount[p].map((v) => v * size + 400 * (size - 1));"
+        "s.errors.objective /= size; }"
+        "return one; });"
+        "Object.defineProperty(window, 'stub', {configurable: true, get: () => stages.length > 1 ? stages.shift() : stages[0]})",
+        sizes,
+    )
 
 
 # -- paths drawn by mouse ------------------------------------------------------------------------------------------------
