@@ -33,9 +33,8 @@ def test_joints_are_typed_and_stay_as_typed(edited) -> None:
     )
     page.choose_card(1)
     assert page.text("status").startswith("Best found")
-
-
-def test_what_cannot_be_used_stays_and_is_named(edited) -> None:
+    edited.renew("casement")
+    edited.mode("hand")
     page = edited
     before = page.drawn("d")
     page.type_into("joint-d-x", "12 mm" + Keys.TAB)
@@ -49,9 +48,8 @@ def test_what_cannot_be_used_stays_and_is_named(edited) -> None:
     for name, entry in (("b-x", "150"), ("b-y", "40"), ("a-x", "150"), ("a-y", "40")):
         page.type_into(f"joint-{name}", entry + Keys.ENTER)
     assert page.text("joints-error") == "A, y: two joints would coincide there."
-
-
-def test_the_unit_is_the_chosen_one_and_other_modes_hide_the_fields(edited) -> None:
+    edited.renew("casement")
+    edited.mode("hand")
     page = edited
     Select(page.find("length-unit")).select_by_visible_text("in")
     assert "Places in in where the crank stands" in page.text("joints-panel")

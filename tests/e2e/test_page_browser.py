@@ -114,7 +114,7 @@ def test_the_first_result_is_there_soon(page) -> None:
         assert min(times) < FIRST_RESULT_MS, f"{example['name']}: {times} ms"
 
 
-def test_every_format_is_exported(standing) -> None:
+def test_formats_are_exported_and_a_pivot_box_is_kept_to(standing) -> None:
     standing.choose("worked")
     standing.solve()
     for button in standing.all("#numbers-card [data-format]"):
@@ -127,6 +127,25 @@ def test_every_format_is_exported(standing) -> None:
     assert ElementTree.fromstring(standing.saved("linkage-1.svg")).tag.endswith("svg")
     assert not ezdxf.read(io.StringIO(standing.saved("linkage-1.dxf").decode())).audit().errors
     assert ElementTree.fromstring(standing.saved("linkage-1.xml")).tag == "mujoco"
+    standing.renew()
+    standing.choose("worked")
+    standing.unhurried()
+    standing.unfold("limits")
+    standing.mode("box")
+    for _ in range(4):
+        standing.click("zoom-out")
+    standing.drag(standing.canvas(), 360, 260, (-180, -130))
+    box = [float(standing.value(f"box-{k}")) for k in range(4)]
+    cx, cy, scale = standing.view()
+    wide, high = 180 / scale, 130 / scale
+    assert box == pytest.approx([cx - wide, cy - high, cx + wide, cy + high], abs=2 / scale)
+    standing.solve()
+    slack = 1 / standing.view()[2]
+    for joint in ("a", "b"):
+        at = standing.drawn(joint)
+        assert box[0] - slack <= at.real <= box[2] + slack and box[1] - slack <= at.imag <= box[3] + slack
+    standing.click("box-clear")
+    assert standing.value("box-0") == ""
 
 
 def test_what_a_designer_asks_next_is_shown_and_taken_away(page) -> None:
@@ -329,27 +348,6 @@ def test_a_drag_by_a_pixel_keeps_the_linkage_and_back_restores_it(name, standing
     standing.actions(50).move_by_offset(2, 0).release().perform()
     standing.wait("document.getElementById('status').textContent.includes('Found while dragging')")
     assert standing.links() == pytest.approx(before, rel=0.05), "no other one is clearly better"
-
-
-def test_a_pivot_box_is_drawn_and_kept_to(standing) -> None:
-    standing.choose("worked")
-    standing.unhurried()
-    standing.unfold("limits")
-    standing.mode("box")
-    for _ in range(4):
-        standing.click("zoom-out")
-    standing.drag(standing.canvas(), 360, 260, (-180, -130))
-    box = [float(standing.value(f"box-{k}")) for k in range(4)]
-    cx, cy, scale = standing.view()
-    wide, high = 180 / scale, 130 / scale
-    assert box == pytest.approx([cx - wide, cy - high, cx + wide, cy + high], abs=2 / scale)
-    standing.solve()
-    slack = 1 / standing.view()[2]
-    for joint in ("a", "b"):
-        at = standing.drawn(joint)
-        assert box[0] - slack <= at.real <= box[2] + slack and box[1] - slack <= at.imag <= box[3] + slack
-    standing.click("box-clear")
-    assert standing.value("box-0") == ""
 
 
 PASTED = [
@@ -732,30 +730,10 @@ BODIES = json.loads((ROOT / "tests/e2e/bodies.json").read_text())
 """Requests that between them have every field."""
 
 
-def test_requests_keep_all_their_fields(standing) -> None:
-    """As a motion, in a link, and in rows of CSV where rows can hold them."""
+def test_requests_links_traces_and_units_are_read_whole_and_within_bounds(standing) -> None:
+    # As a motion, in a link, and in rows of CSV where rows can hold them.
     for body in BODIES:
         check_fields(standing, body | {"top": 5})
-
-
-def check_fields(standing, body) -> None:
-    again, linked, rows = standing.later(
-        "const [body, done] = arguments; import('/static/formats.js').then(async (f) => { const motion = f.fromRequest(body);"
-        "const l = await import('/static/link.js');"
-        "const again = f.toRequest(motion), link = await l.fromFragment(await l.toFragment(again));"
-        "const c = await import('/static/csv.js');"
-        "const t = await import('/static/tables.js'), read = await t.readTable(c.toCsv(motion), 'synthesize');"
-        "done([again, f.toRequest(f.fromRequest(link)), f.toRequest(c.withSamples(motion, read))]); })",
-        body,
-    )
-    assert again == body and linked == again and rows == again
-
-
-DAMAGED = "The link is damaged"
-
-
-def test_links_traces_and_units_are_read_within_their_bounds(standing) -> None:
-    # Ten megabytes come from a link of ten kilobytes.
     for size, found in ((900_000, "900000"), (1_100_000, DAMAGED), (10**7, DAMAGED)):
         packer = zlib.compressobj(wbits=-15)
         text = base64.urlsafe_b64encode(packer.compress(json.dumps("x" * size).encode()) + packer.flush()).decode()
@@ -781,6 +759,22 @@ def test_links_traces_and_units_are_read_within_their_bounds(standing) -> None:
     )
     assert found["rotation"][1] == pytest.approx(1 / DEG) and found["crank_span_max"] == pytest.approx(1 / DEG)
     assert found["tolerances"] == {"rotation": pytest.approx([0.1 / DEG, 0.2 / DEG]), "position": 3}
+
+
+def check_fields(standing, body) -> None:
+    again, linked, rows = standing.later(
+        "const [body, done] = arguments; import('/static/formats.js').then(async (f) => { const motion = f.fromRequest(body);"
+        "const l = await import('/static/link.js');"
+        "const again = f.toRequest(motion), link = await l.fromFragment(await l.toFragment(again));"
+        "const c = await import('/static/csv.js');"
+        "const t = await import('/static/tables.js'), read = await t.readTable(c.toCsv(motion), 'synthesize');"
+        "done([again, f.toRequest(f.fromRequest(link)), f.toRequest(c.withSamples(motion, read))]); })",
+        body,
+    )
+    assert again == body and linked == again and rows == again
+
+
+DAMAGED = "The link is damaged"
 
 
 AGREE = """

@@ -194,7 +194,7 @@ def test_a_double_click_asks_once_and_one_drawing_is_left_after_two_steps_back(a
     assert page.count("#picture .stage") == 1 and page.count("#picture .player") == 1
 
 
-def test_what_is_wrong_is_said_at_its_field(at) -> None:
+def test_what_is_wrong_is_said_at_its_field_and_earlier_answers_are_marked(at) -> None:
     page = at("lift")
     fields = page.all("#fields input")
     fields[0].clear()
@@ -224,9 +224,6 @@ def test_what_is_wrong_is_said_at_its_field(at) -> None:
     page.wait("document.getElementById('status').classList.contains('bad')")
     assert page.active == lengths[1] and page.count("#fields .invalid") == 1
     assert page.text("status") == "Cylinders 2 length: Field required."
-
-
-def test_an_answer_of_an_earlier_request_says_so(at) -> None:
     page = at("lift")
     mark, length = "of an earlier request", page.one("#fields input")
     assert mark not in page.text("facts-title")
@@ -324,18 +321,17 @@ def test_a_chain_of_many_samples_or_links_is_drawn(at) -> None:
             field.send_keys(entry)
         asked(page, lambda: page.click("run"))
         assert page.count("#picture .stage") == 2 and page.count("#curves .chart") == (2 if path == "slot" else 1)
+    # The drawing takes fewer samples, and so fewer than a fit may need.
+    for more in ({"include": ["outline"]}, {"fit": {"kind": "polynomial", "order": 95}}):
+        asking = {"query": "/v1/chain/slot", "request": CHAIN | {"samples": 4000} | more}
+        page = at(
+            "chain", fragment="#j=" + base64.urlsafe_b64encode(json.dumps(asking).encode()).decode().rstrip("=")
+        )
+        page.wait(ANSWERED)
+        assert page.count("#picture .stage") == 2 and page.count("#curves .chart") == 2
 
 
 CHAIN = {"pitch": 131, "links": 16, "upper_radius": 181.78, "phase_start": 50}
-
-
-@pytest.mark.parametrize("more", [{"include": ["outline"]}, {"fit": {"kind": "polynomial", "order": 95}}], ids=str)
-def test_what_else_is_asked_of_a_chain_of_many_samples_does_not_keep_it_from_being_drawn(at, more) -> None:
-    """The drawing takes fewer samples, and so fewer than a fit may need."""
-    asking = {"query": "/v1/chain/slot", "request": CHAIN | {"samples": 4000} | more}
-    page = at("chain", fragment="#j=" + base64.urlsafe_b64encode(json.dumps(asking).encode()).decode().rstrip("="))
-    page.wait(ANSWERED)
-    assert page.count("#picture .stage") == 2 and page.count("#curves .chart") == 2
 
 
 NEAR = """

@@ -331,13 +331,11 @@ def test_with_allowed_errors_the_first_card_is_the_smallest_linkage(opened) -> N
     assert opened.text("status").startswith("Within the allowed errors at every pose, the smallest found: off by")
 
 
-def test_an_answer_outside_the_allowed_errors_says_so(standing) -> None:
+def test_allowed_errors_own_limits_and_digits_are_said_whole(standing) -> None:
     standing.answered(path_request([0, 60, 120], tolerances={"position": 0.1}), [0, 60, 120], VERDICTS[2:3])
     assert standing.text("status").endswith("The allowed errors are not kept at every point.")
-
-
-def test_a_limit_of_ones_own_that_is_kept_is_no_fault(standing) -> None:
-    """The landing gear asks for 30 degrees of transmission, less than the practical limit, and gets them: stored and searched."""
+    standing.renew()
+    # The landing gear asks for 30 degrees of transmission, less than the practical limit, and gets them: stored and searched.
     standing.choose("gear")
     assert "transmission ≥ 30°" in standing.text("limits-summary")
     for _ in range(2):
@@ -345,9 +343,7 @@ def test_a_limit_of_ones_own_that_is_kept_is_no_fault(standing) -> None:
         assert GOOD.fullmatch(marks[0]) and not any("used interval" in mark for mark in marks)
         standing.solve()
     assert "30°" in standing.read("#solutions li")
-
-
-def test_digits_are_not_clipped(standing) -> None:
+    standing.renew()
     values = {"rotation": [0, -123.456, 360.25], "position": [[-1234.56, 1234.56], [-12345.6, 0.12345], [1e6, 2]]}
     standing.take({**values, "crank_angle": [0, 33.3333, 66.6667]})
     clipped = standing.run(
@@ -360,8 +356,8 @@ def test_digits_are_not_clipped(standing) -> None:
 # -- faults that were seen -----------------------------------------------------------------------------------------------
 
 
-def test_a_further_stage_takes_the_place_of_the_one_before(standing) -> None:
-    """Only what is better than all that it found stays: not the same linkages less refined, with the errors of then."""
+def test_stages_keep_the_order_of_the_service(standing) -> None:
+    # Only what is better than all that it found stays: not the same linkages less refined, with the errors of then.
     shown = standing.later(
         "const [done] = arguments; Promise.all([import('/static/service.js'), import('/static/fit.js')]).then(async ([s, f]) => {"
         "const one = (size, objective) => ({links: {crank: 1, coupler: size, rocker: 3, ground: 3}, branch: 1, mount: null,"
@@ -378,10 +374,6 @@ def test_a_further_stage_takes_the_place_of_the_one_before(standing) -> None:
     assert shown[2:4] == [[2, 4, 5], [2, 4, 6]], "a better one of before stays, in its place"
     assert shown[4:6] == [[2, 4, 5], [6, 4]], "what else is preferred is the service's to say"
     assert shown[6:] == [[], [], [2, 4, 5]], "where there is none, a last one is given more time"
-
-
-def test_stages_keep_the_order_of_the_service(standing) -> None:
-    # A linkage that goes astray comes after near ones that do not, also where an earlier stage is joined to a later one.
     shown = standing.run(
         "return import('/static/service.js').then((s) => {"
         "const one = (size, objective, practical = true) => ({links: {coupler: size}, errors: {objective},"
@@ -404,7 +396,17 @@ def test_stages_keep_the_order_of_the_service(standing) -> None:
     assert shown == [[3, 2, 4, 1], [3, 2, 4, 1], [1, 2, 3, 4]]
 
 
-def test_status_and_errors_are_in_view(page) -> None:
+def test_solve_is_near_and_the_status_in_view(page) -> None:
+    page.rest()
+    page.run("document.activeElement.blur(); scrollTo(0, 0)")
+    page.run("window.passed = []; addEventListener('focusin', ({target}) => passed.push(target.id))")
+    page.actions().send_keys(Keys.TAB * 49).perform()
+    assert "solve" in page.run("return passed")
+    page.solve_soon()
+    page.press("#solve", "keyboard")
+    page.found()
+    assert page.focus == "solve"
+    page.load()
     page.resize(1280, 800)
     page.run("document.getElementById('limits').open = true; scrollTo(0, 0)")
     box = page.run("const f=document.getElementById('status').getBoundingClientRect();return [f.top, f.bottom]")
@@ -415,18 +417,6 @@ def test_status_and_errors_are_in_view(page) -> None:
     assert "cannot be reached" in page.text("status")
     box = page.find("status").rect
     assert page.run("return scrollY") + 800 >= box["y"] + box["height"]
-
-
-def test_solve_is_few_tabs_away_and_keeps_the_focus(page) -> None:
-    page.rest()
-    page.run("document.activeElement.blur(); scrollTo(0, 0)")
-    page.run("window.passed = []; addEventListener('focusin', ({target}) => passed.push(target.id))")
-    page.actions().send_keys(Keys.TAB * 49).perform()
-    assert "solve" in page.run("return passed")
-    page.solve_soon()
-    page.press("#solve", "keyboard")
-    page.found()
-    assert page.focus == "solve"
 
 
 def test_texts_are_free_of_jargon(standing) -> None:
@@ -476,22 +466,22 @@ EXCLUDED = [
 ENDS = [("unknown", [], "the time was up"), ("infeasible", EXCLUDED, "ran to its end")]
 
 
-@pytest.mark.parametrize(("status", "notes", "said"), ENDS)
-def test_no_linkage_is_said_without_a_claim_that_was_not_proved(standing, status, notes, said) -> None:
-    request = {**path_request([0, 60, 120]), "limits": {"link_min": 99}}
-    standing.take(request)
-    standing.stub(request, [0, 60, 120], [])
-    standing.run("window.stub.status = arguments[0]; window.stub.report.notes = arguments[1]", status, notes)
-    standing.click("solve")
-    standing.wait(IDLE)
-    assert said in standing.text("status")
-    if notes:
-        assert standing.text("status").endswith("; with links of at least 42.5 there is one.")
-        button = standing.pick("#suggestions button")
-        assert button.text == "Set the least link length to 42.5"
-        button.click()
+def test_no_linkage_is_said_without_a_claim_that_was_not_proved(standing) -> None:
+    for status, notes, said in ENDS:
+        request = {**path_request([0, 60, 120]), "limits": {"link_min": 99}}
+        standing.take(request)
+        standing.stub(request, [0, 60, 120], [])
+        standing.run("window.stub.status = arguments[0]; window.stub.report.notes = arguments[1]", status, notes)
+        standing.click("solve")
         standing.wait(IDLE)
-        assert standing.asked()["limits"]["link_min"] == 42.5
+        assert said in standing.text("status")
+        if notes:
+            assert standing.text("status").endswith("; with links of at least 42.5 there is one.")
+            button = standing.pick("#suggestions button")
+            assert button.text == "Set the least link length to 42.5"
+            button.click()
+            standing.wait(IDLE)
+            assert standing.asked()["limits"]["link_min"] == 42.5
 
 
 def test_linkages_without_a_crank_that_may_come_nearer_are_one_press_away(standing) -> None:
@@ -540,7 +530,7 @@ def test_a_linkage_is_changed_by_hand(opened) -> None:
     assert abs(opened.drawn("a") - complex(*number["Pivot A"][:2])) < 0.05 * 1.42 * 297 + 1
 
 
-def test_a_link_brings_the_chosen_card_back(page) -> None:
+def test_a_link_brings_the_chosen_card_back_and_a_path_has_no_direction(page) -> None:
     page.choose("worked")
     Select(page.find("length-unit")).select_by_visible_text("cm")
     page.solve()
@@ -549,6 +539,11 @@ def test_a_link_brings_the_chosen_card_back(page) -> None:
     page.follow_link()
     page.wait(f"{CARDS} && {IDLE}")
     assert page.read("#numbers tr") == longest and longest.endswith("cm")
+    page.take(path_request(np.linspace(0, 120, 8)))
+    page.solve_soon()
+    assert not page.run("return document.querySelector('#canvas .carried').getAttribute('d')")
+    page.choose("bucket")
+    assert page.run("return document.querySelector('#canvas .carried').getAttribute('d')")
 
 
 def test_a_drag_adds_no_pose_and_cards_leave_the_scale(opened) -> None:
@@ -581,20 +576,19 @@ DXF = CODES.replace(" ", "\n")
 SVG = '<svg xmlns="http://www.w3.org/2000/svg"><script>window.bad = 1</script><rect width="50" height="20"/></svg>'
 
 
-@pytest.mark.parametrize(("name", "content", "wide"), [("a.dxf", DXF, 50), ("b.svg", SVG, 50)])
-def test_a_body_has_an_outline_of_ones_own(page, tmp_path, name, content, wide) -> None:
-    file = tmp_path / name
-    file.write_text(content)
-    page.click("show-menu")
-    page.find("outline-file").send_keys(str(file))
-    page.wait("document.querySelectorAll('[data-layer=ghosts] path').length === 8")
-    at_rest = page.run("return document.querySelector('[data-layer=ghosts] path').getBBox().width")
-    assert at_rest / page.view()[2] == pytest.approx(wide, rel=0.02)
-    assert page.run("return window.bad") is None
-    assert page.count("[data-layer=body] path") == 1
-
-
-def test_a_picture_is_put_behind_the_canvas(page, tmp_path) -> None:
+def test_a_body_has_an_outline_and_a_picture_lies_behind_it(page, tmp_path) -> None:
+    for name, content, wide in (("a.dxf", DXF, 50), ("b.svg", SVG, 50)):
+        page.load()
+        file = tmp_path / name
+        file.write_text(content)
+        page.click("show-menu")
+        page.find("outline-file").send_keys(str(file))
+        page.wait("document.querySelectorAll('[data-layer=ghosts] path').length === 8")
+        at_rest = page.run("return document.querySelector('[data-layer=ghosts] path').getBBox().width")
+        assert at_rest / page.view()[2] == pytest.approx(wide, rel=0.02)
+        assert page.run("return window.bad") is None
+        assert page.count("[data-layer=body] path") == 1
+    page.load()
     page.click("show-menu")
     page.find("picture-file").send_keys(str(ROOT / "docs/img/page.png"))
     page.wait("!document.getElementById('backdrop').hidden")
@@ -603,6 +597,14 @@ def test_a_picture_is_put_behind_the_canvas(page, tmp_path) -> None:
         "return c.getContext('2d').getImageData(x, y, 1, 1).data[3]"
     )
     assert seen == 255
+    page.load()
+    page.wait("document.querySelectorAll('#stack rect').length > 4")
+    assert not page.run("return document.querySelector('#stack .body')")
+    file = tmp_path / "sash.svg"
+    shape = '<polygon points="-40,-30 40,-30 40,30 -40,30"/>'
+    file.write_text(f'<svg xmlns="http://www.w3.org/2000/svg">{shape}</svg>')
+    page.find("outline-file").send_keys(str(file))
+    page.wait("document.querySelector('#stack rect.body')")
 
 
 # -- layers ------------------------------------------------------------------------------------------------------------
@@ -629,21 +631,3 @@ def test_layers_come_by_themselves_and_collisions_are_shown_where_they_are(page)
     page.wait("document.querySelector('[data-layer=plates] .hit')")
     angle = float(re.search(r"(-?[\d.]+)°", page.read("#layers-jumps button"))[1])
     assert float(page.content("travel").rstrip("°").replace("−", "-")) == pytest.approx(angle, abs=0.06)
-
-
-def test_a_body_s_outline_is_a_plate_of_its_own(page, tmp_path) -> None:
-    page.wait("document.querySelectorAll('#stack rect').length > 4")
-    assert not page.run("return document.querySelector('#stack .body')")
-    file = tmp_path / "sash.svg"
-    shape = '<polygon points="-40,-30 40,-30 40,30 -40,30"/>'
-    file.write_text(f'<svg xmlns="http://www.w3.org/2000/svg">{shape}</svg>')
-    page.find("outline-file").send_keys(str(file))
-    page.wait("document.querySelector('#stack rect.body')")
-
-
-def test_of_a_path_no_direction_of_the_body_is_drawn(page) -> None:
-    page.take(path_request(np.linspace(0, 120, 8)))
-    page.solve_soon()
-    assert not page.run("return document.querySelector('#canvas .carried').getAttribute('d')")
-    page.choose("bucket")
-    assert page.run("return document.querySelector('#canvas .carried').getAttribute('d')")
