@@ -8,7 +8,7 @@ import { startEntry } from "./entry.js";
 import { alike } from "./fit.js";
 import { fromPage, fromRequest, requestText, toPage, toRequest } from "./formats.js";
 import { Gallery } from "./gallery.js";
-import { fromHere, nearby } from "./hand.js";
+import { assessed, fromHere, nearby } from "./hand.js";
 import { Live } from "./live.js";
 import { fault, wantsAngles } from "./motion.js";
 import { offered } from "./offers.js";
@@ -314,6 +314,7 @@ function showEntered({ motion, solution }) {
   return run(async (control, begin) => {
     const reply = await refine(fromHere(request, solution), control.signal);
     if (running !== control) return;
+    if (!reply.solutions.length) reply.solutions.push(assessed(solution, motion).solution);
     answer = { request, reply, motion: structuredClone(motion), seconds: (performance.now() - begin) / 1000, refined: true };
     visit();
     results.show(answer);

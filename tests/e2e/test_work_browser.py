@@ -169,6 +169,7 @@ def test_undo_brings_back_joints_and_the_answer_of_another_motion(edited) -> Non
     page.undo()
     assert abs(page.drawn("c") - before) < 0.5
     edited.renew("casement")
+    edited.mode("hand")
     page = edited
     before = page.drawn("c")
     page.drag(page.pick("#canvas [data-joint=c]"), 14, -9)
@@ -181,9 +182,6 @@ def test_undo_brings_back_joints_and_the_answer_of_another_motion(edited) -> Non
     assert not page.run("return document.querySelector('#results [data-earlier]').checkVisibility()")
     page.undo()
     assert abs(page.drawn("c") - before) < 0.5
-
-
-# -- links in a tab that is open ----------------------------------------------------------------------------------------
 
 
 # -- cards belong to what was asked --------------------------------------------------------------------------------------
