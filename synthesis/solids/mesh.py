@@ -1,7 +1,7 @@
-"""Parts as triangles, for printers: 3MF with names and colours, and STL.
+"""Triangle meshes of parts for 3D printing: 3MF with names and colours, and STL.
 
-Corners lie within the exact solid or on it: outer arcs have their corners on the circle, holes theirs around it. So a pin of the
-hole's diameter passes, and parts that are apart stay apart.
+The mesh lies within the exact solid: outer arcs have their corners on the circle, holes have their edges tangent to it. A pin of
+the hole's diameter therefore fits, and separate parts stay separate.
 """
 
 from __future__ import annotations
@@ -20,30 +20,30 @@ from synthesis.solids.prism import Hole, Prism
 from synthesis.solids.solid import Posed, Solid
 
 SAGITTA = 0.01
-"""Millimetres that a chord may be off its arc, in a part of printable size."""
+"""Largest distance between a chord and its arc in millimetres."""
 _LEAST_SAGITTA, _MOST_SAGITTA = 1e-4, 0.02
-"""What the sagitta is at least and at most, as a part of the radius: a circle has at most 223 corners and at least 16."""
+"""Bounds of the sagitta relative to the radius, so that a circle has 16 to 223 corners."""
 _GOLDEN = np.pi * (3 - np.sqrt(5))
 _GAP = 5.0
-"""Millimetres between parts on the bed."""
+"""Gap between parts on the bed in millimetres."""
 
 
 def escape(words: str) -> str:
-    """Words within the quotation marks of an attribute, or as text."""
+    """Escape text for an XML attribute or element."""
     return _escape(words, {'"': "&quot;"})
 
 
 class Mesh(NamedTuple):
-    """A closed surface."""
+    """Closed triangulated surface."""
 
     corners: Floats
-    """(n, 3)"""
+    """Coordinates, shape (n, 3)."""
     triangles: NDArray[np.int32]
-    """(m, 3) corners, counter-clockwise as seen from outside."""
+    """Indices of corners, counter-clockwise as seen from outside, shape (m, 3)."""
 
     @property
     def volume(self) -> float:
-        """By the divergence theorem."""
+        """Volume by the divergence theorem."""
         middle = (self.corners.min(axis=0) + self.corners.max(axis=0)) / 2
         first, second, third = np.moveaxis(self.corners[self.triangles] - middle, 1, 0)
         return float(np.sum(np.cross(first, second) * third)) / 6
@@ -57,7 +57,7 @@ def _steps(radius: float, angle: float) -> int:
 
 
 def ring_of(prism: Prism) -> Complexes:
-    """The outline as a polygon within the exact one, counter-clockwise."""
+    """Return the outline as a counter-clockwise polygon within the exact outline."""
     corners: list[Complexes] = []
     for start, arc in zip(prism.corners, prism.arcs):
         corners.append(np.array([start]))
@@ -67,18 +67,18 @@ def ring_of(prism: Prism) -> Complexes:
         if arc.angle > 0:
             corners.append(arc.at(np.arange(1, steps) / steps))
         else:
-            # around a hollow: where the tangents at the steps meet
+            # concave arc: intersections of neighbouring tangents
             meet = arc.at((np.arange(steps) + 0.5) / steps) - arc.centre
             corners.append(arc.centre + meet / np.cos(arc.angle / steps / 2))
     ring = np.concatenate(corners)
     on, back = np.roll(ring, -1) - ring, ring - np.roll(ring, 1)
-    # a corner on the line of its neighbours would be left out of the faces but not of the sides
+    # a collinear corner would be missing in the faces but not in the sides
     bent = np.abs(np.imag(np.conj(back) * on)) > 1e-12 * np.abs(back) * np.abs(on)
     return np.asarray(ring[bent])
 
 
 def _hole_ring(hole: Hole, phase: float) -> Complexes:
-    """A hole as a polygon around it, clockwise."""
+    """Return a hole as a clockwise polygon around it."""
     if hole.reach:
         return ring_of(Prism(hole.outline, 0.0, 1.0))
     centre, radius = hole.centre, hole.radius
@@ -88,29 +88,29 @@ def _hole_ring(hole: Hole, phase: float) -> Complexes:
 
 
 def mesh_of(prism: Prism) -> Mesh:
-    """The closed surface of a part.
+    """Triangulate the closed surface of a part.
 
-    Law: every edge belongs to two triangles, in both directions; corners less edges plus triangles are 2 less two for each hole;
-    the volume is that of the polygons, below the exact one.
+    Every edge belongs to two triangles in opposite directions, and Euler's characteristic is 2 minus twice the number of holes.
+    The volume is slightly below the exact volume.
     """
     from mapbox_earcut import triangulate_float64
 
     outline = ring_of(prism)
     for attempt in range(8):
-        # no two holes alike: three corners on one line would leave out the one between
+        # different phases avoid collinear corners of different holes, which earcut would drop
         phases = _GOLDEN * (np.arange(len(prism.holes)) + 0.3) * (attempt + 1)
         rings = [outline, *(_hole_ring(hole, phase) for hole, phase in zip(prism.holes, phases))]
         plane = np.concatenate(rings)
         ends = np.cumsum([len(ring) for ring in rings]).astype(np.uint32)
-        # about their middle, in which the predicates lose fewest digits
+        # coordinates relative to the middle, which lose the fewest digits
         at = plane - (plane.real.min() + plane.real.max() + 1j * (plane.imag.min() + plane.imag.max())) / 2
         face = triangulate_float64(np.column_stack([at.real, at.imag]), ends).reshape(-1, 3).astype(np.int32)
         if len(face) == len(plane) + 2 * len(prism.holes) - 2:
             break
     else:
         raise ArithmeticError("the face of a part could not be cut into triangles")
-    one, two, three = at[face].T
-    if np.sum(np.imag(np.conj(two - one) * (three - one))) < 0:
+    first, second, third = at[face].T
+    if np.sum(np.imag(np.conj(second - first) * (third - first))) < 0:
         face = face[:, ::-1]
     count = len(plane)
     firsts = np.concatenate([[0], ends[:-1]])
@@ -124,10 +124,7 @@ def mesh_of(prism: Prism) -> Mesh:
 
 
 def on_bed(parts: Sequence[Solid]) -> list[Posed]:
-    """Parts beside one another, each on its lower face, in rows on a bed that is about square.
-
-    Law: their extents do not overlap.
-    """
+    """Arrange parts on their lower faces, in rows on a roughly square bed, without overlap."""
     boxes = []
     for part in parts:
         low, high = part.prism.extent
@@ -139,16 +136,16 @@ def on_bed(parts: Sequence[Solid]) -> list[Posed]:
         boxes.append((turn, corner, size))
     area = sum((size.real + _GAP) * (size.imag + _GAP) for _, _, size in boxes)
     wide = max([1.2 * np.sqrt(area), *(size.real for _, _, size in boxes)])
-    places: dict[int, Posed] = {}
+    poses: dict[int, Posed] = {}
     at, row = 0j, 0.0
     for k in sorted(range(len(boxes)), key=lambda k: -boxes[k][2].imag):
         turn, corner, size = boxes[k]
         if at.real + size.real > wide * (1 + 1e-9):
             at, row = complex(0.0, at.imag + row + _GAP), 0.0
-        places[k] = Posed(turn, at - corner, -parts[k].prism.low)
+        poses[k] = Posed(turn, at - corner, -parts[k].prism.low)
         row = max(row, size.imag)
         at += size.real + _GAP
-    return [places[k] for k in range(len(parts))]
+    return [poses[k] for k in range(len(parts))]
 
 
 _TYPES = (
@@ -165,19 +162,16 @@ _RELATIONS = (
 )
 
 
-def to_3mf(parts: Sequence[Solid], places: Sequence[Posed], name: str) -> bytes:
-    """A 3MF file: an object a part, with its name and colour; millimetres.
-
-    Law: a strict reader takes it without a warning.
-    """
+def to_3mf(parts: Sequence[Solid], poses: Sequence[Posed], name: str) -> bytes:
+    """Write a 3MF file in millimetres with an object, a name and a colour for each part."""
     colours = list(dict.fromkeys((part.material, part.colour) for part in parts))
     bases = "".join(
         f'<base name="{escape(material)}" displaycolor="{colour.upper()}"/>' for material, colour in colours
     )
     objects, items = [], []
-    for number, (part, place) in enumerate(zip(parts, places, strict=True), 2):
+    for number, (part, pose) in enumerate(zip(parts, poses, strict=True), 2):
         mesh = mesh_of(part.prism)
-        # 1e-6 mm is far below what a printer sees, and keeps the file short
+        # 1e-6 mm is far below the resolution of a printer and keeps the file short
         vertices = "".join(f'<vertex x="{x:.9g}" y="{y:.9g}" z="{z:.9g}"/>' for x, y, z in mesh.corners.tolist())
         faces = "".join(f'<triangle v1="{i}" v2="{j}" v3="{k}"/>' for i, j, k in mesh.triangles.tolist())
         base = colours.index((part.material, part.colour))
@@ -185,7 +179,7 @@ def to_3mf(parts: Sequence[Solid], places: Sequence[Posed], name: str) -> bytes:
             f'<object id="{number}" type="model" name="{escape(part.name)}" pid="1" pindex="{base}">'
             f"<mesh><vertices>{vertices}</vertices><triangles>{faces}</triangles></mesh></object>"
         )
-        turn, shift, up = place
+        turn, shift, up = pose
         matrix = (turn.real, turn.imag, 0, -turn.imag, turn.real, 0, 0, 0, 1, shift.real, shift.imag, up)
         items.append(f'<item objectid="{number}" transform="{" ".join(f"{value + 0.0:.12g}" for value in matrix)}"/>')
     model = (
@@ -199,7 +193,7 @@ def to_3mf(parts: Sequence[Solid], places: Sequence[Posed], name: str) -> bytes:
 
 
 def to_stl(mesh: Mesh, name: str) -> bytes:
-    """A binary STL file of one part in its own frame, by convention in millimetres."""
+    """Write a binary STL file of a part in its own frame, in millimetres by convention."""
     record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
     rows = np.zeros(len(mesh.triangles), record)
     rows["corners"] = mesh.corners[mesh.triangles]
@@ -212,12 +206,12 @@ def to_stl(mesh: Mesh, name: str) -> bytes:
 
 
 def to_stl_zip(parts: Sequence[Solid]) -> bytes:
-    """A zip file with an STL file a part."""
+    """Write a zip file with an STL file for each part."""
     return zipped({f"{part.name}.stl": to_stl(mesh_of(part.prism), part.name) for part in parts})
 
 
 def zipped(files: Mapping[str, str | bytes]) -> bytes:
-    """A zip file; the same bytes for the same files."""
+    """Write a zip file that is byte-identical for identical content."""
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w") as archive:
         for name, content in files.items():

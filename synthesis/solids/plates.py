@@ -1,4 +1,4 @@
-"""Plates to cut: a DXF file in millimetres, of the links of a four-bar alone, or of all flat parts of an assembly."""
+"""DXF files in millimetres of plates to cut: only the links of a four-bar, or all flat parts of an assembly."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from synthesis.solids.prism import Hole, Prism, rounded
 from synthesis.solids.solid import Solids
 
 COLOURS = {"CRANK": 1, "COUPLER": 5, "ROCKER": 3, "GROUND": 8, "BODY": 4, "MARK": 2}
-"""AutoCAD colour index of each layer; others are grey."""
+"""AutoCAD colour index of each layer; other layers are grey."""
 GREY = 8
 LARGEST_MM, LEAST_MM = 1e7, 1e-6
-"""Sizes in millimetres between which a plate is drawn."""
+"""Range of sizes in millimetres of a plate."""
 
 
 class _Drawn(NamedTuple):
-    """A plate as it is cut; millimetres."""
+    """Plate in millimetres."""
 
     name: str
     prism: Prism
     word: complex
-    """Where its name stands."""
+    """Position of the name."""
     height: float
-    """Of the letters."""
+    """Height of the letters."""
     mark: complex | None = None
-    """The body point, on the coupler."""
+    """Body point on the coupler."""
 
 
 def to_plates(linkage: Linkage, unit_mm: float = 1.0, hole: float | None = None, width: float | None = None) -> str:
@@ -59,8 +59,8 @@ def to_plates(linkage: Linkage, unit_mm: float = 1.0, hole: float | None = None,
         if name == "COUPLER" and linkage.mounted:
             mark = linkage.arm
             core.append(mark)
-            # a hole that would run into another one is left out: the mark alone says where the body point is
-            if min(abs(mark - other) for other in holes) > hole:
+            # a hole that would overlap another is left out; the mark still shows the body point
+            if min(abs(mark - centre) for centre in holes) > hole:
                 holes.append(mark)
         prism = Prism(rounded(hull(core), width / 2), 0.0, 1.0, tuple(Hole(at, hole / 2) for at in holes))
         word = complex(hole * unit_mm, -0.15 * rim)
@@ -73,17 +73,16 @@ def to_plates(linkage: Linkage, unit_mm: float = 1.0, hole: float | None = None,
 
 
 def parts_to_plates(solids: Solids, kerf: float = 0.0) -> str:
-    """Write plates, boards and washers of an assembly, with the holes of their fit; a layer a part.
+    """Write plates, boards and washers of an assembly, with the holes of their fit, each on its own layer.
 
-    ``kerf``: width of the cut in millimetres; contours are larger by half of it on each side, and holes smaller.
-
-    Law: without a kerf contours are those of the parts, moved; what a cut of the kerf's width along them leaves has their size.
+    ``kerf`` is the width of the cut in millimetres. Contours are offset by half of it, so that the parts have their size after
+    the cut.
     """
     drawn = []
     for part in solids.parts:
         if part.kind in ("plate", "board", "washer", "head"):
             hole = part.prism.holes[0]
-            if any(not one.radius > kerf / 2 for one in part.prism.holes):
+            if not all(opening.radius > kerf / 2 for opening in part.prism.holes):
                 raise FieldError(
                     "/assembly/kerf", f"leaves nothing of a hole of {2 * hole.radius:g} mm in {part.name}"
                 )
@@ -94,7 +93,7 @@ def parts_to_plates(solids: Solids, kerf: float = 0.0) -> str:
 
 
 def _document(plates: Sequence[_Drawn]) -> object:
-    """One plate below the other."""
+    """Draw the plates below each other."""
     layers = {plate.name: COLOURS.get(plate.name, GREY) for plate in plates}
     document = dxf_document({**layers, "MARK": COLOURS["MARK"]}, 4)
     space = document.modelspace()

@@ -1,4 +1,4 @@
-"""A flat part: an outline of lines and arcs with holes and slits between two heights; its area, volume and inertia."""
+"""Prisms: flat parts with an outline of lines and arcs, holes and slits, and their area, volume and inertia."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)
 
 
 class Moments(NamedTuple):
-    """Integrals over an area: of one, of the place, and of the squares and the product of its coordinates from the centre."""
+    """Area, centroid, and second moments of an area about its centroid."""
 
     area: float
     centre: complex
@@ -26,7 +26,7 @@ class Moments(NamedTuple):
 
 
 class Hole(NamedTuple):
-    """A hole through a part: round, or with a ``reach`` all within its radius of a line, as far from its centre either way."""
+    """Round hole, or slit: all points within ``radius`` of the line from ``centre - reach`` to ``centre + reach``."""
 
     centre: complex
     radius: float
@@ -34,12 +34,12 @@ class Hole(NamedTuple):
 
     @property
     def ends(self) -> tuple[complex, ...]:
-        """Of its line; of a round hole the centre alone."""
+        """End points of the line; only the centre for a round hole."""
         return (self.centre,) if self.reach == 0 else (self.centre - self.reach, self.centre + self.reach)
 
     @property
     def outline(self) -> Floats:
-        """(4, 3) as that of a `Prism`, but clockwise: the part lies to the left of it."""
+        """Outline of the slit as in `Prism`, shape (4, 3), but clockwise: the part lies to the left."""
         bulge = np.array([0.0, -1.0, 0.0, -1.0])
         across = self.radius * 1j * self.reach / abs(self.reach)
         first, last = self.ends
@@ -48,15 +48,15 @@ class Hole(NamedTuple):
 
     @property
     def moments(self) -> Moments:
-        """Of its area."""
+        """Moments of the area of the hole."""
         square, half = self.radius**2, abs(self.reach)
         area, round_ = np.pi * square + 4 * self.radius * half, np.pi * square
-        # along its line two half discs about the ends of a rectangle, across it all of the same height
+        # along the line: two half discs at the ends of a rectangle; across the line: equal heights
         off = 4 * self.radius / (3 * np.pi)
         along = 4 * self.radius * half**3 / 3 + round_ * (square / 4 - off**2 + (half + off) ** 2)
         across = 4 * half * self.radius**3 / 3 + round_ * square / 4
-        way = self.reach / half if half else 1.0 + 0j
-        cos, sin = way.real, way.imag
+        direction = self.reach / half if half else 1.0 + 0j
+        cos, sin = direction.real, direction.imag
         return Moments(
             area,
             self.centre,
@@ -66,59 +66,58 @@ class Hole(NamedTuple):
         )
 
     def distance(self, point: complex) -> float:
-        """How far a point is from its line."""
-        return min(abs(_foot(one, other, point) - point) for one, other in zip(self.ends, self.ends[::-1]))
+        """Return the distance of a point from the line of the hole."""
+        return min(abs(_foot(first, last, point) - point) for first, last in zip(self.ends, self.ends[::-1]))
 
-    def apart(self, other: Hole) -> float:
-        """How much material is between two holes; at most 0 where they meet."""
-        least = min([self.distance(end) for end in other.ends] + [other.distance(end) for end in self.ends])
-        if self.reach and other.reach:
-            ways, between = (2 * self.reach, 2 * other.reach), other.ends[0] - self.ends[0]
-            turned = float(np.imag(np.conj(ways[0]) * ways[1]))
-            shares = [float(np.imag(np.conj(between) * way)) for way in ways[::-1]]
-            if turned and all(0 <= share / turned <= 1 for share in shares):
-                least = 0.0
-        return least - self.radius - other.radius
+    def apart(self, hole: Hole) -> float:
+        """Return the thickness of material between two holes; at most 0 if they meet."""
+        distance = min([self.distance(end) for end in hole.ends] + [hole.distance(end) for end in self.ends])
+        if self.reach and hole.reach:
+            lines, between = (2 * self.reach, 2 * hole.reach), hole.ends[0] - self.ends[0]
+            area = float(np.imag(np.conj(lines[0]) * lines[1]))
+            shares = [float(np.imag(np.conj(between) * line)) for line in lines[::-1]]
+            if area and all(0 <= share / area <= 1 for share in shares):
+                distance = 0.0
+        return distance - self.radius - hole.radius
 
 
 class Arc(NamedTuple):
-    """An arc of an outline: from its centre, counter-clockwise where ``angle`` is positive."""
+    """Arc of an outline, counter-clockwise for a positive ``angle``."""
 
     centre: complex
     radius: float
     first: float
-    """Direction of its first point from the centre, radians."""
+    """Direction from the centre to the first point, in radians."""
     angle: float
-    """What it turns by, radians; negative where it goes around a hollow."""
+    """Angle of the arc in radians; negative around a concave corner."""
 
     def at(self, share: Floats) -> Complexes:
-        """Points of it at parts of its way, 0 to 1."""
+        """Return the points at fractions 0 to 1 of the arc."""
         return self.centre + self.radius * np.exp(1j * (self.first + self.angle * share))
 
 
 class MassProperties(NamedTuple):
-    """MassProperties, centre and inertia about the centre, of a part or of several parts of one body.
+    """Mass, centre of mass and inertia about it, for a part or for all parts of a body.
 
-    Units: those of length and density; `kg_mm` says how a density in kg/m^3 and millimetres go together.
+    Units follow from the units of length and density.
     """
 
     mass: float
     centre: Floats
-    """(3,)"""
+    """Centre of mass, shape (3,)."""
     inertia: Floats
-    """(3, 3), about the centre, along the axes of the frame."""
+    """Inertia about the centre along the axes of the frame, shape (3, 3)."""
 
     def turned(self, turn: complex, shift: Floats) -> MassProperties:
-        """The same in another frame: turned about z by the unit number ``turn``, then moved by ``shift`` (3,)."""
+        """Return the properties in a frame rotated about z by the unit number ``turn``, then translated by ``shift``."""
         rotation = np.array([[turn.real, -turn.imag, 0.0], [turn.imag, turn.real, 0.0], [0.0, 0.0, 1.0]])
         return MassProperties(self.mass, rotation @ self.centre + shift, rotation @ self.inertia @ rotation.T)
 
 
 def together(parts: Sequence[MassProperties]) -> MassProperties:
-    """Several masses as one rigid body.
+    """Combine masses to a rigid body.
 
-    Law: mass and mass times centre add up; inertia adds up by the parallel axis theorem, so the least principal moment never
-    exceeds the sum of the two others.
+    Inertia adds up by the parallel axis theorem, so no principal moment exceeds the sum of the two others.
     """
     mass = float(sum(part.mass for part in parts))
     if not mass:
@@ -133,10 +132,16 @@ def together(parts: Sequence[MassProperties]) -> MassProperties:
 
 @dataclass(frozen=True, eq=False)
 class Prism:
-    """An outline pulled from height ``low`` to height ``high``, with holes through all of it.
+    """Outline extruded from height ``low`` to height ``high``, with through holes.
 
-    ``outline``: (n, 3) x, y and bulge of each vertex, counter-clockwise; the bulge is the tangent of a quarter of the angle of
-    the arc to the next vertex, 0 for a line. Two vertices of bulge 1 are a disc. Holes lie inside and apart from one another.
+    Attributes
+    ----------
+    outline : ndarray, shape (n, 3)
+        x, y and bulge of each vertex, counter-clockwise. The bulge is the tangent of a quarter of the angle of the arc to the
+        next vertex, 0 for a line. Two vertices with bulge 1 are a disc.
+    low, high : float
+    holes : tuple of Hole
+        Holes inside the outline that do not meet.
     """
 
     outline: Floats
@@ -146,42 +151,44 @@ class Prism:
 
     @classmethod
     def disc(cls, centre: complex, radius: float, low: float, high: float, hole: float = 0.0) -> Prism:
-        """A pin, or with a hole of that radius a washer."""
+        """Return a pin, or a washer if ``hole``, the radius of a hole, is positive."""
         outline = np.array([[centre.real + radius, centre.imag, 1.0], [centre.real - radius, centre.imag, 1.0]])
         return cls(outline, low, high, (Hole(centre, hole),) if hole else ())
 
     def grown(self, by: float) -> Prism:
-        """Return the part with its outline moved outwards by a distance, and holes as much smaller in radius.
+        """Return the part with its outline offset outwards by a distance and the radius of holes reduced by it.
 
-        Lines and arcs keep their direction and their angle; corners stay sharp. For distances below the radius of any arc that
-        goes around a hollow.
+        Lines keep their direction, arcs their angle, and corners stay sharp. The distance must be smaller than the radius of each
+        concave arc.
         """
         if not by:
             return self
         z, bulge = self.corners, self.outline[:, 2]
         chord = np.roll(z, -1) - z
         turn = np.exp(2j * np.arctan(bulge))
-        way = chord / np.abs(chord)
-        # directions at the end of the segment before each vertex, and at the begin of that after it
-        before, after = np.roll(way * turn, 1), way / turn
+        direction = chord / np.abs(chord)
+        # directions at the end of the segment before each vertex and at the start of the segment after it
+        before, after = np.roll(direction * turn, 1), direction / turn
         normals = -1j * before, -1j * after
         moved = z + by * (normals[0] + normals[1]) / (1 + np.real(np.conj(normals[0]) * normals[1]))
         outline = np.column_stack([moved.real, moved.imag, bulge])
-        return replace(self, outline=outline, holes=tuple(one._replace(radius=one.radius - by) for one in self.holes))
+        return replace(
+            self, outline=outline, holes=tuple(hole._replace(radius=hole.radius - by) for hole in self.holes)
+        )
 
     @property
     def height(self) -> float:
-        """Its thickness."""
+        """Thickness."""
         return self.high - self.low
 
     @cached_property
     def corners(self) -> Complexes:
-        """The vertices of the outline, x + i y."""
+        """Vertices of the outline, x + i y."""
         return np.asarray(self.outline[:, 0] + 1j * self.outline[:, 1])
 
     @cached_property
     def circle(self) -> Hole | None:
-        """Centre and radius, where the outline is a circle."""
+        """Centre and radius if the outline is a circle, otherwise None."""
         if len(self.outline) != 2 or not np.all(self.outline[:, 2] == 1.0):
             return None
         first, second = self.corners
@@ -189,7 +196,7 @@ class Prism:
 
     @cached_property
     def arcs(self) -> tuple[Arc | None, ...]:
-        """The way from each vertex to the next: an arc, or None for a line."""
+        """Arc from each vertex to the next; None for a line."""
         return tuple(
             arc_between(complex(start), complex(end), float(bulge)) if bulge else None
             for start, end, bulge in zip(self.corners, np.roll(self.corners, -1), self.outline[:, 2])
@@ -197,25 +204,22 @@ class Prism:
 
     @cached_property
     def moments(self) -> Moments:
-        """Of its base, by Green's theorem along outline and holes.
-
-        Law: those of a disc, a ring, a rounded rectangle are the closed forms to rounding.
-        """
+        """Moments of the base, by Green's theorem along the outline; exact to rounding."""
         corners = self.corners
-        # about a place of its own, so that a part far from the origin loses no digits
+        # about a local origin, so that a part far from the global origin loses no digits
         origin = complex(corners.real.min() + corners.real.max(), corners.imag.min() + corners.imag.max()) / 2
         share = (1 + _NODES) / 2
-        ways, steps = [], []
+        points, steps = [], []
         for start, end, arc in zip(corners, np.roll(corners, -1), self.arcs):
             if arc is None:
-                ways.append(start + (end - start) * share)
+                points.append(start + (end - start) * share)
                 steps.append(np.full(share.size, end - start))
             else:
-                ways.append(arc.at(share))
-                steps.append(1j * arc.angle * (ways[-1] - arc.centre))
-        place = np.concatenate(ways) - origin
-        step = np.concatenate(steps) * np.tile(_WEIGHTS / 2, len(ways))
-        x, y, dx, dy = place.real, place.imag, step.real, step.imag
+                points.append(arc.at(share))
+                steps.append(1j * arc.angle * (points[-1] - arc.centre))
+        offset = np.concatenate(points) - origin
+        step = np.concatenate(steps) * np.tile(_WEIGHTS / 2, len(points))
+        x, y, dx, dy = offset.real, offset.imag, step.real, step.imag
         area = float(np.sum(x * dy - y * dx)) / 2
         first = complex(np.sum(x**2 * dy) / 2, -np.sum(y**2 * dx) / 2)
         xx, yy = float(np.sum(x**3 * dy)) / 3, -float(np.sum(y**3 * dx)) / 3
@@ -238,11 +242,11 @@ class Prism:
 
     @property
     def volume(self) -> float:
-        """Area times height."""
+        """Volume."""
         return self.moments.area * self.height
 
     def mass(self, density: float) -> MassProperties:
-        """MassProperties and inertia for a density per cube of the unit of its lengths."""
+        """Return the mass properties for a density per cubic unit of length."""
         base, tall = self.moments, self.height
         mass = density * base.area * tall
         upright = mass * tall**2 / 12
@@ -255,7 +259,7 @@ class Prism:
         )
 
     def moved(self, turn: complex = 1.0 + 0j, shift: complex = 0j, up: float = 0.0) -> Prism:
-        """The same part, turned about z by the unit number ``turn``, then moved."""
+        """Return the part rotated about z by the unit number ``turn`` and then translated."""
         corners = self.corners * turn + shift
         outline = np.column_stack([corners.real, corners.imag, self.outline[:, 2]])
         holes = tuple(
@@ -264,14 +268,14 @@ class Prism:
         return Prism(outline, self.low + up, self.high + up, holes)
 
     def scaled(self, scale: float) -> Prism:
-        """The same part with all lengths times ``scale``."""
+        """Return the part with all lengths multiplied by ``scale``."""
         outline = self.outline * np.array([scale, scale, 1.0])
         holes = tuple(Hole(hole.centre * scale, hole.radius * scale, hole.reach * scale) for hole in self.holes)
         return replace(self, outline=outline, low=self.low * scale, high=self.high * scale, holes=holes)
 
     @cached_property
     def extent(self) -> tuple[complex, complex]:
-        """Its lowest and highest coordinates, x + i y."""
+        """Smallest and largest coordinates, x + i y."""
         low, high = (
             [self.corners.real.min(), self.corners.imag.min()],
             [
@@ -281,7 +285,7 @@ class Prism:
         )
         for arc in self.arcs:
             if arc is not None:
-                # the four outermost points of its circle, where the arc passes them
+                # extreme points of the circle that lie on the arc
                 for quarter in range(4):
                     turned = (quarter * np.pi / 2 - arc.first) % (2 * np.pi)
                     if turned - (2 * np.pi if arc.angle < 0 else 0) in _Between(arc.angle):
@@ -292,15 +296,15 @@ class Prism:
 
     @cached_property
     def thinnest_wall(self) -> float:
-        """The least of its height, the room between two holes, and between a hole and the outline; of a pin its diameter.
+        """Smallest of the height, the distances between holes and from holes to the outline, and the diameter of a pin.
 
-        A plate rounded about its holes has no thinner place; narrow necks of an outline that was drawn are not looked for.
+        This is exact for plates that are rounded about their holes. Narrow necks of a drawn outline are not examined.
         """
         walls = [self.height]
         if self.circle is not None and not self.holes:
             walls.append(2 * self.circle.radius)
         for k, hole in enumerate(self.holes):
-            walls += [hole.apart(other) for other in self.holes[:k]]
+            walls += [hole.apart(previous) for previous in self.holes[:k]]
             rims = [distance_to_outline(self, end) for end in hole.ends]
             if hole.reach:
                 rims += [hole.distance(complex(corner)) for corner in self.corners]
@@ -309,7 +313,7 @@ class Prism:
 
 
 class _Between:
-    """Angles that an arc passes."""
+    """Angles covered by an arc."""
 
     def __init__(self, angle: float) -> None:
         self.low, self.high = min(angle, 0.0), max(angle, 0.0)
@@ -319,15 +323,15 @@ class _Between:
 
 
 def _foot(first: complex, last: complex, point: complex) -> complex:
-    """The point of a line between two places that is nearest to a point."""
-    way = last - first
-    if way == 0:
+    """Return the point of a line segment that is nearest to a point."""
+    line = last - first
+    if line == 0:
         return first
-    return first + way * min(max(float(np.real(np.conj(way) * (point - first))) / abs(way) ** 2, 0.0), 1.0)
+    return first + line * min(max(float(np.real(np.conj(line) * (point - first))) / abs(line) ** 2, 0.0), 1.0)
 
 
 def arc_between(start: complex, end: complex, bulge: float) -> Arc:
-    """The arc of a bulge: its angle is four times the arctangent; positive bulges lie to the right of the way."""
+    """Return the arc of a bulge: its angle is four times the arctangent; a positive bulge lies to the right."""
     angle = 4 * float(np.arctan(bulge))
     chord = end - start
     centre = (start + end) / 2 + 1j * chord * (1 - bulge**2) / (4 * bulge)
@@ -336,28 +340,35 @@ def arc_between(start: complex, end: complex, bulge: float) -> Arc:
 
 
 def distance_to_outline(prism: Prism, point: complex) -> float:
-    """How far a point is from the nearest point of the outline."""
-    least = np.inf
+    """Return the distance of a point from the outline."""
+    smallest = np.inf
     for start, end, arc in zip(prism.corners, np.roll(prism.corners, -1), prism.arcs):
         ends = min(abs(point - start), abs(point - end))
         if arc is None:
-            near = abs(_foot(complex(start), complex(end), point) - point)
+            distance = abs(_foot(complex(start), complex(end), point) - point)
         else:
-            near = ends
+            distance = ends
             off = point - arc.centre
             turned = (np.angle(off) - arc.first) % (2 * np.pi) - (2 * np.pi if arc.angle < 0 else 0) if off else 0.0
             if turned in _Between(arc.angle):
-                near = min(near, abs(abs(off) - arc.radius))
-        least = min(least, near, ends)
-    return float(least)
+                distance = min(distance, abs(abs(off) - arc.radius))
+        smallest = min(smallest, distance, ends)
+    return float(smallest)
 
 
 def rounded(core: Sequence[complex], radius: float) -> Floats:
-    """The outline at a distance from a line or a convex polygon, with a round at each corner; of one point a circle.
+    """Return the rounded outline at a distance from a point, a line or a convex polygon.
 
-    ``core``: counter-clockwise, neighbours apart; two are a line. Returns (n, 3), see `Prism`.
+    Parameters
+    ----------
+    core : sequence of complex
+        Distinct vertices, counter-clockwise; two vertices are a line, a single vertex gives a circle.
+    radius : float
 
-    Law: convex, so free of self-crossing, and nowhere nearer to the core than ``radius``.
+    Returns
+    -------
+    outline : ndarray, shape (n, 3)
+        Convex outline, see `Prism`.
     """
     count = len(core)
     if count == 1:
@@ -368,8 +379,8 @@ def rounded(core: Sequence[complex], radius: float) -> Floats:
     for k, corner in enumerate(core):
         turn = float(np.angle(normals[k] / normals[k - 1])) if count > 2 else np.pi
         for normal, bulge in ((normals[k - 1], np.tan(turn / 4)), (normals[k], 0.0)):
-            place = corner + radius * normal
-            vertices.append((place.real, place.imag, float(bulge)))
+            vertex = corner + radius * normal
+            vertices.append((vertex.real, vertex.imag, float(bulge)))
     return np.array(vertices)
 
 

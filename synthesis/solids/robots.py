@@ -1,8 +1,8 @@
-"""A linkage for simulators of robots: URDF, a tree whose loop is left to be closed, and SDF, whose joints may close it.
+"""Robot simulator files: URDF, a tree of links with an open loop, and SDF, whose joints close the loop.
 
-Lengths in metres, masses in kilograms, angles in radians; every joint is at zero at the first sample. Frames of links stand where
-those of the machine's bodies do: crank, coupler and rocker begin in pivot A, the crank pin and pivot B. The loop is cut where the
-last pin joins two bodies that are joined already: in a four-bar at C.
+Lengths are in metres, masses in kilograms, angles in radians; every joint is zero at the first sample. The frames of links are
+the frames of the bodies: crank, coupler and rocker begin at pivot A, at the crank pin and at pivot B. The loop is cut at the pin
+that joins two connected bodies, in a four-bar at C.
 """
 
 from __future__ import annotations
@@ -20,52 +20,51 @@ from synthesis.target import Interval
 
 INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 EFFORT, VELOCITY = 1000.0, 100.0
-"""Limits that URDF wants of every joint, in newton metres and radians a second: larger than a model meets."""
+"""Limits that URDF requires for every joint, in newton metres and radians per second; no model reaches them."""
 _ZEROS = " ".join(f'{name}="0"' for name in INERTIA)
 _NO_MASS = f'<inertial><origin xyz="0 0 0"/><mass value="0"/><inertia {_ZEROS}/></inertial>'
-"""Of frames: where nothing is said PyBullet takes a kilogram."""
+"""Inertial element of frames. Without it, PyBullet assumes a kilogram."""
 
 
 @dataclass(frozen=True)
 class Joint:
-    """A pin that joins two bodies; ``closing``: both are joined already, so it closes a loop."""
+    """Pin between two bodies; ``closing`` if the bodies are already connected, so that the pin closes a loop."""
 
     name: str
     parent: int
     child: int
     at_parent: complex
-    """In the frame of that body, in the machine's unit."""
+    """Position in the frame of the parent, in the unit of the machine."""
     at_child: complex
     closing: bool
 
 
 def tree_of(machine: Machine) -> list[Joint]:
-    """The joints of a machine from the ground on, those that close a loop last.
-
-    Law: without them they make a tree of all bodies; with them there are as many as a plane mechanism of one degree of freedom
-    has: three for each two moving bodies.
-    """
+    """Return the joints of a machine as a tree from the ground, followed by the joints that close a loop."""
     known, found, closing = {GROUND}, [], []
     left = [
-        (pin, one, other) for pin in machine.pins if not pin.post for one, other in zip(pin.places, pin.places[1:])
+        (pin, first, second)
+        for pin in machine.pins
+        if not pin.post
+        for first, second in zip(pin.places, pin.places[1:])
     ]
     while left:
         number = next(
-            (k for k, (_, one, other) in enumerate(left) if (one.body in known) != (other.body in known)), None
+            (k for k, (_, first, second) in enumerate(left) if (first.body in known) != (second.body in known)), None
         )
         if number is None:
             break
-        pin, one, other = left.pop(number)
-        if one.body not in known:
-            one, other = other, one
-        known.add(other.body)
-        found.append(Joint(pin.name, one.body, other.body, one.at, other.at, False))
-    closing = [Joint(pin.name, one.body, other.body, one.at, other.at, True) for pin, one, other in left]
+        pin, first, second = left.pop(number)
+        if first.body not in known:
+            first, second = second, first
+        known.add(second.body)
+        found.append(Joint(pin.name, first.body, second.body, first.at, second.at, False))
+    closing = [Joint(pin.name, first.body, second.body, first.at, second.at, True) for pin, first, second in left]
     return found + closing
 
 
 class _Frame(NamedTuple):
-    """A place in the plane, in metres, and an angle."""
+    """Position in metres and angle."""
 
     at: complex
     angle: float
@@ -79,7 +78,7 @@ def _number(value: float) -> str:
 
 
 class _Model:
-    """What both formats say: frames, masses and shapes of bodies in metres."""
+    """Frames, masses and shapes of bodies in metres, for both formats."""
 
     def __init__(self, solids: Solids) -> None:
         self.solids, self.machine = solids, solids.machine
@@ -94,7 +93,7 @@ class _Model:
         self.joints = tree_of(self.machine)
 
     def inertial(self, body: int) -> str:
-        """The same element in both formats, apart from the place, which is given."""
+        """Return the attributes of the inertia, which both formats share."""
         inertia = self.masses[body].inertia
         return "".join(
             f'{name}="{_number(value)}" ' for name, value in zip(INERTIA, inertia[np.triu_indices(3)])
@@ -109,13 +108,11 @@ def _in_metres(mass: MassProperties) -> MassProperties:
 
 
 def to_urdf(solids: Solids, name: str, used: Interval | None = None) -> str:
-    """The file: a tree of links from ``ground`` on, with frames ``closing_C_1`` and ``closing_C_2`` that a loop constraint joins.
+    """Write a tree of links from ``ground``, with frames ``closing_C_1`` and ``closing_C_2`` for a loop constraint.
 
-    The convention of these frames is that of onshape-to-robot. A rocker does not turn in proportion to its crank, so no joint
-    mimics another. ``used``: crank angles that limit the joint of the crank; without it turns freely. Shapes that are seen are
-    boxes and cylinders: the format has no extruded outlines.
-
-    Law: at zero both closing frames coincide; masses, centres and inertia are those of the parts.
+    The frames follow the convention of onshape-to-robot and coincide at zero. No joint mimics another, because a rocker does not
+    turn in proportion to its crank. ``used`` limits the joint of the crank; by default it turns freely. Visual shapes are boxes
+    and cylinders, because the format has no extruded outlines.
     """
     model = _Model(solids)
     lines = [f'<?xml version="1.0"?>\n<robot name="{name}">']
@@ -155,13 +152,13 @@ def to_urdf(solids: Solids, name: str, used: Interval | None = None) -> str:
 
 
 def _origin(model: _Model, joint: Joint) -> str:
-    """Where the child's frame stands in the parent's: its origin, which is its first joint."""
+    """Return the origin of the child's frame in the parent's frame."""
     parent, child = model.frames[joint.parent], model.frames[joint.child]
     return _Frame((child.at - parent.at) * np.exp(-1j * parent.angle), 0.0).text()
 
 
 def _visual(part: Solid, metre: float) -> str:
-    """Boxes and cylinders about the outline of a part."""
+    """Draw a part by boxes and cylinders."""
     prism, shapes = part.prism, []
     tall = prism.height / 1000
     rgba = " ".join(_number(int(part.colour[k : k + 2], 16) / 255) for k in (1, 3, 5)) + " 1"
@@ -169,9 +166,9 @@ def _visual(part: Solid, metre: float) -> str:
     middle = (part.up + (prism.low + prism.high) / 2) / 1000
 
     def add(at: complex, angle: float, geometry: str) -> None:
-        place = " ".join(map(_number, (*_xy((part.at + at) / 1000), middle)))
+        position = " ".join(map(_number, (*_xy((part.at + at) / 1000), middle)))
         shapes.append(
-            f'<visual><origin xyz="{place}" rpy="0 0 {_number(angle)}"/><geometry>{geometry}</geometry>{material}</visual>'
+            f'<visual><origin xyz="{position}" rpy="0 0 {_number(angle)}"/><geometry>{geometry}</geometry>{material}</visual>'
         )
 
     rounds = [(arc.centre, arc.radius) for arc in prism.arcs if arc is not None and arc.angle > 0]
@@ -184,17 +181,17 @@ def _visual(part: Solid, metre: float) -> str:
     for k, (start, end, arc) in enumerate(zip(corners, corners[1:] + corners[:1], prism.arcs)):
         if arc is not None:
             continue
-        # as wide as the rounds at both ends of the side, or thin where it has none
+        # as wide as the rounded ends of the side, or thin without rounded ends
         before = prism.arcs[k - 1]
         half = 0.0 if before is None else before.radius
-        way = end - start
-        inward = 1j * way / abs(way)
+        side = end - start
+        inward = 1j * side / abs(side)
         at = (start + end) / 2 + inward * half
         key = (round(at.real, 6), round(at.imag, 6))
         if key not in boxes:
             boxes.add(key)
-            size = " ".join(map(_number, (abs(way) / 1000, max(2 * half, 0.02 * abs(way)) / 1000, tall)))
-            add(at, float(np.angle(way)), f'<box size="{size}"/>')
+            size = " ".join(map(_number, (abs(side) / 1000, max(2 * half, 0.02 * abs(side)) / 1000, tall)))
+            add(at, float(np.angle(side)), f'<box size="{size}"/>')
     return "".join(shapes)
 
 
@@ -203,11 +200,9 @@ def _xy(point: complex) -> tuple[float, float]:
 
 
 def to_sdf(solids: Solids, name: str) -> str:
-    """The file (SDF 1.9): a link a body, fixed to the world by the ground, and a revolute joint a pin, also where it closes one.
+    """Write SDF 1.9: a link for each body, the ground fixed to the world, and a revolute joint for each pin.
 
-    Shapes are the extruded outlines of the parts, without their holes.
-
-    Law: as in `to_urdf`; bodies of a loop are children of two joints, which the format allows and URDF does not.
+    Bodies of a loop are children of two joints, which URDF does not allow. Shapes are the extruded outlines without holes.
     """
     model = _Model(solids)
     lines = [f'<?xml version="1.0"?>\n<sdf version="1.9">\n<model name="{name}">']
@@ -244,7 +239,7 @@ def _polyline(part: Solid) -> str:
     from synthesis.solids.mesh import ring_of
 
     prism = part.prism
-    # to a hundredth of its rounds: it is looked at, not cut
+    # coarse arcs suffice for a picture
     points = "".join(f"<point>{_number(z.real / 1000)} {_number(z.imag / 1000)}</point>" for z in ring_of(prism))
     pose = " ".join(map(_number, (*_xy(part.at / 1000), (part.up + prism.low) / 1000)))
     colour = " ".join(_number(int(part.colour[k : k + 2], 16) / 255) for k in (1, 3, 5)) + " 1"

@@ -1,7 +1,7 @@
-"""The parts of an assembly as solids: named, in place, of a material, with the play of their fit and washers between them.
+"""Solid parts of an assembly: names, positions, materials, fits and washers.
 
-A solid stands in a frame of its own: that of the body that carries it, moved to the middle of a round part; its lower face at
-height 0. All lengths are millimetres, all masses kilograms.
+Each solid has its own frame: the frame of its body, moved to the centre of a round part, with the lower face at height 0.
+Lengths are in millimetres, masses in kilograms.
 """
 
 from __future__ import annotations
@@ -35,50 +35,47 @@ DENSITIES = {
 }
 """Materials and their densities in kg/m^3."""
 COLOURS = {"ground": "#7b8794", "crank": "#c2410c", "coupler": "#2563eb", "rocker": "#2f855a"}
-"""Of the plates of each body, as on the page."""
+"""Colours of the plates of each body, as on the page."""
 OTHER_BODY, ROUND, WASHER = "#0f766e", "#b0b7c0", "#d6a93b"
 _CUBIC_MM = 1e-9
 _STEPS = (3, 6, 10, 18, 30, 50, 80, 120, 180, 250, 315, 400, 500)
-"""Upper ends of the ranges of nominal sizes, millimetres (ISO 286-1:2010, table 1)."""
+"""Upper ends of the ranges of nominal sizes in millimetres (ISO 286-1:2010, table 1)."""
 _IT6 = (6, 8, 9, 11, 13, 16, 19, 22, 25, 29, 32, 36, 40)
 _IT7 = (10, 12, 15, 18, 21, 25, 30, 35, 40, 46, 52, 57, 63)
 """Tolerances of grades 6 and 7 in micrometres (ISO 286-1:2010, table 1)."""
 _G = (2, 4, 5, 6, 7, 9, 10, 12, 14, 15, 17, 18, 20)
-"""How far a shaft g stays below its nominal size at least, micrometres (ISO 286-1:2010, table 4)."""
+"""Fundamental deviations of a shaft g in micrometres, below the nominal size (ISO 286-1:2010, table 4)."""
 _SIDE_BY_SIDE = 0.48
-"""Of the distance of two holes in a plate: the largest radius of washers on it."""
+"""Largest radius of washers relative to the distance of two holes in a plate."""
 _LEAST_RIM = 0.1
-"""Of its hole: a washer with a narrower rim is left out."""
+"""Smallest rim of a washer relative to its hole; narrower washers are left out."""
 
 
 class Fit(NamedTuple):
-    """What pin and hole differ by as drawn, millimetres in diameter."""
+    """Play between pins and holes as drawn, in millimetres of the diameter."""
 
     name: str
     turning: float
-    """Where a plate turns on the pin."""
+    """Play of a plate that turns on the pin."""
     held: float
-    """Where a plate, a board or a head holds the pin; negative presses."""
+    """Play of a plate, a board or a head that holds the pin; negative for a press fit."""
     axial: float
-    """Between a plate that turns and the washer beside it."""
+    """Gap between a turning plate and the washer beside it."""
     toleranced: bool
-    """Whether holes and pins are drawn at their nominal size, with tolerances."""
+    """True if holes and pins are drawn at their nominal size, with tolerances."""
     plate: float
-    """The least default thickness of a plate."""
+    """Smallest default thickness of a plate."""
     washer: float
-    """The least default gap of two layers; a washer beside an empty place fills half of it."""
+    """Smallest default gap between layers; a washer beside an empty layer fills half of it."""
 
 
 FITS = {"H7": Fit("H7", 0.0, 0.0, 0.05, True, 0.0, 0.0), "print": Fit("print", 0.4, 0.1, 0.1, False, 3.0, 2.8)}
-"""H7: both drawn at the nominal size, with their tolerances in the parts list. Print: the play is drawn, as a printer makes what
-it is shown; 0.4 and 0.1 mm turn and hold on common machines with a 0.4 mm nozzle."""
+"""Fits by name. H7 draws nominal sizes and puts the tolerances into the parts list. Print draws the play: 0.4 mm lets plates turn
+and 0.1 mm holds pins on common printers with a 0.4 mm nozzle."""
 
 
 def tolerance(diameter: float, hole: bool) -> str:
-    """The tolerance of a hole H7, or of a pin g6 that turns in it, as a drawing has it; empty outside of 500 mm.
-
-    Law: the least play is that of g, the largest that plus both grades.
-    """
+    """Return the tolerance of a hole H7, or of a pin g6 that turns in it, as text for a drawing; empty above 500 mm."""
     for step, six, seven, off in zip(_STEPS, _IT6, _IT7, _G, strict=True):
         if 0 < diameter <= step:
             return f"H7 +{seven / 1000:g}/0" if hole else f"g6 -{off / 1000:g}/-{(off + six) / 1000:g}"
@@ -86,7 +83,7 @@ def tolerance(diameter: float, hole: bool) -> str:
 
 
 class Made(NamedTuple):
-    """What parts are made of and how they fit; lengths in the unit of the linkage."""
+    """Materials, fit and sizes of parts; lengths in the unit of the linkage."""
 
     fit: Fit
     material: str
@@ -94,14 +91,14 @@ class Made(NamedTuple):
     thickness: float | None = None
     washer: float | None = None
     fillet: float = 0.0
-    """Of the convex corners of the body."""
+    """Radius at the convex corners of the body."""
     scale: float = 1.0
-    """Of a model."""
+    """Scale of a model."""
 
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """A part; ``at``: where its frame stands in that of body number ``body``, ``up``: at which height."""
+    """Part with the position ``at`` and the height ``up`` of its frame in the frame of body number ``body``."""
 
     name: str
     kind: str
@@ -113,22 +110,22 @@ class Solid:
     material: str
     colour: str
     turns: str = ""
-    """Of a pin: the plates that turn on it."""
+    """Plates that turn on the part, if it is a pin."""
 
     @property
     def volume(self) -> float:
-        """Cubic millimetres."""
+        """Volume in cubic millimetres."""
         return self.prism.volume
 
     @property
     def mass(self) -> MassProperties:
-        """Kilograms and millimetres, in the frame of its body."""
+        """Mass properties in kilograms and millimetres, in the frame of the body."""
         own = self.prism.mass(DENSITIES[self.material] * _CUBIC_MM)
         return own.turned(1.0 + 0j, np.array([self.at.real, self.at.imag, self.up]))
 
 
 class Posed(NamedTuple):
-    """Where the frame of a solid stands: turned about z by the unit number, then moved."""
+    """Pose of a solid: rotated about z by the unit number ``turn``, then translated."""
 
     turn: complex
     shift: complex
@@ -136,14 +133,14 @@ class Posed(NamedTuple):
 
 
 class Solids(NamedTuple):
-    """All parts of a machine, and how it moves them; ``unit``: millimetres, as built, of a unit of its lengths."""
+    """All parts of a machine and its motion; ``unit`` is the built size of a unit of length in millimetres."""
 
     machine: Machine
     parts: tuple[Solid, ...]
     unit: float
 
     def posed(self, travel: float = 0.0) -> list[Posed]:
-        """Where the parts stand at a crank angle from the first sample."""
+        """Return the poses of the parts at a crank angle relative to the first sample."""
         origin, direction = self.machine.movement.bodies(np.array([travel]))[:2]
         found = []
         for part in self.parts:
@@ -153,7 +150,7 @@ class Solids(NamedTuple):
         return found
 
     def masses(self) -> dict[str, MassProperties]:
-        """Of each body with everything that it carries, in its frame; kilograms and millimetres."""
+        """Return the mass properties of each body with its parts, in its frame, in kilograms and millimetres."""
         names = self.machine.movement.names
         return {
             name: together([part.mass for part in self.parts if part.body == body]) for body, name in enumerate(names)
@@ -161,20 +158,26 @@ class Solids(NamedTuple):
 
     @property
     def thinnest_wall(self) -> tuple[float, str]:
-        """Of all parts, in millimetres, and the part that has it."""
+        """Thinnest wall of all parts in millimetres, and the name of the part."""
         return min((part.prism.thinnest_wall, part.name) for part in self.parts)
 
 
 def solids_of(machine: Machine, stack: Stack, made: Made, unit_mm: float) -> Solids:
-    """The parts of a stack as solids. ``unit_mm``: millimetres in the unit of the machine's lengths.
+    """Build the parts of a stack as solids, which do not overlap anywhere in the used interval if the stack is free.
 
-    A pin is held by the first body that it belongs to and turns in the others: each plate that turns has a washer on either side.
-    A washer between two plates fills the gap of their layers. Next to an empty place it fills the half at its plate, so that
-    no other plate's washer meets it there, and the pin holds it; a pin that ends there reaches through it. Heads are collars.
+    A pin is held by its first body and turns in the others. Each turning plate has a washer on either side. A washer between two
+    plates fills the gap of their layers; beside an empty layer it fills half of the gap and is held by the pin, which extends
+    through it. Heads are collars.
 
-    Law: in a free stack no two parts overlap anywhere in the used interval.
+    Parameters
+    ----------
+    unit_mm : float
+        Millimetres per unit of the machine's lengths.
 
-    Raises `FieldError`: where a hole leaves no material.
+    Raises
+    ------
+    FieldError
+        If a hole leaves no material.
     """
     unit = unit_mm * made.scale
     heights = _heights(machine, made, unit)
@@ -221,7 +224,7 @@ def solids_of(machine: Machine, stack: Stack, made: Made, unit_mm: float) -> Sol
 
 
 def _heights(machine: Machine, made: Made, unit: float) -> Heights:
-    """Thicknesses, in the unit of the machine; for a printer at least those that it makes well."""
+    """Return the thicknesses in the unit of the machine; a printer needs a minimum."""
     usual = Heights.of(machine, made.thickness, made.washer)
     thick = max(usual.thickness, made.fit.plate / unit) if made.thickness is None else made.thickness
     usual = Heights.of(machine, thick, made.washer)
@@ -235,7 +238,7 @@ def _outline(part: Part, fillet: float) -> Floats:
 
 
 class _Washers:
-    """Washers between and beside plates, and how far pins reach."""
+    """Washers between and beside plates, and the ends of pins."""
 
     def __init__(
         self,
@@ -253,8 +256,8 @@ class _Washers:
         self.gap, self.pitch = heights.washer * unit, (heights.thickness + heights.washer) * unit
         self.thick = heights.thickness * unit
         self.play = min(made.fit.axial, self.gap / 8)
-        # a pin may be anywhere in its slit
-        apart = [a.apart(b) for one in parts for a, b in combinations(_holes(one, 1.0, 0.0, 0.0, {}), 2)]
+        # a pin can be anywhere in its slit
+        apart = [a.apart(b) for part in parts for a, b in combinations(_holes(part, 1.0, 0.0, 0.0, {}), 2)]
         self.radius = min(
             HEAD * machine.hole / 2 * unit,
             machine.width / 2 * unit,
@@ -263,10 +266,10 @@ class _Washers:
         self.wanted = self.radius - self.turning >= _LEAST_RIM * machine.hole * unit and self.gap > 0
         self.pins = {part.name: part for part in parts if part.kind == "pin"}
         self.plates: dict[str, dict[int, Part]] = {}
-        """Of each pin, plates, boards and heads by the layer that they fill."""
+        """Plates, boards and heads on each pin, by layer."""
         for part in parts:
             on = (
-                [*(one.pin for one in part.holes), *(one.pin for one in part.slits)]
+                [*(hole.pin for hole in part.holes), *(slit.pin for slit in part.slits)]
                 if part.kind != "head"
                 else [part.name.split("_")[1]]
             )
@@ -274,22 +277,22 @@ class _Washers:
                 self.plates.setdefault(pin, {})[part.layers[0]] = part
 
     def _turns(self, pin: Part, layer: int) -> bool:
-        """Whether what fills a layer there turns on the pin."""
+        """Return whether the plate in a layer turns on the pin."""
         part = self.plates[_pin_of(pin)].get(layer)
         return part is not None and part.kind != "head" and part.body != pin.body
 
     def turning_on(self, pin: Part) -> str:
-        """The plates that turn on a pin."""
+        """Return the names of the plates that turn on a pin."""
         return " ".join(
             part.name for layer, part in self.plates.get(_pin_of(pin), {}).items() if self._turns(pin, layer)
         )
 
     def _above(self, layer: int) -> float:
-        """The upper face of a layer."""
+        """Return the height of the upper face of a layer."""
         return (layer - 1) * self.pitch + self.thick
 
-    def places(self, pin: Part) -> Iterable[tuple[float, float, bool]]:
-        """Lower face and thickness of each washer of a pin, and whether the pin holds it."""
+    def positions(self, pin: Part) -> Iterable[tuple[float, float, bool]]:
+        """Yield the lower face and thickness of each washer of a pin, and whether the pin holds it."""
         if not self.wanted:
             return
         layers = self.plates[_pin_of(pin)]
@@ -305,17 +308,17 @@ class _Washers:
                 yield low + half, half - self.play, True
 
     def reach(self, pin: Part) -> tuple[float, float]:
-        """Lower and upper end of a pin or a post: through its heads, and through the washers beside its last plates."""
+        """Return the lower and upper end of a pin or post, which extends through its heads and outer washers."""
         layers = self.plates[_pin_of(pin)]
         low, high = self._above(min(layers)) - self.thick, self._above(max(layers))
         if pin.kind == "pin":
-            ends = [end for at, tall, holds in self.places(pin) if holds for end in (at, at + tall)]
+            ends = [end for at, tall, holds in self.positions(pin) if holds for end in (at, at + tall)]
             low, high = min([low, *ends]), max([high, *ends])
         return low, high
 
     def solids_on(self, pin: Part) -> Iterable[Solid]:
-        """The washers of a pin, counted from below."""
-        for number, (low, tall, holds) in enumerate(self.places(pin), 1):
+        """Yield the washers of a pin, counted from below."""
+        for number, (low, tall, holds) in enumerate(self.positions(pin), 1):
             prism = Prism.disc(0j, self.radius, 0.0, tall, self.held if holds else self.turning)
             at = pin.shape.core[0] * self.unit
             name = f"washer_{_pin_of(pin)}{number}"
@@ -323,35 +326,39 @@ class _Washers:
             yield Solid(name, "washer", pin.body, link, prism, at, low, self.made.pins, WASHER)
 
     def solids(self) -> list[Solid]:
-        """All washers."""
+        """Return all washers."""
         return [washer for pin in self.pins.values() for washer in self.solids_on(pin)]
 
 
 def _holes(part: Part, unit: float, radius: float, held: float, carriers: Mapping[str, int]) -> tuple[Hole, ...]:
-    """Of a plate or a board: of the radius ``held`` where the part holds the pin; ``carriers``: which body holds each."""
-    round_ = [Hole(one.at * unit, held if carriers.get(one.pin) == part.body else radius) for one in part.holes]
-    slits = [Hole((one.first + one.last) / 2 * unit, radius, (one.last - one.first) / 2 * unit) for one in part.slits]
+    """Return the holes of a plate or board, with the radius ``held`` for pins that it carries."""
+    round_ = [Hole(hole.at * unit, held if carriers.get(hole.pin) == part.body else radius) for hole in part.holes]
+    slits = [
+        Hole((slit.first + slit.last) / 2 * unit, radius, (slit.last - slit.first) / 2 * unit) for slit in part.slits
+    ]
     return (*round_, *slits)
 
 
 def _pin_of(part: Part) -> str:
-    """The name of a pin or a post in the machine."""
+    """Return the name of a pin or post in the machine."""
     return part.name.split("_", 1)[1]
 
 
 def parts_list(solids: Solids, fit: Fit) -> dict[str, list[object]]:
-    """The columns of a parts list, a row a part: lengths in millimetres, masses in grams; None where there is none."""
+    """Return the columns of a parts list with a row for each part: lengths in millimetres, masses in grams, None if missing."""
     rows = []
     for part in solids.parts:
         prism = part.prism
-        if part.link == "ground" and len(prism.holes) > 1:  # it lies as the user's axes do: measured along its pins
+        if (
+            part.link == "ground" and len(prism.holes) > 1
+        ):  # the ground is measured along its pins, not along the user's axes
             along = prism.holes[1].centre - prism.holes[0].centre
             prism = prism.moved(along.conjugate() / abs(along))
         low, high = prism.extent
         pin = prism.circle is not None and not prism.holes
         diameter = None if prism.circle is None else 2 * prism.circle.radius
         sizes = sorted({2 * hole.radius for hole in prism.holes})
-        # a slit by its width and the length that it is cut
+        # a slit by its width and its length of cut
         kinds = sorted((2 * hole.radius, 2 * abs(hole.reach)) for hole in prism.holes)
         words = [f"{wide:.6g}" + (f" x {wide + long:.6g}" if long else "") for wide, long in kinds]
         holes = " + ".join(f"{words.count(word)} x {word}" for word in dict.fromkeys(words))
@@ -373,7 +380,7 @@ def parts_list(solids: Solids, fit: Fit) -> dict[str, list[object]]:
                 "mass": 1000 * part.mass.mass,
             }
         )
-    # to a millionth of a micrometre, or of a milligram: beyond that stands rounding
+    # further digits are rounding errors
     return {name: [_short(row[name]) for row in rows] for name in rows[0]}
 
 
@@ -382,7 +389,7 @@ def _short(value: object) -> object:
 
 
 def masses_of_links(solids: Solids) -> list[Mass]:
-    """Masses as an analysis takes them: of each moving link its mass, centre and inertia in its frame, in the user's unit."""
+    """Return mass, centre and inertia of each moving link, in its frame and in the user's unit, for an analysis."""
     found = []
     for name, mass in solids.masses().items():
         if name != "ground" and mass.mass > 0:
