@@ -289,11 +289,19 @@ def _add_request(parser: argparse.ArgumentParser, target: Any, query: Any, verb:
             action |= {} if value else {"type": _argument(partial(_field, path)), "metavar": metavar}
             text = "No limits except those of the request." if value == "none" else fields[path]
             parser.add_argument(option, dest="set", help=f"{text} (--set {assignment})", **action)
-    name = target.linkage or ("refine_from" if "refine_from" in target.model.model_fields else None)
+    name = target.linkage or ("start_from" if "start_from" in target.model.model_fields else None)
     if name is not None:
-        option = "--linkage" if target.linkage else "--refine-from"
-        text = "the linkage" if target.linkage else "refine this linkage instead of searching"
+        option = "--linkage" if target.linkage else "--start-from"
+        text = "the linkage" if target.linkage else "a linkage to begin with"
         add_file(parser, option, dest="linkage", help=f"{text}: a saved solution or a reply (--set {name}=@FILE)")
+    if "local" in fields:
+        parser.add_argument(
+            "--local",
+            dest="set",
+            action="append_const",
+            const=setting("local=true"),
+            help="only refine the linkage of --start-from, search nowhere else (--set local=true)",
+        )
     if target.table:
         parser.add_argument(
             "--columns",
@@ -354,7 +362,7 @@ def _fields(model: Any, path: str = "") -> Iterator[tuple[str, str]]:
     from app.query import models_in
 
     for name, info in model.model_fields.items():
-        within = [] if name in ("solution", "linkage", "refine_from") else models_in(info.annotation)
+        within = [] if name in ("solution", "linkage", "start_from") else models_in(info.annotation)
         is_list = "list[" in str(info.annotation)
         if name == "request":
             continue

@@ -40,7 +40,7 @@ def _read(target: Target, options: argparse.Namespace, more: Sequence[Setting] =
     """Read the request that the options name, and say what the file holds."""
     name = options.example or ("standard input" if options.file == "-" else options.file)
     if options.linkage is not None:
-        field = target.linkage or "refine_from"
+        field = target.linkage or "start_from"
         rank = (options.rank or 1) if target.linkage else 1
         more = [*more, ([field], file_value(field, options.linkage, rank))]
     try:

@@ -21,8 +21,8 @@ from linkage_atlas.tables import FUNCTIONS, KINDS, POSES, Kind, Table, decoded, 
 
 Setting = tuple[list[str], Any]
 """Path of a field and its value."""
-LINKAGES = ("refine_from", "linkage", "solution")
-"""Fields that hold a solution of a reply."""
+LINKAGES = ("linkage", "solution")
+"""Fields that hold a solution of a reply; `start_from` is a list of such solutions."""
 
 
 class Target(NamedTuple):
@@ -48,7 +48,7 @@ class Target(NamedTuple):
     @property
     def linkage(self) -> str | None:
         """Name of the field with the linkage."""
-        return next((name for name in LINKAGES[1:] if name in self.model.model_fields), None)
+        return next((name for name in LINKAGES if name in self.model.model_fields), None)
 
     @property
     def table(self) -> Kind | None:
@@ -306,6 +306,8 @@ def file_value(path: str, file: Path, rank: int = 1) -> Any:
         text = file.read_bytes().removeprefix(BOM_UTF8)
         if text.lstrip()[:1] in (b"{", b"["):
             content = parsed(text)
+            if field == "start_from":
+                return content if isinstance(content, list) else [solution_of(content, rank)]
             return solution_of(content, rank) if field in LINKAGES else content
         if field in SAMPLED:
             kind = FUNCTIONS if field in ("input", "output") else POSES

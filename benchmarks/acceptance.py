@@ -91,7 +91,7 @@ def measure_class(kind: str, cases: int, resources: ServiceResources) -> dict[st
 
 def refined_truth(case: Case, resources: ServiceResources) -> float:
     """J of the linkage whose motion was made noisy, refined on the noisy motion: of itself any fit is better."""
-    asked = case.request | {"refine_from": case.truth, "top": 1}
+    asked = case.request | {"start_from": [case.truth], "local": True, "top": 1}
     return recompute(case.request, answer(asked, resources, Times())["solutions"][0]).objective
 
 

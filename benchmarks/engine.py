@@ -305,7 +305,7 @@ def heavy(case: Case, seconds: float, random: np.random.Generator) -> float:
             return best
         for one in case.ask(TRY, **shifted(case.request, random, by), top=5).solutions:
             try:
-                ends = case.ask(refine_from=one.to_dict(), top=1).solutions
+                ends = case.ask(start_from=[one.to_dict()], local=True, top=1).solutions
             except la.FieldError:  # too far from what is asked to begin there
                 continue
             best = min([best, *(case.cost(end.to_dict()) for end in ends)])

@@ -35,7 +35,7 @@ def measure_noise(samples: int, cases: int) -> dict[str, Any]:
         for one in la.synthesize(**free_request(exact, "motion", seed)[1]).solutions:
             links = one.linkage.links
             if links.max() < 1e5 * links.min():
-                polished = la.synthesize(**request, refine_from=one.to_dict())
+                polished = la.synthesize(**request, start_from=[one.to_dict()], local=True)
                 least = min(least, recompute_free(case.position, case.rotation, polished.best.to_dict()).objective)
         ratio.append(best.objective / least if best.one_way else np.inf)
     return {

@@ -52,13 +52,13 @@ from synthesis.fourbar.passage import excursions, practical_faults, proportion, 
 from synthesis.fourbar.rounding import best_from_stock, round_to_grid
 from synthesis.free.poses import Poses, spin_faults
 from synthesis.free.search import in_turn, rotations_of
-from synthesis.from_linkage import refined_in_place
 from synthesis.guided import solution as guided
 from synthesis.guided.linkage import GuidedLinkage as Guided
 from synthesis.guided.linkage import of_four_bar
 from synthesis.guided.passage import verdict as guided_verdict
 from synthesis.guided.rounding import from_stock, on_grid, rounded
 from synthesis.guided.solution import broken_limits
+from synthesis.local_refinement import refined_in_place
 from synthesis.ranking import FAIR, PROPORTION, Errors, Status
 from synthesis.target import Samples, Target
 from synthesis.work import OutOfTime, Work

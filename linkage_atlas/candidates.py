@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -22,15 +22,15 @@ from linkage_atlas.pareto import (
 from linkage_atlas.preferences import Search, arranged, improved, measure_of, tolerance_goal
 from linkage_atlas.studies import Studies
 from linkage_atlas.task import Fair, Task, screens, seed_tables
-from linkage_atlas.warm_start import Start, pointing_to_start
+from linkage_atlas.warm_start import FOR_STARTS, Start, pointing_to_start
 from synthesis.atlas.scan import Scan
 from synthesis.fourbar.kinematics import Family, wrap
 from synthesis.fourbar.limits import Limits
-from synthesis.fourbar.passage import size_of
+from synthesis.fourbar.passage import proportion, size_of
 from synthesis.fourbar.solution import Solution, assess, within
 from synthesis.free.poses import Poses
 from synthesis.free.search import search_free
-from synthesis.from_linkage import refine_motion, refine_poses
+from synthesis.local_refinement import refine_motion, refine_poses
 from synthesis.ranking import APART, PROPORTION, Status, distinct, spread
 from synthesis.search.atlas_rows import best_rows
 from synthesis.search.search import search
@@ -52,8 +52,6 @@ DIVERSE_LOSS = 2.0
 """Largest ratio of the objective of diverse solutions to the best one."""
 _ONLY_SHIFTED = 1e-9
 """Largest rotation in radians of a body that is only shifted."""
-_FOR_STARTS = 0.6
-"""Fraction of the budget for the refinement of the linkages of `start_from`."""
 _LAYERED, _MIN_LAYERED = 3, 20
 """Linkages whose layers are compared: a multiple of the number of results, and a minimum."""
 _FOR_LAYERS = 0.3
@@ -89,8 +87,8 @@ class CandidateSearch:
         task = self.task
         if not task.kinds.only_four_bars:
             return task.top
-        if task.refines:
-            return 1
+        if task.local and task.starts:
+            return min(task.top, len(task.starts))
         size = _VARIETY * task.top if task.diverse else task.top
         size = max(size, _MIN_ROUNDED) if task.rounds else size
         return max(size, _LAYERED * task.top, _MIN_LAYERED) if task.prefer == "layers" else size
@@ -106,6 +104,9 @@ class CandidateSearch:
     ) -> tuple[list[Found], SearchCourse]:
         """Return linkages and how the search went; it may end once the objective is below ``goal``."""
         task = self.task
+        if task.local:
+            results, course = _refine_all(task, motion, limits, goal, work)
+            return [solution for solution in results if solution is not None], course
         if task.kinds.only_four_bars:
             size = self.pool_size if max_results is None else max_results
             four_bars, course = search_four_bars(task.source, motion, limits, size, goal, work, rounds)
@@ -114,7 +115,11 @@ class CandidateSearch:
         def beside_sliders(within: Limits, work: Work, rounds: int | None) -> tuple[list[Solution], SearchCourse]:
             found, course = search_four_bars(seed_tables(), motion, within, task.top, goal, work, rounds)
             if task.fair and within is task.limits:
-                return _with_fair(found, course, seed_tables(), motion, task.fair, task.top, goal, work)
+
+                def again(fair_limits: Limits) -> tuple[list[Solution], SearchCourse]:
+                    return search_four_bars(seed_tables(), motion, fair_limits, task.top, goal, work)
+
+                return _with_fair(found, course, again, motion, task.fair, task.top, goal)
             return found, course
 
         return search_kinds(task.kinds, motion, limits, goal, beside_sliders, work, rounds)
@@ -122,7 +127,9 @@ class CandidateSearch:
 
 def find_candidates(task: Task, search: CandidateSearch) -> Candidates:
     """Search the linkages of a task and improve them by the preferred measure."""
-    if task.kinds.only_four_bars:
+    if task.local:
+        found, course, studies = _nearest_optima(task, search)
+    elif task.kinds.only_four_bars:
         found, course, studies = _best_four_bars(task, search)
     else:
         found, course, studies = _best_of_kinds(task, search)
@@ -136,8 +143,12 @@ def _best_four_bars(task: Task, search: CandidateSearch) -> tuple[Sequence[Found
     continued = [_continued(task, start, goal) for start in task.starts or ()]
     pool = size + _POOL if task.fair else size
     found, course = search_four_bars(source, task.motion, task.limits, pool, goal, first_work)
+
+    def again(fair_limits: Limits) -> tuple[list[Solution], SearchCourse]:
+        return search_four_bars(source, task.motion, fair_limits, size, goal, first_work)
+
     if task.fair:
-        found, course = _with_fair(found, course, source, task.motion, task.fair, size, goal, first_work)
+        found, course = _with_fair(found, course, again, task.motion, task.fair, size, goal)
     if isinstance(source, SeedTables):
         found = [_drawn_near(solution, task.motion, task.limits) for solution in found]
     studies = task.studies
@@ -170,9 +181,36 @@ def _preferred(found: Sequence[Solution], task: Task, goal: float, search: Searc
 def _continued(task: Task, start: Start, goal: float) -> Solution | None:
     """Refine a given linkage in its fraction of the time; return None if that leads to no linkage within the limits."""
     work = task.search_work()
-    part = work.part(_FOR_STARTS * work.budget)
-    found, _ = search_four_bars(start, task.motion, task.limits, 1, goal, part)
+    part = work.part(FOR_STARTS * work.budget)
+    found, _ = refine_start(start, task.motion, task.limits, goal, part)
     return found[0] if found else None
+
+
+def _nearest_optima(task: Task, search: CandidateSearch) -> tuple[Sequence[Found], SearchCourse, Studies]:
+    """Refine the linkages of `start_from`, without a search; each keeps fair proportions if it has them."""
+    work = task.search_work()
+    results, course = _refine_all(task, task.motion, task.limits, task.tolerance, work, task.fair)
+    found, continued = _with_continued([], results, search.pool_size, by_error=True)
+    return found, course._replace(continued=continued), task.studies
+
+
+def _refine_all(
+    task: Task, motion: Motion, limits: Limits, goal: float, work: Work, fair: Fair | None = None
+) -> tuple[list[Solution | None], SearchCourse]:
+    """Refine the linkages of `start_from` one after the other; return their results, and how it went."""
+    results: list[Solution | None] = []
+    courses: list[SearchCourse] = []
+    for start in task.starts or ():
+        found, course = refine_start(start, motion, limits, goal, work)
+        if fair and proportion(start.linkage, motion.samples) <= fair.longest:
+
+            def again(fair_limits: Limits, start: Start = start) -> tuple[list[Solution], SearchCourse]:
+                return refine_start(start, motion, fair_limits, goal, work)
+
+            found, course = _with_fair(found, course, again, motion, fair, 1, goal)
+        results.append(found[0] if found else None)
+        courses.append(course)
+    return results, SearchCourse.joined(courses)
 
 
 def _with_continued(
@@ -231,7 +269,7 @@ def _best_of_kinds(task: Task, search: CandidateSearch) -> tuple[Sequence[Found]
 
 
 def search_four_bars(
-    source: SeedTables | Scan | Start,
+    source: SeedTables | Scan,
     motion: Motion,
     limits: Limits,
     max_results: int,
@@ -239,24 +277,29 @@ def search_four_bars(
     work: Work,
     rounds: int | None = None,
 ) -> tuple[list[Solution], SearchCourse]:
-    """Find the best four-bars: by the search with free or given crank angles, in an atlas, or near a given linkage."""
+    """Find the best four-bars: in an atlas, or by the search with free or given crank angles."""
     if isinstance(source, Scan):
         return _search_atlas(source, motion, limits, max_results, tolerance, work)
     samples = motion.samples
-    if isinstance(source, Start):
-        with pointing_to_start(source.field):
-            if isinstance(samples, Poses):
-                found, report = refine_poses(samples, limits, source.linkage, source.crank, tolerance, work)
-            else:
-                found, report = refine_motion(samples, limits, source.linkage, tolerance, work)
-    elif isinstance(samples, Poses):
+    if isinstance(samples, Poses):
         found, report = search_free(samples, limits, max_results, tolerance, work, screens, source.windows, rounds)
     else:
         found, report = search(source, samples, limits, max_results, tolerance, work)
         found = smaller_first(found, samples)
-    stages = {"screen": report.screen_seconds, "refine": work.elapsed - report.screen_seconds}
-    course = SearchCourse(stages, report.trace, report.stopped_by.value, report.seeds, unseen=report.unseen)
-    return found, course
+    return found, SearchCourse.of(report, work)
+
+
+def refine_start(
+    start: Start, motion: Motion, limits: Limits, tolerance: float, work: Work
+) -> tuple[list[Solution], SearchCourse]:
+    """Refine a given four-bar to its nearest optimum; there is none if no descent leads within the limits."""
+    samples = motion.samples
+    with pointing_to_start(start.field):
+        if isinstance(samples, Poses):
+            found, report = refine_poses(samples, limits, start.linkage, start.crank, tolerance, work)
+        else:
+            found, report = refine_motion(samples, limits, start.linkage, tolerance, work)
+    return found, SearchCourse.of(report, work)
 
 
 def _search_atlas(
@@ -302,17 +345,16 @@ def _drawn_near(solution: Solution, motion: Motion, limits: Limits) -> Solution:
 def _with_fair(
     found: list[Solution],
     course: SearchCourse,
-    source: SeedTables | Scan | Start,
+    search_again: Callable[[Limits], tuple[list[Solution], SearchCourse]],
     motion: Motion,
     fair: Fair,
     top: int,
     tolerance: float,
-    work: Work,
 ) -> tuple[list[Solution], SearchCourse]:
-    """Order linkages as `proportionate` does; if the best is out of all proportion, search for linkages of fair size too."""
+    """Order linkages as `proportionate` does; if the best is out of all proportion, search again for linkages of fair size."""
     if not found:
         return found, course
-    samples, exact, again = motion.samples, exact_below(motion.samples, tolerance), course
+    samples, exact, second = motion.samples, exact_below(motion.samples, tolerance), course
 
     def smallest_fair() -> float:
         errors = [solution.errors.objective for solution in found if proportion_of(solution, samples) <= fair.longest]
@@ -321,13 +363,13 @@ def _with_fair(
     if proportion_of(found[0], samples) > PROPORTION and (
         found[0].errors.objective >= exact or smallest_fair() == np.inf
     ):
-        more, again = search_four_bars(source, motion, fair.limits, top, tolerance, work)
+        more, second = search_again(fair.limits)
         found = smaller_first(found + more, samples)
     best, ranked = found[0], proportionate(found, samples, tolerance, fair.longest)
     error, times, smallest, note = best.errors.objective, proportion_of(best, samples), smallest_fair(), ""
     if ranked[0] is not best:
         note = OUT_OF_PROPORTION.format(error=error, times=times, fair=fair.longest)
-        course = course._replace(unseen=again.unseen, stopped_by=again.stopped_by)
+        course = course._replace(unseen=second.unseen, stopped_by=second.stopped_by)
     elif times > PROPORTION and smallest >= tolerance:
         note = FIRST_OUT_OF_PROPORTION.format(which="exact" if error < exact else "best", times=times)
         note += FAIR_FOUND.format(smallest) if smallest < np.inf else NO_FAIR_FOUND

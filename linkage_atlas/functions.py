@@ -30,15 +30,14 @@ from linkage_atlas.notes import counted, in_percent, sentences
 from linkage_atlas.records import KEPT, Record, Values, names_of
 from linkage_atlas.result_notes import CUT_SHORT, LOCAL, NOWHERE
 from linkage_atlas.task import seed_tables
-from linkage_atlas.warm_start import Start, StartingLinkage, pointing_to_start, read_start
+from linkage_atlas.warm_start import FOR_STARTS, Start, StartingLinkage, check_local, pointing_to_start, read_starts
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.fourbar.determination import determinations, sensitivities
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.passage import faults_of, practical_faults, verdicts
-from synthesis.from_linkage import refine_function
 from synthesis.function.answers import Generator, exchanged, rocker_angles, to_csv, turns_back
-from synthesis.function.search import generate, refit
+from synthesis.function.search import best_built, generate, refit
 from synthesis.function.travel_search import (
     ANGLE,
     LAWS,
@@ -52,8 +51,9 @@ from synthesis.function.travel_search import (
 )
 from synthesis.function.wanted import Wanted
 from synthesis.guided.passage import verdict as passing_of
-from synthesis.ranking import PROPORTION, Status
-from synthesis.search.search import DEFAULT_TOLERANCE, SearchReport
+from synthesis.local_refinement import refine_function
+from synthesis.ranking import APART, PROPORTION, Status, distinct
+from synthesis.search.search import DEFAULT_TOLERANCE, SearchReport, stopped_by
 from synthesis.sheet import csv_text
 from synthesis.target import MAX_LENGTH, MAX_SAMPLES, MIN_SAMPLES, Interval, Target, make_target
 from synthesis.work import Work
@@ -358,7 +358,8 @@ def function(
     tolerance: float = DEFAULT_TOLERANCE,
     budget: float | None = None,
     round_to: float | None = None,
-    refine_from: StartingLinkage | None = None,
+    start_from: Sequence[StartingLinkage] | None = None,
+    local: bool = False,
     sensitivity: bool = False,
     curves: bool = False,
     work: Callable[[float | None], Work] = Work,
@@ -417,9 +418,11 @@ def function(
         Seconds; the best found by then is returned.
     round_to : float, optional
         Also give each solution with its links on this grid and the zeros fitted anew; needs limits.links.ground.
-    refine_from : FourBar, FunctionSolution or mapping, optional
-        Search nowhere, but refine this linkage (or its plain values, as `FunctionSolution.to_dict` gives them) from just
-        there: one solution, its nearest optimum within the limits, of which nothing says that it is the best there is.
+    start_from : sequence of FourBar, FunctionSolution or mapping, optional
+        Four-bars that are candidates from the first step; plain values are those of `FunctionSolution.to_dict`. Each is refined
+        to its nearest optimum within the limits before the search begins.
+    local : bool
+        Search nowhere else: only the linkages of ``start_from`` are refined, which need not lead to the best linkage.
     sensitivity : bool
         Also give the change of the output per unit of each length.
     curves : bool
@@ -454,7 +457,7 @@ def function(
     dial = read_dial(input_unit, output_unit, degrees)
     kinds = read_kinds(mechanisms, dial)
     if dial.travels:
-        asked_for = {"refine_from": refine_from, "round_to": round_to, "sensitivity": sensitivity or None}
+        asked_for = {"start_from": start_from, "round_to": round_to, "sensitivity": sensitivity or None}
         if foreign := [name for name, value in asked_for.items() if value is not None]:
             raise FieldError(f"/{foreign[0]}", "belongs to functions from angle to angle")
     elif travel_span is not None:
@@ -462,8 +465,9 @@ def function(
     elif "offset" in (limits or {}) and (limits or {})["offset"] is not None:
         raise FieldError("/limits/offset", "belongs to slider-cranks: give `output_unit` or `input_unit` 'length'")
     limits = limits if dial.travels else {n: v for n, v in (limits or {}).items() if n != "offset"}
-    begin = None if refine_from is None else read_start(refine_from, degrees)
-    tables = begin or seed_tables()
+    local = check_local(local, start_from)
+    starts = read_starts(start_from, degrees) or []
+    tables = seed_tables()
     watch = work(budget)
     called = {"x": interval, "output_span": output_span, "samples": samples}
     if callable(output):
@@ -509,11 +513,13 @@ def function(
     kept = read_function_limits(limits, wanted.target, degrees)
     if round_to is not None and kept.links[3] is None:
         raise FieldError("/round_to", "needs the length of the ground (`limits.links.ground`), which fixes the size")
-    if isinstance(tables, Start):
-        with pointing_to_start():
-            found, course = refine_function(wanted, kept, largest, tables.linkage, tables.offset, tolerance, watch)
-    else:
-        found, course = generate(tables, wanted, kept, largest, max(top, 2), tolerance, watch.extended(-FINISHING))
+    search = watch.extended(-FINISHING)
+    refining = search if local else search.part(FOR_STARTS * search.budget)
+    found, course = _refined(starts, wanted, kept, largest, tolerance, refining)
+    if not local:
+        more, course = generate(tables, wanted, kept, largest, max(top, 2), tolerance, search)
+        merged = distinct([*found, *more], len(found) + len(more), APART)
+        found = best_built(wanted, merged, max(top, 2), tolerance, kept.links[3] is not None) if starts else more
     searched, told, found = watch.elapsed, _proportion_notes(found, tolerance), found[:top]
     radian = radians_in(degrees)
     solutions: list[Any] = described(asked, found, kept, sensitivity, curves)
@@ -525,12 +531,12 @@ def function(
     units = unit_notes("crank", wanted.crank[[0, -1]] / radian, degrees)
     if dials is None:
         units += unit_notes("output", wanted.output / radian, degrees)
-    notes = [*wraps, *units, *_notes(wanted), *([] if begin is None else [LOCAL])]
+    notes = [*wraps, *units, *_notes(wanted), *([LOCAL] if local else [])]
     if not course.settled:
         notes.append(STILL_BETTER)
     if largest and found and wanted.doubt > 0.2 * found[0].errors.max:
         notes.append(DOUBTFUL.format(wanted.doubt / radian))
-    notes += told if begin is None else []
+    notes += [] if local else told
     many = [one for one in found if one.errors.objective < tolerance]
     if wanted.crank.size <= _FEW_PAIRS and wanted.exact is None and len(many) > 1:
         notes.append(FEW_PAIRS.format("two" if wanted.crank.size == MIN_PAIRS else "three"))
@@ -538,7 +544,23 @@ def function(
             notes.append("Between the pairs a straight line is requested.")
     elif solutions and solutions[0].determination.ill_posed:
         notes.append(ILL_POSED.format(in_percent(solutions[0].determination.length_uncertainty)))
-    return asked.result(found, solutions, limits, course, searched, watch, notes, begin is not None)
+    return asked.result(found, solutions, limits, course, searched, watch, notes, local)
+
+
+def _refined(
+    starts: Sequence[Start], wanted: Wanted, limits: Limits, largest: bool, tolerance: float, work: Work
+) -> tuple[list[Generator], SearchReport]:
+    """Refine given four-bars one after the other; return their nearest optima, best first, and how it went."""
+    found: list[Generator] = []
+    seeds, trace = 0, list[tuple[float, float]]()
+    for start in starts:
+        with pointing_to_start(start.field):
+            results, report = refine_function(wanted, limits, largest, start.linkage, start.offset, tolerance, work)
+        found += results
+        seeds += report.seeds
+        trace += [pair for pair in report.trace if all(pair[1] < before for _, before in trace)]
+    found = distinct(found, max(1, len(found)), APART)
+    return found, SearchReport(stopped_by(found, tolerance, work), trace, 0.0, seeds)
 
 
 def _with_travel(

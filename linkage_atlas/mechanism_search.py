@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -19,7 +19,7 @@ from synthesis.guided.by_crank import linkages_by_crank
 from synthesis.guided.linkage import Driver, GuidedLinkage
 from synthesis.guided.search import NOTHING_ROUND, search_guided
 from synthesis.guided.solution import broken_limits
-from synthesis.search.search import StoppedBy
+from synthesis.search.search import SearchReport, StoppedBy
 from synthesis.target import Target
 from synthesis.work import Work
 
@@ -61,6 +61,24 @@ class SearchCourse(NamedTuple):
     continued: Sequence[fourbar.Solution | None] = ()
     """The result of each linkage of `start_from`."""
 
+    @classmethod
+    def of(cls, report: SearchReport, work: Work) -> SearchCourse:
+        """Return the course of a search among four-bars that has just ended."""
+        stages = {"screen": report.screen_seconds, "refine": work.elapsed - report.screen_seconds}
+        return cls(stages, report.trace, report.stopped_by.value, report.seeds, unseen=report.unseen)
+
+    @classmethod
+    def joined(cls, courses: Sequence[SearchCourse]) -> SearchCourse:
+        """Return the course of several refinements, one after the other."""
+        trace: list[tuple[float, float]] = []
+        for course in courses:
+            best = _smallest(trace)
+            trace += [entry for entry in course.trace if entry[1] < best]
+        stages = courses[-1].stages
+        notes = list(dict.fromkeys(note for course in courses for note in course.notes))
+        stopped_by = _stopped_by({course.stopped_by for course in courses})
+        return cls(stages, trace, stopped_by, sum(course.seeds or 0 for course in courses), notes=notes)
+
     def ended_by(self, time_up: bool) -> SearchCourse:
         """Return the course with its budget as the reason to stop, if the time was up."""
         return self._replace(stopped_by=StoppedBy.BUDGET.value) if time_up else self
@@ -91,8 +109,7 @@ class _Progress:
 
     def course(self, between: float, total: float, tolerance: float) -> SearchCourse:
         """Return the course of all searches; ``between``: seconds at the end of the searches with given crank angles."""
-        reasons = (StoppedBy.BUDGET, StoppedBy.CONVERGED, StoppedBy.TOLERANCE)
-        stopped_by = next(reason.value for reason in reasons if reason.value in self.stopped)
+        stopped_by = _stopped_by(self.stopped)
         stages = {"screen": between, "refine": total - between}
         best, unseen = min(self.unseen, key=lambda pair: pair[0], default=(np.inf, None))
         unseen = None if best <= tolerance else unseen
@@ -221,6 +238,12 @@ def _search_sliders(
         progress.stopped.add(report.stopped_by.value)
         if work.expired():
             break
+
+
+def _stopped_by(reasons: Collection[str]) -> str:
+    """Return the reason of the search that ended worst."""
+    order = (StoppedBy.BUDGET, StoppedBy.CONVERGED, StoppedBy.TOLERANCE)
+    return next(reason.value for reason in order if reason.value in reasons)
 
 
 def _smallest(trace: Sequence[tuple[float, float]]) -> float:

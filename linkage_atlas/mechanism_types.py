@@ -124,11 +124,10 @@ def _check_crank_angles(kinds: Kinds) -> None:
         raise FieldError("/mechanisms", message)
 
 
-def check_only_four_bars(effort: str, refine_from: object, start_from: object) -> None:
+def check_only_four_bars(effort: str, start_from: object) -> None:
     """Raise FieldError for an option that only a request for four-bars can have."""
     for name, used, reason in (
         ("effort", effort == "atlas", "the atlas holds four-bars alone"),
-        ("refine_from", refine_from is not None, "four-bars alone are refined"),
         ("start_from", start_from is not None, "only the search among four-bars begins with given linkages"),
     ):
         if used:

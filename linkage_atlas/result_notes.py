@@ -52,13 +52,11 @@ FEW_POSES = (
 )
 SAME_LENGTHS = "{0} of {1} linkages are listed: the others have the same lengths once rounded, and a larger error."
 LOCAL = (
-    "The given linkage was refined to the nearest optimum that the descent reached: linkages elsewhere were not searched and "
+    "Each given linkage was refined to the nearest optimum that its descent reached: linkages elsewhere were not searched and "
     "may be better."
 )
 CUT_SHORT = "No linkage within the limits was found before the time was up; that does not prove that there is none."
-NOWHERE = (
-    "No descent from the given linkage led within the limits; that does not prove that there is no other linkage."
-)
+NOWHERE = "No descent from a given linkage led within the limits; that does not prove that there is no other linkage."
 TIME_UP = "The time was up: only the best {0} of {1} found are reported."
 _HOPELESS = 0.5
 """Ratio to the error of a body at rest above which a linkage is not near the motion."""
@@ -75,7 +73,7 @@ def notes_of(task: Task, search: Search, candidates: Candidates, ranked: RankedS
     """Return the notes of a result as whole sentences."""
     motion, solutions = task.motion, ranked.solutions
     notes = [*motion.notes(), *_envelope_notes(motion, task.limits)]
-    if task.refines:
+    if task.local:
         notes.append(LOCAL)
     notes += candidates.course.notes
     if ranked.same_lengths:
@@ -123,7 +121,7 @@ def _empty_notes(task: Task, search: Search, candidates: Candidates, notes: Sequ
     """Return why a result has no solutions: the time, the given linkage, or the limits."""
     if candidates.course.time_up:
         return [CUT_SHORT]
-    if task.refines:
+    if task.local:
         return [NOWHERE]
     if task.limits.only_family or isinstance(task.source, Scan) or set(notes) & set(NOTHING_ROUND.values()):
         return []

@@ -59,10 +59,10 @@ def synthesize(
     diverse: bool = False,
     tolerance: float = DEFAULT_TOLERANCE,
     budget: float | None = None,
-    refine_from: StartingLinkage | None = None,
+    start_from: Sequence[StartingLinkage] | None = None,
+    local: bool = False,
     atlas: Atlas | str | Path | None = None,
     work: Callable[[float | None], Work] = Work,
-    start_from: Sequence[StartingLinkage] | None = None,
     mechanisms: Sequence[KindName] | Literal["all"] | None = None,
     driver: DriverName | None = None,
     **more: Unpack[MotionAndStudies],
@@ -93,17 +93,16 @@ def synthesize(
         Objective below which the search ends.
     budget : float, optional
         Time limit in seconds; the best linkages found by then are returned.
-    refine_from : FourBar, Solution or mapping, optional
-        Refine this linkage (or its plain values, as `Solution.to_dict` gives them) instead of a search. The one solution is its
-        nearest optimum within the limits, which need not be the best linkage.
+    start_from : sequence of FourBar, Solution or mapping, optional
+        Four-bars that are candidates from the first step, for example the displayed linkage while a motion is changed; plain
+        values are those of `Solution.to_dict`. Each is refined to its nearest optimum within the limits before the search begins;
+        ``report.continued`` has the rank of each result. With free timing each needs its mount.
+    local : bool
+        Search nowhere else: only the linkages of ``start_from`` are refined, which need not lead to the best linkage.
     atlas : Atlas, str or Path, optional
         The atlas for effort "atlas"; default: see `match`.
     work : callable
         Makes the object that watches time and cancellation from a budget in seconds.
-    start_from : sequence of FourBar, Solution or mapping, optional
-        Linkages to begin with, for example the displayed linkage while a motion is changed. Each is refined to its nearest
-        optimum within the limits before the search begins; ``report.continued`` has the rank of each result. With free timing
-        each is a solution or its plain values, since its mount is needed.
     mechanisms : sequence of str or "all", optional
         Kinds of mechanism: "four_bar" (the default), "slider_crank", "swinging_block", "rail_slot", "two_rails", "two_slots".
         With several kinds the result is the Pareto front of error, size and transmission angle for each drive.
@@ -140,10 +139,10 @@ def synthesize(
         diverse=diverse,
         tolerance=tolerance,
         budget=budget,
-        refine_from=refine_from,
+        start_from=start_from,
+        local=local,
         atlas=atlas,
         work=work,
-        start_from=start_from,
         mechanisms=mechanisms,
         driver=driver,
     )

@@ -18,12 +18,11 @@ from linkage_atlas.limits import read_limits
 from linkage_atlas.mechanism_types import Kinds, check_no_slider_limits, check_only_four_bars, read_kinds
 from linkage_atlas.motions import Motion
 from linkage_atlas.studies import STUDIES, Studies, check_lengths, check_rows, read_studies
-from linkage_atlas.warm_start import Start, StartingLinkage, check_start, read_start, read_starts
+from linkage_atlas.warm_start import Start, StartingLinkage, check_local, read_starts, starts_for
 from synthesis.atlas.scan import Scan
 from synthesis.errors import FieldError
 from synthesis.fourbar.limits import Limits, Reach
 from synthesis.fourbar.mechanism import FOURBAR
-from synthesis.fourbar.passage import proportion
 from synthesis.free.screen import PathScreen
 from synthesis.free.search import path_screens
 from synthesis.ranking import FAIR, PROPORTION
@@ -69,10 +68,12 @@ class Task:
     named_limits: Mapping[str, Any]
     """The limits as the request names them."""
     kinds: Kinds
-    source: SeedTables | Scan | Start
-    """Origin of four-bars: the tables of a search, an atlas, or a linkage to refine."""
+    source: SeedTables | Scan
+    """Origin of four-bars: the tables of a search, or an atlas."""
     starts: Sequence[Start] | None
     """The linkages of `start_from`."""
+    local: bool
+    """Only the linkages of `start_from` are refined, without a search."""
     prefer: Prefer
     tolerance: float
     top: int
@@ -93,11 +94,6 @@ class Task:
         """True if solutions are ranked by their error with rounded lengths."""
         return self.studies.rounds and self.by_error and not self.diverse
 
-    @property
-    def refines(self) -> bool:
-        """True if a given linkage is refined, without a search."""
-        return isinstance(self.source, Start)
-
     def search_work(self, reserved: float = 0.0) -> Work:
         """Return the work of the search; ``reserved``: fraction of the budget for the stages after it."""
         return self.work.extended(-FINISHING - reserved)
@@ -114,10 +110,10 @@ def read_task(
     diverse: bool,
     tolerance: float,
     budget: float | None,
-    refine_from: StartingLinkage | None,
+    start_from: Sequence[StartingLinkage] | None,
+    local: bool,
     atlas: Atlas | str | Path | None,
     work: Callable[[float | None], Work],
-    start_from: Sequence[StartingLinkage] | None,
     mechanisms: Any,
     driver: Any,
 ) -> Task:
@@ -128,7 +124,8 @@ def read_task(
     FieldError
         If an argument is wrong; the error names it.
     """
-    _check_effort(effort, refine_from, start_from)
+    _check_effort(effort, start_from)
+    local = check_local(local, start_from)
     check_top(top)
     check_above_zero(budget=budget)
     tolerance = number("tolerance", tolerance, 0.0)
@@ -137,10 +134,10 @@ def read_task(
         raise FieldError("/effort", "the atlas holds curves over crank angles: with free ones only 'refine' answers")
     kinds = read_kinds(mechanisms, driver, asked_motion)
     if not kinds.only_four_bars:
-        check_only_four_bars(effort, refine_from, start_from)
+        check_only_four_bars(effort, start_from)
     # made once by the first request that needs them, before its time begins
     atlas = None if atlas is None else as_atlas(atlas)
-    source: SeedTables | Scan | Start
+    source: SeedTables | Scan
     if effort == "refine":
         source = seed_tables()
     else:
@@ -148,10 +145,7 @@ def read_task(
         source = atlas.scan
     watch = work(budget)
     checked_limits, checked_studies = read_limits(limits, asked_motion), read_studies(studies, asked_motion)
-    if refine_from is not None:
-        source = read_start(refine_from, asked_motion.degrees)
-        check_start(source, asked_motion)
-    starts = None if start_from is None else read_starts(start_from, asked_motion)
+    starts = starts_for(read_starts(start_from, asked_motion.degrees), asked_motion)
     if checked_studies.drives is not None:
         check_request(checked_studies.drives, asked_motion.radian)
     if checked_studies.analysis is not None:
@@ -163,7 +157,8 @@ def read_task(
         kinds,
         source,
         starts,
-        _preference(prefer, asked_motion, isinstance(source, SeedTables)),
+        local,
+        _preference(prefer, asked_motion, isinstance(source, SeedTables) and not local),
         tolerance,
         top,
         diverse and kinds.only_four_bars,
@@ -178,14 +173,11 @@ def read_task(
     return task
 
 
-def _check_effort(effort: str, refine_from: object, start_from: object) -> None:
+def _check_effort(effort: str, start_from: object) -> None:
     if effort not in ("refine", "atlas"):
         raise FieldError("/effort", f"wanted 'refine' or 'atlas', found {effort!r}")
-    if effort == "atlas" and refine_from is not None:
-        raise FieldError("/refine_from", "rows of the atlas are not refined: only effort 'refine' does that")
-    if start_from is not None and (effort == "atlas" or refine_from is not None):
-        other = "effort 'atlas'" if effort == "atlas" else "refine_from"
-        raise FieldError("/start_from", f"a search begins with these linkages, and with {other} there is none")
+    if effort == "atlas" and start_from is not None:
+        raise FieldError("/start_from", "a search begins with these linkages, and with effort 'atlas' there is none")
 
 
 def _read_motion(
@@ -220,7 +212,7 @@ def _preference(prefer: str | None, motion: Motion, searches: bool) -> Prefer:
 
 
 def _fair_within(
-    named_limits: Mapping[str, Any], motion: Motion, limits: Limits, source: SeedTables | Scan | Start
+    named_limits: Mapping[str, Any], motion: Motion, limits: Limits, source: SeedTables | Scan
 ) -> Fair | None:
     """Return limits within which linkages have a fair size, for requests that do not mention the preset.
 
@@ -234,8 +226,6 @@ def _fair_within(
     allowed: dict[str, float | None] = {name: getattr(limits, name) for name in units}
     wider = any((allowed[name] or 0.0) > FAIR * unit for name, unit in units.items())
     longest = PROPORTION if wider else FAIR
-    if isinstance(source, Start) and proportion(source.linkage, samples) > longest:  # its result is no worse
-        return None
     lengths: dict[str, Any] = {name: min(longest * unit, allowed[name] or np.inf) for name, unit in units.items()}
     if samples.position is not None:
         distance = longest * samples.extent

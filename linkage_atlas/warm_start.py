@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from linkage_atlas.arguments import column, number, pointing
+from linkage_atlas.arguments import column, flag, number, pointing
 from linkage_atlas.linkages import FourBar
 from linkage_atlas.motions import Motion
 from synthesis.arrays import Floats
@@ -20,6 +20,8 @@ from synthesis.target import MAX_LENGTH, MIN_LENGTH, TURN, Samples
 
 MAX_STARTS = 10
 """Maximum number of linkages in `start_from`."""
+FOR_STARTS = 0.6
+"""Fraction of the budget for the refinement of a linkage of `start_from` before a search."""
 MAX_RATIO = 1e6
 """Largest ratio of a given linkage's lengths and distances to one another and to the motion's extent."""
 
@@ -28,18 +30,18 @@ StartingLinkage = Any
 
 
 class Start(NamedTuple):
-    """A linkage to refine, in radians."""
+    """A linkage to begin with, in radians."""
 
     linkage: Linkage
     crank: Floats | None = None
     """(N,): crank angles at the samples, relative to the first sample."""
     offset: float | None = None
     """For a function generator: the output minus the rocker angle."""
-    field: str = "refine_from"
+    field: str = "start_from"
     """The argument that holds the linkage."""
 
 
-def pointing_to_start(field: str = "refine_from") -> AbstractContextManager[None]:
+def pointing_to_start(field: str) -> AbstractContextManager[None]:
     """Make errors of the linkage's fields point into an argument."""
 
     def within(name: str) -> str:
@@ -49,14 +51,47 @@ def pointing_to_start(field: str = "refine_from") -> AbstractContextManager[None
     return pointing(within)
 
 
-def read_start(start: StartingLinkage, degrees: bool, field: str = "refine_from") -> Start:
-    """Read a linkage to refine: a `FourBar`, a solution, or the plain values of either in the request's unit of angle.
+def check_local(local: object, start_from: object) -> bool:
+    """Return the flag ``local`` after a check; it needs linkages to start from."""
+    checked = flag("local", local)
+    if checked and start_from is None:
+        raise FieldError("/local", "has no effect without `start_from`: give the linkages that are to be refined")
+    return checked
+
+
+def read_starts(starts: Sequence[StartingLinkage] | None, degrees: bool) -> list[Start] | None:
+    """Read the linkages of ``start_from``; None if the request has none.
+
+    Each is a `FourBar`, a solution, or the plain values of either in the request's unit of angle.
 
     Raises
     ------
     FieldError
-        If the linkage is wrong; the error names the field within the argument ``field``.
+        If a linkage is wrong; the error names its field.
     """
+    if starts is None:
+        return None
+    if not isinstance(starts, Sequence) or isinstance(starts, str):
+        raise FieldError("/start_from", "wanted a list of linkages")
+    if not 1 <= len(starts) <= MAX_STARTS:
+        raise FieldError("/start_from", f"wanted 1 to {MAX_STARTS} linkages, found {len(starts)}")
+    return [_read(start, degrees, f"start_from/{k}") for k, start in enumerate(starts)]
+
+
+def starts_for(starts: Sequence[Start] | None, motion: Motion) -> list[Start] | None:
+    """Return linkages after a check against the motion, without crank angles for another number of samples."""
+    if starts is None:
+        return None
+    checked = []
+    for start in starts:
+        if start.crank is not None and start.crank.shape != (motion.asked.samples,):  # samples were added or removed
+            start = start._replace(crank=None)
+        _check_start(start, motion)
+        checked.append(start)
+    return checked
+
+
+def _read(start: StartingLinkage, degrees: bool, field: str) -> Start:
     if isinstance(start, FourBar):
         return _checked(start, field)
     if isinstance(start, Mapping):
@@ -72,7 +107,7 @@ def read_start(start: StartingLinkage, degrees: bool, field: str = "refine_from"
         found = getattr(start, "linkage", None)
         crank, offset = getattr(start, "crank_angle", None), getattr(start, "output_offset", None)
         if not isinstance(found, FourBar):
-            raise FieldError(f"/{field}", "wanted a FourBar, a solution, or its plain values")
+            raise FieldError(f"/{field}", "wanted a FourBar, a solution with one, or its plain values")
         linkage = found
     radian = np.pi / 180 if linkage.degrees else 1.0
     angles = None if crank is None else column(f"{field}/crank_angle", crank) * radian
@@ -82,29 +117,11 @@ def read_start(start: StartingLinkage, degrees: bool, field: str = "refine_from"
     return _checked(linkage, field)._replace(crank=angles, offset=own)
 
 
-def read_starts(starts: Sequence[StartingLinkage], motion: Motion) -> list[Start]:
-    """Read the linkages of ``start_from`` and check them against the motion."""
-    if not 1 <= len(starts) <= MAX_STARTS:
-        raise FieldError("/start_from", f"wanted 1 to {MAX_STARTS} linkages, found {len(starts)}")
-    checked = []
-    for k, linkage in enumerate(starts):
-        start = read_start(linkage, motion.degrees, f"start_from/{k}")
-        if start.crank is not None and start.crank.shape != (motion.asked.samples,):  # samples were added or removed
-            start = start._replace(crank=None)
-        check_start(start, motion)
-        checked.append(start)
-    return checked
-
-
-def check_start(start: Start, motion: Motion) -> None:
-    """Raise FieldError for a linkage that cannot be refined for this motion."""
+def _check_start(start: Start, motion: Motion) -> None:
+    """Raise FieldError for a linkage that no search for this motion can begin with."""
     linkage, samples = start.linkage, motion.asked
-    if motion.free:
-        if not linkage.mounted:
-            raise FieldError(f"/{start.field}/mount", "needed, with its coupler point: the crank angles are free")
-        if start.crank is not None and start.crank.shape != (samples.samples,):
-            found = start.crank.size
-            raise FieldError(f"/{start.field}/crank_angle", f"wanted {samples.samples} crank angles, found {found}")
+    if motion.free and not linkage.mounted:
+        raise FieldError(f"/{start.field}/mount", "needed, with its coupler point: the crank angles are free")
     if samples.position is not None and linkage.mounted:
         _check_mount(linkage, samples, start.field)
 

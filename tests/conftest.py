@@ -17,7 +17,6 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import reduce
-from operator import getitem
 from pathlib import Path
 from typing import Any
 
@@ -122,7 +121,7 @@ def changed(body: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
     body = copy.deepcopy(body)
     for path, value in changes.items():
         *parents, last = path.removeprefix("-").split(".")
-        at = reduce(getitem, parents, body)
+        at = reduce(lambda part, name: part[int(name) if isinstance(part, list) else name], parents, body)
         if path.startswith("-"):
             at.pop(last, None)
         else:

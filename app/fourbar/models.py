@@ -697,8 +697,13 @@ class SynthesizeRequest(CrankMotion):
     budget_ms: PositiveNumber | None = Field(None, description="Return the best found within this time.")
     start_from: Annotated[list[GivenSolution], Field(min_length=1, max_length=MAX_STARTS)] | None = Field(
         None,
-        description="Four-bars to begin with, for example the solution on show while a motion is dragged: each is refined to its "
-        "nearest optimum within the limits, then the search continues. `report.continued` has the rank of each result.",
+        description="Four-bars that are candidates from the first step, for example the displayed solution while a motion is "
+        "dragged: each is refined to its nearest optimum within the limits, then the search continues. `report.continued` has "
+        "the rank of each result. With free timing each needs its `mount`, and its `crank_angle` if it has one.",
+    )
+    local: Flag = Field(
+        False,
+        description="Search nowhere else: only the linkages of `start_from` are refined to their nearest optima.",
     )
     length_scale: Length | None = Field(
         None,
@@ -716,11 +721,6 @@ class SynthesizeRequest(CrankMotion):
         False,
         description="Of four-bars alone: solutions spread over families, branches and places, J at most twice the best, in place "
         "of the best ones.",
-    )
-    refine_from: GivenSolution | None = Field(
-        None,
-        description="Search nowhere, but refine this linkage from just there: one solution, its nearest optimum within the "
-        "limits. With free timing with its `mount`, and with its `crank_angle` where it has one.",
     )
     sensitivity: Flag = Field(False, description="Also report the change of the motion per unit of each length.")
     analysis: AnalysisRequest | None = Field(
@@ -940,10 +940,14 @@ class FunctionRequest(RequestModel):
     round_to: Length | None = Field(
         None, description="Also report each solution with its links on this grid and the zeros fitted anew."
     )
-    refine_from: GivenGenerator | None = Field(
+    start_from: Annotated[list[GivenGenerator], Field(min_length=1, max_length=MAX_STARTS)] | None = Field(
         None,
-        description="Search nowhere, but refine this linkage from just there: one solution, its nearest optimum within the "
-        "limits.",
+        description="Four-bars that are candidates from the first step: each is refined to its nearest optimum within the "
+        "limits, then the search continues.",
+    )
+    local: Flag = Field(
+        False,
+        description="Search nowhere else: only the linkages of `start_from` are refined to their nearest optima.",
     )
     sensitivity: Flag = Field(False, description="Also report the change of the output per unit of each length.")
     curves: Flag = Field(False, description="Also report each solution's error over the interval.")

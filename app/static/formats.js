@@ -183,7 +183,8 @@ export function fromRequest(body) {
   if (tolerance_study) motion.study = { links, pivots, clearance, extra: how };
   motion.top = top ?? 8;
   delete extra.budget_ms;
-  delete extra.refine_from; // a linkage, and no part of the motion
+  delete extra.start_from; // linkages, and no part of the motion
+  delete extra.local;
   motion.extra = extra;
   const { min, max, transmission, turn, ratio, box } = motion.limits, { speed, force, torque } = motion.analysis;
   const numbers = [min, max, transmission, turn, ratio, motion.spanMax, motion.round, motion.top, speed, torque, links, pivots, clearance, ...force];

@@ -165,7 +165,7 @@ export function assessed(solution, motion) {
 
 /** A request to refine a solution from just there. */
 export function fromHere({ diverse: _diverse, prefer: _prefer, mechanisms: _mechanisms, ...request }, { links, branch, start_angle, body_offset, mount, crank_angle }) {
-  return { ...request, top: 1, refine_from: { links, branch, start_angle, body_offset, mount, crank_angle } };
+  return { ...request, top: 1, local: true, start_from: [{ links, branch, start_angle, body_offset, mount, crank_angle }] };
 }
 
 /** A request for linkages whose pivots lie near those of a solution: within `share` of the motion's extent. */

@@ -212,7 +212,7 @@ def test_a_table_says_the_unit_of_its_lengths(run, tmp_path) -> None:
 def test_forces_of_inertia_are_of_the_unit_that_the_option_names(run, tmp_path) -> None:
     """They were those of millimetres."""
     weights = {"crank_speed": 90, "load": {"masses": [{"link": "body", "mass": 2}]}}
-    request = worked_example() | {"top": 1, "refine_from": SOLUTION}
+    request = worked_example() | {"top": 1, "start_from": [SOLUTION], "local": True}
     torques, files = [], []
     for more, option in (({}, ()), ({"length_unit": "cm"}, ()), ({}, ("--length-unit", "cm"))):
         given = json.dumps(request | {"analysis": weights | more})

@@ -182,9 +182,9 @@ def test_the_value_of_a_field_may_be_a_file(run, files, tmp_path) -> None:
     assert code == Exit.OK, err
     asked = {"limits": {"family": "any"}, "position": POSES["position"], "timing": "free", "top": 1}
     assert json.loads(out)["request"] == asked
-    code, out, _ = run("synthesize", files["request"], "--json", "--set", f"refine_from=@{files['reply']}")
+    code, out, _ = run("synthesize", files["request"], "--json", "--set", f"start_from=@{files['reply']}")
     first = json.loads(files["reply"].read_text())["solutions"][0]
-    assert code == Exit.OK and json.loads(out)["request"]["refine_from"]["links"] == first["links"]
+    assert code == Exit.OK and json.loads(out)["request"]["start_from"][0]["links"] == first["links"]
     for wrong, words in (("limits=@none.json", "No such file"), (f"travel=@{poses}", "no column for travel")):
         code, _, err = run("synthesize", "--set", wrong, stdin=TABLE)
         assert code == Exit.USAGE and words in err
@@ -258,7 +258,13 @@ DRIVES = [{"kind": kind} for kind in ("rotary", "actuator", "dyad", "toggle")]
 
 def test_the_drives_and_springs_of_a_solution_are_described(run) -> None:
     """The terminal did not mention them."""
-    asked = EXAMPLE | {"top": 1, "refine_from": SOLUTION, "drives": DRIVES, "load": {"force": [0, -100]}}
+    asked = EXAMPLE | {
+        "top": 1,
+        "start_from": [SOLUTION],
+        "local": True,
+        "drives": DRIVES,
+        "load": {"force": [0, -100]},
+    }
     asked |= {"springs": [{"kind": "tension"}, {"kind": "gas"}]}
     code, out, _ = run("synthesize", "--length-unit", "mm", stdin=json.dumps(asked))
     reply = json.loads(run("synthesize", "--json", stdin=json.dumps(asked))[1])["solutions"][0]
@@ -299,7 +305,13 @@ def test_the_place_of_a_missing_spring_is_named_by_its_links(run) -> None:
 
 def test_drives_of_a_reply_carry_the_load_of_its_request(run, tmp_path) -> None:
     """The load was dropped, and the drives were found for no load."""
-    request = EXAMPLE | {"top": 1, "refine_from": SOLUTION, "load": {"force": [0, -100]}, "drives": DRIVES[:1]}
+    request = EXAMPLE | {
+        "top": 1,
+        "start_from": [SOLUTION],
+        "local": True,
+        "load": {"force": [0, -100]},
+        "drives": DRIVES[:1],
+    }
     peak, reply = 0.0, tmp_path / "reply.json"
     reply.write_text(run("synthesize", "--json", stdin=json.dumps(request))[1])
     for more in ([], ["--set", "load.force=[0, -200]"]):
@@ -340,7 +352,7 @@ def test_crank_angles_of_a_long_motion_are_shortened(run) -> None:
 
 def test_a_wanted_drive_that_does_not_exist_is_said(run) -> None:
     wish = {"kind": "actuator", "stroke": 1, "retracted": 1e5, "ground_box": [0, 0, 1, 1]}
-    asked = EXAMPLE | {"top": 1, "refine_from": SOLUTION, "drive": wish}
+    asked = EXAMPLE | {"top": 1, "start_from": [SOLUTION], "local": True, "drive": wish}
     code, out, _ = run("synthesize", stdin=json.dumps(asked))
     assert (
         code == Exit.OK and "rank 1 has no drive within the limits of `drive`" in out and "no actuator on the" in out

@@ -88,15 +88,15 @@ def test_a_refinement_that_leads_nowhere_says_so_and_keeps_the_linkage(edited) -
     page.wait(f"{IDLE} && document.getElementById('status').classList.contains('bad')")
     assert "proves nothing" in page.text("status") and page.card().startswith("By hand")
     asked = page.run("return window.asked")
-    assert len(asked["refine_from"]["crank_angle"]) == len(asked["position"]) and asked["top"] == 1
+    assert len(asked["start_from"][0]["crank_angle"]) == len(asked["position"]) and asked["top"] == 1
     assert "prefer" not in asked, "nothing is chosen among"
 
 
 def test_a_linkage_given_with_a_request_is_no_part_of_the_motion(standing) -> None:
     page = standing
     begin = {"links": {"crank": 1, "coupler": 2, "rocker": 2, "ground": 2}, "branch": 1, "start_angle": 0}
-    page.take({"position": [[0, 0], [3, 4], [6, 5]], "timing": "free", "refine_from": begin})
-    assert "refine_from" not in page.request()
+    page.take({"position": [[0, 0], [3, 4], [6, 5]], "timing": "free", "start_from": [begin], "local": True})
+    assert not page.request().keys() & {"start_from", "local"}
 
 
 def test_a_linkage_is_entered_by_its_lengths_or_its_joints(standing) -> None:

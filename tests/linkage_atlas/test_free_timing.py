@@ -485,7 +485,7 @@ def test_a_linkage_for_poses_in_any_order_is_refined_on_the_arc_of_its_crank_tha
     poses = [0, 90, 15, 45, 5, 70], [(0, 0), (70, 90), (30, 20), (60, 50), (10, 5), (75, 60)]
     asked = {"timing": "free", "order": "any", "limits": {"family": "any"}}
     for one in la.synthesize(*poses, **asked, top=3):
-        again = la.synthesize(*poses, **asked, refine_from=one).best
+        again = la.synthesize(*poses, **asked, start_from=[one], local=True).best
         assert again.errors.objective <= one.errors.objective * (1 + 1e-9)
         assert again.transmission_angle_min >= 35 - 1e-6
 

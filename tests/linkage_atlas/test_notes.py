@@ -43,7 +43,7 @@ def test_a_transmission_angle_that_holds_the_best_linkage_is_named(family: str) 
     best = la.synthesize(**asked, top=1).best
     held = best.determination.at_limits
     assert {"transmission_angle_min", "pivot_a", "pivot_b"} <= set(held)
-    eased = la.synthesize(**relaxed(asked, {"transmission_angle_min": 34}), refine_from=best, top=1).best
+    eased = la.synthesize(**relaxed(asked, {"transmission_angle_min": 34}), start_from=[best], local=True, top=1).best
     assert eased.errors.objective < best.errors.objective * (1 - 1e-3)
     exact = la.synthesize(**relaxed(asked, {"family": "any", "transmission_angle_min": 5}), top=1).best
     assert exact.errors.objective < 1e-9 and "transmission_angle_min" not in exact.determination.at_limits
@@ -56,7 +56,9 @@ def test_only_limits_without_which_the_error_falls_are_named(seed: int) -> None:
     turned, way = random.uniform(20, 60, 5).cumsum(), random.normal(size=(5, 2)).cumsum(axis=0) * 30
     asked = {"timing": "free", "rotation": turned, "position": way, "limits": {"transmission_angle_min": 50}}
     best = la.synthesize(**asked, top=1).best
-    nearby = la.synthesize(**relaxed(asked, {"transmission_angle_min": 49.9}), refine_from=best, top=1).best
+    nearby = la.synthesize(
+        **relaxed(asked, {"transmission_angle_min": 49.9}), start_from=[best], local=True, top=1
+    ).best
     gained = nearby.errors.objective < best.errors.objective * (1 - 1e-6)
     assert ("transmission_angle_min" in best.determination.at_limits) == gained
 

@@ -8,16 +8,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from synthesis import from_linkage as free
+from synthesis import local_refinement as free
 from synthesis.fourbar.limits import FAMILIES, Limits, in_family, practical_limits
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.solution import assess, keeps, within
 from synthesis.free.dyads import chart_of
 from synthesis.free.joint import JointProblem
 from synthesis.free.poses import make_poses
-from synthesis.from_linkage import refine_function, refine_motion, refine_poses, turning_fully
 from synthesis.function.answers import exchanged, finished, rocker_angles
 from synthesis.function.wanted import Wanted
+from synthesis.local_refinement import refine_function, refine_motion, refine_poses, turning_fully
 from synthesis.mechanism import Placed
 from synthesis.target import TURN, make_target
 from synthesis.work import Work

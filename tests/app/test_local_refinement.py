@@ -32,11 +32,11 @@ def changed(solution: la.Solution, **parts) -> dict:
 @pytest.mark.parametrize("request_of", [EXAMPLE, FREE], ids=["timed", "free"])
 def test_python_and_http_refine_alike(request_of, exact, client: TestClient) -> None:
     begin = changed(exact)
-    found = la.synthesize(**request_of, refine_from=begin)
+    found = la.synthesize(**request_of, start_from=[begin], local=True)
     assert found.status == "reached" and len(found.solutions) == 1 and found.report.seeds == 1
     assert found.best.errors.objective < 1e-9 and found.report.notes[0] == LOCAL
     assert found.linkage.links == pytest.approx(exact.linkage.links, rel=1e-5)
-    reply = client.post("/v1/synthesize", json={**request_of, "refine_from": begin})
+    reply = client.post("/v1/synthesize", json={**request_of, "start_from": [begin], "local": True})
     assert reply.status_code == 200
     assert reply.json()["solutions"][0]["links"] == found.best.to_dict()["links"]
     assert reply.json()["report"]["notes"] == found.report.notes
@@ -44,10 +44,10 @@ def test_python_and_http_refine_alike(request_of, exact, client: TestClient) -> 
 
 def test_a_linkage_a_solution_and_its_values_are_the_same_beginning(exact) -> None:
     alike = exact, exact.linkage, exact.to_dict(), exact.linkage.to_dict()
-    links = [la.synthesize(**EXAMPLE, refine_from=one).linkage.links for one in alike]
+    links = [la.synthesize(**EXAMPLE, start_from=[one], local=True).linkage.links for one in alike]
     assert all(np.array_equal(one, links[0]) for one in links)
     radians = {name: np.deg2rad(EXAMPLE[name]) for name in ("rotation", "crank_span")}
-    found = la.synthesize(**{**EXAMPLE, **radians}, degrees=False, refine_from=exact)
+    found = la.synthesize(**{**EXAMPLE, **radians}, degrees=False, start_from=[exact], local=True)
     assert found.status == "reached" and found.linkage.links == pytest.approx(links[0])
 
 
@@ -56,29 +56,29 @@ def test_what_is_refined_keeps_its_proportion(more) -> None:
     """Poses on a line led to a coupler of 2e4 times their extent."""
     line = {"position": [[10 * k, 0] for k in range(6)], "crank_span": 60, **more}
     begin = la.FourBar(30, 80, 60, 70, pivot_a=(10, -40), coupler_point=(50, 20))
-    anyhow = la.synthesize(**line, refine_from=begin, limits={"preset": "none"})
+    anyhow = la.synthesize(**line, start_from=[begin], local=True, limits={"preset": "none"})
     assert anyhow.best.size > 1e4, "the error alone counts"
-    found = la.synthesize(**line, refine_from=begin)
+    found = la.synthesize(**line, start_from=[begin], local=True)
     assert len(found.solutions) == 1 and found.best.size <= 30 * (1 + 1e-9)
     assert found.best.errors.objective < 0.02 and any("out of all proportion" in one for one in found.report.notes)
-    again = la.synthesize(**line, refine_from=anyhow.best)
+    again = la.synthesize(**line, start_from=[anyhow.best], local=True)
     assert again.best.errors.objective <= anyhow.best.errors.objective, "one that is given so is not made worse"
 
 
 def test_a_free_answer_is_refined_from_its_own_crank_angles() -> None:
     wanted = {"position": [[0, 0], [30, 10], [50, 35], [40, 60], [10, 70]], "rotation": [0, 10, 30, 50, 80]}
     first = la.synthesize(**wanted, timing="free", top=1, limits={"link_max": 90})
-    again = la.synthesize(**wanted, timing="free", limits={"link_max": 90}, refine_from=first.best)
+    again = la.synthesize(**wanted, timing="free", limits={"link_max": 90}, start_from=[first.best], local=True)
     assert again.best.errors.objective <= first.best.errors.objective * (1 + 1e-9)
     assert max(again.linkage.links) <= 90
 
 
 def test_what_no_descent_leads_to_is_unknown_and_nothing_is_claimed(exact) -> None:
     limits = {"link_min": 4e4, "pivot_box": [0, 0, 100, 100]}
-    found = la.synthesize(**EXAMPLE, limits=limits, refine_from=exact)
+    found = la.synthesize(**EXAMPLE, limits=limits, start_from=[exact], local=True)
     assert found.status == "unknown" and not found.solutions
     assert found.report.notes == [LOCAL, NOWHERE]
-    found = la.synthesize(**EXAMPLE, limits=limits, refine_from=exact, budget=1e-6)
+    found = la.synthesize(**EXAMPLE, limits=limits, start_from=[exact], local=True, budget=1e-6)
     assert found.status == "unknown" and found.report.stopped_by == "budget"
 
 
@@ -86,17 +86,19 @@ def test_functions_are_refined_too(client: TestClient) -> None:
     wanted = {"input": [0, 15, 35, 60, 80], "output": [0, 12, 31, 62, 90]}
     first = client.post("/v1/function", json={**wanted, "top": 1}).json()["solutions"][0]
     first["links"]["crank"] *= 1.01
-    reply = client.post("/v1/function", json={**wanted, "refine_from": first}).json()
+    reply = client.post("/v1/function", json={**wanted, "start_from": [first], "local": True}).json()
     assert reply["status"] == "reached" and reply["report"]["notes"][0] == LOCAL and reply["report"]["seeds"] == 1
     links = [reply["solutions"][0]["links"][name] for name in ("crank", "coupler", "rocker", "ground")]
     begin = la.FourBar(*links, branch=first["branch"], start_angle=reply["solutions"][0]["start_angle"])
-    assert la.function(wanted["output"], input=wanted["input"], refine_from=begin).status == "reached"
+    assert la.function(wanted["output"], input=wanted["input"], start_from=[begin], local=True).status == "reached"
     limits = {"transmission_angle_min": 89}
-    far = la.function(wanted["output"], input=wanted["input"], refine_from=begin, limits=limits)
+    searched = la.function(wanted["output"], input=wanted["input"], start_from=[begin], top=2)
+    assert searched.status == "reached" and LOCAL not in searched.report.notes
+    far = la.function(wanted["output"], input=wanted["input"], start_from=[begin], local=True, limits=limits)
     assert far.status == "unknown" and NOWHERE in far.report.notes
     first["links"]["crank"] = 1e9
-    reply = client.post("/v1/function", json={**wanted, "refine_from": first})
-    assert reply.json()["errors"][0]["pointer"].startswith("#/refine_from/links/")
+    reply = client.post("/v1/function", json={**wanted, "start_from": [first], "local": True})
+    assert reply.json()["errors"][0]["pointer"].startswith("#/start_from/0/links/")
 
 
 def test_the_command_refines_what_was_written(tmp_path, capsys, exact) -> None:
@@ -105,15 +107,15 @@ def test_the_command_refines_what_was_written(tmp_path, capsys, exact) -> None:
     one = changed(exact)
     for content in ({"request": EXAMPLE, "solution": one}, one, {"solutions": [one]}):
         begin.write_text(json.dumps(content))
-        assert cli.main(["synthesize", str(request), "--no-preset", "--refine-from", str(begin)]) == 0
+        assert cli.main(["synthesize", str(request), "--no-preset", "--start-from", str(begin), "--local"]) == 0
         out = capsys.readouterr().out
         assert out.startswith("reached: 1 solution") and f"note: {LOCAL}" in out
     for content, words in (
         ('{"solutions": []}', "0 solutions"),
         ("{", "not valid JSON"),
-        ("3", "refine_from"),
+        ("3", "start_from"),
         (None, "No such"),
     ):
         begin.unlink() if content is None else begin.write_text(content)
-        assert cli.main(["synthesize", str(request), "--refine-from", str(begin)]) == 2
+        assert cli.main(["synthesize", str(request), "--start-from", str(begin), "--local"]) == 2
         assert words in capsys.readouterr().err
