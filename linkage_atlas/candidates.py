@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from linkage_atlas.answers import proportion_of
-from linkage_atlas.mechanism_search import Found, SearchCourse, search_kinds
+from linkage_atlas.mechanism_search import Found, search_kinds
 from linkage_atlas.motions import Motion
 from linkage_atlas.pareto import (
     UNRANKED,
@@ -33,6 +33,7 @@ from synthesis.free.search import search_free
 from synthesis.local_refinement import refine_motion, refine_poses
 from synthesis.ranking import APART, PROPORTION, Status, distinct, spread
 from synthesis.search.atlas_rows import best_rows
+from synthesis.search.report import SearchReport, StoppedBy
 from synthesis.search.search import search
 from synthesis.search.seeds import SeedTables
 from synthesis.work import Work
@@ -68,11 +69,13 @@ class Candidates(NamedTuple):
     """Linkages that were found, in the order of the preference."""
 
     found: Sequence[Found]
-    course: SearchCourse
+    report: SearchReport
     studies: Studies
     """The studies of the task, with the assemblies that were made to compare layers."""
     seconds: float
     """Time since the task began."""
+    continued: Sequence[Found | None] = ()
+    """The result of each linkage of `start_from`; None if there is none within the limits."""
 
 
 @dataclass(frozen=True)
@@ -101,26 +104,26 @@ class CandidateSearch:
         work: Work,
         rounds: int | None = None,
         max_results: int | None = None,
-    ) -> tuple[list[Found], SearchCourse]:
+    ) -> tuple[list[Found], SearchReport]:
         """Return linkages and how the search went; it may end once the objective is below ``goal``."""
         task = self.task
         if task.local:
-            results, course = _refine_all(task, motion, limits, goal, work)
-            return [solution for solution in results if solution is not None], course
+            results, report = _refine_all(task, motion, limits, goal, work)
+            return [solution for solution in results if solution is not None], report
         if task.kinds.only_four_bars:
             size = self.pool_size if max_results is None else max_results
-            four_bars, course = search_four_bars(task.source, motion, limits, size, goal, work, rounds)
-            return list(four_bars), course
+            four_bars, report = search_four_bars(task.source, motion, limits, size, goal, work, rounds)
+            return list(four_bars), report
 
-        def beside_sliders(within: Limits, work: Work, rounds: int | None) -> tuple[list[Solution], SearchCourse]:
-            found, course = search_four_bars(seed_tables(), motion, within, task.top, goal, work, rounds)
+        def beside_sliders(within: Limits, work: Work, rounds: int | None) -> tuple[list[Solution], SearchReport]:
+            found, report = search_four_bars(seed_tables(), motion, within, task.top, goal, work, rounds)
             if task.fair and within is task.limits:
 
-                def again(fair_limits: Limits) -> tuple[list[Solution], SearchCourse]:
+                def again(fair_limits: Limits) -> tuple[list[Solution], SearchReport]:
                     return search_four_bars(seed_tables(), motion, fair_limits, task.top, goal, work)
 
-                return _with_fair(found, course, again, motion, task.fair, task.top, goal)
-            return found, course
+                return _with_fair(found, report, again, motion, task.fair, task.top, goal)
+            return found, report
 
         return search_kinds(task.kinds, motion, limits, goal, beside_sliders, work, rounds)
 
@@ -128,44 +131,41 @@ class CandidateSearch:
 def find_candidates(task: Task, search: CandidateSearch) -> Candidates:
     """Search the linkages of a task and improve them by the preferred measure."""
     if task.local:
-        found, course, studies = _nearest_optima(task, search)
-    elif task.kinds.only_four_bars:
-        found, course, studies = _best_four_bars(task, search)
-    else:
-        found, course, studies = _best_of_kinds(task, search)
-    return Candidates(found, course, studies, task.work.elapsed)
+        return _nearest_optima(task, search)
+    if task.kinds.only_four_bars:
+        return _best_four_bars(task, search)
+    return _best_of_kinds(task, search)
 
 
-def _best_four_bars(task: Task, search: CandidateSearch) -> tuple[Sequence[Found], SearchCourse, Studies]:
+def _best_four_bars(task: Task, search: CandidateSearch) -> Candidates:
     work, size, source = task.search_work(), search.pool_size, task.source
     goal = task.tolerance if task.by_error else tolerance_goal(task.motion, task.tolerance)
     first_work = task.search_work(_FOR_LAYERS if task.prefer == "layers" else 0.0)
     continued = [_continued(task, start, goal) for start in task.starts or ()]
     pool = size + _POOL if task.fair else size
-    found, course = search_four_bars(source, task.motion, task.limits, pool, goal, first_work)
+    found, report = search_four_bars(source, task.motion, task.limits, pool, goal, first_work)
 
-    def again(fair_limits: Limits) -> tuple[list[Solution], SearchCourse]:
+    def again(fair_limits: Limits) -> tuple[list[Solution], SearchReport]:
         return search_four_bars(source, task.motion, fair_limits, size, goal, first_work)
 
     if task.fair:
-        found, course = _with_fair(found, course, again, task.motion, task.fair, size, goal)
+        found, report = _with_fair(found, report, again, task.motion, task.fair, size, goal)
     if isinstance(source, SeedTables):
         found = [_drawn_near(solution, task.motion, task.limits) for solution in found]
     studies = task.studies
     if found and task.prefer == "layers":
         smallest = max(found[0].errors.objective, goal)
-        ranks, studies, course = arranged(found, task, smallest, work, course)
+        ranks, studies, report = arranged(found, task, smallest, work, report)
         found.sort(key=lambda solution: (id(solution) not in ranks, ranks.get(id(solution), UNRANKED)))
         found = found if task.diverse else found[: task.top]
     elif found and not task.by_error:
         found = _preferred(found, task, goal, search, work)[:size]
-        course = course.ended_by(work.expired())
+        report = report.ended_by(work.expired())
     if task.diverse:
         found = spread(found, task.top, DIVERSE_LOSS, goal)
     if continued:
         found, continued = _with_continued(found, continued, size, task.by_error)
-        course = course._replace(continued=continued)
-    return found, course, studies
+    return Candidates(found, report, studies, task.work.elapsed, continued)
 
 
 def _preferred(found: Sequence[Solution], task: Task, goal: float, search: Search, work: Work) -> list[Solution]:
@@ -186,31 +186,31 @@ def _continued(task: Task, start: Start, goal: float) -> Solution | None:
     return found[0] if found else None
 
 
-def _nearest_optima(task: Task, search: CandidateSearch) -> tuple[Sequence[Found], SearchCourse, Studies]:
+def _nearest_optima(task: Task, search: CandidateSearch) -> Candidates:
     """Refine the linkages of `start_from`, without a search; each keeps fair proportions if it has them."""
     work = task.search_work()
-    results, course = _refine_all(task, task.motion, task.limits, task.tolerance, work, task.fair)
+    results, report = _refine_all(task, task.motion, task.limits, task.tolerance, work, task.fair)
     found, continued = _with_continued([], results, search.pool_size, by_error=True)
-    return found, course._replace(continued=continued), task.studies
+    return Candidates(found, report, task.studies, task.work.elapsed, continued)
 
 
 def _refine_all(
     task: Task, motion: Motion, limits: Limits, goal: float, work: Work, fair: Fair | None = None
-) -> tuple[list[Solution | None], SearchCourse]:
+) -> tuple[list[Solution | None], SearchReport]:
     """Refine the linkages of `start_from` one after the other; return their results, and how it went."""
     results: list[Solution | None] = []
-    courses: list[SearchCourse] = []
+    reports: list[SearchReport] = []
     for start in task.starts or ():
-        found, course = refine_start(start, motion, limits, goal, work)
+        found, report = refine_start(start, motion, limits, goal, work)
         if fair and proportion(start.linkage, motion.samples) <= fair.longest:
 
-            def again(fair_limits: Limits, start: Start = start) -> tuple[list[Solution], SearchCourse]:
+            def again(fair_limits: Limits, start: Start = start) -> tuple[list[Solution], SearchReport]:
                 return refine_start(start, motion, fair_limits, goal, work)
 
-            found, course = _with_fair(found, course, again, motion, fair, 1, goal)
+            found, report = _with_fair(found, report, again, motion, fair, 1, goal)
         results.append(found[0] if found else None)
-        courses.append(course)
-    return results, SearchCourse.joined(courses)
+        reports.append(report)
+    return results, SearchReport.joined(reports)
 
 
 def _with_continued(
@@ -238,11 +238,11 @@ def _with_continued(
     return [solution for solution in merged if all(solution is not other for other in dropped)], held
 
 
-def _best_of_kinds(task: Task, search: CandidateSearch) -> tuple[Sequence[Found], SearchCourse, Studies]:
+def _best_of_kinds(task: Task, search: CandidateSearch) -> Candidates:
     """Find the best linkages of several kinds, or of other kinds than four-bars."""
     motion, limits, prefer, tolerance, top = task.motion, task.limits, task.prefer, task.tolerance, task.top
     studies, work, layered = task.studies, task.search_work(), task.prefer == "layers"
-    found, course = search(motion, limits, tolerance, task.search_work(_FOR_LAYERS if layered else 0.0))
+    found, report = search(motion, limits, tolerance, task.search_work(_FOR_LAYERS if layered else 0.0))
     if task.fair and found:
         longest = task.fair.longest
         best = smaller_first(found, motion.samples)[0]
@@ -252,17 +252,17 @@ def _best_of_kinds(task: Task, search: CandidateSearch) -> tuple[Sequence[Found]
     size = max(_LAYERED * top, _MIN_LAYERED) if layered else top
     chosen = front(found, motion, limits, prefer, tolerance, size)
     if not chosen:
-        return chosen, course, studies
+        return Candidates(chosen, report, studies, task.work.elapsed)
     smallest = min(solution.errors.objective for solution in chosen)
     if layered:
-        ranks, studies, course = arranged(chosen, task, max(tolerance, smallest), work, course)
+        ranks, studies, report = arranged(chosen, task, max(tolerance, smallest), work, report)
         chosen = front(chosen, motion, limits, prefer, tolerance, top, ranks)
     elif not task.by_error:
         goal = tolerance_goal(motion, tolerance)
         found += improved(chosen, smallest, task, goal, search, work)
         chosen = front(found, motion, limits, prefer, tolerance, top)
-        course = course.ended_by(work.expired())
-    return chosen, course, studies
+        report = report.ended_by(work.expired())
+    return Candidates(chosen, report, studies, task.work.elapsed)
 
 
 # -- four-bars --------------------------------------------------------------------------------------------------------
@@ -276,7 +276,7 @@ def search_four_bars(
     tolerance: float,
     work: Work,
     rounds: int | None = None,
-) -> tuple[list[Solution], SearchCourse]:
+) -> tuple[list[Solution], SearchReport]:
     """Find the best four-bars: in an atlas, or by the search with free or given crank angles."""
     if isinstance(source, Scan):
         return _search_atlas(source, motion, limits, max_results, tolerance, work)
@@ -286,12 +286,12 @@ def search_four_bars(
     else:
         found, report = search(source, samples, limits, max_results, tolerance, work)
         found = smaller_first(found, samples)
-    return found, SearchCourse.of(report, work)
+    return found, report
 
 
 def refine_start(
     start: Start, motion: Motion, limits: Limits, tolerance: float, work: Work
-) -> tuple[list[Solution], SearchCourse]:
+) -> tuple[list[Solution], SearchReport]:
     """Refine a given four-bar to its nearest optimum; there is none if no descent leads within the limits."""
     samples = motion.samples
     with pointing_to_start(start.field):
@@ -299,21 +299,19 @@ def refine_start(
             found, report = refine_poses(samples, limits, start.linkage, start.crank, tolerance, work)
         else:
             found, report = refine_motion(samples, limits, start.linkage, tolerance, work)
-    return found, SearchCourse.of(report, work)
+    return found, report
 
 
 def _search_atlas(
     scan: Scan, motion: Motion, limits: Limits, max_results: int, tolerance: float, work: Work
-) -> tuple[list[Solution], SearchCourse]:
+) -> tuple[list[Solution], SearchReport]:
     """Find the best rows of an atlas."""
     found, scanned = best_rows(scan, motion.target, limits, max_results, work, tolerance)
     seconds = work.elapsed
     trace = [(seconds, found[0].errors.objective)] if found else []
-    reached = Status.of(found, tolerance) is Status.REACHED
-    stopped_by = "tolerance" if reached else ("converged" if scanned.exhaustive else "budget")
-    return found, SearchCourse(
-        {"screen": seconds}, trace, stopped_by, windows=scanned.windows, exhaustive=scanned.exhaustive
-    )
+    ended = StoppedBy.CONVERGED if scanned.exhaustive else StoppedBy.BUDGET
+    reason = StoppedBy.TOLERANCE if Status.of(found, tolerance) is Status.REACHED else ended
+    return found, SearchReport(reason, trace, seconds, windows=scanned.windows, exhaustive=scanned.exhaustive)
 
 
 def _drawn_near(solution: Solution, motion: Motion, limits: Limits) -> Solution:
@@ -344,17 +342,17 @@ def _drawn_near(solution: Solution, motion: Motion, limits: Limits) -> Solution:
 
 def _with_fair(
     found: list[Solution],
-    course: SearchCourse,
-    search_again: Callable[[Limits], tuple[list[Solution], SearchCourse]],
+    report: SearchReport,
+    search_again: Callable[[Limits], tuple[list[Solution], SearchReport]],
     motion: Motion,
     fair: Fair,
     top: int,
     tolerance: float,
-) -> tuple[list[Solution], SearchCourse]:
+) -> tuple[list[Solution], SearchReport]:
     """Order linkages as `proportionate` does; if the best is out of all proportion, search again for linkages of fair size."""
     if not found:
-        return found, course
-    samples, exact, second = motion.samples, exact_below(motion.samples, tolerance), course
+        return found, report
+    samples, exact, second = motion.samples, exact_below(motion.samples, tolerance), report
 
     def smallest_fair() -> float:
         errors = [solution.errors.objective for solution in found if proportion_of(solution, samples) <= fair.longest]
@@ -369,11 +367,11 @@ def _with_fair(
     error, times, smallest, note = best.errors.objective, proportion_of(best, samples), smallest_fair(), ""
     if ranked[0] is not best:
         note = OUT_OF_PROPORTION.format(error=error, times=times, fair=fair.longest)
-        course = course._replace(unseen=second.unseen, stopped_by=second.stopped_by)
+        report = report._replace(unseen=second.unseen, stopped_by=second.stopped_by)
     elif times > PROPORTION and smallest >= tolerance:
         note = FIRST_OUT_OF_PROPORTION.format(which="exact" if error < exact else "best", times=times)
         note += FAIR_FOUND.format(smallest) if smallest < np.inf else NO_FAIR_FOUND
     chosen = distinct(ranked, top, APART, lambda _: 0, tolerance)
     if top > 1 and all(solution is not best for solution in chosen):  # dropped, since it resembles one before it
         chosen[1:] = [best, *chosen[1:]][: top - 1]
-    return chosen, course._replace(notes=[*course.notes, note] if note else course.notes)
+    return chosen, report._replace(notes=[*report.notes, note] if note else report.notes)

@@ -51,7 +51,7 @@ def finish_candidates(task: Task, candidates: Candidates) -> list[AnySolution]:
 
 def rank_solutions(task: Task, candidates: Candidates, solutions: list[AnySolution]) -> RankedSolutions:
     """Rank solutions, those with rounded lengths by the error that remains, and name their status."""
-    uncertain = candidates.course.time_up or task.local
+    uncertain = candidates.report.time_up or task.local
     status = status_of(solutions, task.tolerance, task.motion.tolerances is not None, uncertain)
     if not task.rounds:
         return RankedSolutions(status, solutions, len(candidates.found), 0)

@@ -53,7 +53,8 @@ from synthesis.function.wanted import Wanted
 from synthesis.guided.passage import verdict as passing_of
 from synthesis.local_refinement import refine_function
 from synthesis.ranking import APART, PROPORTION, Status, distinct
-from synthesis.search.search import DEFAULT_TOLERANCE, SearchReport, stopped_by
+from synthesis.search.report import SearchReport, stopped_by
+from synthesis.search.search import DEFAULT_TOLERANCE
 from synthesis.sheet import csv_text
 from synthesis.target import MAX_LENGTH, MAX_SAMPLES, MIN_SAMPLES, Interval, Target, make_target
 from synthesis.work import Work

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from synthesis.guided.by_crank import linkages_by_crank
 from synthesis.guided.linkage import Driver, GuidedLinkage
 from synthesis.guided.search import NOTHING_ROUND, search_guided
 from synthesis.guided.solution import broken_limits
-from synthesis.search.search import SearchReport, StoppedBy
+from synthesis.search.report import SearchReport, StoppedBy, fallen, smallest
 from synthesis.target import Target
 from synthesis.work import Work
 
@@ -41,52 +40,8 @@ _OTHER_ROTATION = 1e-2
 """Smallest difference of two such rotation curves, in radians."""
 
 Found = fourbar.Solution | guided.GuidedSolution
-FourBarSearch = Callable[[Limits, Work, int | None], tuple[list[fourbar.Solution], "SearchCourse"]]
+FourBarSearch = Callable[[Limits, Work, int | None], tuple[list[fourbar.Solution], SearchReport]]
 """The search among four-bars within limits, with a maximum number of rounds."""
-
-
-class SearchCourse(NamedTuple):
-    """How a search went, for any kind of mechanism."""
-
-    stages: dict[str, float]
-    """Seconds of each stage."""
-    trace: list[tuple[float, float]]
-    """Seconds and best objective after each round."""
-    stopped_by: str
-    seeds: int | None = None
-    windows: int | None = None
-    exhaustive: bool | None = None
-    unseen: float | None = None
-    notes: Sequence[str] = ()
-    continued: Sequence[fourbar.Solution | None] = ()
-    """The result of each linkage of `start_from`."""
-
-    @classmethod
-    def of(cls, report: SearchReport, work: Work) -> SearchCourse:
-        """Return the course of a search among four-bars that has just ended."""
-        stages = {"screen": report.screen_seconds, "refine": work.elapsed - report.screen_seconds}
-        return cls(stages, report.trace, report.stopped_by.value, report.seeds, unseen=report.unseen)
-
-    @classmethod
-    def joined(cls, courses: Sequence[SearchCourse]) -> SearchCourse:
-        """Return the course of several refinements, one after the other."""
-        trace: list[tuple[float, float]] = []
-        for course in courses:
-            best = _smallest(trace)
-            trace += [entry for entry in course.trace if entry[1] < best]
-        stages = courses[-1].stages
-        notes = list(dict.fromkeys(note for course in courses for note in course.notes))
-        stopped_by = _stopped_by({course.stopped_by for course in courses})
-        return cls(stages, trace, stopped_by, sum(course.seeds or 0 for course in courses), notes=notes)
-
-    def ended_by(self, time_up: bool) -> SearchCourse:
-        """Return the course with its budget as the reason to stop, if the time was up."""
-        return self._replace(stopped_by=StoppedBy.BUDGET.value) if time_up else self
-
-    @property
-    def time_up(self) -> bool:
-        """True if the budget ended the search."""
-        return self.stopped_by == StoppedBy.BUDGET.value
 
 
 @dataclass
@@ -99,21 +54,20 @@ class _Progress:
     """For each search its smallest objective, and the chance that it missed a better linkage."""
     seeds: int = 0
     notes: list[str] = field(default_factory=list)
-    stopped: set[str] = field(default_factory=set)
+    stopped: set[StoppedBy] = field(default_factory=set)
 
     def add(self, found: Sequence[Found], trace: Sequence[tuple[float, float]]) -> None:
         """Add linkages of another search; its trace counts from the point at which it improves on the previous ones."""
-        best = _smallest(self.trace)
         self.found = [*self.found, *found]
-        self.trace = self.trace + [entry for entry in trace if entry[1] < best]
+        self.trace = fallen(self.trace, trace)
 
-    def course(self, between: float, total: float, tolerance: float) -> SearchCourse:
-        """Return the course of all searches; ``between``: seconds at the end of the searches with given crank angles."""
-        stopped_by = _stopped_by(self.stopped)
-        stages = {"screen": between, "refine": total - between}
+    def report(self, screen_seconds: float, tolerance: float) -> SearchReport:
+        """Return the report of all searches."""
         best, unseen = min(self.unseen, key=lambda pair: pair[0], default=(np.inf, None))
         unseen = None if best <= tolerance else unseen
-        return SearchCourse(stages, self.trace, stopped_by, self.seeds, unseen=unseen, notes=self.notes)
+        return SearchReport(
+            StoppedBy.worst(self.stopped), self.trace, screen_seconds, self.seeds, unseen=unseen, notes=self.notes
+        )
 
 
 def search_kinds(
@@ -124,7 +78,7 @@ def search_kinds(
     search_four_bars: FourBarSearch,
     work: Work,
     rounds: int | None = None,
-) -> tuple[list[Found], SearchCourse]:
+) -> tuple[list[Found], SearchReport]:
     """Find linkages of several kinds within the limits, in no particular order.
 
     ``rounds``: maximum number of rounds of each search for linkages with sliders.
@@ -157,7 +111,7 @@ def search_kinds(
         made = {found.linkage.kind for found in progress.found if isinstance(found, guided.GuidedSolution)}
         if missing := [kind.value.replace("_", " ") for kind in kinds.sliders if kind not in made]:
             progress.notes.append(OUTSIDE_BOX.format(", ".join(missing)))
-    return progress.found, progress.course(between, work.elapsed, tolerance)
+    return progress.found, progress.report(between, tolerance)
 
 
 def _search_four_bars(
@@ -178,21 +132,21 @@ def _search_four_bars(
     whole, part = work
     begun = [search(limits, whole if kinds.four_bars else part, _FIRST_ROUNDS)] if by_path else []
     first = [lead for leads, _ in begun for lead in leads[:1]]
-    cut_off = any(course.time_up for _, course in begun)
+    cut_off = any(report.time_up for _, report in begun)
     searches = begun if cut_off else [search(limits, part, rounds), *begun]
-    leads, course = searches[0]
+    leads, report = searches[0]
     if kinds.four_bars:
-        for found, its_course in reversed(searches):
-            progress.add(found, its_course.trace)
-        progress.unseen.append((_smallest(progress.trace), course.unseen))
-    progress.seeds += course.seeds or 0
-    progress.stopped.add(course.stopped_by)
-    progress.notes += course.notes
+        for found, its_report in reversed(searches):
+            progress.add(found, its_report.trace)
+        progress.unseen.append((smallest(progress.trace), report.unseen))
+    progress.seeds += report.seeds
+    progress.stopped.add(report.stopped_by)
+    progress.notes += report.notes
     if by_path and is_closed(motion.samples) and kinds.only_a_hinge_turns:
         # a hinge turns the body fully, as a double-crank does
         first, (leads, _) = [], search(replace(limits, family="double_crank"), part, rounds)
     if first:
-        leads = first + ([] if course.time_up else leads)
+        leads = first + ([] if report.time_up else leads)
     return leads
 
 
@@ -209,7 +163,7 @@ def _search_by_crank(
         progress.add(inside, [(work.elapsed, best)] if inside else [])
         progress.unseen.append((best, None))
         progress.seeds += report.seeds
-        progress.stopped.add(report.stopped_by.value)
+        progress.stopped.add(report.stopped_by)
     return beginnings
 
 
@@ -232,22 +186,12 @@ def _search_sliders(
             poses, limits, kinds.sliders, driver, tolerance, work, drive, turned, rounds, beginnings
         )
         progress.add(found, report.trace)
-        progress.unseen.append((_smallest(report.trace), report.unseen if turned is None else None))
+        progress.unseen.append((smallest(report.trace), report.unseen if turned is None else None))
         progress.seeds += report.seeds
         progress.notes += [note for note in report.notes if note not in progress.notes]
-        progress.stopped.add(report.stopped_by.value)
+        progress.stopped.add(report.stopped_by)
         if work.expired():
             break
-
-
-def _stopped_by(reasons: Collection[str]) -> str:
-    """Return the reason of the search that ended worst."""
-    order = (StoppedBy.BUDGET, StoppedBy.CONVERGED, StoppedBy.TOLERANCE)
-    return next(reason.value for reason in order if reason.value in reasons)
-
-
-def _smallest(trace: Sequence[tuple[float, float]]) -> float:
-    return min((error for _, error in trace), default=np.inf)
 
 
 def _rotations(leads: Sequence[fourbar.Solution], poses: Poses) -> list[Floats]:

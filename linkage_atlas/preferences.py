@@ -9,7 +9,7 @@ from typing import NamedTuple, Protocol, TypeVar
 import numpy as np
 
 from linkage_atlas.assemblies import AskedAssembly, Assembly, assembled, read_assembly
-from linkage_atlas.mechanism_search import Found, SearchCourse
+from linkage_atlas.mechanism_search import Found
 from linkage_atlas.motions import Motion
 from linkage_atlas.pareto import UNRANKED, LayerRank, measures_of, near_enough, span_of, strays_between, target_of
 from linkage_atlas.studies import Studies
@@ -17,6 +17,7 @@ from linkage_atlas.task import Prefer, Task
 from synthesis.errors import FieldError
 from synthesis.fourbar.limits import Limits, Reach
 from synthesis.free.poses import Poses
+from synthesis.search.report import SearchReport
 from synthesis.target import MIN_SPAN
 from synthesis.work import OutOfTime, Work
 
@@ -44,7 +45,7 @@ class Search(Protocol):
         work: Work,
         rounds: int | None = None,
         max_results: int | None = None,
-    ) -> tuple[list[Found], SearchCourse]:
+    ) -> tuple[list[Found], SearchReport]:
         """Return linkages and how the search went; it may end once the objective is below ``goal``."""
         ...
 
@@ -156,8 +157,8 @@ def measure_of(prefer: Prefer, motion: Motion, limits: Limits) -> Measure:
 
 
 def arranged(
-    found: Sequence[Found], task: Task, smallest: float, work: Work, course: SearchCourse
-) -> tuple[dict[int, LayerRank], Studies, SearchCourse]:
+    found: Sequence[Found], task: Task, smallest: float, work: Work, report: SearchReport
+) -> tuple[dict[int, LayerRank], Studies, SearchReport]:
     """Rank the layers of linkages with a small error.
 
     Returns
@@ -166,7 +167,7 @@ def arranged(
         By id of the solution.
     studies : Studies
         With the assemblies that were made.
-    course : SearchCourse
+    report : SearchReport
         With a note if the time was up.
     """
     motion, limits, studies = task.motion, task.limits, task.studies
@@ -175,8 +176,8 @@ def arranged(
     within = assembly.within(limits.envelope, limits.keep_out)
     ranks, made, remaining = layers_of(found, motion, smallest, within, work)
     notes = [UNARRANGED.format(remaining, len(ranks))] if remaining else []
-    course = course.ended_by(bool(notes))._replace(notes=[*course.notes, *notes])
-    return ranks, studies._replace(assembly=assembly, arranged=made), course
+    report = report.ended_by(bool(notes))._replace(notes=[*report.notes, *notes])
+    return ranks, studies._replace(assembly=assembly, arranged=made), report
 
 
 def layers_of(

@@ -11,7 +11,7 @@ from linkage_atlas.answers import AnySolution, Report, Solution, cognate_notes, 
 from linkage_atlas.candidates import Candidates
 from linkage_atlas.finishing import RankedSolutions
 from linkage_atlas.limits import QUICK, QUICK_ROUNDS, thinned, what_excludes
-from linkage_atlas.mechanism_search import Found, SearchCourse
+from linkage_atlas.mechanism_search import Found
 from linkage_atlas.motions import Motion
 from linkage_atlas.notes import counted, in_percent, limit_label, listed, sentences
 from linkage_atlas.preferences import Search
@@ -23,6 +23,7 @@ from synthesis.free.few_poses import is_few
 from synthesis.free.poses import Poses
 from synthesis.guided.search import NOTHING_ROUND
 from synthesis.ranking import NEAR
+from synthesis.search.report import SearchReport
 from synthesis.target import TURN
 from synthesis.work import Work
 
@@ -75,7 +76,7 @@ def notes_of(task: Task, search: Search, candidates: Candidates, ranked: RankedS
     notes = [*motion.notes(), *_envelope_notes(motion, task.limits)]
     if task.local:
         notes.append(LOCAL)
-    notes += candidates.course.notes
+    notes += candidates.report.notes
     if ranked.same_lengths:
         notes.append(SAME_LENGTHS.format(len(solutions), len(solutions) + ranked.same_lengths))
     notes += _determination_notes(task, solutions)
@@ -95,19 +96,23 @@ def notes_of(task: Task, search: Search, candidates: Candidates, ranked: RankedS
 
 def report_of(task: Task, candidates: Candidates, ranked: RankedSolutions, notes: list[str]) -> Report:
     """Return the report of a result."""
-    course, samples, now = candidates.course, task.motion.samples, task.work.elapsed
-    seconds = course.stages | {"report": now - candidates.seconds, "total": now}
+    report, samples, total = candidates.report, task.motion.samples, task.work.elapsed
+    refined = not isinstance(task.source, Scan)
+    seconds = {"screen": report.screen_seconds}
+    if refined:
+        seconds["refine"] = candidates.seconds - report.screen_seconds
+    seconds |= {"report": total - candidates.seconds, "total": total}
     return Report(
         elapsed_ms={name: 1000 * value for name, value in seconds.items()},
-        trace=[(1000 * value, objective) for value, objective in course.trace],
-        stopped_by=course.stopped_by,
+        trace=[(1000 * value, objective) for value, objective in report.trace],
+        stopped_by=report.stopped_by.value,
         length_scale=None if samples.position is None else samples.length_scale,
-        seeds=course.seeds,
-        windows=course.windows,
-        exhaustive=course.exhaustive,
+        seeds=report.seeds if refined else None,
+        windows=report.windows,
+        exhaustive=report.exhaustive,
         notes=notes,
-        continued=None if task.starts is None else _ranks_of(course.continued, ranked.solutions),
-        unseen=None if course.time_up else course.unseen,
+        continued=None if task.starts is None else _ranks_of(candidates.continued, ranked.solutions),
+        unseen=None if report.time_up else report.unseen,
     )
 
 
@@ -119,14 +124,14 @@ def _ranks_of(continued: Sequence[Found | None], solutions: Sequence[AnySolution
 
 def _empty_notes(task: Task, search: Search, candidates: Candidates, notes: Sequence[str]) -> list[str]:
     """Return why a result has no solutions: the time, the given linkage, or the limits."""
-    if candidates.course.time_up:
+    if candidates.report.time_up:
         return [CUT_SHORT]
     if task.local:
         return [NOWHERE]
     if task.limits.only_family or isinstance(task.source, Scan) or set(notes) & set(NOTHING_ROUND.values()):
         return []
 
-    def quick(eased: Limits, work: Work) -> tuple[list[Found], SearchCourse]:
+    def quick(eased: Limits, work: Work) -> tuple[list[Found], SearchReport]:
         return search(thinned(task.motion), eased, max(task.tolerance, QUICK), work, QUICK_ROUNDS, 1)
 
     return what_excludes(task.limits, task.motion, quick, task.work, task.named_limits)

@@ -45,7 +45,7 @@ from synthesis.function.wanted import Wanted
 from synthesis.mechanism import Bounded
 from synthesis.ranking import Answer, Status
 from synthesis.search.problems import GivenProblem, given, problem_of
-from synthesis.search.search import SearchReport, stopped_by
+from synthesis.search.report import SearchReport, stopped_by
 from synthesis.target import TURN, Target
 from synthesis.work import Work
 

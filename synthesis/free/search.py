@@ -42,7 +42,8 @@ from synthesis.free.screen import COARSE, FINE, PathScreen, way_along
 from synthesis.mechanism import Chart, Placed
 from synthesis.ranking import APART, Status, behind, distinct
 from synthesis.rounds import FEWER_ON, GAIN, Found, Plan, Rounds
-from synthesis.search.search import DEFAULT_TOLERANCE, Best, Hops, SearchReport, StoppedBy
+from synthesis.search.report import SearchReport, StoppedBy
+from synthesis.search.search import DEFAULT_TOLERANCE, Best, Hops
 from synthesis.search.seeds import Windows
 from synthesis.target import TURN, Interval, Target
 from synthesis.work import Work

@@ -42,7 +42,8 @@ from synthesis.least_squares import Evaluation, minimise
 from synthesis.mechanism import Placed
 from synthesis.pose import whole_turns
 from synthesis.ranking import APART, PROPORTION, Status, by_proportion, distinct
-from synthesis.search.search import SEARCH_SAMPLES, SearchReport, StoppedBy, search, stopped_by
+from synthesis.search.report import SearchReport, StoppedBy, stopped_by
+from synthesis.search.search import SEARCH_SAMPLES, search
 from synthesis.search.seeds import SeedTables
 from synthesis.target import TURN
 from synthesis.work import Work

@@ -47,7 +47,7 @@ from synthesis.guided.linkage import Circle, Driver, Guide, GuidedLinkage, Kind,
 from synthesis.one_variable import closer_looks
 from synthesis.pose import whole_turns
 from synthesis.ranking import APART, distinct
-from synthesis.search.search import SearchReport, stopped_by
+from synthesis.search.report import SearchReport, stopped_by
 from synthesis.target import TURN, Interval
 from synthesis.work import Work
 

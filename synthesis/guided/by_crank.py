@@ -23,7 +23,8 @@ from synthesis.guided.linkage import Circle, Driver, GuidedLinkage, Kind, Rail, 
 from synthesis.guided.solution import GuidedSolution, assess
 from synthesis.mechanism import Bounded, Constrained, Placed
 from synthesis.pose import fit_positions
-from synthesis.search.search import DEFAULT_TOLERANCE, SearchReport, search
+from synthesis.search.report import SearchReport
+from synthesis.search.search import DEFAULT_TOLERANCE, search
 from synthesis.search.seeds import SeedTables
 from synthesis.slider import FULL_CHARTS, RAIL, SliderTurning
 from synthesis.target import Target

@@ -55,7 +55,8 @@ from synthesis.guided.pairs import (
 from synthesis.guided.solution import GuidedSolution, assess, broken_limits
 from synthesis.kernels import distinct
 from synthesis.rounds import TIRED, elsewhere, unseen
-from synthesis.search.search import DEFAULT_TOLERANCE, StoppedBy
+from synthesis.search.report import SearchReport, StoppedBy
+from synthesis.search.search import DEFAULT_TOLERANCE
 from synthesis.target import TURN
 from synthesis.work import Work
 
@@ -141,19 +142,6 @@ NOTHING_ROUND = {
     for turns, why in ((False, _HINGE), (True, _SLIDER))
 }
 """Why there is none, by whether the body's rotations are those of a four-bar, and whether it turns round."""
-
-
-class SearchReport(NamedTuple):
-    """How a search went."""
-
-    stopped_by: StoppedBy
-    trace: list[tuple[float, float]]
-    """(seconds, least J) whenever it fell."""
-    seeds: int
-    notes: list[str]
-    """Where a guide is a rail or slot in place of a circle, and why."""
-    unseen: float | None = None
-    """The estimated chance that a linkage with less J was missed; None where one is exact, or the time was up."""
 
 
 class Drive(NamedTuple):
@@ -1068,7 +1056,7 @@ def search_guided(
         ways = [way for way in ways if _goes_round(way, round_once)]
     if not ways:
         notes = [] if round_once is None else [NOTHING_ROUND[turned is not None, round_once]]
-        return [], SearchReport(StoppedBy.CONVERGED, [], 0, notes)
+        return [], SearchReport(StoppedBy.CONVERGED, [], seeds=0, notes=notes)
     search = Search(poses, limits, ways, tolerance, work, given, turned, rounds, leads)
     ended = search.run()
     search.further()
@@ -1078,7 +1066,7 @@ def search_guided(
     stopped = StoppedBy.TOLERANCE if reached else StoppedBy.CONVERGED if ended else StoppedBy.BUDGET
     told = stopped is StoppedBy.CONVERGED and search.led and solutions
     missed = unseen(search.elsewhere, ODDS) if told else None
-    return solutions, SearchReport(stopped, search.trace, search.seeds, search.notes, missed)
+    return solutions, SearchReport(stopped, search.trace, seeds=search.seeds, unseen=missed, notes=search.notes)
 
 
 def _comes_round_turned(poses: Poses, turned: Floats | None) -> bool | None:

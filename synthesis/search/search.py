@@ -19,7 +19,6 @@ the random classes of the acceptance benchmark.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from enum import StrEnum
 from itertools import chain, islice
 from typing import Any, NamedTuple
 
@@ -31,6 +30,7 @@ from synthesis.mechanism import Bounded, Chart, Limits, Mechanism
 from synthesis.ranking import APART, Status, distinct
 from synthesis.rounds import Found, Rounds
 from synthesis.search.problems import GivenProblem, given, problem_of
+from synthesis.search.report import SearchReport, StoppedBy, stopped_by
 from synthesis.search.seeds import FINER, SeedTables, Windows, thinned
 from synthesis.target import TURN, Target
 from synthesis.work import Work
@@ -191,35 +191,6 @@ _BENT_BELOW = 1e-3
 _EDGE_STARTS, _EDGE_SAMPLES = 24, 12
 _FEW_STEPS = 6
 """That are worth while for alternatives to an exact answer."""
-
-
-class StoppedBy(StrEnum):
-    """Why a search ended."""
-
-    TOLERANCE = "tolerance"
-    CONVERGED = "converged"
-    BUDGET = "budget"
-
-
-def stopped_by(solutions: Sequence[Any], tolerance: float, work: Work) -> StoppedBy:
-    """Why a search ended that found these, best first."""
-    if Status.of(solutions, tolerance) is Status.REACHED:
-        return StoppedBy.TOLERANCE
-    return StoppedBy.BUDGET if work.expired() else StoppedBy.CONVERGED
-
-
-class SearchReport(NamedTuple):
-    """How a search went."""
-
-    stopped_by: StoppedBy
-    trace: list[tuple[float, float]]
-    """Seconds of its work, best objective within the limits."""
-    screen_seconds: float
-    seeds: int
-    settled: bool = True
-    """False where the best was still getting better when the steps that it is given were used up."""
-    unseen: float | None = None
-    """The estimated chance that a better valley was missed, of a search in rounds that found nothing exact."""
 
 
 class _Search:

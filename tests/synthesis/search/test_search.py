@@ -20,7 +20,8 @@ from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.ranking import SAME, Status, distinct
-from synthesis.search.search import DEFAULT_TOLERANCE, StoppedBy, search
+from synthesis.search.report import StoppedBy
+from synthesis.search.search import DEFAULT_TOLERANCE, search
 from synthesis.search.seeds import SeedTables
 from synthesis.target import Target, make_target
 from synthesis.work import Work
