@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, TypedDict, Unpack
+from typing import Any, Literal, Unpack
 
 from numpy.typing import ArrayLike
 
@@ -15,46 +15,17 @@ from linkage_atlas.finishing import finish_candidates, rank_solutions
 from linkage_atlas.linkages import DriverName, KindName
 from linkage_atlas.motions import Motion
 from linkage_atlas.result_notes import notes_of, report_of
-from linkage_atlas.task import Prefer, read_task
+from linkage_atlas.task import Effort, MotionAndStudies, Prefer, SearchOptions, read_task
 from linkage_atlas.warm_start import StartingLinkage
 from synthesis.search.search import DEFAULT_TOLERANCE
 from synthesis.work import Work
-
-
-class MotionAndStudies(TypedDict, total=False):
-    """Arguments of a `Motion` by name, and the studies of `Solution.studied`."""
-
-    rotation: ArrayLike | None
-    position: ArrayLike | None
-    crank_span: float | None
-    crank_angle: ArrayLike | None
-    timing: Literal["free"] | None
-    order: Literal["given", "any"]
-    closed: bool
-    crank_span_max: float | None
-    travel: ArrayLike | None
-    travel_span: float | None
-    weights: Mapping[str, ArrayLike] | None
-    tolerances: Mapping[str, ArrayLike] | None
-    length_scale: float | None
-    degrees: bool
-    round_to: float | None
-    lengths_from: ArrayLike | None
-    sensitivity: bool
-    analysis: Mapping[str, Any] | None
-    tolerance_study: Mapping[str, Any] | None
-    load: Mapping[str, Any] | None
-    drives: Sequence[Mapping[str, Any]] | None
-    springs: Sequence[Mapping[str, Any]] | None
-    drive: Mapping[str, Any] | None
-    assembly: Mapping[str, Any] | bool | None
 
 
 def synthesize(
     *motion: Motion | Mapping[str, Any] | ArrayLike | None,
     limits: Mapping[str, Any] | None = None,
     top: int = 10,
-    effort: Literal["refine", "atlas"] = "refine",
+    effort: Effort = "refine",
     prefer: Prefer | None = None,
     diverse: bool = False,
     tolerance: float = DEFAULT_TOLERANCE,
@@ -119,6 +90,8 @@ def synthesize(
     ------
     FieldError
         If an argument is wrong; the error names it.
+    TypeError
+        If there is no argument of this name; the error lists similar names.
 
     Examples
     --------
@@ -129,10 +102,7 @@ def synthesize(
     >>> la.synthesize(rotation, crank_span=70, top=1).status
     'reached'
     """
-    task = read_task(
-        motion,
-        more,
-        limits=limits,
+    options = SearchOptions(
         top=top,
         effort=effort,
         prefer=prefer,
@@ -142,10 +112,10 @@ def synthesize(
         start_from=start_from,
         local=local,
         atlas=atlas,
-        work=work,
         mechanisms=mechanisms,
         driver=driver,
     )
+    task = read_task(motion, limits, options, more, work)
     search = CandidateSearch(task)
     candidates = find_candidates(task, search)
     solutions = finish_candidates(task, candidates)

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple, TypedDict, get_args
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from linkage_atlas.answers import FINISHING
 from linkage_atlas.arguments import check_above_zero, check_top, number
 from linkage_atlas.atlases import Atlas, as_atlas, default_atlas
 from linkage_atlas.drive_design.design import check_request
 from linkage_atlas.limits import read_limits
+from linkage_atlas.linkages import DriverName, KindName
 from linkage_atlas.mechanism_types import Kinds, check_no_slider_limits, check_only_four_bars, read_kinds
 from linkage_atlas.motions import Motion
 from linkage_atlas.studies import STUDIES, Studies, check_lengths, check_rows, read_studies
@@ -31,6 +34,53 @@ from synthesis.work import Work
 
 Prefer = Literal["error", "size", "transmission", "crank_span", "layers"]
 PREFER = get_args(Prefer)
+Effort = Literal["refine", "atlas"]
+
+
+class MotionAndStudies(TypedDict, total=False):
+    """Arguments of a `Motion` by name, and the studies of `Solution.studied`."""
+
+    rotation: ArrayLike | None
+    position: ArrayLike | None
+    crank_span: float | None
+    crank_angle: ArrayLike | None
+    timing: Literal["free"] | None
+    order: Literal["given", "any"]
+    closed: bool
+    crank_span_max: float | None
+    travel: ArrayLike | None
+    travel_span: float | None
+    weights: Mapping[str, ArrayLike] | None
+    tolerances: Mapping[str, ArrayLike] | None
+    length_scale: float | None
+    degrees: bool
+    round_to: float | None
+    lengths_from: ArrayLike | None
+    sensitivity: bool
+    analysis: Mapping[str, Any] | None
+    tolerance_study: Mapping[str, Any] | None
+    load: Mapping[str, Any] | None
+    drives: Sequence[Mapping[str, Any]] | None
+    springs: Sequence[Mapping[str, Any]] | None
+    drive: Mapping[str, Any] | None
+    assembly: Mapping[str, Any] | bool | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchOptions:
+    """Options of `synthesize`; each is described there."""
+
+    top: int
+    effort: Effort
+    prefer: Prefer | None
+    diverse: bool
+    tolerance: float
+    budget: float | None
+    start_from: Sequence[StartingLinkage] | None
+    local: bool
+    atlas: Atlas | str | Path | None
+    mechanisms: Sequence[KindName] | Literal["all"] | None
+    driver: DriverName | None
 
 
 @cache
@@ -59,7 +109,7 @@ class Fair(NamedTuple):
     """Largest length of a part, in extents of the motion or in shortest links."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Task:
     """A checked request in model units."""
 
@@ -101,21 +151,10 @@ class Task:
 
 def read_task(
     motion: Sequence[Any],
-    more: Mapping[str, Any],
-    *,
     limits: Mapping[str, Any] | None,
-    top: int,
-    effort: str,
-    prefer: str | None,
-    diverse: bool,
-    tolerance: float,
-    budget: float | None,
-    start_from: Sequence[StartingLinkage] | None,
-    local: bool,
-    atlas: Atlas | str | Path | None,
+    options: SearchOptions,
+    more: MotionAndStudies,
     work: Callable[[float | None], Work],
-    mechanisms: Any,
-    driver: Any,
 ) -> Task:
     """Check the arguments of `synthesize`.
 
@@ -123,68 +162,78 @@ def read_task(
     ------
     FieldError
         If an argument is wrong; the error names it.
+    TypeError
+        If there is no argument of this name.
     """
-    _check_effort(effort, start_from)
-    local = check_local(local, start_from)
-    check_top(top)
-    check_above_zero(budget=budget)
-    tolerance = number("tolerance", tolerance, 0.0)
-    asked_motion, limits, studies = _read_motion(motion, limits, more)
-    if effort == "atlas" and asked_motion.free:
+    _check_options(options)
+    tolerance, local = number("tolerance", options.tolerance, 0.0), check_local(options.local, options.start_from)
+    asked_motion, limits, study_arguments = _read_motion(motion, limits, more)
+    if options.effort == "atlas" and asked_motion.free:
         raise FieldError("/effort", "the atlas holds curves over crank angles: with free ones only 'refine' answers")
-    kinds = read_kinds(mechanisms, driver, asked_motion)
+    kinds = read_kinds(options.mechanisms, options.driver, asked_motion)
     if not kinds.only_four_bars:
-        check_only_four_bars(effort, start_from)
-    # made once by the first request that needs them, before its time begins
-    atlas = None if atlas is None else as_atlas(atlas)
-    source: SeedTables | Scan
-    if effort == "refine":
-        source = seed_tables()
-    else:
-        atlas = atlas or default_atlas()
-        source = atlas.scan
-    watch = work(budget)
-    checked_limits, checked_studies = read_limits(limits, asked_motion), read_studies(studies, asked_motion)
-    starts = starts_for(read_starts(start_from, asked_motion.degrees), asked_motion)
-    if checked_studies.drives is not None:
-        check_request(checked_studies.drives, asked_motion.radian)
-    if checked_studies.analysis is not None:
-        check_rows(top, None if asked_motion.free else asked_motion.target.interval)
-    task = Task(
-        asked_motion,
-        checked_limits,
-        limits or {},
-        kinds,
-        source,
-        starts,
-        local,
-        _preference(prefer, asked_motion, isinstance(source, SeedTables) and not local),
-        tolerance,
-        top,
-        diverse and kinds.only_four_bars,
-        checked_studies,
-        _fair_within(limits or {}, asked_motion, checked_limits, source),
-        atlas,
-        watch,
-    )
+        check_only_four_bars(options.effort, options.start_from)
+    source, atlas = _source(options)
+    watch = work(options.budget)  # the tables are made before the time of a request begins
+    checked_limits, studies = read_limits(limits, asked_motion), read_studies(study_arguments, asked_motion)
+    starts = starts_for(read_starts(options.start_from, asked_motion.degrees), asked_motion)
+    if studies.drives is not None:
+        check_request(studies.drives, asked_motion.radian)
+    if studies.analysis is not None:
+        check_rows(options.top, None if asked_motion.free else asked_motion.target.interval)
+    prefer = _preference(options.prefer, asked_motion, isinstance(source, SeedTables) and not local)
+    fair = _fair_within(limits or {}, asked_motion, checked_limits, source)
     if kinds.only_four_bars:
         check_no_slider_limits(checked_limits)
-        check_lengths(checked_studies, checked_limits)
-    return task
+        check_lengths(studies, checked_limits)
+    return Task(
+        motion=asked_motion,
+        limits=checked_limits,
+        named_limits=limits or {},
+        kinds=kinds,
+        source=source,
+        atlas=atlas,
+        starts=starts,
+        local=local,
+        prefer=prefer,
+        tolerance=tolerance,
+        top=options.top,
+        diverse=options.diverse and kinds.only_four_bars,
+        studies=studies,
+        fair=fair,
+        work=watch,
+    )
 
 
-def _check_effort(effort: str, start_from: object) -> None:
-    if effort not in ("refine", "atlas"):
-        raise FieldError("/effort", f"wanted 'refine' or 'atlas', found {effort!r}")
-    if effort == "atlas" and start_from is not None:
+def _check_options(options: SearchOptions) -> None:
+    if options.effort not in get_args(Effort):
+        raise FieldError("/effort", f"wanted 'refine' or 'atlas', found {options.effort!r}")
+    if options.effort == "atlas" and options.start_from is not None:
         raise FieldError("/start_from", "a search begins with these linkages, and with effort 'atlas' there is none")
+    check_top(options.top)
+    check_above_zero(budget=options.budget)
+
+
+def _source(options: SearchOptions) -> tuple[SeedTables | Scan, Atlas | None]:
+    """Return the origin of four-bars, and the atlas of the request."""
+    atlas = None if options.atlas is None else as_atlas(options.atlas)
+    if options.effort == "refine":
+        return seed_tables(), atlas
+    atlas = atlas or default_atlas()
+    return atlas.scan, atlas
 
 
 def _read_motion(
-    motion: Sequence[Any], limits: Mapping[str, Any] | None, more: Mapping[str, Any]
+    motion: Sequence[Any], limits: Mapping[str, Any] | None, more: MotionAndStudies
 ) -> tuple[Motion, Mapping[str, Any] | None, dict[str, Any]]:
     """Return the motion, the limits, and the arguments of studies."""
-    named = dict(more)
+    named: dict[str, Any] = dict(more)
+    known = [*SearchOptions.__dataclass_fields__, "limits", "work", *MotionAndStudies.__annotations__]
+    for name in named:
+        if name not in known:
+            near = get_close_matches(name, known)
+            names = f"near: {', '.join(near)}" if near else f"there are {', '.join(sorted(known))}"
+            raise TypeError(f"synthesize() has no argument {name!r}; {names}")
     studies = {name: named.pop(name) for name in STUDIES if name in named}
     if not (motion and isinstance(motion[0], Motion)):
         return Motion(*motion, **named), limits, studies

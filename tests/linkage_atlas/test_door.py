@@ -403,6 +403,8 @@ def test_a_motion_with_limits_is_asked_as_arrays_are() -> None:
         la.Limits(link_mx=200)
     with pytest.raises(TypeError, match="crank_span"):
         la.synthesize(motion, crank_span=70)
+    with pytest.raises(TypeError, match=r"synthesize\(\) has no argument 'tolerence'; near: tolerance"):
+        la.synthesize(**EXAMPLE, tolerence={"rotation": 0.1})
 
 
 def test_a_table_is_a_motion(tmp_path) -> None:
