@@ -4,18 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.target import MAX_LENGTH
 
 MILLIMETRES = {"um": 0.001, "mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4, "ft": 304.8}
 """Units of length and their millimetres."""
 LARGEST = 1e12
-"""Of speeds, forces, torques and masses, in the user's units."""
+"""Largest speed, force, torque or mass, in the user's units."""
+Fields: TypeAlias = Mapping[str, Any]
+"""Fields of a request by name, with values as JSON has them: numbers, words, lists and mappings."""
+
+
+W = TypeVar("W", bound=str)
 
 
 @contextmanager
@@ -32,27 +38,29 @@ def radians_in(degrees: bool) -> float:
     return np.pi / 180 if degrees else 1.0
 
 
-def millimetres_in(unit: Any, where: str = "") -> float:
+def millimetres_in(unit: object, where: str = "") -> float:
     """Millimetres in one unit of length; ``where``: what stands before its field in the name that an error has."""
     return MILLIMETRES[one_of(f"{where}length_unit", unit, MILLIMETRES)]
 
 
-def read_length_unit(unit: Any) -> str | None:
+def read_length_unit(unit: object) -> str | None:
     """Return a unit of length after a check; None if there is none."""
     return None if unit is None else str(one_of("length_unit", unit, MILLIMETRES))
 
 
-def one_of(field: str, value: Any, known: Iterable[str]) -> Any:
-    """A value that is one of those known, or a FieldError that names the argument."""
-    if value not in (known := tuple(known)):
-        raise FieldError(f"/{field}", f"wanted one of {', '.join(known)}, found {value!r}")
-    return value
+def one_of(field: str, value: object, known: Iterable[W]) -> W:
+    """Return a word that is known; otherwise raise a FieldError that names the argument."""
+    words = tuple(known)
+    for word in words:
+        if value == word:
+            return word
+    raise FieldError(f"/{field}", f"wanted one of {', '.join(words)}, found {value!r}")
 
 
-def number(field: str, value: Any, least: float = -np.inf) -> float:
+def number(field: str, value: object, least: float = -np.inf) -> float:
     """A finite number of at least ``least``, or a FieldError that names the argument."""
     try:
-        found = float(value)
+        found = float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError):
         raise FieldError(f"/{field}", f"wanted a number, found {value!r}") from None
     if not (np.isfinite(found) and found >= least):
@@ -74,7 +82,7 @@ def check_above_zero(**values: float | None) -> None:
             raise FieldError(f"/{name}", f"wanted a number above 0, found {value}")
 
 
-def column(name: str, values: ArrayLike) -> Any:
+def column(name: str, values: ArrayLike) -> Floats:
     """Values as an array of numbers, or a FieldError that names the argument."""
     if np.ma.is_masked(values):  # numpy would take what is behind the mask
         raise FieldError(f"/{name}", "wanted numbers without a mask: None where one is missing")
@@ -91,14 +99,14 @@ def check_names(where: str, given: Iterable[str], known: Sequence[str], what: st
             raise FieldError.no_such(where, name, known, what)
 
 
-def known_fields(field: str, given: Any, names: tuple[str, ...]) -> None:
+def known_fields(field: str, given: object, names: tuple[str, ...]) -> None:
     """FieldError unless an argument is a mapping that has none but some fields."""
     if not isinstance(given, Mapping):
         raise FieldError(f"/{field}", f"wanted a mapping of {', '.join(names)}")
     check_names(f"/{field}", (name for name in given if given[name] is not None), names)
 
 
-def kinds_among(given: Any, known: Sequence[str], there_are: str = "") -> list[str]:
+def kinds_among(given: object, known: Sequence[str], there_are: str = "") -> list[str]:
     """The kinds of mechanism that are asked for, a list or one name, each once, in the order of all that are known."""
     if isinstance(given, str) and given == "all":
         return list(known)
@@ -113,7 +121,7 @@ def kinds_among(given: Any, known: Sequence[str], there_are: str = "") -> list[s
     return [name for name in known if name in asked]
 
 
-def bounded(field: str, value: Any, most: float = LARGEST) -> float:
+def bounded(field: str, value: object, most: float = LARGEST) -> float:
     """A number that can be computed with."""
     found = number(field, value)
     if abs(found) > most:
@@ -128,7 +136,7 @@ def pair(field: str, given: Any, most: float = LARGEST, words: str = "[x, y]") -
     return complex(*(bounded(field, value, most) for value in given))
 
 
-def box(field: str, given: Any, flat: bool = False) -> tuple[float, float, float, float]:
+def box(field: str, given: ArrayLike, flat: bool = False) -> tuple[float, float, float, float]:
     """[xmin, ymin, xmax, ymax], the least first; ``flat``: they may be the same."""
     found = np.zeros(0) if isinstance(given, str) else column(field, given)
     if (
@@ -141,14 +149,14 @@ def box(field: str, given: Any, flat: bool = False) -> tuple[float, float, float
     return left, low, right, high
 
 
-def whole_number(field: str, value: Any, least: int, most: int) -> int:
+def whole_number(field: str, value: object, least: int, most: int) -> int:
     """A whole number within bounds."""
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not least <= value <= most:
         raise FieldError(f"/{field}", f"wanted a whole number from {least} to {most:,}, found {value!r}")
     return int(value)
 
 
-def flag(field: str, value: Any) -> bool:
+def flag(field: str, value: object) -> bool:
     """True or false; false where it is None."""
     if not isinstance(value, (bool, type(None))):
         raise FieldError(f"/{field}", f"wanted true or false, found {value!r}")

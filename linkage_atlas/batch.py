@@ -7,7 +7,7 @@ import hashlib
 import json
 import os
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, Future
 from importlib.metadata import version
 from itertools import chain
@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from data_build.batch import dask_executor, local_executor
+from linkage_atlas.arguments import Fields
 from synthesis.errors import FieldError
 
 AHEAD = 64
@@ -138,7 +139,7 @@ def _check(line: bytes, question: Question | None, out: Path) -> None:
 
 
 def study(
-    requests: Iterable[Mapping[str, Any]],
+    requests: Iterable[Fields],
     out: str | Path | None = None,
     *,
     jobs: int | None = None,
@@ -180,7 +181,7 @@ def study(
         yield json.loads(line)
 
 
-def _question(number: int, arguments: Mapping[str, Any]) -> Question:
+def _question(number: int, arguments: Fields) -> Question:
     try:
         text = json.dumps(dict(arguments), default=_plain, sort_keys=True).encode()
     except (TypeError, ValueError) as error:

@@ -8,8 +8,9 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from linkage_atlas.arguments import check_names, column, number, radians_in
+from linkage_atlas.arguments import Fields, check_names, column, number, radians_in
 from linkage_atlas.motions import Motion
 from linkage_atlas.notes import condition, counted
 from synthesis.errors import FieldError
@@ -35,7 +36,7 @@ _FEW_SAMPLES = 48
 QUICK, QUICK_ROUNDS = 0.1, 2
 """J at which a search for some linkage ends, and its rounds."""
 
-Search = Callable[[fourbar.Limits, Work], tuple[Sequence[Any], Any]]
+Search = Callable[[fourbar.Limits, Work], tuple[Sequence[object], object]]
 
 
 class Limits(dict[str, Any]):
@@ -62,7 +63,7 @@ Limits.__doc__ = f"{Limits.__doc__}\n    Notes\n    -----\n" + "\n".join(
 )
 
 
-def read_limits(limits: Mapping[str, Any] | None, motion: Motion) -> fourbar.Limits:
+def read_limits(limits: Fields | None, motion: Motion) -> fourbar.Limits:
     """The limits of a request, checked against its motion."""
     preset = PRESETS[0] if motion.free and motion.travel is None else PRESETS[1]
     checked = _read(limits, motion.samples, motion.radian, LIMITS, preset, {})
@@ -73,7 +74,7 @@ def read_limits(limits: Mapping[str, Any] | None, motion: Motion) -> fourbar.Lim
     return checked
 
 
-def read_function_limits(limits: Mapping[str, Any] | None, samples: Samples, degrees: bool) -> fourbar.Limits:
+def read_function_limits(limits: Fields | None, samples: Samples, degrees: bool) -> fourbar.Limits:
     """The limits of a request for function generators, which are of any family where it names none."""
     checked = _read(limits, samples, radians_in(degrees), FUNCTION_LIMITS, PRESETS[1], {"family": "any"})
     if any(checked.links) and checked.links[3] is None:
@@ -82,7 +83,7 @@ def read_function_limits(limits: Mapping[str, Any] | None, samples: Samples, deg
 
 
 def _read(
-    limits: Mapping[str, Any] | None,
+    limits: Fields | None,
     samples: Samples,
     radian: float,
     forms: Mapping[str, Form],
@@ -115,7 +116,7 @@ def _value(field: str, kind: str, value: Any, radian: float) -> Any:
     return value
 
 
-def _numbers(field: str, values: Any, size: int, form: str) -> list[float]:
+def _numbers(field: str, values: ArrayLike, size: int, form: str) -> list[float]:
     found = column(field, values)
     if found.shape != (size,):
         rows = f" in {counted(len(found), 'row')}" if found.ndim > 1 else ""
@@ -125,7 +126,7 @@ def _numbers(field: str, values: Any, size: int, form: str) -> list[float]:
     return found.tolist()
 
 
-def _lengths(field: str, given: Any) -> tuple[float | None, ...]:
+def _lengths(field: str, given: object) -> tuple[float | None, ...]:
     if not isinstance(given, Mapping):
         raise FieldError(f"/{field}", f"wanted some of {', '.join(LINKS)} with their lengths")
     check_names(f"/{field}", given, LINKS, "link")
@@ -137,7 +138,7 @@ def _lengths(field: str, given: Any) -> tuple[float | None, ...]:
 
 
 def what_excludes(
-    limits: fourbar.Limits, motion: Motion, search: Search, work: Work, own: Mapping[str, Any] | None = None
+    limits: fourbar.Limits, motion: Motion, search: Search, work: Work, own: Fields | None = None
 ) -> list[str]:
     """Return sentences on the limits, single ones or else pairs, without which there are linkages.
 

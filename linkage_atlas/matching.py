@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 import numpy.ma  # which `numpy.unique` imports when it is first called: here before the processes fork
@@ -16,6 +16,7 @@ from linkage_atlas.atlases import MECHANISMS, SLIDER_CRANK, Atlas, as_atlas, def
 from linkage_atlas.linkages import FourBar, GuidedLinkage
 from linkage_atlas.motions import Motion
 from linkage_atlas.notes import counted, sentences
+from synthesis.arrays import Floats
 from synthesis.atlas.haar import features as haar_features
 from synthesis.atlas.haar import resample
 from synthesis.atlas.scan import Scan
@@ -170,7 +171,7 @@ class _Row(NamedTuple):
     start: int
     branch: int
     error: float
-    angle: Any
+    angle: Floats
 
 
 def _atlas_of(kind: str, atlas: Atlas | None) -> Atlas:
@@ -189,7 +190,7 @@ def _slider_crank(
     return GuidedLinkage.of(turned_frame(linkage, offset), radian, target)
 
 
-def _features(crank: Any, curve: Any, radian: float) -> Features:
+def _features(crank: Floats, curve: Floats, radian: float) -> Features:
     resampled = resample(crank, curve)[1]
     average, details = haar_features(resampled)
     return Features(resampled.size, resampled is not curve, float(average / radian), (details / radian).tolist())

@@ -61,7 +61,7 @@ class Kinds(NamedTuple):
         return any(kind in _DRIVEN[driver] for driver in drivers for kind in self.kinds)
 
 
-def read_kinds(mechanisms: Any, driver: Any, motion: Motion) -> Kinds:
+def read_kinds(mechanisms: object, driver: object, motion: Motion) -> Kinds:
     """Read the kinds of mechanism and check them against the motion.
 
     Raises

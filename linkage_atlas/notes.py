@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from synthesis.arrays import Floats
-from synthesis.fourbar.limits import FORMS
+from synthesis.fourbar.limits import FORMS, Limits
 
 LABELS = {
     "family": "the family",
@@ -100,7 +100,7 @@ def limit_label(name: str) -> str:
     return f"the given {link} length" if link else LABELS[whole]
 
 
-def condition(limits: Any, name: str, radian: float) -> str:
+def condition(limits: Limits, name: str, radian: float) -> str:
     """Return what a limit of `synthesis` asks of a linkage, in the user's unit of angle: "links of at least 40"."""
     value = getattr(limits, name)
     if name == "family":

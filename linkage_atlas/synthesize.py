@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, Literal, Unpack
+from typing import Literal, Unpack
 
 from numpy.typing import ArrayLike
 
 from linkage_atlas.answers import Result
+from linkage_atlas.arguments import Fields
 from linkage_atlas.atlases import Atlas
 from linkage_atlas.candidates import CandidateSearch, find_candidates
 from linkage_atlas.finishing import finish_candidates, rank_solutions
@@ -22,8 +23,8 @@ from synthesis.work import Work
 
 
 def synthesize(
-    *motion: Motion | Mapping[str, Any] | ArrayLike | None,
-    limits: Mapping[str, Any] | None = None,
+    *motion: Motion | Fields | ArrayLike | None,
+    limits: Fields | None = None,
     top: int = 10,
     effort: Effort = "refine",
     prefer: Prefer | None = None,

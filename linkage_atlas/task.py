@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkage_atlas.answers import FINISHING
-from linkage_atlas.arguments import check_above_zero, check_top, number
+from linkage_atlas.arguments import Fields, check_above_zero, check_top, number
 from linkage_atlas.atlases import Atlas, as_atlas, default_atlas
 from linkage_atlas.drive_design.design import check_request
 from linkage_atlas.limits import read_limits
@@ -57,13 +57,13 @@ class MotionAndStudies(TypedDict, total=False):
     round_to: float | None
     lengths_from: ArrayLike | None
     sensitivity: bool
-    analysis: Mapping[str, Any] | None
-    tolerance_study: Mapping[str, Any] | None
-    load: Mapping[str, Any] | None
-    drives: Sequence[Mapping[str, Any]] | None
-    springs: Sequence[Mapping[str, Any]] | None
-    drive: Mapping[str, Any] | None
-    assembly: Mapping[str, Any] | bool | None
+    analysis: Fields | None
+    tolerance_study: Fields | None
+    load: Fields | None
+    drives: Sequence[Fields] | None
+    springs: Sequence[Fields] | None
+    drive: Fields | None
+    assembly: Fields | bool | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,7 +115,7 @@ class Task:
 
     motion: Motion
     limits: Limits
-    named_limits: Mapping[str, Any]
+    named_limits: Fields
     """The limits as the request names them."""
     kinds: Kinds
     source: SeedTables | Scan
@@ -151,7 +151,7 @@ class Task:
 
 def read_task(
     motion: Sequence[Any],
-    limits: Mapping[str, Any] | None,
+    limits: Fields | None,
     options: SearchOptions,
     more: MotionAndStudies,
     work: Callable[[float | None], Work],
@@ -224,8 +224,8 @@ def _source(options: SearchOptions) -> tuple[SeedTables | Scan, Atlas | None]:
 
 
 def _read_motion(
-    motion: Sequence[Any], limits: Mapping[str, Any] | None, more: MotionAndStudies
-) -> tuple[Motion, Mapping[str, Any] | None, dict[str, Any]]:
+    motion: Sequence[Any], limits: Fields | None, more: MotionAndStudies
+) -> tuple[Motion, Fields | None, dict[str, Any]]:
     """Return the motion, the limits, and the arguments of studies."""
     named: dict[str, Any] = dict(more)
     known = [*SearchOptions.__dataclass_fields__, "limits", "work", *MotionAndStudies.__annotations__]
@@ -260,9 +260,7 @@ def _preference(prefer: str | None, motion: Motion, searches: bool) -> Prefer:
     raise FieldError("/prefer", f"wanted one of {', '.join(PREFER)}, found {prefer!r}")
 
 
-def _fair_within(
-    named_limits: Mapping[str, Any], motion: Motion, limits: Limits, source: SeedTables | Scan
-) -> Fair | None:
+def _fair_within(named_limits: Fields, motion: Motion, limits: Limits, source: SeedTables | Scan) -> Fair | None:
     """Return limits within which linkages have a fair size, for requests that do not mention the preset.
 
     If a length or ratio of the request allows more, all linkages in proportion are fair.

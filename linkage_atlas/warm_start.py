@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 
-from linkage_atlas.arguments import column, flag, number, pointing
+from linkage_atlas.arguments import Fields, column, flag, number, pointing
 from linkage_atlas.linkages import FourBar
 from linkage_atlas.motions import Motion
 from synthesis.arrays import Floats
@@ -25,7 +25,17 @@ FOR_STARTS = 0.6
 MAX_RATIO = 1e6
 """Largest ratio of a given linkage's lengths and distances to one another and to the motion's extent."""
 
-StartingLinkage = Any
+
+class WithLinkage(Protocol):
+    """A solution: it has a linkage."""
+
+    @property
+    def linkage(self) -> object:
+        """The linkage of the solution."""
+        ...
+
+
+StartingLinkage: TypeAlias = FourBar | WithLinkage | Fields
 """A `FourBar`, a `Solution` or `FunctionSolution`, or its plain values."""
 
 

@@ -12,7 +12,7 @@ from synthesis.arrays import Floats
 from synthesis.drives.links import GROUND, LinkMotions
 
 Point = tuple[float, float]
-SPRING_KINDS = ("tension", "gas")
+SPRING_KINDS: tuple[Literal["tension", "gas"], ...] = ("tension", "gas")
 
 # -- curves over the motion -------------------------------------------------------------------------------------------
 
