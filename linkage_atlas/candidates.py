@@ -115,9 +115,9 @@ class CandidateSearch:
             four_bars, report = search_four_bars(task.source, motion, limits, size, goal, work, rounds)
             return list(four_bars), report
 
-        def beside_sliders(within: Limits, work: Work, rounds: int | None) -> tuple[list[Solution], SearchReport]:
-            found, report = search_four_bars(seed_tables(), motion, within, task.top, goal, work, rounds)
-            if task.fair and within is task.limits:
+        def beside_sliders(limits: Limits, work: Work, rounds: int | None) -> tuple[list[Solution], SearchReport]:
+            found, report = search_four_bars(seed_tables(), motion, limits, task.top, goal, work, rounds)
+            if task.fair and limits is task.limits:
 
                 def again(fair_limits: Limits) -> tuple[list[Solution], SearchReport]:
                     return search_four_bars(seed_tables(), motion, fair_limits, task.top, goal, work)
@@ -197,7 +197,7 @@ def _nearest_optima(task: Task, search: CandidateSearch) -> Candidates:
 def _refine_all(
     task: Task, motion: Motion, limits: Limits, goal: float, work: Work, fair: Fair | None = None
 ) -> tuple[list[Solution | None], SearchReport]:
-    """Refine the linkages of `start_from` one after the other; return their results, and how it went."""
+    """Refine the linkages of `start_from` in turn; return their results, and how it went."""
     results: list[Solution | None] = []
     reports: list[SearchReport] = []
     for start in task.starts or ():

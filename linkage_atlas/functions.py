@@ -551,7 +551,7 @@ def function(
 def _refined(
     starts: Sequence[Start], wanted: Wanted, limits: Limits, largest: bool, tolerance: float, work: Work
 ) -> tuple[list[Generator], SearchReport]:
-    """Refine given four-bars one after the other; return their nearest optima, best first, and how it went."""
+    """Refine given four-bars in turn; return their nearest optima, best first, and how it went."""
     found: list[Generator] = []
     seeds, trace = 0, list[tuple[float, float]]()
     for start in starts:

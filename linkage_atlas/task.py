@@ -150,8 +150,8 @@ class Task:
 
 
 def read_task(
-    motion: Sequence[Any],
-    limits: Fields | None,
+    arguments: Sequence[Any],
+    named_limits: Fields | None,
     options: SearchOptions,
     more: MotionAndStudies,
     work: Callable[[float | None], Work],
@@ -167,29 +167,29 @@ def read_task(
     """
     _check_options(options)
     tolerance, local = number("tolerance", options.tolerance, 0.0), check_local(options.local, options.start_from)
-    asked_motion, limits, study_arguments = _read_motion(motion, limits, more)
-    if options.effort == "atlas" and asked_motion.free:
+    motion, named_limits, study_arguments = _read_motion(arguments, named_limits, more)
+    if options.effort == "atlas" and motion.free:
         raise FieldError("/effort", "the atlas holds curves over crank angles: with free ones only 'refine' answers")
-    kinds = read_kinds(options.mechanisms, options.driver, asked_motion)
+    kinds = read_kinds(options.mechanisms, options.driver, motion)
     if not kinds.only_four_bars:
         check_only_four_bars(options.effort, options.start_from)
     source, atlas = _source(options)
     watch = work(options.budget)  # the tables are made before the time of a request begins
-    checked_limits, studies = read_limits(limits, asked_motion), read_studies(study_arguments, asked_motion)
-    starts = starts_for(read_starts(options.start_from, asked_motion.degrees), asked_motion)
+    limits, studies = read_limits(named_limits, motion), read_studies(study_arguments, motion)
+    starts = starts_for(read_starts(options.start_from, motion.degrees), motion)
     if studies.drives is not None:
-        check_request(studies.drives, asked_motion.radian)
+        check_request(studies.drives, motion.radian)
     if studies.analysis is not None:
-        check_rows(options.top, None if asked_motion.free else asked_motion.target.interval)
-    prefer = _preference(options.prefer, asked_motion, isinstance(source, SeedTables) and not local)
-    fair = _fair_within(limits or {}, asked_motion, checked_limits, source)
+        check_rows(options.top, None if motion.free else motion.target.interval)
+    prefer = _preference(options.prefer, motion, isinstance(source, SeedTables) and not local)
+    fair = _fair_within(named_limits or {}, motion, limits, source)
     if kinds.only_four_bars:
-        check_no_slider_limits(checked_limits)
-        check_lengths(studies, checked_limits)
+        check_no_slider_limits(limits)
+        check_lengths(studies, limits)
     return Task(
-        motion=asked_motion,
-        limits=checked_limits,
-        named_limits=limits or {},
+        motion=motion,
+        limits=limits,
+        named_limits=named_limits or {},
         kinds=kinds,
         source=source,
         atlas=atlas,

@@ -1,4 +1,4 @@
-"""How a search went: the reason why it ended, and its progress."""
+"""Report of a search: the reason why it ended, and its progress."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def stopped_by(solutions: Sequence[Answer], tolerance: float, work: Work) -> Sto
 
 
 class SearchReport(NamedTuple):
-    """How a search went, for any kind of mechanism."""
+    """Report of a search among any kinds of mechanism."""
 
     stopped_by: StoppedBy
     trace: list[tuple[float, float]]
@@ -47,7 +47,7 @@ class SearchReport(NamedTuple):
     windows: int | None = None
     """Number of windows of an atlas that were compared."""
     exhaustive: bool | None = None
-    """Whether these were all windows of the atlas."""
+    """True if these were all windows of the atlas."""
 
     def ended_by(self, time_up: bool) -> SearchReport:
         """Return the report with the budget as the reason to stop, if the time was up."""
@@ -60,7 +60,7 @@ class SearchReport(NamedTuple):
 
     @classmethod
     def joined(cls, reports: Sequence[SearchReport]) -> SearchReport:
-        """Return the report of several refinements, one after the other."""
+        """Return the report of several consecutive refinements."""
         trace: list[tuple[float, float]] = []
         for report in reports:
             trace = fallen(trace, report.trace)
