@@ -1,4 +1,4 @@
-"""A linkage to refine, in Python, over HTTP and on the command line: the same answer, honest words, errors at their fields."""
+"""Linkages to refine, in Python, over HTTP and on the command line: the same answer, honest words, errors at their fields."""
 
 import json
 
@@ -49,6 +49,13 @@ def test_a_linkage_a_solution_and_its_values_are_the_same_beginning(exact) -> No
     radians = {name: np.deg2rad(EXAMPLE[name]) for name in ("rotation", "crank_span")}
     found = la.synthesize(**{**EXAMPLE, **radians}, degrees=False, start_from=[exact], local=True)
     assert found.status == "reached" and found.linkage.links == pytest.approx(links[0])
+
+
+def test_several_linkages_are_refined_and_ranked(exact) -> None:
+    far = la.FourBar(30, 80, 70, 100, branch=-1)
+    found = la.synthesize(**EXAMPLE, limits={"preset": "none"}, start_from=[far, changed(exact), exact], local=True)
+    assert found.report.continued == [2, 1, 1] and found.report.seeds == 3
+    assert found.best.linkage.links == pytest.approx(exact.linkage.links, rel=1e-5)
 
 
 @pytest.mark.parametrize("more", [{}, {"round_to": 1}], ids=["exact", "rounded"])
