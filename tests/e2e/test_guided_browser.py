@@ -126,7 +126,7 @@ def test_the_worst_pose_is_told_whole_on_a_narrow_canvas(standing) -> None:
 
 
 def test_links_of_any_kind_are_rounded_and_driven_by_their_names(standing) -> None:
-    # A slider-crank has two links to round; where none of its lengths would do, the reason is told.
+    # a slider-crank has two links to round; the reason is shown if none of its lengths closes
     page = standing
     page.run("window.guided = null")
     page.unhurried()
@@ -158,7 +158,6 @@ def test_links_of_any_kind_are_rounded_and_driven_by_their_names(standing) -> No
 
 def test_what_is_rounding_alone_is_told_as_nothing(standing) -> None:
     """Coordinates, travel and prints of an exact linkage, and an error below 1e-10 of the extent, which counts as none."""
-    # Of a linkage that meets its poses: where its parts stand, what is typed of them and what is printed.
     page = standing
     page.run("window.guided = null")
     page.unhurried()
@@ -171,7 +170,6 @@ def test_what_is_rounding_alone_is_told_as_nothing(standing) -> None:
     assert all(shown) and not any(re.search(r"\de-\d", one) for one in shown), shown
     page.mode("move")
     standing.renew()
-    # What the search calls exact, an error below 1e-10 of the extent, is no error to a reader.
     page = standing
     page.run("window.guided = null")
     places = np.add(FREE.joints([0, 60, 120]).body_point, [[3e-10, 0], [0, 0], [0, 0]])

@@ -210,7 +210,7 @@ def test_parts_are_taken_away_and_stand_on_the_sheet(page) -> None:
 
 
 def test_sizes_and_refusals_have_the_words_of_the_page(page) -> None:
-    # No file is made for another size than stands there.
+    # the size in the field is the size in the file
     page.choose("casement")
     page.type_into("layer-scale", "0,5")
     page.type_into("layer-hole", "4,5")
@@ -743,7 +743,7 @@ def test_requests_links_traces_and_units_are_read_whole_and_within_bounds(standi
             f"z={text}",
         )
         assert said.startswith(found), size
-    # As many as before of a long one; never some within a pixel, which would be one place.
+    # a long trace has as many points as before; two points are never within a pixel
     counts = standing.later(
         "const [lengths, done] = arguments; import('/static/pen.js').then(({Pen}) => done(lengths.map((length) => {"
         "const pen = new Pen(document.getElementById('canvas'), 0, 0);"

@@ -357,7 +357,7 @@ def test_allowed_errors_own_limits_and_digits_are_said_whole(standing) -> None:
 
 
 def test_stages_keep_the_order_of_the_service(standing) -> None:
-    # Only what is better than all that it found stays: not the same linkages less refined, with the errors of then.
+    # only linkages better than all found later stay, not earlier versions of the same linkages
     shown = standing.later(
         "const [done] = arguments; Promise.all([import('/static/service.js'), import('/static/fit.js')]).then(async ([s, f]) => {"
         "const one = (size, objective) => ({links: {crank: 1, coupler: size, rocker: 3, ground: 3}, branch: 1, mount: null,"

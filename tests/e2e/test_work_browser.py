@@ -314,7 +314,7 @@ def test_the_view_fits_a_new_answer(standing) -> None:
 
 
 def replies(page, *sizes: float) -> None:
-    """Let the service answer stage by stage, each time with `FREE` so many times as large."""
+    """Let the service answer stage by stage, each time with `FREE` scaled by a size."""
     page.run(
         "const [sizes] = arguments, reply = window.stub, stages = sizes.map((size, k) => { const one = structuredClone(reply);"
         "one.report.stopped_by = k < sizes.length - 1 ? 'budget' : 'converged';"
