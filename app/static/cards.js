@@ -3,9 +3,9 @@
 import { button, element, signed, text, thumbnail } from "./drawing.js";
 import { fitOf, roundedText, worstRows } from "./fit.js";
 import { itemOf, placesOf, unitOf } from "./motion.js";
+import { RAD } from "./plane.js";
 import { mark } from "./verdict.js";
 
-const RAD = Math.PI / 180;
 const FAMILIES = {
   crank_rocker: "crank-rocker", double_crank: "double-crank", rocker_crank: "rocker-crank",
   double_rocker: "double-rocker", triple_rocker: "triple-rocker", change_point: "change point",

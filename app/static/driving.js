@@ -6,11 +6,10 @@ import { button, element, make, namedRows, put, text } from "./drawing.js";
 import { driveTurns } from "./drive.js";
 import { fitOf, settled } from "./fit.js";
 import { itemOf } from "./motion.js";
-import { add, less, turned } from "./plane.js";
+import { RAD, add, less, turned } from "./plane.js";
 import { ask } from "./service.js";
 import { $, capital } from "./shell.js";
 
-const RAD = Math.PI / 180;
 const KINDS = { actuator: "cylinder", rotary: "drive in a hinge", dyad: "motor and rod", toggle: "lock" };
 const FIELDS = ["kind", "catalogue", "retracted", "stroke", "ratio", "reach", "force-x", "force-y", "torque", "mass", "holds-open", "holds-closed", "hand-force"];
 const WIDE = 0.09; // of a cylinder's body, over its retracted length

@@ -5,9 +5,9 @@ import { element } from "./drawing.js";
 import { fromJoints } from "./hand.js";
 import { Linkage } from "./kinematics.js";
 import { emptyMotion } from "./motion.js";
+import { RAD } from "./plane.js";
 import { $, build } from "./shell.js";
 
-const RAD = Math.PI / 180;
 const JOINTS = [["a", "A, crank pivot"], ["d", "D, crank pin"], ["c", "C, rocker pin"], ["b", "B, rocker pivot"], ["p", "P, body point"]];
 const LENGTHS = ["crank", "coupler", "rocker", "ground"];
 const STEP = 15; // degrees of crank between the samples of a whole turn

@@ -3,9 +3,9 @@
 import { text } from "./drawing.js";
 import { Linkage } from "./kinematics.js";
 import { itemOf, placeOf, wantsAngles, wantsPlaces } from "./motion.js";
+import { RAD } from "./plane.js";
 import { angleError, passing } from "./timing.js";
 
-const RAD = Math.PI / 180;
 
 /** The index of the largest number of a list with nulls; null if all are. */
 function worstOf(list) {

@@ -7,13 +7,13 @@ import { LinkageShape, View, button, element, make, namedRows, put, text, thumbn
 import { Linkage } from "./kinematics.js";
 import { fromFragment, toFragment } from "./link.js";
 import { Pairs } from "./pairs.js";
+import { RAD } from "./plane.js";
 import { ask, download } from "./service.js";
 import { $, capital, copy, markEarlier, say, startScenes, startTheme } from "./shell.js";
 import { DRIVES, sign, travelRows } from "./travel.js";
 import { mark, plainNote, reasons } from "./verdict.js";
 import { Visits, readdress } from "./visits.js";
 
-const RAD = Math.PI / 180;
 const DRAWN = 41; // samples of a drawn curve
 const PAD = { width: 320, height: 200, border: 8 };
 const STATUS = {

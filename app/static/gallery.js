@@ -4,9 +4,9 @@ import { button, element, text, thumbnail } from "./drawing.js";
 import { fitOf, worstRows } from "./fit.js";
 import { fromRequest } from "./formats.js";
 import { placesOf } from "./motion.js";
+import { RAD } from "./plane.js";
 import { $ } from "./shell.js";
 
-const RAD = Math.PI / 180;
 
 /** What the gallery says of an example's stored reply. */
 function honest(reply, motion) {

@@ -4,11 +4,10 @@ import { fitOf } from "./fit.js";
 import { drivePlaces, driveTurns } from "./drive.js";
 import { Linkage, family } from "./kinematics.js";
 import { placeOf, placesOf, wantsAngles, wantsPlaces } from "./motion.js";
-import { add, along, cross, direction, dot, less, size, turned } from "./plane.js";
+import { RAD, add, along, cross, direction, dot, less, size, turned } from "./plane.js";
 import { angleError } from "./timing.js";
 
 const DEG = 180 / Math.PI;
-const RAD = Math.PI / 180;
 const BEYOND = 40; // degrees beyond the former crank angles within which new ones are looked for
 const GRID = 1; // degrees between crank angles that are compared
 const REFINEMENTS = 30; // golden sections of one step of the grid

@@ -2,9 +2,8 @@
 // Angles are radians. The travel of a slider or cylinder is a length, which the page passes in as that many degrees.
 
 import { driveTurns } from "./drive.js";
-import { add, along, cross, direction, less, size, times, turned } from "./plane.js";
+import { RAD, add, along, cross, direction, less, size, times, turned } from "./plane.js";
 
-const RAD = Math.PI / 180;
 const TURN = 2 * Math.PI;
 const BEYOND = 0.12; // length by which a rail or slot is drawn beyond its used ends, as a fraction of the linkage's size
 const CHANGE_POINT = 1e-12; // difference of two pairings of the links that counts as none, as a fraction of the longest link

@@ -5,6 +5,7 @@ import { button, element, make, put, text } from "./drawing.js";
 import { driveTurns } from "./drive.js";
 import { fitOf } from "./fit.js";
 import { unitOf } from "./motion.js";
+import { RAD } from "./plane.js";
 import { ask } from "./service.js";
 import { $, capital } from "./shell.js";
 import { layersOf } from "./verdict.js";
@@ -14,7 +15,6 @@ const MOST_CORNERS = 200;
 const COLUMNS = ["M", "G", "K", "Q", "A1", "A", "A2", "D", "P", "C", "B1", "B", "B2"]; // pins from left to right
 const WIDE = 64, HIGH = 26, LEFT = 42; // pixels between columns and layers of the stack, and beside it
 const EDGE = 1.5;
-const RAD = Math.PI / 180;
 const SIZES = Object.fromEntries(["hole", "width", "thickness", "clearance", "kerf", "scale"].map((name) => [name, `layer-${name}`])); // part settings, for layers and every file
 
 /** The longest closed line of an outline as corners, thinned out where it has too many; null where none is closed. */

@@ -1,9 +1,10 @@
 // The outline of a body from an SVG or a DXF file: polylines with y up, from the middle of their extent.
 
+import { RAD } from "./plane.js";
+
 const ARC_STEP = 10; // degrees
 const CURVE_POINTS = 64;
 const MOST_POINTS = 4000;
-const RAD = Math.PI / 180;
 
 function arc(x, y, radius, first, last) {
   const steps = Math.max(2, Math.ceil(Math.abs(last - first) / ARC_STEP));

@@ -1,5 +1,8 @@
 // Vectors of the plane, [x, y]; angles in radians, counter-clockwise.
 
+/** Radians in a degree. */
+export const RAD = Math.PI / 180;
+
 export const add = ([a, b], [c, d]) => [a + c, b + d];
 export const less = ([a, b], [c, d]) => [a - c, b - d];
 export const times = ([a, b], factor) => [a * factor, b * factor];

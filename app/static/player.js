@@ -5,11 +5,11 @@ import { ICONS, make, text } from "./drawing.js";
 import { driveName } from "./drive.js";
 import { fitOf, settled } from "./fit.js";
 import { PRESET, itemOf, placeOf, wantsAngles } from "./motion.js";
+import { RAD } from "./plane.js";
 import { $ } from "./shell.js";
 import { analysisCurves, band } from "./studies.js";
 import { marksWithin } from "./timing.js";
 
-const RAD = Math.PI / 180;
 const CURVE_STEPS = 240;
 const RANGE_MS = 4000; // time of one pass over the range at speed 1
 const STOPS_MS = 1600; // time that one pass stops at all samples together, at most STOP_MS at each

@@ -2,8 +2,8 @@
 
 import { LinkageShape, make, pathData, roundStep, text } from "./drawing.js";
 import { itemOf, placeOf, placesOf, wantsAngles, wantsPlaces } from "./motion.js";
+import { RAD } from "./plane.js";
 
-const RAD = Math.PI / 180;
 const MOST_GHOSTS = 40;
 
 const times = (factor) => (factor < 1e5 ? factor : factor.toExponential(0));

@@ -6,10 +6,10 @@ import { drawStack } from "./layers.js";
 import { fitOf, guideRows, settled } from "./fit.js";
 import { nameOf } from "./cards.js";
 import { itemOf, placeOf, unitOf, wantsAngles, wantsPlaces } from "./motion.js";
+import { RAD } from "./plane.js";
 import { $ } from "./shell.js";
 import { limitName, mark, reasons } from "./verdict.js";
 
-const RAD = Math.PI / 180;
 const SIZE = [720, 400];
 const CHART = [720, 120];
 const MOST_GHOSTS = 24;

@@ -1,8 +1,8 @@
 // What a designer asks of a solution next, as curves, a band, and rows of numbers.
 
 import { text } from "./drawing.js";
+import { RAD } from "./plane.js";
 
-const RAD = Math.PI / 180;
 const size = (vector) => vector && Math.hypot(...vector);
 
 /** Curves of an analysis over travels in the crank's sense: [{title, x, values, degreesY}]; none without an analysis. */
