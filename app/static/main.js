@@ -340,8 +340,10 @@ function bindButtons() {
   let parts = null; // of the linkage that is being printed
   addEventListener("beforeprint", () => fillSheet(answer, results.solution, results.driving, parts));
   $("print").addEventListener("click", async () => {
-    fillSheet(answer, results.solution, results.driving);
-    parts = await results.partsList().catch(() => null);
+    const { solution } = results;
+    fillSheet(answer, solution, results.driving);
+    const found = await results.partsList().catch(() => null);
+    parts = results.solution === solution ? found : null; // another card may have been chosen meanwhile
     fillSheet(answer, results.solution, results.driving, parts);
     print();
     parts = null;
