@@ -4,7 +4,7 @@ import { button, element } from "./drawing.js";
 import { $ } from "./shell.js";
 
 const STEPS = [
-  [".tasks", "What do you have?", "Poses of a body, a path of a point, or a function of the crank's angle. Each button begins a new task; undo brings the old one back. Machines… opens one of eight that are solved already."],
+  [".tasks", "What do you have?", "Poses of a body, a path of a point, or a function of the crank's angle. Each button begins a new task; undo brings the old one back. Machines… opens one of eight that are solved already, Linkage… takes one that you have."],
   [".canvas-frame", "Where it shall be", "The canvas shows the wanted poses with their numbers. Drag them, or draw a path. The linkage that runs meets them as well as it can; red lines are its errors."],
   ["#poses", "In numbers", "Every pose is a row: type, paste from a spreadsheet, or open a file. An empty cell is not asked for. Crank angles are free unless you give them."],
   ["#limits", "Limits", "With free crank angles the practical limits are on, with given ones off. Each can be changed or switched off; a box for the pivots, lengths and allowed errors can be added."],
