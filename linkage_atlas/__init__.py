@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     from linkage_atlas.batch import study
     from linkage_atlas.drive_design.design import drives
     from linkage_atlas.drive_design.records import Drives
+    from linkage_atlas.drive_design.six_bars import SixBarJoints, SixBarLinkage
     from linkage_atlas.functions import FunctionResult, FunctionSolution, function
     from linkage_atlas.limits import Limits
     from linkage_atlas.linkages import FourBar, GuidedJoints, GuidedLinkage, Joints, assembly
     from linkage_atlas.matching import match
     from linkage_atlas.motions import Motion
-    from linkage_atlas.six_bars import SixBarJoints, SixBarLinkage
     from linkage_atlas.solids import SolidParts
     from linkage_atlas.synthesize import synthesize
     from linkage_atlas.task import prepare
@@ -50,7 +50,7 @@ _HOMES = {
     "linkage_atlas.limits": ("Limits",),
     "linkage_atlas.linkages": ("FourBar", "Joints", "GuidedLinkage", "GuidedJoints", "assembly"),
     "linkage_atlas.motions": ("Motion",),
-    "linkage_atlas.six_bars": ("SixBarLinkage", "SixBarJoints"),
+    "linkage_atlas.drive_design.six_bars": ("SixBarLinkage", "SixBarJoints"),
     "linkage_atlas.solids": ("SolidParts",),
     "linkage_atlas.assemblies": ("Assembly",),
     "linkage_atlas.answers": ("Result", "Solution", "GuidedSolution", "Matches", "Match"),

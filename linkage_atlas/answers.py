@@ -15,7 +15,7 @@ import numpy as np
 from linkage_atlas.arguments import check_names
 from linkage_atlas.assemblies import AskedAssembly, Assembly, assembled
 from linkage_atlas.drive_design.design import driven_solution
-from linkage_atlas.drive_design.records import Drive, Refusal, Spring
+from linkage_atlas.drive_design.records import AnySpring, Drive, Refusal
 from linkage_atlas.linkages import (
     AnyGuide,
     CircleGuide,
@@ -188,7 +188,7 @@ class Driven(_Parts):
     """The best of each kind that was asked for."""
     refused: list[Refusal] | None = field(default=None, repr=False, metadata=LAST)
     """Why there is none of a kind on a link."""
-    springs: list[Spring] | None = field(default=None, repr=False, metadata=LAST)
+    springs: list[AnySpring] | None = field(default=None, repr=False, metadata=LAST)
     drivable: bool | None = field(default=None, repr=False, metadata=LAST)
     """With `drive`: whether there is one."""
 

@@ -13,6 +13,7 @@ from typing import Any
 from linkage_atlas.arguments import check_names, number
 from synthesis.drives.actuator import Actuator, Row
 from synthesis.drives.springs import SpringRow
+from synthesis.drives.torsion import TorsionRow
 from synthesis.errors import FieldError
 
 MOST_ROWS = 400
@@ -22,8 +23,13 @@ MOST_SPRING_ROWS = 200
 ACTUATORS = ("iso_6432", "iso_15552", "spindle")
 """Catalogues of actuators that come along, in millimetres and newtons: pneumatic cylinders by two standards, whose retracted
 length is a usual one from rear pin to rod eye, and spindle actuators of no maker. Look a size up before you buy it."""
-SPRINGS = {"tension": "tension_springs", "gas": "gas_springs"}
-"""Those of springs, of no maker."""
+SPRINGS = {
+    "tension": "tension_springs",
+    "gas": "gas_springs",
+    "compression": "compression_springs",
+    "torsion": "torsion_springs",
+}
+"""Catalogues of springs by kind, of no maker; torsion springs have rates per degree."""
 PRESSURE = 6.0
 """Bar, of a cylinder's supply where nothing else is said."""
 _NEWTONS_A_BAR = 0.1
@@ -33,11 +39,15 @@ _COLUMNS = {
     "actuator": ("name", "retracted", "stroke", "force", "pull", "bore", "rod", "price"),
     "tension": ("name", "stiffness", "free_length", "preload", "shortest", "longest", "price"),
     "gas": ("name", "force", "progression", "extended", "stroke", "price"),
+    "compression": ("name", "stiffness", "free_length", "load_max", "price"),
+    "torsion": ("name", "rate", "preload", "angle_max", "price"),
 }
 _NEEDED = {
     "actuator": ("retracted", "stroke"),
     "tension": ("stiffness", "free_length", "longest"),
     "gas": ("force", "extended", "stroke"),
+    "compression": ("stiffness", "free_length", "load_max"),
+    "torsion": ("rate", "angle_max"),
 }
 
 
@@ -140,7 +150,7 @@ def read_actuators(field: str, given: Any, millimetres: float, pressure: float) 
 
 
 def read_springs(field: str, given: Any, kind: str, millimetres: float) -> list[SpringRow]:
-    """Rows of a catalogue of tension or gas springs; None: the one that comes along."""
+    """Read a catalogue of tension, gas or compression springs; None selects the bundled catalogue."""
     given = SPRINGS[kind] if given is None else given
     bundled = isinstance(given, str) and "\n" not in given
     scale = millimetres if bundled else 1.0
@@ -158,6 +168,9 @@ def read_springs(field: str, given: Any, kind: str, millimetres: float) -> list[
             rate = force * (progression - 1) / stroke
             kinds.append(SpringRow(name, rate, extended, -force, extended - stroke, extended, price))
             continue
+        if kind == "compression":
+            kinds.append(_compression(at, row, name, scale, price))
+            continue
         stiffness, free, longest = (_value(at, row, name, scale) for name in ("stiffness", "free_length", "longest"))
         assert stiffness is not None and free is not None and longest is not None
         if longest <= free:
@@ -166,3 +179,32 @@ def read_springs(field: str, given: Any, kind: str, millimetres: float) -> list[
         assert preload is not None and shortest is not None
         kinds.append(SpringRow(name, stiffness * scale, free, preload, shortest, longest, price))
     return kinds
+
+
+def _compression(at: str, row: Mapping[str, Any], name: str, scale: float, price: float | None) -> SpringRow:
+    """Read a row of a compression spring, which pushes between its free length and its length under the largest load."""
+    stiffness, free, load = (_value(at, row, column, scale) for column in ("stiffness", "free_length", "load_max"))
+    assert stiffness is not None and free is not None and load is not None
+    rate = stiffness * scale
+    if load >= rate * free:
+        raise FieldError(f"/{at}/load_max", f"wanted less than stiffness times free length, {rate * free:g}")
+    return SpringRow(name, rate, free, 0.0, free - load / rate, free, price)
+
+
+def read_torsion_springs(field: str, given: Any, millimetres: float, radian: float) -> list[TorsionRow]:
+    """Read a catalogue of torsion springs; None selects the bundled catalogue.
+
+    The bundled catalogue has newtons times millimetres per degree and degrees; other rows are in the request's units.
+    """
+    given = SPRINGS["torsion"] if given is None else given
+    bundled = isinstance(given, str) and "\n" not in given
+    scale, unit = (millimetres, math.pi / 180) if bundled else (1.0, radian)
+    found = []
+    for place, row in enumerate(_rows(field, given, "torsion", tuple(SPRINGS.values()), MOST_SPRING_ROWS)):
+        at = f"{field}/{place}"
+        rate, angle = (_value(at, row, name, 1.0) for name in ("rate", "angle_max"))
+        preload, price = _value(at, row, "preload", 1.0, 0.0), _value(at, row, "price", 1.0)
+        assert rate is not None and angle is not None and preload is not None
+        name = str(row.get("name") or f"row {place + 1}")
+        found.append(TorsionRow(name, rate / scale / unit, preload / scale, angle * unit, price))
+    return found

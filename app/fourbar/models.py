@@ -19,8 +19,8 @@ from app.query import (
 )
 from linkage_atlas.arguments import LARGEST
 from linkage_atlas.assemblies import FIXED_PINS, LAYERS_MOST, MOST_CORNERS, MOST_LAYERS
-from linkage_atlas.catalogues import ACTUATORS, MOST_ROWS, MOST_SPRING_ROWS
-from linkage_atlas.drive_design.question import MAX_COUNT, MAX_DRIVES, MAX_MASSES, MAX_SPRINGS
+from linkage_atlas.catalogues import ACTUATORS, MOST_ROWS, MOST_SPRING_ROWS, SPRINGS
+from linkage_atlas.drive_design.question import MAX_COUNT, MAX_DRIVES, MAX_MASSES, MAX_SPRINGS, MAX_WANTED
 from linkage_atlas.functions import MIN_PAIRS
 from linkage_atlas.limits import FUNCTION_LIMITS, LIMITS
 from linkage_atlas.linkages import DriverName, KindName
@@ -450,6 +450,9 @@ class CatalogueRow(RequestModel):
     longest: Above | None = None
     extended: Above | None = None
     progression: Above | None = Field(None, description="Of a gas spring: force pushed in over force extended.")
+    load_max: Above | None = Field(None, description="Largest load of a compression spring.")
+    rate: Above | None = Field(None, description="Of a torsion spring: moment per unit of angle.")
+    angle_max: Above | None = Field(None, description="Largest twist of a torsion spring.")
 
 
 Catalogue = Words | Annotated[list[CatalogueRow], Field(min_length=1, max_length=MOST_ROWS)]
@@ -485,8 +488,11 @@ class DriveRequest(RequestModel):
         description="Given end of an actuator, in the plane at the first position. With `pin` or `pin_on_link` the actuator is "
         "evaluated and not searched.",
     )
-    pin: PlacePair | None = Field(None, description="Given pin of an actuator, in the plane at the first position.")
-    pin_on_link: PlacePair | None = Field(None, description="Given pin of an actuator, in the frame of its link.")
+    motor: PlacePair | None = Field(
+        None, description="Given motor of a dyad; with `pin` or `pin_on_link` it is evaluated and not searched."
+    )
+    pin: PlacePair | None = Field(None, description="Given pin, in the plane at the first position.")
+    pin_on_link: PlacePair | None = Field(None, description="Given pin, in the frame of its link.")
     count: Annotated[Count, Field(ge=1, le=MAX_COUNT)] | None = Field(
         None, description="Number of equal actuators side by side; forces are those of each."
     )
@@ -511,12 +517,27 @@ class HoldsRequest(RequestModel):
 
     open: Flag = Field(False, description="The last position.")
     closed: Flag = Field(False, description="The first position.")
+    force_min: Above | None = Field(
+        None, description="Smallest force of a hand that leaves such an end, at `hand` or else at the body point."
+    )
+
+
+class WantedRequest(RequestModel):
+    """A curve over the motion that springs approximate: values at even steps from the first position to the last."""
+
+    torque: Annotated[list[Number], Field(min_length=2, max_length=MAX_WANTED)] | None = Field(
+        None, description="Torque of the drive."
+    )
+    hand_force: Annotated[list[Number], Field(min_length=2, max_length=MAX_WANTED)] | None = Field(
+        None,
+        description="Force of a hand along its path, at `hand` or else at the body point; positive towards the last position.",
+    )
 
 
 class SpringRequest(RequestModel):
     """Springs that are to carry the load."""
 
-    kind: Literal["tension", "gas"]
+    kind: Literal["tension", "gas", "compression", "torsion"]
     between: Annotated[list[LinkName], Field(min_length=2, max_length=2)] | None = Field(
         None,
         description="Two links, one of which may be `ground`. Default: the best of all pairs; two springs, on the links with "
@@ -524,7 +545,8 @@ class SpringRequest(RequestModel):
     )
     catalogue: Words | Annotated[list[CatalogueRow], Field(min_length=1, max_length=MOST_SPRING_ROWS)] | None = Field(
         None,
-        description="`tension_springs`, `gas_springs`, rows or a CSV text; null: ideal springs, of gas those bundled.",
+        description=f"{', '.join(f'`{name}`' for name in SPRINGS.values())}, rows or a CSV text; null: ideal springs for "
+        "tension, else the bundled catalogue.",
     )
     count: Annotated[Count, Field(ge=1, le=MAX_COUNT)] | None = Field(
         None, description="Number of equal springs side by side; stiffness and forces are those of each."
@@ -540,6 +562,7 @@ class SpringRequest(RequestModel):
         None,
         description="Of springs of a catalogue: largest force of a hand over the motion, at `hand` or else at the body point.",
     )
+    wanted: WantedRequest | None = Field(None, description="A curve that springs of a catalogue approximate.")
 
 
 Drives = Annotated[list[DriveRequest], Field(max_length=MAX_DRIVES)]

@@ -14,11 +14,12 @@ from linkage_atlas import GuidedSolution, Matches, Result, Solution
 from linkage_atlas.answers import Errors
 from linkage_atlas.drive_design.records import (
     ActuatorDrive,
+    AnySpring,
     Drive,
     MotorDrive,
     RotaryDrive,
-    Spring,
     ToggleDrive,
+    TorsionSpring,
 )
 from linkage_atlas.notes import counted
 
@@ -322,18 +323,29 @@ def _load_words(force: float | None, torque: float | None, over_bound: float | N
     return words or ["no load was given, so its force is not known"]
 
 
-def _spring_words(spring: Spring, units: Units) -> str:
+def _spring_words(spring: AnySpring, units: Units) -> str:
     """Describe a spring: kind, ends, length, the torque that it leaves, and what the linkage does by itself."""
     before, after = spring.torque.before.rms, spring.torque.after.rms
     after = 0.0 if after < _ROUNDING * before else after
     count = f"{spring.count} equal ones: " if spring.count > 1 else ""
     return (
-        f"{count}{spring.name or f'{spring.kind} spring'} between {' and '.join(spring.between)}; "
-        f"from {_place(spring.points[0])} to {_place(spring.points[1])}; "
-        f"stiffness {spring.stiffness:.4g}; length {spring.length[0]:.4g} to "
-        f"{units.value(spring.length[1], units.length, 4)}; rms torque {number(before, 5)} without and "
+        f"{count}{spring.name or f'{spring.kind} spring'} between {' and '.join(spring.between)}; from "
+        f"{_spring_ends(spring, ' to ')}; {_spring_sizes(spring, units)}; rms torque {number(before, 5)} without and "
         f"{number(after, 5)} with it\n  by itself: {spring.stays}"
     )
+
+
+def _spring_ends(spring: AnySpring, separator: str) -> str:
+    points = [spring.point] if isinstance(spring, TorsionSpring) else spring.points
+    return separator.join(map(_place, points))
+
+
+def _spring_sizes(spring: AnySpring, units: Units) -> str:
+    if isinstance(spring, TorsionSpring):
+        low, high = spring.twist
+        return f"rate {spring.rate:.4g}; twist {low:.4g} to {units.value(high, units.angle, 4)}"
+    low, high = spring.length
+    return f"stiffness {spring.stiffness:.4g}; length {low:.4g} to {units.value(high, units.length, 4)}"
 
 
 def _drive_lines(best: Solution | GuidedSolution, units: Units) -> list[str]:
@@ -384,9 +396,9 @@ def drives_table(reply: la.Drives, units: Units = DEGREES) -> str:
                 ("set", "d", "set"),
                 ("name", "", "name"),
                 ("between", "", lambda one: "-".join(one.between)),
-                ("ends", "", lambda one: f"{_place(one.points[0])} {_place(one.points[1])}"),
-                ("stiffness", ".6g", "stiffness"),
-                ("length", "", lambda one: f"{number(one.length[0])} to {number(one.length[1])}"),
+                ("ends", "", lambda one: _spring_ends(one, " ")),
+                ("stiffness", ".6g", lambda one: one.rate if isinstance(one, TorsionSpring) else one.stiffness),
+                ("length", "", lambda one: _range(one.twist if isinstance(one, TorsionSpring) else one.length)),
                 ("rms torque", "", lambda one: f"{one.torque.before.rms:.4g} -> {one.torque.after.rms:.3g}"),
                 ("by itself", "", "stays"),
             )
@@ -399,6 +411,10 @@ def drives_table(reply: la.Drives, units: Units = DEGREES) -> str:
 
 def _place(place: Any) -> str:
     return "-" if place is None else f"({place[0]:.5g}, {place[1]:.5g})"
+
+
+def _range(ends: tuple[float, float]) -> str:
+    return f"{number(ends[0])} to {number(ends[1])}"
 
 
 def _length(one: Any) -> str:

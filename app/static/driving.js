@@ -11,7 +11,7 @@ import { ask } from "./service.js";
 import { $, capital } from "./shell.js";
 
 const KINDS = { actuator: "cylinder", rotary: "drive in a hinge", dyad: "motor and rod", toggle: "lock" };
-const FIELDS = ["kind", "catalogue", "retracted", "stroke", "ratio", "reach", "force-x", "force-y", "torque", "mass", "holds-open", "holds-closed", "hand-force"];
+const FIELDS = ["kind", "catalogue", "retracted", "stroke", "ratio", "reach", "force-x", "force-y", "torque", "mass", "holds-open", "holds-closed", "hold-force", "hand-force", "wanted-first", "wanted-last", "count", "link", "ground-x", "ground-y", "pin-x", "pin-y", "on"];
 const WIDE = 0.09; // of a cylinder's body, over its retracted length
 const HANDLE = 8; // pixels
 const EARLIER = "What is shown was found for other entries: Find asks again.";
@@ -22,8 +22,16 @@ const given = (fields) => Object.fromEntries(Object.entries(fields).filter(([, o
 const questionOf = ({ load, drives, springs }) => JSON.stringify([load, drives, springs]);
 /** The behaviour that springs of a catalogue are asked for. */
 function behaviour() {
-  const open = $("drive-holds-open").checked, closed = $("drive-holds-closed").checked, hand = value("hand-force");
-  return given({ holds: open || closed ? { open, closed } : null, hand_force_max: hand });
+  const open = $("drive-holds-open").checked, closed = $("drive-holds-closed").checked, first = value("wanted-first"), last = value("wanted-last");
+  const holds = open || closed ? { open, closed, ...given({ force_min: value("hold-force") }) } : null;
+  return given({ holds, hand_force_max: value("hand-force"), wanted: first === null && last === null ? null : { torque: [first ?? last, last ?? first] }, count: value("count") });
+}
+/** Both ends of a cylinder that are given at the first pose, and its link; nothing if they are free. */
+function givenEnds() {
+  const [ground, pin] = ["ground", "pin"].map((end) => [value(`${end}-x`), value(`${end}-y`)]);
+  if ([...ground, ...pin].every((one) => one === null)) return {};
+  if ([...ground, ...pin].includes(null)) throw new Error("Ends: give x and y of the ground point and of the pin, or none of them.");
+  return { links: [$("drive-link").value], ground_point: ground, pin };
 }
 const plain = (link) => link.replaceAll("_", " ");
 
@@ -51,8 +59,8 @@ function moved(drive, linkage, torque) {
   const ground = at.map(() => drive.ground_point), length = pin.map((place, k) => Math.hypot(...less(place, ground[k])));
   // slopes at even steps: of second order, at the ends too
   const step = (at[1] - at[0]) * RAD, n = length.length, arm = length.map((_, k) => (k === 0 ? -3 * length[0] + 4 * length[1] - length[2] : k === n - 1 ? 3 * length[k] - 4 * length[k - 1] + length[k - 2] : length[k + 1] - length[k - 1]) / (2 * step));
-  const force = drive.curve.force && arm.map((one, k) => torque.torque[k] / one), turns = arm.findIndex((one) => one * arm[0] <= 0);
-  const stroke = Math.abs(length.at(-1) - length[0]), peak = force && turns < 0 ? Math.max(...force.map(Math.abs)) : null, bound = peak === null ? null : torque.amount / stroke;
+  const force = drive.curve.force && arm.map((one, k) => torque.torque[k] / one / drive.count), turns = arm.findIndex((one) => one * arm[0] <= 0);
+  const stroke = Math.abs(length.at(-1) - length[0]), peak = force && turns < 0 ? Math.max(...force.map(Math.abs)) : null, bound = peak === null ? null : torque.amount / stroke / drive.count;
   return {
     ...drive, name: null, price: null, pin: pin[0], length: [length[0], length.at(-1)], retracted: Math.min(...length), stroke, extends: length.at(-1) > length[0], arm_min: Math.min(...arm.map(Math.abs)),
     peak_force: peak, bound, over_bound: peak && peak / bound, byHand: true, dead: turns < 0 ? null : at[turns], curve: { ...drive.curve, ground, pin, length, arm, force: turns < 0 ? force : null },
@@ -106,7 +114,7 @@ export class Driving {
   get shown() { return this.drive && this.drive.kind ? this.drive : null; }
 
   /** Whether forces are newtons: a mass, a bundled catalogue or its gas springs say so. Else they have the load's own unit. */
-  get #newtons() { return /"masses"|"catalogue":"\w+"|"gas"/.test(this.asked.get(this.reply)); }
+  get #newtons() { return /"masses"|"catalogue":"\w+"|"gas"|"compression"|"torsion"/.test(this.asked.get(this.reply)); }
 
   #offer() {
     const kind = $("drive-kind").value, own = $("drive-catalogue").value;
@@ -122,11 +130,12 @@ export class Driving {
   #request() {
     const { solution, answer: { request, motion } } = this, kind = $("drive-kind").value, catalogue = $("drive-catalogue").value;
     const force = [value("force-x") ?? 0, value("force-y") ?? 0], mass = value("mass");
-    const load = given({ force: force.some(Boolean) ? force : null, torque: value("torque"), masses: mass ? [{ link: "body", mass }] : null });
+    const on = $("drive-on").value, acts = force.some(Boolean);
+    const load = given({ force: acts && on === "body" ? force : null, forces: acts && on !== "body" ? [{ link: on, force }] : null, torque: value("torque"), masses: mass ? [{ link: "body", mass }] : null });
     const rows = catalogue === "own" ? this.table ?? "" : catalogue;
     const sizes = catalogue === "" ? { retracted: value("retracted"), stroke: value("stroke") } : { catalogue: rows };
-    const wish = { actuator: { ...sizes, reach_max: value("reach") }, dyad: { time_ratio: value("ratio"), reach_max: value("reach") }, toggle: { reach_max: value("reach") } }[kind] ?? {};
-    const springs = { tension: [{ kind: "tension", catalogue: "tension_springs" }], ideal: [{ kind: "tension" }], gas: [{ kind: "gas" }] }[kind]?.map((one) => (kind === "ideal" ? one : { ...one, ...behaviour() }));
+    const wish = { actuator: { ...sizes, ...givenEnds(), reach_max: value("reach"), count: value("count") }, dyad: { time_ratio: value("ratio"), reach_max: value("reach") }, toggle: { reach_max: value("reach") } }[kind] ?? {};
+    const springs = { tension: [{ kind: "tension", catalogue: "tension_springs" }], ideal: [{ kind: "tension" }], gas: [{ kind: "gas" }], compression: [{ kind: "compression" }], torsion: [{ kind: "torsion" }] }[kind]?.map((one) => (kind === "ideal" ? one : { ...one, ...behaviour() }));
     return { linkage: solution, request, load, length_unit: motion.unit, top: 6, ...(springs ? { drives: [], springs } : { drives: [{ kind, ...given(wish) }] }) };
   }
 
@@ -181,11 +190,12 @@ export class Driving {
     const units = newtons ? [] : [["forces, torques", `in the load’s unit, and that times ${unit}`]];
     if (drive.springs) {
       return [...drive.springs.flatMap((one) => [
-        [`${one.kind} spring`, `${one.name ?? `${force(one.stiffness)} per ${unit}`}, ${one.between.join(" to ")}`], ["its ends", one.points.map(place).join(" and ")], ["its length", `${number(one.length[0])} to ${number(one.length[1])} ${unit}`],
+        [`${one.count > 1 ? `${one.count} × ` : ""}${one.kind} spring`, `${one.name ?? `${force(one.stiffness)} per ${unit}`}, ${one.between.join(" to ")}`],
+        ...(one.kind === "torsion" ? [["its joint", place(one.point)], ["its twist", `${number(one.twist[0], 4)} to ${number(one.twist[1], 4)}°, ${number(one.curve.twist[0], 4)}° at the first pose`]] : [["its ends", one.points.map(place).join(" and ")], ["its length", `${number(one.length[0])} to ${number(one.length[1])} ${unit}`]]),
         ["torque left (rms)", `${torque(settled(one.torque.after.rms, one.torque.before.rms))} of ${torque(one.torque.before.rms)}`], ["by itself", one.stays],
       ]), ...units];
     }
-    const turns = driveTurns(this.solution), rows = [["drive", `${drive.name ?? KINDS[drive.kind]} on the ${plain(drive.link)}${drive.byHand ? ", by hand" : ""}`]];
+    const turns = driveTurns(this.solution), rows = [["drive", `${drive.name ?? KINDS[drive.kind]} on the ${plain(drive.link)}${drive.count > 1 ? `, ${drive.count} side by side` : ""}${drive.byHand ? ", by hand" : ""}`]];
     if (drive.motor) rows.push(["motor", place(drive.motor)]);
     if (drive.ground_point) rows.push(["ground point", place(drive.ground_point)]);
     if (drive.pin) rows.push([`pin at ${itemOf(this.answer.motion)} 1`, place(drive.pin)], ["pin on the link", place(drive.pin_on_link)]);
@@ -206,7 +216,7 @@ export class Driving {
   lines() {
     const { drive } = this;
     if (!drive) return [];
-    if (drive.springs) return drive.springs.map(({ points }) => points);
+    if (drive.springs) return drive.springs.map(({ points, point }) => points ?? [point]);
     if (drive.kind === "rotary") return [[drive.motor]];
     const { ground, knee, pin } = drive.curve, joints = this.solution.links ? fitOf(this.solution, this.answer.motion).at[0] : null;
     return [[ground[0], knee?.[0], pin[0]].filter(Boolean), ...(joints ? armsOf(drive, joints, ground[0], pin[0]) : [])];
@@ -259,7 +269,12 @@ export class Driving {
     if (!drive || !joints || !board.linkage || board.stale || solution !== this.player.shown?.solution) return;
     const at = this.player.shown.pass.turns ? joints.travel / RAD : this.player.travel;
     if (drive.springs) {
-      for (const { curve, kind } of drive.springs) {
+      for (const { curve, kind, point, between: links } of drive.springs) {
+        if (kind === "torsion") {
+          // a joint of two moving links is shown where it is at the first pose only by the numbers
+          if (links.includes("ground")) this.#dot(point, "motor");
+          continue;
+        }
         const ends = between(curve, curve.ends.map((pair) => pair.flat()), at);
         if (ends) this.#line(kind === "gas" ? "rod" : "spring", [ends.slice(0, 2), ends.slice(2)]);
       }

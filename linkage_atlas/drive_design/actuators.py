@@ -164,11 +164,7 @@ def _question(task: DriveTask, request: ActuatorRequest, name: str, grid: int) -
 
 def _of_given_ends(task: DriveTask, request: ActuatorRequest, name: str, ground: complex) -> None:
     """Evaluate an actuator whose two ends are given, of given sizes or from a catalogue."""
-    if request.pin_on_link is not None:
-        pin = request.pin_on_link
-    else:
-        assert request.pin is not None
-        pin = task.machine.link(name).point_at(request.pin)
+    pin = task.given_pin(name, request.pin, request.pin_on_link)
     question = _question(task, request, name, 2)
     placement = question.placement(ground, pin)
     lengths, arms = task.fine.seen(name, request.on).leverage(ground, pin)

@@ -59,7 +59,7 @@ def drives(
     budget: float | None = None,
     work: Callable[[float | None], Work] = Work,
 ) -> Drives:
-    """What drives a linkage over its way: the best drives of each kind, and springs that carry its load.
+    """Find the best drives of each kind for a linkage over its motion, and springs that carry its load.
 
     Parameters
     ----------
@@ -69,13 +69,15 @@ def drives(
         Each with its ``kind``: "rotary", "actuator" (or "cylinder"), "dyad", "toggle", and its wishes by name, see
         docs/drives.md.
     load : mapping, optional
-        ``force`` [fx, fy] at the body point and ``torque`` on the body, in directions that do not turn with it; ``masses``:
+        ``force`` [fx, fy] at the body point and ``torque`` on the body, in directions that do not turn with it; ``forces``
+        on any links: [{"link", "at": [x, y], "force": [fx, fy]}]; ``masses``:
         [{"link", "mass", "at": [x, y], "inertia"}], ``at`` in the link's frame (default: its middle, of the body its point);
         ``gravity`` [gx, gy] (default [0, -9.81]); ``speed``, at which the crank turns steadily: then masses resist. Without a
         load the largest least moment arm counts.
     springs : sequence of mapping
-        Each with its ``kind``, "tension" or "gas", and its wishes by name, see docs/drives.md: ``between``, two links or
-        the ground (default: the best of all pairs); ``holds``, {"open": True, "closed": True}; ``hand_force_max``.
+        Each with its ``kind``, "tension", "compression", "gas" or "torsion", and its wishes by name, see docs/drives.md:
+        ``between``, two links or the ground (default: the best of all pairs); ``holds``, {"open": True, "closed": True};
+        ``hand_force_max``; ``wanted``, a torque or force at even steps; ``count`` of equal springs side by side.
     motion : Motion, optional
         What the linkage answers; default: its own.
     crank_angle : array_like, shape (n,), optional

@@ -7,9 +7,9 @@ import numpy as np
 from linkage_atlas.drive_design.operation import FINE
 from linkage_atlas.drive_design.question import MotorRequest
 from linkage_atlas.drive_design.records import MotorCurve, MotorDrive, SixBar, SixBarLink
+from linkage_atlas.drive_design.six_bars import SixBarLinkage, on_hinge
 from linkage_atlas.drive_design.task import DriveTask, both_ends, envelope
 from linkage_atlas.records import plane, xy
-from linkage_atlas.six_bars import SixBarLinkage, on_hinge
 from synthesis.arrays import dot
 from synthesis.drives.links import GROUND
 from synthesis.drives.six_bar import (
@@ -58,6 +58,14 @@ def find_motors(task: DriveTask, request: MotorRequest) -> None:
 def _placed(task: DriveTask, request: MotorRequest, name: str) -> Driven | str:
     machine, link, ratio = task.machine, task.machine.links[name], request.time_ratio
     reach = task.reach(request.reach_max, name)
+    if request.motor is not None:
+        pin = task.given_pin(name, request.pin, request.pin_on_link)
+        first, last = np.abs(link.place(pin) - request.motor)[[0, -1]].tolist()
+        crank, rod = abs(last - first) / 2, (first + last) / 2
+        found = driven(link, task.torque, request.motor, pin, crank, rod, last > first)
+        return (
+            found or "the distance from the motor to the pin does not grow or shrink all the way: it has a dead point"
+        )
     if link.pivot is None:
         box = request.motor_box or task.box
         return on_any_link(link, machine.at, task.torque, ratio, request.pin_radius or reach, box, task.work)

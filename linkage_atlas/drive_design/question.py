@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkage_atlas.arguments import (
+    LARGEST,
     bounded,
     box,
     check_above_zero,
+    column,
     flag,
     known_fields,
     number,
@@ -20,13 +22,15 @@ from linkage_atlas.arguments import (
     pair,
     whole_number,
 )
-from linkage_atlas.catalogues import PRESSURE, read_actuators, read_springs
+from linkage_atlas.catalogues import PRESSURE, read_actuators, read_springs, read_torsion_springs
 from linkage_atlas.drive_design.records import SPRING_KINDS
 from linkage_atlas.studies import read_load
+from synthesis.arrays import Floats
 from synthesis.drives.actuator import Row
 from synthesis.drives.links import GROUND, LinkMotions
 from synthesis.drives.six_bar import LARGEST_RATIO
 from synthesis.drives.springs import SpringRow
+from synthesis.drives.torsion import TorsionRow
 from synthesis.errors import FieldError
 from synthesis.guided.analysis import Load, PointForce
 from synthesis.mechanism import Box
@@ -40,8 +44,8 @@ MAX_COUNT = 8
 """Largest number of equal actuators or springs side by side."""
 SIZE_RATIO = 1e6
 """Largest ratio of a length to the size of the linkage, either way; beyond it coordinates lose their digits."""
-HOLDING_ENDS = ("closed", "open")
-"""Names of the first and the last position of a linkage that springs hold."""
+MAX_WANTED = 1000
+"""Largest number of values of a wanted curve."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,6 +98,12 @@ class MotorRequest:
     pin_radius: float | None = None
     reach_max: float | None = None
     transmission_angle_min: float = 0.0
+    motor: complex | None = None
+    """Position of the motor; with a pin both ends are given and nothing is searched."""
+    pin: complex | None = None
+    """In the plane at the first position."""
+    pin_on_link: complex | None = None
+    """In the frame of the link."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,11 +123,33 @@ class ToggleRequest:
 DriveRequest = RotaryRequest | ActuatorRequest | MotorRequest | ToggleRequest
 
 
+class Holding(NamedTuple):
+    """Ends of the motion at which springs press the linkage onto its stop."""
+
+    closed: bool
+    """The first position."""
+    open: bool
+    """The last position."""
+    force_min: float | None
+    """Smallest force of a hand that leaves such an end."""
+
+
+class WantedCurve(NamedTuple):
+    """A torque of the drive, or a force of a hand, at even steps of the motion, which springs approximate."""
+
+    quantity: Literal["torque", "hand_force"]
+    values: Floats
+
+    def at(self, share: Floats) -> Floats:
+        """Return the wanted values at fractions of the motion, interpolated linearly."""
+        return np.interp(share, np.linspace(0.0, 1.0, self.values.size), self.values)
+
+
 @dataclass(frozen=True, kw_only=True)
 class SpringRequest:
     """Springs that carry the load."""
 
-    kind: Literal["tension", "gas"]
+    kind: Literal["tension", "gas", "compression", "torsion"]
     between: tuple[str, str] | None = None
     catalogue: Any = None
     stiffness: float | None = None
@@ -126,10 +158,18 @@ class SpringRequest:
     clear: float | None = None
     count: int = 1
     """Number of equal springs side by side."""
-    holds: Mapping[str, bool] = field(default_factory=dict)
+    holds: Holding | None = None
     hand_force_max: float | None = None
+    wanted: WantedCurve | None = None
     rows: list[SpringRow] = field(default_factory=list)
-    """Rows of the catalogue; without rows springs are ideal."""
+    """Rows of a catalogue of linear springs; without any rows springs are ideal."""
+    torsion_rows: list[TorsionRow] = field(default_factory=list)
+    """Rows of a catalogue of torsion springs."""
+
+    @property
+    def has_goal(self) -> bool:
+        """True if springs have a task without a load: a wanted curve, or an end to hold with a force."""
+        return self.wanted is not None or (self.holds is not None and self.holds.force_min is not None)
 
 
 class DriveQuestion(NamedTuple):
@@ -225,6 +265,8 @@ class Reader:
                     raise FieldError(
                         f"/{at}/time_ratio", f"wanted a ratio from {1 / LARGEST_RATIO:g} to {LARGEST_RATIO:g}"
                     )
+                searched = ("motor_box", "time_ratio", "pin_radius", "reach_max")
+                _check_given_ends(at, values, "motor", searched)
                 return MotorRequest(**values)
             case "toggle":
                 return self._toggle(at, self._fields(at, given, ToggleRequest, links))
@@ -246,18 +288,8 @@ class Reader:
             raise FieldError(f"/{at}/on", f"wanted ground or one of {', '.join(names)}, found {on!r}")
         if set(values["links"]) == {on}:
             raise FieldError(f"/{at}/on", f"wanted ground or another link than it moves, found {on!r}")
-        is_given = "ground_point" in values
-        if is_given != ("pin" in values or "pin_on_link" in values):
-            missing, words = ("pin", "`pin_box`") if is_given else ("ground_point", "`ground_box`")
-            raise FieldError(f"/{at}/{missing}", f"needed beside the other end; to search for this end give {words}")
-        if is_given:
-            if "pin" in values and "pin_on_link" in values:
-                raise FieldError(f"/{at}/pin", "give either this or `pin_on_link`")
-            if len(values["links"]) != 1:
-                raise FieldError(f"/{at}/links", "wanted the one link that carries the given pin")
-            for name in ("ground_box", "pin_box", "reach_max", "dead_length", "extends", "arm_min"):
-                if name in values:
-                    raise FieldError(f"/{at}/{name}", "is for a search; here both ends are given")
+        searched = ("ground_box", "pin_box", "reach_max", "dead_length", "extends", "arm_min")
+        _check_given_ends(at, values, "ground_point", searched)
         if not isinstance(values.get("extends", True), bool):
             raise FieldError(f"/{at}/extends", "wanted true or false")
         if "catalogue" in values:
@@ -278,34 +310,73 @@ class Reader:
         names = (GROUND, *self.machine.links)
         if "between" in values:
             both = values["between"]
-            if isinstance(both, str) or len(both) != 2 or both[0] == both[1] or any(one not in names for one in both):
+            if (
+                isinstance(both, str)
+                or len(both) != 2
+                or both[0] == both[1]
+                or any(name not in names for name in both)
+            ):
                 raise FieldError(f"/{at}/between", f"wanted two different ones of {', '.join(names)}")
             values["between"] = (both[1], both[0]) if both[1] == GROUND else (both[0], both[1])
-        is_real = kind == "gas" or "catalogue" in values
-        for name in ("holds", "hand_force_max"):
+        is_real = kind != "tension" or "catalogue" in values
+        for name in ("holds", "hand_force_max", "wanted"):
             if name in values and not is_real:
                 raise FieldError(
                     f"/{at}/{name}",
                     "needs springs of a `catalogue`: ideal springs balance the load at every position, so that it stays anywhere",
                 )
         if "holds" in values:
-            known_fields(f"{at}/holds", values["holds"], HOLDING_ENDS)
-            values["holds"] = {name: flag(f"{at}/holds/{name}", values["holds"].get(name)) for name in HOLDING_ENDS}
-        if "hand_force_max" in values and self.machine.body is None:
-            raise FieldError(
-                f"/{at}/hand_force_max", "needs `position`: without it there is no body for a hand to move"
+            values["holds"] = self._holding(f"{at}/holds", values["holds"])
+        if "wanted" in values:
+            values["wanted"] = self._wanted(f"{at}/wanted", values["wanted"])
+        if "hand_force_max" in values:
+            self._check_hand(f"{at}/hand_force_max")
+        catalogue = f"{at}/catalogue"
+        if kind == "torsion":
+            for name in ("ground_box", "reach_max", "clear"):
+                if name in values:
+                    raise FieldError(f"/{at}/{name}", "of springs with two ends; a torsion spring sits in a joint")
+            values["torsion_rows"] = read_torsion_springs(
+                catalogue, values.get("catalogue"), self.millimetres, self.radian
             )
+        elif is_real:
+            values["rows"] = read_springs(catalogue, values.get("catalogue"), kind, self.millimetres)
         if is_real:
-            values["rows"] = read_springs(f"{at}/catalogue", values.get("catalogue"), kind, self.millimetres)
             if "stiffness" in values:
                 raise FieldError(f"/{at}/stiffness", "of ideal springs, which need no catalogue")
         return SpringRequest(kind=kind, **values)
+
+    def _check_hand(self, at: str) -> None:
+        if self.machine.body is None:
+            raise FieldError(f"/{at}", "needs `position`: without it there is no body for a hand to move")
+
+    def _holding(self, at: str, given: Any) -> Holding:
+        known_fields(at, given, Holding._fields)
+        force = given.get("force_min")
+        if force is not None:
+            self._check_hand(f"{at}/force_min")
+            check_above_zero(**{f"{at}/force_min": force})
+            force = bounded(f"{at}/force_min", force)
+        return Holding(flag(f"{at}/closed", given.get("closed")), flag(f"{at}/open", given.get("open")), force)
+
+    def _wanted(self, at: str, given: Any) -> WantedCurve:
+        known_fields(at, given, ("torque", "hand_force"))
+        names = [name for name in ("torque", "hand_force") if given.get(name) is not None]
+        if len(names) != 1:
+            raise FieldError(f"/{at}", "wanted either `torque` or `hand_force`")
+        (name,) = names
+        if name == "hand_force":
+            self._check_hand(f"{at}/hand_force")
+        values = np.atleast_1d(column(f"{at}/{name}", given[name]))
+        if values.ndim != 1 or not 2 <= values.size <= MAX_WANTED or not np.all(np.abs(values) <= LARGEST):
+            raise FieldError(f"/{at}/{name}", f"wanted 2 to {MAX_WANTED} finite numbers, at even steps of the motion")
+        return WantedCurve("torque" if name == "torque" else "hand_force", values)
 
     def _fields(
         self, at: str, given: Mapping[str, Any], request: type, links: Sequence[str] | None = None
     ) -> dict[str, Any]:
         """Return the fields of an entry after a check of numbers, boxes and links."""
-        names = [one.name for one in fields(request) if one.name not in ("kind", "rows", "rods")]
+        names = [item.name for item in fields(request) if item.name not in ("kind", "rows", "rods", "torsion_rows")]
         known_fields(at, given, ("kind", *names))
         values = {
             name: self._value(f"{at}/{name}", name, value)
@@ -332,11 +403,31 @@ class Reader:
                 return number(at, value, 0.0) * self.radian
             case "ground_box" | "motor_box" | "pin_box":
                 return box(at, value, flat=True)
-            case "ground_point" | "pin" | "pin_on_link":
+            case "ground_point" | "motor" | "pin" | "pin_on_link":
                 return pair(at, value, MAX_LENGTH)
             case "count":
                 return whole_number(at, value, 1, MAX_COUNT)
         return value
+
+
+def _check_given_ends(at: str, values: Mapping[str, Any], end: str, searched: Sequence[str]) -> None:
+    """Raise FieldError unless both ends of a drive are given, for a single link and without fields of a search, or neither is."""
+    is_given = end in values
+    if is_given != ("pin" in values or "pin_on_link" in values):
+        missing = "pin" if is_given else end
+        boxes = [name for name in searched if name.endswith("_box")]
+        raise FieldError(
+            f"/{at}/{missing}", f"needed beside the other end; a search uses {' and '.join(boxes)} instead"
+        )
+    if not is_given:
+        return
+    if "pin" in values and "pin_on_link" in values:
+        raise FieldError(f"/{at}/pin", "give either this or `pin_on_link`")
+    if len(values["links"]) != 1:
+        raise FieldError(f"/{at}/links", "wanted the link that carries the given pin")
+    for name in searched:
+        if name in values:
+            raise FieldError(f"/{at}/{name}", "is for a search; here both ends are given")
 
 
 def check_sizes(question: DriveQuestion, extent: float) -> None:
@@ -347,13 +438,13 @@ def check_sizes(question: DriveQuestion, extent: float) -> None:
     ]
     entries += [("springs", k, entry) for k, entry in enumerate(question.springs)]
     for group, k, entry in entries:
-        for one in fields(entry):
-            value, at = getattr(entry, one.name), f"/{group}/{k}/{one.name}"
+        for item in fields(entry):
+            value, at = getattr(entry, item.name), f"/{group}/{k}/{item.name}"
             size = f"{SIZE_RATIO:g} times the linkage's size"
-            if one.name in lengths and value and not extent / SIZE_RATIO <= value <= extent * SIZE_RATIO:
+            if item.name in lengths and value and not extent / SIZE_RATIO <= value <= extent * SIZE_RATIO:
                 raise FieldError(at, f"wanted a length within {size} of {extent:.4g}, either way")
             if (
-                one.name in ("ground_box", "motor_box", "pin_box")
+                item.name in ("ground_box", "motor_box", "pin_box")
                 and value
                 and max(map(abs, value)) > extent * SIZE_RATIO
             ):

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated, Literal, NamedTuple, overload
+from typing import Annotated, Literal, NamedTuple, get_args, overload
 
+from linkage_atlas.drive_design.six_bars import SixBarLinkage
 from linkage_atlas.linkages import FourBar
 from linkage_atlas.records import KEPT, Record, Values, Vectors
-from linkage_atlas.six_bars import SixBarLinkage
 from synthesis.arrays import Floats
 from synthesis.drives.links import GROUND, LinkMotions
 
 Point = tuple[float, float]
-SPRING_KINDS: tuple[Literal["tension", "gas"], ...] = ("tension", "gas")
+SpringKind = Literal["tension", "gas", "compression", "torsion"]
+SPRING_KINDS: tuple[SpringKind, ...] = get_args(SpringKind)
 
 # -- curves over the motion -------------------------------------------------------------------------------------------
 
@@ -201,7 +202,7 @@ class RotaryDrive(_Drive):
 
     @property
     def summary(self) -> str:
-        """Describe the drive in one line."""
+        """Describe the drive in a line."""
         return f"rotary on the {self.link}{_at_most('torque', self.peak_torque)}"
 
 
@@ -238,7 +239,7 @@ class ActuatorDrive(_PinnedDrive):
     """Name of the row of the catalogue."""
     price: float | None
     count: int
-    """Number of equal actuators side by side; forces are those of each."""
+    """Number of equal actuators side by side; forces are values of a single actuator."""
     ground_point: Point
     """The other end, in the plane at the first position."""
     retracted: float
@@ -256,7 +257,7 @@ class ActuatorDrive(_PinnedDrive):
 
     @property
     def summary(self) -> str:
-        """Describe the drive in one line."""
+        """Describe the drive in a line."""
         row = "" if self.name is None else f" ({self.name})"
         return f"actuator{row} on the {self.link}, {self._span}{_at_most('force', self.peak_force)}"
 
@@ -276,7 +277,7 @@ class MotorDrive(_PinnedDrive):
 
     @property
     def summary(self) -> str:
-        """Describe the drive in one line."""
+        """Describe the drive in a line."""
         loads = _at_most("force", self.peak_force) + _at_most("torque", self.peak_torque)
         return f"{self.kind} on the {self.link}, {self._span}{loads}"
 
@@ -298,7 +299,7 @@ class ToggleDrive(_PinnedDrive):
 
     @property
     def summary(self) -> str:
-        """Describe the drive in one line."""
+        """Describe the drive in a line."""
         loads = _at_most("force", self.peak_force) + _at_most("torque", self.peak_torque)
         return f"{self.kind} on the {self.link}, {self._span}{loads}"
 
@@ -352,16 +353,79 @@ class Holds(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Spring(Record):
-    """A spring in its place. Springs with the same `set` work together."""
+class _SpringEffect(Record):
+    """Fields that every spring has. Springs with the same `set` work together."""
 
-    kind: Literal["tension", "gas"]
+    kind: str
     set: int
     count: int
-    """Number of equal springs side by side; stiffness, preload and forces are those of each."""
+    """Number of equal springs side by side; stiffness, preload, forces and moments are values of a single spring."""
     name: str | None
     """Name of the row of the catalogue."""
     between: tuple[str, str]
+    torque: BeforeAfter
+    deviation: Annotated[BeforeAfter | None, BeforeAfter] = None
+    """With `wanted`: difference between the torque of the drive and the wanted torque."""
+    pin_forces: Annotated[PinPeaks | None, PinPeaks] = None
+    """Largest pin forces of a four-bar with all springs of the set and the remaining torque at the crank."""
+    stays: str
+    """Motion of the linkage at both ends without a drive and without friction."""
+    holds: Annotated[Holds, Holds]
+    """Ends at which the linkage rests on its stop, without friction."""
+    hand_force_max: float | None = None
+    """Largest absolute force of a hand over the whole motion; null without `hand`, `hand_force_max` or a force in `wanted`."""
+
+    @property
+    def summary(self) -> str:
+        """Describe the spring in a line."""
+        before, after = self.torque.before.rms, self.torque.after.rms
+        left = f"{100 * after / before:.3g} % of the torque left" if before > 0 else "nothing to carry"
+        return f"{self.kind} spring {'-'.join(self.between)}, {self._size}: {left}"
+
+    @property
+    def _size(self) -> str:
+        raise NotImplementedError
+
+
+class TorsionCurve(NamedTuple):
+    """A torsion spring over the motion."""
+
+    crank_angle: Floats
+    twist: Values
+    moment: Values
+    torque: Values
+    """Torque that the drive gives with the springs of the set."""
+    hand_force: Values | None
+    """With `hand`: force of a hand along the path of this point; positive towards the last position."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TorsionSpring(_SpringEffect):
+    """A torsion spring in a joint."""
+
+    kind: Literal["torsion"] = "torsion"
+    point: Point
+    """The joint in the plane, at the first position."""
+    rate: float
+    """Moment per unit of angle."""
+    preload: float
+    """Moment at a twist of zero."""
+    direction: Literal[-1, 1]
+    """1 if the twist grows with the angle of the second link from the first."""
+    twist: tuple[float, float]
+    """Smallest and largest."""
+    curve: TorsionCurve
+
+    @property
+    def _size(self) -> str:
+        return f"rate {self.rate:.4g}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spring(_SpringEffect):
+    """A tension, compression or gas spring in its place."""
+
+    kind: Literal["tension", "gas", "compression"]
     points: tuple[Point, Point]
     """Its ends in the plane, at the first position."""
     points_on_links: tuple[Point, Point]
@@ -371,19 +435,17 @@ class Spring(Record):
     """Length at which it pulls with its preload."""
     preload: float
     length: tuple[float, float]
-    """Smallest and largest."""
-    torque: BeforeAfter
+    """Smallest and largest of the whole motion."""
     exact: bool
     """Balanced in every position, by springs of zero free length."""
-    pin_forces: Annotated[PinPeaks | None, PinPeaks] = None
-    """Of a four-bar, with all springs of the set and the remaining torque at the crank."""
-    stays: str
-    """What the linkage does by itself at both ends, without friction."""
-    holds: Annotated[Holds, Holds]
-    """Ends at which the linkage rests on its stop, without friction."""
-    hand_force_max: float | None = None
-    """Largest absolute force of a hand over the motion; null without `hand` or `hand_force_max`."""
     curve: SpringCurve
+
+    @property
+    def _size(self) -> str:
+        return f"stiffness {self.stiffness:.4g}"
+
+
+AnySpring = Spring | TorsionSpring
 
 
 # -- the reply --------------------------------------------------------------------------------------------------------
@@ -428,7 +490,7 @@ class Drives(Record):
 
     drives: list[Drive]
     refused: list[Refusal]
-    springs: list[Spring]
+    springs: list[AnySpring]
     torque: TorqueCurve
     notes: list[str]
     machine: LinkMotions = field(metadata=KEPT, repr=False)
@@ -448,11 +510,6 @@ class Drives(Record):
     def __repr__(self) -> str:
         rows = [f"{len(self.drives)} drives, {len(self.springs)} springs"]
         rows += [f"  {drive.summary}" for drive in self.drives]
-        for spring in self.springs:
-            before, after = spring.torque.before.rms, spring.torque.after.rms
-            left = f"{100 * after / before:.3g} % of the torque left" if before > 0 else "nothing to carry"
-            rows.append(
-                f"  {spring.kind} spring {'-'.join(spring.between)}, stiffness {spring.stiffness:.4g}: {left}"
-            )
+        rows += [f"  {spring.summary}" for spring in self.springs]
         rows += [f"  {refusal.sentence}" for refusal in self.refused]
         return "\n".join([*rows, *(f"note: {note}" for note in self.notes)])

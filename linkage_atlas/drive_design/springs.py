@@ -1,149 +1,318 @@
-"""Springs that carry a load or hold a linkage: ideal ones in closed form, and real ones from a catalogue."""
+"""Springs that carry a load, approximate a wanted torque or hold a linkage: ideal springs, and springs of a catalogue.
+
+A search works with the difference between the torque of the drive and the wanted torque, at even positions of the motion.
+Lengths, twists and forces are then checked over the whole motion; a position that violates a limit joins the search.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from linkage_atlas.drive_design.question import SpringRequest
-from linkage_atlas.drive_design.records import BeforeAfter, Holds, Spring, SpringCurve, TorqueSize
+from linkage_atlas.drive_design.records import (
+    BeforeAfter,
+    Holds,
+    Spring,
+    SpringCurve,
+    TorqueSize,
+    TorsionCurve,
+    TorsionSpring,
+)
 from linkage_atlas.drive_design.task import DriveTask, both_ends
 from linkage_atlas.records import plane, xy
 from synthesis.arrays import Complexes, Floats
-from synthesis.drives.links import GROUND
+from synthesis.drives.links import GROUND, LinkMotions, largest
 from synthesis.drives.springs import (
     Behaviour,
     Fitted,
     Room,
+    SpringRow,
     best_pair,
     best_spring,
-    fitted,
     one_spring,
     pairs_of,
     potential_of,
+    spring_torque,
     springs_on_pendulums,
     two_springs,
 )
-from synthesis.drives.springs import Spring as Placed
+from synthesis.drives.springs import Spring as LinearSpring
+from synthesis.drives.torsion import TorsionSpring as MountedTorsion
+from synthesis.drives.torsion import best_torsion_spring, joint_of
 from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.analysis import Pull
 
 HELP_SHARE = 0.5
-"""Largest fraction of the rms torque that springs of a catalogue may leave."""
+"""Largest fraction of the rms torque, or of its difference from a wanted torque, that springs of a catalogue may leave."""
 ENOUGH_SHARE = 0.1
 """Fraction of the rms torque up to which a single spring is preferred to two."""
 HOLD_MARGIN = 0.02
 """Torque that presses the linkage onto its stop, as a fraction of the peak torque without springs."""
 CLEAR_SHARE = 0.05
 """Default distance of the ends from pivots, as a fraction of the linkage's size."""
+ROUNDING = 1e-5
+"""Fraction of the torques up to which a violation of a limit counts as rounding."""
+EXACT = 1e-7
+"""Largest torque that ideal springs may leave anywhere in the motion, as a fraction of the peak torque."""
+RANGE_ROUNDING = 1e-9
+"""Fraction by which a length or a twist may leave its range because of rounding."""
+MAX_ROUNDS = 4
+"""Largest number of searches until limits hold over the whole motion."""
+
+
+@dataclass(frozen=True)
+class Mounted:
+    """Springs in their places: linear springs that work together, or a torsion spring."""
+
+    linear: tuple[LinearSpring, ...] = ()
+    rows: tuple[SpringRow, ...] = ()
+    """Rows of the catalogue; empty for ideal springs."""
+    torsion: MountedTorsion | None = None
+
+    @classmethod
+    def of(cls, found: Fitted | str) -> Mounted | str:
+        """Take over the springs of a search."""
+        if isinstance(found, str):
+            return found
+        return cls(found.springs, tuple(row for row in found.kinds if row is not None))
+
+    def torque(self, machine: LinkMotions) -> Floats:
+        """Return the torque that the drive gives because of the springs, (n,)."""
+        if self.torsion is not None:
+            return self.torsion.torque(machine)
+        return sum((spring_torque(machine, spring)[1] for spring in self.linear), np.zeros(machine.at.size))
+
+    def beyond_range(self, machine: LinkMotions) -> Floats:
+        """Return by which fraction lengths or twists leave their range, (n,); negative inside."""
+        if self.torsion is not None:
+            twist, most = self.torsion.twist(machine), self.torsion.row.angle_max
+            return np.maximum(-twist, twist - most) / most
+        beyond = np.full(machine.at.size, -np.inf)
+        for spring, row in zip(self.linear, self.rows):
+            length, _ = spring_torque(machine, spring)
+            beyond = np.maximum(beyond, np.maximum(row.shortest - length, length - row.longest) / row.longest)
+        return beyond
+
+    def pulls(self, machine: LinkMotions) -> list[Pull]:
+        """Return forces and couples on the links."""
+        found: list[Pull] = []
+        if self.torsion is not None:
+            couple = self.torsion.direction * self.torsion.moment(self.torsion.twist(machine))
+            nowhere = np.zeros(machine.at.size, dtype=complex)
+            for name, sign in zip(self.torsion.between, (1.0, -1.0)):
+                found.append(Pull(name, nowhere, nowhere, sign * couple))
+        for spring in self.linear:
+            first, second = (machine.end(*end) for end in zip(spring.between, spring.points))
+            length = np.abs(second - first)
+            # over a length of 0 a spring of zero free length has no force either
+            pull = spring.force(length) / np.maximum(length, 1e-300) * (second - first)
+            found += [Pull(spring.between[0], first, pull), Pull(spring.between[1], second, -pull)]
+        return [pull for pull in found if pull.link != GROUND]
+
+    @property
+    def words(self) -> str:
+        """Name the springs and the links that they join."""
+        if self.torsion is not None:
+            return f"{self.torsion.row.name} between {' and '.join(self.torsion.between)}"
+        names = [row.name for row in self.rows] or ["spring"] * len(self.linear)
+        return " and ".join(
+            f"{name} from {spring.between[0]} to {spring.between[1]}" for name, spring in zip(names, self.linear)
+        )
+
+
+class Goal:
+    """Purpose of the springs of an entry: a wanted torque, and limits on the torque of the drive."""
+
+    def __init__(self, task: DriveTask, request: SpringRequest) -> None:
+        self.task, self.request = task, request
+        self.holds = request.holds if request.holds and (request.holds.closed or request.holds.open) else None
+        self.is_limited = self.holds is not None or request.hand_force_max is not None
+        self.peak = float(np.abs(task.torque).max())
+
+    def load_torque(self, machine: LinkMotions) -> Floats:
+        """Return the torque without springs."""
+        return machine.torque(self.task.question.load)
+
+    def wanted(self, machine: LinkMotions) -> Floats:
+        """Return the wanted torque of the drive; zero without a wish."""
+        curve = self.request.wanted
+        if curve is None:
+            return np.zeros(machine.at.size)
+        start, end = self.task.machine.at[[0, -1]]
+        values = curve.at((machine.at - start) / (end - start))
+        return values if curve.quantity == "torque" else values * self.hand_speed(machine) * machine.sense
+
+    def hand_speed(self, machine: LinkMotions) -> Floats:
+        """Return the speed of the hand, by default of the body point, per unit of the drive's coordinate."""
+        body, first, hand = machine.body, self.task.machine.body, self.task.question.hand
+        assert body is not None and first is not None
+        return np.abs(body.speed(0j if hand is None else first.point_at(hand)))
+
+    def behaviour(self, machine: LinkMotions) -> Behaviour | None:
+        """Return the limits on the torque with springs; None without limits."""
+        if not self.is_limited:
+            return None
+        force_max, margins = self.request.hand_force_max, (HOLD_MARGIN * self.peak,) * 2
+        if self.holds is not None and self.holds.force_min is not None:
+            first, last = self.holds.force_min * self.hand_speed(machine)[[0, -1]]
+            margins = max(margins[0], float(first)), max(margins[1], float(last))
+        return Behaviour(
+            machine.sense,
+            margins,
+            self.holds is not None and self.holds.closed,
+            self.holds is not None and self.holds.open,
+            None if force_max is None else force_max * self.hand_speed(machine),
+            self.wanted(machine),
+        )
+
+    def difference(self, machine: LinkMotions, mounted: Mounted | None = None) -> Floats:
+        """Return the torque of the drive less the wanted torque, without springs or with them."""
+        torque = self.load_torque(machine) - self.wanted(machine)
+        return torque if mounted is None else torque + mounted.torque(machine)
+
+    @cached_property
+    def size(self) -> float:
+        """Root mean square of the difference without springs."""
+        return _rms(self.difference(self.task.machine))
+
+    def violation(self, machine: LinkMotions, mounted: Mounted) -> float:
+        """Return the torque by which springs violate the limits; 0 up to rounding."""
+        behaviour = self.behaviour(machine)
+        if behaviour is None:
+            return 0.0
+        torque = float(behaviour.violation(self.difference(machine, mounted)))
+        return torque if torque > ROUNDING * max(self.peak, *behaviour.margins) else 0.0
+
+    def rank(self, mounted: Mounted) -> tuple[float, float]:
+        """Return the violation of limits, then the rms difference from the wanted torque; smaller is better."""
+        machine = self.task.machine
+        return self.violation(machine, mounted), _rms(self.difference(machine, mounted))
+
+    def suffices(self, mounted: Mounted, share: float) -> bool:
+        """Check that springs satisfy the limits, or without limits leave at most a fraction of the difference."""
+        violation, left = self.rank(mounted)
+        return violation == 0 if self.is_limited else left <= share * self.size
+
+    def violated_at(self, mounted: Mounted) -> list[float]:
+        """Return travels of the drive between the positions of a search at which a promise is violated."""
+        fine, found = self.task.fine, []
+        beyond = mounted.beyond_range(fine)
+        if mounted.rows or mounted.torsion is not None:
+            if beyond.max() > RANGE_ROUNDING:
+                found.append(float(fine.at[int(np.argmax(beyond))]))
+        behaviour = self.behaviour(fine)
+        if behaviour is not None and behaviour.torque_max is not None and self.violation(fine, mounted) > 0:
+            torque = self.difference(fine, mounted) + self.wanted(fine)
+            found.append(float(fine.at[int(np.argmax(np.abs(torque) - behaviour.torque_max))]))
+        return found
+
+    def reason(self, mounted: Mounted) -> str:
+        """Explain what the best springs lack."""
+        machine = self.task.machine
+        behaviour = self.behaviour(machine)
+        if behaviour is None:
+            what = "rms torque" if self.request.wanted is None else "rms difference from the wanted curve"
+            share = 100 * self.rank(mounted)[1] / self.size
+            left = f"the best ({mounted.words}) leaves {share:.3g} % of the {what}"
+            return f"{left}: a spring is returned if it leaves at most half"
+        torque = self.difference(machine, mounted) + self.wanted(machine)
+        wrong, (first, last) = [], torque[[0, -1]] * machine.sense
+        if behaviour.holds_first and first < behaviour.margins[0]:
+            wrong.append("does not hold the first position (closed)")
+        if behaviour.holds_last and -last < behaviour.margins[1]:
+            wrong.append("does not hold the last position (open)")
+        if behaviour.torque_max is not None and np.any(np.abs(torque) > behaviour.torque_max):
+            wrong.append(f"needs a hand force of {np.abs(torque / self.hand_speed(machine)).max():.4g}")
+        return f"no spring of the catalogue behaves so: the nearest ({mounted.words}) {' and '.join(wrong)}"
 
 
 def find_springs(task: DriveTask, request: SpringRequest, set_number: int) -> None:
     """Find springs for one entry of a request."""
     links = "any two links" if request.between is None else "-".join(request.between)
-    if not task.loaded:
+    if not task.loaded and not request.has_goal:
         task.findings.refuse(request.kind, links, "there is no load to balance")
         return
-    found = _from_catalogue(task, request) if request.rows else _ideal(task, request)
+    goal = Goal(task, request)
+    if request.torsion_rows:
+        found = _over_whole_motion(goal, lambda machine: _torsion(goal, machine))
+    elif request.rows:
+        found = _over_whole_motion(goal, lambda machine: _from_catalogue(goal, machine))
+    else:
+        found = _ideal(task, request)
+    if not isinstance(found, str) and (request.rows or request.torsion_rows) and not goal.suffices(found, HELP_SHARE):
+        found = goal.reason(found)
     if isinstance(found, str):
         task.findings.refuse(request.kind, links, found)
     else:
-        _add(task, request, set_number, found)
+        _add(goal, set_number, found)
+
+
+def _over_whole_motion(goal: Goal, search: Callable[[LinkMotions], Mounted | str]) -> Mounted | str:
+    """Search at more positions until lengths, twists and forces keep their limits over the whole motion."""
+    task, machine = goal.task, goal.task.machine
+    for _ in range(MAX_ROUNDS):
+        found = search(machine)
+        if isinstance(found, str) or goal.violation(machine, found) > 0:
+            return found
+        violated = goal.violated_at(found)
+        if not violated:
+            return found
+        reason = f"the best ({found.words}) leaves its limits between the positions of the search"
+        if task.work.expired():
+            break
+        at = np.unique([*machine.at, *violated])
+        machine = task.operation.poses(at if machine.sense > 0 else at[::-1])
+    return reason
 
 
 # -- springs of a catalogue -------------------------------------------------------------------------------------------
 
 
-def _from_catalogue(task: DriveTask, request: SpringRequest) -> Fitted | str:
-    """Find springs of a catalogue, or return a sentence with the reason for a refusal."""
-    machine, extent = task.machine, task.machine.extent
+def _torsion(goal: Goal, machine: LinkMotions) -> Mounted | str:
+    request = goal.request
+    rows = [
+        row._replace(rate=request.count * row.rate, preload=request.count * row.preload)
+        for row in request.torsion_rows
+    ]
+    found = best_torsion_spring(machine, goal.difference(machine), request.between, rows, goal.behaviour(machine))
+    return found if isinstance(found, str) else Mounted(torsion=found)
+
+
+def _from_catalogue(goal: Goal, machine: LinkMotions) -> Mounted | str:
+    """Find a spring, or two on the links with fixed pivots if these are clearly better."""
+    task, request, extent = goal.task, goal.request, machine.extent
     room = Room(
         request.ground_box or task.box,
         float(request.reach_max or extent),
         float(request.clear or CLEAR_SHARE * extent),
     )
-    behaviour, between = _behaviour(task, request), request.between
     rows = [
         row._replace(stiffness=request.count * row.stiffness, preload=request.count * row.preload)
         for row in request.rows
     ]
+    torque, behaviour, between = goal.difference(machine), goal.behaviour(machine), request.between
     pairs = pairs_of(machine) if between is None else [between]
-    found = best_spring(machine, task.torque, pairs, rows, room, task.work, behaviour)
+    found = Mounted.of(best_spring(machine, torque, pairs, rows, room, task.work, behaviour))
     pivoted = [(GROUND, name) for name, link in machine.links.items() if link.pivot is not None]
-    if between is None and len(pivoted) > 1 and not task.work.expired():
-        if isinstance(found, str) or not _suffices(task, found, behaviour, ENOUGH_SHARE):
-            two = best_pair(machine, task.torque, pivoted[:2], rows, room, task.work, behaviour)
-            if not isinstance(two, str) and (isinstance(found, str) or _is_better(task, two, found, behaviour)):
-                found = two
-    if isinstance(found, str) or _suffices(task, found, behaviour, HELP_SHARE):
+    if between is not None or len(pivoted) < 2 or task.work.expired():
         return found
-    return _no_help(task, found, behaviour)
-
-
-def _behaviour(task: DriveTask, request: SpringRequest) -> Behaviour | None:
-    """Return the limits on the remaining torque that a request sets."""
-    force = request.hand_force_max
-    if not any(request.holds.values()) and force is None:
-        return None
-    return Behaviour(
-        task.machine.sense,
-        HOLD_MARGIN * float(np.abs(task.torque).max()),
-        bool(request.holds.get("closed")),
-        bool(request.holds.get("open")),
-        None if force is None else force * np.abs(_hand_speed(task)),
-    )
-
-
-def _hand_speed(task: DriveTask) -> Complexes:
-    """Return the velocity of the hand, by default of the body point, per unit of the drive's coordinate."""
-    body, hand = task.machine.body, task.question.hand
-    assert body is not None
-    return body.speed(0j if hand is None else body.point_at(hand))
-
-
-def _violation(task: DriveTask, found: Fitted, behaviour: Behaviour | None) -> float:
-    """Return the torque by which springs violate a behaviour; 0 up to rounding."""
-    torque = 0.0 if behaviour is None else float(behaviour.violation(found.torque))
-    return torque if torque > 1e-5 * float(np.abs(task.torque).max()) else 0.0
-
-
-def _suffices(task: DriveTask, found: Fitted, behaviour: Behaviour | None, share: float) -> bool:
-    """Check that springs show the requested behaviour, or without one leave at most a fraction of the torque."""
-    if behaviour is not None:
-        return _violation(task, found, behaviour) == 0
-    return found.rms <= share * _size(task.torque).rms
-
-
-def _is_better(task: DriveTask, found: Fitted, other: Fitted, behaviour: Behaviour | None) -> bool:
-    ranks = [(_violation(task, one, behaviour), one.rms) for one in (found, other)]
-    return ranks[0] < ranks[1]
-
-
-def _no_help(task: DriveTask, found: Fitted, behaviour: Behaviour | None) -> str:
-    """Explain what the best springs leave."""
-    where = " and ".join(
-        f"{row.name if row else 'spring'} from {spring.between[0]} to {spring.between[1]}"
-        for row, spring in zip(found.kinds, found.springs)
-    )
-    if behaviour is None:
-        share = 100 * found.rms / _size(task.torque).rms
-        return f"the best ({where}) leaves {share:.3g} % of the rms torque: a spring is returned if it leaves at most half"
-    wrong = []
-    first, last = found.torque[[0, -1]] * task.machine.sense
-    if behaviour.holds_first and first < behaviour.margin:
-        wrong.append("does not hold the first position (closed)")
-    if behaviour.holds_last and -last < behaviour.margin:
-        wrong.append("does not hold the last position (open)")
-    if behaviour.torque_max is not None and np.any(np.abs(found.torque) > behaviour.torque_max):
-        wrong.append(f"needs a hand force of {np.abs(found.torque / _hand_speed(task)).max():.4g}")
-    return f"no spring of the catalogue behaves so: the nearest ({where}) {' and '.join(wrong)}"
+    if isinstance(found, str) or not goal.suffices(found, ENOUGH_SHARE):
+        two = Mounted.of(best_pair(machine, torque, pivoted[:2], rows, room, task.work, behaviour))
+        if not isinstance(two, str) and (isinstance(found, str) or goal.rank(two) < goal.rank(found)):
+            return two
+    return found
 
 
 # -- ideal springs ----------------------------------------------------------------------------------------------------
 
 
-def _ideal(task: DriveTask, request: SpringRequest) -> Fitted | str:
+def _ideal(task: DriveTask, request: SpringRequest) -> Mounted | str:
     """Find springs of zero free length that balance every position, or return the reason why there are none."""
     between, stiffness = request.between, None if request.stiffness is None else request.count * request.stiffness
     linkage, load = task.operation.linkage, task.question.load
@@ -153,21 +322,21 @@ def _ideal(task: DriveTask, request: SpringRequest) -> Fitted | str:
         return _ideal_on_pendulums(task, between, stiffness)
     potential = potential_of(linkage, load)
     if between is None:
-        return fitted(task.machine, task.torque, two_springs(potential, stiffness))
+        return Mounted(tuple(two_springs(potential, stiffness)))
     found = one_spring(potential, between)
-    if isinstance(found, Placed):
+    if isinstance(found, LinearSpring):
         if stiffness is not None and abs(stiffness - found.stiffness) > 1e-9 * stiffness and between[0] != GROUND:
             needed = found.stiffness / request.count
             return f"the only spring between {between[0]} and {between[1]} has the stiffness {needed:.6g}"
         if stiffness is not None and between in ((GROUND, "crank"), (GROUND, "rocker")):
             found = next(one for one in two_springs(potential, stiffness) if one.between == between)
-        return fitted(task.machine, task.torque, [found])
+        return Mounted((found,))
     if math.isinf(found):
         return f"one spring between {between[0]} and {between[1]} does not balance this load; two springs do: leave `between`"
     return f"one spring would need the stiffness {found:.6g}, below 0; two springs balance it: leave `between`"
 
 
-def _ideal_on_pendulums(task: DriveTask, between: tuple[str, str] | None, stiffness: float | None) -> Fitted | str:
+def _ideal_on_pendulums(task: DriveTask, between: tuple[str, str] | None, stiffness: float | None) -> Mounted | str:
     """Find springs of zero free length on a body on guides, or on a link on a hinge."""
     guided = None if task.operation.view is None else task.operation.view.plain
     assert not isinstance(guided, Linkage)
@@ -180,62 +349,119 @@ def _ideal_on_pendulums(task: DriveTask, between: tuple[str, str] | None, stiffn
     if between is not None and (len(springs) > 1 or springs[0].between != between):
         where = " and ".join("-".join(one.between) for one in springs)
         return f"one spring between {between[0]} and {between[1]} does not balance this load; {where} do: leave `between`"
-    return fitted(task.machine, task.torque, springs)
+    return Mounted(tuple(springs))
 
 
 # -- records ----------------------------------------------------------------------------------------------------------
 
 
-def _add(task: DriveTask, request: SpringRequest, set_number: int, found: Fitted) -> None:
-    machine, sense = task.machine, task.machine.sense
-    sizes = BeforeAfter(_size(task.torque), _size(found.torque))
-    if found.rms > HELP_SHARE * sizes.before.rms:
-        share = 100 * found.rms / sizes.before.rms
+def _add(goal: Goal, set_number: int, mounted: Mounted) -> None:
+    task, request, machine = goal.task, goal.request, goal.task.machine
+    torque = task.torque + mounted.torque(machine)
+    sizes = BeforeAfter(
+        _size(goal, goal.load_torque),
+        _size(goal, lambda machine: goal.load_torque(machine) + mounted.torque(machine)),
+    )
+    left = _rms(goal.difference(machine, mounted))
+    if left > HELP_SHARE * goal.size > 0:
+        what = "rms torque of the drive" if request.wanted is None else "rms difference from the wanted curve"
         task.findings.notes.append(
-            f"springs of set {set_number} show the requested behaviour, but leave {share:.3g} % of the rms torque of the drive"
+            f"springs of set {set_number} show the requested behaviour, but leave {100 * left / goal.size:.3g} % of the {what}"
         )
-    hand = None
-    if machine.body is not None and (task.question.hand is not None or request.hand_force_max is not None):
-        hand = found.torque / np.abs(_hand_speed(task)) * sense
-    holds, stays = _at_ends(found.torque[[0, -1]] * sense, sizes.before.peak)
-    ends = [[machine.end(*one) for one in zip(spring.between, spring.points)] for spring in found.springs]
-    pulls: list[Pull] = []
-    for spring, length, (first, second) in zip(found.springs, found.lengths, ends):
-        # over a length of 0 a spring of zero free length has no force either
-        pull = spring.force(length) / np.maximum(length, 1e-300) * (second - first)
-        pulls += [Pull(spring.between[0], first, pull), Pull(spring.between[1], second, -pull)]
-    pins = task.pin_peaks(machine, pulls)
-    for spring, row, length, points in zip(found.springs, found.kinds, found.lengths, ends):
-        curve_ends = plane(np.stack(points, axis=1))
-        task.findings.springs.append(
-            Spring(
-                kind=request.kind,
-                set=set_number,
-                count=request.count,
-                name=None if row is None else row.name,
-                between=spring.between,
-                points=(both_ends(curve_ends[0, 0]), both_ends(curve_ends[0, 1])),
-                points_on_links=(xy(spring.points[0]), xy(spring.points[1])),
-                stiffness=spring.stiffness / request.count,
-                free_length=spring.free_length,
-                preload=spring.preload / request.count,
-                length=(float(length.min()), float(length.max())),
-                torque=sizes,
-                exact=not request.rows,
-                pin_forces=pins,
-                stays=stays,
-                holds=holds,
-                hand_force_max=None if hand is None else float(np.abs(hand).max()),
-                curve=SpringCurve(
-                    task.operation.curve_at,
-                    length,
-                    spring.force(length) / request.count,
-                    found.torque,
-                    hand,
-                    curve_ends,
-                ),
-            )
+    uses_hand = (
+        request.hand_force_max is not None
+        or (goal.holds is not None and goal.holds.force_min is not None)
+        or (request.wanted is not None and request.wanted.quantity == "hand_force")
+    )
+    hand = hand_max = None
+    if machine.body is not None and (task.question.hand is not None or uses_hand):
+        hand = torque / goal.hand_speed(machine) * machine.sense
+        hand_max = _largest(
+            goal,
+            lambda machine: np.abs((goal.load_torque(machine) + mounted.torque(machine)) / goal.hand_speed(machine)),
         )
+    scale = max(sizes.before.peak, float(np.abs(mounted.torque(machine)).max()))
+    holds, stays = _at_ends(torque[[0, -1]] * machine.sense, scale)
+    effect: dict[str, Any] = {
+        "set": set_number,
+        "count": request.count,
+        "torque": sizes,
+        "pin_forces": task.pin_peaks(machine, mounted.pulls(machine)),
+        "stays": stays,
+        "holds": holds,
+        "hand_force_max": hand_max,
+    }
+    if request.wanted is not None:
+        after = _size(goal, lambda machine: goal.difference(machine, mounted))
+        effect["deviation"] = BeforeAfter(_size(goal, goal.difference), after)
+    if mounted.torsion is not None:
+        task.findings.springs.append(_torsion_record(goal, mounted.torsion, torque, hand, effect))
+    names: list[str | None] = [row.name for row in mounted.rows]
+    names = names or [None] * len(mounted.linear)
+    exact = not mounted.rows and _is_balanced(goal, mounted)
+    for spring, name in zip(mounted.linear, names):
+        task.findings.springs.append(_linear_record(goal, spring, name, exact, torque, hand, effect))
+
+
+def _linear_record(
+    goal: Goal,
+    spring: LinearSpring,
+    name: str | None,
+    exact: bool,
+    torque: Floats,
+    hand: Floats | None,
+    effect: dict[str, Any],
+) -> Spring:
+    task, machine, count = goal.task, goal.task.machine, goal.request.count
+    ends: list[Complexes] = [machine.end(*end) for end in zip(spring.between, spring.points)]
+    curve_ends = plane(np.stack(ends, axis=1))
+    length, _ = spring_torque(machine, spring)
+
+    shortest = -_largest(goal, lambda machine: -spring_torque(machine, spring)[0])
+    longest = _largest(goal, lambda machine: spring_torque(machine, spring)[0])
+    kind = goal.request.kind
+    assert kind != "torsion"
+    return Spring(
+        kind=kind,
+        name=name,
+        between=spring.between,
+        points=(both_ends(curve_ends[0, 0]), both_ends(curve_ends[0, 1])),
+        points_on_links=(xy(spring.points[0]), xy(spring.points[1])),
+        stiffness=spring.stiffness / count,
+        free_length=spring.free_length,
+        preload=spring.preload / count,
+        length=(shortest, longest),
+        exact=exact,
+        curve=SpringCurve(task.operation.curve_at, length, spring.force(length) / count, torque, hand, curve_ends),
+        **effect,
+    )
+
+
+def _torsion_record(
+    goal: Goal, spring: MountedTorsion, torque: Floats, hand: Floats | None, effect: dict[str, Any]
+) -> TorsionSpring:
+    task, machine, count = goal.task, goal.task.machine, goal.request.count
+    radian, twist, joint = task.operation.radian, spring.twist(machine), joint_of(machine, spring.between)
+    assert joint is not None
+    extremes = spring.twist(task.fine)
+    return TorsionSpring(
+        name=spring.row.name,
+        between=spring.between,
+        point=xy(joint),
+        rate=spring.row.rate / count * radian,
+        preload=spring.row.preload / count,
+        direction=1 if spring.direction > 0 else -1,
+        twist=(float(extremes.min()) / radian, float(extremes.max()) / radian),
+        curve=TorsionCurve(task.operation.curve_at, twist / radian, spring.moment(twist) / count, torque, hand),
+        **effect,
+    )
+
+
+def _is_balanced(goal: Goal, mounted: Mounted) -> bool:
+    """Check that ideal springs leave nothing at any of the fine positions."""
+    fine = goal.task.fine
+    left = goal.load_torque(fine) + mounted.torque(fine)
+    return bool(np.abs(left).max() <= EXACT * np.abs(goal.load_torque(fine)).max())
 
 
 def _at_ends(torques: Floats, peak: float) -> tuple[Holds, str]:
@@ -249,5 +475,15 @@ def _at_ends(torques: Floats, peak: float) -> tuple[Holds, str]:
     return Holds(bool(first >= -quiet), bool(last <= quiet)), f"first position: {words[0]}; last: {words[1]}"
 
 
-def _size(torque: Floats) -> TorqueSize:
-    return TorqueSize(float(np.sqrt(np.mean(torque**2))), float(np.abs(torque).max()))
+def _largest(goal: Goal, of: Callable[[LinkMotions], Floats]) -> float:
+    """Return the maximum of a quantity over the whole motion."""
+    return largest(lambda at: of(goal.task.operation.poses(at)), goal.task.machine.at)
+
+
+def _size(goal: Goal, of: Callable[[LinkMotions], Floats]) -> TorqueSize:
+    """Return the rms of a torque at even positions, and its peak over the whole motion."""
+    return TorqueSize(_rms(of(goal.task.machine)), _largest(goal, lambda machine: np.abs(of(machine))))
+
+
+def _rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(values**2)))

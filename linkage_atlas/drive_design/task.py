@@ -11,7 +11,7 @@ import numpy as np
 
 from linkage_atlas.drive_design.operation import FINE, Operation
 from linkage_atlas.drive_design.question import DriveQuestion, DriveRequest, RotaryRequest
-from linkage_atlas.drive_design.records import Drive, PinPeaks, Refusal, Spring, TorqueCurve
+from linkage_atlas.drive_design.records import AnySpring, Drive, PinPeaks, Refusal, TorqueCurve
 from synthesis.arrays import Floats
 from synthesis.drives.links import LinkMotions
 from synthesis.guided.analysis import Pull, forces, on_links
@@ -28,7 +28,7 @@ class Findings:
 
     ranked: list[tuple[tuple[float, ...], Drive]] = field(default_factory=list)
     """The drive with the smallest rank is the best of its kind."""
-    springs: list[Spring] = field(default_factory=list)
+    springs: list[AnySpring] = field(default_factory=list)
     refused: list[Refusal] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
@@ -79,6 +79,13 @@ class DriveTask:
     def reach(self, reach_max: float | None, link: str) -> float:
         """Return the largest distance of a pin from its link's origin; by default the link's own size."""
         return float(reach_max or self.machine.reaches.get(link, self.machine.extent))
+
+    def given_pin(self, link: str, pin: complex | None, pin_on_link: complex | None) -> complex:
+        """Return a given pin in the frame of its link."""
+        if pin_on_link is not None:
+            return pin_on_link
+        assert pin is not None
+        return self.machine.link(link).point_at(pin)
 
     def swing(self, link: str) -> float:
         """Return the rotation of a link over the motion in the user's unit."""

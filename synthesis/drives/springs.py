@@ -310,27 +310,30 @@ class Behaviour:
     ----------
     sense : float
         1 if the drive's coordinate rises from the first position to the last, -1 if it falls.
-    margin : float
-        Torque with which the linkage is pressed onto its stop at an end that must hold.
+    margins : tuple of float
+        Torques with which the linkage is pressed onto its stop at the first and the last position, if these must hold.
     holds_first, holds_last : bool
         The linkage rests on its stop at the first (last) position without a drive.
     torque_max : ndarray or None
         Largest absolute torque at each position.
+    offset : ndarray or float
+        Torque that is added to the given ones: a search that approximates a wanted torque works with differences from it.
     """
 
     sense: float
-    margin: float
+    margins: tuple[float, float]
     holds_first: bool = False
     holds_last: bool = False
     torque_max: Floats | None = None
+    offset: Floats | float = 0.0
 
     def rows(self, torque: Floats) -> Floats:
         """Return values that are at least 0 if the torque (..., n) satisfies the limits, shape (..., m)."""
-        found = []
+        found, torque = [], torque + self.offset
         if self.holds_first:
-            found.append(self.sense * torque[..., :1] - self.margin)
+            found.append(self.sense * torque[..., :1] - self.margins[0])
         if self.holds_last:
-            found.append(-self.sense * torque[..., -1:] - self.margin)
+            found.append(-self.sense * torque[..., -1:] - self.margins[1])
         if self.torque_max is not None:
             found += [self.torque_max - torque, self.torque_max + torque]
         return np.concatenate(found, axis=-1)

@@ -176,6 +176,38 @@ def test_bad_numbers_and_refusals_are_answered_in_words(opened) -> None:
     opened.reload()
 
 
+def test_a_cylinder_between_given_ends_is_evaluated(opened) -> None:
+    opened.wait("document.querySelectorAll('#solutions li').length > 0")
+    fill(opened, kind="actuator", **{"force-y": -100, "retracted": "", "stroke": "", "count": 2})
+    found(opened)
+    rows = opened.text("drive-numbers")
+    ground, pin = (
+        re.search(rf"{name}\s+(-?[\d.]+), (-?[\d.]+)", rows).groups() for name in ("ground point", r"pin at \w+ 1")
+    )
+    link, force = re.search(r"on the (\w+), 2 side by side", rows)[1], number(opened, "peak force")
+    opened.select("drive-link", link)
+    opened.select("drive-catalogue", "")
+    fill(opened, **{"ground-x": ground[0], "ground-y": ground[1], "pin-x": pin[0], "pin-y": pin[1]})
+    found(opened)
+    assert number(opened, "peak force") == pytest.approx(force, rel=1e-2)
+    fill(opened, **{"pin-y": ""})
+    opened.click("drive-find")
+    opened.wait("document.getElementById('drive-note').className.includes('bad')")
+    assert opened.text("drive-note").startswith("Ends: give x and y")
+    fill(opened, **dict.fromkeys(("ground-x", "ground-y", "pin-x", "pin-y", "count"), ""))
+
+
+def test_a_torsion_spring_holds_a_body_shut(opened) -> None:
+    opened.wait("document.querySelectorAll('#solutions li').length > 0")
+    fill(opened, kind="torsion", **{"force-y": "", "hold-force": 0.01})
+    opened.run("document.getElementById('drive-holds-closed').checked = true")
+    found(opened)
+    assert re.search(r"torsion spring N mm|its twist", opened.text("drive-numbers"))
+    assert "first position: is pressed onto its stop" in opened.text("drive-numbers")
+    opened.run("document.getElementById('drive-holds-closed').checked = false")
+    fill(opened, kind="actuator", **{"hold-force": ""})
+
+
 def test_a_drive_that_slides_is_told_in_lengths(page) -> None:
     poses = {"rotation": [0, 30, 60, 90], "position": [[0, 0], [120, 40], [200, 120], [220, 220]], "timing": "free"}
     page.take({**poses, "mechanisms": ["rail_slot"], "driver": "cylinder"})

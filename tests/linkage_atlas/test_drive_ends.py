@@ -58,6 +58,22 @@ def test_an_actuator_that_was_found_is_evaluated_alike_when_its_ends_are_given(l
     assert work == pytest.approx(-moved, rel=2e-3)
 
 
+@pytest.mark.parametrize("link", ["crank", "coupler"])
+def test_a_motor_that_was_found_is_evaluated_alike_when_its_ends_are_given(link: str) -> None:
+    found = la.drives(CASEMENT, [{"kind": "dyad", "links": [link]}], crank_angle=WAY, load=LOADS["rocker"]).best(
+        "dyad"
+    )
+    assert found is not None
+    for pin in ({"pin": found.pin}, {"pin_on_link": found.pin_on_link}):
+        given = {"kind": "dyad", "links": [link], "motor": found.motor, **pin}
+        again = la.drives(CASEMENT, [given], crank_angle=WAY, load=LOADS["rocker"]).best("dyad")
+        assert again is not None
+        for name in ("crank", "coupler", "time_ratio", "transmission_angle_min", "motor_torque_max"):
+            assert getattr(again.six_bar, name) == pytest.approx(getattr(found.six_bar, name), rel=1e-6), name
+    away = {"kind": "dyad", "links": ["crank"], "motor": [0, 10], "pin_on_link": [0, 3]}
+    assert "dead point" in la.drives(CASEMENT, [away], crank_angle=WAY).refused[0].reason
+
+
 def test_a_pin_stays_in_its_box_and_a_wider_box_is_no_worse() -> None:
     wish = {
         "links": ["coupler"],
@@ -107,19 +123,20 @@ def test_equal_actuators_share_the_force() -> None:
 
 
 def test_given_ends_take_the_rows_that_reach(client: TestClient) -> None:
-    ends = {"kind": "cylinder", "links": ["coupler"], "ground_point": [160, 7], "pin": [267, -224]}
-    rows = [
-        {"name": "short", "retracted": 255, "stroke": 100, "force": 900},
-        {"name": "weak", "retracted": 250, "stroke": 160, "force": 50},
-        {"name": "good", "retracted": 250, "stroke": 160, "force": 900},
-    ]
+    ends = {"kind": "cylinder", "links": ["crank"], "ground_point": [300, 200], "pin": [150, 0]}
     plain = {"linkage": CASEMENT.to_dict(), "crank_angle": WAY, "load": LOADS["body"], "top": 3}
-    bare = client.post("/v1/drives", json=plain | {"drives": [ends]}).json()["drives"]
-    if bare:
-        reply = client.post("/v1/drives", json=plain | {"drives": [ends | {"catalogue": rows}]}).json()
-        fits = [bare[0]["retracted"] >= 250 and sum((bare[0]["retracted"], bare[0]["stroke"])) <= 410]
-        assert [one["name"] for one in reply["drives"]] == ["good"] * sum(fits)
-        assert all(one["stops"].startswith("two stops") for one in reply["drives"])
+    (bare,) = client.post("/v1/drives", json=plain | {"drives": [ends]}).json()["drives"]
+    low, high = sorted(bare["length"])
+    assert (bare["retracted"], bare["retracted"] + bare["stroke"]) == pytest.approx((low, high))
+    rows = [
+        {"name": "short", "retracted": low - 5, "stroke": high - low, "force": 900},
+        {"name": "weak", "retracted": low - 5, "stroke": high - low + 10, "force": 0.9 * bare["peak_force"]},
+        {"name": "good", "retracted": low - 5, "stroke": high - low + 10, "force": 1.1 * bare["peak_force"]},
+    ]
+    (one,) = client.post("/v1/drives", json=plain | {"drives": [ends | {"catalogue": rows}]}).json()["drives"]
+    assert one["name"] == "good" and one["stops"].startswith("two stops") and bare["stops"].startswith("none")
+    refused = client.post("/v1/drives", json=plain | {"drives": [ends | {"catalogue": rows[:2]}]}).json()["refused"]
+    assert "no row of the catalogue has lengths" in refused[0]["reason"] and "force" in refused[0]["reason"]
 
 
 @pytest.mark.parametrize(

@@ -187,3 +187,120 @@ def test_wishes_that_have_no_meaning_are_refused(client: TestClient, wish: dict[
     assert error.value.field == field
     reply = client.post("/v1/drives", json={"rocker": HATCH["rocker"], "load": HATCH["load"], "springs": [wish]})
     assert reply.status_code == 422 and field in json.dumps(reply.json())
+
+
+def work_of(found: la.Drives, spring: Any) -> Any:
+    """Work that the drive gives because of the spring, up to each second position, by Simpson's rule."""
+    torque = spring.curve.torque - found.torque.torque
+    step = np.deg2rad(found.torque.crank_angle[1] - found.torque.crank_angle[0])
+    return np.cumsum(step / 3 * (torque[:-2:2] + 4 * torque[1:-1:2] + torque[2::2]))
+
+
+@pytest.mark.parametrize("between", [["ground", "crank"], None])
+def test_a_compression_spring_carries_the_load_by_its_energy(client: TestClient, between: Any) -> None:
+    """Lengths follow from its ends, and the change of its energy is the work of the drive."""
+    wish = {"kind": "compression"} | ({"between": between} if between else {})
+    asked = {"crank_angle": [0, 90], "load": MASSES, "drives": [], "springs": [wish]}
+    reply = client.post("/v1/drives", json={"linkage": MECHANISM.to_dict(), **asked}).json()
+    found = la.drives(MECHANISM, [], load=MASSES, crank_angle=[0, 90], springs=[wish])
+    spring = found.springs[0]
+    assert reply["springs"][0]["name"] == spring.name and spring.kind == "compression"
+    assert len(found.springs) == 1 and spring.torque.after.rms < 0.1 * spring.torque.before.rms
+    length = np.linalg.norm(spring.curve.ends[:, 1] - spring.curve.ends[:, 0], axis=1)
+    assert length == pytest.approx(spring.curve.length, rel=1e-12)
+    assert np.all(spring.curve.force <= 0) and spring.length[1] <= spring.free_length
+    energy = spring.stiffness * (length - spring.free_length) ** 2 / 2
+    assert work_of(found, spring) == pytest.approx(energy[2::2] - energy[0], rel=1e-6, abs=1e-6 * energy[0])
+
+
+LID = {"pivot": [0, 0], "start": 10, "swing": 80, "length": 300}
+LID_LOAD = {"masses": [{"link": "rocker", "mass": 1.5, "at": [150, 0]}]}
+
+
+def test_a_torsion_spring_is_mounted_with_the_best_twist() -> None:
+    """Against 20,001 mounting twists in both directions, and by its energy."""
+    row = {"name": "own", "rate": 12, "preload": 100, "angle_max": 200}
+    found = la.drives(
+        rocker=LID, drives=[], load=LID_LOAD, springs=[{"kind": "torsion", "catalogue": [row], "count": 2}]
+    )
+    (spring,) = found.springs
+    angles = np.deg2rad(found.torque.crank_angle)
+    weight = 1.5 * 9.81 * 150 * np.cos(np.deg2rad(10) + angles)
+    assert found.torque.torque == pytest.approx(weight, rel=1e-9)
+    rate, best = 2 * 12 * 180 / np.pi, np.inf
+    for direction in (1, -1):
+        change = direction * angles
+        for mounted in np.linspace(-change.min(), np.deg2rad(200) - change.max(), 20_001):
+            left = weight + direction * (200 + rate * (mounted + change))
+            best = min(best, float(np.sqrt(np.mean(left**2))))
+    assert spring.torque.after.rms == pytest.approx(best, rel=1e-6) and spring.torque.after.rms < best * (1 + 1e-9)
+    assert spring.direction == -1 and spring.point == (0, 0) and spring.count == 2
+    twist = np.deg2rad(spring.curve.twist)
+    energy = 200 * twist + rate * twist**2 / 2
+    assert work_of(found, spring) == pytest.approx(energy[2::2] - energy[0], rel=1e-9)
+    assert spring.curve.moment == pytest.approx(100 + 12 * spring.curve.twist)
+    assert 0 <= spring.twist[0] < spring.twist[1] <= 200
+
+
+def test_a_torsion_spring_gives_a_wanted_torque() -> None:
+    """A linear wanted torque in a hinge without a load is met exactly; a spring of another rate leaves what it must."""
+    turn = 80.0
+    wanted = {"torque": [100 + 5 * 30, 100 + 5 * (30 + turn)]}
+    rows = [
+        {"name": "soft", "rate": 3, "angle_max": 300},
+        {"name": "right", "rate": 5, "preload": 100, "angle_max": 300},
+    ]
+    for wish in ({"wanted": wanted}, {"wanted": {"hand_force": [value / 300 for value in wanted["torque"]]}}):
+        (spring,) = la.drives(rocker=LID, drives=[], springs=[{"kind": "torsion", "catalogue": rows, **wish}]).springs
+        assert spring.name == "right" and spring.deviation is not None
+        assert spring.deviation.after.peak < 1e-9 * spring.deviation.before.peak
+        assert spring.twist == pytest.approx((30, 110))
+
+
+@pytest.mark.parametrize("kind", ["tension", "compression", "torsion"])
+def test_a_lid_without_weight_is_held_shut_with_a_force(kind: str) -> None:
+    """A hand at its edge must give at least this force to leave the stop; no length leaves its range between positions."""
+    wish = {"kind": kind, "holds": {"closed": True, "force_min": 4}}
+    wish |= {"catalogue": "tension_springs"} if kind == "tension" else {}
+    (spring,) = la.drives(rocker=LID, drives=[], springs=[wish]).springs
+    assert spring.holds.closed and spring.curve.torque[0] >= 4 * 300 * (1 - 1e-5)
+    assert spring.curve.hand_force[0] == pytest.approx(spring.curve.torque[0] / 300)
+    if kind != "torsion":
+        pin, ground = (complex(*spring.points_on_links[k]) for k in (1, 0))
+        lengths = np.abs(pin * np.exp(1j * np.deg2rad(np.linspace(10, 90, 20_001))) - ground)
+        assert spring.length == pytest.approx((lengths.min(), lengths.max()), rel=1e-9)
+        pull = spring.preload + spring.stiffness * (lengths - spring.free_length)
+        assert np.all(pull * (1 if kind == "tension" else -1) >= -1e-6 * np.abs(pull).max())
+
+
+def test_bundled_springs_are_the_same_in_all_units() -> None:
+    """Torsion springs have rates per degree and millimetres, whatever the request uses."""
+    wish = [{"kind": "torsion", "between": ["ground", "rocker"]}]
+    hinge = la.drives(rocker=LID, drives=[], load=LID_LOAD, springs=wish)
+    metres = {"pivot": [0, 0], "start": np.deg2rad(10), "swing": np.deg2rad(80), "length": 0.3}
+    load = {"masses": [{"link": "rocker", "mass": 1.5, "at": [0.15, 0]}]}
+    other = la.drives(rocker=metres, drives=[], load=load, springs=wish, degrees=False, length_unit="m")
+    assert [one.name for one in hinge.springs] == [one.name for one in other.springs] != []
+    for one, two in zip(hinge.springs, other.springs):
+        assert two.torque.after.rms * 1000 == pytest.approx(one.torque.after.rms, rel=1e-9)
+        assert two.rate * 1000 / (180 / np.pi) == pytest.approx(one.rate, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    "wish, field",
+    [
+        ({"kind": "torsion", "ground_box": [0, 0, 1, 1]}, "ground_box"),
+        ({"kind": "torsion", "wanted": {"torque": [1, 2], "hand_force": [1, 2]}}, "wanted"),
+        ({"kind": "compression", "wanted": {"torque": [1]}}, "wanted/torque"),
+        (
+            {"kind": "compression", "catalogue": [{"stiffness": 1, "free_length": 50, "load_max": 60}]},
+            "catalogue/0/load_max",
+        ),
+        ({"kind": "tension", "wanted": {"torque": [1, 2]}}, "wanted"),
+        ({"kind": "gas", "holds": {"open": True, "force_min": -1}}, "holds/force_min"),
+    ],
+)
+def test_springs_that_cannot_be_are_refused_by_field(wish: dict[str, Any], field: str) -> None:
+    with pytest.raises(la.FieldError) as error:
+        la.drives(rocker=LID, drives=[], load=LID_LOAD, springs=[wish])
+    assert error.value.field == f"/springs/0/{field}"

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from synthesis.drives.links import SAMPLES, hinged_at, motions_of
+from synthesis.drives.links import motions_of
 from synthesis.drives.springs import (
     Room,
     Spring,
@@ -64,15 +64,6 @@ def test_two_springs_balance_any_linkage(seed: int) -> None:
 
 
 @given(st.integers(0, 10_000))
-def test_both_single_springs_exist_in_the_same_cases(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    linkage, _ = random_linkage(rng)
-    potential = potential_of(linkage, weights(rng))
-    kinds = [isinstance(one_spring(potential, both), Spring) for both in (("ground", "coupler"), ("crank", "rocker"))]
-    assert kinds[0] == kinds[1]
-
-
-@given(st.integers(0, 10_000))
 def test_a_springs_torque_is_the_derivative_of_its_energy(seed: int) -> None:
     rng = np.random.default_rng(seed)
     linkage, interval = random_linkage(rng)
@@ -124,20 +115,6 @@ def test_a_fitted_spring_helps_and_keeps_its_lengths_and_places(seed: int) -> No
                 assert rms <= np.sqrt(np.mean(trial.torque**2)) * 1.02
 
 
-def test_two_fitted_springs_do_at_least_as_well_as_the_better_one() -> None:
-    rng = np.random.default_rng(3)
-    linkage, interval = random_linkage(rng)
-    machine, load = motions_of(linkage, interval), weights(rng)
-    torque, room = machine.torque(load), Room((-3.0, -3.0, 3.0, 3.0), 1.2, 0.1)
-    pairs = [("ground", "crank"), ("ground", "rocker")]
-    both = best_pair(machine, torque, pairs, KINDS, room)
-    alone = best_spring(machine, torque, pairs[:1], KINDS, room)
-    assert not isinstance(both, str)
-    assert not isinstance(alone, str)
-    assert len(both.springs) == 2
-    assert np.mean(both.torque**2) <= np.mean(alone.torque**2) * (1 + 1e-9)
-
-
 @pytest.mark.parametrize("seed, most", some_of([(3, 6e-4), (8, 2e-4)], 1))
 def test_two_fitted_springs_are_placed_to_the_end_of_their_descent(seed: int, most: float) -> None:
     """Cut off at 80 steps they left 3 and 280 times as much."""
@@ -169,9 +146,3 @@ def test_a_spring_is_the_same_in_any_unit_of_length(seed: int) -> None:
     for kinds, points in found[1:]:
         assert [row and row.name for row in kinds] == [row and row.name for row in found[0][0]]
         assert points == pytest.approx(found[0][1], abs=1e-3)
-
-
-def test_nothing_fits_where_all_springs_are_too_short() -> None:
-    machine = hinged_at(0j, 0.0, 1.0, np.linspace(0.0, 1.0, SAMPLES))
-    found = best_spring(machine, np.ones(61), [("ground", "rocker")], KINDS[2:], Room((2.0, 2.0, 3.0, 3.0), 1.0, 0.1))
-    assert "no spring of 1 fits between ground and rocker" in str(found)
