@@ -14,8 +14,8 @@ from linkage_atlas.drive_design.operation import FINE as FINE_WAY
 from synthesis.drives.actuator import Placement, Refused
 from synthesis.drives.links import GROUND, motions_at, motions_of
 from synthesis.drives.six_bar import Driven, about_pivot, driven, on_any_link
-from synthesis.fourbar.linkage import Linkage
-from synthesis.guided.linkage import GuidedLinkage, Kind
+from synthesis.guides import Kind
+from synthesis.linkage import Linkage
 from synthesis.target import Interval
 from tests.oracles.driven_cases import Case, any_linkage
 from tests.oracles.newton_euler import bodies
@@ -126,7 +126,7 @@ def motors(cases: int) -> list[dict[str, Any]]:
 
 
 def _turned(
-    linkage: Linkage | GuidedLinkage, interval: Interval, name: str, found: Driven, ratio: float | None
+    linkage: Linkage | Linkage, interval: Interval, name: str, found: Driven, ratio: float | None
 ) -> tuple[float, float]:
     """The largest error of swing, times and rod, infinite where it turns back; degrees by which the angle is less in between."""
 

@@ -23,8 +23,8 @@ from synthesis.atlas.scan import STARTS, Scan
 from synthesis.atlas.windows import TIE, Windows
 from synthesis.descents import Pool, Stage, Timed
 from synthesis.errors import FieldError
+from synthesis.four_bar import close_loop, coupler_angle, family
 from synthesis.fourbar.dimension_types import MAX_PERIMETER, OrderRule, TypeRule, count_types, enumerate_types
-from synthesis.fourbar.kinematics import close_loop, coupler_angle, family
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.mechanism import FOURBAR, AnyChart, FullCrankChart, GrashofChart
 from synthesis.fourbar.rounding import best_from_stock

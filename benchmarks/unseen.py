@@ -20,7 +20,7 @@ from synthesis import rounds
 from synthesis.fourbar.limits import Limits
 from synthesis.free.poses import Poses, make_poses
 from synthesis.guided import search as guided
-from synthesis.guided.linkage import Kind
+from synthesis.guides import Kind
 from synthesis.work import Work
 
 NAMES = ("drawn path", "random poses", "within limits")

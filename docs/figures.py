@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 
 import linkage_atlas as la
-from synthesis.fourbar.linkage import Linkage
-from synthesis.guided.linkage import Circle, Guide, Rail, Slot
+from synthesis.fourbar.joints import joints_at
+from synthesis.guides import Circle, Guide, Rail, Slot
+from synthesis.linkage import four_bar
 from synthesis.sheet import Sheet
 
 ROOT = Path(__file__).parents[1]
@@ -109,9 +110,9 @@ def notation() -> None:
     """The symbols of the documents on one four-bar: both branches, all angles, the body and its point."""
     turn, start, radius, angle = np.deg2rad(10), np.deg2rad(52), 6.3, np.deg2rad(38)
     marked = np.deg2rad(62)
-    linkage = Linkage((4.6, 9.2, 8.0, 12.2), 1, start, 0j, turn, (radius, angle), marked - np.deg2rad(30))
-    other = Linkage(linkage.links, -1, start, 0j, turn)
-    here, there = linkage.joints(0.0), other.joints(0.0)
+    linkage = four_bar((4.6, 9.2, 8.0, 12.2), 1, start, 0j, turn, (radius, angle), marked - np.deg2rad(30))
+    other = four_bar(linkage.links, -1, start, 0j, turn)
+    here, there = joints_at(linkage, 0.0), joints_at(other, 0.0)
     a, b, d, c = here.pivot_a, here.pivot_b, complex(here.crank_pin[0]), complex(here.coupler_pin[0])
     assert here.body_point is not None
     p, mirrored = complex(here.body_point[0]), complex(there.coupler_pin[0])
@@ -191,9 +192,9 @@ def box(low: complex, high: complex) -> list[complex]:
 
 def limits() -> None:
     """What each limit of a request concerns, on one four-bar over its used interval."""
-    linkage = Linkage((4.6, 9.2, 8.0, 12.2), 1, np.deg2rad(30), 0j, 0.0, (6.3, np.deg2rad(38)), 0.0)
+    linkage = four_bar((4.6, 9.2, 8.0, 12.2), 1, np.deg2rad(30), 0j, 0.0, (6.3, np.deg2rad(38)), 0.0)
     crank = np.linspace(0, np.deg2rad(110), 90)
-    way, here = linkage.joints(crank), linkage.joints(np.deg2rad(35))
+    way, here = joints_at(linkage, crank), joints_at(linkage, np.deg2rad(35))
     a, b, d, c = here.pivot_a, here.pivot_b, complex(here.crank_pin[0]), complex(here.coupler_pin[0])
     assert here.body_point is not None and way.body_point is not None
     p = complex(here.body_point[0])

@@ -46,18 +46,16 @@ from synthesis.errors import FieldError
 from synthesis.fourbar import solution as search
 from synthesis.fourbar.determination import Sensitivity, determinations, determinations_within, sensitivities
 from synthesis.fourbar.limits import Limits
-from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.passage import Verdict as Passing
 from synthesis.fourbar.passage import excursions, practical_faults, proportion, shared_positions, size_of, verdicts
 from synthesis.fourbar.rounding import best_from_stock, round_to_grid
 from synthesis.free.poses import Poses, spin_faults
 from synthesis.free.search import in_turn, rotations_of
 from synthesis.guided import solution as guided
-from synthesis.guided.linkage import GuidedLinkage as Guided
-from synthesis.guided.linkage import of_four_bar
 from synthesis.guided.passage import verdict as guided_verdict
 from synthesis.guided.rounding import from_stock, on_grid, rounded
 from synthesis.guided.solution import broken_limits
+from synthesis.linkage import Linkage
 from synthesis.local_refinement import refined_in_place
 from synthesis.ranking import FAIR, PROPORTION, Errors, Status
 from synthesis.target import Samples, Target
@@ -687,7 +685,7 @@ def _described(
 def _circles(linkage: Linkage) -> list[CircleGuide] | None:
     if not linkage.mounted:
         return None
-    return [one for one in guides_of(of_four_bar(linkage), 1.0, None) if isinstance(one, CircleGuide)]
+    return [one for one in guides_of(linkage, 1.0, None) if isinstance(one, CircleGuide)]
 
 
 def finished_guided(
@@ -802,8 +800,8 @@ def _studied(solution: S, studies: Studies, solutions: int, work: Work) -> S:
     return replace(solution, **done) if done else solution
 
 
-def _sensitivity(linkage: Linkage | Guided, target: Target, radian: float) -> Sensitivity | list[Change]:
-    if not isinstance(linkage, Linkage):
+def _sensitivity(linkage: Linkage, target: Target, radian: float) -> Sensitivity | list[Change]:
+    if not linkage.is_four_bar:
         return changes(linkage, target, radian)
     (change,) = sensitivities(target, [linkage])
     return Sensitivity(None if change.rotation is None else change.rotation / radian, change.position)

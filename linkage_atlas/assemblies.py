@@ -19,8 +19,7 @@ from synthesis.assembly.machine import Machine, Sizes, Strut, as_plates, motor_d
 from synthesis.drives.six_bar import Motor
 from synthesis.errors import FieldError
 from synthesis.fourbar.files import check_sizes
-from synthesis.fourbar.linkage import Linkage
-from synthesis.guided.linkage import GuidedLinkage
+from synthesis.linkage import Linkage
 from synthesis.mechanism import Box
 from synthesis.target import MAX_LENGTH, Interval
 from synthesis.work import Work
@@ -338,15 +337,13 @@ def _outline(name: str, given: Any) -> tuple[complex, ...]:
     return tuple(corners if signed_area(corners) > 0 else corners[::-1])
 
 
-def machine_of(
-    linkage: Linkage | GuidedLinkage, asked: AskedAssembly, used: Interval, where: str = "assembly/"
-) -> Machine:
+def machine_of(linkage: Linkage, asked: AskedAssembly, used: Interval, where: str = "assembly/") -> Machine:
     """Return plates and pins of a linkage with the requested sizes, and with standard sizes by default.
 
     If the default hole leaves no material, the largest of its `SHARES` that leaves some is used. Raises `FieldError` if all of
     them leave none.
     """
-    if asked.body and isinstance(linkage, Linkage) and not linkage.mounted:
+    if asked.body and not linkage.mounted:
         raise FieldError(f"/{where}body", "needs `position`: without it nothing says where the body is")
     for share in SHARES:
         try:
@@ -358,9 +355,7 @@ def machine_of(
     raise refused
 
 
-def _machine(
-    linkage: Linkage | GuidedLinkage, asked: AskedAssembly, share: float, used: Interval, where: str
-) -> Machine:
+def _machine(linkage: Linkage, asked: AskedAssembly, share: float, used: Interval, where: str) -> Machine:
     bar = asked.arranged.boards == "bar"
 
     def made(sizes: Sizes, body: Sequence[complex]) -> Machine:
@@ -399,7 +394,7 @@ class Reading(NamedTuple):
 
 
 def assembled(
-    linkage: Linkage | GuidedLinkage,
+    linkage: Linkage,
     asked: AskedAssembly,
     used: Interval,
     radian: float,

@@ -16,7 +16,7 @@ from linkage_atlas.notes import counted
 from synthesis.atlas.scan import Scan
 from synthesis.atlas.table import SCHEMA, AtlasRule, compute_features
 from synthesis.errors import FieldError
-from synthesis.fourbar.kinematics import family
+from synthesis.four_bar import family
 from synthesis.fourbar.mechanism import FOURBAR, ROCKER
 
 if TYPE_CHECKING:

@@ -24,7 +24,8 @@ from linkage_atlas.studies import Studies
 from linkage_atlas.task import Fair, Task, screens, seed_tables
 from linkage_atlas.warm_start import FOR_STARTS, Start, pointing_to_start
 from synthesis.atlas.scan import Scan
-from synthesis.fourbar.kinematics import Family, wrap
+from synthesis.four_bar import Family, wrap
+from synthesis.fourbar.joints import joints_at
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.passage import proportion, size_of
 from synthesis.fourbar.solution import Solution, assess, within
@@ -323,7 +324,7 @@ def _drawn_near(solution: Solution, motion: Motion, limits: Limits) -> Solution:
     if samples.position is None or solution.family is not Family.CHANGE_POINT:
         return solution
     target = target_of(solution, motion)
-    at = linkage.joints(target.crank)
+    at = joints_at(linkage, target.crank)
     assert at.body_point is not None
     if not np.ptp(at.coupler_angle) <= _ONLY_SHIFTED:
         return solution

@@ -288,7 +288,7 @@ def own_output(linkage: GuidedLinkage, dial: Dial, travel: Floats) -> Floats:
     plain = linkage.plain
     if dial.output == LENGTH:
         return plain.along(1, travel)
-    links = plain.links(travel)
+    links = plain.motions(travel)
     name = plain.link_names[2]
     direction = next(one.angle for one in links if one.name == name) if name != "block" else links[1].angle
     direction = np.unwrap(direction)

@@ -14,8 +14,8 @@ from linkage_atlas.arguments import Fields, check_names, column, number, radians
 from linkage_atlas.motions import Motion
 from linkage_atlas.notes import condition, counted
 from synthesis.errors import FieldError
+from synthesis.four_bar import Family, family
 from synthesis.fourbar import limits as fourbar
-from synthesis.fourbar.kinematics import Family, family
 from synthesis.fourbar.limits import FORMS, LINKS, REACH, ROOM, Form, in_family, practical_limits
 from synthesis.free.poses import Poses
 from synthesis.target import Samples

@@ -45,11 +45,11 @@ from synthesis.drives.links import GROUND, LinkMotions, ends_of, motions_at
 from synthesis.drives.six_bar import Motor, SixBar
 from synthesis.errors import FieldError
 from synthesis.fourbar import files as of_four_bars
-from synthesis.fourbar.linkage import Linkage, Mass, are_cognates
+from synthesis.fourbar.joints import are_cognates, joints_at
 from synthesis.guided import files as of_guided
-from synthesis.guided import linkage as guided
-from synthesis.guided.linkage import DRIVERS, Circle, Driver, Guide, Rail, Slot
 from synthesis.guided.solution import as_target
+from synthesis.guides import DRIVERS, Circle, Driver, Guide, Rail, Slot
+from synthesis.linkage import Linkage, Mass, four_bar, on_guides
 from synthesis.sheet import More
 from synthesis.target import TURN, Interval, Target
 from synthesis.work import Work
@@ -489,7 +489,7 @@ class FourBar(AnyLinkage):
         if branch not in (-1, 1):
             raise FieldError("/branch", f"wanted 1 or -1, found {branch}")
         point = None if coupler_point is None else (float(coupler_point[0]), float(coupler_point[1]) * radian)
-        self._linkage = Linkage(
+        self._linkage = four_bar(
             (float(crank), float(coupler), float(rocker), float(ground)),
             int(branch),
             float(start_angle) * radian,
@@ -568,7 +568,7 @@ class FourBar(AnyLinkage):
     @property
     def family(self) -> str:
         """How it can turn: crank_rocker, double_crank, ..."""
-        return self._linkage.family.value
+        return str(self._linkage.family)
 
     def is_cognate_of(self, other: FourBar) -> bool:
         """Whether both are Roberts cognates: different linkages whose body points draw the same curve."""
@@ -591,7 +591,7 @@ class FourBar(AnyLinkage):
             Arrays in the shape of ``crank``, points with x and y along a further axis.
         """
         travel = np.atleast_1d(column("crank", crank)) * self._radian
-        found = self._linkage.joints(travel.ravel())
+        found = joints_at(self._linkage, travel.ravel())
 
         def shaped(values: Any) -> Any:
             return np.reshape(values, travel.shape)
@@ -796,7 +796,7 @@ class SlotGuide(NamedTuple):
 AnyGuide = CircleGuide | RailGuide | SlotGuide
 
 
-def guides_of(linkage: guided.GuidedLinkage, radian: float, used: Interval | None) -> list[AnyGuide]:
+def guides_of(linkage: Linkage, radian: float, used: Interval | None) -> list[AnyGuide]:
     """The guides of a linkage, the driven one first, in the user's unit of angle; ``used``: travel from the first sample."""
 
     def ends(place: int) -> tuple[float, float] | None:
@@ -864,7 +864,7 @@ class GuidedLinkage(AnyLinkage):
     [-13.475068]
     """
 
-    _linkage: guided.GuidedLinkage
+    _linkage: Linkage
     _drive = "drive"
 
     def __init__(
@@ -889,13 +889,13 @@ class GuidedLinkage(AnyLinkage):
             raise FieldError("/branch", f"wanted 1 or -1, found {branch}")
         turns = Driver(driver).turns
         begin = number("start", start) * (radian if turns else 1.0)
-        self._linkage = guided.GuidedLinkage((read[0], read[1]), Driver(driver), int(branch), begin)
+        self._linkage = on_guides((read[0], read[1]), Driver(driver), int(branch), begin)
         check_apart(self._linkage)
         self._radian = radian
         self._motion: Target | None = None
 
     @property
-    def plain(self) -> guided.GuidedLinkage:
+    def plain(self) -> Linkage:
         """The same in radians, as the numerics have it."""
         return self._linkage
 
@@ -914,7 +914,8 @@ class GuidedLinkage(AnyLinkage):
     @property
     def start(self) -> float:
         """The drive's coordinate at the first sample."""
-        return self._linkage.start / self._unit
+        one = self._linkage
+        return (one.start + one.ground_angle) / self._radian if one.driver.turns else one.start
 
     @property
     def guides(self) -> list[AnyGuide]:
@@ -951,7 +952,7 @@ class GuidedLinkage(AnyLinkage):
             plane(found.position),
             found.rotation / self._radian,
             (points[0], points[1]),
-            q / self._unit,
+            (q + one.ground_angle) / self._unit,
             found.transmission_angle / self._radian,
             found.arm,
         )
@@ -1061,7 +1062,7 @@ def read_guide(field: str, given: Mapping[str, Any] | AnyGuide, radian: float) -
     return Slot(place("pin"), point, amount("body_direction") * radian)
 
 
-def check_apart(linkage: guided.GuidedLinkage) -> None:
+def check_apart(linkage: Linkage) -> None:
     """FieldError for two guides that hold the body to one condition, or that never let it turn."""
     first, second = linkage.guides
     alike = isinstance(first, (Circle, Rail)) and isinstance(second, (Circle, Rail))
@@ -1106,7 +1107,7 @@ def check_held(kind: str, **given: Any) -> None:
 
 
 def content_of(
-    linkage: Linkage | guided.GuidedLinkage,
+    linkage: Linkage,
     target: Target,
     radian: float,
     kind: str,
@@ -1124,12 +1125,11 @@ def content_of(
     ``length_unit``: None if it is unknown, which CSV and SVG do not mention and other files take as millimetres.
     """
     one_of("kind", kind, FORMATS)
-    if isinstance(linkage, guided.GuidedLinkage) and kind == "pylinkage":
+    if not linkage.is_four_bar and kind == "pylinkage":
         raise FieldError("/format", _FOUR_BARS_ONLY[kind])
     attached = drive_on(linkage, target, drive)
     layer = None if attached is None else More(LAYER, COLOUR, attached.draw)
-    on_guides = isinstance(linkage, guided.GuidedLinkage)
-    files: Any = of_guided if on_guides else of_four_bars
+    files: Any = of_four_bars if linkage.is_four_bar else of_guided
     text: str
     if kind == "csv":
         more = _analysis_columns(linkage, target, radian, analysis) | dict(more or {})
@@ -1141,12 +1141,11 @@ def content_of(
         text = files.to_svg(linkage, target, None if attached is None else attached.shown(), length_unit)
         return text.encode()
     if kind == "pylinkage":
-        assert isinstance(linkage, Linkage)
         return of_four_bars.to_pylinkage(linkage, target, length_unit).encode()
     unit_mm = millimetres_in(length_unit or "mm")
     if kind in (*OF_PARTS, "plates"):
         assert parts is not None
-        if kind != "plates" or arranged or isinstance(linkage, guided.GuidedLinkage):
+        if kind != "plates" or arranged or not linkage.is_four_bar:
             return parts(False).file(kind)
         from synthesis.solids.plates import to_plates
 
@@ -1169,18 +1168,16 @@ def content_of(
 
 
 def _analysis_columns(
-    linkage: Linkage | guided.GuidedLinkage, target: Target, radian: float, analysis: Mapping[str, Any] | None
+    linkage: Linkage, target: Target, radian: float, analysis: Mapping[str, Any] | None
 ) -> dict[str, Any]:
     if analysis is None:
         return {}
-    asked = read_analysis(analysis, isinstance(linkage, guided.GuidedLinkage) or linkage.mounted)
+    asked = read_analysis(analysis, linkage.mounted)
     columns: dict[str, Any] = analysed(linkage, asked, target.crank, radian).columns()
     return columns
 
 
-def drive_on(
-    linkage: Linkage | guided.GuidedLinkage, target: Target, drive: Mapping[str, Any] | None
-) -> Attached | None:
+def drive_on(linkage: Linkage, target: Target, drive: Mapping[str, Any] | None) -> Attached | None:
     """A drive of a reply on a linkage at the samples of a motion."""
     if drive is None:
         return None

@@ -22,11 +22,10 @@ from synthesis.atlas.haar import resample
 from synthesis.atlas.scan import Scan
 from synthesis.atlas.windows import TIE, ScanReport
 from synthesis.errors import FieldError
-from synthesis.fourbar.kinematics import principal
+from synthesis.four_bar import principal
 from synthesis.fourbar.solution import four
 from synthesis.guided.by_crank import BY_CRANK
-from synthesis.guided.linkage import Kind
-from synthesis.guided.solution import turned_frame
+from synthesis.guides import Kind
 from synthesis.target import HOW_TURNED, Target
 from synthesis.work import Work
 
@@ -187,7 +186,7 @@ def _slider_crank(
     crank, rod, beside = lengths
     signed = np.array([[crank, rod, branch * beside]], dtype=float)
     (linkage,) = BY_CRANK[Kind.SLIDER_CRANK].posed(signed, np.ones(1), np.array([start]), None)
-    return GuidedLinkage.of(turned_frame(linkage, offset), radian, target)
+    return GuidedLinkage.of(linkage.turned_body(offset), radian, target)
 
 
 def _features(crank: Floats, curve: Floats, radian: float) -> Features:

@@ -15,9 +15,10 @@ from synthesis.fourbar.limits import Limits
 from synthesis.free.poses import Poses
 from synthesis.guided import solution as guided
 from synthesis.guided.by_crank import linkages_by_crank
-from synthesis.guided.linkage import Driver, GuidedLinkage
 from synthesis.guided.search import NOTHING_ROUND, search_guided
 from synthesis.guided.solution import broken_limits
+from synthesis.guides import Driver
+from synthesis.linkage import Linkage
 from synthesis.search.report import SearchReport, StoppedBy, fallen, smallest
 from synthesis.target import Target
 from synthesis.work import Work
@@ -91,7 +92,7 @@ def search_kinds(
         shared = with_sliders and np.isfinite(work.budget)
         part = work.part(_FOUR_BARS * work.budget) if shared else work
         leads = _search_four_bars(kinds, motion, limits, search_four_bars, (work, part), rounds, progress, by_path)
-    beginnings: list[GuidedLinkage] = []
+    beginnings: list[Linkage] = []
     if isinstance(motion.samples, Target) and motion.samples.position is not None:
         beginnings = _search_by_crank(kinds, motion.samples, limits, tolerance, work, progress)
     between = work.elapsed
@@ -152,9 +153,9 @@ def _search_four_bars(
 
 def _search_by_crank(
     kinds: Kinds, target: Target, limits: Limits, tolerance: float, work: Work, progress: _Progress
-) -> list[GuidedLinkage]:
+) -> list[Linkage]:
     """Search linkages with a rail or slot for given crank angles; return all, also those outside the limits."""
-    beginnings: list[GuidedLinkage] = []
+    beginnings: list[Linkage] = []
     for kind in kinds.by_crank:
         solutions, report = linkages_by_crank(kind, target, tolerance=tolerance, work=work)
         inside = [found for found in solutions if not broken_limits(found, target, limits)]
@@ -175,7 +176,7 @@ def _search_sliders(
     work: Work,
     rotations: Sequence[Floats | None],
     rounds: int | None,
-    beginnings: Sequence[GuidedLinkage],
+    beginnings: Sequence[Linkage],
     progress: _Progress,
 ) -> None:
     """Search linkages with rails or slots, once for each rotation curve."""
@@ -199,7 +200,7 @@ def _rotations(leads: Sequence[fourbar.Solution], poses: Poses) -> list[Floats]:
     curves: list[Floats] = []
     for lead in leads:
         assert lead.crank is not None
-        turned = lead.linkage.joints(lead.crank[: poses.samples]).rotation
+        turned = lead.linkage.body(lead.linkage.start + lead.crank[: poses.samples]).rotation
         if all(np.ptp(turned - curve) > _OTHER_ROTATION for curve in curves):
             curves.append(turned)
         if len(curves) == _MAX_LEADS:

@@ -12,7 +12,7 @@ from synthesis.errors import FieldError
 from synthesis.fourbar.limits import FORMS, Limits
 from synthesis.free.poses import Poses
 from synthesis.guided.by_crank import BY_CRANK
-from synthesis.guided.linkage import Driver, Kind
+from synthesis.guides import Driver, Kind
 from synthesis.target import Samples, Target
 
 MECHANISMS = get_args(KindName)

@@ -15,12 +15,11 @@ from linkage_atlas.arguments import column, number, radians_in, read_length_unit
 from linkage_atlas.tables import POSES, decoded, read_table
 from synthesis.arrays import Complexes, Floats
 from synthesis.errors import FieldError
+from synthesis.four_bar import coupler_angle
 from synthesis.fourbar.hinge import hinge_of
-from synthesis.fourbar.kinematics import coupler_angle
-from synthesis.fourbar.linkage import Linkage
 from synthesis.free.dyads import in_any_order
 from synthesis.free.poses import MIN_POSES, Poses, make_poses
-from synthesis.guided.linkage import GuidedLinkage
+from synthesis.linkage import Linkage
 from synthesis.target import (
     HOW_TURNED,
     MAX_LENGTH,
@@ -69,7 +68,7 @@ class Tolerances:
             square += float(np.mean((self.position / samples.length_scale) ** 2))
         return float(np.sqrt(square))
 
-    def shares(self, target: Target, linkage: Linkage | GuidedLinkage) -> Floats:
+    def shares(self, target: Target, linkage: Linkage) -> Floats:
         """Each sample's largest error over what is allowed, (N,); a missing part counts as kept."""
         rotation, points = _moved(linkage, target.crank)
         share = np.zeros(target.samples)
@@ -86,13 +85,10 @@ class Tolerances:
         return share
 
 
-def _moved(linkage: Linkage | GuidedLinkage, travel: Floats) -> tuple[Floats, Complexes | None]:
+def _moved(linkage: Linkage, travel: Floats) -> tuple[Floats, Complexes | None]:
     """Rotation and place of the body at travel (n,) of the drive from the first sample."""
-    if isinstance(linkage, GuidedLinkage):
-        found = linkage.body(linkage.start + travel)
-        return found.rotation, found.position
-    joints = linkage.joints(travel)
-    return joints.rotation, joints.body_point
+    found = linkage.body(linkage.start + travel)
+    return found.rotation, found.position if linkage.mounted else None
 
 
 class Motion:

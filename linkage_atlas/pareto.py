@@ -22,7 +22,7 @@ from synthesis.fourbar.passage import size_of
 from synthesis.free.poses import Poses
 from synthesis.free.search import go_astray
 from synthesis.guided import solution as guided
-from synthesis.guided.linkage import Driver, Kind
+from synthesis.guides import Driver, Kind
 from synthesis.ranking import APART, FAIR, behind, by_proportion, distinct
 from synthesis.target import Samples, Target
 

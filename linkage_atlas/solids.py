@@ -12,8 +12,7 @@ from linkage_atlas.assemblies import ASSEMBLY, Assembly, assembled, read_assembl
 from linkage_atlas.formats import OF_PARTS, kind_of
 from linkage_atlas.records import KEPT, Record
 from synthesis.errors import FieldError
-from synthesis.fourbar.linkage import Linkage
-from synthesis.guided.linkage import GuidedLinkage
+from synthesis.linkage import Linkage
 from synthesis.sheet import csv_text
 from synthesis.solids.solid import DENSITIES, FITS, Fit, Made, Solids, masses_of_links, parts_list, solids_of
 from synthesis.target import Interval
@@ -163,7 +162,7 @@ class SolidParts(Record):
         path.write_bytes(self.file(kind_of(path.name)))
 
 
-def masses_of_parts(linkage: Linkage | GuidedLinkage, used: Interval, length_unit: str) -> list[dict[str, Any]]:
+def masses_of_parts(linkage: Linkage, used: Interval, length_unit: str) -> list[dict[str, Any]]:
     """The masses that a load calls "parts": of the moving links as they are made by default, also where parts collide."""
     asked = read_assembly({"length_unit": length_unit})
     assert asked is not None

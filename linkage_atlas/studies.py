@@ -29,12 +29,11 @@ from linkage_atlas.records import Record, Values, Vectors, plain, plane
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.fourbar.limits import BETWEEN_LENGTHS, Limits
-from synthesis.fourbar.linkage import Linkage, Mass
 from synthesis.fourbar.rounding import given_lengths, multiples
 from synthesis.fourbar.tolerance_study import SOURCES, Spread, Study, Tolerances, simulate
 from synthesis.guided import manufacture as of_guides
 from synthesis.guided.analysis import Load, forces, on_links
-from synthesis.guided.linkage import GuidedLinkage, of_four_bar
+from synthesis.linkage import Linkage, Mass
 from synthesis.target import MAX_LENGTH, MIN_LENGTH, TURN, Interval, Target
 from synthesis.work import Work
 
@@ -172,7 +171,7 @@ class AskedAnalysis(NamedTuple):
     parts: bool = False
     """Whether the links also weigh what their parts do."""
 
-    def weighed(self, linkage: Linkage | GuidedLinkage, used: Interval) -> AskedAnalysis:
+    def weighed(self, linkage: Linkage, used: Interval) -> AskedAnalysis:
         """With the masses of the linkage's parts, if those are meant."""
         if self.load is None or not self.parts:
             return self
@@ -259,7 +258,7 @@ def _mass(
 
 
 def analysed(
-    linkage: Linkage | GuidedLinkage,
+    linkage: Linkage,
     asked: AskedAnalysis,
     travel: Floats,
     radian: float,
@@ -267,31 +266,29 @@ def analysed(
 ) -> Any:
     """An `Analysis` or `GuidedAnalysis` at travel (n,) of the drive from the first sample, and over an interval."""
     asked = asked.weighed(linkage, over or Interval(float(travel.min()), float(travel.max())))
-    record: tuple[Any, Any] = (Analysis, Rates) if isinstance(linkage, Linkage) else (GuidedAnalysis, GuidedRates)
+    record: tuple[Any, Any] = (Analysis, Rates) if linkage.is_four_bar else (GuidedAnalysis, GuidedRates)
     curve = None
     if over is not None:
-        turns = isinstance(linkage, Linkage) or linkage.driver.turns
-        along = over.by_degrees() if turns else np.linspace(*over, STEPS + 1)
+        along = over.by_degrees() if linkage.driver.turns else np.linspace(*over, STEPS + 1)
         curve = record[1](**_rates(linkage, asked, along, radian))
     return record[0](**_rates(linkage, asked, travel, radian), crank_speed=asked.crank_speed, curve=curve)
 
 
-def _rates(linkage: Linkage | GuidedLinkage, asked: AskedAnalysis, travel: Floats, radian: float) -> dict[str, Any]:
-    guided = of_four_bar(linkage) if isinstance(linkage, Linkage) else linkage
-    turns = guided.driver.turns
+def _rates(linkage: Linkage, asked: AskedAnalysis, travel: Floats, radian: float) -> dict[str, Any]:
+    turns = linkage.driver.turns
     speed = asked.crank_speed * (radian if turns else 1.0)
-    first, body, other = guided.links(travel)
+    first, body, other = linkage.motions(travel)
     held = None
     if asked.load is not None:
-        held = forces(guided, travel, on_links(asked.load._replace(speed=speed), linkage))
-    found = guided.body(guided.start + travel)
+        held = forces(linkage, travel, on_links(asked.load._replace(speed=speed), linkage))
+    found = linkage.body(linkage.start + travel)
     values: dict[str, Any] = {
         "crank_angle": travel / radian if turns else None,
         "velocity": plane(body.velocity * speed),
         "acceleration": plane(body.acceleration * speed**2),
         "transmission_angle": found.transmission_angle / radian,
     }
-    if isinstance(linkage, Linkage):
+    if linkage.is_four_bar:
         bare = {} if linkage.mounted else {"velocity": None, "acceleration": None}
         pins = None if held is None else (held.driven_ground, held.driven, held.other, held.other_ground)
         return (
@@ -456,12 +453,12 @@ def study_notes(asked: Manufacture | None, solutions: Sequence[Any]) -> list[str
 
 
 def studied(
-    linkage: Linkage | GuidedLinkage, asked: Manufacture, travel: Floats, over: Interval, radian: float, work: Work
+    linkage: Linkage, asked: Manufacture, travel: Floats, over: Interval, radian: float, work: Work
 ) -> ToleranceStudy:
     """A tolerance study at travel (n,) of the drive from the first sample, and over an interval."""
     band, samples = np.linspace(*over, BAND_STEPS + 1), travel.size
     every = np.concatenate([travel, band])
-    if isinstance(linkage, Linkage):
+    if linkage.is_four_bar:
         found = simulate(linkage, every, samples, *asked, work)
         return described_study(found, SOURCES, asked, samples, band / radian, radian)
     found, turns = of_guides.simulate(linkage, every, samples, *asked, work), linkage.driver.turns
@@ -479,7 +476,7 @@ class Change(NamedTuple):
     """Rms change of position."""
 
 
-def changes(linkage: GuidedLinkage, target: Target, radian: float) -> list[Change]:
+def changes(linkage: Linkage, target: Target, radian: float) -> list[Change]:
     """Rms changes of the motion per unit of each dimension, all else held: lengths, and per unit of angle directions."""
     found = []
     for name, guide, unit in of_guides.dimensions_of(linkage):

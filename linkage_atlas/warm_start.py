@@ -14,8 +14,8 @@ from linkage_atlas.linkages import FourBar
 from linkage_atlas.motions import Motion
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
-from synthesis.fourbar.kinematics import wrap
-from synthesis.fourbar.linkage import Linkage
+from synthesis.four_bar import wrap
+from synthesis.linkage import Linkage
 from synthesis.target import MAX_LENGTH, MIN_LENGTH, TURN, Samples
 
 MAX_STARTS = 10

@@ -29,9 +29,9 @@ from numpy.typing import NDArray
 
 from synthesis.arrays import Floats
 from synthesis.descents import Pool, Stage, Timed
-from synthesis.fourbar.kinematics import grashof_excesses
+from synthesis.four_bar import grashof_excesses
+from synthesis.fourbar.joints import joints_at
 from synthesis.fourbar.limits import Limits, in_family
-from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.mechanism import FOURBAR, AnyChart, FullCrankChart
 from synthesis.fourbar.solution import Solution, assess, mounted, within
 from synthesis.free.dyads import chart_of
@@ -42,6 +42,7 @@ from synthesis.free.search import solutions_of, within_limits
 from synthesis.function.answers import Generator
 from synthesis.function.search import FunctionSearch
 from synthesis.function.wanted import Wanted
+from synthesis.linkage import Linkage, with_links
 from synthesis.mechanism import Bounded
 from synthesis.ranking import Answer, Status
 from synthesis.search.problems import GivenProblem, given, problem_of
@@ -82,7 +83,7 @@ def turning_fully(linkage: Linkage, family: str) -> Linkage:
     a, b, c = (max(float(one), least) for one in grashof_excesses([shortest, first, second, fourth]))
     first, second, fourth = shortest + (a + c) / 2, shortest + (b + c) / 2, shortest + (a + b) / 2
     links = (shortest, first, second, fourth) if rocks else (fourth, second, first, shortest)
-    return replace(linkage, links=links)
+    return with_links(linkage, links)
 
 
 def report_of(
@@ -164,7 +165,7 @@ class _Descents:
 
     def assessed(self, linkages: list[Linkage]) -> list[Solution]:
         """Linkages with their errors, in their best pose where they have none; without those that do not close."""
-        closing = [one for one in linkages if one.joints(self.target.crank).closed]
+        closing = [one for one in linkages if joints_at(one, self.target.crank).closed]
         if self.target.position is None:
             closing = [replace(one, pivot_a=0j, ground_angle=0.0, coupler_point=None) for one in closing]
             closing = [one.scaled(1 / one.links[3]) for one in closing]
@@ -277,8 +278,8 @@ def refined_in_place(poses: Poses, limits: Limits, one: Solution, crank: Floats,
     found, _ = refine_poses(poses, held, one.linkage, crank, 0.0, work)
     for better in found:
         if better.crank is not None and better.errors.objective < one.errors.objective:
-            same = replace(better.linkage, links=one.linkage.links)
-            turned = same.joints(better.crank).rotation if poses.rotation is not None else None
+            same = with_links(better.linkage, one.linkage.links)
+            turned = joints_at(same, better.crank).rotation if poses.rotation is not None else None
             exactly = assess(poses.timed(better.crank, turned), [same])[0]
             return replace(exactly, crank=better.crank)
     return one

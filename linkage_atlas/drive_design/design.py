@@ -33,9 +33,8 @@ from linkage_atlas.motions import Motion
 from synthesis.arrays import Floats
 from synthesis.drives.links import motions_of
 from synthesis.errors import FieldError
-from synthesis.fourbar.linkage import Linkage
-from synthesis.guided.linkage import Circle, Driver, Rail, Slot
-from synthesis.guided.linkage import GuidedLinkage as Guided
+from synthesis.guides import Circle, Driver, Rail, Slot
+from synthesis.linkage import Linkage, four_bar
 from synthesis.target import Interval
 from synthesis.work import Work
 
@@ -184,8 +183,8 @@ def check_request(given: Mapping[str, Any], radian: float) -> None:
     interval = Interval(0.0, 0.2)
     circle, slot = Circle(0j, 1.0, 0j), Slot(3.0 + 0.5j, 1.0 + 0.2j, 0.1)
     rail = Rail(2.0 + 0.3j, 0.0, 2.0 + 0j)
-    machines = [motions_of(Linkage((2.0, 3.0, 4.0, 3.5), 1, 1.0, coupler_point=(1.0, 0.0)), interval, 3)]
-    machines += [motions_of(Guided((circle, guide), Driver.CRANK, 1, 0.5), interval, 3) for guide in (slot, rail)]
+    machines = [motions_of(four_bar((2.0, 3.0, 4.0, 3.5), 1, 1.0, coupler_point=(1.0, 0.0)), interval, 3)]
+    machines += [motions_of(Linkage((circle, guide), Driver.CRANK, 1, 0.5), interval, 3) for guide in (slot, rail)]
     errors = []
     for machine in machines:
         try:
@@ -204,7 +203,7 @@ def _read(reader: Reader, given: Mapping[str, Any]) -> tuple[DriveQuestion, Driv
 
 
 def driven_solution(
-    linkage: Linkage | Guided, travel: Floats, given: Mapping[str, Any], radian: float, work: Work
+    linkage: Linkage, travel: Floats, given: Mapping[str, Any], radian: float, work: Work
 ) -> dict[str, Any]:
     """Return the fields of a solution that `load`, `drives`, `springs` and `drive` request: the best of each kind.
 

@@ -15,8 +15,7 @@ from linkage_atlas.motions import Motion
 from synthesis.arrays import Floats
 from synthesis.drives.links import SAMPLES, LinkMotions, ends_of, hinged_at, motions_at, motions_of
 from synthesis.errors import FieldError
-from synthesis.fourbar.linkage import Linkage
-from synthesis.guided.linkage import GuidedLinkage as Guided
+from synthesis.linkage import Linkage
 from synthesis.target import MAX_LENGTH, TURN, Target
 
 FINE = 961
@@ -40,18 +39,18 @@ class Operation(NamedTuple):
     @classmethod
     def of(
         cls,
-        linkage: Linkage | Guided,
+        linkage: Linkage,
         travel: Floats,
         radian: float,
         target: Target | None = None,
         length_unit: str | None = None,
     ) -> Operation:
         """Prepare a linkage between the smallest and the largest travel of its drive, perhaps at samples of a motion."""
-        ends, four_bar = ends_of(travel), isinstance(linkage, Linkage)
+        ends, four_bar = ends_of(travel), linkage.is_four_bar
         if not abs(ends.last - ends.first) > (1e-6 if four_bar else 0.0):
             field, words = ("crank_angle", "crank angle") if four_bar else ("travel", "place of the drive")
             raise FieldError(f"/{field}", f"the way has no length: its first and last {words} are the same")
-        if isinstance(linkage, Guided) and not linkage.closes_over(ends.after(linkage.start)):
+        if not four_bar and not linkage.closes_over(ends.after(linkage.start)):
             raise FieldError("/linkage", "does not close over its way")
         coarse, fine = (motions_of(linkage, ends, count) for count in (SAMPLES, FINE))
         view = (FourBar if four_bar else GuidedLinkage).of(linkage, radian, target, length_unit)

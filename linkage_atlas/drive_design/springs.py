@@ -45,7 +45,6 @@ from synthesis.drives.springs import (
 from synthesis.drives.springs import Spring as LinearSpring
 from synthesis.drives.torsion import TorsionSpring as MountedTorsion
 from synthesis.drives.torsion import best_torsion_spring, joint_of
-from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.analysis import Pull
 
 HELP_SHARE = 0.5
@@ -339,7 +338,6 @@ def _ideal(task: DriveTask, request: SpringRequest) -> Mounted | str:
 def _ideal_on_pendulums(task: DriveTask, between: tuple[str, str] | None, stiffness: float | None) -> Mounted | str:
     """Find springs of zero free length on a body on guides, or on a link on a hinge."""
     guided = None if task.operation.view is None else task.operation.view.plain
-    assert not isinstance(guided, Linkage)
     springs = springs_on_pendulums(guided, task.machine, task.torque, stiffness)
     if springs is None:
         kind = "link on a hinge" if guided is None else guided.kind.value

@@ -15,7 +15,6 @@ from linkage_atlas.drive_design.records import AnySpring, Drive, PinPeaks, Refus
 from synthesis.arrays import Floats
 from synthesis.drives.links import LinkMotions
 from synthesis.guided.analysis import Pull, forces, on_links
-from synthesis.guided.linkage import of_four_bar
 from synthesis.mechanism import Box
 from synthesis.work import Work
 
@@ -106,7 +105,7 @@ class DriveTask:
             # the body is the coupler with another frame
             name = "coupler" if link == "body" else link
             acting.append(Pull(name, machine.link(link).place(at), np.full(machine.at.size, force)))
-        states = [forces(of_four_bar(linkage), machine.at, load, [*acting, *pulls]) for pulls in directions]
+        states = [forces(linkage, machine.at, load, [*acting, *pulls]) for pulls in directions]
         pins = [(state.driven_ground, state.driven, state.other, state.other_ground) for state in states]
         return PinPeaks(*(float(np.abs(pin).max()) for pin in zip(*pins)))
 

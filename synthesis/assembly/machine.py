@@ -32,9 +32,10 @@ from synthesis.assembly.movement import GROUND, Aimed, Between, Bodies, Crank, D
 from synthesis.drives.six_bar import MOTOR_CRANK, ROD, Motor, SixBar
 from synthesis.errors import FieldError
 from synthesis.fourbar.files import plate_sizes
-from synthesis.fourbar.linkage import Linkage
+from synthesis.fourbar.joints import joints_at
 from synthesis.fourbar.passage import Circuits, RoundCircuit
-from synthesis.guided.linkage import BODY, Circle, Driver, GuidedLinkage, Rail, Slot, along_coupler
+from synthesis.guides import Circle, Driver, Rail, Slot
+from synthesis.linkage import BODY, Linkage
 from synthesis.one_variable import bisect
 from synthesis.target import TURN, Interval
 
@@ -162,7 +163,7 @@ class Machine:
 
 
 def as_plates(
-    linkage: Linkage | GuidedLinkage, used: Interval, sizes: Sizes, body: Sequence[complex] = (), bar: bool = False
+    linkage: Linkage, used: Interval, sizes: Sizes, body: Sequence[complex] = (), bar: bool = False
 ) -> Machine:
     """A linkage as plates and pins, over an interval of travel from the first sample.
 
@@ -177,8 +178,7 @@ def as_plates(
     Raises `FieldError`: for a loop that does not close over the interval, and a body without room for its post.
     """
     first, last = min(used), max(used)
-    four_bar = isinstance(linkage, Linkage)
-    guided = along_coupler(linkage) if isinstance(linkage, Linkage) else linkage
+    four_bar, guided = linkage.is_four_bar, linkage.by_coupler
     loop = loop_of(linkage, Interval(first, last))
     spans = {
         place: guided.used(place, Interval(first, last))
@@ -189,7 +189,7 @@ def as_plates(
     origin = driven[0]
     local = guided.moved(0.0, -origin)
     arm = abs(other.body_point - driven.body_point)
-    if isinstance(linkage, Linkage):
+    if four_bar:
         lengths = [*linkage.links]
         point = linkage.arm if linkage.mounted else None
         turn = body_turn(linkage)
@@ -213,7 +213,7 @@ def as_plates(
             number = names.index(link)
             pivot, end = Place(GROUND, one.pivot), complex(one.radius)
             if place == 0:
-                steps.append(Crank(number, pivot, guided.start))
+                steps.append(Crank(number, pivot, guided.start + guided.ground_angle))
             elif four_bar:
                 pin = Place(names.index("crank"), complex(lengths[0]))
                 steps.append(Dyad(carrier, number, pin, pivot, abs(at), one.radius, guided.branch))
@@ -300,13 +300,13 @@ def as_plates(
     )
 
 
-def loop_of(linkage: Linkage | GuidedLinkage, used: Interval) -> Interval | None:
+def loop_of(linkage: Linkage, used: Interval) -> Interval | None:
     """Travel over which the loop closes about that used; None where the drive turns fully.
 
     Infinite where a slide drives it and the loop goes on for `_FAR` times the used way. Raises `FieldError`: where it does not
     close over all that is used.
     """
-    if isinstance(linkage, Linkage):
+    if linkage.is_four_bar:
         return _loop_of_four_bar(linkage, used)
     first, last = used
     if not linkage.closes_over(used.after(linkage.start)):
@@ -352,13 +352,13 @@ def _loop_of_four_bar(linkage: Linkage, used: Interval) -> Interval | None:
     return Interval(min(first, used.first), max(first + width, used.last))
 
 
-def _closes(linkage: GuidedLinkage, begin: float, by: float) -> bool:
+def _closes(linkage: Linkage, begin: float, by: float) -> bool:
     ends = sorted((linkage.start + begin, linkage.start + begin + by))
     return linkage.closes_over(Interval(*ends))
 
 
 def _slit_end(
-    linkage: GuidedLinkage, begin: float, end: float, spans: Mapping[int, tuple[float, float]], size: float
+    linkage: Linkage, begin: float, end: float, spans: Mapping[int, tuple[float, float]], size: float
 ) -> tuple[float, int] | None:
     """Where between two places of the drive a slide first leaves what is used of it, and which; None where none does.
 
@@ -417,7 +417,7 @@ def body_turn(linkage: Linkage) -> float:
     """Angle of the body's axes in the coupler's frame; where no rotation is known they lie as the user's at the first sample."""
     if linkage.body_offset is not None:
         return linkage.body_offset
-    return -float(linkage.joints(np.zeros(1)).coupler_angle[0])
+    return -float(joints_at(linkage, np.zeros(1)).coupler_angle[0])
 
 
 # -- a body on guides over a cell ---------------------------------------------------------------------------------------
@@ -427,11 +427,11 @@ def body_turn(linkage: Linkage) -> float:
 class OnGuides:
     """The body of a linkage; its frame has the body's directions and begins at the driven guide's body point."""
 
-    linkage: GuidedLinkage
+    linkage: Linkage
     body: int = 1
 
     def place(self, bodies: Bodies, travel: Floats, half: Floats) -> None:
-        """Poses are those of `GuidedLinkage.body`."""
+        """Poses are those of `Linkage.body`."""
         one = self.linkage
         driven = one.guides[0]
         q = one.start + travel
@@ -577,7 +577,7 @@ class Swung:
 
 
 def motor_driven(
-    linkage: Linkage | GuidedLinkage,
+    linkage: Linkage,
     used: Interval,
     motor: Motor,
     sizes: Sizes,
@@ -673,7 +673,7 @@ _TUBE, _OVERLAP = 0.85, 0.05
 
 
 def strut_driven(
-    linkage: Linkage | GuidedLinkage,
+    linkage: Linkage,
     used: Interval,
     drive: Strut,
     sizes: Sizes,

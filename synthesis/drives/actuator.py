@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from threadpoolctl import ThreadpoolController
 
 from synthesis.arrays import Complexes, Flags, Floats, Ints, angle_at, dot
-from synthesis.guided.linkage import LinkMotion
+from synthesis.linkage import LinkMotion
 from synthesis.mechanism import Box, outside
 from synthesis.one_variable import closer_looks
 from synthesis.work import Work

@@ -6,15 +6,15 @@ parameter, so a torque here times the parameter's rate is a power, and a moment 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from synthesis.arrays import Complexes, Floats, dot
-from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.analysis import Load
-from synthesis.guided.linkage import Circle, GuidedLinkage, LinkMotion, of_four_bar
+from synthesis.guides import Circle
+from synthesis.linkage import BODY, Linkage, LinkMotion
 from synthesis.one_variable import closer_looks
 from synthesis.target import Interval
 
@@ -118,26 +118,20 @@ def largest(of: Callable[[Floats], Floats], at: Floats) -> float:
     return float(max(values.max(), -np.nanmin(least)))
 
 
-def motions_of(linkage: Linkage | GuidedLinkage, interval: Interval, samples: int = SAMPLES) -> LinkMotions:
+def motions_of(linkage: Linkage, interval: Interval, samples: int = SAMPLES) -> LinkMotions:
     """A linkage between two places of its drive from the first sample, at even steps; see `motions_at`."""
     return motions_at(linkage, np.linspace(*interval, samples))
 
 
-def motions_at(linkage: Linkage | GuidedLinkage, at: Floats) -> LinkMotions:
+def motions_at(linkage: Linkage, at: Floats) -> LinkMotions:
     """A linkage at places (n,) of its drive from the first sample; NaN where it does not close or is dead.
 
     Frames of a four-bar: the crank's from pivot A, the coupler's from the crank pin and the rocker's from pivot B, each along
     its link; the body's from the body point, turned by the body's rotation. Of a body on two guides they are those of
-    `GuidedLinkage.links`, the coupler's is the body's; a link on a circle, and the block of a slot, turn about fixed pivots.
+    `Linkage.motions`, the coupler's is the body's; a link on a circle, and the block of a slot, turn about fixed pivots.
     """
-    return _four_bar(linkage, at) if isinstance(linkage, Linkage) else _guided(linkage, at)
-
-
-def _four_bar(linkage: Linkage, at: Floats) -> LinkMotions:
-    guided = of_four_bar(linkage)
-    crank, body, rocker = guided.links(at)
-    one, two, three, _ = linkage.links
-    pin = guided.guides[0].body_point
+    first, body, second = linkage.motions(at)
+    pin = linkage.on_body(0j)
     coupler = replace(
         body,
         origin=body.place(pin),
@@ -145,28 +139,24 @@ def _four_bar(linkage: Linkage, at: Floats) -> LinkMotions:
         velocity=body.speed(pin),
         acceleration=body.change(pin),
     )
-    links = {"crank": crank, "coupler": coupler, "rocker": rocker}
-    arm = abs(linkage.arm) if linkage.mounted else 0.0
-    reaches = {"crank": one, "coupler": max(two, arm), "rocker": three}
-    middles = {"crank": one / 2 + 0j, "coupler": two / 2 + 0j, "rocker": three / 2 + 0j}
-    extent = float(max(*linkage.links, arm))
-    carried = replace(body, name="body") if linkage.mounted else None
-    return LinkMotions(at, links, carried, "crank", extent, reaches, middles)
-
-
-def _guided(linkage: GuidedLinkage, at: Floats) -> LinkMotions:
-    links = {one.name: one for one in linkage.links(at)}
-    way = float(max(np.ptp(one.origin.real) + np.ptp(one.origin.imag) for one in links.values()))
-    sizes = [guide.radius for guide in linkage.guides if isinstance(guide, Circle)]
-    arms = [abs(guide.body_point) for guide in linkage.guides]
-    extent = max(way, *sizes, *arms, 1e-300)
-    reaches = dict.fromkeys(links, extent)
-    middles = {}
+    links = {one.name: one for one in (first, coupler, second)}
+    extent = _extent(linkage, links.values())
+    reaches, middles = dict.fromkeys(links, extent), {}
     for name, guide in linkage.named_guides:
         if isinstance(guide, Circle):
             reaches[name], middles[name] = guide.radius, guide.radius / 2 + 0j
-    body = replace(links["coupler"], name="body")
-    return LinkMotions(at, links, body, linkage.driver.value, extent, reaches, middles)
+    if linkage.is_four_bar:
+        reaches[BODY], middles[BODY] = max(linkage.links[1], abs(linkage.arm)), linkage.links[1] / 2 + 0j
+    carried = replace(body, name="body") if linkage.mounted else None
+    return LinkMotions(at, links, carried, linkage.driver.value, extent, reaches, middles)
+
+
+def _extent(linkage: Linkage, links: Iterable[LinkMotion]) -> float:
+    if linkage.is_four_bar:
+        return max(*linkage.links, abs(linkage.arm))
+    way = float(max(np.ptp(one.origin.real) + np.ptp(one.origin.imag) for one in links))
+    sizes = [guide.radius for guide in linkage.guides if isinstance(guide, Circle)]
+    return max(way, *sizes, *(abs(guide.body_point) for guide in linkage.guides), 1e-300)
 
 
 def hinged_at(pivot: complex, start: float, length: float, at: Floats) -> LinkMotions:

@@ -34,10 +34,10 @@ from synthesis.arrays import Complexes, Flags, Floats, angle_at, cross, dot
 from synthesis.drives.actuator import Descent, Question, Wanted, within_box
 from synthesis.drives.links import GROUND, LinkMotions, motions_at
 from synthesis.errors import FieldError
-from synthesis.fourbar.kinematics import grashof_excesses, transmission_angle_over
-from synthesis.fourbar.linkage import Linkage
+from synthesis.four_bar import grashof_excesses, transmission_angle_over
 from synthesis.guided.analysis import Load
-from synthesis.guided.linkage import Circle, GuidedLinkage, LinkMotion, Rail, along_coupler
+from synthesis.guides import Circle, Rail
+from synthesis.linkage import Linkage, LinkMotion
 from synthesis.mechanism import Box, outside
 from synthesis.target import TURN, Interval
 from synthesis.work import Work
@@ -698,7 +698,7 @@ class SixBar:
     motor: Motor
 
     @classmethod
-    def of(cls, linkage: Linkage | GuidedLinkage, used: Interval, motor: Motor) -> SixBar:
+    def of(cls, linkage: Linkage, used: Interval, motor: Motor) -> SixBar:
         """With a four-bar or a body on guides.
 
         Raises `FieldError`: for a motor that does not swing it from one end of the interval to the other.
@@ -945,14 +945,13 @@ def _by(link: LinkMotion, rate: Floats, change: Floats) -> LinkMotion:
     )
 
 
-def joints_of(linkage: Linkage | GuidedLinkage, motor: Motor, machine: LinkMotions) -> list[Joint]:
+def joints_of(linkage: Linkage, motor: Motor, machine: LinkMotions) -> list[Joint]:
     """The seven joints of a six-bar: A, D, C, B of the linkage, M the motor's shaft, K between crank and rod, Q on the link.
 
     A slide of a rail is A or B too, and so is the pin of a slot's block; its slide in the body is D or C.
     """
     links, body, found = machine.links, machine.links["coupler"], []
-    guided = along_coupler(linkage) if isinstance(linkage, Linkage) else linkage
-    for (name, guide), fixed, moving in zip(guided.named_guides, "AB", "DC"):
+    for (name, guide), fixed, moving in zip(linkage.by_coupler.named_guides, "AB", "DC"):
         ground: tuple[Complexes, Complexes | None]
         on_body: tuple[Complexes, Complexes | None]
         pin = body.place(guide.body_point)
@@ -966,7 +965,7 @@ def joints_of(linkage: Linkage | GuidedLinkage, motor: Motor, machine: LinkMotio
             across = 1j * body.direction * np.exp(1j * guide.body_direction)
             ground, on_body = (pin, None), (pin, across)
         found += [Joint(fixed, GROUND, name, *ground), Joint(moving, name, "coupler", *on_body)]
-    if isinstance(linkage, Linkage):  # along the loop
+    if linkage.is_four_bar:  # along the loop
         found[2:] = found[:1:-1]
     return found + rod_joints(motor, machine)
 

@@ -28,9 +28,9 @@ import numpy as np
 from synthesis.arrays import Complexes, Floats
 from synthesis.drives.actuator import descended, lengths_and_arms, slopes_of_leverage
 from synthesis.drives.links import GROUND, LinkMotions
-from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.analysis import Load
-from synthesis.guided.linkage import Circle, GuidedLinkage, Rail
+from synthesis.guides import Circle, Rail
+from synthesis.linkage import Linkage
 from synthesis.mechanism import Box
 from synthesis.work import Work
 
@@ -196,7 +196,7 @@ class _Pendulum:
         return Spring(self.between, (complex(end), self.joint + self.arm), float(rate))
 
 
-def _pendulums(linkage: GuidedLinkage | None, machine: LinkMotions) -> list[_Pendulum]:
+def _pendulums(linkage: Linkage | None, machine: LinkMotions) -> list[_Pendulum]:
     """A link on each circle, and one of those that turn with the body: a block, or else the body on a slider. Or on a hinge."""
     if linkage is None:
         arm, links = machine.extent / 2, machine.links.values()
@@ -223,7 +223,7 @@ def _pendulums(linkage: GuidedLinkage | None, machine: LinkMotions) -> list[_Pen
 
 
 def springs_on_pendulums(
-    linkage: GuidedLinkage | None, machine: LinkMotions, torque: Floats, stiffness: float | None = None
+    linkage: Linkage | None, machine: LinkMotions, torque: Floats, stiffness: float | None = None
 ) -> list[Spring] | None:
     """Springs that balance what a load asks, (n,), of the drive of a linkage on guides; None where no such springs do.
 

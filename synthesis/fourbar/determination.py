@@ -23,10 +23,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.arrays import Complexes, Floats
-from synthesis.fourbar.kinematics import EXCESSES, close_loop, coupler_angle, grashof_excesses
+from synthesis.four_bar import EXCESSES, close_loop, coupler_angle, grashof_excesses
 from synthesis.fourbar.limits import SPARE, Constraints, Limits
-from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.solution import four, placed_linkages
+from synthesis.linkage import Linkage, with_links
 from synthesis.target import Mean, Target
 
 FREE = 1e3
@@ -376,7 +376,7 @@ def _half_hessian(target: Target, linkage: Linkage, limits: Limits, free: int, f
 def _moved(target: Target, linkage: Linkage, step: Floats, free: int) -> Linkage:
     links = np.array(linkage.links)
     links[:free] *= np.exp(step[:free])
-    changed: dict[str, Any] = {"links": four(links), "start": linkage.start + step[free]}
+    changed: dict[str, Any] = {"start": linkage.start + step[free]}
     at = free + 1
     if target.rotation is not None:
         changed["body_offset"] = (linkage.body_offset or 0.0) + step[at]
@@ -390,4 +390,4 @@ def _moved(target: Target, linkage: Linkage, step: Floats, free: int) -> Linkage
         changed["ground_angle"] = linkage.ground_angle + turn
         changed["pivot_a"] = linkage.pivot_a + target.length_scale * (x + 1j * y)
         changed["coupler_point"] = (abs(coupler), float(np.angle(coupler)))
-    return replace(linkage, **changed)
+    return replace(with_links(linkage, four(links)), **changed)

@@ -13,8 +13,9 @@ import numpy as np
 
 from synthesis.arrays import Complexes, Floats
 from synthesis.errors import FieldError
-from synthesis.fourbar.kinematics import close_loop
-from synthesis.fourbar.linkage import Joints, Linkage, Mass
+from synthesis.four_bar import close_loop
+from synthesis.fourbar.joints import Joints, joints_at, joints_over
+from synthesis.linkage import Linkage, Mass
 from synthesis.sheet import Extra, More, Sheet, csv_text, dxf_document, dxf_text, given_cells
 from synthesis.target import TURN, Interval, Target
 
@@ -48,7 +49,7 @@ def used_joints(linkage: Linkage, interval: Interval) -> Joints:
         raise FieldError(
             "/solution/mount/pivot_a", f"lies more than {FARTHEST:.0e} link lengths from the origin: move the origin"
         )
-    joints = linkage.over(interval)
+    joints = joints_over(linkage, interval)
     if not joints.closed:
         place = int(np.argmin(np.isfinite(joints.coupler_pin))) / (joints.crank_angle.size - 1)
         first, last = interval
@@ -57,6 +58,11 @@ def used_joints(linkage: Linkage, interval: Interval) -> Joints:
             f"the four links do not close {np.rad2deg(first + place * (last - first)):.6g} degrees after the start",
         )
     return joints
+
+
+def _turn(linkage: Linkage) -> Joints | None:
+    """The joints over a whole turn; None where the crank cannot turn fully."""
+    return joints_over(linkage, Interval(0.0, TURN)) if linkage.turns_fully else None
 
 
 def requested_positions(target: Target) -> Complexes:
@@ -76,7 +82,7 @@ def requested_poses(target: Target, turned: Floats) -> Iterable[tuple[complex, f
 
 def to_svg(linkage: Linkage, target: Target, extra: Extra | None = None, length_unit: str | None = None) -> str:
     """A drawing at the first sample, y up, with the names of the joints and the lengths of the links; `Extra`: further parts."""
-    used, turn, now = used_joints(linkage, target.interval), linkage.turn(), linkage.joints(np.zeros(1))
+    used, turn, now = used_joints(linkage, target.interval), _turn(linkage), joints_at(linkage, np.zeros(1))
     a, b, d, c = now.pivot_a, now.pivot_b, now.crank_pin[0], now.coupler_pin[0]
     point = None if now.body_point is None else now.body_point[0]
     path, marks = used.body_point, requested_positions(target)
@@ -134,7 +140,7 @@ def to_csv(linkage: Linkage, target: Target, unit: float, more: Mapping[str, Ite
     further columns, a value a sample.
     """
     used_joints(linkage, target.interval)
-    joints = linkage.joints(target.crank)
+    joints = joints_at(linkage, target.crank)
     columns = {
         "crank_angle": target.crank / unit,
         **motion_columns(target, unit, joints.rotation, joints.body_point),
@@ -186,7 +192,7 @@ def check_size(size: float, largest: float, unit_mm: float) -> None:
 
 
 def _check_size(linkage: Linkage, unit_mm: float) -> None:
-    joints = linkage.joints(np.zeros(1))
+    joints = joints_at(linkage, np.zeros(1))
     reach = linkage.coupler_point[0] if linkage.coupler_point else 0.0
     largest = max(abs(joints.pivot_a), abs(joints.pivot_b), max(linkage.links), reach)
     check_size(max(linkage.links), largest, unit_mm)
@@ -209,7 +215,7 @@ def to_dxf(linkage: Linkage, target: Target, unit_mm: float = 1.0, more: More | 
     def xy(z: complex) -> tuple[float, float]:
         return float(z.real * unit_mm), float(z.imag * unit_mm)
 
-    now = linkage.joints(np.zeros(1))
+    now = joints_at(linkage, np.zeros(1))
     a, b, d, c = now.pivot_a, now.pivot_b, now.crank_pin[0], now.coupler_pin[0]
     size = max(linkage.links) * unit_mm
     space.add_line(xy(a), xy(b), dxfattribs={"layer": "GROUND"})
@@ -220,7 +226,7 @@ def to_dxf(linkage: Linkage, target: Target, unit_mm: float = 1.0, more: More | 
     for pin in (d, c):
         space.add_circle(xy(pin), 0.012 * size, dxfattribs={"layer": "LINKS"})
     body = None if now.body_point is None else np.array([d, c, now.body_point[0]])
-    turned = linkage.joints(target.crank).rotation
+    turned = joints_at(linkage, target.crank).rotation
     return dxf_with_motion(document, xy, size, unit_mm, body, used.body_point, requested_poses(target, turned), more)
 
 
@@ -260,7 +266,7 @@ def to_mjcf(linkage: Linkage, target: Target, unit_mm: float = 1.0, masses: Mapp
     """
     _check_size(linkage, unit_mm)
     used_joints(linkage, target.interval)
-    now = linkage.joints(np.zeros(1))
+    now = joints_at(linkage, np.zeros(1))
     metre = unit_mm / 1000
     crank, coupler, rocker, ground = (value * metre for value in linkage.links)
     longest = max(crank, coupler, rocker, ground)
@@ -375,7 +381,7 @@ def to_pylinkage(linkage: Linkage, target: Target, length_unit: str | None = Non
     """
     used = used_joints(linkage, target.interval)
     travel = target.interval.by_degrees()
-    joints = linkage.joints(np.zeros(1))
+    joints = joints_at(linkage, np.zeros(1))
     first, last = (linkage.start + linkage.ground_angle + float(end) for end in target.interval)
     start = linkage.start + linkage.ground_angle
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from synthesis.arrays import Flags, Floats
 from synthesis.errors import FieldError
-from synthesis.fourbar.kinematics import FULL_CRANK, family, grashof_excesses
+from synthesis.four_bar import FULL_CRANK, family, grashof_excesses
 from synthesis.kernels import codes, four_bar_limits
 from synthesis.mechanism import Box, Constrained, Placed
 from synthesis.target import MIN_LENGTH, Samples

@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from synthesis.arrays import Complexes, Floats
+from synthesis.four_bar import coupler_angle, grashof_excesses, wrap
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_types
-from synthesis.fourbar.kinematics import coupler_angle, grashof_excesses, wrap
 from synthesis.fourbar.limits import Constraints, Limits, in_family
-from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.solution import assess, four, keeps, mounted, within
 from synthesis.kernels import codes
+from synthesis.linkage import Linkage, four_bar
 from synthesis.mechanism import Bounded, Box, Boxes, Chart
 from synthesis.target import TURN, Samples
 
@@ -270,7 +270,7 @@ class FourBar:
     ) -> list[Linkage]:
         """Linkages in a given pose."""
         linkages = [
-            Linkage(four(row), int(side), float(at))
+            four_bar(four(row), int(side), float(at))
             for row, side, at in zip(lengths, branch, np.asarray(start) % TURN)
         ]
         if pose is None:

@@ -32,7 +32,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from synthesis.arrays import Complexes, Flags, Floats
-from synthesis.fourbar.kinematics import Closure, close_loop, grashof_excesses
+from synthesis.four_bar import Closure, close_loop, grashof_excesses
 from synthesis.fourbar.limits import (
     LINK_RATIO,
     REACH,
@@ -43,7 +43,7 @@ from synthesis.fourbar.limits import (
     Limits,
     placed_by,
 )
-from synthesis.fourbar.linkage import Linkage
+from synthesis.linkage import Linkage
 from synthesis.target import TURN, Samples, Target
 
 TIE = 1e-9

@@ -28,12 +28,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.arrays import Complexes, Floats
+from synthesis.four_bar import close_loop, wrap
 from synthesis.fourbar.determination import derivative_matrix, residuals
-from synthesis.fourbar.kinematics import close_loop, wrap
 from synthesis.fourbar.limits import BEGIN, COUPLER, END, PIVOT, TURNED, Constraints, Limits
-from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.solution import Solution, assess, four, keeps, within
 from synthesis.least_squares import Evaluation, Minima, minimise
+from synthesis.linkage import Linkage, four_bar
 from synthesis.mechanism import Placed
 from synthesis.pose import rotation_residual
 from synthesis.target import TURN, Target
@@ -412,7 +412,7 @@ def _offer(
     good &= np.all(close_loop(links, crank).closed, axis=1)
     some = np.flatnonzero(good)
     linkages = [
-        Linkage(
+        four_bar(
             four(links[k]),
             branch,
             float(places.start[k] % TURN),

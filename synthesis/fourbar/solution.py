@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from synthesis.arrays import Floats
-from synthesis.fourbar.kinematics import (
+from synthesis.four_bar import (
     FULL_CRANK,
     Family,
     close_loop,
@@ -18,8 +18,9 @@ from synthesis.fourbar.kinematics import (
     transmission_angle_over,
     wrap,
 )
+from synthesis.fourbar.joints import body_point
 from synthesis.fourbar.limits import Constraints, Limits, in_family
-from synthesis.fourbar.linkage import Linkage
+from synthesis.linkage import Linkage, four_bar
 from synthesis.mechanism import Placed
 from synthesis.pose import DEGENERATE, fit_positions
 from synthesis.ranking import Errors, motion_errors
@@ -103,7 +104,7 @@ def mounted(target: Target, lengths: ArrayLike, branch: ArrayLike, start: ArrayL
         return []
     if target.position is None:
         links = lengths / lengths[:, 3:]
-        return [Linkage(four(row), int(b), float(s)) for row, b, s in zip(links, branch, start)]
+        return [four_bar(four(row), int(b), float(s)) for row, b, s in zip(links, branch, start)]
     fit = fit_positions(target, close_loop(lengths, start[:, None] + target.crank).coupler_angle(branch))
     linkages = []
     for k, at in enumerate(start):
@@ -112,7 +113,7 @@ def mounted(target: Target, lengths: ArrayLike, branch: ArrayLike, start: ArrayL
         coupler = fit.coupler_vector[k]
         point = float(abs(coupler)), wrap(np.angle(coupler) - turn)
         linkages.append(
-            Linkage(four(lengths[k] * scale), int(branch[k]), float(at), complex(fit.pivot[k]), turn, point)
+            four_bar(four(lengths[k] * scale), int(branch[k]), float(at), complex(fit.pivot[k]), turn, point)
         )
     return linkages
 
@@ -155,7 +156,7 @@ def assess(target: Target, linkages: list[Linkage], rows: list[int] | None = Non
     turning = how_they_turn(links, target.interval.after(start))
     points = None
     if target.position is not None:
-        points = np.stack([one.body_point(crank[k], angle[k]) for k, one in enumerate(linkages)])
+        points = np.stack([body_point(one, crank[k], angle[k]) for k, one in enumerate(linkages)])
     offsets, errors = motion_errors(target, angle, points)
     solutions = []
     for k, one in enumerate(linkages):

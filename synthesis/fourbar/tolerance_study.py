@@ -15,8 +15,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from synthesis.arrays import Complexes, Floats
-from synthesis.fourbar.kinematics import close_loop
-from synthesis.fourbar.linkage import Linkage
+from synthesis.four_bar import close_loop
+from synthesis.fourbar.joints import joints_at
+from synthesis.linkage import Linkage
 from synthesis.pose import whole_turns
 from synthesis.target import TURN
 from synthesis.work import Work
@@ -110,7 +111,7 @@ def simulate(
     """
     linkage = replace(linkage, pivot_a=0j)  # where it stands takes digits, and changes nothing
     made = _Made.of(linkage, tolerances, count, np.random.default_rng(seed))
-    nominal = linkage.joints(travel)
+    nominal = joints_at(linkage, travel)
     by_rotation, by_position = _derivatives(linkage, travel)
     designed = nominal.body_point, nominal.coupler_angle
     first_order = by_position, by_rotation, _variances(tolerances)

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from synthesis.arrays import Complexes, Floats
 from synthesis.descents import Timed
-from synthesis.fourbar.kinematics import transmission_angle_over
+from synthesis.four_bar import transmission_angle_over
 from synthesis.fourbar.limits import Constraints, Limits, in_family
 from synthesis.fourbar.mechanism import AnyChart
 from synthesis.fourbar.passage import LEAVES_SAMPLES, SHORTEST_CHORD

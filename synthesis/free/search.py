@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 from synthesis.arrays import Complexes, Flags, Floats
 from synthesis.descents import Pool, Stage, Timed
 from synthesis.errors import FieldError
+from synthesis.four_bar import coupler_angle, transmission_angle_over, wrap
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_types
-from synthesis.fourbar.kinematics import coupler_angle, transmission_angle_over, wrap
 from synthesis.fourbar.limits import Limits, in_family
 from synthesis.fourbar.mechanism import FOURBAR, AnyChart, FullCrankChart, ways
 from synthesis.fourbar.passage import LEAVES_SAMPLES, SHORTEST_CHORD, excursions, proportion

@@ -9,13 +9,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from synthesis.arrays import Floats
+from synthesis.four_bar import Family, close_loop, principal
 from synthesis.fourbar.files import used_joints
-from synthesis.fourbar.kinematics import Family, close_loop, principal
+from synthesis.fourbar.joints import joints_at
 from synthesis.fourbar.limits import Limits, in_family
-from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.mechanism import FourBar
 from synthesis.fourbar.solution import how_they_turn, looks_of
 from synthesis.function.wanted import Wanted
+from synthesis.linkage import Linkage, with_links
 from synthesis.pose import rotation_residual, whole_turns
 from synthesis.sheet import csv_text
 from synthesis.target import Target
@@ -98,7 +99,8 @@ def exchanged(linkage: Linkage) -> Linkage:
     Law: theta3(L1, L2, L3, L4; branch) = theta2(L1, L3, L2, L4; -branch) + pi, up to whole turns.
     """
     crank, coupler, rocker, ground = linkage.links
-    return replace(linkage, links=(crank, rocker, coupler, ground), branch=-linkage.branch, body_offset=None)
+    exchanged = with_links(linkage, (crank, rocker, coupler, ground))
+    return replace(exchanged, branch=-linkage.branch, body_offset=None)
 
 
 class Extremes(NamedTuple):
@@ -289,7 +291,7 @@ def to_csv(wanted: Wanted, linkage: Linkage, offset: float, unit: float) -> str:
     Angles are divided by ``unit`` (radians in one unit of angle).
     """
     used_joints(linkage, wanted.interval)
-    joints = linkage.joints(wanted.crank)
+    joints = joints_at(linkage, wanted.crank)
     output = rocker_angles([linkage], wanted.crank)[0] + offset
     columns = {
         "input": wanted.crank,

@@ -43,7 +43,8 @@ from synthesis.fourbar.limits import Limits
 from synthesis.function.answers import FunctionErrors, errors_of, turning_back
 from synthesis.function.search import Followed, FunctionSearch, WantedFunction
 from synthesis.function.wanted import Wanted
-from synthesis.guided.linkage import Circle, Driver, Guide, GuidedLinkage, Kind, Rail, Slot, through
+from synthesis.guides import Circle, Driver, Guide, Kind, Rail, Slot
+from synthesis.linkage import Linkage, through
 from synthesis.one_variable import closer_looks
 from synthesis.pose import whole_turns
 from synthesis.ranking import APART, distinct
@@ -130,7 +131,7 @@ class Law(NamedTuple):
             found = self.sine(self.of(unknowns)[:, :, None], unknowns[:, 3:4] + travel)
         return np.where(np.isfinite(found), found, 0.0)
 
-    def linkage(self, lengths: Floats, branch: int, zero: float) -> GuidedLinkage:
+    def linkage(self, lengths: Floats, branch: int, zero: float) -> Linkage:
         """The linkage, its input at the zero."""
         guides, rotation, position = self.mounted(lengths, branch, zero)
         return through(guides, self.driver, rotation, position)
@@ -587,7 +588,7 @@ class TravelGenerator(NamedTuple):
     offset: float
     """output = its own + offset; an angle's own lies in (-pi, pi] at the first sample."""
     errors: FunctionErrors
-    linkage: GuidedLinkage
+    linkage: Linkage
     transmission_angle_min: float
     """Over the used interval, exactly."""
 

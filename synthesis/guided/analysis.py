@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from synthesis.arrays import Complexes, Floats, cross, dot
-from synthesis.fourbar.linkage import Linkage, Mass
-from synthesis.guided.linkage import BODY, Circle, Driver, GuidedLinkage, LinkMotion, Rail, Slot, on_body
+from synthesis.guides import Circle, Driver, Rail, Slot
+from synthesis.linkage import BODY, Linkage, LinkMotion, Mass
 
 
 class PointForce(NamedTuple):
@@ -67,25 +67,25 @@ class Forces(NamedTuple):
     """By the ground on the other guide's link."""
 
 
-def on_links(load: Load, linkage: Linkage | GuidedLinkage) -> Load:
+def on_links(load: Load, linkage: Linkage) -> Load:
     """A load of masses on ``body`` and links, those of a four-bar's coupler from the crank pin along it, as `forces` takes it."""
 
     def on_link(mass: Mass) -> Mass:
-        if mass.link == BODY and isinstance(linkage, Linkage):
-            return mass._replace(at=on_body(linkage, mass.at))
+        if mass.link == BODY:
+            return mass._replace(at=linkage.on_body(mass.at))
         return mass._replace(link=BODY) if mass.link == "body" else mass
 
     return load._replace(masses=tuple(map(on_link, load.masses)))
 
 
-def forces(linkage: GuidedLinkage, travel: Floats, load: Load, pulls: Sequence[Pull] = ()) -> Forces:
+def forces(linkage: Linkage, travel: Floats, load: Load, pulls: Sequence[Pull] = ()) -> Forces:
     """What holds a load on the body, and pulls on any link, position by position, while the drive moves.
 
-    ``travel`` (n,): of the drive from the first sample. Masses are on links of `GuidedLinkage.link_names`, in their frames.
+    ``travel`` (n,): of the drive from the first sample. Masses are on links of `Linkage.link_names`, in their frames.
 
     NaN at a dead position, where no finite force holds the load, and where the loop does not close.
     """
-    links = linkage.links(travel)
+    links = linkage.motions(travel)
     found = linkage.body(linkage.start + travel)
     body = links[1]
     driven, other = linkage.guides

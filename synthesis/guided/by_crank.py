@@ -4,7 +4,7 @@ Who answers a request with crank angles for one of these kinds calls ::
 
     solutions, report = linkages_by_crank(Kind.SLIDER_CRANK, target, family="any", top=10, tolerance=1e-10, work=work)
 
-Each solution's `GuidedLinkage` is driven by its crank and has its body's frame in the motion's. No limit but the family is kept:
+Each solution's `Linkage` is driven by its crank and has its body's frame in the motion's. No limit but the family is kept:
 limits are checked on what comes back, and may go on from there.
 """
 
@@ -19,8 +19,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from synthesis.arrays import Complexes, Flags, Floats
-from synthesis.guided.linkage import Circle, Driver, GuidedLinkage, Kind, Rail, Slot
 from synthesis.guided.solution import GuidedSolution, assess
+from synthesis.guides import Circle, Driver, Kind, Rail, Slot
+from synthesis.linkage import Linkage, on_guides
 from synthesis.mechanism import Bounded, Constrained, Placed
 from synthesis.pose import fit_positions
 from synthesis.search.report import SearchReport
@@ -83,7 +84,7 @@ class CrankGuided(SliderTurning):
 
     # -- linkages -----------------------------------------------------------------------------------------------------
 
-    def mounted(self, target: Target, lengths: Floats, branch: ArrayLike, start: Floats) -> list[GuidedLinkage]:
+    def mounted(self, target: Target, lengths: Floats, branch: ArrayLike, start: Floats) -> list[Linkage]:
         """Linkages in their best pose; without positions in the origin, the rod or the ground 1."""
         lengths, start = np.atleast_2d(np.asarray(lengths, dtype=float)), np.asarray(start, dtype=float)
         if target.position is None or not len(lengths):
@@ -96,7 +97,7 @@ class CrankGuided(SliderTurning):
 
     def posed(
         self, lengths: Floats, branch: Floats, start: Floats, pose: tuple[Complexes, Floats, Complexes] | None
-    ) -> list[GuidedLinkage]:
+    ) -> list[Linkage]:
         """Linkages in a given pose; their body turns as the rod, or the slot, does."""
         count = len(lengths)
         pivot, turn, arm = (
@@ -111,7 +112,7 @@ class CrankGuided(SliderTurning):
 
     def _linkage(
         self, lengths: tuple[float, float, float], start: float, pivot: complex, turn: float, arm: complex
-    ) -> GuidedLinkage:
+    ) -> Linkage:
         """``arm``: from the crank pin to the body point, in the frame of rod or slot."""
         crank, long, offset = lengths
         along = complex(np.exp(1j * turn))
@@ -120,10 +121,10 @@ class CrankGuided(SliderTurning):
             other = Rail(pivot + 1j * offset * along, turn, long - arm)
         else:
             other = Slot(pivot + long * along, 1j * offset - arm, 0.0)
-        return GuidedLinkage((Circle(pivot, crank, -arm), other), Driver.CRANK, 1, start + turn)
+        return on_guides((Circle(pivot, crank, -arm), other), Driver.CRANK, 1, start + turn)
 
     def assess(
-        self, target: Target, linkages: Sequence[GuidedLinkage], rows: list[int] | None = None
+        self, target: Target, linkages: Sequence[Linkage], rows: list[int] | None = None
     ) -> list[GuidedSolution]:
         """Linkages with their errors, recomputed from their own numbers; their bodies turned by the best offset."""
         return [assess(target, one, target.crank) for one in linkages]

@@ -28,8 +28,8 @@ from synthesis.fourbar.files import (
     unit_in_words,
     xy0,
 )
-from synthesis.fourbar.linkage import Mass
-from synthesis.guided.linkage import BODY, Circle, Driver, GuidedLinkage, LinkMotion, Rail, Slot
+from synthesis.guides import Circle, Driver, Rail, Slot
+from synthesis.linkage import BODY, Linkage, LinkMotion, Mass
 from synthesis.sheet import Extra, More, Sheet, csv_text, dxf_document
 from synthesis.target import Interval, Target
 
@@ -63,17 +63,17 @@ class _Shown(NamedTuple):
     size: float
 
 
-def _pin_of(linkage: GuidedLinkage, place: int, body: LinkMotion) -> Complexes:
+def _pin_of(linkage: Linkage, place: int, body: LinkMotion) -> Complexes:
     guide = linkage.guides[place]
     if isinstance(guide, Slot):
         return np.full(body.origin.shape, guide.pin)
     return body.place(guide.body_point)
 
 
-def shown(linkage: GuidedLinkage, interval: Interval) -> _Shown:
+def shown(linkage: Linkage, interval: Interval) -> _Shown:
     """What is drawn. FieldError for a linkage that does not close there, at the place that fails."""
-    travel = linkage.over(interval)
-    links = linkage.links(travel)
+    travel = linkage.travel_over(interval)
+    links = linkage.motions(travel)
     body = links[1]
     size = linkage.reach
     for place, guide in enumerate(linkage.guides):
@@ -86,7 +86,7 @@ def shown(linkage: GuidedLinkage, interval: Interval) -> _Shown:
         at = travel[int(np.argmin(closed))]
         where = f"{np.rad2deg(at):.6g} degrees" if linkage.driver.turns else f"{at:.6g}"
         raise FieldError("/solution/guides", f"both guides cannot hold the body {where} after the start")
-    now = linkage.links(np.zeros(1))[1]
+    now = linkage.motions(np.zeros(1))[1]
     points = [_pin_of(linkage, place, body) for place in (0, 1)]
     rails: list[Complexes | None] = []
     spread = np.concatenate([*points, body.origin])
@@ -106,7 +106,7 @@ def shown(linkage: GuidedLinkage, interval: Interval) -> _Shown:
     return _Shown(links, now, pins, points, rails, size)
 
 
-def _outline(linkage: GuidedLinkage, found: _Shown) -> Complexes:
+def _outline(linkage: Linkage, found: _Shown) -> Complexes:
     """The body at the first sample: its guided points, or the middle of a slot, and the body point."""
     corners = []
     for place, guide in enumerate(linkage.guides):
@@ -118,7 +118,7 @@ def _outline(linkage: GuidedLinkage, found: _Shown) -> Complexes:
     return np.array([*corners, complex(found.body.origin[0])])
 
 
-def to_svg(linkage: GuidedLinkage, target: Target, extra: Extra | None = None, length_unit: str | None = None) -> str:
+def to_svg(linkage: Linkage, target: Target, extra: Extra | None = None, length_unit: str | None = None) -> str:
     """A drawing at the first sample, y up, with rails, slots, and the names of the joints."""
     found = shown(linkage, target.interval)
     body, path, marks = found.body, found.links[1].origin, requested_positions(target)
@@ -173,16 +173,14 @@ def to_svg(linkage: GuidedLinkage, target: Target, extra: Extra | None = None, l
     )
 
 
-def to_csv(
-    linkage: GuidedLinkage, target: Target, unit: float, more: Mapping[str, Iterable[Any]] | None = None
-) -> str:
+def to_csv(linkage: Linkage, target: Target, unit: float, more: Mapping[str, Iterable[Any]] | None = None) -> str:
     """The motion at the samples: what was asked for, what the linkage does, and where its guided points are.
 
     Angles are divided by ``unit`` (radians in one unit of angle); an empty cell is a number that was not asked for. ``more`` are
     further columns, a value a sample.
     """
     shown(linkage, target.interval)
-    links, found = linkage.links(target.crank), linkage.body(linkage.start + target.crank)
+    links, found = linkage.motions(target.crank), linkage.body(linkage.start + target.crank)
     body = links[1]
     own = unit if linkage.driver.turns else 1.0
     columns: dict[str, Any] = {
@@ -215,7 +213,7 @@ def _check_size(found: _Shown, unit_mm: float) -> None:
     check_size(found.size, largest, unit_mm)
 
 
-def to_dxf(linkage: GuidedLinkage, target: Target, unit_mm: float = 1.0, more: More | None = None) -> str:
+def to_dxf(linkage: Linkage, target: Target, unit_mm: float = 1.0, more: More | None = None) -> str:
     """The linkage for CAD, in millimetres, at the first sample.
 
     Layers: GROUND (pivots, fixed pins, rails), LINKS (cranks, sliders, blocks, pins), BODY (the body with its slots, and a cross
@@ -256,13 +254,11 @@ def to_dxf(linkage: GuidedLinkage, target: Target, unit_mm: float = 1.0, more: M
             block(at, float(body.angle[0]) + guide.body_direction)
             space.add_line(xy(ends[0]), xy(ends[1]), dxfattribs={"layer": "BODY"})
     corners, way = _outline(linkage, found), found.links[1].origin
-    poses = requested_poses(target, linkage.links(target.crank)[1].angle)
+    poses = requested_poses(target, linkage.motions(target.crank)[1].angle)
     return dxf_with_motion(document, xy, size, unit_mm, corners, way, poses, more)
 
 
-def to_mjcf(
-    linkage: GuidedLinkage, target: Target, unit_mm: float = 1.0, masses: Mapping[str, Mass] | None = None
-) -> str:
+def to_mjcf(linkage: Linkage, target: Target, unit_mm: float = 1.0, masses: Mapping[str, Mass] | None = None) -> str:
     """The linkage as a MuJoCo model in metres: hinges and slides, and the loop closed by an equality constraint.
 
     ``masses``: of the body and of links on circles, in kilograms and the unit of the lengths; sliders and blocks then weigh next
@@ -283,7 +279,7 @@ def to_mjcf(
     # radians and metres of a joint by a radian or a metre of the drive, of a derivative in the user's unit
     turning = 1.0 if linkage.driver.turns else 1 / metre
     sliding = turning * metre
-    links = linkage.links(np.zeros(1))
+    links = linkage.motions(np.zeros(1))
     names = linkage.link_names
     body, rates = links[1], {link.name: link for link in links}
     at = [one * metre for one in found.pins]
@@ -420,7 +416,7 @@ def to_mjcf(
     )
 
 
-def _rails(found: _Shown, linkage: GuidedLinkage, metre: float, thick: float) -> str:
+def _rails(found: _Shown, linkage: Linkage, metre: float, thick: float) -> str:
     rails = [
         f'<geom name="rail_{place + 1}" type="capsule" fromto="{xy0(complex(ends[0]) * metre)} '
         f'{xy0(complex(ends[1]) * metre)}" size="{thick / 4!r}" rgba="0.5 0.5 0.5 1"/>'

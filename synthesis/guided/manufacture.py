@@ -15,7 +15,8 @@ import numpy as np
 
 from synthesis.arrays import Complexes, Floats, dot
 from synthesis.fourbar.tolerance_study import Study, Tolerances, compared
-from synthesis.guided.linkage import Circle, Driver, Guide, GuidedLinkage, Rail, Slot
+from synthesis.guides import Circle, Driver, Guide, Rail, Slot
+from synthesis.linkage import Linkage
 from synthesis.target import TURN
 from synthesis.work import Work
 
@@ -74,7 +75,7 @@ _SOURCES = {
 }
 
 
-def sources_of(linkage: GuidedLinkage) -> list[Source]:
+def sources_of(linkage: Linkage) -> list[Source]:
     """All sources of a linkage, guide by guide."""
     return [
         Source(words.format(name), place, what, size)
@@ -96,14 +97,16 @@ class _Guide:
         self.direction = direction + np.atleast_2d(off.direction)
 
 
-def made(linkage: GuidedLinkage, coordinate: Floats, first: Deviation, second: Deviation) -> tuple[Complexes, Floats]:
+def made(linkage: Linkage, coordinate: Floats, first: Deviation, second: Deviation) -> tuple[Complexes, Floats]:
     """Places and rotations (count, n) of the bodies of linkages that are off, at coordinates (n,) of the drive.
 
-    NaN where one does not close near the pose as designed, on its branch. Law: with no deviation `GuidedLinkage.body`.
+    NaN where one does not close near the pose as designed, on its branch. Law: with no deviation `Linkage.body`.
     """
     driven, other = _Guide(linkage.guides[0], first), _Guide(linkage.guides[1], second)
     nominal = linkage.body(coordinate)
     size = linkage.reach
+    if linkage.driver.turns:
+        coordinate = coordinate + linkage.ground_angle
     with np.errstate(all="ignore"):
         if linkage.driver is Driver.HINGE:
             return _by_hinge(linkage, coordinate, driven, other, size)
@@ -156,7 +159,7 @@ def _beyond(other: _Guide, pin: Complexes, turned: Complexes, held: Complexes) -
 
 
 def _by_hinge(
-    linkage: GuidedLinkage, coordinate: Floats, driven: _Guide, other: _Guide, size: float
+    linkage: Linkage, coordinate: Floats, driven: _Guide, other: _Guide, size: float
 ) -> tuple[Complexes, Floats]:
     """The slot stands in its direction: the body slides along it until the other guide holds it."""
     along = np.exp(1j * coordinate)
@@ -180,9 +183,7 @@ def _slid(other: _Guide, position: Complexes, turned: Complexes, along: Complexe
 # -- to first order ---------------------------------------------------------------------------------------------------
 
 
-def slopes(
-    linkage: GuidedLinkage, coordinate: Floats, changes: list[tuple[int, Deviation]]
-) -> tuple[Complexes, Floats]:
+def slopes(linkage: Linkage, coordinate: Floats, changes: list[tuple[int, Deviation]]) -> tuple[Complexes, Floats]:
     """Derivatives (changes, n) of place and rotation by changes, each of one guide by a unit of its own; NaN where dead."""
     places: list[Complexes] = []
     turns: list[Floats] = []
@@ -199,7 +200,7 @@ def slopes(
     return np.array(places), np.array(turns)
 
 
-def dimensions_of(linkage: GuidedLinkage) -> list[tuple[str, int, Deviation]]:
+def dimensions_of(linkage: Linkage) -> list[tuple[str, int, Deviation]]:
     """Every dimension by name, the guide that it belongs to, and a unit of it; directions last, in radians."""
     found: list[tuple[str, int, Deviation]] = []
     turned: list[tuple[str, int, Deviation]] = []
@@ -219,7 +220,7 @@ def dimensions_of(linkage: GuidedLinkage) -> list[tuple[str, int, Deviation]]:
 
 
 def simulate(
-    linkage: GuidedLinkage, travel: Floats, samples: int, tolerances: Tolerances, count: int, seed: int, work: Work
+    linkage: Linkage, travel: Floats, samples: int, tolerances: Tolerances, count: int, seed: int, work: Work
 ) -> Study:
     """Made linkages against the one as designed; arguments and laws as of `fourbar.tolerance_study.simulate`."""
     random = np.random.default_rng(seed)
@@ -246,7 +247,7 @@ def simulate(
 
 
 def _first_order(
-    linkage: GuidedLinkage, coordinate: Floats, sources: list[Source], tolerances: Tolerances
+    linkage: Linkage, coordinate: Floats, sources: list[Source], tolerances: Tolerances
 ) -> tuple[Floats, Floats, Floats]:
     """Derivatives of place (sources, n, 2, 2) and rotation (sources, n, 2, 1) by each source's coordinates; variances."""
     units: dict[tuple[int, str], list[Deviation]] = {}

@@ -15,7 +15,8 @@ from numpy.typing import ArrayLike
 
 from synthesis.arrays import Flags, Floats, Ints
 from synthesis.fourbar.passage import DEAD, NEAR_CHANGE_POINT, TIE, Passage, Verdict, one_way, reasons_of
-from synthesis.guided.linkage import DRIVERS, Driver, GuidedLinkage, Rail, through
+from synthesis.guides import DRIVERS, Driver, Rail
+from synthesis.linkage import Linkage, through
 from synthesis.target import TURN
 
 
@@ -26,7 +27,7 @@ class Circuits:
     nearer to a change point than `passage.NEAR_CHANGE_POINT`.
     """
 
-    def __init__(self, linkage: GuidedLinkage) -> None:
+    def __init__(self, linkage: Linkage) -> None:
         conditions = linkage.conditions
         self._angle = linkage.driver.turns
         at_extremes = [
@@ -34,7 +35,7 @@ class Circuits:
         ]
         cuts = [place for place, value, _ in at_extremes if value < 0]
         self.uncertain = any(abs(value) < NEAR_CHANGE_POINT * size for _, value, size in at_extremes)
-        other = linkage.guides[1]
+        other = linkage.local_guides[1]
         endless = linkage.driver is Driver.HINGE and isinstance(other, Rail)
         self.meet = not endless and (bool(cuts) or any(one.bounded for one in conditions))
         if endless:
@@ -59,7 +60,7 @@ class Circuits:
 
 
 def passage(
-    linkage: GuidedLinkage,
+    linkage: Linkage,
     coordinate: ArrayLike,
     side: ArrayLike,
     *,
@@ -117,7 +118,7 @@ def passage(
 
 
 def verdict(
-    linkage: GuidedLinkage,
+    linkage: Linkage,
     coordinate: ArrayLike,
     side: ArrayLike | None = None,
     *,
@@ -153,7 +154,7 @@ def verdict(
     return Verdict(order, branch, circuit, driver, uncertain, reasons)
 
 
-def other_drives(linkage: GuidedLinkage) -> dict[str, tuple[int, Driver]]:
+def other_drives(linkage: Linkage) -> dict[str, tuple[int, Driver]]:
     """Every other drive that the guides offer: by its name, the guide that it moves (0 or 1) and how."""
     found: dict[str, tuple[int, Driver]] = {}
     for place, guide in enumerate(linkage.guides):

@@ -16,8 +16,9 @@ import numpy as np
 from synthesis.arrays import Floats
 from synthesis.fourbar.rounding import NO_TIME, Rounding
 from synthesis.free.poses import Poses
-from synthesis.guided.linkage import Circle, Guide, GuidedLinkage, Rail, Slot
 from synthesis.guided.solution import GuidedSolution, assess, nearest_travel
+from synthesis.guides import Circle, Guide, Rail, Slot
+from synthesis.linkage import Linkage
 from synthesis.target import TURN, Target
 from synthesis.work import Work
 
@@ -89,14 +90,14 @@ def from_stock(stock: Sequence[float]) -> Callable[[float], Sequence[float]]:
 class _Chart:
     """Linkages of given lengths by what is left of their dimensions, in units of their size."""
 
-    def __init__(self, linkage: GuidedLinkage, lengths: dict[str, float], timed: bool) -> None:
+    def __init__(self, linkage: Linkage, lengths: dict[str, float], timed: bool) -> None:
         self.linkage, self.lengths, self.timed = linkage, lengths, timed
         first, second = linkage.guides
         self.size = linkage.reach
         self.along = float(np.angle(second.body_point - first.body_point))
         self.count = 2 * 4 + timed
 
-    def at(self, x: Floats) -> GuidedLinkage:
+    def at(self, x: Floats) -> Linkage:
         """The linkage at changes x of the one that it began with."""
         guides: list[Guide] = []
         for place, (name, one) in enumerate(self.linkage.named_guides):
@@ -120,7 +121,7 @@ class _Chart:
                 guides.append(Slot(fixed, moved, one.body_direction + float(own[3])))
         unit = 1.0 if self.linkage.driver.turns else self.size
         start = self.linkage.start + (unit * float(x[8]) if self.timed else 0.0)
-        return replace(self.linkage, guides=(guides[0], guides[1]), start=start)
+        return replace(self.linkage, local_guides=(guides[0], guides[1]), start=start)
 
 
 def fitted(
@@ -160,7 +161,7 @@ def fitted(
     return assess(samples, linkage, whole)
 
 
-def _whole(samples: Poses | Target, linkage: GuidedLinkage, travel: Floats) -> Floats:
+def _whole(samples: Poses | Target, linkage: Linkage, travel: Floats) -> Floats:
     """Travel at all samples that were asked for: of a closed way whose last sample repeats the first a turn on, or back there."""
     if not isinstance(samples, Poses) or samples.asked is None:
         return travel
@@ -196,7 +197,7 @@ def _evaluated(
     return rows.ravel(), jacobian.reshape(-1, chart.count), travel
 
 
-def _rows(samples: Poses | Target, linkage: GuidedLinkage, travel: Floats) -> Floats:
+def _rows(samples: Poses | Target, linkage: Linkage, travel: Floats) -> Floats:
     """Weighted errors (3, N): rotation, and position by x and y over the length scale."""
     found = linkage.body(linkage.start + travel)
     rows = np.zeros((3, travel.size))

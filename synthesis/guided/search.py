@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from synthesis.arrays import Floats, Ints
-from synthesis.fourbar.kinematics import wrap
+from synthesis.four_bar import wrap
 from synthesis.fourbar.limits import Limits
 from synthesis.free.dyads import (
     FARTHEST,
@@ -37,7 +37,6 @@ from synthesis.free.dyads import (
     sampled_dyads,
 )
 from synthesis.free.poses import Poses
-from synthesis.guided.linkage import DRIVERS, GUIDES, Circle, Driver, Guide, GuidedLinkage, Kind, Rail, Slot
 from synthesis.guided.pairs import (
     OWN,
     Chart,
@@ -53,7 +52,9 @@ from synthesis.guided.pairs import (
     lines_of,
 )
 from synthesis.guided.solution import GuidedSolution, assess, broken_limits
+from synthesis.guides import DRIVERS, GUIDES, Circle, Driver, Guide, Kind, Rail, Slot
 from synthesis.kernels import distinct
+from synthesis.linkage import Linkage
 from synthesis.rounds import TIRED, elsewhere, unseen
 from synthesis.search.report import SearchReport, StoppedBy
 from synthesis.search.search import DEFAULT_TOLERANCE
@@ -302,7 +303,7 @@ class Search:
         given: Floats | None = None,
         turned: Floats | None = None,
         rounds: int | None = None,
-        leads: Sequence[GuidedLinkage] = (),
+        leads: Sequence[Linkage] = (),
     ) -> None:
         self.leads = leads
         self.rounds = _ROUNDS if rounds is None else rounds
@@ -873,13 +874,13 @@ class Search:
         guides = [_referred(guide, other) for guide, other in zip(guides, guides[::-1])]
         if _parallel(guides):
             return None
-        linkage = GuidedLinkage((guides[0], guides[1]), way.driver)
+        linkage = Linkage((guides[0], guides[1]), way.driver)
         drive, sine = linkage.configuration(rotation, position)
         if not (np.isfinite(drive).all() and np.isfinite(sine).all()) or np.any(sine * sine[0] <= 0):
             return None
         if not way.driver.turns:
             turned = _directed(guides, drive, self.given)
-            linkage = replace(linkage, guides=turned)
+            linkage = replace(linkage, local_guides=turned)
             drive, sine = linkage.configuration(rotation, position)
         if not poses.ordered:
             holds = True
@@ -1013,7 +1014,7 @@ def search_guided(
     given: Floats | None = None,
     turned: Floats | None = None,
     rounds: int | None = None,
-    leads: Sequence[GuidedLinkage] = (),
+    leads: Sequence[Linkage] = (),
 ) -> tuple[list[GuidedSolution], SearchReport]:
     """The best linkages with sliders for poses whose drive is free, or given.
 
@@ -1037,7 +1038,7 @@ def search_guided(
         Rotations to begin with, where none are asked for: such as those of a four-bar along the same way.
     rounds : int, optional
         At most so many.
-    leads : sequence of GuidedLinkage
+    leads : sequence of Linkage
         With which to begin, where the drive is given.
 
     Returns

@@ -16,7 +16,8 @@ from synthesis.arrays import Complexes, Floats
 from synthesis.fourbar.limits import REACH, Limits
 from synthesis.fourbar.passage import LEAVES_SAMPLES, SHORTEST_CHORD, faults_of
 from synthesis.free.poses import Poses
-from synthesis.guided.linkage import Circle, Driver, Guide, GuidedLinkage, Rail, Slot
+from synthesis.guides import Circle, Driver, Guide, Rail, Slot
+from synthesis.linkage import Linkage
 from synthesis.mechanism import outside
 from synthesis.ranking import Errors, motion_errors
 from synthesis.target import TURN, Interval, Samples, Target
@@ -43,7 +44,7 @@ class GuidedSolution:
 
     Attributes
     ----------
-    linkage : GuidedLinkage
+    linkage : Linkage
         Started at the first sample.
     errors : Errors
         Recomputed from the linkage's numbers: its motion is compared with the request.
@@ -57,7 +58,7 @@ class GuidedSolution:
         The travel that the motion uses.
     """
 
-    linkage: GuidedLinkage
+    linkage: Linkage
     errors: Errors
     travel: Floats
     transmission_angle_min: float
@@ -105,7 +106,7 @@ class GuidedSolution:
 # -- where the drive is -----------------------------------------------------------------------------------------------
 
 
-def nearest_travel(samples: Samples, linkage: GuidedLinkage, begin: Floats) -> Floats:
+def nearest_travel(samples: Samples, linkage: Linkage, begin: Floats) -> Floats:
     """Travel of the drive from the linkage's start at which the body comes nearest to each sample, by Newton's method.
 
     ``samples``: rotations count modulo a turn. ``begin`` (N,): where each begins; the loop closes there.
@@ -150,7 +151,7 @@ def _weights(samples: Samples) -> tuple[Floats, Floats]:
     return turning, placing
 
 
-def _gaps(samples: Samples, linkage: GuidedLinkage, travel: Floats) -> tuple[Floats, Complexes]:
+def _gaps(samples: Samples, linkage: Linkage, travel: Floats) -> tuple[Floats, Complexes]:
     """Errors of rotation (to the nearest whole turn) and position, zeros where there is none."""
     found = linkage.body(linkage.start + travel)
     turned: Floats = np.zeros(travel.shape)
@@ -161,7 +162,7 @@ def _gaps(samples: Samples, linkage: GuidedLinkage, travel: Floats) -> tuple[Flo
     return turned, off
 
 
-def _squares(samples: Samples, linkage: GuidedLinkage, travel: Floats) -> Floats:
+def _squares(samples: Samples, linkage: Linkage, travel: Floats) -> Floats:
     turning, placing = _weights(samples)
     turned, off = _gaps(samples, linkage, travel)
     square = turning * turned**2 + placing * np.abs(off) ** 2
@@ -169,7 +170,7 @@ def _squares(samples: Samples, linkage: GuidedLinkage, travel: Floats) -> Floats
 
 
 def _slopes(
-    samples: Samples, linkage: GuidedLinkage, travel: Floats, weights: tuple[Floats, Floats]
+    samples: Samples, linkage: Linkage, travel: Floats, weights: tuple[Floats, Floats]
 ) -> tuple[Floats, Floats]:
     """First derivatives of half the squares by the travel, and second ones, at least those of first-order errors."""
     turning, placing = weights
@@ -184,7 +185,7 @@ def _slopes(
 # -- errors -----------------------------------------------------------------------------------------------------------
 
 
-def as_target(samples: Samples, linkage: GuidedLinkage, travel: Floats) -> Target:
+def as_target(samples: Samples, linkage: Linkage, travel: Floats) -> Target:
     """A request with the travel of a drive in the place of crank angles; rotations by whole turns nearest to the body's."""
     if isinstance(samples, Target):
         return samples
@@ -194,7 +195,7 @@ def as_target(samples: Samples, linkage: GuidedLinkage, travel: Floats) -> Targe
     return replace(target, closed=target.closed and linkage.turns_fully)
 
 
-def assess(samples: Poses | Target, linkage: GuidedLinkage, travel: Floats) -> GuidedSolution:
+def assess(samples: Poses | Target, linkage: Linkage, travel: Floats) -> GuidedSolution:
     """A linkage with its errors: the best offset of the rotation, and all else recomputed from its own numbers.
 
     ``travel`` (N,): of the drive from the linkage's start at all samples asked for; of a `Target` its own. The linkage that
@@ -207,17 +208,11 @@ def assess(samples: Poses | Target, linkage: GuidedLinkage, travel: Floats) -> G
     points = None if target.position is None else found.position[None]
     offsets, errors = motion_errors(target, found.rotation[None], points)
     if offsets[0] is not None and math.isfinite(offsets[0]):
-        linkage = turned_frame(linkage, offsets[0] - TURN * round(offsets[0] / TURN))
+        linkage = linkage.turned_body(offsets[0] - TURN * round(offsets[0] / TURN))
     used = target.interval if target.closed else Interval(float(travel.min()), float(travel.max()))
     least = linkage.transmission_angle_over(used.after(linkage.start))
     turn = linkage.transmission_angle_over(Interval(0.0, TURN).after(linkage.start)) if linkage.turns_fully else None
     return GuidedSolution(linkage, errors[0], travel, 0.0 if math.isnan(least) else least, turn, used)
-
-
-def turned_frame(linkage: GuidedLinkage, angle: float) -> GuidedLinkage:
-    """The same linkage with the body's frame turned in the body: rotations are more by the angle, places as they were."""
-    factor = complex(np.exp(-1j * angle))
-    return linkage.mapped(lambda z: z, lambda z: z * factor, turn_in_body=-angle)
 
 
 # -- as a machine -----------------------------------------------------------------------------------------------------
@@ -412,11 +407,11 @@ def _broken(solution: GuidedSolution, samples: Samples, limits: Limits, ends: tu
             least("cylinder_dead_length", low / extent)
         least("cylinder_extended_max", (high - (limits.cylinder_extended_max or np.inf)) / extent)
     if limits.arm_min is not None and isinstance(linkage.guides[1], Slot) and linkage.driver is not Driver.HINGE:
-        q = linkage.start + linkage.over(solution.interval)
+        q = linkage.start + linkage.travel_over(solution.interval)
         least("arm_min", (limits.arm_min - float(np.nan_to_num(np.min(linkage.body(q).arm)))) / extent)
     _break_lengths(solution, limits, extent, ends, least)
     if limits.envelope is not None:
-        q = linkage.start + linkage.over(solution.interval)
+        q = linkage.start + linkage.travel_over(solution.interval)
         for way in _traced(linkage, q):
             least("envelope", float(outside(way, limits.envelope).max()) / extent)
     return missing
@@ -449,7 +444,7 @@ def _break_lengths(
         least("coupler_radius_max", (abs(first.body_point) - limits.coupler_radius_max) / extent)
 
 
-def _traced(linkage: GuidedLinkage, q: Floats) -> list[Complexes]:
+def _traced(linkage: Linkage, q: Floats) -> list[Complexes]:
     """Where the body point and both joints are."""
     body = linkage.body(q)
     turned = np.exp(1j * body.rotation)

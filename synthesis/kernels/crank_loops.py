@@ -1,7 +1,7 @@
 """Closure of crank-driven loops: crank and coupler directions, their derivatives, and lengths as functions of a chart.
 
 A body hangs on the crank pin and is guided on a circle (four-bar), on a rail (slider-crank) or by a slot (swinging block). Every
-difference is formed without cancellation; `fourbar.kinematics` and `slider` derive the formulas.
+difference is formed without cancellation; `four_bar` and `slider` derive the formulas.
 """
 
 import cython
@@ -53,7 +53,7 @@ class Loop:
 
     The body hangs on the crank pin and is guided in one of three ways:
 
-    * CIRCLE: lengths L1..L4, and X0, Y0 of the closure (see `fourbar.kinematics`).
+    * CIRCLE: lengths L1..L4, and X0, Y0 of the closure (see `four_bar`).
     * RAIL: crank l1, rod l2, offset l3 of the rail; sin theta2 = (l3 - l1 sin theta1) / l2, X0 = l2 - l1 - l3, Y0 = l2 - l1 + l3.
     * SLOT: crank l1, ground l2 to the pin, offset l3 of the slot from the crank pin;
       l2 - l1 e^{i theta1} = e^{i theta2} (s + i l3), X0 + Y0 = 2 |l2 - l1|, Y0 - X0 = 2 l3.

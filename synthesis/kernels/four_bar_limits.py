@@ -216,7 +216,7 @@ class Limits:
 
     @cfunc
     def update_excesses(self):
-        """Compute the three excesses of `fourbar.kinematics`."""
+        """Compute the three excesses of `four_bar`."""
         l1, l2, l3, l4 = self.loop.length[0], self.loop.length[1], self.loop.length[2], self.loop.length[3]
         self.excess[0] = pair_difference(l2, l4, l1, l3)
         self.excess[1] = pair_difference(l3, l4, l1, l2)

@@ -10,7 +10,7 @@ import numpy as np
 from synthesis.assembly.gaps import hull
 from synthesis.errors import FieldError
 from synthesis.fourbar.files import check_sizes, plate_sizes
-from synthesis.fourbar.linkage import Linkage
+from synthesis.linkage import Linkage
 from synthesis.sheet import dxf_document, dxf_text
 from synthesis.solids.prism import Hole, Prism, rounded
 from synthesis.solids.solid import Solids

@@ -17,8 +17,7 @@ from synthesis.arrays import Floats
 from synthesis.assembly.layers import HEAD, Heights, Part, Stack, parts_of
 from synthesis.assembly.machine import Machine
 from synthesis.errors import FieldError
-from synthesis.fourbar.linkage import Mass
-from synthesis.guided.linkage import BODY
+from synthesis.linkage import BODY, Mass
 from synthesis.solids.prism import Hole, MassProperties, Prism, filleted, rounded, together
 
 DENSITIES = {

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 import linkage_atlas as la
 from linkage_atlas.functions import NAMES, read_dials
-from synthesis.fourbar.kinematics import close_loop
+from synthesis.four_bar import close_loop
 from tests.conftest import some_of
 
 SQUARE = {"name": "power", "exponent": 2, "x": [0, 1], "output_span": 90}

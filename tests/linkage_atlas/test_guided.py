@@ -25,7 +25,7 @@ def reply_of(drive, *, noise: float = 0.0, **studies) -> tuple[GuidedSolution, l
     """A solution as a search would hand it over."""
     random = np.random.default_rng(61)
     linkage, travel = good_linkage(random, drive, -0.2, 1.0, 0.7), np.linspace(0.0, 0.8, 7)
-    body = linkage.links(travel)[1]
+    body = linkage.motions(travel)[1]
     place = 50 * (body.origin + noise * (random.normal(size=7) + 1j * random.normal(size=7)))
     motion = la.Motion(np.rad2deg(body.angle), np.stack([place.real, place.imag], 1), timing="free")
     scaled = linkage.scaled(50.0)
@@ -85,7 +85,7 @@ def test_masses_resist_and_weigh() -> None:
     # the rail carries the slider's weight, the drive nothing of it
     assert np.allclose(still.drive_load, 0, atol=1e-12)
     turning = pump.analysis(3600, {"masses": [{"link": "slider", "mass": 2}], "gravity": [0, 0]}, [0.0, 60.0])
-    links = pump.plain.links(np.deg2rad([0.0, 60.0]))
+    links = pump.plain.motions(np.deg2rad([0.0, 60.0]))
     speed = np.deg2rad(3600)
     along, gain = links[2].velocity.real, links[2].acceleration.real * speed**2
     assert np.allclose(turning.drive_load, 2 * gain * along / 1000, rtol=1e-9)

@@ -13,8 +13,9 @@ from synthesis.assembly.layers import Arrangement, Heights, Search, parts_of
 from synthesis.assembly.machine import Machine, Sizes, as_plates, motor_driven
 from synthesis.drives.links import motions_of
 from synthesis.drives.six_bar import Motor, about_pivot, on_any_link, proportions
-from synthesis.fourbar.linkage import Linkage
-from synthesis.guided.linkage import DRIVERS, Circle, GuidedLinkage, Rail, Slot
+from synthesis.fourbar.joints import joints_at
+from synthesis.guides import DRIVERS, Circle, Rail, Slot
+from synthesis.linkage import four_bar, on_guides
 from synthesis.target import TURN, Interval
 
 PLACES = 721
@@ -89,11 +90,11 @@ def four_bars(count: int) -> Iterator[Machine]:
     while count:
         links = tuple(10.0 ** random.uniform(-0.8, 0, 4))
         point = (random.uniform(0, 0.7), random.uniform(0, TURN))
-        linkage = Linkage(
+        linkage = four_bar(
             links, int(random.choice([-1, 1])), random.uniform(0, TURN), 0j, random.uniform(0, TURN), point
         )
         span = float(random.choice([TURN, random.uniform(0.2, 3.0)]))
-        if not linkage.joints(np.linspace(0.0, span, 400)).closed:
+        if not joints_at(linkage, np.linspace(0.0, span, 400)).closed:
             continue
         body = _star(random)
         try:
@@ -134,7 +135,7 @@ def sliders(count: int) -> Iterator[Machine]:
     ways = [way for way in ways if way[:2] != (Circle, Circle)]
     while count:
         one, other, drive = ways[count % len(ways)]
-        linkage = GuidedLinkage(
+        linkage = on_guides(
             (guide(one), guide(other)), drive, int(random.choice([-1, 1])), float(random.uniform(-3, 3))
         )
         span = float(random.uniform(0.2, 1.5)) if random.random() < 0.7 or not drive.turns else TURN
@@ -160,11 +161,11 @@ def six_bars(count: int) -> Iterator[Machine]:
     while count:
         links = tuple(10.0 ** random.uniform(-0.6, 0, 4))
         point = (random.uniform(0, 0.5), random.uniform(0, TURN))
-        linkage = Linkage(
+        linkage = four_bar(
             links, int(random.choice([-1, 1])), random.uniform(0, TURN), 0j, random.uniform(0, TURN), point
         )
         used = Interval(0.0, float(random.uniform(0.4, 2.5)))
-        joints = linkage.joints(np.linspace(*used, 400))
+        joints = joints_at(linkage, np.linspace(*used, 400))
         if not joints.closed:
             continue
         link, ends, pivot = "crank", joints.crank_angle[[0, -1]], linkage.pivot_a
@@ -198,7 +199,7 @@ def other_six_bars(count: int) -> Iterator[tuple[Any, Interval, Motor]]:
         tried += 1
         linkage: Any
         if count % 2:
-            linkage = Linkage(
+            linkage = four_bar(
                 tuple(10.0 ** random.uniform(-0.4, 0.1, 4)),
                 int(random.choice([-1, 1])),
                 random.uniform(0, TURN),
@@ -211,9 +212,7 @@ def other_six_bars(count: int) -> Iterator[tuple[Any, Interval, Motor]]:
             )
             slot = Slot(complex(*random.normal(size=2)) * 2, 0.1j, float(random.uniform(-0.3, 0.3)))
             pair: Any = ((crank, rail), (crank, slot), (rail, crank))[tried % 3]
-            linkage = GuidedLinkage(
-                pair, DRIVERS[type(pair[0])][0], int(random.choice([-1, 1])), random.uniform(0, 3)
-            )
+            linkage = on_guides(pair, DRIVERS[type(pair[0])][0], int(random.choice([-1, 1])), random.uniform(0, 3))
         used = Interval(0.0, float(random.uniform(0.4, 1.2)))
         with np.errstate(all="ignore"):
             machine = motions_of(linkage, used)
@@ -222,7 +221,7 @@ def other_six_bars(count: int) -> Iterator[tuple[Any, Interval, Motor]]:
         link = machine.links[
             str(random.choice([name for name in machine.links if not name.endswith(("slider", "block"))]))
         ]
-        if isinstance(linkage, Linkage):
+        if linkage.is_four_bar:
             link = machine.links["coupler"]
         with np.errstate(all="ignore"):
             if link.pivot is None:

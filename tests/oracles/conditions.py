@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from synthesis.fourbar.kinematics import close_loop
+from synthesis.four_bar import close_loop
 
 
 def condition_of_closure(lengths, branch, crank_angle):

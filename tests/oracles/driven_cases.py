@@ -6,9 +6,8 @@ import numpy as np
 
 from synthesis.drives.actuator import Actuator, Question, Wanted
 from synthesis.drives.links import GROUND, LinkMotions, motions_of
-from synthesis.fourbar.linkage import Linkage, Mass
 from synthesis.guided.analysis import Load
-from synthesis.guided.linkage import GuidedLinkage, LinkMotion
+from synthesis.linkage import Linkage, LinkMotion, Mass, four_bar
 from synthesis.target import Interval
 from tests.oracles.guided_cases import DRIVES, good_linkage
 
@@ -20,12 +19,12 @@ def random_linkage(rng: np.random.Generator) -> tuple[Linkage, Interval]:
         start, span = rng.uniform(0, 2 * np.pi), rng.uniform(0.2, 1.8) * rng.choice([-1, 1])
         point = (rng.uniform(0.1, 2.0), rng.uniform(-np.pi, np.pi))
         place = complex(*rng.normal(size=2))
-        one = Linkage(links, int(rng.choice([-1, 1])), start, place, rng.uniform(-3, 3), point, rng.uniform(-3, 3))
+        one = four_bar(links, int(rng.choice([-1, 1])), start, place, rng.uniform(-3, 3), point, rng.uniform(-3, 3))
         if one.transmission_angle_min(Interval(0.0, span)) > np.deg2rad(15):
             return one, Interval(0.0, span)
 
 
-def any_linkage(seed: int) -> tuple[Linkage | GuidedLinkage, Interval]:
+def any_linkage(seed: int) -> tuple[Linkage, Interval]:
     """Of all kinds, drives, families and branches, either way: every fourth a four-bar, the others bodies on guides."""
     rng = np.random.default_rng([seed, 0])
     if seed % 4 == 0:
@@ -50,7 +49,7 @@ class Case:
 
     def __init__(self, seed: int) -> None:
         self.linkage, self.interval = any_linkage(seed)
-        self.kind = "four_bar" if isinstance(self.linkage, Linkage) else self.linkage.kind.value
+        self.kind = "four_bar" if self.linkage.is_four_bar else self.linkage.kind.value
         self.machine = motions_of(self.linkage, self.interval)
         rng = np.random.default_rng([seed, 1])
         self.load = loads(self.machine, rng)

@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from synthesis.guided.linkage import DRIVERS, Circle, Driver, Guide, GuidedLinkage, Rail, Slot, through
+from synthesis.guides import DRIVERS, Circle, Driver, Guide, Rail, Slot
+from synthesis.linkage import Linkage, through
 
 GUIDE_TYPES = (Circle, Rail, Slot)
 DRIVES = [(guide, driver, other) for guide in GUIDE_TYPES for driver in DRIVERS[guide] for other in GUIDE_TYPES]
@@ -28,7 +29,7 @@ def random_guide(random: np.random.Generator, kind: type) -> Guide:
     return Slot(place(), place(), float(random.uniform(0, 6)))
 
 
-def random_linkage(random: np.random.Generator, guide: type, driver: Driver, other: type) -> GuidedLinkage:
+def random_linkage(random: np.random.Generator, guide: type, driver: Driver, other: type) -> Linkage:
     """Of a pose that is drawn first, so that it closes somewhere."""
     guides = random_guide(random, guide), random_guide(random, other)
     rotation, position = float(random.uniform(-3, 3)), complex(*random.normal(size=2))
@@ -59,7 +60,7 @@ def good_linkage(
 class Case(NamedTuple):
     """A linkage and samples on it, whatever branch they are on."""
 
-    linkage: GuidedLinkage
+    linkage: Linkage
     coordinate: np.ndarray
     side: np.ndarray
     poses: np.ndarray

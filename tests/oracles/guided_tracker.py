@@ -10,7 +10,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from synthesis.guided.linkage import Circle, Driver, Guide, GuidedLinkage, Rail
+from synthesis.guides import Circle, Driver, Guide, Rail
+from synthesis.linkage import Linkage
 
 STEP = 0.01
 """Length of a step, radians and lengths over one plus the distance from the origin alike."""
@@ -38,7 +39,7 @@ def condition(guide: Guide, pose: np.ndarray) -> tuple[float, np.ndarray]:
     return np.real(np.conj(push) * gap), np.array([turning, -push.real, -push.imag])
 
 
-def drive_of(linkage: GuidedLinkage, pose: np.ndarray) -> float:
+def drive_of(linkage: Linkage, pose: np.ndarray) -> float:
     """Where the drive is, angles within a turn."""
     guide = linkage.guides[0]
     point = complex(pose[1], pose[2]) + np.exp(1j * pose[0]) * guide.body_point
@@ -51,7 +52,7 @@ def drive_of(linkage: GuidedLinkage, pose: np.ndarray) -> float:
     return float(np.real(np.exp(-1j * (pose[0] + guide.body_direction)) * (guide.pin - point)))
 
 
-def _equations(linkage: GuidedLinkage, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _equations(linkage: Linkage, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     both = [condition(guide, pose) for guide in linkage.guides]
     return np.array([value for value, _ in both]), np.array([slopes for _, slopes in both])
 
@@ -61,7 +62,7 @@ def _scale(pose: np.ndarray) -> np.ndarray:
     return np.array([1.0, size, size])
 
 
-def walk(linkage: GuidedLinkage, start: np.ndarray, way: int) -> tuple[np.ndarray, bool]:
+def walk(linkage: Linkage, start: np.ndarray, way: int) -> tuple[np.ndarray, bool]:
     """Poses (n, 3) from a start one way, and whether they come back to it."""
     poses, tangent = [start], None
     for number in range(MOST_STEPS):
@@ -101,7 +102,7 @@ class Followed:
     """Whether the drive passes them in their order, moving one way."""
 
 
-def follow(linkage: GuidedLinkage, samples: np.ndarray) -> Followed:
+def follow(linkage: Linkage, samples: np.ndarray) -> Followed:
     """``samples`` (N, 3): poses that keep both guides."""
     ahead, round_trip = walk(linkage, samples[0], 1)
     behind = ahead[:1] if round_trip else walk(linkage, samples[0], -1)[0]

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from synthesis.fourbar.kinematics import coupler_angle
+from synthesis.four_bar import coupler_angle
 from synthesis.scenes.knotter.d_knotter import mechanism
 from synthesis.scenes.knotter.mechanism import dimensions
 

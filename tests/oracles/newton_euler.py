@@ -14,9 +14,9 @@ from typing import NamedTuple
 import numpy as np
 
 from synthesis.drives.links import GROUND
-from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.analysis import Load
-from synthesis.guided.linkage import Circle, Driver, GuidedLinkage, Rail, Slot
+from synthesis.guides import Circle, Driver, Rail, Slot
+from synthesis.linkage import Linkage
 
 
 class State(NamedTuple):
@@ -164,9 +164,9 @@ class Bodies:
         return float(np.linalg.solve(np.column_stack([slopes.T, rod]), -right)[8])
 
 
-def bodies(linkage: Linkage | GuidedLinkage) -> Bodies:
+def bodies(linkage: Linkage) -> Bodies:
     """The same linkage as bodies and conditions."""
-    if isinstance(linkage, Linkage):
+    if linkage.is_four_bar:
         return _four_bar(linkage)
     pose = linkage.body(np.array([linkage.start]))
     angle, place = float(pose.rotation[0]), complex(pose.position[0])

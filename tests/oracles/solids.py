@@ -13,7 +13,7 @@ import numpy as np
 from synthesis.assembly.gaps import distances
 from synthesis.assembly.layers import Arrangement, Asked, arrange
 from synthesis.assembly.machine import Machine, Sizes, as_plates
-from synthesis.fourbar.linkage import Linkage
+from synthesis.linkage import Linkage, four_bar
 from synthesis.solids.mesh import mesh_of, ring_of
 from synthesis.solids.solid import FITS, Made, Solid, Solids, solids_of
 from synthesis.target import Interval
@@ -26,7 +26,7 @@ SASH = [-40 - 30j, 50 - 30j, 50 + 30j, 10 + 30j, 10 + 16j, -10 + 16j, -10 + 30j,
 
 def linkage_of(case) -> Linkage:
     point = case["body_point"]
-    return Linkage(
+    return four_bar(
         tuple(case["links"]),
         case["branch"],
         np.deg2rad(case["start"]),

@@ -14,7 +14,7 @@ from scipy.optimize import lsq_linear
 
 from synthesis import descents
 from synthesis.descents import Problem, Stage, Timed
-from synthesis.fourbar.kinematics import close_loop, coupler_angle
+from synthesis.four_bar import close_loop, coupler_angle
 from synthesis.fourbar.limits import Constraints, Limits, Reach
 from synthesis.fourbar.mechanism import AnyChart, FullCrankChart, GrashofChart
 from synthesis.free import dyads

@@ -10,11 +10,12 @@ from hypothesis import strategies as st
 
 import linkage_atlas as la
 from synthesis.atlas.scan import Scan
-from synthesis.fourbar.kinematics import coupler_angle, wrap
+from synthesis.four_bar import coupler_angle, wrap
+from synthesis.fourbar.joints import body_point
 from synthesis.fourbar.limits import Limits
-from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.fourbar.solution import mounted
+from synthesis.linkage import Linkage
 from synthesis.pose import DEGENERATE, fit_positions, objective
 from synthesis.search.atlas_rows import best_rows
 from synthesis.target import Target, make_target
@@ -104,7 +105,7 @@ def true_start(seed: int) -> float:
 
 
 def check_pose(linkage: Linkage, target: Target, theta2: np.ndarray, residual: np.ndarray) -> None:
-    point = linkage.body_point(linkage.start + target.crank, theta2)
+    point = body_point(linkage, linkage.start + target.crank, theta2)
     assert np.allclose(target.position - point, residual, rtol=0, atol=1e-12)
     ground = linkage.pivot_b - linkage.pivot_a
     scale = linkage.links[0] / LENGTHS[0]

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from synthesis.atlas.scan import Scan
 from synthesis.atlas.table import AtlasRule
+from synthesis.four_bar import coupler_angle
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule
-from synthesis.fourbar.kinematics import coupler_angle
 from synthesis.fourbar.mechanism import FOURBAR, FullCrankChart
 from synthesis.pose import objective
 from synthesis.search import problems

@@ -1,4 +1,4 @@
-"""Makes guided.json beside it: poses by `synthesis.guided.linkage`, for the page's kinematics to agree with.
+"""Makes guided.json beside it: poses by `synthesis.linkage`, for the page's kinematics to agree with.
 
 Run ``python -m tests.vectors.make_guided`` from the project's root.
 """

@@ -1,4 +1,4 @@
-"""Makes kinematics.json beside it: closed loops by `synthesis.fourbar.kinematics`, for the page's kinematics to agree with.
+"""Makes kinematics.json beside it: closed loops by `synthesis.four_bar`, for the page's kinematics to agree with.
 
 Run ``python -m tests.vectors.make_kinematics`` from the project's root.
 """
@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from synthesis.fourbar.kinematics import close_loop, family
+from synthesis.four_bar import close_loop, family
 from tests.oracles.conditions import condition_of_closure
 
 FILE = Path(__file__).with_name("kinematics.json")

@@ -8,13 +8,13 @@ from synthesis.assembly.machine import Machine, Sizes, Swung, as_plates, motor_d
 from synthesis.assembly.movement import Place
 from synthesis.drives.six_bar import Motor
 from synthesis.errors import FieldError
-from synthesis.fourbar.linkage import Linkage
-from synthesis.guided.linkage import Circle, Driver, GuidedLinkage, Rail
+from synthesis.guides import Circle, Driver, Rail
+from synthesis.linkage import four_bar, on_guides
 from synthesis.target import TURN, Interval
 from synthesis.work import Work
 from tests.oracles.assembly import disagreements, nearest, other_six_bars, six_bars
 
-LINKAGE = Linkage((30.0, 60.0, 70.0, 50.0), 1, np.deg2rad(40.0))
+LINKAGE = four_bar((30.0, 60.0, 70.0, 50.0), 1, np.deg2rad(40.0))
 USED = Interval(0.0, np.deg2rad(60.0))
 MOTOR = Motor("crank", 74.76662388200997 - 5.0943059670631925j, 12.0, 72.0, 24 + 0j)
 """As `linkage_atlas.drives` finds it for this linkage."""
@@ -61,7 +61,7 @@ def test_six_bars_agree_with_shapely_and_their_enclosures_hold() -> None:
 def test_so_do_those_with_a_rod_on_the_coupler_or_on_a_linkage_on_guides() -> None:
     seen = set()
     for number, (linkage, used, motor) in enumerate(other_six_bars(4)):
-        seen.add((type(linkage), motor.link))
+        seen.add((linkage.is_four_bar, motor.link))
         machine = motor_driven(linkage, used, motor, Sizes())
         turn = machine.movement.bodies(np.linspace(0.0, TURN, 181))
         rod, moved = (machine.movement.names.index(name) for name in ("rod", motor.link))
@@ -69,7 +69,7 @@ def test_so_do_those_with_a_rod_on_the_coupler_or_on_a_linkage_on_guides() -> No
         assert (ends[0].body, ends[1].body) == (rod, moved)
         assert np.abs(turn.point(ends[0]) - turn.point(ends[1])).max() < 1e-12 * machine.size
         check(machine, number)
-    assert {(Linkage, "coupler"), (GuidedLinkage, "coupler"), (GuidedLinkage, "crank")} <= seen
+    assert {(True, "coupler"), (False, "coupler"), (False, "crank")} <= seen
 
 
 def test_the_six_bar_of_the_design_s_size_has_three_layers() -> None:
@@ -86,9 +86,9 @@ def test_a_motor_that_does_not_fit_is_refused() -> None:
 
 
 def test_a_rod_on_a_slider_has_no_plate() -> None:
-    slider = GuidedLinkage((Circle(0j, 1.0, 0j), Rail(0.3j, 0.0, 3 + 0j)), Driver.CRANK, 1, 0.5)
+    slider = on_guides((Circle(0j, 1.0, 0j), Rail(0.3j, 0.0, 3 + 0j)), Driver.CRANK, 1, 0.5)
     used = Interval(0.0, 1.0)
-    at = slider.links(np.array(used))[2].origin
+    at = slider.motions(np.array(used))[2].origin
     # on the rail's line, a crank of half the way
     way = abs(at[1] - at[0])
     motor = Motor("slider", complex(min(at.real) - 2 * way, 0.3), way / 2, 2.5 * way, 0j)

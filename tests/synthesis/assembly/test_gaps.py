@@ -23,7 +23,8 @@ from synthesis.assembly.gaps import (
 )
 from synthesis.assembly.machine import Sizes, as_plates
 from synthesis.assembly.movement import GROUND, Crank, Dyad, Movement, Place
-from synthesis.fourbar.linkage import Linkage
+from synthesis.fourbar.joints import joints_at
+from synthesis.linkage import four_bar
 from synthesis.target import TURN, Interval
 from synthesis.work import Work
 from tests.oracles.assembly import shapely_gap
@@ -87,7 +88,7 @@ lengths = st.lists(st.floats(0.1, 1.0), min_size=4, max_size=4)
 def test_no_body_leaves_its_enclosure(links, branch, seed) -> None:
     """Cells of all widths, also next to dead positions, where the loop closes over all of them."""
     rng = np.random.default_rng(seed)
-    linkage = Linkage(tuple(links), branch)
+    linkage = four_bar(tuple(links), branch)
     crank, coupler, rocker, ground = links
     movement = Movement(
         ("ground", "crank", "coupler", "rocker"),
@@ -97,7 +98,7 @@ def test_no_body_leaves_its_enclosure(links, branch, seed) -> None:
         ),
     )
     places = np.linspace(0, TURN, 2000)
-    joints = linkage.joints(places)
+    joints = joints_at(linkage, places)
     closed = np.isfinite(joints.coupler_pin)
     assume(closed.any())
     bodies = movement.bodies(places[closed])
@@ -113,7 +114,7 @@ def test_no_body_leaves_its_enclosure(links, branch, seed) -> None:
     point = complex(*rng.normal(size=2))
     for k, at in enumerate(places[inside]):
         times = at + half[k] * np.linspace(-1, 1, 33)
-        whole = np.isfinite(linkage.joints(times).coupler_pin)
+        whole = np.isfinite(joints_at(linkage, times).coupler_pin)
         if not whole.all():
             continue
         moved = movement.bodies(times)
@@ -221,10 +222,10 @@ def test_outlines_that_cross_themselves() -> None:
 def random_linkages(rng, count):
     while count:
         links = tuple(10 ** rng.uniform(-0.7, 0, 4))
-        linkage = Linkage(links, int(rng.choice([-1, 1])), rng.uniform(0, TURN), 0j, rng.uniform(0, TURN),
+        linkage = four_bar(links, int(rng.choice([-1, 1])), rng.uniform(0, TURN), 0j, rng.uniform(0, TURN),
                           (rng.uniform(0, 0.6), rng.uniform(0, TURN)))  # fmt: skip
         span = rng.choice([TURN, rng.uniform(0.2, 3.0)])
-        if linkage.joints(np.linspace(0, span, 200)).closed:
+        if joints_at(linkage, np.linspace(0, span, 200)).closed:
             count -= 1
             yield linkage, Interval(0.0, float(span))
 

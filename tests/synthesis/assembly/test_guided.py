@@ -7,8 +7,8 @@ from synthesis.assembly.layers import Asked, Search
 from synthesis.assembly.machine import OnGuides, Sizes, as_plates
 from synthesis.assembly.movement import GROUND, Between, Movement, Place
 from synthesis.errors import FieldError
-from synthesis.fourbar.linkage import Linkage
-from synthesis.guided.linkage import DRIVERS, Circle, Driver, GuidedLinkage, Rail, Slot, of_four_bar
+from synthesis.guides import DRIVERS, Circle, Driver, Rail, Slot
+from synthesis.linkage import four_bar, on_guides
 from synthesis.target import TURN, Interval
 from synthesis.work import Work
 from tests.oracles.assembly import disagreements, nearest, sliders
@@ -35,7 +35,7 @@ def test_no_body_leaves_its_enclosure(way) -> None:
     rng, seen, worst = np.random.default_rng(WAYS.index(way)), 0, 0.0
     while seen < 25:
         guides = guide(rng, one), guide(rng, other)
-        linkage = GuidedLinkage(guides, drive, int(rng.choice([-1, 1])), rng.uniform(-3, 3))
+        linkage = on_guides(guides, drive, int(rng.choice([-1, 1])), rng.uniform(-3, 3))
         half = 10 ** rng.uniform(-6, -0.3)
         with np.errstate(all="ignore"):
             if not linkage.closes_over(Interval(linkage.start - half, linkage.start + half)):
@@ -60,9 +60,9 @@ def test_no_body_leaves_its_enclosure(way) -> None:
 
 
 def test_a_body_on_two_circles_is_the_four_bar() -> None:
-    linkage = Linkage((30.0, 60.0, 70.0, 50.0), 1, 0.3, 2 + 1j, 0.4, (20.0, 1.0), 0.2)
+    linkage = four_bar((30.0, 60.0, 70.0, 50.0), 1, 0.3, 2 + 1j, 0.4, (20.0, 1.0), 0.2)
     used = Interval(0.0, TURN)
-    one, other = as_plates(linkage, used, Sizes(6.0, 18.0)), as_plates(of_four_bar(linkage), used, Sizes(6.0, 18.0))
+    one, other = as_plates(linkage, used, Sizes(6.0, 18.0)), as_plates(linkage, used, Sizes(6.0, 18.0))
     found = [Search(machine, Asked("below"), Work()).answer() for machine in (one, other)]
     assert found[0].stack.layers == found[1].stack.layers
     assert found[0].least[1].gap == pytest.approx(found[1].least[1].gap, abs=1e-9)
@@ -80,7 +80,7 @@ def test_proofs_of_sliders_agree_with_shapely() -> None:
 def test_rails_are_plates_on_posts_with_slits_as_long_as_the_motion() -> None:
     """A slider-crank by formulas: the pin runs over the stroke of crank 1, rod 2, offset 0.3."""
     crank, rail = Circle(0j, 1.0, 0j), Rail(0.3j, 0.0, 2 + 0j)
-    machine = as_plates(GuidedLinkage((crank, rail), Driver.CRANK, 1, 0.0), Interval(0.0, TURN), Sizes())
+    machine = as_plates(on_guides((crank, rail), Driver.CRANK, 1, 0.0), Interval(0.0, TURN), Sizes())
     (slit,) = machine.plate("rail").slits
     stroke = np.sqrt((2 + 1) ** 2 - 0.3**2) - np.sqrt((2 - 1) ** 2 - 0.3**2)
     assert abs(slit.last - slit.first) == pytest.approx(stroke)
@@ -92,7 +92,7 @@ def test_rails_are_plates_on_posts_with_slits_as_long_as_the_motion() -> None:
 def test_a_pin_in_a_slit_meets_the_other_pins_of_its_plate() -> None:
     """A slot whose pin passes the body's other pin: collides though both are joined to the coupler."""
     crank, slot = Circle(0j, 1.0, 0j), Slot(1.5 + 0j, 0j, 0.0)
-    linkage = GuidedLinkage((crank, slot), Driver.CRANK, 1, np.pi / 2)
+    linkage = on_guides((crank, slot), Driver.CRANK, 1, np.pi / 2)
     machine = as_plates(linkage, Interval(0.0, 1.0), Sizes(0.3, 0.6, 0.0))
     names = Search(machine, Asked("below"), Work()).sliding
     assert names == {("coupler", frozenset(("B", "D")))}
@@ -104,7 +104,7 @@ def test_a_pin_in_a_slit_meets_the_other_pins_of_its_plate() -> None:
 
 def test_a_loop_that_opens_is_refused() -> None:
     crank, rail = Circle(0j, 1.0, 0j), Rail(0.3j, 0.0, 0.5 + 0j)
-    linkage = GuidedLinkage((crank, rail), Driver.CRANK, 1, 0.0)
+    linkage = on_guides((crank, rail), Driver.CRANK, 1, 0.0)
     with pytest.raises(FieldError, match="does not close"):
         as_plates(linkage, Interval(0.0, TURN), Sizes())
 

@@ -8,7 +8,8 @@ import pytest
 from synthesis.assembly.layers import BOARDS, Asked, Free, Heights, Search, arrange, outside, parts_of
 from synthesis.assembly.machine import Sizes, as_plates
 from synthesis.errors import FieldError
-from synthesis.fourbar.linkage import Linkage
+from synthesis.fourbar.joints import joints_at
+from synthesis.linkage import four_bar
 from synthesis.target import TURN, Interval
 from synthesis.work import Work
 from tests.oracles.assembly import free_stacks
@@ -58,9 +59,9 @@ def random_machines(seed, count, **more):
     rng = np.random.default_rng(seed)
     while count:
         mount = tuple(10 ** rng.uniform(-0.6, 0, 4)), int(rng.choice([-1, 1])), rng.uniform(0, TURN), 0j, 0.0
-        linkage = Linkage(*mount, (rng.uniform(0, 0.6), rng.uniform(0, TURN)))
+        linkage = four_bar(*mount, (rng.uniform(0, 0.6), rng.uniform(0, TURN)))
         span = float(rng.choice([TURN, rng.uniform(0.2, 3.0)]))
-        if linkage.joints(np.linspace(0, span, 200)).closed:
+        if joints_at(linkage, np.linspace(0, span, 200)).closed:
             count -= 1
             yield as_plates(linkage, Interval(0.0, span), Sizes(), **more)
 

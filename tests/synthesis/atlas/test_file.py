@@ -17,8 +17,8 @@ from synthesis.atlas import haar
 from synthesis.atlas.file import HEADER_BYTES, check_contents, load_atlas, read_features
 from synthesis.atlas.table import FEATURES, AtlasRule
 from synthesis.errors import AtlasError, AtlasFault
+from synthesis.four_bar import coupler_angle
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule
-from synthesis.fourbar.kinematics import coupler_angle
 from tests.conftest import atlas_bytes
 from tests.oracles import naive
 from tests.oracles.slider_crank import body_angle

@@ -10,8 +10,8 @@ import pytest
 
 import linkage_atlas as la
 from synthesis.atlas import haar
+from synthesis.four_bar import coupler_angle
 from synthesis.fourbar.dimension_types import TypeRule, count_types, enumerate_types
-from synthesis.fourbar.kinematics import coupler_angle
 
 PRINTED = json.loads((Path(__file__).parents[2] / "reference" / "sun_liu_chu.json").read_text())
 HALF_OF_LAST_PLACE = 0.5e-4

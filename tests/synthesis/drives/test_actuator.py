@@ -15,8 +15,8 @@ from synthesis.drives.actuator import (
     best_of_rows,
 )
 from synthesis.drives.links import SAMPLES, hinged_at, motions_of
-from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.analysis import Load
+from synthesis.linkage import four_bar
 from synthesis.target import Interval
 from tests.conftest import some_of
 from tests.oracles.driven_cases import Case, loads, random_linkage, straight
@@ -145,7 +145,7 @@ def test_a_shorter_dead_length_and_a_larger_box_lose_no_answer() -> None:
     ) -> Question:
         way = Interval(0.0, float(np.deg2rad(span)))
         place = (5 + 8j, float(np.deg2rad(10)), (40.0, float(np.deg2rad(30))))
-        machine = motions_of(Linkage(links, branch, float(np.deg2rad(start)), *place), way)
+        machine = motions_of(four_bar(links, branch, float(np.deg2rad(start)), *place), way)
         torque = machine.torque(Load(3 - 20j, 30.0))
         wanted = Wanted((-half, -half, half + 50, half + 50), machine.reaches[name], 2.0 / machine.span)
         return Question(machine.links[name], machine.at, torque, wanted)
@@ -200,7 +200,7 @@ def test_reasons_name_what_binds() -> None:
 @pytest.mark.parametrize("free", [(True, False), (True, True), (False, True)])
 def test_a_link_that_comes_back_to_where_it_began_has_no_stroke(free: tuple[bool, bool]) -> None:
     whole = Interval(0.0, 2 * np.pi)
-    machine = motions_of(Linkage((1.0, 3.0, 2.5, 3.2), 1, 0.3, 0j, 0.0, (1.5, 0.4)), whole)
+    machine = motions_of(four_bar((1.0, 3.0, 2.5, 3.2), 1, 0.3, 0j, 0.0, (1.5, 0.4)), whole)
     for link in (machine.links["coupler"], machine.links["crank"]):
         asked = Question(link, machine.at, np.ones(machine.at.size), Wanted((-3.0, -3.0, 3.0, 3.0), 2.0, 0.0))
         assert asked.best_of_sizes(Sizes(Actuator(1.0, 0.5), *free)).reason == "stroke"

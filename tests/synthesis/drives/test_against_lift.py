@@ -6,7 +6,7 @@ import pytest
 from synthesis.drives.actuator import Question, Wanted
 from synthesis.drives.links import LinkMotions
 from synthesis.guided.analysis import Load
-from synthesis.guided.linkage import LinkMotion
+from synthesis.linkage import LinkMotion
 from synthesis.scenes.lift.pose import Design, pose_at_turn
 
 

@@ -12,8 +12,8 @@ from synthesis.drives.actuator import Actuator, Question, Refused, Wanted
 from synthesis.drives.links import LinkMotions, motions_of
 from synthesis.drives.six_bar import about_pivot, driven, proportions
 from synthesis.drives.springs import Spring, fitted, one_spring, potential_of, two_springs
-from synthesis.fourbar.linkage import Linkage, Mass
 from synthesis.guided.analysis import Load
+from synthesis.linkage import Linkage, Mass, four_bar
 from synthesis.target import Interval
 from tests.oracles.driven_cases import straight
 
@@ -24,7 +24,7 @@ DEGREE = np.pi / 180
 def linkage_of(row: dict) -> Linkage:
     radius, angle = row["coupler_point"]
     mount = complex(*row["pivot_a"]), row["ground_angle"] * DEGREE, (radius, angle * DEGREE), 0.0
-    return Linkage(tuple(row["links"]), row.get("branch", 1), row["start"] * DEGREE, *mount)
+    return four_bar(tuple(row["links"]), row.get("branch", 1), row["start"] * DEGREE, *mount)
 
 
 def machine(row: dict, samples: int = 61) -> LinkMotions:

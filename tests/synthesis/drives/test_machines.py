@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from synthesis.drives.links import SAMPLES, LinkMotions, hinged_at, motions_of
-from synthesis.fourbar.linkage import Linkage
 from synthesis.guided.analysis import Load, PointForce, Pull, forces, on_links
-from synthesis.guided.linkage import Circle, Driver, GuidedLinkage, Rail, Slot, of_four_bar
+from synthesis.guides import Circle, Driver, Rail, Slot
+from synthesis.linkage import Linkage, on_guides
 from synthesis.target import Interval
 from tests.conftest import some_of
 from tests.oracles.driven_cases import any_linkage, loads, random_linkage
@@ -63,7 +63,7 @@ def test_torques_and_forces_hold_every_link_in_equilibrium(seed: int) -> None:
             (("torque", "rocker"), [Pull("rocker", pivot, 0 * pivot, torque_there)]),
             (rod, [Pull(link, moving.place(pin), torque / arm * v / np.abs(v))]),
         ):
-            found = forces(of_four_bar(linkage), machine.at, on_links(load, linkage), pulls)
+            found = forces(linkage, machine.at, on_links(load, linkage), pulls)
             pins = found.driven_ground, found.driven, found.other, found.other_ground
             wanted = equilibrium(at, *held, drive)
             scale = 1 + np.abs(wanted).max()
@@ -103,9 +103,9 @@ def test_all_kinds_hold_three_bodies_in_equilibrium(seed: int) -> None:
 
 
 GUIDED = [
-    GuidedLinkage((Circle(0j, 1.0, 0.2 + 0.1j), Rail(2 - 0.3j, 0.1, 3 + 0j)), Driver.CRANK, 1, 0.7),
-    GuidedLinkage((Rail(0j, 0.3, 0.1j), Circle(2 + 1j, 1.5, 2 + 0j)), Driver.SLIDER, 1, 0.2),
-    GuidedLinkage((Slot(2 + 1j, 0.1 + 0.2j, 0.3), Circle(0j, 1.2, 0.3j)), Driver.CYLINDER, 1, 1.9),
+    on_guides((Circle(0j, 1.0, 0.2 + 0.1j), Rail(2 - 0.3j, 0.1, 3 + 0j)), Driver.CRANK, 1, 0.7),
+    on_guides((Rail(0j, 0.3, 0.1j), Circle(2 + 1j, 1.5, 2 + 0j)), Driver.SLIDER, 1, 0.2),
+    on_guides((Slot(2 + 1j, 0.1 + 0.2j, 0.3), Circle(0j, 1.2, 0.3j)), Driver.CYLINDER, 1, 1.9),
 ]
 
 

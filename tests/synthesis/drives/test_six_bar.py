@@ -6,13 +6,13 @@ import pytest
 from synthesis.drives.links import SAMPLES, hinged_at
 from synthesis.drives.six_bar import MOTOR_CRANK, ROD, Motor, SixBar, about_pivot, joints_of
 from synthesis.errors import FieldError
-from synthesis.fourbar.linkage import Linkage, Mass
 from synthesis.guided.analysis import Load
+from synthesis.linkage import Mass, four_bar
 from synthesis.target import TURN, Interval
 from tests.oracles.assembly import other_six_bars
 from tests.oracles.equilibrium import Moving, circles, equilibrium
 
-WATT = Linkage((30.0, 60.0, 70.0, 50.0), 1, np.deg2rad(40.0), 3 - 2j, 0.2, (40.0, 0.5), 0.1)
+WATT = four_bar((30.0, 60.0, 70.0, 50.0), 1, np.deg2rad(40.0), 3 - 2j, 0.2, (40.0, 0.5), 0.1)
 USED = Interval(0.0, np.deg2rad(60.0))
 TURNED = np.linspace(0.0, 2 * TURN, 97)
 

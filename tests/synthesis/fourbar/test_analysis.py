@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from synthesis.fourbar.linkage import Joints, Linkage, Mass
+from synthesis.fourbar.joints import Joints, joints_at
 from synthesis.guided import analysis
 from synthesis.guided.analysis import Forces, Load, on_links
-from synthesis.guided.linkage import of_four_bar
+from synthesis.linkage import Linkage, Mass, four_bar
 from synthesis.target import CURVE_STEP, Interval
 from tests.oracles.recompute import close_by_circles
 
@@ -31,14 +31,14 @@ class Rates(NamedTuple):
 
 
 def rates(linkage: Linkage, travel: np.ndarray, speed: float) -> Rates:
-    _, body, rocker = of_four_bar(linkage).links(travel)
+    _, body, rocker = linkage.motions(travel)
     once = body.rate * speed, rocker.rate * speed
     twice = body.rate_change * speed**2, rocker.rate_change * speed**2
     return Rates(*once, *twice, body.velocity * speed, body.acceleration * speed**2)
 
 
 def forces(linkage: Linkage, travel: np.ndarray, load: Load, speed: float = 0.0) -> Forces:
-    return analysis.forces(of_four_bar(linkage), travel, on_links(load._replace(speed=speed), linkage))
+    return analysis.forces(linkage, travel, on_links(load._replace(speed=speed), linkage))
 
 
 def random_linkage(seed: int, least: float) -> Linkage:
@@ -48,8 +48,8 @@ def random_linkage(seed: int, least: float) -> Linkage:
         lengths, branch = tuple(random.uniform(1, 100, 4).tolist()), int(random.choice([-1, 1]))
         start, pivot = float(random.uniform(0, 6.28)), complex(*random.uniform(-100, 100, 2))
         turned, point = float(random.uniform(-3, 3)), (float(random.uniform(0, 100)), float(random.uniform(-3, 3)))
-        linkage = Linkage(lengths, branch, start, pivot, turned, point)
-        joints = linkage.joints(TRAVEL)
+        linkage = four_bar(lengths, branch, start, pivot, turned, point)
+        joints = joints_at(linkage, TRAVEL)
         if joints.closed and joints.transmission_angle.min() > least:
             return linkage
 
@@ -99,7 +99,7 @@ def as_row(found: Forces, k: int) -> np.ndarray:
 @given(SEEDS, LOADS, st.floats(0.01, 20), st.sampled_from([-1, 1]))
 def test_virtual_work_and_the_equilibrium_of_each_link_agree(seed, load, speed, way) -> None:
     linkage, speed = random_linkage(seed, 1e-3), speed * way
-    joints = linkage.joints(TRAVEL)
+    joints = joints_at(linkage, TRAVEL)
     found, moving = forces(linkage, TRAVEL, load), rates(linkage, TRAVEL, speed)
     power = np.real(np.conj(load.force) * moving.velocity) + load.torque * moving.coupler_velocity
     size = abs(load.force) * np.abs(moving.velocity) + np.abs(load.torque * moving.coupler_velocity)
@@ -114,9 +114,9 @@ def test_virtual_work_and_the_equilibrium_of_each_link_agree(seed, load, speed, 
 @given(SEEDS, st.floats(0.1, 20), st.sampled_from([-1, 1]))
 def test_rates_are_what_difference_quotients_tend_to(seed, speed, way) -> None:
     linkage, speed = random_linkage(seed, 0.1), speed * way
-    joints = linkage.joints(TRAVEL)
+    joints = joints_at(linkage, TRAVEL)
     found, step = rates(linkage, TRAVEL, speed), 1e-4
-    ahead, behind = (linkage.joints(TRAVEL + sign * step) for sign in (1, -1))
+    ahead, behind = (joints_at(linkage, TRAVEL + sign * step) for sign in (1, -1))
     for name, values in (
         ("body_point", (found.velocity, found.acceleration)),
         ("coupler_angle", (found.coupler_velocity, found.coupler_acceleration)),
@@ -131,7 +131,7 @@ def test_rates_are_what_difference_quotients_tend_to(seed, speed, way) -> None:
 
 
 def test_velocities_agree_with_fifty_digits_near_a_dead_position() -> None:
-    linkage = Linkage((30.0, 52.0, 41.0, 74.0), 1, coupler_point=(20.0, 0.5))
+    linkage = four_bar((30.0, 52.0, 41.0, 74.0), 1, coupler_point=(20.0, 0.5))
     dead = float(np.arccos((30**2 + 74**2 - (52 + 41) ** 2) / (2 * 30 * 74)))
     for away in (1e-3, 1e-6, 1e-9):
         at, h = dead - away, away * 1e-6
@@ -143,21 +143,21 @@ def test_velocities_agree_with_fifty_digits_near_a_dead_position() -> None:
 
 
 def test_a_dead_position_has_no_values_and_a_closed_loop_next_to_it_has() -> None:
-    linkage = Linkage((1.0, 2.0, 6.0, 5.0), 1, coupler_point=(1.0, 0.0))  # folds flat at theta1 = 0
+    linkage = four_bar((1.0, 2.0, 6.0, 5.0), 1, coupler_point=(1.0, 0.0))  # folds flat at theta1 = 0
     with np.errstate(all="raise"):
         found, held = rates(linkage, np.array([0.0, 1e-9, 4.0]), 1.0), forces(linkage, np.zeros(1), Load(1 + 1j))
     assert np.isnan([found.coupler_velocity[0], found.rocker_acceleration[0], found.velocity[0].real]).all()
     assert np.isfinite(found.acceleration[1:]).all() and np.isfinite(found.rocker_velocity[1:]).all()
     assert np.isnan(held.drive).all() and np.isnan(held.other_ground).all()
     # 3, 4, 5: at a right angle of the crank coupler and rocker are stretched, to rounding
-    nearly = rates(Linkage((3.0, 2.0, 3.0, 4.0), 1), np.array([np.pi / 2]), 1.0).coupler_velocity
+    nearly = rates(four_bar((3.0, 2.0, 3.0, 4.0), 1), np.array([np.pi / 2]), 1.0).coupler_velocity
     assert np.isnan(nearly[0]) or abs(nearly[0]) > 1e6
-    opened = Linkage((3.0, 1.0, 1.0, 3.0), 1, coupler_point=(1.0, 0.0))
+    opened = four_bar((3.0, 1.0, 1.0, 3.0), 1, coupler_point=(1.0, 0.0))
     assert np.isnan(rates(opened, np.array([np.pi]), 1.0).coupler_velocity).all(), "where it does not close"
 
 
 def test_without_a_body_point_a_torque_is_held_all_the_same() -> None:
-    linkage = Linkage((19.0, 72.0, 144.0, 165.0))
+    linkage = four_bar((19.0, 72.0, 144.0, 165.0))
     found, moving = forces(linkage, TRAVEL, Load(torque=3.0)), rates(linkage, TRAVEL, 2.0)
     np.testing.assert_allclose(found.drive * 2.0, -3.0 * moving.coupler_velocity, rtol=1e-12)
 
@@ -189,11 +189,11 @@ def weighing(masses: list[Mass], load: Load) -> Load:
 @given(SEEDS, OWN, LOADS, st.floats(0.1, 5))
 def test_weight_and_inertia_of_each_link_are_held_by_its_pins(seed, masses, load, speed) -> None:
     linkage = random_linkage(seed, 0.3)
-    found, joints = forces(linkage, TRAVEL, weighing(masses, load), speed), linkage.joints(TRAVEL)
+    found, joints = forces(linkage, TRAVEL, weighing(masses, load), speed), joints_at(linkage, TRAVEL)
     # what all links together lose to the ground is their weight, their change of momentum, and the load
     whole = found.driven_ground + found.other_ground + load.force
     step = 1e-4
-    ends = [linkage.joints(TRAVEL + part * step) for part in (-1, 0, 1)]
+    ends = [joints_at(linkage, TRAVEL + part * step) for part in (-1, 0, 1)]
     for link in masses:
         name = link.link
         origin = {"crank": "pivot_a", "coupler": "crank_pin", "rocker": "pivot_b"}[name]

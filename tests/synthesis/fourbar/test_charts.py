@@ -7,7 +7,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from synthesis.fourbar.kinematics import FULL_CRANK, close_loop, family
+from synthesis.four_bar import FULL_CRANK, close_loop, family
 from synthesis.fourbar.mechanism import AnyChart, FullCrankChart, GrashofChart
 
 CHARTS = [FullCrankChart(), AnyChart()]

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import linkage_atlas as la
-from synthesis.fourbar.linkage import Linkage, cognates
+from synthesis.fourbar.joints import cognates, joints_at
+from synthesis.linkage import four_bar
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -15,8 +16,8 @@ def test_a_cognate_passes_all_points_of_the_curve(seed) -> None:
     place = complex(*random.uniform(-50, 50, 2))
     point = random.uniform(10, 80), random.uniform(-3, 3)
     assert lengths[0] + lengths[3] < lengths[1] + lengths[2], "it closes everywhere"
-    one = Linkage(tuple(lengths.tolist()), 1, 0.3, place, random.uniform(-3, 3), point, None)
-    curve = one.joints(np.linspace(0, 1.0, 9)).body_point
+    one = four_bar(tuple(lengths.tolist()), 1, 0.3, place, random.uniform(-3, 3), point, None)
+    curve = joints_at(one, np.linspace(0, 1.0, 9)).body_point
     for links, (first, second) in cognates(one):
         # the other linkage closes at every point: its two dyads reach it with a coupler triangle that keeps its shape
         assert abs(first - second) == pytest.approx(links[3])
@@ -24,7 +25,7 @@ def test_a_cognate_passes_all_points_of_the_curve(seed) -> None:
     crank, coupler, rocker, _ = cognates(one)[1][0]
     third = cognates(one)[1][1][0]
     part = point[0] / lengths[1] * np.exp(1j * point[1])
-    joints = one.joints(np.linspace(0, 1.0, 9))
+    joints = joints_at(one, np.linspace(0, 1.0, 9))
     pin = third + (1 - part) * (joints.crank_pin - one.pivot_a)
     other = one.pivot_b + curve - joints.coupler_pin
     assert np.abs(pin - third) == pytest.approx(crank)

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from synthesis.errors import FieldError
-from synthesis.fourbar.kinematics import close_loop, transmission_angle_over
+from synthesis.four_bar import close_loop, transmission_angle_over
 from synthesis.fourbar.limits import Constraints, Limits, Reach, in_family
 from synthesis.fourbar.mechanism import GrashofChart
 from synthesis.fourbar.solution import keeps

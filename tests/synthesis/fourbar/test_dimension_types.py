@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from synthesis.errors import FieldError
+from synthesis.four_bar import Family, family
 from synthesis.fourbar.dimension_types import MAX_PERIMETER, OrderRule, TypeRule, count_types, enumerate_types
-from synthesis.fourbar.kinematics import Family, family
 from tests.oracles import naive
 
 OTHERS = list(permutations((1, 2, 3)))

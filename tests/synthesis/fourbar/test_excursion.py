@@ -5,15 +5,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.passage import LEAVES_SAMPLES, excursions
+from synthesis.linkage import four_bar
 from synthesis.target import TURN
 from tests.oracles import tracker
 from tests.synthesis.fourbar.test_verdict import KINDS, lengths_of, samples_on, start_of
 
 laws = settings(derandomize=True, max_examples=60, deadline=None)
 ACCURACY = 1e-6
-CRANK_ROCKER = Linkage((2, 7, 6, 8), coupler_point=(5.0, 0.7))
+CRANK_ROCKER = four_bar((2, 7, 6, 8), coupler_point=(5.0, 0.7))
 DEGREES = np.deg2rad([[0, 40, 80, 130, 200, 250]])
 SIDE = np.ones((1, 6))
 
@@ -74,7 +74,7 @@ def test_as_a_fine_polyline(kind, closed: bool) -> None:
         samples = samples_on(rng, circuit)
         point = complex(*rng.normal(size=2))
         angle, side = np.array(samples).T
-        linkage = Linkage(tuple(lengths), coupler_point=(abs(point), np.angle(point)))
+        linkage = four_bar(tuple(lengths), coupler_point=(abs(point), np.angle(point)))
         (found,) = excursions([linkage], [angle], [side], 1.0, closed=closed)
         naive = Polyline(lengths, point, samples)
         steps = np.diff(naive.at_samples)
@@ -90,18 +90,18 @@ def found(linkage=CRANK_ROCKER, angle=DEGREES, side=SIDE, scale=10.0, **asked) -
 @laws
 @given(st.floats(0.0, 8.0), st.floats(-3.0, 3.0), st.booleans(), st.integers(-2, 2))
 def test_the_same_for_reversed_samples_another_size_and_the_mirror_image(radius, direction, closed, turns) -> None:
-    one = Linkage((2, 7, 6, 8), coupler_point=(radius, direction))
-    large = Linkage((20, 70, 60, 80), coupler_point=(10 * radius, direction))
+    one = four_bar((2, 7, 6, 8), coupler_point=(radius, direction))
+    large = four_bar((20, 70, 60, 80), coupler_point=(10 * radius, direction))
     truth = pytest.approx(found(one, closed=closed), rel=1e-7)
     assert found(one, DEGREES[:, ::-1], closed=closed) == truth
     assert found(large, scale=100.0, closed=closed) == truth
     assert found(one, DEGREES + TURN * turns, closed=closed) == truth
-    mirror = Linkage((2, 7, 6, 8), coupler_point=(radius, -direction))
+    mirror = four_bar((2, 7, 6, 8), coupler_point=(radius, -direction))
     assert found(mirror, -DEGREES, -SIDE, closed=closed) == truth
 
 
 def test_the_arc_of_a_crank_pin_is_a_circle() -> None:
-    pin = Linkage((2, 7, 6, 8), coupler_point=(0.0, 0.0))
+    pin = four_bar((2, 7, 6, 8), coupler_point=(0.0, 0.0))
     third = np.deg2rad([[0, 90, 210]])
     side = np.ones((1, 3))
     # 120 degrees: arc 2 pi / 3 over chord 2 sin(60 degrees); back to the first 150 degrees; over two turns as prescribed
@@ -114,15 +114,15 @@ def test_the_arc_of_a_crank_pin_is_a_circle() -> None:
 
 
 def test_a_loop_between_two_samples_shows() -> None:
-    whole = Linkage((2, 7, 6, 8), coupler_point=(7.0, 0.0))
+    whole = four_bar((2, 7, 6, 8), coupler_point=(7.0, 0.0))
     close = np.deg2rad([[0, 10, 20, 30]])
     assert found(whole, close, np.ones((1, 4)), 1.0) < 1.1
     assert found(whole, np.deg2rad([[0, 10, 20, -20]]), np.ones((1, 4)), 1.0) > LEAVES_SAMPLES
 
 
 def test_no_excursion() -> None:
-    assert found(Linkage((2, 7, 6, 8))) is None, "no body point"
+    assert found(four_bar((2, 7, 6, 8))) is None, "no body point"
     assert found(side=np.array([[1, 1, 1, 1, 1, -1]])) is None, "different circuits"
     assert excursions([], np.empty((0, 3)), np.empty((0, 3)), 1.0) == []
-    both = excursions([Linkage((2, 7, 6, 8)), CRANK_ROCKER], DEGREES.repeat(2, 0), SIDE.repeat(2, 0), 10.0)
+    both = excursions([four_bar((2, 7, 6, 8)), CRANK_ROCKER], DEGREES.repeat(2, 0), SIDE.repeat(2, 0), 10.0)
     assert both == [None, found()]

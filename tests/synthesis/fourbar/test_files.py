@@ -14,7 +14,8 @@ from app import cli
 from app.registry import worked_example
 from synthesis.errors import FieldError
 from synthesis.fourbar.files import to_csv, to_dxf, to_mjcf, to_svg
-from synthesis.fourbar.linkage import Linkage
+from synthesis.fourbar.joints import joints_at, joints_over
+from synthesis.linkage import Linkage, four_bar
 from synthesis.target import Interval, make_target
 
 DEG = np.pi / 180
@@ -39,7 +40,7 @@ def random_linkage(rng: np.random.Generator, family: str) -> tuple[Linkage, floa
     while True:
         links = tuple(float(v) for v in rng.uniform(10, 200, 4))
         span = float(rng.uniform(-2, 2)) if family == "any" else float(rng.uniform(-7, 7))
-        linkage = Linkage(
+        linkage = four_bar(
             links,
             int(rng.choice([-1, 1])),
             float(rng.uniform(0, 6.28)),
@@ -50,7 +51,7 @@ def random_linkage(rng: np.random.Generator, family: str) -> tuple[Linkage, floa
         )
         if family == "full" and not linkage.turns_fully:
             continue
-        joints = linkage.over(Interval(0, span))
+        joints = joints_over(linkage, Interval(0, span))
         if abs(span) > 0.1 and np.all(np.isfinite(joints.coupler_pin)) and joints.transmission_angle.min() > 0.2:
             return linkage, span
 
@@ -60,7 +61,7 @@ LINKAGES = [random_linkage(np.random.default_rng(seed), family) for seed, family
 
 def target_of(linkage: Linkage, span: float):
     travel = np.linspace(0, span, 9)
-    joints = linkage.joints(travel)
+    joints = joints_at(linkage, travel)
     return make_target(joints.rotation, joints.body_point, span)
 
 
@@ -88,7 +89,7 @@ def test_dxf_opens_audits_clean_and_closes_its_loop(linkage, span, unit_mm) -> N
         assert abs(abs(line[1] - line[0]) - length * unit_mm) < 1e-6
     (path,) = document.modelspace().query('LWPOLYLINE[layer=="PATH"]')
     points = np.array([complex(x, y) for x, y, *_ in path.get_points()])
-    wanted = linkage.over(Interval(0, span)).body_point * unit_mm
+    wanted = joints_over(linkage, Interval(0, span)).body_point * unit_mm
     assert np.abs(points - wanted).max() < 1e-6
     assert len(document.modelspace().query('POINT[layer=="BODY"]')) == 9
 
@@ -170,7 +171,7 @@ def test_mjcf_runs_in_mujoco_with_its_loop_closed(linkage, span, start) -> None:
     assert abs(data.joint("crank").qpos[0]) > 0.01
     # the simulated body lies where the kinematics say for the crank's simulated angle
     mujoco.mj_forward(model, data)
-    there = linkage.joints(np.array([data.joint("crank").qpos[0]])).body_point[0]
+    there = joints_at(linkage, np.array([data.joint("crank").qpos[0]])).body_point[0]
     assert abs(complex(*data.site("body_point").xpos[:2]) * 1000 - there) < 0.01
 
 
@@ -240,7 +241,7 @@ def test_radians_say_the_same_as_degrees(client, solved) -> None:
 
 
 def test_a_linkage_that_does_not_close_is_named() -> None:
-    linkage = Linkage((9.0, 1.0, 1.0, 1.0), 1, 0.0)
+    linkage = four_bar((9.0, 1.0, 1.0, 1.0), 1, 0.0)
     target = make_target(np.array([0.0, 0.1, 0.2]), None, 1.0)
     for write in (to_svg, to_dxf, to_mjcf):
         with pytest.raises(FieldError, match="close"):
@@ -251,7 +252,7 @@ def test_a_linkage_that_does_not_close_is_named() -> None:
 
 @pytest.mark.parametrize("far", [1e15 + 0j, 3e10j])
 def test_a_linkage_too_far_away_to_be_drawn_is_named(far) -> None:
-    linkage = Linkage((1.0, 3.0, 3.0, 3.0), 1, 0.0, pivot_a=far, coupler_point=(1.0, 0.0))
+    linkage = four_bar((1.0, 3.0, 3.0, 3.0), 1, 0.0, pivot_a=far, coupler_point=(1.0, 0.0))
     target = make_target(np.array([0.0, 0.1, 0.2]), None, 1.0)
     for write in (to_svg, to_dxf, to_mjcf):
         with pytest.raises(FieldError, match=r"origin|size"):

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from synthesis.fourbar.kinematics import (
+from synthesis.four_bar import (
     FULL_CRANK,
     Family,
     close_loop,

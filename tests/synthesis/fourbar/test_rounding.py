@@ -9,8 +9,8 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from synthesis.four_bar import coupler_angle
 from synthesis.fourbar import rounding
-from synthesis.fourbar.kinematics import coupler_angle
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.rounding import (
     MOST_OPEN,
@@ -23,6 +23,7 @@ from synthesis.fourbar.rounding import (
     scan,
 )
 from synthesis.fourbar.solution import Solution, assess, mounted, within
+from synthesis.linkage import with_links
 from synthesis.target import Target, make_target
 from synthesis.work import Cancelled, Work
 
@@ -152,7 +153,7 @@ def naive_best(target: Target, solution: Solution, stock: list[float]) -> float:
     """The least objective of all combinations, each as if it were a grid of its own: many starts, one after the other."""
     best = np.inf
     for links in itertools.product(stock, repeat=4):
-        linkage = replace(solution.linkage, links=links)
+        linkage = with_links(solution.linkage, links)
         if linkage.family.value not in ("crank_rocker", "double_crank"):
             continue
         for start in np.linspace(0, 2 * np.pi, 90, endpoint=False):

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from synthesis.fourbar.linkage import Linkage
+from synthesis.fourbar.joints import joints_at
 from synthesis.fourbar.tolerance_study import (
     SHARES,
     SOURCES,
@@ -18,9 +18,10 @@ from synthesis.fourbar.tolerance_study import (
     linear_quantiles,
     simulate,
 )
+from synthesis.linkage import Linkage, four_bar
 from synthesis.work import Cancelled, Work
 
-LINKAGE = Linkage((19.0, 72.0, 144.0, 165.0), 1, 0.5, 7 + 7j, 0.5, (20.0, 1.0), -1.0)
+LINKAGE = four_bar((19.0, 72.0, 144.0, 165.0), 1, 0.5, 7 + 7j, 0.5, (20.0, 1.0), -1.0)
 TRAVEL = np.linspace(0, 1.2, 5)
 ALL = Tolerances(0.05, 0.04, 0.02)
 LAW = settings(derandomize=True, deadline=None, max_examples=20)
@@ -67,7 +68,7 @@ def test_quantiles_are_those_of_all_errors_sorted() -> None:
     study = simulate(LINKAGE, TRAVEL, 3, ALL, count, 7, Work())
     made = _Made.of(LINKAGE, ALL, count, np.random.default_rng(7))
     point, direction = made.positions(TRAVEL)
-    joints = LINKAGE.joints(TRAVEL)
+    joints = joints_at(LINKAGE, TRAVEL)
     errors = np.sort(np.abs(point - joints.body_point), axis=0)
     places = [int(np.ceil(share * count)) - 1 for share in SHARES]
     np.testing.assert_allclose(study.position.simulated, errors[places].T, rtol=1e-9)
@@ -100,7 +101,7 @@ def test_small_tolerances_give_errors_in_proportion(seed, factor) -> None:
 @pytest.mark.parametrize("source", range(len(SOURCES)))
 def test_derivatives_are_difference_quotients_of_made_linkages(source) -> None:
     rotation, position = _derivatives(LINKAGE, TRAVEL)
-    joints = LINKAGE.joints(TRAVEL)
+    joints = joints_at(LINKAGE, TRAVEL)
     for axis, unit in enumerate((1.0, 1j)):
         step = 1e-6
         lengths, offset, pivots, play = np.array(LINKAGE.links[:3]), 0j, [0j, 0j], [0j] * 4
@@ -126,7 +127,7 @@ def test_the_first_order_has_the_variance_of_the_simulation() -> None:
     # 40,000 linkages fix a quantile to about a hundredth; the sum of many sources is nearly normally distributed
     np.testing.assert_allclose(study.position.simulated, study.position.linear, rtol=0.08)
     made = _Made.of(replace(LINKAGE, pivot_a=0j), small, 40_000, np.random.default_rng(0))
-    error = made.positions(TRAVEL)[0] - LINKAGE.joints(TRAVEL).body_point + LINKAGE.pivot_a
+    error = made.positions(TRAVEL)[0] - joints_at(LINKAGE, TRAVEL).body_point + LINKAGE.pivot_a
     variance = np.mean(np.abs(error) ** 2, axis=0)
     first = np.einsum("s,snci->n", _variances(small), _derivatives(LINKAGE, TRAVEL)[1] ** 2)
     np.testing.assert_allclose(variance, first, rtol=0.02)
@@ -162,7 +163,7 @@ def test_contributions_name_what_contributes() -> None:
 
 
 def test_linkages_that_do_not_close_count_as_infinitely_far_off() -> None:
-    near = Linkage((20.0, 40.0, 42.0, 61.9), 1, 0.0, 0j, 0.0, (5.0, 0.3))  # 0.1 from a change point
+    near = four_bar((20.0, 40.0, 42.0, 61.9), 1, 0.0, 0j, 0.0, (5.0, 0.3))  # 0.1 from a change point
     travel = np.linspace(0, 2 * np.pi, 9)
     study = simulate(near, travel, 9, Tolerances(links=0.2), 2000, 0, Work())
     assert 0.05 < study.open_share < 0.5

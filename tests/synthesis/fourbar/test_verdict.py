@@ -7,9 +7,9 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from synthesis.fourbar.kinematics import grashof_excesses
-from synthesis.fourbar.linkage import Linkage
+from synthesis.four_bar import grashof_excesses
 from synthesis.fourbar.passage import Circuits, from_the_rocker, passage, shared_positions, verdicts
+from synthesis.linkage import four_bar
 from synthesis.target import TURN, Target
 from tests.oracles import tracker
 
@@ -74,7 +74,7 @@ def disagreements(count: int, seed: int = 1) -> tuple[list[str], Counter[str]]:
             angle, side = np.array(samples).T
             for ordered, closed in ((True, False), (True, True), (False, False)):
                 asked = {"ordered": ordered, "closed": closed}
-                linkage = Linkage(tuple(lengths))
+                linkage = four_bar(tuple(lengths))
                 (found,) = verdicts([linkage], [angle + turns], [side], **asked)
                 truth = tracker.judge(circuit, samples, **asked)
                 same = tracker.Judgement(found.order, found.branch, found.circuit, found.driver) == truth
@@ -150,8 +150,8 @@ def test_crank_and_rocker_change_places(case, ordered, closed) -> None:
     np.testing.assert_array_equal(back[2], side)
     np.testing.assert_allclose(np.cos(back[1] - angle), 1, atol=1e-12)
     asked = {"ordered": ordered, "closed": closed}
-    (one,) = verdicts([Linkage(lengths)], angle, side, **asked)
-    (two,) = verdicts([Linkage(tuple(other[0][0]))], other[1], other[2], **asked)
+    (one,) = verdicts([four_bar(lengths)], angle, side, **asked)
+    (two,) = verdicts([four_bar(tuple(other[0][0]))], other[1], other[2], **asked)
     assert one.circuit == two.circuit
     assert (one.driver is None) == (two.driver is None)
     assert one.driver != "rocker" or two.driver == "crank"
@@ -162,7 +162,7 @@ CRANK_ROCKER, ROCKER_CRANK, DOUBLE_ROCKER, NOT_GRASHOF = (2, 7, 6, 8), (6, 7, 2,
 
 def judged(links, degrees, side=1, **asked):
     angle = np.deg2rad([degrees])
-    return verdicts([Linkage(links)], angle, np.broadcast_to(side, angle.shape), **asked)[0]
+    return verdicts([four_bar(links)], angle, np.broadcast_to(side, angle.shape), **asked)[0]
 
 
 def said(verdict):

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from synthesis.descents import Pool, Stage, Timed
-from synthesis.fourbar.kinematics import coupler_angle
+from synthesis.four_bar import coupler_angle
+from synthesis.fourbar.joints import joints_at
 from synthesis.fourbar.limits import Limits, practical_limits
 from synthesis.fourbar.mechanism import FOURBAR, FullCrankChart, GrashofChart
 from synthesis.fourbar.passage import LEAVES_SAMPLES, SHORTEST_CHORD, excursions
@@ -46,7 +47,7 @@ def recomputed(poses: Poses, one: Solution) -> float:
     steps = np.diff(one.crank)
     assert np.all(steps > 0) or np.all(steps < 0)
     assert abs(steps.sum()) < 2 * np.pi
-    off = poses.position - one.linkage.joints(one.crank).body_point
+    off = poses.position - joints_at(one.linkage, one.crank).body_point
     return float(np.sqrt(np.mean(np.abs(off) ** 2))) / poses.length_scale
 
 

@@ -5,15 +5,15 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from synthesis.fourbar.kinematics import close_loop
-from synthesis.fourbar.linkage import Linkage
+from synthesis.four_bar import close_loop
 from synthesis.fourbar.mechanism import ROCKER
 from synthesis.function.answers import alternations, exchanged, extremes, finished, look, rocker_angles, turns_back
 from synthesis.function.wanted import Wanted
+from synthesis.linkage import four_bar
 from tests.oracles.function_cases import rocker_angles as naive_angles
 
 LENGTH = st.floats(0.05, 20.0)
-CRANK_ROCKER = Linkage((1.0, 3.0, 2.5, 3.2), 1, 0.4)
+CRANK_ROCKER = four_bar((1.0, 3.0, 2.5, 3.2), 1, 0.4)
 
 
 @given(LENGTH, LENGTH, LENGTH, LENGTH, st.sampled_from([1, -1]), st.floats(-7, 7))
@@ -23,7 +23,7 @@ def test_a_rocker_turns_as_the_coupler_of_the_exchanged_linkage(a, b, c, d, bran
     rocker, coupler = both[0].rocker_angle(branch)[0], both[1].coupler_angle(-branch)[0]
     turned = rocker - coupler - np.pi
     assert abs(turned - 2 * np.pi * round(turned / (2 * np.pi))) <= 4e-15
-    one = exchanged(Linkage((a, b, c, d), branch, angle))
+    one = exchanged(four_bar((a, b, c, d), branch, angle))
     assert one.links == (a, c, b, d) and one.branch == -branch and exchanged(one).links == (a, b, c, d)
 
 

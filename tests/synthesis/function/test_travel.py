@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from synthesis.function.travel_search import ANGLE, LAWS, Law
-from synthesis.guided.linkage import Circle
+from synthesis.guides import Circle
 
 every_law = pytest.mark.parametrize("law", LAWS, ids=lambda law: f"{law.kind}-{law.driver}")
 

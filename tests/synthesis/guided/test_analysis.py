@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from synthesis.fourbar.linkage import Mass
 from synthesis.guided.analysis import Load, forces
-from synthesis.guided.linkage import Circle, Driver, GuidedLinkage, Rail, Slot
+from synthesis.guides import Circle, Driver, Rail, Slot
+from synthesis.linkage import Linkage, Mass
 from tests.oracles.guided_cases import DRIVES, NAMES, random_linkage
 
 
@@ -19,9 +19,9 @@ def _cases(drive, seed: int):
             yield random, linkage, travel
 
 
-def _energy(linkage: GuidedLinkage, at: np.ndarray, load: Load, speed: float) -> np.ndarray:
+def _energy(linkage: Linkage, at: np.ndarray, load: Load, speed: float) -> np.ndarray:
     total = np.zeros(at.shape)
-    for link, one in zip(linkage.links(at), load.masses):
+    for link, one in zip(linkage.motions(at), load.masses):
         arm = one.at * np.exp(1j * link.angle)
         velocity = speed * (link.velocity + 1j * link.rate * arm)
         moving = one.mass * np.abs(velocity) ** 2 + one.inertia * (speed * link.rate) ** 2
@@ -42,7 +42,7 @@ def test_the_power_of_the_drive_is_that_of_all_loads_and_of_the_growing_energy(d
         force, gravity = complex(*random.normal(size=2)), complex(*random.normal(size=2))
         load = Load(force, random.normal(), masses, gravity, speed, metre)
         found = forces(linkage, travel, load)
-        body = linkage.links(travel)[1]
+        body = linkage.motions(travel)[1]
         power = np.real(np.conj(load.force) * body.velocity) * speed + load.torque * body.rate * speed
         step = 1e-5
 
@@ -58,7 +58,7 @@ def test_forces_on_the_body_balance_and_guides_push_across(drive) -> None:
     for _, linkage, travel in _cases(drive, 52):
         load = Load(1 - 2j, 0.7)
         found = forces(linkage, travel, load)
-        body = linkage.links(travel)[1]
+        body = linkage.motions(travel)[1]
         turned = np.exp(1j * body.angle)
         assert np.allclose(found.driven + found.other + load.force, 0, atol=1e-10)
         for place, (guide, force) in enumerate(zip(linkage.guides, (found.driven, found.other))):

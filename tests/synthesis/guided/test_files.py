@@ -10,14 +10,15 @@ import pytest
 
 from synthesis.errors import FieldError
 from synthesis.guided.files import to_csv, to_dxf, to_mjcf, to_svg
-from synthesis.guided.linkage import Circle, Driver, GuidedLinkage, Rail, Slot
+from synthesis.guides import Circle, Driver, Rail, Slot
+from synthesis.linkage import Linkage, on_guides
 from synthesis.target import Target
 from tests.oracles.guided_cases import DRIVES, NAMES, good_linkage
 
 
-def drawn(drive, turn: float = 0.0) -> tuple[GuidedLinkage, Target]:
+def drawn(drive, turn: float = 0.0) -> tuple[Linkage, Target]:
     linkage, travel = good_linkage(np.random.default_rng(41), drive, -0.2, 1.0, 0.5), np.linspace(0.0, 0.8, 9)
-    body = linkage.links(travel)[1]
+    body = linkage.motions(travel)[1]
     return linkage, Target(body.angle + turn, body.origin, 1.0, crank=travel)
 
 
@@ -59,7 +60,7 @@ def test_a_drawing_for_cad_holds_the_geometry(drive) -> None:
     for layer in ("GROUND", "LINKS", "BODY"):
         ends = [(one.dxf.start, one.dxf.end) for one in space.query(f'LINE[layer=="{layer}"]')]
         lines[layer] = [tuple(complex(end.x, end.y) for end in both) for both in ends]
-    pose = linkage.links(0.0)[1]
+    pose = linkage.motions(0.0)[1]
     turned = np.exp(1j * pose.angle[0])
     for guide in linkage.guides:
         at = 10 * (pose.origin[0] + turned * guide.body_point)
@@ -137,11 +138,11 @@ def test_a_model_runs_in_mujoco_as_the_kinematics_say(drive) -> None:
         mujoco.mj_step(model, data)
     mujoco.mj_forward(model, data)
     assert data.qpos[address] > 0.05
-    there = linkage.links(float(data.qpos[address]))[1].origin[0]
+    there = linkage.motions(float(data.qpos[address]))[1].origin[0]
     assert abs(complex(*data.site("body_point").xpos[:2]) - there) < 1e-5
 
 
 def test_a_linkage_that_opens_is_refused_where_it_does() -> None:
-    linkage = GuidedLinkage((Circle(0j, 1.0, 0j), Rail(0.3j, 0.0, 1.1 + 0j)), Driver.CRANK, start=0.5)
+    linkage = on_guides((Circle(0j, 1.0, 0j), Rail(0.3j, 0.0, 1.1 + 0j)), Driver.CRANK, start=0.5)
     with pytest.raises(FieldError, match=r"cannot hold the body 2.* degrees after the start"):
         to_svg(linkage, Target(None, None, crank=np.linspace(0.0, 5.0, 20)))

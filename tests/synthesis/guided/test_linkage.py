@@ -1,23 +1,16 @@
 """Bodies on two guides: checkpoints of published closed forms, and laws of poses, derivatives, mirrors and scales."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from synthesis.fourbar.linkage import Linkage
-from synthesis.guided.linkage import (
-    BodyPoses,
-    Circle,
-    Driver,
-    Guide,
-    GuidedLinkage,
-    Rail,
-    Slot,
-    of_four_bar,
-)
+from synthesis.fourbar.joints import joints_at
+from synthesis.guides import Circle, Driver, Guide, Rail, Slot
+from synthesis.linkage import BodyPoses, Linkage, four_bar, on_guides
 from synthesis.target import Interval
 from tests.oracles.guided_cases import DRIVES, NAMES, random_linkage
 
@@ -33,7 +26,7 @@ def off_guide(guide: Guide, poses: BodyPoses) -> np.ndarray:
     return np.imag((guide.pin - point) * np.conj(turned) * np.exp(-1j * guide.body_direction))
 
 
-def pushed(linkage: GuidedLinkage, poses: BodyPoses) -> np.ndarray:
+def pushed(linkage: Linkage, poses: BodyPoses) -> np.ndarray:
     """Sin mu as the module's head defines it."""
     driven, other = linkage.guides
     turned = np.exp(1j * poses.rotation)
@@ -94,7 +87,7 @@ def test_rates_are_what_difference_quotients_tend_to(guide, driver, other) -> No
     for _ in range(60):
         linkage = random_linkage(random, guide, driver, other)
         travel = random.uniform(-2, 2, 9)
-        at, before, after = (linkage.links(travel + way) for way in (0.0, -step, step))
+        at, before, after = (linkage.motions(travel + way) for way in (0.0, -step, step))
         poses = linkage.body(linkage.start + travel)
         body = at[1]
         with np.errstate(invalid="ignore"):
@@ -120,16 +113,17 @@ def test_a_mirror_a_scale_and_a_move_carry_the_motion_over(guide, driver, other)
     travel = np.linspace(-0.4, 0.4, 7)
     for _ in range(20):
         linkage = random_linkage(random, guide, driver, other)
-        body = linkage.links(travel)[1]
+        body = linkage.motions(travel)[1]
         size = 1 + np.nanmax(np.abs(body.origin))
         mirrored = linkage.mirrored()
-        there = mirrored.links(-travel if driver.turns else travel)[1]
+        there = mirrored.motions(-travel if driver.turns else travel)[1]
         assert np.allclose(there.origin, body.origin.conj(), atol=1e-11 * size, equal_nan=True)
         assert np.allclose(np.exp(1j * there.angle), np.exp(-1j * body.angle), atol=1e-11, equal_nan=True)
-        assert mirrored.mirrored() == linkage
-        scaled = linkage.scaled(4.0).links(travel if driver.turns else travel * 4.0)[1]
+        assert mirrored.mirrored() == replace(linkage, start=mirrored.mirrored().start)
+        assert np.exp(1j * mirrored.mirrored().start) == pytest.approx(np.exp(1j * linkage.start))
+        scaled = linkage.scaled(4.0).motions(travel if driver.turns else travel * 4.0)[1]
         assert np.allclose(scaled.origin, 4 * body.origin, atol=1e-10 * size, equal_nan=True)
-        moved = linkage.moved(0.7, 2 - 3j).links(travel)[1]
+        moved = linkage.moved(0.7, 2 - 3j).motions(travel)[1]
         assert np.allclose(moved.origin, body.origin * np.exp(0.7j) + 2 - 3j, atol=1e-11 * size, equal_nan=True)
         assert np.allclose(moved.rate, body.rate, rtol=1e-6, atol=1e-6, equal_nan=True)
 
@@ -157,7 +151,7 @@ def test_what_is_said_of_an_interval_is_what_a_fine_walk_sees(guide, driver, oth
     [(1, 2, 0.3, True), (1, 2, 1.0, True), (1, 2, 1.01, False), (2, 1, 0.1, False)],
 )
 def test_a_slider_crank_turns_where_the_rod_reaches_beyond_crank_and_offset(radius, rod, offset, turns) -> None:
-    made = GuidedLinkage((Circle(0j, radius, 0j), Rail(1j * offset, 0.0, complex(rod))), Driver.CRANK)
+    made = on_guides((Circle(0j, radius, 0j), Rail(1j * offset, 0.0, complex(rod))), Driver.CRANK)
     assert made.turns_fully is turns
 
 
@@ -165,7 +159,7 @@ def test_a_slider_crank_turns_where_the_rod_reaches_beyond_crank_and_offset(radi
     ("ground", "crank", "offset", "turns"), [(2, 1, 0.9, True), (1, 2, 0.9, True), (2, 1, 1.1, False)]
 )
 def test_a_swinging_block_turns_where_ground_and_crank_differ_by_the_offset(ground, crank, offset, turns) -> None:
-    made = GuidedLinkage((Circle(0j, crank, 0j), Slot(complex(ground), 1j * offset, 0.0)), Driver.CRANK)
+    made = on_guides((Circle(0j, crank, 0j), Slot(complex(ground), 1j * offset, 0.0)), Driver.CRANK)
     assert made.turns_fully is turns
     if turns:
         wound = np.diff(made.body(np.array([0.0, 2 * math.pi])).rotation)[0]
@@ -182,12 +176,12 @@ def test_a_swinging_block_turns_where_ground_and_crank_differ_by_the_offset(grou
     st.floats(-3, 3),
 )
 def test_a_four_bar_moves_as_a_body_on_two_circles(lengths, branch, start, turn, radius, offset) -> None:
-    linkage = Linkage(tuple(lengths), branch, start, 1 - 2j, turn, (radius, 0.7), offset)
+    linkage = four_bar(tuple(lengths), branch, start, 1 - 2j, turn, (radius, 0.7), offset)
     travel = np.linspace(0, 1, 9)
-    joints = linkage.joints(travel)
+    joints = joints_at(linkage, travel)
     assume(np.isfinite(joints.rotation[0]))
     assume(np.all(np.isnan(joints.transmission_angle) | (joints.transmission_angle > 1e-3)))
-    crank, body, rocker = of_four_bar(linkage).links(travel)
+    crank, body, rocker = linkage.motions(travel)
     assert (crank.name, body.name, rocker.name) == ("crank", "coupler", "rocker")
     tolerance = {"atol": 1e-10, "equal_nan": True}
     assert np.allclose(body.origin, joints.body_point, **tolerance)

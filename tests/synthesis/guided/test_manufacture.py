@@ -1,24 +1,22 @@
 """Made linkages on two guides: Newton's poses are the closed form's, slopes are right, and studies keep their laws."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from synthesis.fourbar import tolerance_study as fourbar
-from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.tolerance_study import Tolerances
-from synthesis.guided.linkage import Circle, GuidedLinkage, Rail, of_four_bar
 from synthesis.guided.manufacture import Deviation, dimensions_of, made, simulate, slopes, sources_of
+from synthesis.guides import Circle, Rail
+from synthesis.linkage import Linkage, four_bar, on_guides
 from synthesis.work import Work
 from tests.oracles.guided_cases import DRIVES, NAMES, good_linkage
 
 
-def _good(random: np.random.Generator, drive) -> GuidedLinkage:
+def _good(random: np.random.Generator, drive) -> Linkage:
     return good_linkage(random, drive, -0.3, 0.7, 0.41)
 
 
-def _changed(linkage: GuidedLinkage, place: int, off: Deviation) -> GuidedLinkage:
+def _changed(linkage: Linkage, place: int, off: Deviation) -> Linkage:
     guides = list(linkage.guides)
     one = guides[place]
     point = complex(one.body_point + off.body_point)
@@ -29,7 +27,7 @@ def _changed(linkage: GuidedLinkage, place: int, off: Deviation) -> GuidedLinkag
     else:
         turned = float(one.body_direction + off.direction)
         guides[place] = one._replace(pin=complex(one.pin + off.fixed), body_point=point, body_direction=turned)
-    return replace(linkage, guides=(guides[0], guides[1]))
+    return on_guides((guides[0], guides[1]), linkage.driver, linkage.branch, linkage.start + linkage.ground_angle)
 
 
 @pytest.mark.parametrize("drive", DRIVES, ids=NAMES)
@@ -46,7 +44,7 @@ def test_made_linkages_are_the_closed_forms(drive) -> None:
         other = linkage
         for guide, off in enumerate(offs):
             other = _changed(other, guide, off)
-        found = other.body(linkage.start + travel)
+        found = other.body(linkage.start + (linkage.ground_angle - other.ground_angle) + travel)
         assert np.allclose(place[0], found.position, atol=1e-9)
         assert np.allclose(np.exp(1j * rotation[0]), np.exp(1j * found.rotation), atol=1e-9)
 
@@ -63,7 +61,8 @@ def test_slopes_predict_small_changes(drive) -> None:
     for name, guide, unit in dimensions_of(linkage):
         place, turn = slopes(linkage, linkage.start + travel, [(guide, unit)])
         small = 1e-5
-        there = _changed(linkage, guide, Deviation(*(small * value for value in unit))).body(linkage.start + travel)
+        other = _changed(linkage, guide, Deviation(*(small * value for value in unit)))
+        there = other.body(linkage.start + (linkage.ground_angle - other.ground_angle) + travel)
         size = 1 + np.abs(place[0]).max() ** 2
         assert np.allclose((there.position - at.position) / small, place[0], atol=2e-3 * size), name
         assert np.allclose((there.rotation - at.rotation) / small, turn[0], atol=2e-3 * size), name
@@ -85,10 +84,10 @@ def test_a_study_is_linear_in_small_tolerances_and_agrees_with_first_order(drive
 
 
 def test_radii_pivots_and_play_of_a_four_bar_do_what_they_did() -> None:
-    linkage = Linkage((1.0, 3.0, 2.5, 3.2), -1, 0.3, 0j, 0.7, (1.3, 0.4), 0.2)
+    linkage = four_bar((1.0, 3.0, 2.5, 3.2), -1, 0.3, 0j, 0.7, (1.3, 0.4), 0.2)
     travel, sizes = np.linspace(0, 2, 9), Tolerances(0.0, 1e-3, 2e-3)
     known = fourbar.simulate(linkage, travel, 9, sizes, 4000, 0, Work(None))
-    found = simulate(of_four_bar(linkage), travel, 9, sizes, 4000, 0, Work(None))
+    found = simulate(linkage, travel, 9, sizes, 4000, 0, Work(None))
     assert np.allclose(found.rotation.linear, known.rotation.linear, rtol=1e-5)
     assert np.allclose(found.position.linear, known.position.linear, rtol=1e-5)
     assert np.allclose(found.position.worst, known.position.worst, rtol=0.05)

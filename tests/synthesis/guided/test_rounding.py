@@ -5,9 +5,10 @@ import pytest
 from scipy.optimize import least_squares
 
 from synthesis.free.poses import make_poses
-from synthesis.guided.linkage import GuidedLinkage, Kind
 from synthesis.guided.rounding import _Chart, _rows, fitted, from_stock, on_grid, rounded
 from synthesis.guided.solution import GuidedSolution, assess, nearest_travel
+from synthesis.guides import Kind
+from synthesis.linkage import Linkage
 from synthesis.target import make_target
 from synthesis.work import Work
 from tests.oracles.guided_cases import DRIVES, NAMES, good_linkage
@@ -15,7 +16,7 @@ from tests.oracles.guided_cases import DRIVES, NAMES, good_linkage
 
 def _case(drive, seed: int = 91):
     linkage, travel = good_linkage(np.random.default_rng(seed), drive, -0.3, 1.3, 0.6), np.linspace(0.0, 1.0, 9)
-    body = linkage.links(travel)[1]
+    body = linkage.motions(travel)[1]
     return linkage, travel, body
 
 
@@ -61,7 +62,7 @@ def test_with_given_timing_and_stock() -> None:
     stock = [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0]
     count = len(stock) ** len(linkage.lengths)
     found = rounded(target, solution, from_stock(stock), count, lambda one: True, 8, Work(None))
-    assert isinstance(found.solution.linkage, GuidedLinkage) and found.exhaustive is False
+    assert isinstance(found.solution.linkage, Linkage) and found.exhaustive is False
     for length in found.solution.linkage.lengths.values():
         assert min(abs(length - one) for one in stock) < 1e-9
     none = rounded(target, solution, from_stock(stock), count, lambda one: False, 8, Work(None))

@@ -8,9 +8,9 @@ import pytest
 
 from synthesis.fourbar.limits import Limits
 from synthesis.free.poses import Poses, make_poses
-from synthesis.guided.linkage import Circle, Driver, Kind, Rail, Slot
 from synthesis.guided.search import Search, drives, search_guided
 from synthesis.guided.solution import GuidedSolution, broken_limits
+from synthesis.guides import Circle, Driver, Kind, Rail, Slot
 from synthesis.work import Work
 from tests.conftest import some_of
 from tests.oracles.guided import KINDS, random_motion
@@ -218,5 +218,5 @@ def test_a_short_cylinder_is_found_whose_length_never_passes_zero():
     found, _ = search_guided(poses, limits, [Kind.SWINGING_BLOCK], Driver.CYLINDER)
     assert min(one.errors.objective for one in found) < 0.09
     for one in found:
-        length = one.linkage.start + one.linkage.over(one.interval)
+        length = one.linkage.start + one.linkage.travel_over(one.interval)
         assert 0 < length.min() and length.max() <= 320 * (1 + 1e-9)

@@ -5,13 +5,13 @@ import pytest
 
 from synthesis.fourbar.limits import Limits
 from synthesis.free.poses import make_poses
-from synthesis.guided.linkage import GuidedLinkage
-from synthesis.guided.solution import assess, excursion, nearest_travel, practical_faults, size_of, turned_frame
+from synthesis.guided.solution import assess, excursion, nearest_travel, practical_faults, size_of
+from synthesis.linkage import Linkage
 from synthesis.target import make_target
 from tests.oracles.guided_cases import DRIVES, NAMES, good_linkage
 
 
-def _used(random: np.random.Generator, drive) -> tuple[GuidedLinkage, np.ndarray]:
+def _used(random: np.random.Generator, drive) -> tuple[Linkage, np.ndarray]:
     """A linkage and travel over which it transmits well."""
     return good_linkage(random, drive, -0.3, 0.9, 0.3), np.linspace(0.0, 0.6, 8)
 
@@ -21,10 +21,10 @@ def test_an_exact_motion_is_met_from_nearby(drive) -> None:
     random = np.random.default_rng(31)
     for _ in range(10):
         linkage, travel = _used(random, drive)
-        body = linkage.links(travel)[1]
+        body = linkage.motions(travel)[1]
         poses = make_poses(body.angle + 0.3, body.origin)
         begin = travel + random.uniform(-0.05, 0.05, travel.size)
-        found = nearest_travel(poses, turned_frame(linkage, 0.3), begin)
+        found = nearest_travel(poses, linkage.turned_body(0.3), begin)
         assert np.allclose(found, travel, atol=1e-7)
         solution = assess(poses, linkage, found)
         # the offset of the rotation is found with the errors
@@ -41,7 +41,7 @@ def test_the_nearest_travel_is_that_of_a_fine_search(drive) -> None:
     random, seen = np.random.default_rng(32), 0
     for _ in range(5):
         linkage, travel = _used(random, drive)
-        body = linkage.links(travel)[1]
+        body = linkage.motions(travel)[1]
         off = 0.02 * (random.normal(size=8) + 1j * random.normal(size=8))
         poses = make_poses(body.angle + 0.02 * random.normal(size=8), body.origin + off)
         found = nearest_travel(poses, linkage, travel)
@@ -60,7 +60,7 @@ def test_the_nearest_travel_is_that_of_a_fine_search(drive) -> None:
 def test_with_given_timing_travel_is_taken_as_it_is() -> None:
     random = np.random.default_rng(33)
     linkage, travel = _used(random, DRIVES[1])
-    body = linkage.links(travel)[1]
+    body = linkage.motions(travel)[1]
     target = make_target(body.angle, body.origin, crank_angle=travel)
     solution = assess(target, linkage, target.crank)
     assert solution.errors.objective < 1e-14 and np.array_equal(solution.travel, travel)

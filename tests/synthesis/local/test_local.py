@@ -9,23 +9,24 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from synthesis import local_refinement as free
+from synthesis.fourbar.joints import joints_at
 from synthesis.fourbar.limits import FAMILIES, Limits, in_family, practical_limits
-from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.solution import assess, keeps, within
 from synthesis.free.dyads import chart_of
 from synthesis.free.joint import JointProblem
 from synthesis.free.poses import make_poses
 from synthesis.function.answers import exchanged, finished, rocker_angles
 from synthesis.function.wanted import Wanted
+from synthesis.linkage import Linkage, four_bar, with_links
 from synthesis.local_refinement import refine_function, refine_motion, refine_poses, turning_fully
 from synthesis.mechanism import Placed
 from synthesis.target import TURN, make_target
 from synthesis.work import Work
 
 TRUE = {
-    "crank_rocker": Linkage((19.0, 72.0, 144.0, 165.0), 1, 0.6, 3 + 4j, 0.4, (50.0, 0.7), 0.3),
-    "double_crank": Linkage((60.0, 75.0, 70.0, 20.0), -1, 2.0, -30 + 4j, -1.4, (40.0, -0.7), 0.3),
-    "any": Linkage((50.0, 60.0, 65.0, 100.0), 1, 0.3, 30 + 4j, 1.0, (40.0, 1.7), -0.3),
+    "crank_rocker": four_bar((19.0, 72.0, 144.0, 165.0), 1, 0.6, 3 + 4j, 0.4, (50.0, 0.7), 0.3),
+    "double_crank": four_bar((60.0, 75.0, 70.0, 20.0), -1, 2.0, -30 + 4j, -1.4, (40.0, -0.7), 0.3),
+    "any": four_bar((50.0, 60.0, 65.0, 100.0), 1, 0.3, 30 + 4j, 1.0, (40.0, 1.7), -0.3),
 }
 CRANK = np.linspace(0.0, 1.1, 9)
 LIMITS = (
@@ -46,13 +47,13 @@ def moved(linkage: Linkage, size: float, random: np.random.Generator) -> Linkage
     point = float(radius * stretch[4]), float(angle + turn[2])
     at = linkage.pivot_a + complex(*place)
     return replace(
-        linkage, links=links, start=linkage.start + turn[0], ground_angle=linkage.ground_angle + turn[1],
+        with_links(linkage, links), start=linkage.start + turn[0], ground_angle=linkage.ground_angle + turn[1],
         pivot_a=at, coupler_point=point,
     )  # fmt: skip
 
 
 def motion_of(linkage: Linkage, crank=CRANK) -> dict:
-    joints = linkage.joints(crank)
+    joints = joints_at(linkage, crank)
     return {"rotation": joints.rotation, "position": joints.body_point}
 
 
@@ -86,7 +87,7 @@ def test_a_moved_linkage_comes_back_where_a_part_is_asked_for(part: str) -> None
 
 def kept_at(target, limits: Limits, linkage: Linkage) -> list:
     """The linkage with its errors, if it keeps the limits."""
-    return within(target, limits, assess(target, [linkage])) if linkage.joints(CRANK).closed else []
+    return within(target, limits, assess(target, [linkage])) if joints_at(linkage, CRANK).closed else []
 
 
 def asked_and_begun(seed: int, keeps: bool) -> tuple[dict, Limits, Linkage]:
@@ -160,11 +161,11 @@ def test_time_that_is_up_leaves_the_linkage_itself() -> None:
 
 @given(st.lists(st.floats(0.01, 10), min_size=4, max_size=4), st.sampled_from(FAMILIES[:3]))
 def test_a_linkage_is_made_to_turn_fully(lengths: list[float], family: str) -> None:
-    linkage = Linkage(tuple(lengths), 1, 0.5, 1j, 0.2, (1.0, 0.0), 0.0)
+    linkage = four_bar(tuple(lengths), 1, 0.5, 1j, 0.2, (1.0, 0.0), 0.0)
     near = turning_fully(linkage, family)
     assert in_family(family, np.array([near.links]))[0]
     assert near == linkage or not in_family(family, np.array([linkage.links]))[0]
-    assert replace(near, links=linkage.links) == linkage
+    assert with_links(near, linkage.links) == linkage
 
 
 def all_ways(costs: np.ndarray, closes: np.ndarray, most: int) -> float:
@@ -192,7 +193,7 @@ def test_the_way_of_least_errors_is_the_best_of_all(seed: int) -> None:
 
 def test_lengths_that_never_close_are_made_to_turn_fully() -> None:
     asked = motion_of(TRUE["crank_rocker"])
-    open_one = replace(TRUE["crank_rocker"], links=(1.0, 1.0, 1.0, 165.0))
+    open_one = with_links(TRUE["crank_rocker"], (1.0, 1.0, 1.0, 165.0))
     for family in ("any", "full_crank"):
         limits = Limits(family=family)
         assert refine_poses(make_poses(**asked), limits, open_one, None, 1e-10, Work())[0]
@@ -206,7 +207,7 @@ def test_errors_at_a_grid_of_crank_angles_are_those_of_the_linkage() -> None:
     problem = JointProblem(poses, chart_of("full_crank"))
     grid = np.linspace(0, TURN, 10)
     own = problem.errors_at(begun, grid[None])[0]
-    joints = one.joints(grid - one.start)
+    joints = joints_at(one, grid - one.start)
     gap = np.angle(np.exp(1j * (asked["rotation"][:, None] - joints.rotation)))
     away = np.abs(asked["position"][:, None] - joints.body_point) / poses.length_scale
     assert np.allclose(own * 9, gap**2 + away**2, atol=1e-12)

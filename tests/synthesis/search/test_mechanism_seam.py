@@ -10,7 +10,7 @@ from synthesis.atlas.scan import Scan
 from synthesis.atlas.windows import Windows, best_of, joined
 from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.guided.by_crank import BY_CRANK, linkages_by_crank
-from synthesis.guided.linkage import Kind, Rail
+from synthesis.guides import Kind, Rail
 from synthesis.mechanism import Mechanism
 from synthesis.pose import objective
 from synthesis.slider import SLIDER_CRANK_TYPES

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from synthesis.descents import Stage, Timed
-from synthesis.fourbar.kinematics import close_loop, coupler_angle
+from synthesis.four_bar import close_loop, coupler_angle
 from synthesis.fourbar.limits import Constraints, Limits
 from synthesis.fourbar.mechanism import FOURBAR, AnyChart, FullCrankChart, GrashofChart
 from synthesis.pose import objective

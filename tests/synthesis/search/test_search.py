@@ -14,11 +14,12 @@ from app.fourbar.answers import answer_synthesize
 from app.fourbar.models import SynthesizeRequest
 from app.resources import ServiceResources
 from app.settings import Settings
+from synthesis.four_bar import close_loop
 from synthesis.fourbar.determination import determinations, sensitivities
-from synthesis.fourbar.kinematics import close_loop
+from synthesis.fourbar.joints import body_point, joints_at
 from synthesis.fourbar.limits import Limits
-from synthesis.fourbar.linkage import Linkage
 from synthesis.fourbar.mechanism import FOURBAR
+from synthesis.linkage import Linkage, with_links
 from synthesis.ranking import SAME, Status, distinct
 from synthesis.search.report import StoppedBy
 from synthesis.search.search import DEFAULT_TOLERANCE, search
@@ -143,7 +144,7 @@ def test_a_weighted_motion_is_recovered(kind, limits, clockwise, tables) -> None
     one = solutions[0].linkage
     assert report.stopped_by is StoppedBy.TOLERANCE and solutions[0].errors.objective < DEFAULT_TOLERANCE
     np.testing.assert_allclose(one.links, lengths, rtol=1e-6)
-    joints = one.joints(target.crank)
+    joints = joints_at(one, target.crank)
     given = weights[0] > 0
     assert np.max(np.abs(joints.rotation - target.rotation)[given]) < 1e-8
     assert np.max(np.abs(joints.body_point - target.position)) < 1e-8
@@ -158,7 +159,7 @@ def test_a_noisy_sample_counts_by_its_weight(tables) -> None:
     for weight in (0.0, 0.1, 10.0, 1000.0):
         target = make_target(rotation, None, 5.0, rotation_weights=np.where(np.arange(24) == 11, weight, 1.0))
         best = search(tables, target, Limits(), 1)[0][0]
-        joints = best.linkage.joints(target.crank)
+        joints = joints_at(best.linkage, target.crank)
         gaps.append(abs(joints.rotation[11] - rotation[11]))
         mean_square = np.average((joints.rotation - rotation) ** 2, weights=target.rotation_weights)
         assert best.errors.rotation_rms == pytest.approx(np.sqrt(mean_square), rel=1e-6, abs=1e-12)
@@ -234,7 +235,7 @@ def test_equal_solutions_are_kept_once(tables) -> None:
     one = solutions[0]
 
     def larger(by: float) -> Any:
-        return replace(one, linkage=replace(one.linkage, links=tuple(link * (1 + by) for link in one.linkage.links)))
+        return replace(one, linkage=with_links(one.linkage, tuple(link * (1 + by) for link in one.linkage.links)))
 
     close, far = larger(1e-9), larger(1e-4)
     assert distinct([one, close, far], 9) == [one, far]
@@ -394,8 +395,8 @@ def test_sensitivity_is_that_of_finite_differences(kind, tables) -> None:
             change = np.sqrt(np.mean(((ahead - behind) / (2 * step[k])) ** 2))
             assert mine.rotation[k] == pytest.approx(change, rel=1e-5)
         if mine.position is not None:
-            longer, shorter = (replace(linkage, links=tuple(links + sign * step)) for sign in (1, -1))
-            points = longer.body_point(crank, ahead), shorter.body_point(crank, behind)
+            longer, shorter = (with_links(linkage, tuple(links + sign * step)) for sign in (1, -1))
+            points = body_point(longer, crank, ahead), body_point(shorter, crank, behind)
             change = np.sqrt(np.mean(np.abs((points[0] - points[1]) / (2 * step[k])) ** 2))
             assert mine.position[k] == pytest.approx(change, rel=1e-5)
     assert (mine.rotation is None) == (kind == "position only")

@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 import linkage_atlas as la
 from synthesis.errors import FieldError
 from synthesis.fourbar.files import to_pylinkage
-from synthesis.fourbar.linkage import Linkage
+from synthesis.fourbar.joints import joints_at
+from synthesis.linkage import Linkage, four_bar
 from synthesis.solids.plates import to_plates
 from synthesis.target import make_target
 
@@ -87,7 +88,7 @@ def test_plates_are_closed_and_hold_their_joints(seed, hole, width, unit_mm) -> 
     random = np.random.default_rng(seed)
     links = tuple(random.uniform(5, 100, 4).tolist())
     point = (float(random.uniform(0, 120)), float(random.uniform(-3.2, 3.2)))
-    linkage = Linkage(links, coupler_point=point)
+    linkage = four_bar(links, coupler_point=point)
     hole *= min(links)
     check(linkage, to_plates(linkage, unit_mm, hole, width * hole), unit_mm, hole, width * hole)
 
@@ -97,12 +98,12 @@ ON_THE_LINE = [(0.0, 0.0), (72.0, 0.0), (36.0, 0.0), (100.0, 0.0), (30.0, np.pi)
 
 @pytest.mark.parametrize("point", [None, *ON_THE_LINE, (1e-9, 2.0)])
 def test_a_body_point_on_the_coupler_line_or_at_a_pin_leaves_a_bar(point) -> None:
-    linkage = Linkage((19.0, 72.0, 144.0, 165.0), coupler_point=point)
+    linkage = four_bar((19.0, 72.0, 144.0, 165.0), coupler_point=point)
     check(linkage, to_plates(linkage), 1.0, 5.7, 14.25)
 
 
 def test_defaults_leave_room_whatever_is_given() -> None:
-    linkage = Linkage((19.0, 72.0, 144.0, 165.0), coupler_point=(20.0, 1.0))
+    linkage = four_bar((19.0, 72.0, 144.0, 165.0), coupler_point=(20.0, 1.0))
     check(linkage, to_plates(linkage, 1.0, None, 5.0), 1.0, 2.0, 5.0)
     check(linkage, to_plates(linkage, 1.0, 4.0), 1.0, 4.0, 10.0)
 
@@ -134,9 +135,9 @@ def swinging(seed: int) -> tuple[Linkage, float]:
         lengths, branch = tuple(random.uniform(10, 200, 4).tolist()), int(random.choice([-1, 1]))
         start, pivot = float(random.uniform(0, 6.28)), complex(*random.uniform(-300, 300, 2))
         turned, point = float(random.uniform(-3, 3)), (float(random.uniform(0, 150)), float(random.uniform(-3, 3)))
-        linkage = Linkage(lengths, branch, start, pivot, turned, point)
+        linkage = four_bar(lengths, branch, start, pivot, turned, point)
         span = float(random.uniform(0.3, 6.2) * random.choice([-1, 1]))
-        joints = linkage.joints(np.linspace(0, span, 400))
+        joints = joints_at(linkage, np.linspace(0, span, 400))
         if joints.closed and joints.transmission_angle.min() > 0.2:
             return linkage, span
 
@@ -147,7 +148,7 @@ def test_pylinkage_opens_it_and_draws_the_same_path(seed, tmp_path) -> None:
         warnings.simplefilter("ignore")
         mechanism = pytest.importorskip("pylinkage.mechanism")
     linkage, span = swinging(seed)
-    found = linkage.joints(np.linspace(0, span, 5))
+    found = joints_at(linkage, np.linspace(0, span, 5))
     target = make_target(found.rotation, found.body_point, span)
     file = tmp_path / "linkage.pylinkage.json"
     file.write_text(to_pylinkage(linkage, target))
@@ -155,7 +156,7 @@ def test_pylinkage_opens_it_and_draws_the_same_path(seed, tmp_path) -> None:
     travel = target.interval.by_degrees()
     names = [joint.id for joint in theirs.joints]
     rows = list(theirs.step(travel.size - 1))
-    ours = linkage.joints(travel[1:])
+    ours = joints_at(linkage, travel[1:])
     size = max(linkage.links)
     for name, wanted in (("body_point", ours.body_point), ("coupler_pin", ours.coupler_pin)):
         path = np.array([complex(*row[names.index(name)]) for row in rows])

@@ -5,6 +5,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from synthesis.fourbar.joints import joints_at
 from synthesis.solids.robots import to_sdf, to_urdf, tree_of
 from tests.oracles.solids import TABLE, built, linkage_of
 
@@ -49,7 +50,7 @@ def test_urdf_is_a_tree_whose_frames_stand_where_the_joints_are(named) -> None:
     name, solids = named
     root = ElementTree.fromstring(to_urdf(solids, "linkage", solids.machine.used))
     assert root.tag == "robot" and not root.findall(".//mimic")
-    frames, joints = frames_of(root), linkage_of(TABLE[name]).joints(np.zeros(1))
+    frames, joints = frames_of(root), joints_at(linkage_of(TABLE[name]), np.zeros(1))
     ground = joints.pivot_a
     for link, place in (("crank", ground), ("coupler", joints.crank_pin[0]), ("rocker", joints.pivot_b)):
         assert frames[link][0] == pytest.approx((place - ground) / 1000, abs=1e-9)
@@ -92,7 +93,7 @@ def test_urdf_has_the_masses_of_the_parts(named) -> None:
 def test_sdf_closes_the_loop_by_a_fourth_joint(named) -> None:
     name, solids = named
     root = ElementTree.fromstring(to_sdf(solids, "linkage"))
-    model, joints = root.find("model"), linkage_of(TABLE[name]).joints(np.zeros(1))
+    model, joints = root.find("model"), joints_at(linkage_of(TABLE[name]), np.zeros(1))
     poses, found = {}, {}
     for link in model.findall("link"):
         pose, inertial = numbers(link.find("pose").text), link.find("inertial")
@@ -136,7 +137,7 @@ def test_pybullet_turns_a_urdf_once_around(name, tmp_path) -> None:
         pybullet.createConstraint(body, ends[0], body, ends[1], pybullet.JOINT_POINT2POINT, nought, nought, nought)
         for k in range(count):
             pybullet.setJointMotorControl2(body, k, pybullet.VELOCITY_CONTROL, force=0)
-        first, size = linkage.joints(np.zeros(1)), max(linkage.links) / 1000
+        first, size = joints_at(linkage, np.zeros(1)), max(linkage.links) / 1000
         for travel in np.linspace(0, 2 * np.pi, 3000):
             motor = {"controlMode": pybullet.POSITION_CONTROL, "targetPosition": travel, "force": 100}
             pybullet.setJointMotorControl2(body, links["crank"], **motor)
@@ -144,7 +145,7 @@ def test_pybullet_turns_a_urdf_once_around(name, tmp_path) -> None:
             at = [np.array(pybullet.getLinkState(body, k, computeForwardKinematics=1)[4]) for k in ends]
             assert np.linalg.norm(at[0] - at[1]) < 1e-4 * size
             crank, rocker = (pybullet.getJointState(body, links[link])[0] for link in ("crank", "rocker"))
-            turned = linkage.joints(np.array([crank])).rocker_angle[0] - first.rocker_angle[0]
+            turned = joints_at(linkage, np.array([crank])).rocker_angle[0] - first.rocker_angle[0]
             assert abs(np.angle(np.exp(1j * (rocker - turned)))) < 1e-3
         assert crank == pytest.approx(2 * np.pi, abs=0.02)
     finally:

@@ -9,7 +9,8 @@ import pytest
 from synthesis.assembly.layers import Asked, arrange
 from synthesis.assembly.machine import Sizes, as_plates
 from synthesis.errors import FieldError
-from synthesis.fourbar.linkage import Linkage
+from synthesis.fourbar.joints import joints_at
+from synthesis.linkage import four_bar
 from synthesis.solids.solid import COLOURS, DENSITIES, FITS, Made, masses_of_links, parts_list, solids_of
 from synthesis.target import Interval
 from synthesis.work import Work
@@ -54,7 +55,7 @@ def test_no_two_parts_overlap_in_manifold(name, boards, heads, body) -> None:
 
 @pytest.mark.parametrize(("boards", "name"), [("both", "board_below"), ("both", "board_above"), ("bar", "bar")])
 def test_the_parts_list_measures_a_board_along_its_pins_however_the_ground_lies(boards: str, name: str) -> None:
-    linkage = Linkage((30.0, 60.0, 70.0, 50.0), 1, pivot_a=1 + 2j, coupler_point=(2.0, 0.0))
+    linkage = four_bar((30.0, 60.0, 70.0, 50.0), 1, pivot_a=1 + 2j, coupler_point=(2.0, 0.0))
     for ground_angle in (0.0, 0.3, 2.0):
         lying = replace(linkage, ground_angle=ground_angle)
         machine = as_plates(lying, Interval(0.0, 1.0), Sizes(6.0, 18.0, 0.2), bar=boards == "bar")
@@ -67,7 +68,7 @@ def test_the_parts_list_measures_a_board_along_its_pins_however_the_ground_lies(
 def test_poses_are_those_of_the_linkage() -> None:
     solids, linkage = built("E2", "both"), linkage_of(TABLE["E2"])
     for travel in places_of(solids.machine, 7):
-        joints = linkage.joints(np.array([travel]))
+        joints = joints_at(linkage, np.array([travel]))
         wanted = {
             "crank": (joints.pivot_a, joints.crank_angle),
             "coupler": (joints.crank_pin[0], joints.coupler_angle),
@@ -156,7 +157,7 @@ def test_what_leaves_no_material_is_refused() -> None:
 def test_a_post_keeps_away_from_the_pins_and_the_outline() -> None:
     # the outline's side, and the hole for D, pass through the body point's
     for point, body in ((2.0, SASH), (30.0, [-20 - 15j, 0j, 25 + 0j, 25 + 30j, -20 + 30j])):
-        linkage = Linkage((30.0, 60.0, 70.0, 50.0), 1, coupler_point=(point, 0.0))
+        linkage = four_bar((30.0, 60.0, 70.0, 50.0), 1, coupler_point=(point, 0.0))
         machine = as_plates(linkage, Interval(0.0, 1.0), Sizes(6.0, 18.0, 0.2), body=body)
         solids = solids_of(
             machine, arrange(machine, Asked("both"), Work()).stack, Made(FITS["H7"], "steel", "steel"), 1.0

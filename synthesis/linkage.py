@@ -1,4 +1,4 @@
-"""A body on two guides, one of them driven: its dimensions, and how the body and every link move with the drive.
+"""A planar linkage, a body on two guides, one of them driven: its dimensions, and how its links move with the drive.
 
 A guide holds the body to one condition: a *circle* (a body point on a crank or rocker), a *rail* (a body point on a line of the
 ground), a *slot* (a line of the body through a fixed pin). The four-bar has two circles. The first guide is the driven one:
@@ -20,261 +20,61 @@ hinge locked it slides along its slot. The other guide then pushes along a line 
 Its sign is the branch, its size that of the transmission angle. It vanishes at the dead positions. Everything needs its value
 free of cancellation: a loop closes where certain differences are not negative, of a squared length and a square, or of a length
 and a projection. Each is written as a sum of terms that are not negative wherever the drive moves freely, as in
-`fourbar.kinematics`.
+`four_bar`.
 
 A body's pose is its place P (complex) and rotation gamma, R = e^{i gamma}; body points m are in the body's frame: P + R m.
+
+The dimensions are in frames of the linkage's own, see `Linkage`: lengths of a four-bar are kept as they were given, and nothing
+is lost far from the origin.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from functools import cached_property
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from synthesis.arrays import Complexes, Floats, Ints, cross, dot
-from synthesis.fourbar.linkage import Linkage
+from synthesis.four_bar import FULL_CRANK, Family, family, wrap
+from synthesis.guides import (
+    DRIVERS,
+    GUIDES,
+    Circle,
+    Condition,
+    Driver,
+    Guide,
+    Kind,
+    Rail,
+    Round,
+    Slot,
+    Straight,
+    Vector,
+    places_within,
+)
 from synthesis.target import TURN, Interval
-
-
-class _Condition(NamedTuple):
-    """What must not be negative for a loop to close, over the drive's coordinate."""
-
-    value: Callable[[Floats], Floats]
-    extremes: tuple[float, ...]
-    """Where it is smallest or largest, modulo the period: between two of these it rises or falls throughout."""
-    size: float
-    """Of the terms that it is made of, to tell what is small."""
-    bounded: bool
-    """Whether it is negative far out on a line, so that the coordinate has ends."""
-
-
-@dataclass(frozen=True)
-class _Vector:
-    """A plane vector over the drive's coordinate q, which every method takes as an array (n,); here one that stays as it is.
-
-    Of those that move, conditions: ``longer_than``, its square less that of a length that is at least 0; ``shorter_than``, the
-    square of such a length less its own; ``across``, a length less, for sign +1, the vector's part to the left of a direction,
-    for sign -1 that to the right.
-    """
-
-    middle: complex
-
-    def plus(self, offset: complex) -> Self:
-        """The sum with a fixed vector."""
-        return replace(self, middle=self.middle + offset)
-
-    def at(self, q: Floats) -> Complexes:
-        """The vector."""
-        return np.full(np.shape(q), self.middle)
-
-    def direction(self, q: Floats) -> Floats:
-        """Its angle against the x axis, continuous wherever it does not vanish."""
-        return np.full(np.shape(q), np.angle(self.middle))
-
-    @property
-    def turning_points(self) -> tuple[float, ...]:
-        """Where its length is largest or smallest."""
-        return ()
-
-
-@dataclass(frozen=True)
-class _Round(_Vector):
-    """``middle - radius e^{iq}``: from a crank's pin to a fixed place."""
-
-    radius: float
-
-    @property
-    def _distance(self) -> float:
-        return abs(self.middle)
-
-    @property
-    def _towards(self) -> float:
-        return float(np.angle(self.middle))
-
-    def at(self, q: Floats) -> Complexes:
-        return self.middle - self.radius * np.exp(1j * q)
-
-    def direction(self, q: Floats) -> Floats:
-        d, r, x = self._distance, self.radius, q - self._towards
-        # the bracket of the longer of both has a positive real part: its argument needs no unwrapping
-        if d >= r:
-            return self._towards + np.arctan2(-r * np.sin(x), (d - r) + 2 * r * np.sin(x / 2) ** 2)
-        return q - math.pi + np.arctan2(d * np.sin(x), (r - d) + 2 * d * np.sin(x / 2) ** 2)
-
-    def longer_than(self, length: float) -> _Condition:
-        d, r, towards = self._distance, self.radius, self._towards
-        least = (d - r - length) * (d - r + length)
-        return _Condition(
-            lambda q: least + 4 * d * r * np.sin((q - towards) / 2) ** 2,
-            self.turning_points,
-            (d + r + length) ** 2,
-            False,
-        )
-
-    def shorter_than(self, length: float) -> _Condition:
-        d, r, towards = self._distance, self.radius, self._towards
-        least = (length - d - r) * (length + d + r)
-        return _Condition(
-            lambda q: least + 4 * d * r * np.cos((q - towards) / 2) ** 2,
-            self.turning_points,
-            (d + r + length) ** 2,
-            False,
-        )
-
-    def across(self, direction: float, length: float, sign: int) -> _Condition:
-        r = self.radius
-        least = (length - r) - sign * float(np.imag(self.middle * np.exp(-1j * direction)))
-        size = length + r + abs(self.middle)
-        lowest = direction - sign * math.pi / 2
-        return _Condition(
-            lambda q: least + 2 * r * np.sin((q - lowest) / 2) ** 2, (lowest, lowest + math.pi), size, False
-        )
-
-    @property
-    def turning_points(self) -> tuple[float, ...]:
-        return self._towards, self._towards + math.pi
-
-
-@dataclass(frozen=True)
-class _Straight(_Vector):
-    """``middle - q e^{i along}``: from a slider's pin to a fixed place."""
-
-    along: float
-
-    @property
-    def _foot(self) -> complex:
-        """The place on the line nearest to the vector's end, and how far beside the line that end lies."""
-        return complex(self.middle * np.exp(-1j * self.along))
-
-    def at(self, q: Floats) -> Complexes:
-        return self.middle - q * np.exp(1j * self.along)
-
-    def direction(self, q: Floats) -> Floats:
-        foot = self._foot
-        return self.along + np.arctan2(foot.imag, foot.real - q)
-
-    def longer_than(self, length: float) -> _Condition:
-        foot = self._foot
-        least, size = (abs(foot.imag) - length) * (abs(foot.imag) + length), (abs(foot.imag) + length) ** 2
-        return _Condition(lambda q: least + (foot.real - q) ** 2, (foot.real,), size, False)
-
-    def shorter_than(self, length: float) -> _Condition:
-        foot = self._foot
-        square, size = (length - abs(foot.imag)) * (length + abs(foot.imag)), (length + abs(foot.imag)) ** 2
-        if square < 0:
-            return _Condition(lambda q: square - (foot.real - q) ** 2, (foot.real,), size, True)
-        half = math.sqrt(square)
-        return _Condition(lambda q: (half - (foot.real - q)) * (half + (foot.real - q)), (foot.real,), size, True)
-
-    def across(self, direction: float, length: float, sign: int) -> _Condition:
-        beside = float(np.imag(self.middle * np.exp(-1j * direction)))
-        slope = math.sin(self.along - direction)
-        return _Condition(lambda q: length - sign * beside + sign * q * slope, (), length, slope != 0)
-
-    @property
-    def turning_points(self) -> tuple[float, ...]:
-        return (self._foot.real,)
-
-
-def places_within(places: Iterable[float], first: float, last: float, period: float | None) -> list[float]:
-    """The places, modulo a period where there is one, strictly between two coordinates in either order."""
-    low, high = min(first, last), max(first, last)
-    found: list[float] = []
-    for place in places:
-        if period is None:
-            found += [place] if low < place < high else []
-            continue
-        number = math.floor((low - place) / TURN) + 1
-        while place + number * TURN < high:
-            found.append(place + number * TURN)
-            number += 1
-    return found
-
-
-# -- linkages -------------------------------------------------------------------------------------------------------------
-
 
 _PLACES = 181
 """Over an interval, at least."""
 _LOOKS, _NODES = 4, 33
 """Looks, each between two nodes of the one before, at where a travel turns back: to 2e-8 radians, its end to all digits."""
-
-
-class Circle(NamedTuple):
-    """A body point on a circle: a crank, or a rocker."""
-
-    pivot: complex
-    radius: float
-    body_point: complex
-
-
-class Rail(NamedTuple):
-    """A body point on a line of the ground through ``point``; ``direction`` in radians."""
-
-    point: complex
-    direction: float
-    body_point: complex
-
-
-class Slot(NamedTuple):
-    """A line of the body, through ``body_point`` with ``body_direction`` in radians, through a fixed pin."""
-
-    pin: complex
-    body_point: complex
-    body_direction: float
-
-
-Guide = Circle | Rail | Slot
-
-
-class Kind(StrEnum):
-    """Which guides a linkage has."""
-
-    FOUR_BAR = "four_bar"
-    SLIDER_CRANK = "slider_crank"
-    SWINGING_BLOCK = "swinging_block"
-    RAIL_SLOT = "rail_slot"
-    TWO_RAILS = "two_rails"
-    TWO_SLOTS = "two_slots"
-
-
-class Driver(StrEnum):
-    """What moves the first guide."""
-
-    CRANK = "crank"
-    SLIDER = "slider"
-    CYLINDER = "cylinder"
-    HINGE = "hinge"
-
-    @property
-    def turns(self) -> bool:
-        """Whether its coordinate is an angle; otherwise it is a length."""
-        return self in (Driver.CRANK, Driver.HINGE)
-
-
-GUIDES: dict[Kind, tuple[type[Circle] | type[Rail] | type[Slot], type[Circle] | type[Rail] | type[Slot]]] = {
-    Kind.FOUR_BAR: (Circle, Circle),
-    Kind.SLIDER_CRANK: (Circle, Rail),
-    Kind.SWINGING_BLOCK: (Circle, Slot),
-    Kind.RAIL_SLOT: (Rail, Slot),
-    Kind.TWO_RAILS: (Rail, Rail),
-    Kind.TWO_SLOTS: (Slot, Slot),
-}
-"""The guides of each kind, in either order."""
-DRIVERS: dict[type[Circle] | type[Rail] | type[Slot], tuple[Driver, ...]] = {
-    Circle: (Driver.CRANK,),
-    Rail: (Driver.SLIDER,),
-    Slot: (Driver.CYLINDER, Driver.HINGE),
-}
-"""What may drive each guide."""
 BODY = "coupler"
 """Name of the link that is the body."""
+Lengths = tuple[float, float, float, float]
+"""Crank, coupler, rocker and ground of a four-bar."""
+
+
+class Mass(NamedTuple):
+    """A mass on a link: its centre in the link's frame, its inertia about that (mass times length squared)."""
+
+    link: str
+    mass: float
+    at: complex = 0j
+    inertia: float = 0.0
 
 
 class BodyPoses(NamedTuple):
@@ -434,28 +234,46 @@ class _Triangle(NamedTuple):
 
 
 @dataclass(frozen=True)
-class GuidedLinkage:
+class Linkage:
     """A body on two guides with actual lengths; angles in radians.
+
+    A four-bar is made by `four_bar`, and everything else by `on_guides`.
 
     Attributes
     ----------
-    guides : tuple of Circle, Rail or Slot
-        The first is driven.
+    local_guides : tuple of Circle, Rail or Slot
+        The guides in the linkage's own frames of ground and body. The first is driven. The frames of a four-bar begin at pivot A
+        and at the crank pin, and lie along ground and coupler: its guides are Circle(0, crank, 0) and Circle(ground, rocker,
+        coupler). Other linkages have the frames of the plane and of their motion.
     driver : Driver
-        By which of its coordinates.
+        The coordinate of the first guide that is driven.
     branch : int
-        The sign of sin mu, +1 or -1. With a hinge on the first of two slots the dimensions decide it.
+        The sign of sin mu, +1 or -1. With a hinge on the first of two slots the dimensions decide it. Of a four-bar +1 has the
+        coupler pin to the left of the line from the crank pin to pivot B.
     start : float
-        The drive's coordinate at the first sample of the motion.
+        The drive's coordinate at the first sample of the motion, in the own frame of the ground: the crank angle of a four-bar is
+        measured from its ground line.
+    pivot_a, ground_angle : complex, float
+        Origin and direction of the own frame of the ground in the plane.
+    coupler_point : tuple of float or None
+        Radius and angle of the body point in the own frame of the body. None if no position was asked for: then the linkage is
+        not mounted.
+    body_offset : float or None
+        Rotation of the body less that of its own frame, which lies in (-pi, pi] to the ground line at the first sample. None if
+        no rotation was asked for.
     """
 
-    guides: tuple[Guide, Guide]
+    local_guides: tuple[Guide, Guide]
     driver: Driver
     branch: int = 1
     start: float = 0.0
+    pivot_a: complex = 0j
+    ground_angle: float = 0.0
+    coupler_point: tuple[float, float] | None = (0.0, 0.0)
+    body_offset: float | None = 0.0
 
     def __post_init__(self) -> None:
-        driven, _ = self.guides
+        driven, _ = self.local_guides
         if self.driver not in DRIVERS[type(driven)]:
             raise ValueError(f"driver: a {type(driven).__name__.lower()} has no {self.driver}")
 
@@ -464,8 +282,50 @@ class GuidedLinkage:
     @property
     def kind(self) -> Kind:
         """Which guides it has, in either order."""
-        types = {type(one) for one in self.guides}
+        types = {type(one) for one in self.local_guides}
         return next(kind for kind, guides in GUIDES.items() if set(guides) == types)
+
+    @property
+    def is_four_bar(self) -> bool:
+        """Whether both guides are circles."""
+        return isinstance(self.local_guides[0], Circle) and isinstance(self.local_guides[1], Circle)
+
+    @property
+    def mounted(self) -> bool:
+        """Whether it has a place in the user's plane."""
+        return self.coupler_point is not None
+
+    @property
+    def arm(self) -> complex:
+        """The body point in the own frame of the body; 0 if there is none."""
+        if self.coupler_point is None:
+            return 0j
+        radius, angle = self.coupler_point
+        return complex(radius * np.exp(1j * angle))
+
+    @cached_property
+    def _in_place(self) -> bool:
+        """Whether its own frames are those of the plane and of the motion."""
+        return not (self.pivot_a or self.ground_angle or self.arm or self.body_offset)
+
+    @cached_property
+    def guides(self) -> tuple[Guide, Guide]:
+        """The guides in the plane and in the body's frame of its motion."""
+        if self._in_place:
+            return self.local_guides
+        along, arm, offset = np.exp(1j * self.ground_angle), self.arm, self.body_offset or 0.0
+        back = np.exp(-1j * offset)
+        first, second = (
+            _mapped(
+                guide,
+                lambda z: self.pivot_a + along * z,
+                lambda z: (z - arm) * back,
+                turn=self.ground_angle,
+                turn_in_body=-offset,
+            )
+            for guide in self.local_guides
+        )
+        return first, second
 
     @property
     def period(self) -> float | None:
@@ -475,7 +335,7 @@ class GuidedLinkage:
     @property
     def link_names(self) -> tuple[str, ...]:
         """Names of the moving links: that of the driven guide, the body, that of the other guide."""
-        first, second = (_LINK_OF[type(one)] for one in self.guides)
+        first, second = (_LINK_OF[type(one)] for one in self.local_guides)
         if first == second:
             second = "rocker" if first == "crank" else f"second_{second}"
         return first, BODY, second
@@ -488,96 +348,145 @@ class GuidedLinkage:
     @property
     def reach(self) -> float:
         """A length of its size, wherever it stands: the largest radius, or distance of its body points or fixed places."""
-        first, second = self.guides
-        radii = [one.radius for one in self.guides if isinstance(one, Circle)]
+        first, second = self.local_guides
+        radii = [one.radius for one in self.local_guides if isinstance(one, Circle)]
         return max(*radii, abs(first.body_point - second.body_point), abs(first[0] - second[0]), 1e-300)
 
     @property
     def lengths(self) -> dict[str, float]:
         """Of cranks and rockers by name, and of the coupler, where both guides lead a point of the body."""
-        found = {name: one.radius for name, one in self.named_guides if isinstance(one, Circle)}
-        points = [one.body_point for one in self.guides if not isinstance(one, Slot)]
+        names = self.link_names[::2]
+        found = {name: one.radius for name, one in zip(names, self.local_guides) if isinstance(one, Circle)}
+        points = [one.body_point for one in self.local_guides if not isinstance(one, Slot)]
         return found | ({"coupler": abs(points[1] - points[0])} if len(points) == 2 else {})
 
-    def scaled(self, scale: float) -> GuidedLinkage:
+    # -- a four-bar's own ---------------------------------------------------------------------------------------------
+
+    @property
+    def links(self) -> Lengths:
+        """Crank, coupler, rocker and ground of a four-bar; without a position the ground of a search's answer is 1."""
+        crank, rocker = self.local_guides
+        assert isinstance(crank, Circle) and isinstance(rocker, Circle)
+        coupler, ground = abs(rocker.body_point - crank.body_point), abs(rocker.pivot - crank.pivot)
+        return crank.radius, coupler, rocker.radius, ground
+
+    @property
+    def pivot_b(self) -> complex:
+        """Fixed pivot of the rocker of a four-bar."""
+        return complex(self.pivot_a + self.links[3] * np.exp(1j * self.ground_angle))
+
+    @property
+    def link_ratio(self) -> float:
+        """The longest link of a four-bar over the shortest."""
+        return float(max(self.links) / min(self.links))
+
+    @property
+    def family(self) -> Family | None:
+        """How a four-bar can turn; None for other kinds."""
+        return Family(family(np.array(self.links)).item()) if self.is_four_bar else None
+
+    # -- other linkages from it ---------------------------------------------------------------------------------------
+
+    def scaled(self, scale: float) -> Linkage:
         """The linkage with all lengths times a scale, about the origin."""
-        scaled = self.mapped(lambda z: z * scale, lambda z: z * scale, scale)
-        return scaled if self.driver.turns else replace(scaled, start=self.start * scale)
+        first, second = (_mapped(one, lambda z: z * scale, lambda z: z * scale, scale) for one in self.local_guides)
+        point = self.coupler_point
+        return replace(
+            self,
+            local_guides=(first, second),
+            start=self.start if self.driver.turns else self.start * scale,
+            pivot_a=self.pivot_a * scale,
+            coupler_point=None if point is None else (point[0] * scale, point[1]),
+        )
 
-    def moved(self, turn: float, shift: complex) -> GuidedLinkage:
+    def moved(self, turn: float, shift: complex) -> Linkage:
         """The linkage turned about the origin, then shifted; the body's frame goes with it."""
-        factor = complex(np.exp(1j * turn))
-        moved = self.mapped(lambda z: z * factor + shift, lambda z: z, turn=turn)
-        return replace(moved, start=self.start + turn) if self.driver.turns else moved
+        return replace(
+            self,
+            pivot_a=complex(self.pivot_a * np.exp(1j * turn) + shift),
+            ground_angle=self.ground_angle + turn,
+        )
 
-    def mirrored(self) -> GuidedLinkage:
+    def placed(self, pivot_a: complex, ground_angle: float, coupler_point: tuple[float, float]) -> Linkage:
+        """The linkage at another place and with another body point."""
+        return replace(self, pivot_a=pivot_a, ground_angle=ground_angle, coupler_point=coupler_point)
+
+    def mirrored(self) -> Linkage:
         """The linkage in a mirror (the x axis): places, directions and rotations change their sign of y."""
-        mirrored = self.mapped(complex.conjugate, complex.conjugate, way=-1.0)
+        first, second = (_mapped(one, complex.conjugate, complex.conjugate, way=-1.0) for one in self.local_guides)
         # a cross product changes its sign in a mirror, and so does a normal
-        flips = (self.driver is Driver.HINGE) != isinstance(self.guides[1], Circle)
+        flips = (self.driver is Driver.HINGE) != isinstance(second, Circle)
         start = -self.start if self.driver.turns else self.start
-        return replace(mirrored, branch=-self.branch if flips else self.branch, start=start)
+        point, offset = self.coupler_point, self.body_offset
+        return replace(
+            self,
+            local_guides=(first, second),
+            branch=-self.branch if flips else self.branch,
+            start=float(start % TURN) if self.is_four_bar else start,
+            pivot_a=self.pivot_a.conjugate(),
+            ground_angle=-self.ground_angle,
+            coupler_point=None if point is None else (point[0], -point[1]),
+            body_offset=None if offset is None else -offset,
+        )
 
-    def mapped(
-        self,
-        ground: Callable[[complex], complex],
-        body: Callable[[complex], complex],
-        scale: float = 1.0,
-        way: float = 1.0,
-        turn: float = 0.0,
-        turn_in_body: float = 0.0,
-    ) -> GuidedLinkage:
-        """The guides with the places of ground and body elsewhere, radii scaled, directions times a way and turned."""
+    def turned_body(self, angle: float) -> Linkage:
+        """The same linkage with the body's frame turned in the body: rotations are more by the angle, places as they were."""
+        if self.is_four_bar:
+            return replace(self, body_offset=(self.body_offset or 0.0) + angle)
+        factor = complex(np.exp(-1j * angle))
+        first, second = (
+            _mapped(one, lambda z: z, lambda z: z * factor, turn_in_body=-angle) for one in self.local_guides
+        )
+        return replace(self, local_guides=(first, second))
 
-        def guide(one: Guide) -> Guide:
-            fixed, point = complex(ground(one[0])), complex(body(one.body_point))
-            if isinstance(one, Circle):
-                return Circle(fixed, one.radius * scale, point)
-            if isinstance(one, Rail):
-                return Rail(fixed, one.direction * way + turn, point)
-            return Slot(fixed, point, one.body_direction * way + turn_in_body)
+    @property
+    def by_coupler(self) -> Linkage:
+        """The same linkage with the own frame of its body in place of that of its motion."""
+        return replace(self, coupler_point=(0.0, 0.0), body_offset=0.0)
 
-        return replace(self, guides=(guide(self.guides[0]), guide(self.guides[1])))
+    def on_body(self, point: complex) -> complex:
+        """A point of the own frame of the body in the frame of its motion."""
+        return complex((point - self.arm) * np.exp(-1j * (self.body_offset or 0.0)))
 
     # -- the loop -----------------------------------------------------------------------------------------------------
 
     @cached_property
-    def _pin(self) -> _Vector:
+    def _pin(self) -> Vector:
         """From the pin Z, about which the body turns with the drive locked, to the origin; not for a hinge."""
-        driven = self.guides[0]
+        driven = self.local_guides[0]
         if isinstance(driven, Circle):
-            return _Round(-driven.pivot, driven.radius)
+            return Round(-driven.pivot, driven.radius)
         if isinstance(driven, Rail):
-            return _Straight(-driven.point, driven.direction)
-        return _Vector(-driven.pin)
+            return Straight(-driven.point, driven.direction)
+        return Vector(-driven.pin)
 
     @cached_property
-    def _spread(self) -> _Vector:
+    def _spread(self) -> Vector:
         """From Z to the other guide's fixed point: pivot, point or pin."""
-        return self._pin.plus(_fixed_point(self.guides[1]))
+        return self._pin.plus(_fixed_point(self.local_guides[1]))
 
     @cached_property
-    def _arm(self) -> _Vector:
+    def _arm(self) -> Vector:
         """From Z to the other guide's body point, in the body's frame."""
-        driven, other = self.guides
+        driven, other = self.local_guides
         vector = other.body_point - driven.body_point
         if isinstance(driven, Slot):
-            return _Straight(vector, driven.body_direction)
-        return _Vector(vector)
+            return Straight(vector, driven.body_direction)
+        return Vector(vector)
 
     @cached_property
-    def _pushed(self) -> _Round:
+    def _pushed(self) -> Round:
         """Of a hinge with a circle: its part across the line from pivot to pin is how far the pivot lies beside the slide."""
-        driven, other = self.guides
+        driven, other = self.local_guides
         assert isinstance(driven, Slot)
         between = driven.pin - _fixed_point(other)
         beside = _turned(other.body_point - driven.body_point, -driven.body_direction).imag
-        return _Round(_turned(1j * beside, float(np.angle(between))), abs(between))
+        return Round(_turned(1j * beside, float(np.angle(between))), abs(between))
 
     @cached_property
-    def conditions(self) -> tuple[_Condition, ...]:
+    def conditions(self) -> tuple[Condition, ...]:
         """What must not be negative for the loop to close; where one vanishes both branches meet."""
-        driven, other = self.guides
+        driven, other = self.local_guides
         if self.driver is Driver.HINGE:
             if not isinstance(other, Circle):
                 return ()
@@ -586,10 +495,10 @@ class GuidedLinkage:
             return tuple(self._pushed.across(towards, other.radius, sign) for sign in (1, -1))
         cylinder = self.driver is Driver.CYLINDER
         varying, still = (self._arm, self._spread) if cylinder else (self._spread, self._arm)
-        assert isinstance(varying, _Round | _Straight)
+        assert isinstance(varying, Round | Straight)
         length = abs(still.middle)
         if isinstance(other, Circle):
-            return varying.shorter_than(length + other.radius), varying.longer_than(abs(length - other.radius))
+            return varying.shorter_than(length, other.radius), varying.longer_than(length, other.radius)
         direction = other.direction if isinstance(other, Rail) else other.body_direction
         if cylinder == isinstance(other, Slot):  # the vector that varies is the one that is projected
             return tuple(varying.across(direction, length, sign) for sign in (1, -1))
@@ -604,22 +513,35 @@ class GuidedLinkage:
         return [np.where(closed, value, np.nan) for value in values]
 
     def body(self, coordinate: ArrayLike, branch: int | None = None) -> BodyPoses:
-        """Poses of the body at coordinates q (n,) of the drive.
+        """Poses of the body at coordinates q (n,) of the drive, in the plane.
 
         ``branch``: another one than its own.
 
         Law: both guides hold to rounding at every pose, and ``configuration`` gives the coordinate and sin mu back.
         """
         q = np.atleast_1d(np.asarray(coordinate, dtype=float))
-        side = self.branch if branch is None else branch
+        found = self._poses(q, self.branch if branch is None else branch)
+        position = found.position
+        if not self._in_place:
+            on_body = position + np.exp(1j * found.rotation) * self.arm
+            position = self.pivot_a + np.exp(1j * self.ground_angle) * on_body
+        return found._replace(position=position, rotation=found.rotation + self._turned_by)
+
+    @cached_property
+    def _turned_by(self) -> float:
+        """Rotation of the body less that of `_poses`."""
+        at_start = float(self._poses(np.array([self.start]), self.branch).rotation[0])
+        turns = np.nan_to_num(np.round((at_start - wrap(at_start)) / TURN))
+        return float(self.ground_angle + (self.body_offset or 0.0) - TURN * turns)
+
+    def _poses(self, q: Floats, side: int) -> BodyPoses:
+        """The own frame of the body in that of the ground; rotations up to whole turns."""
         with np.errstate(invalid="ignore", divide="ignore"):
-            if self.driver is Driver.HINGE:
-                return self._by_hinge(q, side)
-            return self._by_pin(q, side)
+            return self._by_hinge(q, side) if self.driver is Driver.HINGE else self._by_pin(q, side)
 
     def _by_pin(self, q: Floats, side: int) -> BodyPoses:
         """The body turns about the pin Z until the other guide holds it."""
-        other = self.guides[1]
+        other = self.local_guides[1]
         spread, arm = self._spread, self._arm
         if isinstance(other, Circle):
             triangle, length = self._triangle(q), np.abs(arm.at(q))
@@ -648,7 +570,7 @@ class GuidedLinkage:
 
     def _triangle(self, q: Floats) -> _Triangle:
         """Of the pin Z, the other guide's pivot and its body point."""
-        other = self.guides[1]
+        other = self.local_guides[1]
         assert isinstance(other, Circle)
         distance, length = np.abs(self._spread.at(q)), np.abs(self._arm.at(q))
         if self.driver is not Driver.CYLINDER:
@@ -658,14 +580,14 @@ class GuidedLinkage:
 
     def _on_body(self, q: Floats) -> Complexes:
         """The body point that lies on the pin Z."""
-        driven = self.guides[0]
+        driven = self.local_guides[0]
         if isinstance(driven, Slot):
             return driven.body_point + q * np.exp(1j * driven.body_direction)
         return np.full(q.shape, driven.body_point)
 
     def _by_hinge(self, q: Floats, side: int) -> BodyPoses:
         """The body slides along its slot until the other guide holds it."""
-        driven = self.guides[0]
+        driven = self.local_guides[0]
         assert isinstance(driven, Slot)
         rotation = q - driven.body_direction
         extension, sine, cosine = self._extension(q, side)
@@ -677,7 +599,7 @@ class GuidedLinkage:
 
     def _extension(self, q: Floats, side: int) -> tuple[Floats, Floats, Floats]:
         """With a hinge: place of the pin along the slot, and sine and cosine of the other guide's push against it."""
-        driven, other = self.guides
+        driven, other = self.local_guides
         assert isinstance(driven, Slot)
         along = np.exp(1j * q)
         arm = _turned(other.body_point - driven.body_point, -driven.body_direction)
@@ -705,14 +627,21 @@ class GuidedLinkage:
         Law: what difference quotients of `body` tend to.
         """
         q = np.atleast_1d(np.asarray(coordinate, dtype=float))
-        found = self.body(q)
+        found = self._poses(q, self.branch)
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             turning = self._rates_by_hinge(q) if self.driver is Driver.HINGE else self._rates_by_pin(q, found)
+            if not self._in_place:
+                along, arm = np.exp(1j * self.ground_angle), np.exp(1j * found.rotation) * self.arm
+                first, second = turning.rotation, turning.rotation_second
+                turning = turning._replace(
+                    position=along * (turning.position + 1j * first * arm),
+                    position_second=along * (turning.position_second + (1j * second - first**2) * arm),
+                )
         return BodyRates(*(np.where(np.isfinite(one), one, np.nan) for one in turning))
 
     def _rates_by_pin(self, q: Floats, found: BodyPoses) -> BodyRates:
         """From g(gamma, q) = 0 of the other guide, differentiated twice; the factor of the unknown is the arm with its sign."""
-        driven, other = self.guides
+        driven, other = self.local_guides
         turned = np.exp(1j * found.rotation)
         pin, pin_second, on_body = 0j * q, 0j * q, 0j
         if isinstance(driven, Circle):
@@ -747,7 +676,7 @@ class GuidedLinkage:
         return BodyRates(position, rotation, position_second, second)
 
     def _rates_by_hinge(self, q: Floats) -> BodyRates:
-        driven, other = self.guides
+        driven, other = self.local_guides
         assert isinstance(driven, Slot)
         extension, sine, _ = self._extension(q, self.branch)
         along = np.exp(1j * q)
@@ -776,7 +705,7 @@ class GuidedLinkage:
         known = np.isfinite(sine)
         return BodyRates(velocity, np.where(known, one, np.nan), change, np.where(known, none, np.nan))
 
-    def links(self, travel: ArrayLike) -> tuple[LinkMotion, ...]:
+    def motions(self, travel: ArrayLike) -> tuple[LinkMotion, ...]:
         """The moving links, named as in `link_names`, over travel (n,) of the drive from the first sample.
 
         * A crank or rocker: from its pivot towards its body point.
@@ -817,14 +746,18 @@ class GuidedLinkage:
             return LinkMotion(name, point, guide.direction * closed, velocity, none, change, none)
         pivot = guide.pivot * closed
         if place == 0:
-            return LinkMotion(name, pivot, q * closed, still, closed, still, 0.0 * closed, guide.pivot)
+            return LinkMotion(
+                name, pivot, (q + self.ground_angle) * closed, still, closed, still, 0.0 * closed, guide.pivot
+            )
         spoke = point - guide.pivot
         turn, spin = (cross(spoke, rate) / guide.radius**2 for rate in (velocity, change))
-        return LinkMotion(name, pivot, self._rocker_direction(q), still, turn, still, spin, guide.pivot)
+        return LinkMotion(
+            name, pivot, self._rocker_direction(q) + self.ground_angle, still, turn, still, spin, guide.pivot
+        )
 
     def _rocker_direction(self, q: Floats) -> Floats:
         """Direction of the other guide's radius, continuous in the drive's coordinate."""
-        other = self.guides[1]
+        other = self.local_guides[1]
         assert isinstance(other, Circle)
         with np.errstate(invalid="ignore", divide="ignore"):
             if self.driver is Driver.HINGE:
@@ -840,7 +773,7 @@ class GuidedLinkage:
         Directions are in (-pi, pi].
         """
         driven, other = self.guides
-        turned = np.exp(1j * rotation)
+        turned, level = np.exp(1j * rotation), np.exp(-1j * self.ground_angle)
         on_other = position + turned * other.body_point
         with np.errstate(invalid="ignore", divide="ignore"):
             if isinstance(other, Circle):
@@ -853,12 +786,12 @@ class GuidedLinkage:
             if isinstance(driven, Slot):
                 along = turned * np.exp(1j * driven.body_direction)
                 if self.driver is Driver.HINGE:
-                    return np.angle(along), dot(push, along)
+                    return np.angle(level * along), dot(push, along)
                 coordinate, pin = dot(along, driven.pin - on_driven), np.full(turned.shape, driven.pin)
             elif isinstance(driven, Rail):
                 coordinate, pin = dot(np.exp(1j * driven.direction), on_driven - driven.point), on_driven
             else:
-                coordinate, pin = np.angle(on_driven - driven.pivot), on_driven
+                coordinate, pin = np.angle(level * (on_driven - driven.pivot)), on_driven
             return coordinate, cross(on_other - pin, push) / np.abs(on_other - pin)
 
     # -- over an interval ---------------------------------------------------------------------------------------------
@@ -876,7 +809,7 @@ class GuidedLinkage:
 
     def _apart(self, first: float, last: float) -> bool:
         """Whether a hinge's slot lies along the other guide's rail in between: the body would be infinitely far."""
-        other = self.guides[1]
+        other = self.local_guides[1]
         if self.driver is not Driver.HINGE or not isinstance(other, Rail):
             return False
         ends = np.sin(np.array([first, last]) - other.direction)
@@ -890,12 +823,16 @@ class GuidedLinkage:
         first, last = float(interval.first), float(interval.last)
         return float(np.min(self.body([first, last, *self._worst_places(first, last)]).transmission_angle))
 
+    def transmission_angle_min(self, interval: Interval) -> float:
+        """The smallest transmission angle over travel from the first sample on; NaN where it does not close."""
+        return self.transmission_angle_over(interval.after(self.start))
+
     def arm_over(self, interval: Interval) -> float:
         """The smallest moment arm over an interval of the coordinate, at steps of at most a degree; NaN where it opens."""
         if not self.closes_over(interval):
             return math.nan
         first, last = float(interval.first), float(interval.last)
-        places = [*self.over(Interval(first, last)), *self._worst_places(first, last)]
+        places = [*self.travel_over(Interval(first, last)), *self._worst_places(first, last)]
         return float(np.min(self.body(places).arm))
 
     def _worst_places(self, first: float, last: float) -> list[float]:
@@ -907,11 +844,13 @@ class GuidedLinkage:
 
     @cached_property
     def turns_fully(self) -> bool:
-        """Whether the drive turns, and turns fully."""
+        """Whether the drive turns, and turns fully; a four-bar that can fold flat does not."""
+        if self.is_four_bar:
+            return self.family in FULL_CRANK
         return self.driver.turns and self.closes_over(Interval(self.start, self.start + TURN))
 
-    def over(self, interval: Interval) -> Floats:
-        """Coordinates over an interval of travel from the first sample, in even steps, of at most a degree for angles."""
+    def travel_over(self, interval: Interval) -> Floats:
+        """Travel over an interval from the first sample, in even steps, of at most a degree for angles."""
         first, last = interval
         steps = _PLACES
         if self.driver.turns:
@@ -939,7 +878,7 @@ class GuidedLinkage:
 
         Where it turns back in between is found from its derivative, between steps of at most a degree.
         """
-        travel = self.over(interval)
+        travel = self.travel_over(interval)
         at = np.array([float(interval.first), float(interval.last)])
         if place == 1 or self.driver.turns:
             rate = self.along_rate(place, travel)
@@ -957,7 +896,7 @@ class GuidedLinkage:
     def along_rate(self, place: int, travel: Floats) -> Floats:
         """Derivative of `along`; its sign is right at a dead position's neighbours too."""
         guide = self.guides[place]
-        body = self.links(travel)[1]
+        body = self.motions(travel)[1]
         velocity = body.speed(guide.body_point)
         if isinstance(guide, Rail):
             return dot(np.exp(1j * guide.direction), velocity)
@@ -978,35 +917,68 @@ def _turned(vector: complex, angle: float) -> complex:
     return complex(vector * np.exp(1j * angle))
 
 
-def through(guides: tuple[Guide, Guide], driver: Driver, rotation: float, position: complex) -> GuidedLinkage:
+def _mapped(
+    guide: Guide,
+    ground: Callable[[complex], complex],
+    body: Callable[[complex], complex],
+    scale: float = 1.0,
+    way: float = 1.0,
+    turn: float = 0.0,
+    turn_in_body: float = 0.0,
+) -> Guide:
+    """A guide with the places of ground and body elsewhere, its radius scaled, directions times a way and turned."""
+    fixed, point = complex(ground(guide[0])), complex(body(guide.body_point))
+    if isinstance(guide, Circle):
+        return Circle(fixed, guide.radius * scale, point)
+    if isinstance(guide, Rail):
+        return Rail(fixed, guide.direction * way + turn, point)
+    return Slot(fixed, point, guide.body_direction * way + turn_in_body)
+
+
+def on_guides(guides: tuple[Guide, Guide], driver: Driver, branch: int = 1, start: float = 0.0) -> Linkage:
+    """Return the linkage on guides in the plane and in the body's frame of its motion.
+
+    ``start``: the drive's coordinate at the first sample, directions against the x axis.
+    """
+    first, second = guides
+    if not (isinstance(first, Circle) and isinstance(second, Circle)):
+        return Linkage(guides, driver, branch, start)
+    ground, coupler = second.pivot - first.pivot, second.body_point - first.body_point
+    turn, offset = float(np.angle(ground)), -float(np.angle(coupler))
+    point = complex(-first.body_point * np.exp(1j * offset))
+    return four_bar(
+        (first.radius, abs(coupler), second.radius, abs(ground)),
+        branch,
+        start - turn,
+        first.pivot,
+        turn,
+        (abs(point), float(np.angle(point))),
+        offset,
+    )
+
+
+def four_bar(
+    links: Lengths,
+    branch: int = 1,
+    start: float = 0.0,
+    pivot_a: complex = 0j,
+    ground_angle: float = 0.0,
+    coupler_point: tuple[float, float] | None = None,
+    body_offset: float | None = None,
+) -> Linkage:
+    """Return the four-bar of four lengths: crank, coupler, rocker, ground; see `Linkage` for the rest."""
+    crank, coupler, rocker, ground = links
+    guides = Circle(0j, crank, 0j), Circle(complex(ground), rocker, complex(coupler))
+    return Linkage(guides, Driver.CRANK, branch, start, pivot_a, ground_angle, coupler_point, body_offset)
+
+
+def with_links(linkage: Linkage, links: Lengths) -> Linkage:
+    """Return a four-bar with other lengths."""
+    return replace(linkage, local_guides=four_bar(links).local_guides)
+
+
+def through(guides: tuple[Guide, Guide], driver: Driver, rotation: float, position: complex) -> Linkage:
     """The linkage that the guides make, started and on the branch where the body has a pose."""
-    one = GuidedLinkage(guides, driver)
+    one = on_guides(guides, driver)
     q, sine = one.configuration(np.array([rotation]), np.array([position]))
     return replace(one, branch=1 if sine[0] >= 0 else -1, start=float(q[0]))
-
-
-def of_four_bar(linkage: Linkage) -> GuidedLinkage:
-    """A four-bar as a body on two circles, the crank the driven one.
-
-    The body's frame is that of its motion: the body point where it guides one (else the crank pin), turned with the body.
-
-    Law: poses over travel from the first sample are those of `Linkage.joints`.
-    """
-    return _on_circles(linkage, on_body(linkage, 0j), on_body(linkage, linkage.links[1] + 0j))
-
-
-def along_coupler(linkage: Linkage) -> GuidedLinkage:
-    """The same with the coupler's own frame in place of the body's: from the crank pin along the coupler."""
-    return _on_circles(linkage, 0j, linkage.links[1] + 0j)
-
-
-def _on_circles(linkage: Linkage, first: complex, second: complex) -> GuidedLinkage:
-    crank, _, rocker, _ = linkage.links
-    guides = Circle(linkage.pivot_a, crank, first), Circle(linkage.pivot_b, rocker, second)
-    return GuidedLinkage(guides, Driver.CRANK, linkage.branch, linkage.start + linkage.ground_angle)
-
-
-def on_body(linkage: Linkage, point: complex) -> complex:
-    """A point of a four-bar's coupler, from the crank pin along the coupler, in the body's frame of `of_four_bar`."""
-    origin = linkage.arm if linkage.mounted else 0j
-    return complex((point - origin) * np.exp(-1j * (linkage.body_offset or 0.0)))

@@ -1,0 +1,252 @@
+"""Guides of a body and what drives them: circle, rail and slot, and the vectors of their loop over the drive's coordinate."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from synthesis.arrays import Complexes, Floats
+from synthesis.target import TURN
+
+
+class Circle(NamedTuple):
+    """A body point on a circle: a crank, or a rocker."""
+
+    pivot: complex
+    radius: float
+    body_point: complex
+
+
+class Rail(NamedTuple):
+    """A body point on a line of the ground through ``point``; ``direction`` in radians."""
+
+    point: complex
+    direction: float
+    body_point: complex
+
+
+class Slot(NamedTuple):
+    """A line of the body, through ``body_point`` with ``body_direction`` in radians, through a fixed pin."""
+
+    pin: complex
+    body_point: complex
+    body_direction: float
+
+
+Guide = Circle | Rail | Slot
+
+
+class Kind(StrEnum):
+    """Which guides a linkage has."""
+
+    FOUR_BAR = "four_bar"
+    SLIDER_CRANK = "slider_crank"
+    SWINGING_BLOCK = "swinging_block"
+    RAIL_SLOT = "rail_slot"
+    TWO_RAILS = "two_rails"
+    TWO_SLOTS = "two_slots"
+
+
+class Driver(StrEnum):
+    """What moves the first guide."""
+
+    CRANK = "crank"
+    SLIDER = "slider"
+    CYLINDER = "cylinder"
+    HINGE = "hinge"
+
+    @property
+    def turns(self) -> bool:
+        """Whether its coordinate is an angle; otherwise it is a length."""
+        return self in (Driver.CRANK, Driver.HINGE)
+
+
+GUIDES: dict[Kind, tuple[type[Circle] | type[Rail] | type[Slot], type[Circle] | type[Rail] | type[Slot]]] = {
+    Kind.FOUR_BAR: (Circle, Circle),
+    Kind.SLIDER_CRANK: (Circle, Rail),
+    Kind.SWINGING_BLOCK: (Circle, Slot),
+    Kind.RAIL_SLOT: (Rail, Slot),
+    Kind.TWO_RAILS: (Rail, Rail),
+    Kind.TWO_SLOTS: (Slot, Slot),
+}
+"""The guides of each kind, in either order."""
+DRIVERS: dict[type[Circle] | type[Rail] | type[Slot], tuple[Driver, ...]] = {
+    Circle: (Driver.CRANK,),
+    Rail: (Driver.SLIDER,),
+    Slot: (Driver.CYLINDER, Driver.HINGE),
+}
+"""What may drive each guide."""
+BODY = "coupler"
+"""Name of the link that is the body."""
+
+
+class Condition(NamedTuple):
+    """What must not be negative for a loop to close, over the drive's coordinate."""
+
+    value: Callable[[Floats], Floats]
+    extremes: tuple[float, ...]
+    """Where it is smallest or largest, modulo the period: between two of these it rises or falls throughout."""
+    size: float
+    """Of the terms that it is made of, to tell what is small."""
+    bounded: bool
+    """Whether it is negative far out on a line, so that the coordinate has ends."""
+
+
+@dataclass(frozen=True)
+class Vector:
+    """A plane vector over the drive's coordinate q, which every method takes as an array (n,); here one that stays as it is.
+
+    Of those that move, conditions: ``longer_than``, its square less that of the difference of two lengths; ``shorter_than``, the
+    square of the sum of two lengths less its own; ``across``, a length less, for sign +1, the vector's part to the left of a
+    direction, for sign -1 that to the right.
+    """
+
+    middle: complex
+
+    def plus(self, offset: complex) -> Self:
+        """The sum with a fixed vector."""
+        return replace(self, middle=self.middle + offset)
+
+    def at(self, q: Floats) -> Complexes:
+        """The vector."""
+        return np.full(np.shape(q), self.middle)
+
+    def direction(self, q: Floats) -> Floats:
+        """Its angle against the x axis, continuous wherever it does not vanish."""
+        return np.full(np.shape(q), np.angle(self.middle))
+
+    @property
+    def turning_points(self) -> tuple[float, ...]:
+        """Where its length is largest or smallest."""
+        return ()
+
+
+@dataclass(frozen=True)
+class Round(Vector):
+    """``middle - radius e^{iq}``: from a crank's pin to a fixed place."""
+
+    radius: float
+
+    @property
+    def _distance(self) -> float:
+        return abs(self.middle)
+
+    @property
+    def _towards(self) -> float:
+        return float(np.angle(self.middle))
+
+    def at(self, q: Floats) -> Complexes:
+        """Return the vector."""
+        return self.middle - self.radius * np.exp(1j * q)
+
+    def direction(self, q: Floats) -> Floats:
+        """Return its angle against the x axis."""
+        d, r, x = self._distance, self.radius, q - self._towards
+        # the bracket of the longer of both has a positive real part: its argument needs no unwrapping
+        if d >= r:
+            return self._towards + np.arctan2(-r * np.sin(x), (d - r) + 2 * r * np.sin(x / 2) ** 2)
+        return q - math.pi + np.arctan2(d * np.sin(x), (r - d) + 2 * d * np.sin(x / 2) ** 2)
+
+    def longer_than(self, first: float, second: float = 0.0) -> Condition:
+        """Return its square less that of the difference of two lengths."""
+        d, r, towards, length = self._distance, self.radius, self._towards, abs(first - second)
+        least = math.fsum((d, -r, first, -second)) * math.fsum((d, -r, -first, second))
+        return Condition(
+            lambda q: least + 4 * d * r * np.sin((q - towards) / 2) ** 2,
+            self.turning_points,
+            (d + r + length) ** 2,
+            False,
+        )
+
+    def shorter_than(self, first: float, second: float = 0.0) -> Condition:
+        """Return the square of the sum of two lengths less its own."""
+        d, r, towards, length = self._distance, self.radius, self._towards, first + second
+        least = math.fsum((first, second, -d, -r)) * (length + d + r)
+        return Condition(
+            lambda q: least + 4 * d * r * np.cos((q - towards) / 2) ** 2,
+            self.turning_points,
+            (d + r + length) ** 2,
+            False,
+        )
+
+    def across(self, direction: float, length: float, sign: int) -> Condition:
+        """Return a length less the part across a direction; see `Vector`."""
+        r = self.radius
+        least = (length - r) - sign * float(np.imag(self.middle * np.exp(-1j * direction)))
+        size = length + r + abs(self.middle)
+        lowest = direction - sign * math.pi / 2
+        return Condition(
+            lambda q: least + 2 * r * np.sin((q - lowest) / 2) ** 2, (lowest, lowest + math.pi), size, False
+        )
+
+    @property
+    def turning_points(self) -> tuple[float, ...]:
+        """Coordinates at which its length is largest or smallest."""
+        return self._towards, self._towards + math.pi
+
+
+@dataclass(frozen=True)
+class Straight(Vector):
+    """``middle - q e^{i along}``: from a slider's pin to a fixed place."""
+
+    along: float
+
+    @property
+    def _foot(self) -> complex:
+        """The place on the line nearest to the vector's end, and how far beside the line that end lies."""
+        return complex(self.middle * np.exp(-1j * self.along))
+
+    def at(self, q: Floats) -> Complexes:
+        """Return the vector."""
+        return self.middle - q * np.exp(1j * self.along)
+
+    def direction(self, q: Floats) -> Floats:
+        """Return its angle against the x axis."""
+        foot = self._foot
+        return self.along + np.arctan2(foot.imag, foot.real - q)
+
+    def longer_than(self, first: float, second: float = 0.0) -> Condition:
+        """Return its square less that of the difference of two lengths."""
+        foot, length = self._foot, abs(first - second)
+        least, size = (abs(foot.imag) - length) * (abs(foot.imag) + length), (abs(foot.imag) + length) ** 2
+        return Condition(lambda q: least + (foot.real - q) ** 2, (foot.real,), size, False)
+
+    def shorter_than(self, first: float, second: float = 0.0) -> Condition:
+        """Return the square of the sum of two lengths less its own."""
+        foot, length = self._foot, first + second
+        square, size = (length - abs(foot.imag)) * (length + abs(foot.imag)), (length + abs(foot.imag)) ** 2
+        if square < 0:
+            return Condition(lambda q: square - (foot.real - q) ** 2, (foot.real,), size, True)
+        half = math.sqrt(square)
+        return Condition(lambda q: (half - (foot.real - q)) * (half + (foot.real - q)), (foot.real,), size, True)
+
+    def across(self, direction: float, length: float, sign: int) -> Condition:
+        """Return a length less the part across a direction; see `Vector`."""
+        beside = float(np.imag(self.middle * np.exp(-1j * direction)))
+        slope = math.sin(self.along - direction)
+        return Condition(lambda q: length - sign * beside + sign * q * slope, (), length, slope != 0)
+
+    @property
+    def turning_points(self) -> tuple[float, ...]:
+        """Coordinates at which its length is largest or smallest."""
+        return (self._foot.real,)
+
+
+def places_within(places: Iterable[float], first: float, last: float, period: float | None) -> list[float]:
+    """The places, modulo a period where there is one, strictly between two coordinates in either order."""
+    low, high = min(first, last), max(first, last)
+    found: list[float] = []
+    for place in places:
+        if period is None:
+            found += [place] if low < place < high else []
+            continue
+        number = math.floor((low - place) / TURN) + 1
+        while place + number * TURN < high:
+            found.append(place + number * TURN)
+            number += 1
+    return found
