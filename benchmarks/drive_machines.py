@@ -43,7 +43,7 @@ def door() -> dict[str, Any]:
     """A canopy door: rollers at its foot in upright rails, an arm from the frame to its middle; it opens outwards and up."""
     arm = {"guide": "circle", "pivot": [0, 1300], "radius": 520, "body_point": [0, 800]}
     rail = {"guide": "rail", "point": [0, 0], "direction": 90, "body_point": [0, 0]}
-    return {"linkage": la.GuidedLinkage([arm, rail], "crank", 1, -88.0), "crank_angle": [0, 150]}
+    return {"linkage": la.Linkage([arm, rail], "crank", 1, -88.0), "crank_angle": [0, 150]}
 
 
 MACHINES: dict[str, dict[str, Any]] = {

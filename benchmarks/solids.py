@@ -36,7 +36,7 @@ def machines() -> Iterator[tuple[str, SolidParts]]:
     """Parts of all machines, made to be printed, boards on both sides."""
     yield from gallery()
     for title, (guides, driver, start, travel) in ON_GUIDES.items():
-        one = la.GuidedLinkage(guides, driver, start=start)
+        one = la.Linkage(guides, driver, start=start)
         motion = la.Motion(position=one.joints(travel).body_point, timing="free")
         yield title, one.solids(motion, travel, **MADE)
     four_bar = la.FourBar(30, 60, 70, 50, start_angle=40, coupler_point=(40, 30))
@@ -52,7 +52,7 @@ def gallery() -> Iterator[tuple[str, SolidParts]]:
         asked = {name: one["request"][name] for name in MOTION if name in one["request"]}
         motion = la.Motion(**asked, degrees=one["request"].get("angle_unit", "deg") == "deg")
         for solution in one["reply"]["solutions"]:
-            linkage = la.FourBar.from_dict(solution, motion.degrees)
+            linkage = la.Linkage.from_dict(solution, motion.degrees)
             try:
                 yield one["title"], linkage.solids(motion, solution["crank_angle"], **MADE)
             except la.FieldError:

@@ -285,13 +285,11 @@ def kinds() -> None:
         linkage = next(
             one
             for branch in (1, -1)
-            if np.isfinite(
-                (one := la.GuidedLinkage([first, second], driver, branch, starts[kind])).joints(0).rotation[0]
-            )
+            if np.isfinite((one := la.Linkage([first, second], driver, branch, starts[kind])).joints(0).rotation[0])
         )
         joints, guides = linkage.joints(0), linkage.plain.guides
         place, turn = complex(joints.body_point[0] @ [1, 1j]), float(np.deg2rad(joints.rotation[0]))
-        held = [complex(one[0] @ [1, 1j]) for one in joints.guided]
+        held = [complex(one[0] @ [1, 1j]) for one in (joints.crank_pin, joints.coupler_pin)]
         corners = []
         for one, at in zip(guides, held):
             corners.append(at if not isinstance(one, Slot) else place + np.exp(1j * turn) * one.body_point)

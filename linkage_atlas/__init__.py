@@ -1,7 +1,7 @@
 """Linkages for a required motion: ``import linkage_atlas as la``.
 
 Ask with `synthesize` (any linkage for a `Motion`, within `Limits`, refined to machine precision), `function` (whose rocker
-turns as a function of its crank) or `match` (which rows of an atlas, exactly); move, draw and save what comes back, a `FourBar`.
+turns as a function of its crank) or `match` (which rows of an atlas, exactly); move, draw and save what comes back, a `Linkage`.
 Plain arrays in and out; angles in degrees unless ``degrees=False``. Every name is loaded when it is first used, so that the
 import itself loads neither numpy nor scipy.
 """
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from linkage_atlas.drive_design.six_bars import SixBarJoints, SixBarLinkage
     from linkage_atlas.functions import FunctionResult, FunctionSolution, function
     from linkage_atlas.limits import Limits
-    from linkage_atlas.linkages import FourBar, GuidedJoints, GuidedLinkage, Joints, assembly
+    from linkage_atlas.linkages import FourBar, Joints, Linkage, SliderCrank, assembly
     from linkage_atlas.matching import match
     from linkage_atlas.motions import Motion
     from linkage_atlas.solids import SolidParts
@@ -48,7 +48,7 @@ _HOMES = {
     "linkage_atlas.drive_design.records": ("Drives",),
     "linkage_atlas.functions": ("function", "FunctionResult", "FunctionSolution"),
     "linkage_atlas.limits": ("Limits",),
-    "linkage_atlas.linkages": ("FourBar", "Joints", "GuidedLinkage", "GuidedJoints", "assembly"),
+    "linkage_atlas.linkages": ("FourBar", "Joints", "Linkage", "SliderCrank", "assembly"),
     "linkage_atlas.motions": ("Motion",),
     "linkage_atlas.drive_design.six_bars": ("SixBarLinkage", "SixBarJoints"),
     "linkage_atlas.solids": ("SolidParts",),
@@ -73,11 +73,10 @@ __all__ = [
     "FourBar",
     "FunctionResult",
     "FunctionSolution",
-    "GuidedJoints",
-    "GuidedLinkage",
     "GuidedSolution",
     "Joints",
     "Limits",
+    "Linkage",
     "Match",
     "Matches",
     "Motion",
@@ -85,6 +84,7 @@ __all__ = [
     "Result",
     "SixBarJoints",
     "SixBarLinkage",
+    "SliderCrank",
     "SolidParts",
     "Solution",
     "Work",

@@ -20,8 +20,7 @@ from linkage_atlas.linkages import (
     AnyGuide,
     CircleGuide,
     DriverName,
-    FourBar,
-    GuidedLinkage,
+    Linkage,
     Links,
     Mount,
     OtherKindName,
@@ -55,7 +54,7 @@ from synthesis.guided import solution as guided
 from synthesis.guided.passage import verdict as guided_verdict
 from synthesis.guided.rounding import from_stock, on_grid, rounded
 from synthesis.guided.solution import broken_limits
-from synthesis.linkage import Linkage
+from synthesis.linkage import Linkage as Plain
 from synthesis.local_refinement import refined_in_place
 from synthesis.ranking import FAIR, PROPORTION, Errors, Status
 from synthesis.target import Samples, Target
@@ -114,7 +113,7 @@ class Rounded(Record):
     """Whether this is the best of all combinations; null for a grid."""
     reason: str | None = None
     """Why none closes."""
-    linkage: FourBar | None = field(default=None, metadata=KEPT)
+    linkage: Linkage | None = field(default=None, metadata=KEPT)
 
 
 @dataclass(frozen=True)
@@ -204,13 +203,13 @@ class Driven(_Parts):
         sensitivity : bool
             ``sensitivity``: the change of the motion per unit of each length.
         analysis : mapping
-            ``analysis``: ``crank_speed`` and perhaps ``load``, as of `FourBar.analysis`.
+            ``analysis``: ``crank_speed`` and perhaps ``load``, as of `Linkage.analysis`.
         load, drives, springs, drive
             ``drives``, ``refused``, ``springs``, ``drivable``: as of `linkage_atlas.drives`, the best of each kind.
         tolerance_study : mapping
-            ``tolerance_study``: ``links``, ``pivots``, ``clearance``, ``samples``, ``seed``, as of `FourBar.tolerance_study`.
+            ``tolerance_study``: ``links``, ``pivots``, ``clearance``, ``samples``, ``seed``, as of `Linkage.tolerance_study`.
         assembly : mapping or True
-            ``verdict.assembly``: layers in which nothing collides; arguments as of `FourBar.assembly`, or their defaults.
+            ``verdict.assembly``: layers in which nothing collides; arguments as of `Linkage.assembly`, or their defaults.
 
         Examples
         --------
@@ -271,7 +270,7 @@ class Solution(Driven):
     rounded: Rounded | None = None
     analysis: Analysis | None = field(default=None, repr=False)
     tolerance_study: ToleranceStudy | None = field(default=None, repr=False)
-    linkage: FourBar = field(metadata=KEPT)
+    linkage: Linkage = field(metadata=KEPT)
     """It moves, draws and saves itself."""
     origin: Origin[search.Solution] = field(metadata=KEPT, repr=False)
 
@@ -299,7 +298,7 @@ class GuidedRounded(Record):
     """Whether all combinations were tried; null for a grid."""
     reason: str | None = None
     """Why none closes."""
-    linkage: GuidedLinkage | None = field(default=None, metadata=KEPT)
+    linkage: Linkage | None = field(default=None, metadata=KEPT)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -341,7 +340,7 @@ class GuidedSolution(Driven):
     rounded: GuidedRounded | None = None
     analysis: GuidedAnalysis | None = field(default=None, repr=False)
     tolerance_study: ToleranceStudy | None = field(default=None, repr=False)
-    linkage: GuidedLinkage = field(metadata=KEPT)
+    linkage: Linkage = field(metadata=KEPT)
     """It moves, draws and saves itself."""
     origin: Origin[guided.GuidedSolution] = field(metadata=KEPT, repr=False)
 
@@ -421,7 +420,7 @@ class Result(Record, Ranked[AnySolution]):
         return self.solutions[0]
 
     @property
-    def linkage(self) -> FourBar | GuidedLinkage:
+    def linkage(self) -> Linkage:
         """The linkage of the best solution."""
         return self.best.linkage
 
@@ -464,7 +463,7 @@ class Match(Record):
     similarity: float
     """Rms rotation error of this row at this start: a distance."""
     features: Features | None = None
-    linkage: FourBar | GuidedLinkage = field(metadata=KEPT)
+    linkage: Linkage = field(metadata=KEPT)
     """With the type's lengths, this start and offset."""
 
 
@@ -653,7 +652,7 @@ def _described(
         if isinstance(samples, Poses):
             faults += spin_faults(samples, turned[k])
         kind = None if one.row is None or type_of is None else type_of(one.row)
-        linkage = FourBar.of(one.linkage, own.radian, own.target, own.length_unit)
+        linkage = Linkage.of(one.linkage, own.radian, own.target, own.length_unit)
         solutions.append(
             Solution(
                 rank=0,
@@ -682,7 +681,7 @@ def _described(
     return solutions
 
 
-def _circles(linkage: Linkage) -> list[CircleGuide] | None:
+def _circles(linkage: Plain) -> list[CircleGuide] | None:
     if not linkage.mounted:
         return None
     return [one for one in guides_of(linkage, 1.0, None) if isinstance(one, CircleGuide)]
@@ -712,7 +711,7 @@ def _guided_described(one: guided.GuidedSolution, motion: Motion, limits: Limits
     faults = guided.practical_faults(one, target, limits, strays)
     if isinstance(samples, Poses):
         faults += spin_faults(samples, guided.rotation_of(one, samples))
-    linkage = GuidedLinkage.of(one.linkage, radian, target, own.length_unit)
+    linkage = Linkage.of(one.linkage, radian, target, own.length_unit)
     turns, turn = one.linkage.driver.turns, one.transmission_angle_min_turn
     kind: Any = one.linkage.kind.value
     return GuidedSolution(
@@ -760,7 +759,7 @@ def _guided_rounded(
         return GuidedRounded(**values)
     again, radian, free = found.solution, own.radian, isinstance(samples, Poses)
     target = guided.as_target(samples, again.linkage, again.travel)
-    linkage = GuidedLinkage.of(again.linkage, radian, target, own.length_unit)
+    linkage = Linkage.of(again.linkage, radian, target, own.length_unit)
     turns = again.linkage.driver.turns
     values |= {
         "lengths": again.linkage.lengths,
@@ -800,7 +799,7 @@ def _studied(solution: S, studies: Studies, solutions: int, work: Work) -> S:
     return replace(solution, **done) if done else solution
 
 
-def _sensitivity(linkage: Linkage, target: Target, radian: float) -> Sensitivity | list[Change]:
+def _sensitivity(linkage: Plain, target: Target, radian: float) -> Sensitivity | list[Change]:
     if not linkage.is_four_bar:
         return changes(linkage, target, radian)
     (change,) = sensitivities(target, [linkage])
@@ -912,7 +911,7 @@ def _rounded(
             free = Motion.of(asked, motion.degrees, motion.tolerances, motion.length_unit)
             motion = free.of_solution(again.linkage, again.crank)
         values["crank_angle"] = in_turn(motion.target.crank, asked.ordered) / motion.radian
-    linkage = FourBar.of(again.linkage, motion.radian, motion.target, motion.length_unit)
+    linkage = Linkage.of(again.linkage, motion.radian, motion.target, motion.length_unit)
     dimensions = linkage.dimensions._asdict()
     del dimensions["branch"]
     values |= dimensions | {

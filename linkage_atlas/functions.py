@@ -24,7 +24,7 @@ from linkage_atlas.arguments import (
     radians_in,
 )
 from linkage_atlas.limits import read_function_limits
-from linkage_atlas.linkages import AnyGuide, DriverName, FourBar, GuidedLinkage, KindName, Links, guides_of
+from linkage_atlas.linkages import AnyGuide, DriverName, KindName, Linkage, Links, guides_of
 from linkage_atlas.motions import unit_notes, unwound
 from linkage_atlas.notes import counted, in_percent, sentences
 from linkage_atlas.records import KEPT, Record, Values, names_of
@@ -241,7 +241,7 @@ class TravelSolution(Record):
     transmission_angle_min: float
     """Over the used interval, exactly."""
     error_curve: ErrorCurve | None
-    linkage: GuidedLinkage = field(metadata=KEPT)
+    linkage: Linkage = field(metadata=KEPT)
     """It moves, draws and saves itself."""
 
 
@@ -252,7 +252,7 @@ def render(
     wanted: Wanted,
     scales: Scales,
     dial: Dial,
-    linkage: FourBar | GuidedLinkage,
+    linkage: Linkage,
     output_offset: float,
     kind: str,
     length_unit: str,
@@ -261,9 +261,9 @@ def render(
     radian = radians_in(linkage.degrees)
     travel = wanted.crank * (1.0 if dial.input == ANGLE else scales.length)
     if kind != "csv":
-        shown = type(linkage).of(linkage.plain, radian, Target(None, None, crank=travel))
+        shown = Linkage.of(linkage.plain, radian, Target(None, None, crank=travel))
         return shown.render(kind, length_unit=None if kind == "svg" else length_unit)
-    if isinstance(linkage, FourBar):
+    if linkage.plain.is_four_bar:
         return to_csv(wanted, linkage.plain, output_offset * radian, radian)
     plain = linkage.plain
     body = plain.body(plain.start + travel)
@@ -280,7 +280,7 @@ def render(
     return csv_text({name: np.asarray(values).tolist() for name, values in columns.items()})
 
 
-def own_output(linkage: GuidedLinkage, dial: Dial, travel: Floats) -> Floats:
+def own_output(linkage: Linkage, dial: Dial, travel: Floats) -> Floats:
     """A linkage's own output over travel (n,) of its drive (radians or lengths), in the user's unit; angles continuous.
 
     Of a crank or lever its direction, in (-180, 180] degrees at the first; of a slider or cylinder its place.
@@ -419,7 +419,7 @@ def function(
         Seconds; the best found by then is returned.
     round_to : float, optional
         Also give each solution with its links on this grid and the zeros fitted anew; needs limits.links.ground.
-    start_from : sequence of FourBar, FunctionSolution or mapping, optional
+    start_from : sequence of Linkage, FunctionSolution or mapping, optional
         Four-bars that are candidates from the first step; plain values are those of `FunctionSolution.to_dict`. Each is refined
         to its nearest optimum within the limits before the search begins.
     local : bool
@@ -734,7 +734,7 @@ class RoundedFunction(Record):
     errors: FunctionErrors | None
     transmission_angle_min: float | None
     """Over the used interval; limits are not applied again."""
-    linkage: FourBar | None = field(default=None, metadata=KEPT)
+    linkage: Linkage | None = field(default=None, metadata=KEPT)
 
 
 @dataclass(frozen=True)
@@ -775,7 +775,7 @@ class FunctionSolution(Record):
     """Rms change of the output per unit of crank, coupler, rocker, ground."""
     rounded: RoundedFunction | None
     error_curve: ErrorCurve | None
-    linkage: FourBar = field(metadata=KEPT)
+    linkage: Linkage = field(metadata=KEPT)
     """It moves, draws and saves itself."""
 
 
@@ -930,7 +930,7 @@ def described_travel(
     links = one.lengths[np.array(one.law.positive)].tolist()
     faults = faults_of((one.transmission_angle_min, None), links, {}, None, limits.limits)
     reasons = [*passed.reasons, *filter(None, [travel_turns_back(wanted, one)]), *faults]
-    linkage = GuidedLinkage.of(plain, asked.radian, target)
+    linkage = Linkage.of(plain, asked.radian, target)
     curve = None
     if curves:
         shown = np.linspace(0.0, float(wanted.crank[-1]), _SHOWN)
@@ -979,7 +979,7 @@ def described(
         faults = practical_faults(one, wanted.target, limits)
         reasons = [*passed[k].reasons, *filter(None, [back[k]]), *faults]
         determined, turn = fixed[k], one.transmission_angle_min_turn
-        linkage = FourBar.of(one.linkage, radian, asked.target)
+        linkage = Linkage.of(one.linkage, radian, asked.target)
         solutions.append(
             FunctionSolution(
                 rank=k + 1,
@@ -1020,7 +1020,7 @@ def rounded(asked: AskedFunction, one: Generator, grid: float, work: Work) -> Ro
     values: dict[str, Any] = dict.fromkeys(names_of(RoundedFunction)) | {"closes": False}
     if again is None:
         return RoundedFunction(**values)
-    linkage = FourBar.of(again.linkage, asked.radian, asked.target)
+    linkage = Linkage.of(again.linkage, asked.radian, asked.target)
     values |= {
         "closes": True,
         "links": linkage.dimensions.links,

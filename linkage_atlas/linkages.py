@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple, Self, get_args
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from linkage_atlas.arguments import (
+    check_names,
     column,
     millimetres_in,
     number,
@@ -29,9 +29,7 @@ from linkage_atlas.part_settings import PartSettings
 from linkage_atlas.records import Record, plain, plane, xy
 from linkage_atlas.solids import SLIDES, AskedSolids, SolidParts, read_solids, solids_in, split
 from linkage_atlas.studies import (
-    Analysis,
     AskedAnalysis,
-    GuidedAnalysis,
     Manufacture,
     ToleranceStudy,
     analysed,
@@ -39,17 +37,18 @@ from linkage_atlas.studies import (
     read_manufacture,
     studied,
 )
-from synthesis.arrays import Floats
+from synthesis.arrays import Floats, cross
 from synthesis.drives.attached import COLOUR, LAYER, Attached
 from synthesis.drives.links import GROUND, LinkMotions, ends_of, motions_at
 from synthesis.drives.six_bar import Motor, SixBar
 from synthesis.errors import FieldError
 from synthesis.fourbar import files as of_four_bars
-from synthesis.fourbar.joints import are_cognates, joints_at
+from synthesis.fourbar.joints import are_cognates
 from synthesis.guided import files as of_guided
 from synthesis.guided.solution import as_target
 from synthesis.guides import DRIVERS, Circle, Driver, Guide, Rail, Slot
-from synthesis.linkage import Linkage, Mass, four_bar, on_guides
+from synthesis.linkage import Linkage as Plain
+from synthesis.linkage import Mass, four_bar, on_guides
 from synthesis.sheet import More
 from synthesis.target import TURN, Interval, Target
 from synthesis.work import Work
@@ -57,23 +56,291 @@ from synthesis.work import Work
 _TURN_STEPS = 73
 
 
-class AnyLinkage(ABC):
-    """A linkage with its unit of angle, and the motion that it answers if there is one."""
+DriverName = Literal["crank", "slider", "cylinder", "hinge"]
+OtherKindName = Literal["slider_crank", "swinging_block", "rail_slot", "two_rails", "two_slots"]
+KindName = Literal["four_bar", OtherKindName]
+LARGEST = 1e100
+"""Of a place or a length that is given."""
 
-    _linkage: Any
+
+class CircleGuide(NamedTuple):
+    """A point of the body on a circle: a crank or rocker. Body points are in the body's frame."""
+
+    guide: Literal["circle"]
+    pivot: tuple[float, float]
+    radius: float
+    body_point: tuple[float, float]
+
+
+class RailGuide(NamedTuple):
+    """A point of the body on a line of the ground."""
+
+    guide: Literal["rail"]
+    point: tuple[float, float]
+    direction: float
+    """Angle of the rail against the x axis."""
+    body_point: tuple[float, float]
+    used: tuple[float, float] | None
+    """The least and the largest place on the rail, from its point along its direction, over the used interval."""
+
+
+class SlotGuide(NamedTuple):
+    """A line of the body through a fixed pin."""
+
+    guide: Literal["slot"]
+    pin: tuple[float, float]
+    body_point: tuple[float, float]
+    """A point of the line in the body's frame."""
+    body_direction: float
+    """Angle of the line in the body's frame."""
+    used: tuple[float, float] | None
+    """The least and the largest place of the pin in the slot, from the body point along its direction, over the used interval."""
+
+
+AnyGuide = CircleGuide | RailGuide | SlotGuide
+
+
+def guides_of(linkage: Plain, radian: float, used: Interval | None) -> list[AnyGuide]:
+    """The guides of a linkage, the driven one first, in the user's unit of angle; ``used``: travel from the first sample."""
+
+    def ends(place: int) -> tuple[float, float] | None:
+        return None if used is None else linkage.used(place, used)
+
+    found: list[AnyGuide] = []
+    for place, one in enumerate(linkage.guides):
+        point = xy(one.body_point)
+        if isinstance(one, Circle):
+            found.append(CircleGuide("circle", xy(one.pivot), one.radius, point))
+        elif isinstance(one, Rail):
+            found.append(RailGuide("rail", xy(one.point), one.direction / radian, point, ends(place)))
+        else:
+            found.append(SlotGuide("slot", xy(one.pin), point, one.body_direction / radian, ends(place)))
+    return found
+
+
+class Joints(NamedTuple):
+    """Positions of a linkage's joints over the travel of its drive; NaN if the loop does not close.
+
+    Arrays have the shape of the travel, points a further axis (2,). Angles are in the linkage's unit, directions against the x
+    axis.
+    """
+
+    pivot_a: Floats
+    """(2,): fixed pivot of the crank, or the fixed pin or the point of the rail of another driven guide."""
+    pivot_b: Floats
+    """(2,): fixed pivot of the rocker, or the fixed pin or the point of the rail of another guide."""
+    crank_pin: Floats
+    """Guided point of the driven guide: its body point on a circle or rail, its fixed pin in a slot."""
+    coupler_pin: Floats
+    """Guided point of the other guide."""
+    body_point: Floats | None
+    """None if the linkage guides no point."""
+    crank_direction: Floats
+    """Direction of the crank; of a rail or slot its own."""
+    coupler_direction: Floats
+    rocker_direction: Floats
+    """Direction of the rocker; of a rail or slot its own."""
+    rotation: Floats
+    """Rotation of the body."""
+    transmission_angle: Floats
+    drive: Floats
+    """The drive's coordinate, an angle or a length."""
+    arm: Floats
+    """Moment arm of the second guide's push about the pin of the driven guide."""
+
+
+class Links(NamedTuple):
+    """Lengths of a four-bar; the ground is the distance of its fixed pivots."""
+
+    crank: float
+    coupler: float
+    rocker: float
+    ground: float
+
+
+class CouplerPoint(NamedTuple):
+    """The body point in the coupler's frame, from the crank pin."""
+
+    radius: float
+    angle: float
+
+
+class Mount(NamedTuple):
+    """Where a linkage stands, and which point it guides."""
+
+    ground_angle: float
+    """Angle of the line from pivot A to pivot B."""
+    pivot_a: tuple[float, float]
+    """Fixed pivot of the crank."""
+    pivot_b: tuple[float, float]
+    """Fixed pivot of the rocker."""
+    coupler_point: Annotated[CouplerPoint | None, CouplerPoint]
+    """P = D + radius e^(i (angle + coupler angle + ground angle)), D the crank pin."""
+    L_B: float
+    """Distance of pivot A from the origin."""
+    beta: float
+    """Angle of pivot A as seen from the origin."""
+
+
+class Dimensions(NamedTuple):
+    """A linkage as a reply holds it."""
+
+    links: Links
+    branch: Any
+    start_angle: float
+    body_offset: float | None
+    mount: Mount | None
+
+
+class Linkage:
+    """A planar linkage: a body that is held by two guides, the first of them driven.
+
+    `FourBar` and `SliderCrank` are its best-known kinds; `Linkage.from_points` takes the joints of a four-bar.
+
+    Parameters
+    ----------
+    guides : sequence of two mappings
+        As a reply has them: ``guide`` "circle" with ``pivot``, ``radius``, ``body_point``; "rail" with ``point``, ``direction``,
+        ``body_point``; "slot" with ``pin``, ``body_point``, ``body_direction``. Body points are in the body's frame.
+    driver : {"crank", "slider", "cylinder", "hinge"}
+        Drive of the first guide: a crank moves a circle, a slider a rail, a cylinder or a hinge a slot.
+    branch : int
+        Sign of the sine of the transmission angle.
+    start : float
+        The drive's coordinate at the first sample: the direction of crank or slot in the plane, or the position along rail or
+        slot.
+    degrees : bool
+        Unit of every angle in and out.
+
+    Raises
+    ------
+    FieldError
+        Naming the argument.
+
+    Examples
+    --------
+    >>> import linkage_atlas as la
+    >>> crank = {"guide": "circle", "pivot": [0, 0], "radius": 1, "body_point": [0, 0]}
+    >>> rail = {"guide": "rail", "point": [0, 0.3], "direction": 0, "body_point": [2, 0]}
+    >>> pump = la.Linkage([crank, rail], "crank")
+    >>> pump.kind, pump.turns_fully
+    ('slider_crank', True)
+    >>> pump.joints([50]).rotation.round(6).tolist()
+    [-13.475068]
+    """
+
+    _linkage: Plain
     _radian: float
     _motion: Target | None
+    has_motor: ClassVar[bool] = False
+    """Whether a motor and its rod belong to it."""
     length_unit: str | None = None
     """Unit of its lengths, taken over from the motion; None if it is unknown: files then take millimetres."""
-    _drive: str
-    """What moves it, in a sentence."""
+
+    def __init__(
+        self,
+        guides: Sequence[Mapping[str, Any] | AnyGuide],
+        driver: str,
+        branch: int = 1,
+        start: float = 0.0,
+        *,
+        degrees: bool = True,
+    ) -> None:
+        radian = radians_in(degrees)
+        if isinstance(guides, (str, Mapping)) or len(guides) != 2:
+            raise FieldError("/guides", f"wanted two guides, found {len(guides)}")
+        read = [read_guide(f"guides/{place}", one, radian) for place, one in enumerate(guides)]
+        if Driver(one_of("driver", driver, get_args(DriverName))) not in (known := DRIVERS[type(read[0])]):
+            what = type(read[0]).__name__.lower()
+            raise FieldError(
+                "/driver", f"the first guide is a {what}, driven by {' or '.join(known)}, found {driver!r}"
+            )
+        if branch not in (-1, 1):
+            raise FieldError("/branch", f"wanted 1 or -1, found {branch}")
+        turns = Driver(driver).turns
+        begin = number("start", start) * (radian if turns else 1.0)
+        self._linkage = on_guides((read[0], read[1]), Driver(driver), int(branch), begin)
+        check_apart(self._linkage)
+        self._radian = radian
+        self._motion: Target | None = None
 
     @classmethod
-    def of(cls, linkage: Any, radian: float, motion: Target | None, length_unit: str | None = None) -> Self:
+    def of(cls, linkage: Plain, radian: float, motion: Target | None, length_unit: str | None = None) -> Self:
         """Return the view of a linkage that answers a motion, whose crank angles are the travel of its drive."""
         view = object.__new__(cls)
         view._linkage, view._radian, view._motion, view.length_unit = linkage, radian, motion, length_unit
         return view
+
+    @classmethod
+    def from_points(
+        cls,
+        A: ArrayLike,
+        D: ArrayLike,
+        C: ArrayLike,
+        B: ArrayLike,
+        P: ArrayLike | None = None,
+        *,
+        rotation: float = 0.0,
+        degrees: bool = True,
+    ) -> Linkage:
+        """Return the four-bar whose joints lie at points of the plane at the first sample.
+
+        Parameters
+        ----------
+        A, B : array_like, shape (2,)
+            Fixed pivots of crank and rocker.
+        D, C : array_like, shape (2,)
+            Pins of the crank and of the rocker on the coupler.
+        P : array_like, shape (2,), optional
+            Body point; default: the linkage guides no point.
+        rotation : float
+            Rotation of the body in this position.
+        degrees : bool
+            Unit of every angle in and out.
+
+        Raises
+        ------
+        FieldError
+            Naming the point that coincides with its neighbour.
+
+        Examples
+        --------
+        >>> import linkage_atlas as la
+        >>> linkage = la.Linkage.from_points((0, 0), (0, 3), (4, 6), (6, 0), P=(2, 7))
+        >>> linkage.crank, linkage.coupler, linkage.ground, linkage.family
+        (3.0, 5.0, 6.0, 'crank_rocker')
+        >>> linkage.joints(0).body_point.round(12).tolist()
+        [[2.0, 7.0]]
+        """
+        a, d, c, b = (pair(name, point, LARGEST) for name, point in zip("ADCB", (A, D, C, B)))
+        for name, other, vector in (("D", "A", d - a), ("C", "D", c - d), ("B", "C", b - c), ("B", "A", b - a)):
+            if not vector:
+                raise FieldError(f"/{name}", f"wanted a point apart from {other}: they lie at the same place")
+        radian = radians_in(degrees)
+        ground, crank, coupler = b - a, d - a, c - d
+        turn = float(np.angle(ground))
+        side = float(cross(b - d, coupler))
+        point = None
+        if P is not None:
+            arm = (pair("P", P, LARGEST) - d) / coupler * abs(coupler)
+            point = (abs(arm), float(np.angle(arm)))
+        linkage = four_bar(
+            (abs(crank), abs(coupler), abs(c - b), abs(ground)),
+            1 if side >= 0 else -1,
+            float(np.angle(crank / ground)) % TURN,
+            a,
+            turn,
+            point,
+            number("rotation", rotation) * radian - float(np.angle(coupler / ground)) - turn,
+        )
+        return cls.of(linkage, radian, None)
+
+    # -- what it is ---------------------------------------------------------------------------------------------------
+
+    @property
+    def plain(self) -> Plain:
+        """The same in radians, as the numerics have it."""
+        return self._linkage
 
     @property
     def degrees(self) -> bool:
@@ -81,9 +348,31 @@ class AnyLinkage(ABC):
         return self._radian != 1.0
 
     @property
+    def kind(self) -> str:
+        """The pair of guides: four_bar, slider_crank, swinging_block, rail_slot, two_rails or two_slots."""
+        return self._linkage.kind.value
+
+    @property
+    def driver(self) -> str:
+        """The drive of the first guide: crank, slider, cylinder or hinge."""
+        return self._linkage.driver.value
+
+    @property
     def branch(self) -> int:
         """+1 or -1."""
         return int(self._linkage.branch)
+
+    @property
+    def start(self) -> float:
+        """The drive's coordinate at the first sample; a direction is measured from the x axis."""
+        one = self._linkage
+        return (one.start + one.ground_angle) / self._radian if one.driver.turns else one.start
+
+    @property
+    def guides(self) -> list[AnyGuide]:
+        """The guides, the driven one first, with the used lengths of rails and slots if it answers a motion."""
+        used = None if self._motion is None else self._motion.interval
+        return guides_of(self._linkage, self._radian, used)
 
     @property
     def turns_fully(self) -> bool:
@@ -91,18 +380,193 @@ class AnyLinkage(ABC):
         return bool(self._linkage.turns_fully)
 
     @property
+    def _drive(self) -> str:
+        """Word for its drive in sentences."""
+        return "crank" if self._linkage.driver is Driver.CRANK else "drive"
+
+    @property
     def way(self) -> Floats | None:
-        """Travel of the drive over the motion that it answers, radians or lengths, (n,); None where it answers none."""
+        """Travel of the drive over the motion that it answers, radians or lengths, (n,); None if it answers none."""
         return None if self._motion is None else self._motion.way
 
     @property
     def _unit(self) -> float:
         """Radians in the unit of the drive's coordinate; 1 for a length."""
-        return self._radian
+        return self._radian if self._linkage.driver.turns else 1.0
 
-    @abstractmethod
-    def target_of(self, motion: Motion | None, travel: ArrayLike | None) -> Target:
-        """A motion with the travel of the drive at its samples; without one the motion that it answers, or a whole turn."""
+    # -- lengths and a four-bar's own -----------------------------------------------------------------------------------
+
+    def _length(self, name: str) -> float:
+        lengths = self._linkage.lengths
+        if name not in lengths:
+            raise AttributeError(f"a {self.kind} has no {name}")
+        return lengths[name]
+
+    def _four_bar(self, name: str) -> Plain:
+        if not self._linkage.is_four_bar:
+            raise AttributeError(f"a {self.kind} has no {name}; see `guides`")
+        return self._linkage
+
+    @property
+    def crank(self) -> float:
+        """Length of the crank."""
+        return self._length("crank")
+
+    @property
+    def coupler(self) -> float:
+        """Distance of the two guided points of the body."""
+        return self._length("coupler")
+
+    @property
+    def rocker(self) -> float:
+        """Length of the rocker."""
+        return self._length("rocker")
+
+    @property
+    def ground(self) -> float:
+        """Distance of the fixed pivots of a four-bar."""
+        return self._four_bar("ground").links[3]
+
+    @property
+    def links(self) -> Floats:
+        """Crank, coupler, rocker and ground of a four-bar, shape (4,)."""
+        return np.array(self._four_bar("links").links)
+
+    @property
+    def start_angle(self) -> float:
+        """Angle of the crank from the ground line at the first sample."""
+        return self._four_bar("start_angle").start / self._radian
+
+    @property
+    def ground_angle(self) -> float:
+        """Angle of the line from pivot A to pivot B."""
+        return self._four_bar("ground_angle").ground_angle / self._radian
+
+    @property
+    def pivot_a(self) -> Floats:
+        """Fixed pivot or pin of the driven guide, or the point of its rail, shape (2,)."""
+        return plane(self._linkage.guides[0][0])
+
+    @property
+    def pivot_b(self) -> Floats:
+        """Fixed pivot or pin of the other guide, or the point of its rail, shape (2,)."""
+        return plane(self._linkage.guides[1][0])
+
+    @property
+    def coupler_point(self) -> tuple[float, float] | None:
+        """Radius and angle of the body point in the coupler's frame."""
+        point = self._four_bar("coupler_point").coupler_point
+        return None if point is None else (point[0], point[1] / self._radian)
+
+    @property
+    def body_offset(self) -> float | None:
+        """Rotation of the body less coupler angle and ground angle."""
+        offset = self._four_bar("body_offset").body_offset
+        return None if offset is None else offset / self._radian
+
+    @property
+    def family(self) -> str:
+        """How it can turn: crank_rocker, double_crank, ..."""
+        return str(self._four_bar("family").family)
+
+    def is_cognate_of(self, other: Linkage) -> bool:
+        """Whether both are Roberts cognates: different linkages whose body points draw the same curve."""
+        both = self._linkage, other._linkage
+        return all(one.is_four_bar and one.mounted for one in both) and are_cognates(*both)
+
+    # -- how it moves -------------------------------------------------------------------------------------------------
+
+    def joints(self, travel: ArrayLike) -> Joints:
+        """Return where the joints and the body are.
+
+        Parameters
+        ----------
+        travel : array_like, any shape
+            Travel of the drive from its start: angles of a crank or hinge, lengths of a slider or cylinder. A number is taken as
+            shape (1,).
+
+        Returns
+        -------
+        Joints
+            Arrays in the shape of ``travel``, points with x and y along a further axis.
+        """
+        one = self._linkage
+        travel = np.atleast_1d(column("travel", travel)) * self._unit
+        first, body, second = one.motions(travel.ravel())
+        found = one.body(one.start + travel.ravel())
+
+        def shaped(values: Any) -> Any:
+            return np.reshape(values, travel.shape)
+
+        pins = [
+            link.origin if isinstance(guide, Slot) else body.place(guide.body_point)
+            for guide, link in zip(one.guides, (first, second))
+        ]
+        line = one.ground_angle if one.driver.turns else 0.0
+        return Joints(
+            pivot_a=self.pivot_a,
+            pivot_b=self.pivot_b,
+            crank_pin=plane(shaped(pins[0])),
+            coupler_pin=plane(shaped(pins[1])),
+            body_point=plane(shaped(body.origin)) if one.mounted else None,
+            crank_direction=shaped(first.angle) / self._radian,
+            coupler_direction=shaped(body.angle - (one.body_offset or 0.0)) / self._radian,
+            rocker_direction=shaped(second.angle) / self._radian,
+            rotation=shaped(body.angle) / self._radian,
+            transmission_angle=shaped(found.transmission_angle) / self._radian,
+            drive=(one.start + travel + line) / self._unit,
+            arm=shaped(found.arm),
+        )
+
+    def transmission_angle_min(self, first: float | None = None, last: float | None = None) -> float:
+        """Return the smallest transmission angle over travel of the drive, exactly; NaN if the loop opens.
+
+        Default: over a whole turn of a crank or hinge, or the motion that the linkage answers.
+        """
+        interval = Interval(0.0, TURN)
+        if (first is None or last is None) and not (self._linkage.is_four_bar or self._motion is None):
+            interval = self._motion.interval
+        ends = [
+            interval.first if first is None else first * self._unit,
+            interval.last if last is None else last * self._unit,
+        ]
+        return self._linkage.transmission_angle_min(Interval(*ends)) / self._radian
+
+    def analysis(
+        self,
+        speed: float,
+        load: Mapping[str, Any] | None = None,
+        travel: ArrayLike | None = None,
+        *,
+        length_unit: str | None = None,
+    ) -> Any:
+        """Return velocities, accelerations and, with a load, the torque or force of the drive and the forces in the joints.
+
+        Parameters
+        ----------
+        speed : float
+            Constant speed of the drive: of a crank or hinge counter-clockwise in the linkage's unit of angle a second, else in
+            its unit of length a second.
+        load : mapping, optional
+            ``force`` [fx, fy] at the body point and ``torque`` on the body, in directions that do not turn with it; ``masses``, a
+            list of ``link`` (body, or a name as in a reply: crank, coupler, rocker), ``mass`` in kg, centre ``at`` [x, y] and
+            ``inertia`` in the link's frame; ``parts``, true for also what `solids` weigh by default; ``gravity`` [gx, gy] in
+            m/s^2 ([0, -9.81]). With masses forces are in newtons.
+        travel : array_like, shape (n,), optional
+            Travel of the drive from its start. Default: the samples of the motion that it answers (or a whole turn), with the
+            `curve` over their interval.
+        length_unit : {"um", "mm", "cm", "m", "in", "ft"}, optional
+            Unit of its lengths, which the forces of inertia depend on; default: the unit of the motion, or millimetres.
+
+        Returns
+        -------
+        Analysis or GuidedAnalysis
+            The first for a four-bar.
+        """
+        unit = self.unit_for(None, length_unit) or "mm"
+        given = {"crank_speed": speed, "load": load, "length_unit": unit}
+        asked = read_analysis(given, self._linkage.mounted)
+        return self._analysed_at(asked, "travel", travel)
 
     def tolerance_study(self, *, work: Work | None = None, **manufacture: Any) -> ToleranceStudy:
         """What tolerances of manufacture do to the motion of the body, simulated and to first order.
@@ -323,7 +787,7 @@ class AnyLinkage(ABC):
         """Write a file; its ending says which.
 
         .csv, .svg, .dxf, .xml (MJCF, also .mjcf), of a four-bar .pylinkage.json; of its parts .step, .3mf, .stl.zip, .parts.csv,
-        .plates.dxf, and where all joints turn .urdf and .sdf, for which ``asked`` are arguments as of `FourBar.solids`.
+        .plates.dxf, and where all joints turn .urdf and .sdf, for which ``asked`` are arguments as of `Linkage.solids`.
         ``drive``: as of `file`.
         """
         path = Path(path)
@@ -339,7 +803,8 @@ class AnyLinkage(ABC):
             return self._motion
         if not self.turns_fully:
             raise FieldError(
-                "/motion", f"this {self._drive} cannot turn fully: give the motion that it is to be shown over"
+                "/motion",
+                f"this {self._drive} cannot turn fully: give the motion that it is to be shown over",
             )
         return Target(None, None, crank=np.linspace(0.0, TURN, _TURN_STEPS))
 
@@ -350,76 +815,100 @@ class AnyLinkage(ABC):
         except FieldError:
             return None
 
+    # -- what it becomes ----------------------------------------------------------------------------------------------
 
-class Joints(NamedTuple):
-    """Where a linkage's joints are at n crank angles; NaN where the loop does not close. Angles in the linkage's unit.
+    @property
+    def dimensions(self) -> Dimensions:
+        """Lengths, branch, start and mount under the names of the HTTP contract."""
+        one, mount = self._four_bar("dimensions"), None
+        if one.mounted or one.pivot_a or one.ground_angle:
+            mount = Mount(
+                ground_angle=one.ground_angle / self._radian,
+                pivot_a=(one.pivot_a.real, one.pivot_a.imag),
+                pivot_b=(one.pivot_b.real, one.pivot_b.imag),
+                coupler_point=None if self.coupler_point is None else CouplerPoint(*self.coupler_point),
+                L_B=abs(one.pivot_a),
+                beta=float(np.angle(one.pivot_a)) / self._radian,
+            )
+        return Dimensions(
+            Links(*map(float, one.links)), one.branch, one.start / self._radian, self.body_offset, mount
+        )
 
-    Directions are against the x axis. ``body_point`` is None where the linkage guides none.
-    """
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values under the names of the HTTP contract; `from_dict` takes them back."""
+        if self._linkage.is_four_bar:
+            return dict(plain(self.dimensions))
+        return {
+            "kind": self.kind,
+            "driver": self.driver,
+            "guides": plain(self.guides),
+            "branch": self.branch,
+            "start": self.start,
+        }
 
-    pivot_a: Floats
-    """(2,): fixed pivot of the crank."""
-    pivot_b: Floats
-    """(2,): fixed pivot of the rocker."""
-    crank_pin: Floats
-    """(n, 2)"""
-    coupler_pin: Floats
-    """(n, 2)"""
-    body_point: Floats | None
-    """(n, 2)"""
-    crank_direction: Floats
-    coupler_direction: Floats
-    rocker_direction: Floats
-    rotation: Floats
-    """(n,): of the body."""
-    transmission_angle: Floats
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any], degrees: bool = True) -> Linkage:
+        """Return a linkage from the values of `to_dict`, of a solution of a reply over HTTP, or from ``joints``.
+
+        ``joints``: arguments of `from_points` by name. Else ``links`` (crank, coupler, rocker, ground) with ``branch``, or
+        ``guides`` with ``driver``, ``branch`` and ``start``.
+        """
+        if values.get("joints") is not None:
+            return _from_joints(values["joints"], degrees)
+        if values.get("guides") is not None and values.get("links") is None:
+            for name in ("guides", "driver", "branch", "start"):
+                if values.get(name) is None:
+                    raise FieldError(f"/{name}", "needed")
+            return cls(values["guides"], values["driver"], values["branch"], values["start"], degrees=degrees)
+        mount = values.get("mount") or {}
+        point = mount.get("coupler_point")
+        with pointing(lambda field: f"/links{field}" if field.lstrip("/") in Links._fields else field):
+            return FourBar(
+                **{name: values["links"][name] for name in Links._fields},
+                branch=values["branch"],
+                start_angle=values.get("start_angle", 0.0),
+                pivot_a=mount.get("pivot_a", (0.0, 0.0)),
+                ground_angle=mount.get("ground_angle", 0.0),
+                coupler_point=None if point is None else (point["radius"], point["angle"]),
+                body_offset=values.get("body_offset"),
+                degrees=degrees,
+            )
+
+    def target_of(self, motion: Motion | None, travel: ArrayLike | None) -> Target:
+        """Return a motion with the travel of the drive at its samples; without one the motion that it answers, or a turn."""
+        if motion is None:
+            return self._default_motion()
+        one = self._linkage
+        name = "crank_angle" if one.driver.turns else "travel"
+        if travel is None and not one.driver.turns:
+            travel = motion.travel
+        if motion.free and travel is None:
+            free = "crank angles are" if one.is_four_bar else "timing is"
+            raise FieldError(f"/{name}", f"needed: the motion's {free} free")
+        positions = np.zeros(0) if travel is None else column(name, travel) * self._unit
+        if motion.free and positions.shape != (motion.asked.samples,):
+            raise FieldError(f"/{name}", f"wanted {motion.asked.samples} numbers, found {positions.size}")
+        if one.is_four_bar:
+            return motion.of_solution(one, positions).target
+        return as_target(motion.samples, one, positions)
+
+    def __repr__(self) -> str:
+        if self._linkage.is_four_bar:
+            lengths = ", ".join(f"{name}={getattr(self, name):.6g}" for name in Links._fields)
+            return f"FourBar({lengths}, branch={self.branch:+d}: {self.family})"
+        words = []
+        for one in self.guides:
+            if isinstance(one, CircleGuide):
+                words.append(f"circle of radius {one.radius:.6g} about {_words(one.pivot)}")
+            elif isinstance(one, RailGuide):
+                words.append(f"rail through {_words(one.point)} at {one.direction:.6g}")
+            else:
+                words.append(f"slot on the pin {_words(one.pin)}")
+        return f"Linkage({self.kind} driven by a {self.driver}: {', '.join(words)}, branch={self.branch:+d})"
 
 
-class Links(NamedTuple):
-    """Lengths of a four-bar; the ground is the distance of its fixed pivots."""
-
-    crank: float
-    coupler: float
-    rocker: float
-    ground: float
-
-
-class CouplerPoint(NamedTuple):
-    """The body point in the coupler's frame, from the crank pin."""
-
-    radius: float
-    angle: float
-
-
-class Mount(NamedTuple):
-    """Where a linkage stands, and which point it guides."""
-
-    ground_angle: float
-    """Angle of the line from pivot A to pivot B."""
-    pivot_a: tuple[float, float]
-    """Fixed pivot of the crank."""
-    pivot_b: tuple[float, float]
-    """Fixed pivot of the rocker."""
-    coupler_point: Annotated[CouplerPoint | None, CouplerPoint]
-    """P = D + radius e^(i (angle + coupler angle + ground angle)), D the crank pin."""
-    L_B: float
-    """Distance of pivot A from the origin."""
-    beta: float
-    """Angle of pivot A as seen from the origin."""
-
-
-class Dimensions(NamedTuple):
-    """A linkage as a reply holds it."""
-
-    links: Links
-    branch: Any
-    start_angle: float
-    body_offset: float | None
-    mount: Mount | None
-
-
-class FourBar(AnyLinkage):
-    """A four-bar linkage: four lengths, a branch, a place, and the body point that it guides.
+class FourBar(Linkage):
+    """Constructor of a four-bar linkage from its lengths, branch, pose and body point.
 
     Parameters
     ----------
@@ -454,9 +943,6 @@ class FourBar(AnyLinkage):
     >>> linkage.joints([0, 90]).crank_pin.round(6).tolist()
     [[19.0, 0.0], [0.0, 19.0]]
     """
-
-    _linkage: Linkage
-    _drive = "crank"
 
     def __init__(
         self,
@@ -501,222 +987,107 @@ class FourBar(AnyLinkage):
         self._radian = radian
         self._motion: Target | None = None
 
-    @property
-    def plain(self) -> Linkage:
-        """The same in radians, as the numerics have it."""
-        return self._linkage
 
-    # -- what it is ---------------------------------------------------------------------------------------------------
-
-    @property
-    def crank(self) -> float:
-        """Length of the crank."""
-        return self._linkage.links[0]
-
-    @property
-    def coupler(self) -> float:
-        """Length of the coupler."""
-        return self._linkage.links[1]
-
-    @property
-    def rocker(self) -> float:
-        """Length of the rocker."""
-        return self._linkage.links[2]
-
-    @property
-    def ground(self) -> float:
-        """Distance of the fixed pivots."""
-        return self._linkage.links[3]
-
-    @property
-    def links(self) -> Floats:
-        """Crank, coupler, rocker, ground, shape (4,)."""
-        return np.array(self._linkage.links)
-
-    @property
-    def start_angle(self) -> float:
-        """Angle of the crank from the ground line at the first sample."""
-        return self._linkage.start / self._radian
-
-    @property
-    def ground_angle(self) -> float:
-        """Angle of the line from pivot A to pivot B."""
-        return self._linkage.ground_angle / self._radian
-
-    @property
-    def pivot_a(self) -> Floats:
-        """Fixed pivot of the crank, shape (2,)."""
-        return plane(self._linkage.pivot_a)
-
-    @property
-    def pivot_b(self) -> Floats:
-        """Fixed pivot of the rocker, shape (2,)."""
-        return plane(self._linkage.pivot_b)
-
-    @property
-    def coupler_point(self) -> tuple[float, float] | None:
-        """Radius and angle of the body point in the coupler's frame."""
-        point = self._linkage.coupler_point
-        return None if point is None else (point[0], point[1] / self._radian)
-
-    @property
-    def body_offset(self) -> float | None:
-        """Rotation of the body less coupler angle and ground angle."""
-        offset = self._linkage.body_offset
-        return None if offset is None else offset / self._radian
-
-    @property
-    def family(self) -> str:
-        """How it can turn: crank_rocker, double_crank, ..."""
-        return str(self._linkage.family)
-
-    def is_cognate_of(self, other: FourBar) -> bool:
-        """Whether both are Roberts cognates: different linkages whose body points draw the same curve."""
-        both = self._linkage, other._linkage
-        return all(one.mounted for one in both) and are_cognates(*both)
-
-    # -- how it moves -------------------------------------------------------------------------------------------------
-
-    def joints(self, crank: ArrayLike) -> Joints:
-        """Where the joints are.
-
-        Parameters
-        ----------
-        crank : array_like, any shape
-            Crank angles from the start angle on; a number is taken as shape (1,).
-
-        Returns
-        -------
-        Joints
-            Arrays in the shape of ``crank``, points with x and y along a further axis.
-        """
-        travel = np.atleast_1d(column("crank", crank)) * self._radian
-        found = joints_at(self._linkage, travel.ravel())
-
-        def shaped(values: Any) -> Any:
-            return np.reshape(values, travel.shape)
-
-        point = found.body_point
-        angles = (
-            found.crank_angle,
-            found.coupler_angle,
-            found.rocker_angle,
-            found.rotation,
-            found.transmission_angle,
-        )
-        return Joints(
-            plane(found.pivot_a),
-            plane(found.pivot_b),
-            plane(shaped(found.crank_pin)),
-            plane(shaped(found.coupler_pin)),
-            None if point is None else plane(shaped(point)),
-            *(shaped(angle) / self._radian for angle in angles),
-        )
-
-    def transmission_angle_min(self, first: float | None = None, last: float | None = None) -> float:
-        """The smallest transmission angle between two crank angles (default: a whole turn), exactly; NaN where it opens."""
-        ends = [0.0 if first is None else first * self._radian, TURN if last is None else last * self._radian]
-        return self._linkage.transmission_angle_min(Interval(*ends)) / self._radian
-
-    def analysis(
-        self,
-        crank_speed: float,
-        load: Mapping[str, Any] | None = None,
-        crank: ArrayLike | None = None,
-        *,
-        length_unit: str | None = None,
-    ) -> Analysis:
-        """Velocities, accelerations and, with a load, the torque of the drive and the forces in the pins.
-
-        Parameters
-        ----------
-        crank_speed : float
-            Of the crank, constant, counter-clockwise: in the linkage's unit of angle a second.
-        load : mapping, optional
-            ``force`` [fx, fy] at the body point and ``torque`` on the body, in directions that do not turn with it; ``masses``, a
-            list of ``link`` (crank, coupler, rocker or body), ``mass`` in kg, centre ``at`` [x, y] and ``inertia`` in the link's
-            frame; ``parts``, true for also what `solids` weigh by default; ``gravity`` [gx, gy] in m/s^2 ([0, -9.81]). With
-            masses forces are in newtons.
-        crank : array_like, shape (n,), optional
-            Crank angles from the start angle on. Default: the samples of the motion that it answers (or a whole turn), with the
-            `curve` over their interval.
-        length_unit : {"um", "mm", "cm", "m", "in", "ft"}, optional
-            Unit of its lengths, which the forces of inertia depend on; default: the unit of the motion, or millimetres.
-        """
-        unit = self.unit_for(None, length_unit) or "mm"
-        given = {"crank_speed": crank_speed, "load": load, "length_unit": unit}
-        asked = read_analysis(given, self._linkage.mounted)
-        found: Analysis = self._analysed_at(asked, "crank", crank)
-        return found
-
-    # -- what it becomes ----------------------------------------------------------------------------------------------
-
-    @property
-    def dimensions(self) -> Dimensions:
-        """Lengths, branch, start and mount under the names of the HTTP contract."""
-        one, mount = self._linkage, None
-        if one.mounted or one.pivot_a or one.ground_angle:
-            mount = Mount(
-                ground_angle=one.ground_angle / self._radian,
-                pivot_a=(one.pivot_a.real, one.pivot_a.imag),
-                pivot_b=(one.pivot_b.real, one.pivot_b.imag),
-                coupler_point=None if self.coupler_point is None else CouplerPoint(*self.coupler_point),
-                L_B=abs(one.pivot_a),
-                beta=float(np.angle(one.pivot_a)) / self._radian,
-            )
-        return Dimensions(
-            Links(*map(float, one.links)), one.branch, one.start / self._radian, self.body_offset, mount
-        )
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain values under the names of the HTTP contract; `from_dict` takes them back."""
-        return dict(plain(self.dimensions))
-
-    @classmethod
-    def from_dict(cls, values: Mapping[str, Any], degrees: bool = True) -> FourBar:
-        """A linkage from what `to_dict` gives, or from a solution of a reply over HTTP."""
-        mount = values.get("mount") or {}
-        point = mount.get("coupler_point")
-        with pointing(lambda field: f"/links{field}" if field.lstrip("/") in Links._fields else field):
-            return cls(
-                **{name: values["links"][name] for name in Links._fields},
-                branch=values["branch"],
-                start_angle=values.get("start_angle", 0.0),
-                pivot_a=mount.get("pivot_a", (0.0, 0.0)),
-                ground_angle=mount.get("ground_angle", 0.0),
-                coupler_point=None if point is None else (point["radius"], point["angle"]),
-                body_offset=values.get("body_offset"),
-                degrees=degrees,
-            )
-
-    def target_of(self, motion: Motion | None, travel: ArrayLike | None) -> Target:
-        """A motion with the crank angles of this solution where its own are free; without one the default."""
-        if motion is not None and motion.free:
-            if travel is None:
-                raise FieldError("/crank_angle", "needed: the motion's crank angles are free")
-            angles = column("crank_angle", travel)
-            if angles.shape != (motion.asked.samples,):
-                raise FieldError("/crank_angle", f"wanted {motion.asked.samples} numbers, found {angles.size}")
-            motion = motion.of_solution(self._linkage, angles * self._radian)
-        return motion.target if motion is not None else self._default_motion()
-
-    def __repr__(self) -> str:
-        lengths = ", ".join(f"{name}={getattr(self, name):.6g}" for name in ("crank", "coupler", "rocker", "ground"))
-        return f"FourBar({lengths}, branch={self.branch:+d}: {self.family})"
-
-
-def assembly(linkage: Any, motion: Motion | None = None, **asked: Any) -> Assembly:
-    """Layers of a linkage's plates in which nothing collides; see `FourBar.assembly` for what may be asked.
+class SliderCrank(Linkage):
+    """Constructor of a crank that drives a slider on a straight rail by a rod, which is the body.
 
     Parameters
     ----------
-    linkage : FourBar, GuidedLinkage, Solution or mapping
+    crank, rod : float
+        Lengths in any unit.
+    offset : float
+        Distance of the rail from the crank's pivot, to the left of the rail's direction.
+    branch : int
+        +1: the slider lies ahead of the crank pin along the rail; -1: behind it.
+    start_angle : float
+        Angle of the crank from the rail at the first sample.
+    pivot : array_like, shape (2,)
+        Fixed pivot of the crank.
+    rail_angle : float
+        Direction of the rail.
+    coupler_point : tuple of float, optional
+        Radius and angle of the body point from the crank pin, the angle from the rod; default: the slider's pin.
+    degrees : bool
+        Unit of every angle in and out.
+
+    Raises
+    ------
+    FieldError
+        Naming the argument.
+
+    Examples
+    --------
+    >>> import linkage_atlas as la
+    >>> pump = la.SliderCrank(20, 70, offset=5)
+    >>> pump.kind, pump.turns_fully
+    ('slider_crank', True)
+    >>> pump.joints([0, 180]).coupler_pin.round(6).tolist()
+    [[89.8212, 5.0], [49.8212, 5.0]]
+    """
+
+    def __init__(
+        self,
+        crank: float,
+        rod: float,
+        offset: float = 0.0,
+        branch: int = 1,
+        *,
+        start_angle: float = 0.0,
+        pivot: ArrayLike = (0.0, 0.0),
+        rail_angle: float = 0.0,
+        coupler_point: tuple[float, float] | None = None,
+        degrees: bool = True,
+    ) -> None:
+        radian = radians_in(degrees)
+        for name, length in {"crank": crank, "rod": rod}.items():
+            if not 0 < number(name, length) <= LARGEST:
+                raise FieldError(f"/{name}", f"wanted a length above 0, found {length}")
+        if abs(number("offset", offset)) > (crank + rod) * (1 + 1e-12):
+            raise FieldError(
+                "/offset", f"the linkage cannot be assembled: crank and rod reach {crank + rod:g}, found {offset:g}"
+            )
+        turn, at = rail_angle * radian, pair("pivot", pivot, LARGEST)
+        radius, angle = (rod, 0.0) if coupler_point is None else coupler_point
+        arm = number("coupler_point", radius) * complex(np.exp(1j * angle * radian))
+        rail = at + 1j * offset * complex(np.exp(1j * turn))
+        super().__init__(
+            [
+                CircleGuide("circle", xy(at), float(crank), xy(-arm)),
+                RailGuide("rail", xy(rail), rail_angle, xy(rod - arm), None),
+            ],
+            "crank",
+            branch,
+            start_angle + rail_angle,
+            degrees=degrees,
+        )
+
+
+def _from_joints(joints: Any, degrees: bool) -> Linkage:
+    """Return the four-bar of a mapping with the arguments of `Linkage.from_points`."""
+    names = ("A", "D", "C", "B", "P", "rotation")
+    if not isinstance(joints, Mapping):
+        raise FieldError("/joints", "wanted the points A, D, C, B and perhaps P")
+    check_names("/joints", joints, names)
+    for name in names[:4]:
+        if joints.get(name) is None:
+            raise FieldError(f"/joints/{name}", "needed")
+    given = {name: value for name, value in joints.items() if value is not None}
+    with pointing(lambda field: f"/joints/{field.lstrip('/')}"):
+        return Linkage.from_points(**given, degrees=degrees)
+
+
+def assembly(linkage: Any, motion: Motion | None = None, **asked: Any) -> Assembly:
+    """Layers of a linkage's plates in which nothing collides; see `Linkage.assembly` for what may be asked.
+
+    Parameters
+    ----------
+    linkage : Linkage, Solution or mapping
         The linkage, or its plain values as ``to_dict`` or a reply gives them, in the motion's unit of angle (degrees
         without a motion).
     motion : Motion, optional
         Over whose interval; default: the motion that the linkage answers, or else a whole turn.
     **asked
-        As of `FourBar.assembly`.
+        As of `Linkage.assembly`.
 
     Examples
     --------
@@ -731,312 +1102,23 @@ def assembly(linkage: Any, motion: Motion | None = None, **asked: Any) -> Assemb
     return one.assembly(motion, travel if crank is None else crank, **asked)
 
 
-def given_linkage(given: Any, degrees: bool) -> tuple[AnyLinkage, Any]:
-    """A linkage that is given as such, as a solution, or as plain values; and of those the travel of its drive, if it is there.
+def given_linkage(given: Any, degrees: bool) -> tuple[Linkage, Any]:
+    """Return a linkage that is given as such, as a solution or as plain values; and of those the travel of its drive, if any.
 
-    Raises `FieldError`: ``/linkage``, or the field within that is amiss.
+    Raises `FieldError`: ``/linkage``, or the wrong field within.
     """
     if not isinstance(given, Mapping):
-        one = given if isinstance(given, AnyLinkage) else getattr(given, "linkage", given)
-        if not isinstance(one, AnyLinkage):
+        one = given if isinstance(given, Linkage) else getattr(given, "linkage", given)
+        if not isinstance(one, Linkage):
             raise FieldError(
                 "/linkage", "wanted a linkage, a four-bar or on two guides, a solution, or its plain values"
             )
         return one, None
     travel = given.get("travel") if given.get("crank_angle") is None else given["crank_angle"]
-    if given.get("guides") is not None and given.get("links") is None:
-        return GuidedLinkage.from_dict(given, degrees), travel
     try:
-        return FourBar.from_dict(given, degrees), travel
+        return Linkage.from_dict(given, degrees), travel
     except (KeyError, TypeError):
         raise FieldError("/linkage", "wanted links (crank, coupler, rocker, ground), branch, start_angle") from None
-
-
-DriverName = Literal["crank", "slider", "cylinder", "hinge"]
-OtherKindName = Literal["slider_crank", "swinging_block", "rail_slot", "two_rails", "two_slots"]
-KindName = Literal["four_bar", OtherKindName]
-LARGEST = 1e100
-"""Of a place or a length that is given."""
-
-
-class CircleGuide(NamedTuple):
-    """A point of the body on a circle: a crank or rocker. Body points are in the body's frame."""
-
-    guide: Literal["circle"]
-    pivot: tuple[float, float]
-    radius: float
-    body_point: tuple[float, float]
-
-
-class RailGuide(NamedTuple):
-    """A point of the body on a line of the ground."""
-
-    guide: Literal["rail"]
-    point: tuple[float, float]
-    direction: float
-    """Angle of the rail against the x axis."""
-    body_point: tuple[float, float]
-    used: tuple[float, float] | None
-    """The least and the largest place on the rail, from its point along its direction, over the used interval."""
-
-
-class SlotGuide(NamedTuple):
-    """A line of the body through a fixed pin."""
-
-    guide: Literal["slot"]
-    pin: tuple[float, float]
-    body_point: tuple[float, float]
-    """A point of the line in the body's frame."""
-    body_direction: float
-    """Angle of the line in the body's frame."""
-    used: tuple[float, float] | None
-    """The least and the largest place of the pin in the slot, from the body point along its direction, over the used interval."""
-
-
-AnyGuide = CircleGuide | RailGuide | SlotGuide
-
-
-def guides_of(linkage: Linkage, radian: float, used: Interval | None) -> list[AnyGuide]:
-    """The guides of a linkage, the driven one first, in the user's unit of angle; ``used``: travel from the first sample."""
-
-    def ends(place: int) -> tuple[float, float] | None:
-        return None if used is None else linkage.used(place, used)
-
-    found: list[AnyGuide] = []
-    for place, one in enumerate(linkage.guides):
-        point = xy(one.body_point)
-        if isinstance(one, Circle):
-            found.append(CircleGuide("circle", xy(one.pivot), one.radius, point))
-        elif isinstance(one, Rail):
-            found.append(RailGuide("rail", xy(one.point), one.direction / radian, point, ends(place)))
-        else:
-            found.append(SlotGuide("slot", xy(one.pin), point, one.body_direction / radian, ends(place)))
-    return found
-
-
-class GuidedJoints(NamedTuple):
-    """Where a body on two guides is at n places of the drive; NaN where the loop does not close. Angles in the linkage's unit."""
-
-    body_point: Floats
-    """(n, 2): the origin of the body's frame, the requested position."""
-    rotation: Floats
-    """(n,): of the body."""
-    guided: tuple[Floats, Floats]
-    """(n, 2) of each guide: its body point on a circle or rail, its fixed pin in a slot."""
-    drive: Floats
-    """(n,): the drive's coordinate, an angle or a length."""
-    transmission_angle: Floats
-    arm: Floats
-    """(n,): moment arm of the second guide's push about the driven guide's pin."""
-
-
-class GuidedLinkage(AnyLinkage):
-    """A body held by two guides, the first of them driven.
-
-    Parameters
-    ----------
-    guides : sequence of two mappings
-        As a reply has them: ``guide`` "circle" with ``pivot``, ``radius``, ``body_point``; "rail" with ``point``, ``direction``,
-        ``body_point``; "slot" with ``pin``, ``body_point``, ``body_direction``. Body points are in the body's frame.
-    driver : {"crank", "slider", "cylinder", "hinge"}
-        What moves the first guide: a crank its circle, a slider its rail, a cylinder or a hinge its slot.
-    branch : int
-        Sign of the sine of the transmission angle.
-    start : float
-        The drive's coordinate at the first sample: the direction of crank or slot in the plane, the place along rail or slot.
-    degrees : bool
-        Unit of every angle in and out.
-
-    Raises
-    ------
-    FieldError
-        Naming the argument.
-
-    Examples
-    --------
-    >>> import linkage_atlas as la
-    >>> crank = {"guide": "circle", "pivot": [0, 0], "radius": 1, "body_point": [0, 0]}
-    >>> rail = {"guide": "rail", "point": [0, 0.3], "direction": 0, "body_point": [2, 0]}
-    >>> pump = la.GuidedLinkage([crank, rail], "crank")
-    >>> pump.kind, pump.turns_fully
-    ('slider_crank', True)
-    >>> pump.joints([50]).rotation.round(6).tolist()
-    [-13.475068]
-    """
-
-    _linkage: Linkage
-    _drive = "drive"
-
-    def __init__(
-        self,
-        guides: Sequence[Mapping[str, Any] | AnyGuide],
-        driver: str,
-        branch: int = 1,
-        start: float = 0.0,
-        *,
-        degrees: bool = True,
-    ) -> None:
-        radian = radians_in(degrees)
-        if isinstance(guides, (str, Mapping)) or len(guides) != 2:
-            raise FieldError("/guides", f"wanted two guides, found {len(guides)}")
-        read = [read_guide(f"guides/{place}", one, radian) for place, one in enumerate(guides)]
-        if Driver(one_of("driver", driver, get_args(DriverName))) not in (known := DRIVERS[type(read[0])]):
-            what = type(read[0]).__name__.lower()
-            raise FieldError(
-                "/driver", f"the first guide is a {what}, driven by {' or '.join(known)}, found {driver!r}"
-            )
-        if branch not in (-1, 1):
-            raise FieldError("/branch", f"wanted 1 or -1, found {branch}")
-        turns = Driver(driver).turns
-        begin = number("start", start) * (radian if turns else 1.0)
-        self._linkage = on_guides((read[0], read[1]), Driver(driver), int(branch), begin)
-        check_apart(self._linkage)
-        self._radian = radian
-        self._motion: Target | None = None
-
-    @property
-    def plain(self) -> Linkage:
-        """The same in radians, as the numerics have it."""
-        return self._linkage
-
-    # -- what it is ---------------------------------------------------------------------------------------------------
-
-    @property
-    def kind(self) -> str:
-        """Which guides it has: slider_crank, swinging_block, rail_slot, two_rails, two_slots or four_bar."""
-        return self._linkage.kind.value
-
-    @property
-    def driver(self) -> str:
-        """What moves the first guide: crank, slider, cylinder or hinge."""
-        return self._linkage.driver.value
-
-    @property
-    def start(self) -> float:
-        """The drive's coordinate at the first sample."""
-        one = self._linkage
-        return (one.start + one.ground_angle) / self._radian if one.driver.turns else one.start
-
-    @property
-    def guides(self) -> list[AnyGuide]:
-        """The guides, the driven one first, with the parts of rails and slots that the motion uses, where it answers one."""
-        used = None if self._motion is None else self._motion.interval
-        return guides_of(self._linkage, self._radian, used)
-
-    @property
-    def _unit(self) -> float:
-        """Radians in the unit of the drive's coordinate; 1 for a length."""
-        return self._radian if self._linkage.driver.turns else 1.0
-
-    # -- how it moves -------------------------------------------------------------------------------------------------
-
-    def joints(self, travel: ArrayLike) -> GuidedJoints:
-        """Where the body and its guided points are.
-
-        Parameters
-        ----------
-        travel : array_like, shape (n,) or a number
-            Of the drive from its start on: angles of a crank or hinge, lengths of a slider or cylinder.
-        """
-        one = self._linkage
-        q = one.start + np.atleast_1d(column("travel", travel)) * self._unit
-        found = one.body(q)
-        turned = np.exp(1j * found.rotation)
-        points = [
-            plane(np.where(np.isfinite(found.rotation), guide.pin, np.nan))
-            if isinstance(guide, Slot)
-            else plane(found.position + turned * guide.body_point)
-            for guide in one.guides
-        ]
-        return GuidedJoints(
-            plane(found.position),
-            found.rotation / self._radian,
-            (points[0], points[1]),
-            (q + one.ground_angle) / self._unit,
-            found.transmission_angle / self._radian,
-            found.arm,
-        )
-
-    def transmission_angle_min(self, first: float | None = None, last: float | None = None) -> float:
-        """The smallest transmission angle over travel of the drive, exactly; NaN where it opens.
-
-        Default: over the motion that it answers, or else over a whole turn.
-        """
-        if first is None or last is None:
-            interval = self._default_motion().interval
-        ends = [
-            interval.first if first is None else first * self._unit,
-            interval.last if last is None else last * self._unit,
-        ]
-        return self._linkage.transmission_angle_over(Interval(*ends).after(self._linkage.start)) / self._radian
-
-    def analysis(
-        self, speed: float, load: Mapping[str, Any] | None = None, travel: ArrayLike | None = None
-    ) -> GuidedAnalysis:
-        """Velocities, accelerations and, with a load, the torque or force of the drive and the forces of the guides.
-
-        Parameters
-        ----------
-        speed : float
-            Of the drive, constant: in the unit of angle of a crank or hinge, or the unit of length, a second.
-        load : mapping, optional
-            ``force`` [fx, fy] at the body point and ``torque`` on the body, in directions that do not turn with it.
-        travel : array_like, shape (n,), optional
-            Of the drive from its start on. Default: the samples of the motion that it answers (or a whole turn), with the
-            `curve` over their interval.
-        """
-        unit = self.length_unit or "mm"
-        asked = read_analysis({"crank_speed": speed, "load": load, "length_unit": unit}, True)
-        found: GuidedAnalysis = self._analysed_at(asked, "travel", travel)
-        return found
-
-    # -- what it becomes ----------------------------------------------------------------------------------------------
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain values under the names of the HTTP contract; `from_dict` takes them back."""
-        return {
-            "kind": self.kind,
-            "driver": self.driver,
-            "guides": plain(self.guides),
-            "branch": self.branch,
-            "start": self.start,
-        }
-
-    @classmethod
-    def from_dict(cls, values: Mapping[str, Any], degrees: bool = True) -> GuidedLinkage:
-        """A linkage from what `to_dict` gives, or from a solution of a reply over HTTP.
-
-        Without ``branch`` and ``start`` there is nothing to go by: they are needed beside ``guides`` and ``driver``.
-        """
-        for name in ("guides", "driver", "branch", "start"):
-            if values.get(name) is None:
-                raise FieldError(f"/{name}", "needed")
-        return cls(values["guides"], values["driver"], values["branch"], values["start"], degrees=degrees)
-
-    def target_of(self, motion: Motion | None, travel: ArrayLike | None) -> Target:
-        """A motion with the travel of the drive at its samples; without one the default."""
-        if motion is None:
-            return self._default_motion()
-        if travel is None and not self._linkage.driver.turns:
-            travel = motion.travel
-        if motion.free and travel is None:
-            name = "crank_angle" if self._linkage.driver.turns else "travel"
-            raise FieldError(f"/{name}", "needed: the motion's timing is free")
-        place = np.zeros(0) if travel is None else column("travel", travel) * self._unit
-        if motion.free and place.shape != (motion.asked.samples,):
-            raise FieldError("/travel", f"wanted {motion.asked.samples} numbers, found {place.size}")
-        return as_target(motion.samples, self._linkage, place)
-
-    def __repr__(self) -> str:
-        words = []
-        for one in self.guides:
-            if isinstance(one, CircleGuide):
-                words.append(f"circle of radius {one.radius:.6g} about {_words(one.pivot)}")
-            elif isinstance(one, RailGuide):
-                words.append(f"rail through {_words(one.point)} at {one.direction:.6g}")
-            else:
-                words.append(f"slot on the pin {_words(one.pin)}")
-        return f"GuidedLinkage({self.kind} driven by a {self.driver}: {', '.join(words)}, branch={self.branch:+d})"
 
 
 def read_guide(field: str, given: Mapping[str, Any] | AnyGuide, radian: float) -> Guide:
@@ -1062,7 +1144,7 @@ def read_guide(field: str, given: Mapping[str, Any] | AnyGuide, radian: float) -
     return Slot(place("pin"), point, amount("body_direction") * radian)
 
 
-def check_apart(linkage: Linkage) -> None:
+def check_apart(linkage: Plain) -> None:
     """FieldError for two guides that hold the body to one condition, or that never let it turn."""
     first, second = linkage.guides
     alike = isinstance(first, (Circle, Rail)) and isinstance(second, (Circle, Rail))
@@ -1107,7 +1189,7 @@ def check_held(kind: str, **given: Any) -> None:
 
 
 def content_of(
-    linkage: Linkage,
+    linkage: Plain,
     target: Target,
     radian: float,
     kind: str,
@@ -1118,7 +1200,7 @@ def content_of(
     arranged: bool = False,
     more: Mapping[str, Any] | None = None,
 ) -> bytes:
-    """The content of a file; see `FourBar.file` for what the arguments mean.
+    """The content of a file; see `Linkage.file` for what the arguments mean.
 
     ``parts``: makes the `SolidParts` of a four-bar, with an error where they collide, or (True) nevertheless.
     ``arranged``: plates are those of an assembly, not the links alone. ``more``: further columns of a CSV file.
@@ -1168,7 +1250,7 @@ def content_of(
 
 
 def _analysis_columns(
-    linkage: Linkage, target: Target, radian: float, analysis: Mapping[str, Any] | None
+    linkage: Plain, target: Target, radian: float, analysis: Mapping[str, Any] | None
 ) -> dict[str, Any]:
     if analysis is None:
         return {}
@@ -1177,7 +1259,7 @@ def _analysis_columns(
     return columns
 
 
-def drive_on(linkage: Linkage, target: Target, drive: Mapping[str, Any] | None) -> Attached | None:
+def drive_on(linkage: Plain, target: Target, drive: Mapping[str, Any] | None) -> Attached | None:
     """A drive of a reply on a linkage at the samples of a motion."""
     if drive is None:
         return None

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from linkage_atlas.answers import FINISHING, Features, Match, Matches, MatchReport
 from linkage_atlas.arguments import check_above_zero, check_top, kinds_among
 from linkage_atlas.atlases import MECHANISMS, SLIDER_CRANK, Atlas, as_atlas, default_atlas, default_slider_cranks
-from linkage_atlas.linkages import FourBar, GuidedLinkage
+from linkage_atlas.linkages import FourBar, Linkage
 from linkage_atlas.motions import Motion
 from linkage_atlas.notes import counted, sentences
 from synthesis.arrays import Floats
@@ -127,7 +127,7 @@ def match(
         kind, branch = row.atlas.type_of(row.number), sides[row.branch > 0]
         start = row.start * (360 / row.scan.starts) * (np.pi / 180 / radian)
         offset = float(np.mean(wanted - angle) / radian)
-        linkage: FourBar | GuidedLinkage
+        linkage: Linkage
         if row.atlas.kind == SLIDER_CRANK:
             linkage = _slider_crank(kind.lengths, branch, start * radian, offset * radian, radian, target)
         else:
@@ -181,12 +181,12 @@ def _atlas_of(kind: str, atlas: Atlas | None) -> Atlas:
 
 def _slider_crank(
     lengths: list[int], branch: int, start: float, offset: float, radian: float, target: Target
-) -> GuidedLinkage:
+) -> Linkage:
     """The linkage of a row, its rail along the x axis and the body's point in the crank pin; angles in radians."""
     crank, rod, beside = lengths
     signed = np.array([[crank, rod, branch * beside]], dtype=float)
     (linkage,) = BY_CRANK[Kind.SLIDER_CRANK].posed(signed, np.ones(1), np.array([start]), None)
-    return GuidedLinkage.of(linkage.turned_body(offset), radian, target)
+    return Linkage.of(linkage.turned_body(offset), radian, target)
 
 
 def _features(crank: Floats, curve: Floats, radian: float) -> Features:

@@ -67,7 +67,7 @@ def read_solids(given: Mapping[str, Any] | None, where: str = "solids/") -> Aske
 
 
 class Weight(NamedTuple):
-    """What a moving link weighs with everything that it carries, as `FourBar.analysis` takes it: not scaled."""
+    """What a moving link weighs with everything that it carries, as `Linkage.analysis` takes it: not scaled."""
 
     link: str
     mass: float

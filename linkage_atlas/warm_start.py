@@ -1,4 +1,4 @@
-"""Linkages that a search begins with: read from `FourBar`, solutions or plain values, and checked."""
+"""Linkages that a search begins with: read from `Linkage`, solutions or plain values, and checked."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import NamedTuple, Protocol, TypeAlias
 import numpy as np
 
 from linkage_atlas.arguments import Fields, column, flag, number, pointing
-from linkage_atlas.linkages import FourBar
+from linkage_atlas.linkages import Linkage
 from linkage_atlas.motions import Motion
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.four_bar import wrap
-from synthesis.linkage import Linkage
+from synthesis.linkage import Linkage as Plain
 from synthesis.target import MAX_LENGTH, MIN_LENGTH, TURN, Samples
 
 MAX_STARTS = 10
@@ -35,14 +35,14 @@ class WithLinkage(Protocol):
         ...
 
 
-StartingLinkage: TypeAlias = FourBar | WithLinkage | Fields
-"""A `FourBar`, a `Solution` or `FunctionSolution`, or its plain values."""
+StartingLinkage: TypeAlias = Linkage | WithLinkage | Fields
+"""A `Linkage`, a `Solution` or `FunctionSolution`, or its plain values."""
 
 
 class Start(NamedTuple):
     """A linkage to begin with, in radians."""
 
-    linkage: Linkage
+    linkage: Plain
     crank: Floats | None = None
     """(N,): crank angles at the samples, relative to the first sample."""
     offset: float | None = None
@@ -72,7 +72,7 @@ def check_local(local: object, start_from: object) -> bool:
 def read_starts(starts: Sequence[StartingLinkage] | None, degrees: bool) -> list[Start] | None:
     """Read the linkages of ``start_from``; None if the request has none.
 
-    Each is a `FourBar`, a solution, or the plain values of either in the request's unit of angle.
+    Each is a `Linkage`, a solution, or the plain values of either in the request's unit of angle.
 
     Raises
     ------
@@ -102,12 +102,12 @@ def starts_for(starts: Sequence[Start] | None, motion: Motion) -> list[Start] | 
 
 
 def _read(start: StartingLinkage, degrees: bool, field: str) -> Start:
-    if isinstance(start, FourBar):
+    if isinstance(start, Linkage):
         return _checked(start, field)
     if isinstance(start, Mapping):
         with pointing_to_start(field):
             try:
-                linkage = FourBar.from_dict(start, degrees)
+                linkage = Linkage.from_dict(start, degrees)
             except (KeyError, TypeError, ValueError) as error:
                 if isinstance(error, FieldError):
                     raise
@@ -116,7 +116,7 @@ def _read(start: StartingLinkage, degrees: bool, field: str) -> Start:
     else:
         found = getattr(start, "linkage", None)
         crank, offset = getattr(start, "crank_angle", None), getattr(start, "output_offset", None)
-        if not isinstance(found, FourBar):
+        if not isinstance(found, Linkage):
             raise FieldError(f"/{field}", "wanted a FourBar, a solution with one, or its plain values")
         linkage = found
     radian = np.pi / 180 if linkage.degrees else 1.0
@@ -136,8 +136,10 @@ def _check_start(start: Start, motion: Motion) -> None:
         _check_mount(linkage, samples, start.field)
 
 
-def _checked(four_bar: FourBar, field: str) -> Start:
+def _checked(four_bar: Linkage, field: str) -> Start:
     """Return a linkage with lengths in the allowed range and angles within a turn."""
+    if not four_bar.plain.is_four_bar:
+        raise FieldError(f"/{field}", "wanted a FourBar, a solution with one, or its plain values")
     linkage = four_bar.plain
     for name, length in zip(("crank", "coupler", "rocker", "ground"), linkage.links):
         path = f"/{field}/links/{name}"
@@ -154,7 +156,7 @@ def _checked(four_bar: FourBar, field: str) -> Start:
     return Start(turned, field=field)
 
 
-def _check_mount(linkage: Linkage, samples: Samples, field: str) -> None:
+def _check_mount(linkage: Plain, samples: Samples, field: str) -> None:
     """Raise FieldError for a linkage that is too far from the positions, too large or too small for them."""
     assert samples.position is not None and linkage.coupler_point is not None
     scale = samples.length_scale

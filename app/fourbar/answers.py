@@ -373,13 +373,14 @@ def _function_file(body: FunctionExportRequest, resources: Resources) -> bytes:
     request, solution = body.request, body.solution
     if body.format == "json":
         unit = body.length_unit if "length_unit" in body.model_fields_set else None
-        return as_json(request, solution.model_dump(mode="json"), unit)
+        unused = {"joints"} if solution.joints is None else None
+        return as_json(request, solution.model_dump(mode="json", exclude=unused), unit)
     degrees = request.angle_unit == "deg"
     with pointing(lambda field: "/solution" + field):
         given = solution.linkage(degrees)
     with pointing(lambda field: "/request" + field):
         dial = read_dial(request.input_unit, request.output_unit, degrees)
-        if dial.travels != isinstance(given, la.GuidedLinkage):
+        if dial.travels == given.plain.is_four_bar:
             raise la.FieldError("/output_unit", "the solution belongs to a request of another unit")
         span, asked = getattr(request, dial.span), request.given("input", "function")
         wanted, _, scales = read_wanted(request.output, span, dial=dial, **asked, degrees=degrees)

@@ -230,6 +230,17 @@ class GivenSolution(_ReplyPart):
     crank_angle: Annotated[list[Angle], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)] | None = None
 
 
+class GivenJoints(_ReplyPart):
+    """Joints of a four-bar at its first sample: pivots A and B, crank pin D, coupler pin C, and perhaps the body point P."""
+
+    A: FarPoint
+    D: FarPoint
+    C: FarPoint
+    B: FarPoint
+    P: FarPoint | None = None
+    rotation: Angle = Field(default=0.0, description="Rotation of the body in this position.")
+
+
 class GivenGuide(_ReplyPart):
     """A guide of a solution with rails or slots: what belongs to its sort is checked where it is used."""
 
@@ -273,8 +284,9 @@ class GivenDrive(_ReplyPart):
 
 
 class GivenLinkage(_ReplyPart):
-    """One of the `solutions` of a reply, as it came or changed: with `links` a four-bar, else with `guides` and `driver`."""
+    """One of the `solutions` of a reply, or its like: a four-bar with `links` or `joints`, else with `guides` and `driver`."""
 
+    joints: GivenJoints | None = None
     links: GivenLinks | None = None
     branch: Literal[-1, 1] | None = None
     start_angle: Angle | None = None
@@ -287,16 +299,20 @@ class GivenLinkage(_ReplyPart):
     travel: Annotated[list[FarCoordinate], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)] | None = None
     drives: Annotated[list[GivenDrive], Field(max_length=400)] | None = None
 
-    def linkage(self, degrees: bool) -> la.FourBar | la.GuidedLinkage:
+    def linkage(self, degrees: bool) -> la.Linkage:
         """The linkage; FieldError naming the field that is missing."""
+        if self.joints is not None:
+            return la.Linkage.from_dict({"joints": self.joints.model_dump()}, degrees)
         if self.links is None and self.guides is None:
-            raise la.FieldError("/links", "needed, or two `guides` with their `driver`, `branch` and `start`")
+            raise la.FieldError(
+                "/links", "needed, or `joints`, or two `guides` with their `driver`, `branch` and `start`"
+            )
         if self.links is None:
-            return la.GuidedLinkage.from_dict(self.model_dump(exclude_none=True), degrees)
+            return la.Linkage.from_dict(self.model_dump(exclude_none=True), degrees)
         for name in ("branch", "start_angle"):
             if getattr(self, name) is None:
                 raise la.FieldError(f"/{name}", "needed beside `links`")
-        return la.FourBar.from_dict(self.model_dump(), degrees)
+        return la.Linkage.from_dict(self.model_dump(), degrees)
 
 
 class GivenGenerator(_ReplyPart):

@@ -62,8 +62,8 @@ def drives(
 
     Parameters
     ----------
-    linkage : FourBar, GuidedLinkage, Solution or mapping, optional
-        A `GuidedLinkage` too, driven by a crank, slider, cylinder or hinge. Or None with ``rocker``.
+    linkage : Linkage, Solution or mapping, optional
+        Any kind of linkage, driven by a crank, slider, cylinder or hinge. Or None with ``rocker``.
     drives : sequence of mapping
         Each with its ``kind``: "rotary", "actuator" (or "cylinder"), "dyad", "toggle", and its wishes by name, see
         docs/drives.md.

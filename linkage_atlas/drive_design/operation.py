@@ -10,12 +10,12 @@ from numpy.typing import ArrayLike
 
 from linkage_atlas.arguments import check_names, column, number, pair, radians_in
 from linkage_atlas.drive_design.question import SIZE_RATIO
-from linkage_atlas.linkages import FourBar, GuidedLinkage, given_linkage
+from linkage_atlas.linkages import Linkage, given_linkage
 from linkage_atlas.motions import Motion
 from synthesis.arrays import Floats
 from synthesis.drives.links import SAMPLES, LinkMotions, ends_of, hinged_at, motions_at, motions_of
 from synthesis.errors import FieldError
-from synthesis.linkage import Linkage
+from synthesis.linkage import Linkage as Plain
 from synthesis.target import MAX_LENGTH, TURN, Target
 
 FINE = 961
@@ -33,13 +33,13 @@ class Operation(NamedTuple):
     """At `FINE` even steps."""
     radian: float
     samples: Floats
-    view: FourBar | GuidedLinkage | None
+    view: Linkage | None
     """The user's linkage; None for a link on a hinge."""
 
     @classmethod
     def of(
         cls,
-        linkage: Linkage,
+        linkage: Plain,
         travel: Floats,
         radian: float,
         target: Target | None = None,
@@ -53,7 +53,7 @@ class Operation(NamedTuple):
         if not four_bar and not linkage.closes_over(ends.after(linkage.start)):
             raise FieldError("/linkage", "does not close over its way")
         coarse, fine = (motions_of(linkage, ends, count) for count in (SAMPLES, FINE))
-        view = (FourBar if four_bar else GuidedLinkage).of(linkage, radian, target, length_unit)
+        view = Linkage.of(linkage, radian, target, length_unit)
         operation = cls(lambda at: motions_at(linkage, at), coarse, fine, radian, travel, view)
         operation.check()
         return operation
@@ -64,13 +64,13 @@ class Operation(NamedTuple):
         angles = None if crank_angle is None else np.atleast_1d(column("crank_angle", crank_angle))
         view, own = given_linkage(linkage, degrees if motion is None else motion.degrees)
         if angles is None and own is not None:
-            name = "travel" if isinstance(view, GuidedLinkage) else "crank_angle"
+            name = "crank_angle" if view.plain.is_four_bar else "travel"
             angles = np.asarray(column(f"linkage/{name}", own))
-        if not isinstance(view, (FourBar, GuidedLinkage)):
+        if view.has_motor:
             raise FieldError("/linkage", "wanted a four-bar or a body on guides: this one has a motor already")
-        radian, target, four_bar = radians_in(view.degrees), None, isinstance(view, FourBar)
+        radian, target, four_bar = radians_in(view.degrees), None, view.plain.is_four_bar
         if motion is not None:
-            turns = isinstance(view, FourBar) or view._linkage.driver.turns
+            turns = view.plain.driver.turns
             if motion.free and angles is None and turns:
                 raise FieldError("/linkage/crank_angle", "needed: the motion's crank angles are free")
             if motion.free and angles is None and motion.travel is None:
@@ -124,9 +124,9 @@ class Operation(NamedTuple):
                 raise FieldError("/linkage", f"does not close, or is dead, at {at} of its drive's way")
 
     @property
-    def linkage(self) -> Linkage | None:
+    def linkage(self) -> Plain | None:
         """The four-bar, from which ideal springs are computed."""
-        return self.view.plain if isinstance(self.view, FourBar) else None
+        return None if self.view is None or not self.view.plain.is_four_bar else self.view.plain
 
     @property
     def unit(self) -> float:

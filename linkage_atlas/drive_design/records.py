@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Annotated, Literal, NamedTuple, get_args, overload
 
-from linkage_atlas.drive_design.six_bars import SixBarLinkage
-from linkage_atlas.linkages import FourBar
+from linkage_atlas.linkages import Linkage
 from linkage_atlas.records import KEPT, Record, Values, Vectors
 from synthesis.arrays import Floats
 from synthesis.drives.links import GROUND, LinkMotions
@@ -272,7 +271,7 @@ class MotorDrive(_PinnedDrive):
     """Null without a load."""
     curve: MotorCurve
     six_bar: SixBar
-    linkage: SixBarLinkage | FourBar = field(metadata=KEPT, repr=False, compare=False)
+    linkage: Linkage = field(metadata=KEPT, repr=False, compare=False)
     """The linkage with its motor; on a hinged link a four-bar whose rocker is the link."""
 
     @property

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from linkage_atlas.arguments import bounded, column, known_fields, millimetres_in, number
 from linkage_atlas.assemblies import Assembly, assembled, read_assembly
 from linkage_atlas.formats import OF_PARTS
-from linkage_atlas.linkages import AnyLinkage, FourBar, GuidedJoints, GuidedLinkage, Joints, content_of, given_linkage
+from linkage_atlas.linkages import FourBar, Joints, Linkage, content_of, given_linkage
 from linkage_atlas.motions import Motion
 from linkage_atlas.records import Record, Values, Vectors, plain, plane, xy
 from linkage_atlas.solids import read_solids
@@ -36,7 +36,7 @@ class SixBarJoints(NamedTuple):
 
     joints: dict[str, Floats]
     """(n, 2) of each by its name: A, B, C, D of the linkage, M the motor, K between its crank and the rod, Q on the link."""
-    linkage: Joints | GuidedJoints
+    linkage: Joints
     """The linkage itself, with body point, rotation and its own transmission angle."""
     travel: Floats
     """Of the linkage's drive, from the first sample on: crank angles, or lengths of a slide."""
@@ -74,14 +74,14 @@ class SixBarAnalysis(Record):
         return columns_of(self, "velocity", "acceleration", "pin_forces", *turning, "motor_torque")
 
 
-class SixBarLinkage(AnyLinkage):
+class SixBarLinkage(Linkage):
     """A linkage that a motor swings through a rod while it turns on: a Watt II or Stephenson III six-bar.
 
     Angles of the motor count, counter-clockwise, from the first end of the way, where its crank and the rod lie in a line.
 
     Parameters
     ----------
-    linkage : FourBar, GuidedLinkage, Solution or mapping
+    linkage : Linkage, Solution or mapping
         That is driven.
     drive : Drive or mapping
         Of kind "dyad", as `linkage_atlas.drives` finds it: its ``link``, ``motor``, ``pin_on_link``, and of its ``six_bar`` the
@@ -108,14 +108,15 @@ class SixBarLinkage(AnyLinkage):
     [60.0]
     """
 
-    _linkage: SixBar
+    _linkage: SixBar  # type: ignore[assignment]
     _drive = "motor"
+    has_motor = True
 
     def __init__(
         self, linkage: Any, drive: Any, crank_angle: ArrayLike | None = None, *, degrees: bool = True
     ) -> None:
         base, own = given_linkage(linkage, degrees)
-        if not isinstance(base, (FourBar, GuidedLinkage)):
+        if base.has_motor:
             raise FieldError("/linkage", "wanted a four-bar or a body on guides: this one has a motor already")
         own = own if crank_angle is None else crank_angle
         if own is not None:
@@ -136,7 +137,7 @@ class SixBarLinkage(AnyLinkage):
         self._linkage = SixBar.of(base.plain, ends_of(places), read.drive)
 
     @classmethod
-    def of_view(cls, linkage: FourBar | GuidedLinkage, six: SixBar, samples: Floats) -> SixBarLinkage:
+    def of_view(cls, linkage: Linkage, six: SixBar, samples: Floats) -> SixBarLinkage:
         """Of a linkage and a motor that were found together; ``samples`` (n,): places of its drive, radians or lengths."""
         one = object.__new__(cls)
         one._base, one._radian, one._motion, one._samples = linkage, linkage._radian, None, samples
@@ -147,7 +148,7 @@ class SixBarLinkage(AnyLinkage):
     # -- what it is ---------------------------------------------------------------------------------------------------
 
     @property
-    def linkage(self) -> FourBar | GuidedLinkage:
+    def linkage(self) -> Linkage:
         """The linkage that is driven."""
         return self._base
 
@@ -211,7 +212,7 @@ class SixBarLinkage(AnyLinkage):
 
     # -- how it moves -------------------------------------------------------------------------------------------------
 
-    def joints(self, motor: ArrayLike) -> SixBarJoints:
+    def joints(self, motor: ArrayLike) -> SixBarJoints:  # type: ignore[override]
         """Where it is.
 
         Parameters
@@ -235,7 +236,7 @@ class SixBarLinkage(AnyLinkage):
             np.reshape(six.transmission(machine), turned.shape) / self._radian,
         )
 
-    def transmission_angle_min(self) -> float:
+    def transmission_angle_min(self) -> float:  # type: ignore[override]
         """The least angle between rod and normal of its pin's path, of 721 angles of a turn."""
         six = self._linkage
         return float(six.transmission(six.machine(np.linspace(0.0, TURN, 721))).min()) / self._radian
@@ -262,7 +263,7 @@ class SixBarLinkage(AnyLinkage):
         motor_speed : float
             Of the motor, constant, counter-clockwise: in the linkage's unit of angle a second.
         load : mapping, optional
-            As of `FourBar.analysis`; ``masses`` also of the links motor_crank and rod, whose frames begin at the motor and at the
+            As of `Linkage.analysis`; ``masses`` also of the links motor_crank and rod, whose frames begin at the motor and at the
             end of its crank and lie along them.
         motor : array_like, shape (n,), optional
             Angles of the motor from the first end on. Default: a whole turn.
@@ -340,7 +341,7 @@ class SixBarLinkage(AnyLinkage):
         analysis : mapping, optional
             ``motor_speed`` and ``load`` as of `analysis`: further columns of a CSV file.
         assembly, solids, work
-            As of `FourBar.file`.
+            As of `Linkage.file`.
         """
         length_unit = self.unit_for(motion, length_unit)
         if kind in (*OF_PARTS, "plates"):
@@ -433,7 +434,7 @@ def _no_motion(motion: Motion | None, travel: Any) -> None:
         raise FieldError("/motion", "a six-bar moves over a turn of its motor: leave this")
 
 
-def on_hinge(six: SixBar, radian: float) -> FourBar:
+def on_hinge(six: SixBar, radian: float) -> Linkage:
     """A motor and rod on a link that turns about a fixed pivot: a four-bar, whose rocker the link is."""
     motor, link = six.motor, six.machine(np.zeros(1)).links[six.motor.link]
     pivot = complex(link.origin[0])

@@ -46,7 +46,7 @@ KINDS: dict[str, tuple[dict[str, Any], list[str]]] = {
 
 
 def moving() -> la.FourBar:
-    return la.FourBar.of(CASEMENT.plain, DEGREES, Target(None, None, crank=np.array(ANGLES) * DEGREES))
+    return la.Linkage.of(CASEMENT.plain, DEGREES, Target(None, None, crank=np.array(ANGLES) * DEGREES))
 
 
 def drive_of(name: str) -> Any:

@@ -157,7 +157,7 @@ def test_a_drive_that_is_none_or_in_a_file_that_has_none_is_refused(client, foun
 def test_a_body_on_guides_writes_its_drive_too() -> None:
     crank = {"guide": "circle", "pivot": [0, 0], "radius": 10, "body_point": [0, 0]}
     rail = {"guide": "rail", "point": [0, 3], "direction": 0, "body_point": [20, 0]}
-    pump = la.GuidedLinkage([crank, rail], "crank", start=30)
+    pump = la.Linkage([crank, rail], "crank", start=30)
     motion = la.Motion(position=pump.joints([0, 20, 40, 60]).body_point, crank_angle=[0, 20, 40, 60])
     drive = la.drives(pump, [{"kind": "actuator"}], motion=motion, load={"force": [0, -10]}).drives[0]
     table = pump.render("csv", motion, drive=drive.to_dict())

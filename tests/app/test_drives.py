@@ -263,10 +263,10 @@ def test_a_body_on_guides_goes_along_the_travel_of_its_request(client: TestClien
 def test_a_body_on_guides_is_driven_too() -> None:
     crank = {"guide": "circle", "pivot": [0, 0], "radius": 10, "body_point": [0, 0]}
     rail = {"guide": "rail", "point": [0, 3], "direction": 0, "body_point": [20, 0]}
-    pump = la.GuidedLinkage([crank, rail], "crank", start=30)
+    pump = la.Linkage([crank, rail], "crank", start=30)
     found = la.drives(pump, crank_angle=[0, 60], load={"force": [0, -10]})
     assert {one.kind for one in found.drives} == {"rotary", "actuator", "dyad"}
-    slider = la.GuidedLinkage([rail, crank], "slider", start=24)
+    slider = la.Linkage([rail, crank], "slider", start=24)
     slid = la.drives(slider, crank_angle=[0, -4], load={"force": [0, -10]})
     assert any(one.kind == "actuator" and one.link == "coupler" for one in slid.drives)
 
@@ -364,7 +364,7 @@ def test_a_knee_whose_handle_turns_back_on_both_sides_is_refused() -> None:
 def test_of_knees_the_next_best_is_taken_where_the_best_ones_handle_turns_back() -> None:
     crank = {"guide": "circle", "pivot": [40, -292], "radius": 844, "body_point": [-257, 8]}
     rail = {"guide": "rail", "point": [-2388, -2366], "direction": 337.15, "body_point": [-2711, -1889]}
-    linkage = la.GuidedLinkage([crank, rail], "crank", -1, start=147.7)
+    linkage = la.Linkage([crank, rail], "crank", -1, start=147.7)
     asked = [{"kind": "toggle", "links": ["crank"], "over_centre": 12.7, "knee": 0.8}]
     masses = [{"link": name, "mass": 1} for name in ("slider", "body")]
     found = la.drives(linkage, asked, crank_angle=[0, 40.8], load={"masses": masses})

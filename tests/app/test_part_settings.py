@@ -122,7 +122,7 @@ def test_http_command_line_and_python_make_the_same_plates(client: TestClient, r
     code, _, error = run("export", given, "--out", tmp_path / "cut.plates.dxf", "--nevertheless", *options)
     assert code == 0, error
     assert circles((tmp_path / "cut.plates.dxf").read_bytes(), "CRANK") == {1.3}
-    linkage = la.FourBar.from_dict(solution)
+    linkage = la.Linkage.from_dict(solution)
     travel = {} if solution["crank_angle"] is None else {"crank_angle": solution["crank_angle"]}
     motion = la.Motion(REQUEST["rotation"], REQUEST["position"], timing="free")
     own = linkage.file("plates", motion, assembly=settings, solids={"nevertheless": True}, **travel)

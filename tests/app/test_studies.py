@@ -32,7 +32,7 @@ def test_an_analysis_is_the_derivative_of_the_motion(client, request_body) -> No
     reply = client.post("/v1/synthesize", json={**request_body, "analysis": ANALYSIS}).json()
     assert reply["solutions"]
     for solution in reply["solutions"]:
-        linkage, analysis = la.FourBar.from_dict(solution), solution["analysis"]
+        linkage, analysis = la.Linkage.from_dict(solution), solution["analysis"]
         crank = solution["crank_angle"] or np.linspace(0, EXAMPLE["crank_span"], 16)
         assert np.mod(analysis["crank_angle"], 360) == pytest.approx(np.mod(crank, 360))
         curve = np.array(analysis["curve"]["crank_angle"])
@@ -195,3 +195,20 @@ def test_a_mass_at_the_body_point_at_rest_is_the_force_of_its_weight() -> None:
     assert np.allclose(linkage.analysis(90, halves, crank).crank_torque, torque)
     metres = la.FourBar(0.019, 0.072, 0.144, 0.165, start_angle=30, coupler_point=(0.020, 60), body_offset=10)
     assert np.allclose(metres.analysis(90, still, crank, length_unit="m").crank_torque * 1000, torque)
+
+
+def test_a_linkage_of_joint_coordinates_is_analysed_driven_and_exported(client) -> None:
+    joints = {"A": [0, 0], "D": [0, 3], "C": [4, 6], "B": [6, 0], "P": [2, 7]}
+    own = la.Linkage.from_points(**joints)
+    asked = {
+        "linkage": {"joints": joints},
+        "crank_angle": [0, 60],
+        "drives": [{"kind": "rotary", "links": ["crank"]}],
+    }
+    driven = client.post("/v1/drives", json=asked)
+    assert driven.status_code == 200, driven.text
+    plain = {"linkage": own.to_dict(), **{name: asked[name] for name in ("crank_angle", "drives")}}
+    same = client.post("/v1/drives", json=plain).json()
+    assert driven.json()["drives"] == same["drives"] and same["drives"]
+    wrong = client.post("/v1/drives", json=asked | {"linkage": {"joints": joints | {"D": [0, 0]}}})
+    assert wrong.status_code == 422 and wrong.json()["errors"][0]["pointer"] == "#/linkage/joints/D"

@@ -27,7 +27,7 @@ def test_the_stored_errors_are_those_of_the_stored_linkages(example) -> None:
         angles = one["crank_angle"] or request.get("crank_angle")
         if angles is None:
             angles = np.linspace(0, request["crank_span"], len(request["position"]))
-        joints = la.FourBar.from_dict(one).joints(np.asarray(angles))
+        joints = la.Linkage.from_dict(one).joints(np.asarray(angles))
         off = np.hypot(*(joints.body_point - np.array(request["position"])).T).max()
         assert off == pytest.approx(one["errors"]["position_max"], rel=1e-4, abs=1e-5)
         if "rotation" in request:

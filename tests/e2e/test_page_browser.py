@@ -87,7 +87,7 @@ def test_joints_are_drawn_where_the_reply_says(standing, example) -> None:
         shown = [one for one in alike if one["start_angle"] == pytest.approx(start, abs=1e-4)][-1]
         own = shown["crank_angle"]
         span = own[-1] if own else request.get("crank_span") or request["crank_angle"][-1]
-        linkage = la.FourBar.from_dict(shown)
+        linkage = la.Linkage.from_dict(shown)
         for share in (0.0, 0.37, 1.0):
             standing.slide(abs(span) * share)
             wanted = linkage.joints([share * span])

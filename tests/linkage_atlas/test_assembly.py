@@ -167,14 +167,14 @@ def test_the_request_s_envelope_holds_for_plates_and_the_body() -> None:
 def test_sliders_have_layers_too() -> None:
     crank = {"guide": "circle", "pivot": [0, 0], "radius": 1, "body_point": [0, 0]}
     rail = {"guide": "rail", "point": [0, 0.3], "direction": 0, "body_point": [2, 0]}
-    pump = la.GuidedLinkage([crank, rail], "crank")
+    pump = la.Linkage([crank, rail], "crank")
     found = pump.assembly()
     assert found.free
     assert set(found.layers) == {"crank", "coupler", "rail"}
     (slit,) = next(part for part in found.parts if part.name == "rail").slits
     assert slit.last[0] - slit.first[0] == pytest.approx(np.sqrt(9 - 0.09) - np.sqrt(1 - 0.09))
     assert la.assembly(pump.to_dict()).layers == found.layers
-    pushed = la.GuidedLinkage([rail, {**crank, "body_point": [0, 0]}], "slider", start=2.0)
+    pushed = la.Linkage([rail, {**crank, "body_point": [0, 0]}], "slider", start=2.0)
     asked = la.Motion([0, 1, 2], [[0, 0], [0.1, 0], [0.2, 0]], timing="free")
     told = pushed.assembly(asked, travel=[0, 0.3, 0.6])
     assert all("degrees" not in reason for reason in told.reasons)

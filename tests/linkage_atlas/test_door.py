@@ -307,7 +307,7 @@ def test_links_keep_their_lengths_wherever_the_loop_closes(linkage, crank) -> No
 def test_a_linkage_comes_back_from_its_dict(linkage) -> None:
     one, degrees = linkage
     values = json.loads(json.dumps(one.to_dict()))
-    back = la.FourBar.from_dict(values, degrees)
+    back = la.Linkage.from_dict(values, degrees)
     assert np.array_equal(back.links, one.links) and (back.branch, back.family) == (one.branch, one.family)
     for name in ("start_angle", "ground_angle", "body_offset", "coupler_point", "pivot_a", "pivot_b"):
         wanted = getattr(one, name)

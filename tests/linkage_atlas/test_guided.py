@@ -42,7 +42,7 @@ def test_a_reply_holds_all_that_its_errors_are_made_of(drive) -> None:
     plain = json.loads(json.dumps(plain_of(one)))
     reply_model(GuidedSolution).model_validate(plain)
     assert plain["rank"] == 1 and plain["kind"] == one.linkage.kind and plain["driver"] == drive[1]
-    again = la.GuidedLinkage.from_dict(plain)
+    again = la.Linkage.from_dict(plain)
     place = plain["crank_angle"] if drive[1].turns else plain["travel"]
     joints = again.joints(place)
     asked = motion.asked
@@ -80,7 +80,7 @@ def test_an_analysis_comes_with_the_solution(drive) -> None:
 
 
 def test_masses_resist_and_weigh() -> None:
-    pump = la.GuidedLinkage([CRANK, RAIL], "crank", start=20)
+    pump = la.Linkage([CRANK, RAIL], "crank", start=20)
     still = pump.analysis(0, {"masses": [{"link": "slider", "mass": 2}], "gravity": [0, -9.81]}, [0, 60])
     # the rail carries the slider's weight, the drive nothing of it
     assert np.allclose(still.drive_load, 0, atol=1e-12)
@@ -92,15 +92,15 @@ def test_masses_resist_and_weigh() -> None:
 
 
 def test_the_object_prints_draws_and_keeps_itself() -> None:
-    pump = la.GuidedLinkage([CRANK, RAIL], "crank", start=20)
-    told = "GuidedLinkage(slider_crank driven by a crank: circle of radius 1 about (0, 0), rail"
+    pump = la.Linkage([CRANK, RAIL], "crank", start=20)
+    told = "Linkage(slider_crank driven by a crank: circle of radius 1 about (0, 0), rail"
     assert repr(pump).startswith(told)
     ElementTree.fromstring(pump._repr_svg_())
-    again = la.GuidedLinkage.from_dict(pump.to_dict())
+    again = la.Linkage.from_dict(pump.to_dict())
     assert again.plain == pump.plain
-    block = la.GuidedLinkage([SLOT, CRANK], "hinge", start=10)
+    block = la.Linkage([SLOT, CRANK], "hinge", start=10)
     assert block.kind == "swinging_block" and block.driver == "hinge"
-    four = la.GuidedLinkage([CRANK, {**CRANK, "pivot": [3, 0], "body_point": [2.5, 0], "radius": 2}], "crank")
+    four = la.Linkage([CRANK, {**CRANK, "pivot": [3, 0], "body_point": [2.5, 0], "radius": 2}], "crank")
     assert four.kind == "four_bar" and four.turns_fully
 
 
@@ -141,7 +141,7 @@ def test_a_four_bar_has_its_guides_too() -> None:
     assert isinstance(best, la.Solution) and (best.kind, best.driver) == ("four_bar", "crank")
     crank, rocker = best.guides
     assert crank.radius == pytest.approx(best.links.crank) and rocker.radius == pytest.approx(best.links.rocker)
-    again = la.GuidedLinkage(best.guides, "crank", best.branch, best.start_angle + best.mount.ground_angle)
+    again = la.Linkage(best.guides, "crank", best.branch, best.start_angle + best.mount.ground_angle)
     there = again.joints(np.linspace(0, 70, 8))
     assert np.allclose(there.body_point, joints.body_point, atol=1e-9)
     assert np.allclose((there.rotation - joints.rotation + 180) % 360 - 180, 0, atol=1e-9)
@@ -170,7 +170,7 @@ def test_lengths_that_can_be_had_come_with_their_errors(drive) -> None:
     for length in found.lengths.values():
         assert length / 5 == pytest.approx(round(length / 5), abs=1e-9)
     plain = json.loads(json.dumps(plain_of(one), allow_nan=False))["rounded"]
-    again = la.GuidedLinkage(plain["guides"], one.driver, plain["branch"], plain["start"])
+    again = la.Linkage(plain["guides"], one.driver, plain["branch"], plain["start"])
     joints = again.joints(plain["crank_angle"] or plain["travel"])
     off = np.abs(joints.body_point @ [1, 1j] - motion.asked.position)
     assert off.max() == pytest.approx(plain["errors"]["position_max"], rel=1e-6, abs=1e-9)

@@ -30,7 +30,7 @@ def test_the_one_rail_and_slot_of_four_poses():
     assert best.errors.objective < 1e-9
     assert best.travel is not None and len(best.travel) == 4
     # its own numbers lead the body through the poses, also where its travel is given
-    again = la.GuidedLinkage.from_dict(best.to_dict()).joints(best.travel)
+    again = la.Linkage.from_dict(best.to_dict()).joints(best.travel)
     assert np.allclose(again.body_point, _FOUR["position"], atol=1e-7)
     assert np.allclose(again.rotation, _FOUR["rotation"], atol=1e-7)
     timed = la.synthesize(**_FOUR, travel=best.travel, mechanisms="all", driver="slider")
@@ -200,7 +200,7 @@ def test_a_study_that_is_cut_down_says_so():
 
 def test_what_is_driven_by_given_travel_is_found_from_many_samples_as_from_few():
     """Descents look at some of many samples; the answer is as exact on all of them."""
-    rails = la.GuidedLinkage.from_dict(TWO_RAILS)
+    rails = la.Linkage.from_dict(TWO_RAILS)
     travel = np.linspace(0, 50, 400) ** 1.1
     body = rails.joints(travel)
     asked = {"travel": travel - travel[0], "mechanisms": ["two_rails"], "limits": {"preset": "none"}}

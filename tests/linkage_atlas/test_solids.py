@@ -67,7 +67,7 @@ def test_what_parts_weigh_is_what_an_analysis_and_a_simulation_take(linkage) -> 
     assert links["crank"].mass == pytest.approx(sum(one.mass for one in parts.parts if one.link == "crank"))
     # by virtual work at rest: the drive holds the weights
     load = {"masses": parts.to_dict()["masses"], "gravity": [0.0, -9.81]}
-    held = linkage.analysis(0, load, crank=[20.0])
+    held = linkage.analysis(0, load, travel=[20.0])
     h = 1e-4
     ends = [linkage.joints(20.0 + off) for off in (-h, h)]
     lifted = 0.0
@@ -119,7 +119,7 @@ CRANK = {"guide": "circle", "pivot": [3, -4], "radius": 20, "body_point": [5, 2]
 RAIL = {"guide": "rail", "point": [0, 6], "direction": 10, "body_point": [50, 8]}
 STEEP = {"guide": "rail", "point": [0, 0], "direction": 100, "body_point": [0, 4]}
 SLOT = {"guide": "slot", "pin": [60, 5], "body_point": [3, 1], "body_direction": 4}
-GUIDED = [la.GuidedLinkage([CRANK, RAIL], "crank", start=30), la.GuidedLinkage([STEEP, SLOT], "slider", start=12)]
+GUIDED = [la.Linkage([CRANK, RAIL], "crank", start=30), la.Linkage([STEEP, SLOT], "slider", start=12)]
 
 
 @pytest.mark.parametrize("one", GUIDED, ids=lambda one: one.kind)
@@ -284,7 +284,7 @@ def test_one_command_gives_a_window_to_print(tmp_path, monkeypatch, capsys) -> N
         assert corners[:, 2].min() + height == pytest.approx(0, abs=1e-9)
     assert {"crank", "coupler", "rocker", "pin_A", "pin_B", "pin_C", "pin_D", "board_below"} <= names
     assert 1e4 < volume < 1e6
-    best = la.FourBar.from_dict(GALLERY["casement"]["reply"]["solutions"][0])
+    best = la.Linkage.from_dict(GALLERY["casement"]["reply"]["solutions"][0])
     motion = la.Motion(crank_angle=np.linspace(0, -33.7, 8), rotation=np.zeros(8))
     parts = best.solids(motion, fit="print", scale=0.5)
     assert {one.name for one in parts.parts} == names
@@ -347,7 +347,7 @@ def test_a_machine_of_the_gallery_is_reopened_as_it_was(name, tmp_path) -> None:
     asked = {name: machine["request"].get(name) for name in ("rotation", "position", "crank_span", "crank_angle")}
     motion = la.Motion(**asked, timing=machine["request"].get("timing"))
     solution = machine["reply"]["solutions"][0]
-    parts = la.FourBar.from_dict(solution).solids(motion, solution["crank_angle"], boards="both")
+    parts = la.Linkage.from_dict(solution).solids(motion, solution["crank_angle"], boards="both")
     deep, who = deepest(parts.solids, 50)
     assert deep <= 1e-9, who
     shells = step_shells(parts.file("step").decode())

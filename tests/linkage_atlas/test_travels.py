@@ -91,7 +91,7 @@ def test_the_reply_does_what_it_says(case: str, objective: str) -> None:
         errors = np.array([float(row[table[0].index("error")]) for row in table[1:]])
         np.testing.assert_allclose(errors, gap, atol=1e-6)
         assert one.transmission_angle_min > 0 and one.verdict.works
-        again = la.GuidedLinkage.from_dict(one.to_dict())
+        again = la.Linkage.from_dict(one.to_dict())
         np.testing.assert_allclose(again.joints(travel).rotation, one.linkage.joints(travel).rotation, atol=1e-9)
         for kind in ("svg", "dxf", "mjcf"):
             assert found.render(kind, one.rank)

@@ -25,7 +25,7 @@ def vectors() -> list[dict]:
     for drive in DRIVES:
         for _ in range(10):
             linkage = random_linkage(random, *drive)
-            solution = la.GuidedLinkage.of(linkage, np.pi / 180, None).to_dict()
+            solution = la.Linkage.of(linkage, np.pi / 180, None).to_dict()
             travel = random.uniform(-1.5, 1.5, 4)
             found = linkage.body(linkage.start + travel)
             for k in range(4):
