@@ -29,7 +29,7 @@ from threadpoolctl import threadpool_limits
 import linkage_atlas as la
 from benchmarks import report
 from benchmarks.figures import BLUE, GREEN, ORANGE, PURPLE, figure
-from synthesis.fourbar.passage import LEAVES_SAMPLES
+from synthesis.defects import LEAVES_SAMPLES
 from tests.everyday.battery import CLOSED, OPEN, drawn
 from tests.oracles.classes import UNREACHABLE, make_case
 from tests.oracles.free_classes import free_case, free_request, recompute_free

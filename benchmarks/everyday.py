@@ -19,7 +19,7 @@ import numpy as np
 
 from benchmarks import report
 from benchmarks.service import Service, running, serve_command
-from synthesis.fourbar.passage import LEAVES_SAMPLES
+from synthesis.defects import LEAVES_SAMPLES
 from tests.everyday.battery import BUDGETS, KINDS, Row, group_of, limited, rows
 
 WORSE = 1.01

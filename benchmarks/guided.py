@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from benchmarks import report
-from synthesis.guided.passage import passage
+from synthesis.defects import passage
 from tests.oracles.guided_cases import DRIVES, NAMES, random_case
 from tests.oracles.guided_tracker import follow
 
@@ -36,7 +36,7 @@ def measure(
             said, found = passage(case.linkage, case.coordinate, case.side), follow(case.linkage, case.poses)
             row["driven"] += found.driven
             row["circuit"] += found.circuit
-            row["off"] += (bool(said.driven[0]), bool(said.circuit[0])) != (found.driven, found.circuit)
+            row["off"] += (said.driven, said.circuit) != (found.driven, found.circuit)
         rows.append({key: int(value) if key != "drive" else value for key, value in row.items()})
     total = {key: sum(row[key] for row in rows) for key in rows[0] if key != "drive"}
     yield {"verdicts": rows, "total": total}

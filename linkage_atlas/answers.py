@@ -32,31 +32,32 @@ from linkage_atlas.records import KEPT, LAST, Record, Values, names_of
 from linkage_atlas.studies import (
     STUDIES,
     Analysis,
-    Change,
     GuidedAnalysis,
+    Sensitivity,
     Studies,
     ToleranceStudy,
-    changes,
     read_studies,
+    sensitivity_of,
     share_of,
 )
 from synthesis.arrays import Floats
+from synthesis.defects import Verdict as Passing
+from synthesis.defects import practical_faults, proportion, shared_positions, size_of, verdict
 from synthesis.errors import FieldError
+from synthesis.excursions import excursions
 from synthesis.fourbar import solution as search
-from synthesis.fourbar.determination import Sensitivity, determinations, determinations_within, sensitivities
+from synthesis.fourbar.determination import determinations, determinations_within
 from synthesis.fourbar.limits import Limits
-from synthesis.fourbar.passage import Verdict as Passing
-from synthesis.fourbar.passage import excursions, practical_faults, proportion, shared_positions, size_of, verdicts
 from synthesis.fourbar.rounding import best_from_stock, round_to_grid
 from synthesis.free.poses import Poses, spin_faults
 from synthesis.free.search import in_turn, rotations_of
 from synthesis.guided import solution as guided
-from synthesis.guided.passage import verdict as guided_verdict
 from synthesis.guided.rounding import from_stock, on_grid, rounded
 from synthesis.guided.solution import broken_limits
 from synthesis.linkage import Linkage as Plain
 from synthesis.local_refinement import refined_in_place
 from synthesis.ranking import FAIR, PROPORTION, Errors, Status
+from synthesis.studies.sensitivity import Change, changes
 from synthesis.target import Samples, Target
 from synthesis.work import OutOfTime, Work
 
@@ -641,14 +642,14 @@ def _described(
     ways: list[Any] = [None] * len(found)
     if isinstance(samples, Poses):
         way = {"ordered": samples.ordered, "closed": samples.closed}
-    passed = verdicts(linkages, crank, side, **way)
+    passed = [verdict(one, row, **way) for one, row in zip(linkages, crank)]
     if isinstance(samples, Poses):
         ways = excursions(linkages, crank, side, samples.extent, **way, carried=[one.circuit for one in passed])
         turned = rotations_of(found, samples)
     solutions = []
     for k, one in enumerate(found):
         own, turn = motion.one_of(target, k), one.transmission_angle_min_turn
-        faults = practical_faults(one, own.target, limits, ways[k])
+        faults = practical_faults(one, own.target, limits, own.target.interval, ways[k])
         if isinstance(samples, Poses):
             faults += spin_faults(samples, turned[k])
         kind = None if one.row is None or type_of is None else type_of(one.row)
@@ -707,8 +708,8 @@ def _guided_described(one: guided.GuidedSolution, motion: Motion, limits: Limits
     if isinstance(samples, Poses):
         way = {"ordered": samples.ordered, "closed": samples.closed}
         strays = guided.excursion(one, samples, samples.ordered, samples.closed)
-    passed = guided_verdict(one.linkage, one.linkage.start + target.crank, **way)
-    faults = guided.practical_faults(one, target, limits, strays)
+    passed = verdict(one.linkage, one.linkage.start + target.crank, **way)
+    faults = practical_faults(one, target, limits, one.interval, strays)
     if isinstance(samples, Poses):
         faults += spin_faults(samples, guided.rotation_of(one, samples))
     linkage = Linkage.of(one.linkage, radian, target, own.length_unit)
@@ -802,8 +803,7 @@ def _studied(solution: S, studies: Studies, solutions: int, work: Work) -> S:
 def _sensitivity(linkage: Plain, target: Target, radian: float) -> Sensitivity | list[Change]:
     if not linkage.is_four_bar:
         return changes(linkage, target, radian)
-    (change,) = sensitivities(target, [linkage])
-    return Sensitivity(None if change.rotation is None else change.rotation / radian, change.position)
+    return sensitivity_of(linkage, target, radian)
 
 
 def _with_assembly(

@@ -16,9 +16,9 @@ from synthesis.assembly import layers
 from synthesis.assembly.gaps import crosses_itself, signed_area
 from synthesis.assembly.layers import BOARDS, BOTH, ENVELOPE, Arrangement, Asked, Heights, arrange, outside, parts_of
 from synthesis.assembly.machine import Machine, Sizes, Strut, as_plates, motor_driven, strut_driven
+from synthesis.assembly.sizes import check_sizes
 from synthesis.drives.six_bar import Motor
 from synthesis.errors import FieldError
-from synthesis.fourbar.files import check_sizes
 from synthesis.linkage import Linkage
 from synthesis.mechanism import Box
 from synthesis.target import MAX_LENGTH, Interval

@@ -24,10 +24,10 @@ from linkage_atlas.studies import Studies
 from linkage_atlas.task import Fair, Task, screens, seed_tables
 from linkage_atlas.warm_start import FOR_STARTS, Start, pointing_to_start
 from synthesis.atlas.scan import Scan
+from synthesis.defects import proportion, size_of
 from synthesis.four_bar import Family, wrap
 from synthesis.fourbar.joints import joints_at
 from synthesis.fourbar.limits import Limits
-from synthesis.fourbar.passage import proportion, size_of
 from synthesis.fourbar.solution import Solution, assess, within
 from synthesis.free.poses import Poses
 from synthesis.free.search import search_free

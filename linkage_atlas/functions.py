@@ -29,13 +29,14 @@ from linkage_atlas.motions import unit_notes, unwound
 from linkage_atlas.notes import counted, in_percent, sentences
 from linkage_atlas.records import KEPT, Record, Values, names_of
 from linkage_atlas.result_notes import CUT_SHORT, LOCAL, NOWHERE
+from linkage_atlas.studies import sensitivity_of
 from linkage_atlas.task import seed_tables
 from linkage_atlas.warm_start import FOR_STARTS, Start, StartingLinkage, check_local, pointing_to_start, read_starts
 from synthesis.arrays import Floats
+from synthesis.defects import faults_of, practical_faults, verdict
 from synthesis.errors import FieldError
-from synthesis.fourbar.determination import determinations, sensitivities
+from synthesis.fourbar.determination import determinations
 from synthesis.fourbar.limits import Limits
-from synthesis.fourbar.passage import faults_of, practical_faults, verdicts
 from synthesis.function.answers import Generator, exchanged, rocker_angles, to_csv, turns_back
 from synthesis.function.search import best_built, generate, refit
 from synthesis.function.travel_search import (
@@ -50,7 +51,7 @@ from synthesis.function.travel_search import (
     travel_turns_back,
 )
 from synthesis.function.wanted import Wanted
-from synthesis.guided.passage import verdict as passing_of
+from synthesis.linkage import Linkage as Plain
 from synthesis.local_refinement import refine_function
 from synthesis.ranking import APART, PROPORTION, Status, distinct
 from synthesis.search.report import SearchReport, stopped_by
@@ -926,7 +927,7 @@ def described_travel(
     plain = one.linkage.scaled(scales.length)
     travel = wanted.crank * (1.0 if law.input == ANGLE else scales.length)
     target = Target(None, None, crank=travel)
-    passed = passing_of(plain, plain.start + travel, timed=True)
+    passed = verdict(plain, plain.start + travel, timed=True)
     links = one.lengths[np.array(one.law.positive)].tolist()
     faults = faults_of((one.transmission_angle_min, None), links, {}, None, limits.limits)
     reasons = [*passed.reasons, *filter(None, [travel_turns_back(wanted, one)]), *faults]
@@ -955,6 +956,13 @@ def described_travel(
     )
 
 
+def _sensitivity(exchanged: Plain, target: Target, radian: float) -> Floats:
+    """Return the change of the rocker's angle per unit of each length, of a linkage with crank and rocker exchanged."""
+    rotation = sensitivity_of(exchanged, target, radian).rotation
+    assert rotation is not None
+    return rotation[_EXCHANGED]
+
+
 def described(
     asked: AskedFunction, found: list[Generator], limits: Limits, sensitivity: bool, curves: bool
 ) -> list[FunctionSolution]:
@@ -968,15 +976,13 @@ def described(
     resolutions = [max(one.errors.objective, asked.tolerance) for one in found]
     given = [k for k, name in enumerate(_EXCHANGED[:3]) if limits.links[name] is not None]
     fixed = determinations(wanted.target, others, resolutions, given)
-    changes: list[Any] = sensitivities(wanted.target, others) if sensitivity else [None] * len(found)
-    start = np.array([one.start for one in linkages])[:, None]
-    side = np.broadcast_to(np.array([one.branch for one in linkages])[:, None], (len(found), wanted.crank.size))
-    passed = verdicts(linkages, start + wanted.crank, side, timed=True)
+    changes = [_sensitivity(other, wanted.target, radian) if sensitivity else None for other in others]
+    passed = [verdict(linkage, linkage.start + wanted.crank, timed=True) for linkage in linkages]
     back = turns_back(wanted, linkages)
     drawn = _error_curves(asked, found) if curves else [None] * len(found)
     solutions = []
     for k, one in enumerate(found):
-        faults = practical_faults(one, wanted.target, limits)
+        faults = practical_faults(one, wanted.target, limits, wanted.interval)
         reasons = [*passed[k].reasons, *filter(None, [back[k]]), *faults]
         determined, turn = fixed[k], one.transmission_angle_min_turn
         linkage = Linkage.of(one.linkage, radian, asked.target)
@@ -997,7 +1003,7 @@ def described(
                 determination=FunctionDetermination(
                     determined.ill_posed, determined.resolution, determined.length_uncertainty[_EXCHANGED]
                 ),
-                sensitivity=None if changes[k] is None else changes[k].rotation[_EXCHANGED] / radian,
+                sensitivity=changes[k],
                 rounded=None,
                 error_curve=drawn[k],
             )

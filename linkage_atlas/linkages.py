@@ -38,13 +38,15 @@ from linkage_atlas.studies import (
     studied,
 )
 from synthesis.arrays import Floats, cross
+from synthesis.assembly.sizes import plate_sizes
 from synthesis.drives.attached import COLOUR, LAYER, Attached
 from synthesis.drives.links import GROUND, LinkMotions, ends_of, motions_at
 from synthesis.drives.six_bar import Motor, SixBar
 from synthesis.errors import FieldError
-from synthesis.fourbar import files as of_four_bars
+from synthesis.export.drawings import to_dxf, to_svg
+from synthesis.export.simulation import ONLY_FOUR_BARS, to_mjcf, to_pylinkage
+from synthesis.export.tables import to_csv
 from synthesis.fourbar.joints import are_cognates
-from synthesis.guided import files as of_guided
 from synthesis.guided.solution import as_target
 from synthesis.guides import DRIVERS, Circle, Driver, Guide, Rail, Slot
 from synthesis.linkage import Linkage as Plain
@@ -1168,7 +1170,7 @@ def _words(point: tuple[float, float]) -> str:
 
 
 _FOUR_BARS_ONLY = {
-    "pylinkage": "pylinkage has no guides that move or slots in a moving body: this linkage cannot be written for it",
+    "pylinkage": ONLY_FOUR_BARS,
     **{kind: SLIDES.format(kind) for kind in ("urdf", "sdf")},
 }
 """Why there is no file of some kinds of a body on two guides."""
@@ -1207,23 +1209,17 @@ def content_of(
     ``length_unit``: None if it is unknown, which CSV and SVG do not mention and other files take as millimetres.
     """
     one_of("kind", kind, FORMATS)
-    if not linkage.is_four_bar and kind == "pylinkage":
-        raise FieldError("/format", _FOUR_BARS_ONLY[kind])
     attached = drive_on(linkage, target, drive)
     layer = None if attached is None else More(LAYER, COLOUR, attached.draw)
-    files: Any = of_four_bars if linkage.is_four_bar else of_guided
-    text: str
     if kind == "csv":
         more = _analysis_columns(linkage, target, radian, analysis) | dict(more or {})
         more |= {} if attached is None else attached.columns()
         more |= {"length_unit": [length_unit] * target.samples} if length_unit else {}
-        text = files.to_csv(linkage, target, radian, more)
-        return text.encode()
+        return to_csv(linkage, target, radian, more).encode()
     if kind == "svg":
-        text = files.to_svg(linkage, target, None if attached is None else attached.shown(), length_unit)
-        return text.encode()
+        return to_svg(linkage, target, None if attached is None else attached.shown(), length_unit).encode()
     if kind == "pylinkage":
-        return of_four_bars.to_pylinkage(linkage, target, length_unit).encode()
+        return to_pylinkage(linkage, target, length_unit).encode()
     unit_mm = millimetres_in(length_unit or "mm")
     if kind in (*OF_PARTS, "plates"):
         assert parts is not None
@@ -1232,12 +1228,11 @@ def content_of(
         from synthesis.solids.plates import to_plates
 
         settings = PartSettings(length_unit=length_unit)
-        hole, width = of_four_bars.plate_sizes(linkage.links)
+        hole, width = plate_sizes(linkage.links)
         settings = settings.completed(hole, width, 0.0)
         return to_plates(linkage, unit_mm, settings.hole, settings.width).encode()
     if kind == "dxf":
-        text = files.to_dxf(linkage, target, unit_mm, layer)
-        return text.encode()
+        return to_dxf(linkage, target, unit_mm, layer).encode()
     if kind != "mjcf":
         raise FieldError("/kind", f"there is no writer for {kind!r}")
     assert parts is not None
@@ -1245,7 +1240,7 @@ def content_of(
         masses = {one.link: Mass(one.link, one.mass, complex(*one.at), one.inertia) for one in parts(True).masses}
     except FieldError:
         masses = None  # no plates of these sizes: the file says so
-    text = files.to_mjcf(linkage, target, unit_mm, masses)
+    text = to_mjcf(linkage, target, unit_mm, masses)
     return (text if attached is None else attached.simulated(text, unit_mm / 1000)).encode()
 
 

@@ -16,9 +16,9 @@ from linkage_atlas.answers import proportion_of
 from linkage_atlas.mechanism_search import Found
 from linkage_atlas.motions import Motion
 from synthesis.arrays import Flags
+from synthesis.defects import size_of
 from synthesis.fourbar import solution as fourbar
 from synthesis.fourbar.limits import Limits
-from synthesis.fourbar.passage import size_of
 from synthesis.free.poses import Poses
 from synthesis.free.search import go_astray
 from synthesis.guided import solution as guided

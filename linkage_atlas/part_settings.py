@@ -10,8 +10,8 @@ from typing import Any
 from linkage_atlas.arguments import millimetres_in, number
 from synthesis.assembly.layers import THICKNESS, WASHER
 from synthesis.assembly.machine import Sizes
+from synthesis.assembly.sizes import WIDTH_OF_HOLE
 from synthesis.errors import FieldError
-from synthesis.fourbar.files import WIDTH_OF_HOLE
 
 LENGTHS = ("hole", "width", "thickness", "washer", "clearance", "kerf")
 PART_SETTINGS = (*LENGTHS, "scale", "length_unit")

@@ -30,10 +30,10 @@ from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.fourbar.limits import BETWEEN_LENGTHS, Limits
 from synthesis.fourbar.rounding import given_lengths, multiples
-from synthesis.fourbar.tolerance_study import SOURCES, Spread, Study, Tolerances, simulate
-from synthesis.guided import manufacture as of_guides
-from synthesis.guided.analysis import Load, forces, on_links
 from synthesis.linkage import Linkage, Mass
+from synthesis.studies.forces import Load, forces, on_links
+from synthesis.studies.sensitivity import changes
+from synthesis.studies.tolerance_analysis import Spread, Study, Tolerances, simulate
 from synthesis.target import MAX_LENGTH, MIN_LENGTH, TURN, Interval, Target
 from synthesis.work import Work
 
@@ -457,52 +457,31 @@ def studied(
 ) -> ToleranceStudy:
     """A tolerance study at travel (n,) of the drive from the first sample, and over an interval."""
     band, samples = np.linspace(*over, BAND_STEPS + 1), travel.size
-    every = np.concatenate([travel, band])
-    if linkage.is_four_bar:
-        found = simulate(linkage, every, samples, *asked, work)
-        return described_study(found, SOURCES, asked, samples, band / radian, radian)
-    found, turns = of_guides.simulate(linkage, every, samples, *asked, work), linkage.driver.turns
-    names = [source.name for source in of_guides.sources_of(linkage)]
-    return described_study(found, names, asked, samples, band / radian if turns else band, radian, turns)
+    found = simulate(linkage, np.concatenate([travel, band]), samples, *asked, work)
+    return described_study(found, asked, samples, band, radian, linkage.driver.turns)
 
 
-class Change(NamedTuple):
-    """What a dimension does to the motion."""
+@dataclass(frozen=True)
+class Sensitivity:
+    """Change of the motion per unit of each length, everything else held: rms over the samples, (4,) each."""
 
-    dimension: str
-    rotation: float | None
-    """Rms change of rotation over the samples per unit of the dimension; null where no rotation was asked for."""
-    position: float | None
-    """Rms change of position."""
+    rotation: Floats | None
+    """Rms change of rotation per unit of crank, coupler, rocker, ground."""
+    position: Floats | None
+    """Rms change of position per unit of crank, coupler, rocker, ground."""
 
 
-def changes(linkage: Linkage, target: Target, radian: float) -> list[Change]:
-    """Rms changes of the motion per unit of each dimension, all else held: lengths, and per unit of angle directions."""
-    found = []
-    for name, guide, unit in of_guides.dimensions_of(linkage):
-        place, turn = of_guides.slopes(linkage, linkage.start + target.crank, [(guide, unit)])
-        scale = radian if unit.direction else 1.0
-        rms = [
-            None if given is None else float(np.sqrt(mean(np.abs(slope) ** 2))) * scale
-            for given, mean, slope in (
-                (target.rotation, target.rotation_mean, turn[0] / radian),
-                (target.position, target.position_mean, place[0]),
-            )
-        ]
-        found.append(Change(name, *rms))
-    return found
+def sensitivity_of(linkage: Linkage, target: Target, radian: float) -> Sensitivity:
+    """Return the sensitivity of a four-bar to its lengths."""
+    _, rotation, position = zip(*changes(linkage, target, radian))
+    return Sensitivity(*(None if values[0] is None else np.array(values) for values in (rotation, position)))
 
 
 def described_study(
-    found: Study,
-    sources: Sequence[str],
-    manufacture: Manufacture,
-    samples: int,
-    band: Floats,
-    radian: float,
-    turns: bool = True,
+    found: Study, manufacture: Manufacture, samples: int, band: Floats, radian: float, turns: bool = True
 ) -> ToleranceStudy:
-    """A study as a user reads it; its first places are the ``samples``, the others those of ``band``, angles or lengths."""
+    """Return a study in the user's units; its first positions are the ``samples``, the others those of ``band``."""
+    sources = found.sources
     both = {"position": found.position, "rotation": found.rotation}
     parts = {name: np.zeros(len(sources)) if one is None else one.contributions for name, one in both.items()}
     contributions = [
@@ -517,9 +496,9 @@ def described_study(
         None if found.position is None else _made(found.position, samples, 1.0),
         _made(found.rotation, samples, radian),
         Largest(position=most["position"], rotation=most["rotation"]),
-        sorted(contributions, key=lambda one: -max(one.position or 0.0, one.rotation)),
+        sorted(contributions, key=lambda source: -round(max(source.position or 0.0, source.rotation), 12)),
         Band(
-            band if turns else None,
+            band / radian if turns else None,
             None if found.position is None else Quantiles(*found.position.simulated[samples:].T),
             Quantiles(*(found.rotation.simulated[samples:] / radian).T),
             None if turns else band,

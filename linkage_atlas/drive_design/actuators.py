@@ -28,8 +28,8 @@ from synthesis.drives.actuator import (
     best_of_rows,
 )
 from synthesis.drives.links import LinkMotions, largest
-from synthesis.guided.analysis import Pull
 from synthesis.mechanism import Box
+from synthesis.studies.forces import Pull
 
 STEEL = 210_000.0
 """Elastic modulus of a rod that buckles, in newtons per square millimetre."""

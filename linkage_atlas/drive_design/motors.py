@@ -25,7 +25,7 @@ from synthesis.drives.six_bar import (
     rod_joints,
 )
 from synthesis.drives.six_bar import SixBar as Swung
-from synthesis.guided.analysis import Pull
+from synthesis.studies.forces import Pull
 from synthesis.target import TURN, Interval
 
 DWELL_SHARE = 0.01

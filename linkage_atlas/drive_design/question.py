@@ -32,8 +32,8 @@ from synthesis.drives.six_bar import LARGEST_RATIO
 from synthesis.drives.springs import SpringRow
 from synthesis.drives.torsion import TorsionRow
 from synthesis.errors import FieldError
-from synthesis.guided.analysis import Load, PointForce
 from synthesis.mechanism import Box
+from synthesis.studies.forces import Load, PointForce
 from synthesis.target import MAX_LENGTH
 
 KINDS = ("rotary", "actuator", "cylinder", "dyad", "toggle")

@@ -10,7 +10,7 @@ from linkage_atlas.drive_design.task import DriveTask, both_ends
 from linkage_atlas.records import xy
 from synthesis.arrays import Floats, cross, dot
 from synthesis.drives.links import largest
-from synthesis.guided.analysis import Pull
+from synthesis.studies.forces import Pull
 
 
 def find_rotary(task: DriveTask, request: RotaryRequest) -> None:

@@ -45,7 +45,7 @@ from synthesis.drives.springs import (
 from synthesis.drives.springs import Spring as LinearSpring
 from synthesis.drives.torsion import TorsionSpring as MountedTorsion
 from synthesis.drives.torsion import best_torsion_spring, joint_of
-from synthesis.guided.analysis import Pull
+from synthesis.studies.forces import Pull
 
 HELP_SHARE = 0.5
 """Largest fraction of the rms torque, or of its difference from a wanted torque, that springs of a catalogue may leave."""

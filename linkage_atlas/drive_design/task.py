@@ -14,8 +14,8 @@ from linkage_atlas.drive_design.question import DriveQuestion, DriveRequest, Rot
 from linkage_atlas.drive_design.records import AnySpring, Drive, PinPeaks, Refusal, TorqueCurve
 from synthesis.arrays import Floats
 from synthesis.drives.links import LinkMotions
-from synthesis.guided.analysis import Pull, forces, on_links
 from synthesis.mechanism import Box
+from synthesis.studies.forces import Pull, forces, on_links
 from synthesis.work import Work
 
 Value = TypeVar("Value")

@@ -29,11 +29,11 @@ from numpy.typing import NDArray
 from synthesis.arrays import Flags, Floats
 from synthesis.assembly.gaps import Shape, hull, nearest_on, nearest_room
 from synthesis.assembly.movement import GROUND, Aimed, Between, Bodies, Crank, Dyad, Movement, Place, Step, turn_over
+from synthesis.assembly.sizes import plate_sizes
 from synthesis.drives.six_bar import MOTOR_CRANK, ROD, Motor, SixBar
 from synthesis.errors import FieldError
-from synthesis.fourbar.files import plate_sizes
+from synthesis.excursions import Circuits, RoundCircuit
 from synthesis.fourbar.joints import joints_at
-from synthesis.fourbar.passage import Circuits, RoundCircuit
 from synthesis.guides import Circle, Driver, Rail, Slot
 from synthesis.linkage import BODY, Linkage
 from synthesis.one_variable import bisect

@@ -13,7 +13,7 @@ from synthesis.arrays import Complexes
 from synthesis.drives.links import GROUND, LinkMotions
 from synthesis.drives.six_bar import SixBar
 from synthesis.errors import FieldError
-from synthesis.fourbar.files import xy0
+from synthesis.export.simulation import xy0
 from synthesis.sheet import Extra, Sheet
 from synthesis.target import TURN
 

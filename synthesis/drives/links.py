@@ -12,10 +12,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from synthesis.arrays import Complexes, Floats, dot
-from synthesis.guided.analysis import Load
 from synthesis.guides import Circle
 from synthesis.linkage import BODY, Linkage, LinkMotion
 from synthesis.one_variable import closer_looks
+from synthesis.studies.forces import Load
 from synthesis.target import Interval
 
 SAMPLES = 61

@@ -35,10 +35,10 @@ from synthesis.drives.actuator import Descent, Question, Wanted, within_box
 from synthesis.drives.links import GROUND, LinkMotions, motions_at
 from synthesis.errors import FieldError
 from synthesis.four_bar import grashof_excesses, transmission_angle_over
-from synthesis.guided.analysis import Load
 from synthesis.guides import Circle, Rail
 from synthesis.linkage import Linkage, LinkMotion
 from synthesis.mechanism import Box, outside
+from synthesis.studies.forces import Load
 from synthesis.target import TURN, Interval
 from synthesis.work import Work
 

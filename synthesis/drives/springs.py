@@ -28,10 +28,10 @@ import numpy as np
 from synthesis.arrays import Complexes, Floats
 from synthesis.drives.actuator import descended, lengths_and_arms, slopes_of_leverage
 from synthesis.drives.links import GROUND, LinkMotions
-from synthesis.guided.analysis import Load
 from synthesis.guides import Circle, Rail
 from synthesis.linkage import Linkage
 from synthesis.mechanism import Box
+from synthesis.studies.forces import Load
 from synthesis.work import Work
 
 _NONE = 1e-12

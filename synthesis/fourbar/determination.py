@@ -1,4 +1,4 @@
-"""How well a motion fixes a linkage, how much it changes with each length, and which limits hold the best linkage within them.
+"""How well a motion fixes a four-bar, and which limits hold the best four-bar within them.
 
 Without limits the singular values of the motion's derivatives D by the unknowns say it: the logarithms of the lengths, the
 angles, and the pose over the length scale. Within limits what counts is how far the best linkage moves when the motion does. It
@@ -27,7 +27,7 @@ from synthesis.four_bar import EXCESSES, close_loop, coupler_angle, grashof_exce
 from synthesis.fourbar.limits import SPARE, Constraints, Limits
 from synthesis.fourbar.solution import four, placed_linkages
 from synthesis.linkage import Linkage, with_links
-from synthesis.target import Mean, Target
+from synthesis.target import Target
 
 FREE = 1e3
 """A relative uncertainty of a length above this says that the motion does not determine it at all."""
@@ -66,16 +66,6 @@ class Determination:
         return bool(np.max(self.length_uncertainty) > self.ILL_POSED)
 
 
-@dataclass(frozen=True)
-class Sensitivity:
-    """Change of the motion per unit of each length, everything else held: rms over the samples, (4,) each."""
-
-    rotation: Floats | None
-    """Rms change of rotation per unit of crank, coupler, rocker, ground."""
-    position: Floats | None
-    """Rms change of position per unit of crank, coupler, rocker, ground."""
-
-
 class _Motion:
     """Derivatives of the motions of linkages for one target, batched over the linkages."""
 
@@ -102,21 +92,6 @@ class _Motion:
         position[:, :, 0] += turned
         position[:, :, 4] += 1j * self.links[:, :1] * turned
         self.position = position
-
-
-def sensitivities(target: Target, linkages: list[Linkage]) -> list[Sensitivity]:
-    """First-order change of each linkage's motion per unit of each length."""
-    if not linkages:
-        return []
-    motion = _Motion(target, linkages)
-
-    def rms(derivatives: NDArray[Any] | None, mean: Mean) -> list[Floats | None]:
-        if derivatives is None:
-            return [None] * len(linkages)
-        return list(np.sqrt(mean(np.abs(np.moveaxis(derivatives[:, :, :4], 1, -1)) ** 2)))
-
-    rotation, position = rms(motion.rotation, target.rotation_mean), rms(motion.position, target.position_mean)
-    return [Sensitivity(r, p) for r, p in zip(rotation, position)]
 
 
 def determinations(

@@ -22,11 +22,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.arrays import Complexes, Floats
+from synthesis.defects import LEAVES_SAMPLES, SHORTEST_CHORD
 from synthesis.descents import Timed
 from synthesis.four_bar import transmission_angle_over
 from synthesis.fourbar.limits import Constraints, Limits, in_family
 from synthesis.fourbar.mechanism import AnyChart
-from synthesis.fourbar.passage import LEAVES_SAMPLES, SHORTEST_CHORD
 from synthesis.free.dyads import (
     FEW,
     Body,

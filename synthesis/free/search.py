@@ -25,13 +25,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.arrays import Complexes, Flags, Floats
+from synthesis.defects import LEAVES_SAMPLES, SHORTEST_CHORD, proportion
 from synthesis.descents import Pool, Stage, Timed
 from synthesis.errors import FieldError
+from synthesis.excursions import excursions
 from synthesis.four_bar import coupler_angle, transmission_angle_over, wrap
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_types
 from synthesis.fourbar.limits import Limits, in_family
 from synthesis.fourbar.mechanism import FOURBAR, AnyChart, FullCrankChart, ways
-from synthesis.fourbar.passage import LEAVES_SAMPLES, SHORTEST_CHORD, excursions, proportion
 from synthesis.fourbar.solution import Solution, assess, keeps
 from synthesis.free.dyads import FEW, chart_of, search_motion
 from synthesis.free.few_poses import Candidates, exact_four_bars, is_few

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from synthesis.arrays import Floats
+from synthesis.export.layout import closed_motions
 from synthesis.four_bar import Family, close_loop, principal
-from synthesis.fourbar.files import used_joints
 from synthesis.fourbar.joints import joints_at
 from synthesis.fourbar.limits import Limits, in_family
 from synthesis.fourbar.mechanism import FourBar
@@ -290,7 +290,7 @@ def to_csv(wanted: Wanted, linkage: Linkage, offset: float, unit: float) -> str:
 
     Angles are divided by ``unit`` (radians in one unit of angle).
     """
-    used_joints(linkage, wanted.interval)
+    closed_motions(linkage, wanted.interval)
     joints = joints_at(linkage, wanted.crank)
     output = rocker_angles([linkage], wanted.crank)[0] + offset
     columns = {

@@ -18,6 +18,7 @@ from synthesis.fourbar.rounding import NO_TIME, Rounding
 from synthesis.free.poses import Poses
 from synthesis.guided.solution import GuidedSolution, assess, nearest_travel
 from synthesis.guides import Circle, Guide, Rail, Slot
+from synthesis.least_squares import Evaluation, minimise
 from synthesis.linkage import Linkage
 from synthesis.target import TURN, Target
 from synthesis.work import Work
@@ -25,12 +26,14 @@ from synthesis.work import Work
 AROUND = 2
 """Of each length the nearest so many are combined."""
 NONE_KEEPS = "none of the lengths tried closes at every sample and keeps the limits"
-_ROUNDS = 15
-_DAMPED = 1e-3
+_STEPS = 15
+"""Largest number of steps of the least squares."""
+_DAMPING = 1e-3
+"""Damping of the first step."""
 _STEP = 1e-6
-"""Of the linkage's size: half of a difference."""
-_ENDED = 1e-5
-"""A round that gains less than this part of the error is the last."""
+"""Half the step of difference quotients, in lengths of the linkage's size."""
+_STALL = 1e-5
+"""Relative decrease of the squared error below which a step is the last."""
 
 
 def rounded(
@@ -133,32 +136,22 @@ def fitted(
     """
     timed = isinstance(samples, Target)
     chart = _Chart(solution.linkage, lengths, timed)
-    travel = solution.travel if timed else solution.travel[: samples.samples]
-    x = np.zeros(chart.count)
-    rows, jacobian, travel = _evaluated(samples, chart, x, travel)
-    if rows is None:
+    begin = solution.travel if timed else solution.travel[: samples.samples]
+
+    def evaluate(unknowns: Floats, _: Floats) -> Evaluation:
+        rows = _evaluated(samples, chart, unknowns[0], begin)
+        if rows is None:
+            return Evaluation(np.array([np.inf]), np.zeros((1, chart.count + 1, 3 * begin.size)))
+        return Evaluation(np.sum(rows[-1:] ** 2, axis=1), rows[None])
+
+    start = np.zeros((1, chart.count))
+    found = minimise(evaluate, start, np.zeros(1), _STEPS, work=work, stall=_STALL, damping=_DAMPING)
+    if not np.isfinite(found.cost[0]):
         return None
-    cost, damping = float(rows @ rows), _DAMPED
-    for _ in range(_ROUNDS):
-        if work.expired():
-            break
-        product = jacobian.T @ jacobian
-        scale = damping * (np.diag(product) + 1e-9 * np.trace(product) + 1e-300)
-        step = np.linalg.solve(product + np.diag(scale), -jacobian.T @ rows)
-        after, slopes, there = _evaluated(samples, chart, x + step, travel)
-        if after is not None and float(after @ after) < cost:
-            gained = cost - float(after @ after)
-            x, rows, jacobian, travel, cost = x + step, after, slopes, there, float(after @ after)
-            damping = max(damping / 10, 1e-12)
-            if gained < _ENDED * cost:
-                break
-        else:
-            damping *= 10
-            if damping > 1e6:
-                break
-    linkage = chart.at(x)
-    whole = travel if timed else _whole(samples, linkage, travel)
-    return assess(samples, linkage, whole)
+    linkage = chart.at(found.unknowns[0])
+    if timed:
+        return assess(samples, linkage, begin)
+    return assess(samples, linkage, _whole(samples, linkage, nearest_travel(samples, linkage, begin)))
 
 
 def _whole(samples: Poses | Target, linkage: Linkage, travel: Floats) -> Floats:
@@ -168,33 +161,29 @@ def _whole(samples: Poses | Target, linkage: Linkage, travel: Floats) -> Floats:
     return samples.whole(travel) if linkage.turns_fully else np.append(travel, travel[0])
 
 
-def _evaluated(
-    samples: Poses | Target, chart: _Chart, x: Floats, travel: Floats
-) -> tuple[Floats | None, Floats, Floats]:
-    """Rows of errors, their derivatives by the chart, and the drive's travel at the samples; no rows where the loop is open."""
+def _evaluated(samples: Poses | Target, chart: _Chart, x: Floats, travel: Floats) -> Floats | None:
+    """Return derivatives of the errors by the unknowns, and the errors as the last row; None if the loop is open."""
     linkage = chart.at(x)
     with np.errstate(all="ignore"):
         if not np.isfinite(linkage.body(linkage.start + travel).rotation).all():
-            return None, np.zeros((0, 0)), travel
+            return None
         if not chart.timed:
             travel = nearest_travel(samples, linkage, travel)
         rows = _rows(samples, linkage, travel)
         columns = []
-        for k in range(chart.count):
-            off = _STEP * np.eye(chart.count)[k]
+        for off in _STEP * np.eye(chart.count):
             ends = [_rows(samples, chart.at(x + sign * off), travel) for sign in (1, -1)]
             columns.append((ends[0] - ends[1]) / (2 * _STEP))
-        jacobian = np.stack(columns, axis=-1)
+        jacobian = np.array(columns)
         if not chart.timed:
             step = _STEP * (1.0 if linkage.driver.turns else chart.size)
             way = (_rows(samples, linkage, travel + step) - _rows(samples, linkage, travel - step)) / (2 * step)
             # what the drive could do at a sample is no error of the linkage
-            length = np.sum(way**2, axis=0)
-            part = np.einsum("rn,rnk->nk", way, jacobian) / np.where(length > 0, length, 1.0)[:, None]
-            jacobian = jacobian - way[..., None] * part
-    if not (np.isfinite(rows).all() and np.isfinite(jacobian).all()):
-        return None, np.zeros((0, 0)), travel
-    return rows.ravel(), jacobian.reshape(-1, chart.count), travel
+            square = np.sum(way**2, axis=0)
+            part = np.einsum("rn,krn->kn", way, jacobian) / np.where(square > 0, square, 1.0)
+            jacobian = jacobian - way * part[:, None]
+    stack = np.concatenate([jacobian, rows[None]]).reshape(chart.count + 1, -1)
+    return stack if np.isfinite(stack).all() else None
 
 
 def _rows(samples: Poses | Target, linkage: Linkage, travel: Floats) -> Floats:

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from synthesis.arrays import Complexes, Floats
+from synthesis.defects import LEAVES_SAMPLES, SHORTEST_CHORD
 from synthesis.fourbar.limits import REACH, Limits
-from synthesis.fourbar.passage import LEAVES_SAMPLES, SHORTEST_CHORD, faults_of
 from synthesis.free.poses import Poses
 from synthesis.guides import Circle, Driver, Guide, Rail, Slot
 from synthesis.linkage import Linkage
@@ -219,7 +219,7 @@ def assess(samples: Poses | Target, linkage: Linkage, travel: Floats) -> GuidedS
 
 
 def excursion(solution: GuidedSolution, samples: Samples, ordered: bool = True, closed: bool = False) -> float | None:
-    """The largest way of the body point between two neighbouring samples over their distance, as of `passage.excursions`.
+    """The largest way of the body point between two neighbouring samples over their distance, see `synthesis.excursions`.
 
     Distances below `SHORTEST_CHORD` of the length scale count as that. ``closed``: a drive that turns leads on to the first
     sample. None where the loop opens between samples.
@@ -278,24 +278,6 @@ def size_of(solution: GuidedSolution, samples: Samples) -> float | None:
     if samples.position is None:
         return None
     return max(lengths(solution, samples).values()) / samples.extent
-
-
-def practical_faults(
-    solution: GuidedSolution, samples: Samples, limits: Limits, excursion: float | None = None
-) -> list[str]:
-    """`faults_of` a linkage on two guides: its links are radii, and the coupler between two guided points of the body."""
-    linkage = solution.linkage
-    turn = solution.transmission_angle_min_turn if linkage.driver is Driver.CRANK else None
-    pivots = {name: one[0] for name, one in zip(("pivot_a", "pivot_b"), linkage.guides) if not isinstance(one, Rail)}
-    arm = max((abs(one.body_point) for one in linkage.guides if not isinstance(one, Slot)), default=0.0)
-    faults = faults_of(
-        (solution.transmission_angle_min, turn), [*linkage.lengths.values()], pivots, samples, limits, excursion, arm
-    )
-    if linkage.driver is Driver.CYLINDER:
-        low, high = linkage.used(0, solution.interval)
-        if low * high <= 0:
-            faults.append("the length of its cylinder passes 0 on the way: none can be bought")
-    return faults
 
 
 # -- limits -------------------------------------------------------------------------------------------------------------

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from synthesis.assembly.gaps import hull
+from synthesis.assembly.sizes import check_sizes, plate_sizes
 from synthesis.errors import FieldError
-from synthesis.fourbar.files import check_sizes, plate_sizes
 from synthesis.linkage import Linkage
 from synthesis.sheet import dxf_document, dxf_text
 from synthesis.solids.prism import Hole, Prism, rounded

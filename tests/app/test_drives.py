@@ -17,7 +17,7 @@ from app.query import bundled_requests
 from app.resources import ServiceResources
 from app.settings import Settings
 from synthesis.drives.links import motions_at
-from synthesis.guided.analysis import Load
+from synthesis.studies.forces import Load
 from tests.oracles.largest import TWO_RAILS
 
 EXAMPLES = bundled_requests()["drive"]

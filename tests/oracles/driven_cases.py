@@ -6,8 +6,8 @@ import numpy as np
 
 from synthesis.drives.actuator import Actuator, Question, Wanted
 from synthesis.drives.links import GROUND, LinkMotions, motions_of
-from synthesis.guided.analysis import Load
 from synthesis.linkage import Linkage, LinkMotion, Mass, four_bar
+from synthesis.studies.forces import Load
 from synthesis.target import Interval
 from tests.oracles.guided_cases import DRIVES, good_linkage
 

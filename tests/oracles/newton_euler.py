@@ -14,9 +14,9 @@ from typing import NamedTuple
 import numpy as np
 
 from synthesis.drives.links import GROUND
-from synthesis.guided.analysis import Load
 from synthesis.guides import Circle, Driver, Rail, Slot
 from synthesis.linkage import Linkage
+from synthesis.studies.forces import Load
 
 
 class State(NamedTuple):

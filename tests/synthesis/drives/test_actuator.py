@@ -15,8 +15,8 @@ from synthesis.drives.actuator import (
     best_of_rows,
 )
 from synthesis.drives.links import SAMPLES, hinged_at, motions_of
-from synthesis.guided.analysis import Load
 from synthesis.linkage import four_bar
+from synthesis.studies.forces import Load
 from synthesis.target import Interval
 from tests.conftest import some_of
 from tests.oracles.driven_cases import Case, loads, random_linkage, straight

@@ -5,9 +5,9 @@ import pytest
 
 from synthesis.drives.actuator import Question, Wanted
 from synthesis.drives.links import LinkMotions
-from synthesis.guided.analysis import Load
 from synthesis.linkage import LinkMotion
 from synthesis.scenes.lift.pose import Design, pose_at_turn
+from synthesis.studies.forces import Load
 
 
 @pytest.mark.parametrize(

@@ -5,9 +5,9 @@ import pytest
 
 from synthesis.drives.links import hinged_at, motions_at
 from synthesis.drives.springs import springs_on_pendulums
-from synthesis.guided.analysis import Load
 from synthesis.guides import Circle, Driver, Rail, Slot
 from synthesis.linkage import Mass
+from synthesis.studies.forces import Load
 from tests.oracles.guided_cases import DRIVES, NAMES, good_linkage
 
 GRAVITY = 2.3 - 9.5j

@@ -12,8 +12,8 @@ from synthesis.drives.actuator import Actuator, Question, Refused, Wanted
 from synthesis.drives.links import LinkMotions, motions_of
 from synthesis.drives.six_bar import about_pivot, driven, proportions
 from synthesis.drives.springs import Spring, fitted, one_spring, potential_of, two_springs
-from synthesis.guided.analysis import Load
 from synthesis.linkage import Linkage, Mass, four_bar
+from synthesis.studies.forces import Load
 from synthesis.target import Interval
 from tests.oracles.driven_cases import straight
 

@@ -17,7 +17,7 @@ from synthesis.drives.six_bar import (
     on_any_link,
     proportions,
 )
-from synthesis.guided.analysis import Load
+from synthesis.studies.forces import Load
 from synthesis.work import Work
 from tests.conftest import some_of
 from tests.oracles.driven_cases import any_linkage, random_linkage

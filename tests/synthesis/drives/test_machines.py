@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from synthesis.drives.links import SAMPLES, LinkMotions, hinged_at, motions_of
-from synthesis.guided.analysis import Load, PointForce, Pull, forces, on_links
 from synthesis.guides import Circle, Driver, Rail, Slot
 from synthesis.linkage import Linkage, on_guides
+from synthesis.studies.forces import Load, PointForce, Pull, forces, on_links
 from synthesis.target import Interval
 from tests.conftest import some_of
 from tests.oracles.driven_cases import any_linkage, loads, random_linkage

@@ -6,8 +6,8 @@ import pytest
 from synthesis.drives.links import SAMPLES, hinged_at
 from synthesis.drives.six_bar import MOTOR_CRANK, ROD, Motor, SixBar, about_pivot, joints_of
 from synthesis.errors import FieldError
-from synthesis.guided.analysis import Load
 from synthesis.linkage import Mass, four_bar
+from synthesis.studies.forces import Load
 from synthesis.target import TURN, Interval
 from tests.oracles.assembly import other_six_bars
 from tests.oracles.equilibrium import Moving, circles, equilibrium

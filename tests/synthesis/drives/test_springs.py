@@ -20,8 +20,8 @@ from synthesis.drives.springs import (
     spring_torque,
     two_springs,
 )
-from synthesis.guided.analysis import Load
 from synthesis.linkage import Mass
+from synthesis.studies.forces import Load
 from synthesis.target import Interval
 from tests.conftest import some_of
 from tests.oracles.driven_cases import random_linkage

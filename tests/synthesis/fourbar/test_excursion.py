@@ -5,11 +5,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from synthesis.fourbar.passage import LEAVES_SAMPLES, excursions
+from synthesis.defects import LEAVES_SAMPLES
+from synthesis.excursions import excursions
 from synthesis.linkage import four_bar
 from synthesis.target import TURN
 from tests.oracles import tracker
-from tests.synthesis.fourbar.test_verdict import KINDS, lengths_of, samples_on, start_of
+from tests.synthesis.test_defects import KINDS, lengths_of, samples_on, start_of
 
 laws = settings(derandomize=True, max_examples=60, deadline=None)
 ACCURACY = 1e-6

@@ -7,12 +7,13 @@ from functools import cache
 import numpy as np
 import pytest
 
+from synthesis.defects import LEAVES_SAMPLES, SHORTEST_CHORD
 from synthesis.descents import Pool, Stage, Timed
+from synthesis.excursions import excursions
 from synthesis.four_bar import coupler_angle
 from synthesis.fourbar.joints import joints_at
 from synthesis.fourbar.limits import Limits, practical_limits
 from synthesis.fourbar.mechanism import FOURBAR, FullCrankChart, GrashofChart
-from synthesis.fourbar.passage import LEAVES_SAMPLES, SHORTEST_CHORD, excursions
 from synthesis.fourbar.solution import Solution
 from synthesis.free.joint import JointProblem
 from synthesis.free.poses import Poses, make_poses

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from synthesis.defects import practical_faults
 from synthesis.fourbar.limits import Limits
 from synthesis.free.poses import make_poses
-from synthesis.guided.solution import assess, excursion, nearest_travel, practical_faults, size_of
+from synthesis.guided.solution import assess, excursion, nearest_travel, size_of
 from synthesis.linkage import Linkage
 from synthesis.target import make_target
 from tests.oracles.guided_cases import DRIVES, NAMES, good_linkage
@@ -33,7 +34,7 @@ def test_an_exact_motion_is_met_from_nearby(drive) -> None:
         assert abs(np.exp(1j * turned) - 1) < 1e-6
         assert solution.transmission_angle_min > 0.29
         assert size_of(solution, poses) > 0 and excursion(solution, poses) >= 1
-        assert isinstance(practical_faults(solution, poses, Limits()), list)
+        assert isinstance(practical_faults(solution, poses, Limits(), solution.interval), list)
 
 
 @pytest.mark.parametrize("drive", DRIVES, ids=NAMES)

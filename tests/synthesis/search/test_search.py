@@ -14,8 +14,9 @@ from app.fourbar.answers import answer_synthesize
 from app.fourbar.models import SynthesizeRequest
 from app.resources import ServiceResources
 from app.settings import Settings
+from linkage_atlas.studies import sensitivity_of
 from synthesis.four_bar import close_loop
-from synthesis.fourbar.determination import determinations, sensitivities
+from synthesis.fourbar.determination import determinations
 from synthesis.fourbar.joints import body_point, joints_at
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.mechanism import FOURBAR
@@ -385,7 +386,7 @@ def test_sensitivity_is_that_of_finite_differences(kind, tables) -> None:
     target = target_of(make_case(kind, 6200).request)
     solution = search(tables, target, Limits(), 1)[0][0]
     linkage = solution.linkage
-    mine = sensitivities(target, [linkage])[0]
+    mine = sensitivity_of(linkage, target, 1.0)
     crank, links = linkage.start + target.crank, np.array(linkage.links)
     for k in range(4):
         step = np.zeros(4)

@@ -1,8 +1,6 @@
-"""Links as plates to cut: closed contours without self-crossing, holes where the joints are; and the file for pylinkage."""
+"""Links as plates to cut: closed contours without self-crossing, holes where the joints are."""
 
 import io
-import json
-import warnings
 from itertools import combinations
 
 import ezdxf
@@ -14,11 +12,8 @@ from hypothesis import strategies as st
 
 import linkage_atlas as la
 from synthesis.errors import FieldError
-from synthesis.fourbar.files import to_pylinkage
-from synthesis.fourbar.joints import joints_at
 from synthesis.linkage import Linkage, four_bar
 from synthesis.solids.plates import to_plates
-from synthesis.target import make_target
 
 LINKS = ("CRANK", "COUPLER", "ROCKER", "GROUND")
 LAW = settings(derandomize=True, deadline=None, max_examples=30)
@@ -125,49 +120,8 @@ def test_sizes_that_leave_no_plate_are_named(sizes, field) -> None:
     assert error.value.field == field
 
 
-# -- pylinkage --------------------------------------------------------------------------------------------------------
-
-
-def swinging(seed: int) -> tuple[Linkage, float]:
-    """A mounted linkage of any family and a span over which it closes well."""
-    random = np.random.default_rng(seed)
-    while True:
-        lengths, branch = tuple(random.uniform(10, 200, 4).tolist()), int(random.choice([-1, 1]))
-        start, pivot = float(random.uniform(0, 6.28)), complex(*random.uniform(-300, 300, 2))
-        turned, point = float(random.uniform(-3, 3)), (float(random.uniform(0, 150)), float(random.uniform(-3, 3)))
-        linkage = four_bar(lengths, branch, start, pivot, turned, point)
-        span = float(random.uniform(0.3, 6.2) * random.choice([-1, 1]))
-        joints = joints_at(linkage, np.linspace(0, span, 400))
-        if joints.closed and joints.transmission_angle.min() > 0.2:
-            return linkage, span
-
-
-@pytest.mark.parametrize("seed", range(8))
-def test_pylinkage_opens_it_and_draws_the_same_path(seed, tmp_path) -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        mechanism = pytest.importorskip("pylinkage.mechanism")
-    linkage, span = swinging(seed)
-    found = joints_at(linkage, np.linspace(0, span, 5))
-    target = make_target(found.rotation, found.body_point, span)
-    file = tmp_path / "linkage.pylinkage.json"
-    file.write_text(to_pylinkage(linkage, target))
-    theirs = mechanism.mechanism_from_json(file)
-    travel = target.interval.by_degrees()
-    names = [joint.id for joint in theirs.joints]
-    rows = list(theirs.step(travel.size - 1))
-    ours = joints_at(linkage, travel[1:])
-    size = max(linkage.links)
-    for name, wanted in (("body_point", ours.body_point), ("coupler_pin", ours.coupler_pin)):
-        path = np.array([complex(*row[names.index(name)]) for row in rows])
-        assert np.abs(path - wanted).max() < 1e-9 * size
-
-
-def test_a_linkage_saves_itself_for_pylinkage_and_as_plates(tmp_path) -> None:
+def test_a_linkage_saves_itself_as_plates(tmp_path) -> None:
     linkage = la.FourBar(19, 72, 144, 165, coupler_point=(20, 60))
-    linkage.save(tmp_path / "one.pylinkage.json")
-    joints = json.loads((tmp_path / "one.pylinkage.json").read_text())["joints"]
-    assert "body_point" in {part["id"] for part in joints}
     linkage.save(tmp_path / "one.plates.dxf", length_unit="cm")
     assert len(read((tmp_path / "one.plates.dxf").read_text()).query("LWPOLYLINE")) == 4
     linkage.save(tmp_path / "one.dxf")

@@ -1,0 +1,500 @@
+"""Defects of linkages that reach every sample of a motion: order, branch and circuit, and violated practical limits.
+
+A linkage that reaches every sample may still fail as a machine: the drive must turn back between two samples (order defect),
+pass a dead position (branch defect), or the linkage must be taken apart and assembled the other way round (circuit defect). The
+terms are those of Chase and Mirth, "Circuits and branches of single-degree-of-freedom planar linkages", ASME Journal of
+Mechanical Design 115 (1993), 223-230.
+
+The coordinates at which the loop closes are all there are, or parts of them, with the *cuts* in between; at their ends, the dead
+positions, both branches meet. So parts are the circuits if the coordinate has ends, and the branches are if it has none. The slot
+of a hinge beside a rail has two parts whose ends it never reaches: the body would be infinitely far.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from synthesis.arrays import Flags, Floats, Ints
+from synthesis.four_bar import grashof_excesses
+from synthesis.fourbar.limits import (
+    LINK_RATIO,
+    REACH,
+    ROOM,
+    SHORTEST,
+    TRANSMISSION_ANGLE,
+    TRANSMISSION_ANGLE_TURN,
+    Limits,
+    placed_by,
+)
+from synthesis.guides import DRIVERS, Driver, Rail, Slot
+from synthesis.linkage import Linkage, through
+from synthesis.target import TURN, Interval, Samples, Target
+
+TIE = 1e-9
+"""Largest difference of drive angles, in radians, that are the same position: they are in order either way round."""
+DEAD = 1e-7
+"""Transmission angle, in radians, below which both branches are the same position to within rounding."""
+NEAR_CHANGE_POINT = 1e-6
+"""Relative distance from a change point below which manufacture decides on which of two circuits a linkage is."""
+NAMED = 3
+"""Number of samples, or pairs of neighbours, that a reason names; it counts the others."""
+_ROUNDED = 1e-9
+"""Relative violation of a limit that is rounding."""
+_ONE_POSITION, _ALIKE = 1e-5, 1e-3
+"""Part of a drive's way below which two of its positions are one, and of the motion's extent, or radians, from which on what
+is asked at two samples differs."""
+LEAVES_SAMPLES = 2.5
+"""Excursion above which the curve leaves the samples in between."""
+SHORTEST_CHORD = 0.05
+"""Smallest distance of two samples in an excursion, as a fraction of the length scale."""
+
+
+@dataclass(frozen=True)
+class Passage:
+    """How a drive passes N samples; a flag of neighbours, shape (N - 1,), is that of samples k and k + 1."""
+
+    closes: Flags
+    """The loop closes at the sample, (N,)."""
+    other_branch: Flags
+    other_circuit: Flags
+    open_between: Flags
+    """The loop does not close everywhere on the prescribed way."""
+    out_of_order: Flags
+    no_return: bool
+    """The way must lead on from the last sample to the first, and the drive does not turn fully."""
+    uncertain: bool
+    """The linkage is nearer to a change point than `NEAR_CHANGE_POINT`."""
+
+    @cached_property
+    def order(self) -> bool:
+        """Return True without an order defect."""
+        return bool(np.all(self.closes) and not np.any(self.out_of_order | self.open_between) and not self.no_return)
+
+    @cached_property
+    def branch(self) -> bool:
+        """Return True without a branch defect."""
+        return not np.any(self.other_branch)
+
+    @cached_property
+    def circuit(self) -> bool:
+        """Return True without a circuit defect."""
+        return bool(np.all(self.closes) and not np.any(self.other_circuit | self.open_between))
+
+    @cached_property
+    def driven(self) -> bool:
+        """Return True if the drive leads the linkage through all samples in order, moving one way."""
+        return self.order and self.branch and self.circuit
+
+
+class Circuits:
+    """Coordinates that a drive can reach.
+
+    ``turns``: the loop closes all around a turn. ``meet``: the two branches meet at the ends of each part. ``uncertain``:
+    nearer to a change point than `NEAR_CHANGE_POINT`.
+    """
+
+    def __init__(self, linkage: Linkage) -> None:
+        conditions = linkage.conditions
+        self._angle = linkage.driver.turns
+        at_extremes = [
+            (place, float(one.value(np.array([place]))[0]), one.size) for one in conditions for place in one.extremes
+        ]
+        cuts = [place for place, value, _ in at_extremes if value < 0]
+        self.uncertain = any(abs(value) < NEAR_CHANGE_POINT * size for _, value, size in at_extremes)
+        if linkage.is_four_bar:  # of the three pairings of the links s + l against p + q is the nearest to equality
+            excess = float(np.min(np.abs(grashof_excesses(linkage.links))))
+            self.uncertain = excess < NEAR_CHANGE_POINT * sum(linkage.links)
+        other = linkage.local_guides[1]
+        endless = linkage.driver is Driver.HINGE and isinstance(other, Rail)
+        self.meet = not endless and (bool(cuts) or any(one.bounded for one in conditions))
+        if endless:
+            assert isinstance(other, Rail)
+            cuts = [other.direction, other.direction + math.pi]
+        self._cuts = sorted(place % TURN for place in cuts) if self._angle else sorted(cuts)
+        self.turns = self._angle and not cuts
+
+    def part(self, coordinate: Floats) -> tuple[Floats, Ints]:
+        """Coordinates less whole turns, comparable within a part, and the number of the part: one more after each cut."""
+        if not self._angle:
+            return coordinate, np.sum(coordinate[..., None] > np.array(self._cuts), axis=-1)
+        if not self._cuts:
+            return coordinate, np.zeros(coordinate.shape, dtype=int)
+        number = sum(np.floor((coordinate - cut) / TURN) for cut in self._cuts)
+        return coordinate - TURN * np.floor(number / len(self._cuts)), np.asarray(number, dtype=int)
+
+    def elsewhere(self, number: Ints) -> Flags:
+        """Whether neighbours lie in different parts, (N - 1,)."""
+        steps = np.diff(number)
+        return steps % len(self._cuts) != 0 if self._angle and self._cuts else steps != 0
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Defects of a linkage that passes the samples of its motion.
+
+    Attributes
+    ----------
+    order : bool
+        A drive that moves one way passes the samples in the requested order.
+    branch : bool
+        All samples lie on one branch.
+    circuit : bool
+        All samples, and all between, lie on one circuit.
+    driver : str or None
+        The drive if it leads the linkage through all samples in order, moving one way (order, branch and circuit are true);
+        otherwise another drive of the guides that can; None if none can.
+    uncertain : bool
+        The linkage is nearer to a change point than `NEAR_CHANGE_POINT`.
+    reasons : tuple of str
+        A sentence for each defect; samples count from 1.
+    """
+
+    order: bool
+    branch: bool
+    circuit: bool
+    driver: str | None
+    uncertain: bool
+    reasons: tuple[str, ...]
+
+
+def one_way(steps: Floats) -> tuple[Floats, Floats]:
+    """Steps (n, m) modulo a turn, all taken the same way round, and that way, +1 or -1, shape (n, 1).
+
+    It is the way of fewer turns in total; where they are equal, that of most steps. Ties may lie just behind, not a turn ahead.
+    """
+    ahead, back = ((way * steps + TIE) % TURN - TIE for way in (1.0, -1.0))
+    fewer = [np.ceil(np.sum(one, axis=-1, keepdims=True) / TURN - TIE) for one in (ahead, back)]
+    most = np.sum(np.sign(back - ahead), axis=-1, keepdims=True) >= 0
+    forward = (fewer[0] < fewer[1]) | ((fewer[0] == fewer[1]) & most)
+    return np.where(forward, ahead, back), np.where(forward, 1.0, -1.0)
+
+
+def passage(
+    linkage: Linkage,
+    coordinate: ArrayLike,
+    side: ArrayLike,
+    *,
+    ordered: bool = True,
+    closed: bool = False,
+    timed: bool = False,
+) -> Passage:
+    """Return how the drive of a linkage passes samples.
+
+    A drive that turns fully passes them in order if the steps from sample to sample, all taken forwards or all backwards, add up
+    to a turn at most; any other drive, if its coordinates rise or fall throughout.
+
+    Law: the same for reversed samples, for a mirrored, moved or scaled linkage, and without timing with coordinates more by whole
+    turns.
+
+    Parameters
+    ----------
+    linkage : Linkage
+        The linkage.
+    coordinate : array_like, shape (N,)
+        Coordinates of the drive at the samples.
+    side : array_like of +1 or -1, shape (N,)
+        Branch of each sample.
+    ordered : bool
+        The samples must be passed in their order; otherwise in any order, within a turn.
+    closed : bool
+        After the last sample the way leads on to the first.
+    timed : bool
+        The coordinates are prescribed: they, and the way between them, are taken as they are, over several turns too. Otherwise
+        angles count modulo a turn.
+    """
+    q, side = np.asarray(coordinate, dtype=float), np.asarray(side)
+    where = Circuits(linkage)
+    closes = np.all([one.value(q) >= 0 for one in linkage.conditions] or [np.isfinite(q)], axis=0)
+    if np.any(side != side[0]):
+        angle = np.nan_to_num(linkage.body(q).transmission_angle)
+        side = np.where(angle < DEAD, side[np.argmax(angle)], side)
+    other_branch = np.diff(side) != 0
+    q = np.where(closes, q, 0.0)
+    within, number = where.part(q)
+    both = closes[1:] & closes[:-1]
+    leaves = both & (np.diff(number) != 0)
+    elsewhere = where.elsewhere(number) & both
+    other_circuit = elsewhere if where.meet else elsewhere | other_branch
+    steps = np.diff(within)
+    if timed:
+        steps = np.diff(q)
+        out_of_order = steps * np.sign(q[-1] - q[0]) <= 0
+    elif ordered and where.turns:
+        out_of_order = np.cumsum(one_way(np.diff(q)[None])[0]) > TURN + TIE
+    elif ordered:
+        tie = TIE * (1 if linkage.driver.turns else float(np.max(np.abs(q))))
+        rises, falls = steps > tie, steps < -tie
+        out_of_order = (falls if rises.sum() >= falls.sum() else rises) | elsewhere
+    else:
+        out_of_order = elsewhere
+    return Passage(
+        closes,
+        other_branch,
+        other_circuit,
+        leaves if timed else np.zeros_like(leaves),
+        out_of_order & both,
+        closed and not where.turns,
+        where.uncertain,
+    )
+
+
+def verdict(
+    linkage: Linkage,
+    coordinate: ArrayLike,
+    side: ArrayLike | None = None,
+    *,
+    ordered: bool = True,
+    closed: bool = False,
+    timed: bool = False,
+) -> Verdict:
+    """Return the verdict on a linkage.
+
+    Parameters
+    ----------
+    linkage : Linkage
+        The linkage.
+    coordinate : array_like, shape (N,)
+        Coordinates of the drive at the samples.
+    side : array_like of +1 or -1, shape (N,), optional
+        Branch of each sample; default: that of the linkage.
+    ordered, closed, timed : bool
+        See `passage`.
+    """
+    q = np.asarray(coordinate, dtype=float)
+    side = np.full(q.shape, linkage.branch) if side is None else np.asarray(side)
+    passed = passage(linkage, q, side, ordered=ordered, closed=closed, timed=timed)
+    drive, others = linkage.driver.value, other_drives(linkage)
+    driver = drive if passed.driven else None
+    if passed.circuit and not passed.driven:
+        poses = [linkage.body(q, way) for way in (1, -1)]
+        rotation, position = (np.where(side > 0, *pair) for pair in zip(*((p.rotation, p.position) for p in poses)))
+        for name, (place, other) in others.items():
+            guides = linkage.guides[::-1] if place else linkage.guides
+            redriven = through(guides, other, float(rotation[0]), complex(position[0]))
+            found, sine = redriven.configuration(rotation, position)
+            if passage(redriven, found, np.where(sine >= 0, 1, -1), ordered=ordered, closed=closed).driven:
+                driver = name
+                break
+    reasons: tuple[str, ...] = ()
+    if passed.uncertain or not passed.driven:
+        reasons = _reasons_of(passed, driver, drive, list(others), linkage.driver.turns)
+    return Verdict(passed.order, passed.branch, passed.circuit, driver, passed.uncertain, reasons)
+
+
+def other_drives(linkage: Linkage) -> dict[str, tuple[int, Driver]]:
+    """Return every other drive of the guides by its name, with the guide that it moves (0 or 1)."""
+    found: dict[str, tuple[int, Driver]] = {}
+    for place, guide in enumerate(linkage.guides):
+        for driver in DRIVERS[type(guide)]:
+            if (place, driver) != (0, linkage.driver):
+                taken = driver.value == linkage.driver.value or driver.value in found
+                name = "rocker" if taken and driver is Driver.CRANK else f"second {driver}" if taken else driver.value
+                found[name] = (place, driver)
+    return found
+
+
+def _reasons_of(
+    passed: Passage, driver: str | None, drive: str, others: Sequence[str], turns: bool = True
+) -> tuple[str, ...]:
+    """Return a sentence for each defect of a passage by ``drive``, which turns, or moves on a line.
+
+    ``driver``: what can drive it instead, one of ``others``, if anything.
+    """
+    moves, moving = ("turns", "turning") if turns else ("moves", "moving")
+    reasons = []
+    if not np.all(passed.closes):
+        numbers = [str(place + 1) for place in np.flatnonzero(~passed.closes)]
+        reasons.append(f"the linkage does not close at {_listed(numbers)}")
+    if np.any(flags := passed.open_between):
+        reasons.append(f"the linkage does not close everywhere between {_named(flags)}")
+    if np.any(flags := passed.other_branch):
+        reasons.append(f"{_named(flags)} lie on different branches")
+    if np.any(flags := passed.other_circuit):
+        reasons.append(
+            f"{_named(flags)} lie on different circuits: the linkage would have to be taken apart between them"
+        )
+    if np.all(passed.closes) and np.any(flags := passed.out_of_order & ~passed.other_circuit):
+        first = int(np.argmax(flags)) + 1
+        reasons.append(f"a {drive} that {moves} one way does not pass samples {first} and {first + 1} in this order")
+    if passed.no_return:
+        only = f"the {drive} only swings" if turns else f"the {drive} only goes to and fro"
+        reasons.append(f"{only}: {moving} one way it does not come from the last sample to the first")
+    if driver is not None and driver != drive:
+        reasons.append(f"only the {driver} can drive the linkage through the samples, not the {drive}")
+    elif driver is None:
+        every = [drive, *others]
+        named = f"{', '.join(every[:-1])} nor {every[-1]}"
+        reasons.append(
+            f"neither {named} can drive the linkage through the samples, {moving} one way"
+            if others
+            else f"the {drive} cannot drive the linkage through the samples, {moving} one way"
+        )
+    if passed.uncertain:
+        reasons.append("the linkage is so near a change point that it may pass from one circuit to the other")
+    return tuple(reasons)
+
+
+def shared_positions(motion: Target, turns: bool = True) -> list[str]:
+    """A sentence where samples of which different things are asked lie at one position of the drive, to rounding.
+
+    A drive that keeps their order only so passes them as one; so it does both ends of an open way, a whole turn apart.
+
+    ``motion``: with the drive's positions. ``turns``: these are angles, and count modulo a turn.
+    """
+    least = _ONE_POSITION * np.ptp(motion.crank)
+    place = motion.crank % TURN if turns else motion.crank
+    order = np.argsort(place, kind="stable")
+    step = np.diff(place[order], append=place[order[0]] + TURN if turns else np.inf)
+    pairs = np.sort(np.stack([order, np.roll(order, -1)]), axis=0)[:, step <= least]
+    differ = np.zeros(pairs.shape[1], dtype=bool)
+    for asked, weights, same in (
+        (motion.position, motion.position_weights, _ALIKE * motion.extent if motion.position is not None else 0.0),
+        (None if motion.rotation is None else np.exp(1j * motion.rotation), motion.rotation_weights, _ALIKE),
+    ):
+        if asked is not None:
+            first, second = pairs
+            both = True if weights is None else (weights[first] > 0) & (weights[second] > 0)
+            differ |= (np.abs(asked[first] - asked[second]) > same) & both
+    if not differ.any():
+        return []
+    named = sorted((pairs[:, differ] + 1).T.tolist())
+    names = [str(one) for one in named[0]] if len(named) == 1 else [f"{one}/{other}" for one, other in named]
+    what, near = ("crank position", "rounding or a whole turn") if turns else ("position of the drive", "rounding")
+    return [f"{_listed(names)} share one {what}, to {near}, though they differ"]
+
+
+def _named(flags: Flags) -> str:
+    """The pairs of neighbours (N - 1,) that are flagged: "samples 2 and 3", "samples 2/3, 7/8"."""
+    first = np.flatnonzero(flags) + 1
+    return _listed(f"{first[0]} {first[0] + 1}".split() if first.size == 1 else [f"{k}/{k + 1}" for k in first])
+
+
+def _listed(names: list[str]) -> str:
+    """Samples by name, the first few: "sample 2", "samples 2 and 3", "samples 2, 3, 4 and 5 more"."""
+    if len(names) == 1:
+        return f"sample {names[0]}"
+    rest = len(names) - NAMED
+    named, last = (names[:NAMED], f"{rest} more") if rest > 0 else (names[:-1], names[-1])
+    return f"samples {', '.join(named)} and {last}"
+
+
+# -- practical limits -------------------------------------------------------------------------------------------------
+
+
+class _Built(Protocol):
+    @property
+    def linkage(self) -> Linkage: ...
+
+    @property
+    def transmission_angle_min(self) -> float: ...
+
+    @property
+    def transmission_angle_min_turn(self) -> float | None: ...
+
+
+def practical_faults(
+    solution: _Built, samples: Samples, limits: Limits, interval: Interval, excursion: float | None = None
+) -> list[str]:
+    """Return `faults_of` a solution and of its cylinder; ``interval`` is the travel that the motion uses."""
+    linkage = solution.linkage
+    turn = solution.transmission_angle_min_turn if linkage.driver is Driver.CRANK else None
+    pivots = {name: one[0] for name, one in zip(("pivot_a", "pivot_b"), linkage.guides) if not isinstance(one, Rail)}
+    arm = max((abs(one.body_point) for one in linkage.guides if not isinstance(one, Slot)), default=0.0)
+    links = linkage.links if linkage.is_four_bar else [*linkage.lengths.values()]
+    angles = solution.transmission_angle_min, turn
+    faults = faults_of(angles, links, pivots, samples, limits, excursion, arm)
+    if linkage.driver is Driver.CYLINDER:
+        low, high = linkage.used(0, interval)
+        if low * high <= 0:
+            faults.append("the length of its cylinder passes 0 on the way: none can be bought")
+    return faults
+
+
+def faults_of(
+    angles: tuple[float, float | None],
+    links: Sequence[float],
+    pivots: Mapping[str, complex],
+    samples: Samples | None,
+    limits: Limits,
+    excursion: float | None = None,
+    arm: float = 0.0,
+) -> list[str]:
+    """Return a sentence for each practical limit that a linkage violates; a limit of the request replaces the practical one.
+
+    Parameters
+    ----------
+    angles : tuple
+        Smallest transmission angles over the used interval, and over the turn if that counts.
+    links : sequence of float
+        Lengths of the links.
+    pivots : mapping
+        Fixed pivots by the names of their limits.
+    samples : Samples or None
+        The motion. Without positions lengths are ratios, and only those are judged.
+    limits : Limits
+        Of the request.
+    excursion : float, optional
+        Of the body point between samples, see `excursions`.
+    arm : float
+        Largest distance of the body point from a joint of the body, which is bounded like a link.
+    """
+    faults = []
+    least = limits.transmission_angle_min or TRANSMISSION_ANGLE
+    rows = [(angles[0], least, "over the used interval")]
+    if angles[1] is not None:
+        rows.append((angles[1], limits.transmission_angle_min_turn or TRANSMISSION_ANGLE_TURN, "over the whole turn"))
+    for found, wanted, where in rows:
+        if found < wanted - _ROUNDED:
+            degrees = np.rad2deg([found, wanted])
+            faults.append(f"transmission angle {degrees[0]:.3g} degrees {where}, below {degrees[1]:.3g}")
+    longest, shortest, most = max(links, default=0.0), min(links, default=0.0), limits.link_ratio_max or LINK_RATIO
+    if longest > most * shortest * (1 + _ROUNDED):
+        ratio = longest / shortest if shortest > 0 else np.inf
+        faults.append(f"longest link {ratio:.3g} times the shortest, above {most:g}")
+    if samples is not None and samples.position is not None:
+        extent, middle = samples.extent, complex(samples.position_mean(samples.position))
+        reach = max(REACH, ROOM * (limits.link_min or 0.0) / extent)
+        if limits.link_max is None and longest > reach * extent:
+            faults.append(f"longest link {longest / extent:.3g} times the motion's extent, above {reach:.4g}")
+        arm_max = reach * extent if limits.link_max is None else limits.link_max
+        if limits.coupler_radius_max is None and arm > arm_max * (1 + _ROUNDED):
+            faults.append(
+                f"the body point lies {arm:.4g} from a joint of its link, above {arm_max:.4g}, the longest link"
+            )
+        link_min = SHORTEST * extent if limits.link_min is None else limits.link_min
+        if links and shortest < link_min * (1 - _ROUNDED):
+            faults.append(
+                f"shortest link {shortest / extent:.3g} times the motion's extent, below {link_min / extent:.3g}"
+            )
+        far = [abs(place - middle) / extent for name, place in pivots.items() if not placed_by(limits, name)]
+        if far and max(far) > reach * (1 + _ROUNDED):
+            faults.append(f"a fixed pivot {max(far):.3g} extents from the motion's middle, above {reach:.4g}")
+    if excursion is not None and excursion > LEAVES_SAMPLES:
+        faults.append(
+            f"the body point goes {excursion:.3g} times as far between two samples as they are apart, above {LEAVES_SAMPLES:g}"
+        )
+    return faults
+
+
+def size_of(linkage: Linkage, samples: Samples) -> float | None:
+    """Largest of the links, the coupler point's radius and the pivots' distances from the motion's middle, over its extent.
+
+    None without positions.
+    """
+    if samples.position is None or linkage.coupler_point is None:
+        return None
+    middle = complex(samples.position_mean(samples.position))
+    reach = (abs(linkage.pivot_a - middle), abs(linkage.pivot_b - middle))
+    return float(max(*linkage.links, linkage.coupler_point[0], *reach)) / samples.extent
+
+
+def proportion(linkage: Linkage, samples: Samples) -> float:
+    """How many extents of the motion, or shortest links, the longest part is, whichever are more."""
+    return max(linkage.link_ratio, size_of(linkage, samples) or 0.0)

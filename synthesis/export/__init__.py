@@ -1,0 +1,1 @@
+"""Writers of files for any linkage: tables, drawings and simulation models."""

@@ -1,0 +1,314 @@
+"""Simulation models of a linkage: MJCF for MuJoCo, and JSON for pylinkage."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from synthesis.errors import FieldError
+from synthesis.export.layout import (
+    SLIDER_LENGTH,
+    Layout,
+    closed_motions,
+    layout_of,
+    name_of,
+    unit_in_words,
+)
+from synthesis.fourbar.joints import joints_at
+from synthesis.guides import Circle, Driver, Rail, Slot
+from synthesis.linkage import BODY, Linkage, Mass
+from synthesis.target import Target
+
+SPEED = 1.0
+"""Speed of a drive that turns, in radians a second."""
+SECONDS = 2.0
+"""Time in which a drive that slides covers its used stroke."""
+TIMESTEP = 1e-4
+"""Step of the simulation in seconds."""
+SOLVER = f'solref="{2 * TIMESTEP!r} 1" solimp="0.99999 0.99999 1e-6"'
+"""Stiffness with which the loop is closed."""
+_SLIGHT = 1e-3
+"""Mass of a slider or block that is no part of its own, as a fraction of the heaviest link."""
+_COLOURS = {"crank": "0.76 0.25 0.05 1", BODY: "0.15 0.39 0.92 1", "rocker": "0.11 0.15 0.2 1"}
+_GREY = "0.5 0.5 0.5 1"
+ONLY_FOUR_BARS = "pylinkage has no guides that move or slots in a moving body: this linkage cannot be written for it"
+"""Reason why a linkage with a rail or slot has no file for pylinkage."""
+
+
+def xy0(point: complex) -> str:
+    """Return a point of the plane as a position in a MuJoCo model."""
+    return f"{float(point.real)!r} {float(point.imag)!r} 0"
+
+
+class _Branch(NamedTuple):
+    """A part of the tree of bodies of a model."""
+
+    text: str
+    speeds: list[float]
+    """Speeds of its joints, in radians or metres a unit of the drive's coordinate."""
+
+
+def to_mjcf(linkage: Linkage, target: Target, unit_mm: float = 1.0, masses: Mapping[str, Mass] | None = None) -> str:
+    """Write a MuJoCo model in metres: hinges and slides, and the loop closed by an equality constraint.
+
+    The reference position is the first sample. Bodies are named like the links: the driven link carries the coupler, which is the
+    body. The link of the other guide is closed to it by a ``connect`` (of a slot by a ``weld``, between the coupler and the part
+    that slides in the block). The actuator ``drive`` moves the driven joint at the speed of its control, in radians or metres a
+    second; the keyframe ``start`` sets it to move the requested way. The plane is x-y, without gravity. Sites: ``body_point``,
+    and ``loop_coupler`` and ``loop_`` with the name of the other link, whose distance is the residual of the loop.
+
+    Parameters
+    ----------
+    linkage : Linkage
+        The linkage.
+    target : Target
+        The motion, with the travel of the drive at the samples.
+    unit_mm : float, optional
+        Millimetres in the unit of lengths.
+    masses : mapping, optional
+        Mass of each link that is a part, in kilograms and the unit of lengths; sliders and blocks weigh next to nothing.
+        Without masses bars are slender rods.
+
+    Raises
+    ------
+    FieldError
+        For a linkage that does not close over the used interval, or whose coordinates the file cannot hold.
+    """
+    layout = layout_of(linkage, target.interval)
+    layout.check_size(unit_mm)
+    return _Model(layout, unit_mm / 1000, masses).text(target)
+
+
+class _Model:
+    """A MuJoCo model of a linkage, in metres."""
+
+    def __init__(self, layout: Layout, metre: float, masses: Mapping[str, Mass] | None) -> None:
+        self.layout, self.linkage, self.metre, self.masses = layout, layout.linkage, metre, masses
+        self.size = layout.size * metre
+        self.thick = 0.02 * self.size
+        self.heaviest = 1.0 if masses is None else max(mass.mass for mass in masses.values())
+        self.total = 1.0 if masses is None else sum(mass.mass for mass in masses.values())
+        # radians and metres of a joint for a radian or a metre of the drive
+        self.turning = 1.0 if self.linkage.driver.turns else 1 / metre
+        self.sliding = self.turning * metre
+        self.pins = [pin * metre for pin in layout.pins]
+        # the coupler's frame begins at the pin about which it turns or along whose slot it slides
+        first, second = self.linkage.guides
+        slides = isinstance(first, Slot) or isinstance(second, Slot)
+        self.direction = float(layout.body.angle[0])
+        self.direction += 0.0 if slides else float(np.angle(second.body_point - first.body_point))
+
+    def local(self, point: complex) -> complex:
+        """Return a point of the plane, in metres, in the coupler's frame."""
+        return complex((point - self.pins[0]) * np.exp(-1j * self.direction))
+
+    def rod(self, name: str, start: complex, end: complex, radius: float, colour: str | None) -> str:
+        """Return a capsule between two points of a body; nothing between equal points."""
+        if abs(end - start) < 1e-6 * self.size:
+            return ""
+        paint = "" if colour is None else f' rgba="{colour}"'
+        return f'<geom name="{name}" type="capsule" fromto="{xy0(start)} {xy0(end)}" size="{radius!r}"{paint}/>'
+
+    def inertial(self, name: str, length: float | None = None, centre: complex | None = None) -> str:
+        """Return the mass of a link: of its part, of a slender rod of a length, or next to nothing."""
+        if self.masses is not None and name in self.masses:
+            part = self.masses[name]
+            mass, inertia, at = part.mass, part.inertia * self.metre**2, part.at * self.metre
+            if name == BODY:
+                at = self.local(complex(self.layout.body.place(self.linkage.on_body(part.at))[0]) * self.metre)
+        elif self.masses is None and length is not None:
+            mass, at = length / self.size, complex(length / 2) if centre is None else centre
+            inertia = mass * max(length, self.thick) ** 2 / 12
+        else:
+            mass, at = _SLIGHT * self.heaviest, centre or 0j
+            inertia = mass * (SLIDER_LENGTH * self.size) ** 2 / 12
+        return f'<inertial pos="{xy0(at)}" mass="{mass!r}" diaginertia="{inertia!r} {inertia!r} {inertia!r}"/>'
+
+    def site(self, name: str, point: complex) -> str:
+        """Return a marked point of a body."""
+        return f'<site name="{name}" pos="{xy0(point)}" size="{self.thick / 2!r}"/>'
+
+    def coupler(self) -> _Branch:
+        """Return the body, carried by the driven link."""
+        first, second = self.linkage.guides
+        driven, body = self.layout.first[:2]
+        end, point = self.local(self.pins[1]), self.local(complex(body.origin[0]) * self.metre)
+        parts = [self.rod("coupler_rod", 0j, end, self.thick / 2, _COLOURS[BODY]), self.site("loop_coupler", end)]
+        if self.linkage.mounted:
+            mark = f'size="{self.thick!r}" rgba="0.06 0.46 0.43 1"'
+            parts += [f'<site name="body_point" pos="{xy0(point)}" {mark}/>']
+            parts += [self.rod("body", 0j, point, self.thick / 3, None)]
+        for index, guide in enumerate((first, second)):
+            if isinstance(guide, Slot) and (track := self.layout.track(index)) is not None:
+                low, high = (self.local(complex(end) * self.metre) for end in track)
+                parts.append(self.rod(f"slot_{index + 1}", low, high, self.thick / 2, _COLOURS[BODY]))
+        if isinstance(first, Slot) or isinstance(second, Slot):
+            mass = self.inertial(BODY, self.size / 2, (end + point) / 2)
+        else:
+            mass = self.inertial(BODY, abs(end))
+        joint, start, carrier = '<joint name="coupler"/>', 0j, float(driven.angle[0])
+        speed = float(body.rate[0] - driven.rate[0]) * self.turning
+        if isinstance(first, Circle):
+            start = complex(first.radius * self.metre)
+        elif isinstance(first, Rail):
+            carrier = 0.0
+        else:  # it slides in its block, against the slot's direction
+            axis = xy0(complex(-np.exp(1j * first.body_direction)))
+            joint, speed = f'<joint name="coupler" type="slide" axis="{axis}"/>', self.slot_speed(0)
+        content = [joint, mass + parts[0], *filter(None, parts[1:])]
+        return _Branch(_body(BODY, start, self.direction - carrier, content, 6), [speed])
+
+    def slot_speed(self, index: int) -> float:
+        """Return the speed of a slot along its pin, in metres a unit of the drive's coordinate."""
+        return float(self.linkage.along_rate(index, np.zeros(1))[0]) * self.sliding
+
+    def guide(self, index: int, carried: _Branch) -> _Branch:
+        """Return the link of a guide with the part that it carries."""
+        guide, link = self.linkage.guides[index], self.layout.first[2 * index]
+        name, angle = link.name, float(link.angle[0])
+        joint, speed = f'<joint name="{name}"/>', float(link.rate[0]) * self.turning
+        if isinstance(guide, Circle):
+            start, length = guide.pivot * self.metre, guide.radius * self.metre
+            colour = _COLOURS["crank" if index == 0 else "rocker"]
+            shape = self.inertial(name, length) + self.rod(f"{name}_rod", 0j, length + 0j, self.thick / 2, colour)
+        else:
+            start, turned = self.pins[index], 0.0
+            if isinstance(guide, Rail):
+                direction = np.exp(1j * guide.direction)
+                joint = f'<joint name="{name}" type="slide" axis="{xy0(complex(direction))}"/>'
+                speed = float(np.real(np.conj(direction) * link.velocity[0])) * self.sliding
+                angle, turned = 0.0, guide.direction
+            half = SLIDER_LENGTH * self.size / 2
+            shape = self.inertial(name) + (
+                f'<geom name="{name}_box" type="box" size="{2 * half!r} {half!r} {self.thick!r}" euler="0 0 {turned!r}" '
+                'rgba="0.6 0.65 0.7 1"/>'
+            )
+        text = _body(name, start, angle, [joint, shape, carried.text], 4)
+        return _Branch(text, [speed, *carried.speeds])
+
+    def other(self) -> tuple[_Branch, str]:
+        """Return the link of the second guide, and the constraint that closes the loop."""
+        guide, name = self.linkage.guides[1], f"loop_{self.layout.first[2].name}"
+        if isinstance(guide, Slot):
+            joint = '<joint name="slide" type="slide" axis="-1 0 0"/>'
+            slide = _body("slide", 0j, 0.0, [joint, self.inertial("slide"), self.site(name, 0j)], 6)
+            weld = f'<weld name="loop" body1="slide" body2="{BODY}" {SOLVER}/>'
+            return self.guide(1, _Branch(slide, [self.slot_speed(1)])), weld
+        end = complex(guide.radius * self.metre) if isinstance(guide, Circle) else 0j
+        connect = f'<connect name="loop" site1="loop_coupler" site2="{name}" {SOLVER}/>'
+        return self.guide(1, _Branch(self.site(name, end), [])), connect
+
+    def text(self, target: Target) -> str:
+        """Return the model."""
+        linkage, turns = self.linkage, self.linkage.driver.turns
+        tracks = [self.layout.track(index) for index in (0, 1)]
+        rails = {
+            f"rail_{index + 1}": track
+            for index, track in enumerate(tracks)
+            if track is not None and isinstance(linkage.guides[index], Rail)
+        }
+        if self.layout.ground is not None:
+            rails["ground"] = np.array(self.layout.ground[1:])
+        world = [
+            self.rod(name, complex(start) * self.metre, complex(end) * self.metre, self.thick / 4, _GREY)
+            for name, (start, end) in rails.items()
+        ]
+        driven, (other, loop) = self.guide(0, self.coupler()), self.other()
+        span = abs(float(target.interval.last) - float(target.interval.first)) * (1.0 if turns else self.metre)
+        pace = SPEED if turns else span / SECONDS
+        signed = -pace if target.clockwise else pace
+        speeds = [signed * value for value in (*driven.speeds, *other.speeds)]
+        moving = f' qvel="{" ".join(map(repr, speeds))}"' if np.all(np.isfinite(speeds)) else ""
+        # the drive gains its speed within tenths of a second: a harder start would pull the loop's constraint apart
+        gain = self.total * (self.size**2 if turns else 1.0) / 0.2
+        masses = "those of slender rods" if self.masses is None else "kilograms of its parts"
+        return f"""<mujoco model="{name_of(linkage)}">
+  <!-- lengths in metres, angles in radians; {span / pace:.6g} s at the keyframe's speed are the used interval;
+       masses are {masses} -->
+  <compiler angle="radian" autolimits="true"/>
+  <option timestep="{TIMESTEP!r}" gravity="0 0 0" integrator="implicitfast" iterations="200" tolerance="1e-16"/>
+  <default>
+    <geom contype="0" conaffinity="0" rgba="0.15 0.39 0.92 1"/>
+    <joint type="hinge" axis="0 0 1"/>
+  </default>
+  <worldbody>
+    <light pos="0 0 {4 * self.size!r}" dir="0 0 -1"/>
+    {"".join(geom + chr(10) + "    " for geom in world if geom)}{driven.text}
+    {other.text}
+  </worldbody>
+  <equality>
+    {loop}
+  </equality>
+  <actuator>
+    <velocity name="drive" joint="{linkage.link_names[0] if linkage.driver is not Driver.CYLINDER else BODY}" kv="{gain!r}"/>
+  </actuator>
+  <keyframe>
+    <key name="start" ctrl="{signed!r}"{moving}/>
+  </keyframe>
+</mujoco>
+"""
+
+
+def _body(name: str, start: complex, angle: float, content: list[str], indent: int) -> str:
+    """Return a body of a model at a position and an angle in the body that carries it."""
+    margin = "\n" + " " * (indent + 2)
+    head = f'<body name="{name}" pos="{xy0(start)}" euler="0 0 {angle!r}">'
+    return margin.join([head, *content]) + "\n" + " " * indent + "</body>"
+
+
+def to_pylinkage(linkage: Linkage, target: Target, length_unit: str | None = None) -> str:
+    """Write the JSON of a pylinkage ``Mechanism`` at the first sample, which its ``mechanism_from_json`` reads.
+
+    Joints: pivot_a, pivot_b, crank_pin, coupler_pin, and body_point, which follows the coupler. A crank that turns fully is a
+    driver in the sense of the motion; any other swings over the used interval and back. The drive turns in the steps of
+    `Interval.by_degrees`, of at most a degree.
+
+    Law: positions of the body point in pylinkage are ours to rounding.
+
+    Raises
+    ------
+    FieldError
+        For a linkage that is no four-bar, or that does not close over the used interval.
+    """
+    if not linkage.is_four_bar:
+        raise FieldError("/format", ONLY_FOUR_BARS)
+    closed_motions(linkage, target.interval)
+    travel = target.interval.by_degrees()
+    joints = joints_at(linkage, np.zeros(1))
+    start = linkage.start + linkage.ground_angle
+    first, last = (start + float(end) for end in target.interval)
+
+    def joint(name: str, kind: str, point: complex, **more: Any) -> dict[str, Any]:
+        return {"id": name, "type": kind, "position": [float(point.real), float(point.imag)], **more}
+
+    parts = [
+        joint("pivot_a", "ground", joints.pivot_a),
+        joint("pivot_b", "ground", joints.pivot_b),
+        joint("crank_pin", "revolute", joints.crank_pin[0]),
+        joint("coupler_pin", "revolute", joints.coupler_pin[0]),
+    ]
+    if linkage.coupler_point is not None and joints.body_point is not None:
+        radius, angle = linkage.coupler_point
+        follows = {"ref_joint1_id": "crank_pin", "ref_joint2_id": "coupler_pin", "distance": radius, "angle": angle}
+        parts.append(joint("body_point", "tracker", joints.body_point[0], **follows))
+    step = float(travel[1] - travel[0])
+    drive: dict[str, Any] = {"type": "driver", "angular_velocity": step}
+    if not linkage.turns_fully:
+        drive = {"type": "arc_driver", "angular_velocity": abs(step)}
+        drive |= {"arc_start": min(first, last), "arc_end": max(first, last)}
+    crank = {"id": "crank", "joints": ["pivot_a", "crank_pin"], "motor_joint": "pivot_a", "initial_angle": start}
+    mechanism = {
+        "name": name_of(linkage) + unit_in_words(length_unit),
+        "joints": parts,
+        "links": [
+            {"id": "ground", "type": "ground", "joints": ["pivot_a", "pivot_b"]},
+            crank | drive,
+            {"id": "coupler", "type": "link", "joints": ["crank_pin", "coupler_pin"]},
+            {"id": "rocker", "type": "link", "joints": ["pivot_b", "coupler_pin"]},
+        ],
+        "ground": "ground",
+    }
+    return json.dumps(mechanism, indent=1, allow_nan=False) + "\n"

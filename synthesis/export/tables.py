@@ -1,0 +1,88 @@
+"""Tables (CSV) of the motion of a linkage at the samples."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from synthesis.arrays import Complexes, Floats
+from synthesis.export.layout import closed_motions, pins_of
+from synthesis.guides import Circle, Slot
+from synthesis.linkage import Linkage
+from synthesis.sheet import csv_text, given_cells
+from synthesis.target import TURN, Target
+
+
+def to_csv(linkage: Linkage, target: Target, unit: float, more: Mapping[str, Iterable[Any]] | None = None) -> str:
+    """Write the motion at the samples: the request, the motion of the linkage, and the position of its joints.
+
+    Parameters
+    ----------
+    linkage : Linkage
+        The linkage.
+    target : Target
+        The motion, with the travel of the drive at the samples.
+    unit : float
+        Radians in one unit of angle.
+    more : mapping, optional
+        Further columns, with a value for each sample.
+
+    Returns
+    -------
+    str
+        The table; a cell is empty if its number was not requested.
+
+    Raises
+    ------
+    FieldError
+        For a linkage that does not close over the used interval.
+    """
+    closed_motions(linkage, target.interval)
+    links, poses = linkage.motions(target.crank), linkage.body(linkage.start + target.crank)
+    body, turns = links[1], linkage.driver.turns
+    columns: dict[str, Any] = {
+        "crank_angle" if turns else "travel": target.crank / (unit if turns else 1.0),
+        **_motion_columns(target, unit, body.angle, body.origin if linkage.mounted else None),
+        "transmission_angle": poses.transmission_angle / unit,
+        **({} if linkage.is_four_bar else {"arm": poses.arm}),
+    }
+    for link in linkage.by_coupler.motions(target.crank):
+        if not link.name.endswith("slider"):
+            columns[f"{link.name}_direction"] = link.angle / unit
+    for index, guide in enumerate(linkage.guides):
+        name = linkage.link_names[2 * index]
+        if not isinstance(guide, Circle):
+            columns[f"{name}_travel"] = linkage.along(index, target.crank)
+        if not isinstance(guide, Slot):
+            pin = "coupler" if name == "rocker" else name
+            columns |= _coordinates(f"{pin}_pin_{{}}", pins_of(linkage, index, body), target.samples)
+    return csv_text(columns | dict(more or {}))
+
+
+def _motion_columns(
+    target: Target, unit: float, rotation: Floats, position: Complexes | None
+) -> dict[str, Iterable[Any]]:
+    """Return columns of the requested and the actual motion, and of its errors."""
+    asked, rows = target.asked, target.samples
+    requested = None if asked.rotation is None else asked.rotation / unit
+    turned = rotation - asked.moved
+    if asked.rotation is not None:  # whole turns do not matter
+        turned = turned - TURN * np.round(np.nanmean(turned - asked.rotation) / TURN)
+    turned = turned / unit
+    error = None if position is None or asked.position is None else np.abs(asked.position - position)
+    return {
+        "rotation_wanted": given_cells(requested, rows),
+        **_coordinates("{}_wanted", asked.position, rows),
+        "rotation": turned,
+        **_coordinates("{}", position, rows),
+        "rotation_error": given_cells(None if requested is None else turned - requested, rows),
+        "position_error": given_cells(error, rows),
+    }
+
+
+def _coordinates(name: str, points: Complexes | None, rows: int) -> dict[str, Iterable[Any]]:
+    """Return the columns x and y of points, blank without points; ``name`` has a gap for x and y."""
+    x, y = (given_cells(None if points is None else part(points), rows) for part in (np.real, np.imag))
+    return {name.format("x"): x, name.format("y"): y}

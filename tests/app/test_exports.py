@@ -1,0 +1,87 @@
+"""Every format of a linkage can be had over HTTP and on the command line, with the same content.
+
+These tests would catch a route or an ending that is not connected to its writer, and a file in the wrong unit of angle.
+"""
+
+import csv
+import io
+import json
+import math
+from xml.etree import ElementTree
+
+import ezdxf
+import numpy as np
+import pytest
+
+from app import cli
+from app.registry import worked_example
+
+FORMATS = ("csv", "svg", "dxf", "mjcf")
+
+
+@pytest.fixture(scope="module")
+def solved(client):
+    """Return the worked example and its reply."""
+    request = {**worked_example(), "top": 2}
+    return request, client.post("/v1/synthesize", json=request).json()
+
+
+def rows_of(text: str) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+def test_every_format_over_http_from_a_solution(client, solved) -> None:
+    request, reply = solved
+    best = reply["solutions"][0]
+
+    def export(**more):
+        return client.post("/v1/export", json={"request": request, "solution": best, **more})
+
+    dxf = export(format="dxf")
+    assert dxf.status_code == 200 and dxf.headers["content-type"] == "image/vnd.dxf"
+    assert dxf.headers["content-disposition"] == 'attachment; filename="linkage.dxf"'
+    assert not ezdxf.read(io.StringIO(dxf.text)).audit().errors
+    assert ElementTree.fromstring(export(format="svg").text).tag == "{http://www.w3.org/2000/svg}svg"
+    assert ElementTree.fromstring(export(format="mjcf").text).tag == "mujoco"
+    rows = rows_of(export(format="csv").text)
+    assert [float(row["x_wanted"]) for row in rows] == [x for x, _ in request["position"]]
+    whole = export().json()
+    assert whole["solution"]["links"] == best["links"] and whole["request"] == request
+    second = client.post("/v1/export", json={"request": request, "rank": 2}).json()["solution"]
+    assert second["links"] == reply["solutions"][1]["links"]
+    thin = {"crank": 1e-99, "coupler": 1e99, "rocker": 1e99, "ground": 1}
+    odd = {"links": thin, "branch": 1, "start_angle": 0}
+    assert all(export(solution=odd, format=kind).status_code == 200 for kind in ("csv", "svg"))
+
+
+def test_exports_by_ending_over_http_and_on_the_command_line(client, solved, tmp_path) -> None:
+    request, _ = solved
+    file = tmp_path / "request.json"
+    file.write_text(json.dumps(request))
+    for name in FORMATS:
+        over_http = client.post(f"/v1/synthesize.{name}", json=request)
+        assert over_http.status_code == 200, over_http.text
+        out = tmp_path / f"linkage.{name}"
+        assert cli.main(["synthesize", str(file), "--no-preset", "--export", str(out)]) == 0
+        if name == "csv":  # the command's linkage went through degrees, which may cost a last digit
+            ours, theirs = rows_of(out.read_text()), rows_of(over_http.text)
+            assert [list(row) for row in ours] == [list(row) for row in theirs]
+            numbers = [[[float(value) for value in row.values()] for row in rows] for rows in (ours, theirs)]
+            np.testing.assert_allclose(*numbers, rtol=1e-12, atol=1e-12)
+        elif name != "dxf":  # whose header holds a time and a new identity
+            assert out.read_bytes() == over_http.content
+    assert not ezdxf.readfile(tmp_path / "linkage.dxf").audit().errors
+
+
+def test_rotations_alone_and_radians(client, solved) -> None:
+    request, _ = solved
+    rotation = {"rotation": request["rotation"], "crank_span": 70, "top": 1}
+    rows = rows_of(client.post("/v1/synthesize.csv", json=rotation).text)
+    assert rows[0]["x"] == "" and abs(float(rows[3]["rotation_error"])) < 1e-6
+    for name in ("svg", "mjcf"):
+        ElementTree.fromstring(client.post(f"/v1/synthesize.{name}", json=rotation).text)
+    radians = {"rotation": np.deg2rad(request["rotation"]).tolist(), "crank_span": math.radians(70)}
+    bodies = request, request | radians | {"angle_unit": "rad"}
+    for degrees, turned in zip(*(rows_of(client.post("/v1/synthesize.csv", json=body).text) for body in bodies)):
+        expected = math.degrees(float(turned["coupler_direction"]))
+        assert float(degrees["coupler_direction"]) == pytest.approx(expected, abs=1e-6)
