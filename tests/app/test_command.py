@@ -62,27 +62,6 @@ def test_a_rank_beyond_the_requests_top_is_looked_for(run, tmp_path) -> None:
     assert json.loads(file.read_text())["solution"]["links"] == json.loads(out)["solutions"][2]["links"]
 
 
-@pytest.mark.parametrize(("question", "part"), [("drive", "drives"), ("assembly", "layers")])
-def test_the_file_of_a_solution_is_asked_about(question, part, run, tmp_path) -> None:
-    file = tmp_path / "one.json"
-    run("synthesize", "--example", "worked_example", "--export", file)
-    content = json.loads(file.read_text())
-    code, out, err = run(question, file, "--json")
-    content["linkage"] = content.pop("solution")
-    assert (code, err) == (Exit.OK, f"read {file}: a solution and its request\n")
-    assert json.loads(out)[part] == json.loads(run(question, "--json", stdin=json.dumps(content))[1])[part] != []
-    assert "a saved solution" in run(question, "--help")[1]
-
-
-def test_an_export_is_of_the_rank_that_is_asked_for(run, tmp_path) -> None:
-    file = tmp_path / "one.json"
-    found = json.loads(run("synthesize", "--example", "worked_example", "--json")[1])["solutions"]
-    assert found[0]["links"] != found[1]["links"]
-    for rank in (1, 2):
-        assert run("export", "--example", "worked_example", "--rank", rank, "--out", file)[0] == Exit.OK
-        assert json.loads(file.read_text())["solution"]["links"] == found[rank - 1]["links"]
-
-
 def test_where_there_is_no_such_solution_nothing_is_written(run, tmp_path) -> None:
     file = tmp_path / "one.dxf"
     links = {"ground": 100, "crank": 10, "coupler": 10, "rocker": 10}
@@ -270,13 +249,6 @@ def test_an_export_does_not_replace_its_own_request(run, tmp_path, monkeypatch) 
         )
 
 
-def test_json_with_the_mark_of_utf_8_is_read(run, tmp_path) -> None:
-    """Editors on Windows write it."""
-    text = b"\xef\xbb\xbf" + json.dumps(RIGHT_ANGLE).encode()
-    assert run("synthesize", stdin=text)[::2] == (Exit.OK, "")
-    assert run("export", "--out", tmp_path / "one.svg", stdin=text)[0] == Exit.OK
-
-
 def test_errors_stand_in_the_unit_of_the_request(run) -> None:
     radians = {**RIGHT_ANGLE, "rotation": [0.0, 0.1, 0.4, 0.5, 0.9], "crank_span": 1.5, "angle_unit": "rad"}
     _, out, _ = run("synthesize", "--json", stdin=json.dumps(radians))
@@ -370,14 +342,6 @@ def test_a_question_answers_every_example_of_its_own_by_the_same_name(run, monke
         assert json.loads(asked.pop()) == example.request
 
 
-def test_a_machine_of_the_page_is_answered_as_the_request_that_is_printed_for_it(run) -> None:
-    assert json.loads(run("example", "casement")[1]) == all_examples()["casement"].request
-    printed = run("example", "worked")[1]
-    answers = [run("synthesize", "--json", "--example", "worked")[1], run("synthesize", "--json", stdin=printed)[1]]
-    first, second = (json.loads(answer)["solutions"] for answer in answers)
-    assert first == second and first
-
-
 def test_examples_are_laid_out_for_editing() -> None:
     shown = cli._pretty({"position": [[0, 1.5], None, [2, 3]], "limits": {"family": "any"}, "top": 3})
     position = '"position": [\n    [0, 1.5],\n    null,\n    [2, 3]\n  ]'
@@ -459,8 +423,3 @@ def test_what_is_set_is_json_or_words() -> None:
     numbers = {"top=3": 3, "limits.pivot_box=[0, 0, 9, 9]": [0, 0, 9, 9], "lengths_from=[1,2": "[1,2"}
     for text, wanted in {**words, "mechanisms=[four_bar]": ["four_bar"], **numbers}.items():
         assert sources.setting(text) == (text.partition("=")[0].split("."), wanted)
-
-
-def test_a_box_without_brackets_is_told_how_lists_are_written(run) -> None:
-    code, _, err = run("synthesize", "--set", "limits.pivot_box=0,0,9,9", stdin=json.dumps(RIGHT_ANGLE))
-    assert code == Exit.USAGE and "limits.pivot_box: must be a list, as [1, 2], found '0,0,9,9'" in err

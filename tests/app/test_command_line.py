@@ -52,12 +52,6 @@ def test_every_query_prints_a_table(command, run, small_path) -> None:
     assert len(out.splitlines()) >= 2 and "{" not in out and "nan" not in out.lower()
 
 
-@pytest.mark.parametrize("query", all_queries(), ids=lambda query: query.command)
-def test_every_query_prints_help(query, run) -> None:
-    code, out, _ = run(*query.command.split(), "--help")
-    assert code == OK and query.summary.split(",")[0] in out.replace("\n", " ")
-
-
 def test_a_solution_stands_in_the_table_with_its_mounting(run, small_path) -> None:
     code, out, _ = run("synthesize", "--example", "within_limits", "--atlas", small_path)
     assert code == OK
@@ -108,10 +102,6 @@ def test_a_request_may_be_made_of_fields_alone(run) -> None:
 def test_an_unknown_option_shows_the_usage_of_its_command(run) -> None:
     code, _, err = run("lift", "motion", "--bogus")
     assert code == USAGE and err.startswith("usage: linkage-atlas lift motion ") and "--bogus" in err
-
-
-def test_examples_with_one_sentence_have_it_once(run) -> None:
-    assert run("example")[1].count("Rotation, positions or both") == 1
 
 
 def test_what_is_no_request_is_told_in_words(run) -> None:

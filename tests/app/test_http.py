@@ -253,7 +253,7 @@ EITHER = [(one, ("atlas", "refine")[(k + turn) % 2]) for turn in range(2) for k,
 
 @pytest.mark.parametrize(("limits", "effort"), some_of(EITHER, 4))
 def test_every_solution_keeps_the_limits(limits, effort, client) -> None:
-    fields = {**EXAMPLE, "top": 3, "effort": effort, "limits": limits, "budget_ms": 2_000}
+    fields = {**EXAMPLE, "top": 3, "effort": effort, "limits": limits, "budget_ms": 20_000}
     reply = ask(client, "/v1/synthesize", **fields)
     assert len(reply["solutions"]) == 3, "all of these limits can be kept"
     for solution in reply["solutions"]:
@@ -427,6 +427,11 @@ def test_an_impossible_type_is_pointed_at(number, client) -> None:
     values = problem(client.get(f"/v1/types/{number}"), range(422, 423))
     assert pointers(values) == ["#/number"]
     assert number in ("0", "1.5") or number not in json.dumps(values)
+
+
+@pytest.mark.parametrize("number", ["+3", "03", "1_0"])
+def test_a_type_has_one_address(number, client) -> None:
+    problem(client.get(f"/v1/types/{number}"), range(404, 405))
 
 
 def test_a_fault_of_the_service_is_a_problem_too(monkeypatch, caplog) -> None:

@@ -28,7 +28,7 @@ from app.main import create_app
 from app.middleware import HEADERS
 from app.server import LOOPBACK
 from app.settings import Settings
-from tests.conftest import listening, started, until
+from tests.conftest import PATIENCE, listening, started, until
 from tests.oracles.largest import requests
 
 SHORT = ("/v1/knotter/needle", {})
@@ -61,7 +61,7 @@ class Running:
             return reply.status, json.loads(reply.read())
 
     def connected(self) -> http.client.HTTPConnection:
-        return http.client.HTTPConnection("127.0.0.1", self.port, timeout=60)
+        return http.client.HTTPConnection("127.0.0.1", self.port, timeout=PATIENCE)
 
     @contextmanager
     def searching(self) -> Iterator[http.client.HTTPConnection]:
@@ -129,7 +129,7 @@ def test_work_ends_with_its_client(idle) -> None:
             left = idle.processes
         begin = time.perf_counter()
         until(lambda: len(idle.workers.idle) == 2)
-        assert time.perf_counter() - begin < 1.0, "the budget is 30 s"
+        assert time.perf_counter() - begin < 10, "the budget is 30 s"
         assert left < idle.processes, "the worker goes on with other requests"
 
 
@@ -154,7 +154,7 @@ def test_a_worker_that_is_killed_costs_its_own_request_and_is_replaced(idle) -> 
         assert reply.status == 503 and "ended before" in json.loads(reply.read())["detail"]
         assert idle.ask(*SHORT)[0] == 200
         until(lambda: len(idle.workers.idle) == 2)
-        assert process not in idle.processes and time.perf_counter() - begin < 10
+        assert process not in idle.processes and time.perf_counter() - begin < 25, "the budget is 30 s"
 
 
 def test_an_idle_worker_that_is_killed_is_replaced_before_it_is_needed(idle) -> None:
@@ -173,7 +173,7 @@ def test_a_worker_that_does_not_end_is_replaced() -> None:
         begin = time.perf_counter()
         status, problem = running.ask(*SHORT)
         assert status == 503 and "longer than" in problem["detail"]
-        assert time.perf_counter() - begin < 10
+        assert time.perf_counter() - begin < 30, "it is stopped after a second"
         until(lambda: len(running.workers.idle) == 2)
         assert len(running.processes & {stuck, other}) == 1, "the one that computes nothing was not asked"
         os.kill((running.processes & {stuck, other}).pop(), signal.SIGCONT)
@@ -186,12 +186,12 @@ def test_the_service_ends_in_time_with_a_search_under_way(name, tmp_path) -> Non
         running = Running(port, None)
         with closing(running.connected()) as connection:
             connection.request("POST", LONG[0], json.dumps(LONG[1]), {"Content-Type": "application/json"})
-            time.sleep(0.5)
+            assert running.ask(*SHORT)[0] == 200, "asked later: the search is under way"
             process.send_signal(signal.Signals[name])
             begin = time.perf_counter()
             reply = connection.getresponse()
             assert reply.status == 503 and "ending" in json.loads(reply.read())["detail"]
-            assert process.wait(20) == 0 and time.perf_counter() - begin < 5 * 2, "busy machines are slower"
+            assert process.wait(PATIENCE) == 0 and time.perf_counter() - begin < 25, "the budget is 30 s"
         until(lambda: not any(map(alive, workers)))
         assert "Traceback" not in log.read_text()
 

@@ -111,7 +111,7 @@ def killed_and_resumed(requests: Path, out: Path, kills: int, jobs: int, seed: i
         if kill < kills:
             size = out.stat().st_size if out.exists() else 0
             share = (total - (out.read_bytes().count(b"\n") if size else 0)) / (kills - kill + 1)
-            wanted = size + int(rng.uniform(0.2, 1) * share * 900)
+            wanted = size + int(rng.uniform(0.05, 0.5) * share * 900)
             while process.poll() is None and (out.stat().st_size if out.exists() else 0) < wanted:
                 time.sleep(0.001)
             time.sleep(rng.uniform(0, 0.02))

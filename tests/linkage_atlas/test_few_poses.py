@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import linkage_atlas as la
+from tests.conftest import some_of
 from tests.oracles.few_poses import random_task, sampled_four_bars
 
 EXACT = 1e-9
@@ -48,7 +49,7 @@ def test_a_shelf_that_stays_level_gets_a_parallelogram() -> None:
 
 
 @pytest.mark.parametrize("poses", [2, 3])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", some_of(range(4), 2))
 def test_the_first_answer_is_as_compact_as_the_smallest_of_60_000_sampled(poses: int, seed: int) -> None:
     task = random_task(seed, poses)
     sampled = sampled_four_bars(task)

@@ -6,6 +6,7 @@ the clock.
 
 import re
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -49,7 +50,7 @@ def test_a_transmission_angle_that_holds_the_best_linkage_is_named(family: str) 
     assert exact.errors.objective < 1e-9 and "transmission_angle_min" not in exact.determination.at_limits
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_only_limits_without_which_the_error_falls_are_named(seed: int) -> None:
     """A transmission angle at its limit is named if, and only if, a slightly smaller limit gives a smaller error nearby."""
     random = np.random.default_rng(seed)
@@ -86,13 +87,14 @@ def test_a_motion_that_no_linkage_makes_is_compared_with_a_body_at_rest(turns: i
 def test_poses_in_a_jumbled_order_are_offered_any_order() -> None:
     """In the order given the best linkage is 20.7 off; passed in any order the poses are met to 0.16."""
     jumbled = {**LID, "position": [[0, 0], [75, 30], [40, 8], [90, 60]], "rotation": [0, 40, 15, 60]}
-    notes = la.synthesize(**jumbled).report.notes
-    (note,) = [note for note in notes if "in any order" in note]
+    asked = (jumbled, jumbled | {"order": "any"}, LID, jumbled | {"closed": True})
+    ordered, any_order, *others = (la.synthesize(**one, top=1) for one in asked)
+    (note,) = [note for note in ordered.report.notes if "in any order" in note]
     given, free = [float(number) for number in re.findall(r"position within (\d+\.?\d*)", note)]
-    assert given == pytest.approx(la.synthesize(**jumbled, top=1).best.errors.position_max, rel=1e-2)
-    assert la.synthesize(**jumbled, order="any", top=1).best.errors.position_max < 1.1 * free < 0.02 * given
-    for other in (LID, {**jumbled, "order": "any"}, {**jumbled, "closed": True}):
-        assert not any("in any order" in note for note in la.synthesize(**other, top=1).report.notes)
+    assert given == pytest.approx(ordered.best.errors.position_max, rel=1e-2)
+    assert any_order.best.errors.position_max < 1.1 * free < 0.02 * given
+    for other in (any_order, *others):
+        assert not any("in any order" in note for note in other.report.notes)
 
 
 def ticking(seconds: float) -> Callable[[float | None], Work]:
@@ -110,12 +112,18 @@ def ticking(seconds: float) -> Callable[[float | None], Work]:
     return work
 
 
+@cache
+def excluded(seconds: float) -> la.Result:
+    """Return the answer within limits that exclude all linkages, for such a clock."""
+    return la.synthesize(**relaxed(LID, NOWHERE), work=ticking(seconds))
+
+
 def test_what_excludes_linkages_does_not_depend_on_the_clock() -> None:
     """Once the same request gave three different sets of notes in five runs."""
     asked = relaxed(LID, NOWHERE)
-    found = [la.synthesize(**asked, work=ticking(seconds)) for seconds in (0.0, 0.01, 1.0)]
-    assert [one.status for one in found] == ["infeasible"] * 3
-    assert found[0].report.notes == found[1].report.notes == found[2].report.notes
+    found = [excluded(seconds) for seconds in (0.0, 1.0)]
+    assert [one.status for one in found] == ["infeasible"] * 2
+    assert found[0].report.notes == found[1].report.notes
     fields = [re.findall(r"`limits\.(\w+)`", note) for note in found[0].report.notes]
     assert fields == [["link_min"], ["pivot_box"]]
     # what each note offers is so
@@ -128,7 +136,7 @@ def test_what_excludes_linkages_does_not_depend_on_the_clock() -> None:
 
 def test_a_budget_that_ends_before_all_limits_were_examined_is_said() -> None:
     asked = relaxed(LID, NOWHERE)
-    whole = la.synthesize(**asked, work=ticking(1.0)).report.elapsed_ms
+    whole = excluded(1.0).report.elapsed_ms
     searched = (whole["total"] - whole["report"]) / 1000
     budget = searched / 0.8
     assert budget < whole["total"] / 1000
@@ -139,11 +147,10 @@ def test_a_budget_that_ends_before_all_limits_were_examined_is_said() -> None:
 
 def test_notes_are_whole_sentences() -> None:
     asked = [
-        relaxed(LID, NOWHERE),
         {"rotation": [0, 6, 15, 27, 40, 52, 60], "crank_span": 90},
         {"position": [[0, 0], [10, 2], [30, 3], [40, 10]], "timing": "free", "limits": {"envelope": [0, 0, 40, 9]}},
     ]
-    replies: list[Any] = [la.synthesize(**one, top=3) for one in asked]
+    replies: list[Any] = [excluded(0.0), *(la.synthesize(**one, top=3) for one in asked)]
     replies.append(la.function([0, 1, 2, 60, 61, 62, 63], 60, top=1))
     for reply in replies:
         assert reply.report.notes

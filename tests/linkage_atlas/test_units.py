@@ -18,7 +18,7 @@ from linkage_atlas.formats import FORMATS
 from linkage_atlas.linkages import content_of
 
 TABLE = "x [{0}];y [{0}];angle\n0;0;0\n22;5;12\n41;17;27\n52;36;45\n50;58;66\n"
-UNITS = {"cm": 10.0, "in": 25.4, "ft": 304.8, "um": 0.001}
+UNITS = {"in": 25.4, "um": 0.001}
 
 
 def solved(path, unit: str, **more):

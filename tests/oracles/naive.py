@@ -64,29 +64,3 @@ def fit(columns, values, weights=None):
     root, matrix = np.sqrt(weights), np.stack(columns, axis=1)
     coefficients = np.linalg.lstsq(root[:, None] * matrix, root * values, rcond=None)[0]
     return np.average(np.abs(values - matrix @ coefficients) ** 2, weights=weights), coefficients
-
-
-def window_error(
-    lengths, branch, start_deg, crank, rotation, position, length_scale, rotation_weights=None, position_weights=None
-):
-    """Objective of one window from the textbook formulas; infinite for a linkage shrunk to a point.
-
-    A weight says how many times a sample counts; one of weight 0 is left out.
-    """
-    theta1 = np.deg2rad(start_deg) + crank
-    l1, l2, l3, l4 = (float(length) for length in lengths)
-    to_b = l4 - l1 * np.exp(1j * theta1)
-    cosine = (np.abs(to_b) ** 2 + l2**2 - l3**2) / (2 * l2 * np.abs(to_b))
-    theta2 = np.unwrap(np.angle(to_b)) + branch * np.arccos(cosine)
-    total = 0.0
-    if rotation is not None:
-        total += fit([np.ones(len(crank))], rotation - theta2, rotation_weights)[0]
-    if position is not None:
-        given = slice(None) if position_weights is None else position_weights > 0
-        centred = position - np.average(position, weights=position_weights)
-        columns = [np.ones_like(centred), np.exp(1j * crank), np.exp(1j * theta2)]
-        left, (_, z1, _) = fit(columns, centred, position_weights)
-        if abs(z1) <= 1e-6 * np.abs(centred[given]).max():
-            return np.inf
-        total += left / length_scale**2
-    return np.sqrt(total)

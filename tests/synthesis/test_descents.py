@@ -3,14 +3,13 @@
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from itertools import combinations_with_replacement, pairwise, product
+from itertools import combinations_with_replacement, product
 from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.optimize import lsq_linear
 
 from synthesis import descents
 from synthesis.descents import Problem, Stage, Timed
@@ -112,11 +111,6 @@ def unposed(shape: np.ndarray, angles: np.ndarray, branch: Any = 1.0) -> Timed:
     return Timed(
         shape, np.zeros((count, 3), dtype=complex), np.zeros(count), angles, np.broadcast_to(branch, count) + 0.0
     )
-
-
-def wide(columns: np.ndarray) -> np.ndarray:
-    """Complex columns (..., m) as (..., 2 m) numbers."""
-    return np.stack([columns.real, columns.imag], axis=-1).reshape(*columns.shape[:-1], -1)
 
 
 def asked_of(problem: Any) -> Any:
@@ -225,25 +219,6 @@ def test_rows_and_derivatives_are_those_of_the_general_kinematics(
             np.testing.assert_allclose(one["turn"].reshape(-1, problem.samples), np.einsum("iri->ri", own), atol=2e-8)
 
 
-@pytest.mark.parametrize("fixed", [{"start": 0.4}, {"offset": 2.0}, {"start": 0.4, "offset": 9.0}], ids=str)
-def test_a_start_and_an_offset_that_are_given_are_no_unknowns(fixed: dict[str, float]) -> None:
-    problem, timed = candidates(FullCrankChart(), timing="given", **fixed)
-    by_unknowns, _ = slopes(problem, partial(naive_residual, problem), timed)
-    if "start" in fixed:
-        by_unknowns[:, -1] = 0.0
-    if "offset" in fixed:
-        by_unknowns[:, 6] = 0.0
-        np.testing.assert_array_equal(timed.offset, 0.0)
-    for k, one in enumerate(problem.linearised(timed, 1e-3)):
-        np.testing.assert_allclose(one["rows"][-1], naive_residual(problem, timed)[k], atol=1e-14)
-        np.testing.assert_allclose(one["rows"][:-1], by_unknowns[k], atol=2e-8)
-    done = problem.descended(timed, [Stage(20)])
-    np.testing.assert_allclose(done.cost, naive_cost(problem, done.timed), rtol=1e-9)
-    assert np.all(done.cost < 0.9 * naive_cost(problem, timed))
-    assert np.all(done.timed.angles == 0.4) == ("start" in fixed)
-    assert np.all(done.timed.offset == 0.0) == ("offset" in fixed)
-
-
 @settings(max_examples=150)
 @given(
     st.sampled_from(FOURBARS),
@@ -344,92 +319,7 @@ def test_a_problem_keeps_nothing_of_what_it_was_asked_before(timing: str) -> Non
             np.testing.assert_array_equal(one[name], other[name])
 
 
-def test_what_a_bound_holds_is_not_derived_by() -> None:
-    held, chart = [], GrashofChart()
-    for unknown in range(4):
-        problem, timed = candidates(chart)
-        shape = timed.shape.copy()
-        shape[:, unknown] = np.copysign(chart.LEAST, shape[:, unknown])
-        timed = problem.measured(timed._replace(shape=shape), facing=True).timed
-        body = chart.at(timed.shape, timed.angles, timed.branch)
-        lever = -problem.poses.position_mean.root * 1j * timed.pose[:, 2:] * np.exp(1j * body.angle)
-        parts = [-problem.poses.rotation_mean.root * np.ones_like(body.angle), lever.real, lever.imag]
-        slope = np.concatenate([body.slope[:, :4] * part[:, None] for part in parts], axis=2)
-        for k, one in enumerate(problem.linearised(timed, 1e-3)):
-            outward = np.sign(timed.shape[k]) * (slope[k] @ one["rows"][-1]) > 0
-            told = outward & (np.abs(timed.shape[k]) <= 1.01 * chart.LEAST)
-            found = one["rows"][7:11]
-            np.testing.assert_allclose(found, np.where(told[:, None], 0.0, slope[k]), rtol=1e-9, atol=1e-12)
-            held.append(told[unknown])
-    assert 2 <= sum(held) < 8
-
-
 # -- a step ------------------------------------------------------------------------------------------------------------
-
-
-@timings
-@pytest.mark.parametrize("damping", [1e-2, 1e-12], ids=["by normal equations", "by reflections"])
-@pytest.mark.parametrize("limits", [None, LIMITS], ids=["without limits", "within limits"])
-@pytest.mark.parametrize("rotation", [False, True])
-def test_step_is_that_of_dense_least_squares_over_all_unknowns(
-    timing: str, damping: float, limits: Limits | None, rotation: bool
-) -> None:
-    problem, timed = candidates(FullCrankChart(), rotation, limits, timing=timing)
-    samples, linear = problem.samples, 6 + rotation
-    for one in problem.linearised(timed, damping, 3.0):
-        rows, ridge = one["rows"][:-1].T, one["ridge"]
-        own, ridge_own = np.zeros((len(rows), 0)), np.zeros(0)
-        if timing == "free":
-            own = np.zeros((len(rows), samples))
-            for row, part in enumerate(one["turn"].reshape(-1, samples)):
-                own[row * samples + np.arange(samples), np.arange(samples)] = part
-            own[len(one["turn"]) + np.arange(one["at_sample"].size), one["at_sample"]] = one["by_angle"]
-            square = np.sum(own**2, axis=0)
-            ridge_own = 1e-2 * damping * np.maximum(square, 1e-6 * square.mean()) + 1e-20 * square.mean()
-            np.testing.assert_allclose(one["inner"], square + ridge_own, rtol=1e-13)
-        elif limits is None:  # relative to what the linear unknowns, which are not damped, leave of each column
-            basis = np.linalg.qr(rows[:, :linear])[0]
-            left = rows - basis @ (basis.T @ rows)
-            told = np.where(np.arange(rows.shape[1]) < linear, 0.0, damping * np.sum(left**2, axis=0))
-            np.testing.assert_allclose(ridge, told, rtol=1e-9)
-        else:
-            told = 1e-2 * damping * np.sum(rows[:, :linear] ** 2, axis=0)
-            np.testing.assert_allclose(ridge[:linear], told, rtol=1e-12)
-            assert np.all((ridge[linear:] > 0) & (ridge[linear:] <= damping * np.sum(rows[:, linear:] ** 2, axis=0)))
-        dense = np.vstack([np.hstack([rows, own]), np.diag(np.sqrt(np.concatenate([ridge, ridge_own])))])
-        right = np.concatenate([-one["rows"][-1], np.zeros(dense.shape[1])])
-        expected = np.linalg.lstsq(dense, right, rcond=None)[0]
-        step = np.concatenate([one["step"], one["turn_step"][: own.shape[1]]])
-        np.testing.assert_allclose(step, expected, atol=1e-7 * np.abs(expected).max())
-        # what is eliminated follows: the fall is that of the best angles before and after the step
-        angles = np.vstack([own, np.diag(np.sqrt(ridge_own))])
-
-        def left_by(step: np.ndarray, rows: np.ndarray = rows, angles: np.ndarray = angles, one: Any = one) -> float:
-            gap = np.concatenate([one["rows"][-1] + rows @ step, np.zeros(angles.shape[1])])
-            return float(np.sum((gap - angles @ np.linalg.lstsq(angles, gap, rcond=None)[0]) ** 2))
-
-        fall = left_by(np.zeros(rows.shape[1])) - left_by(one["step"])
-        assert one["fall"] == pytest.approx(fall, rel=1e-6)
-
-
-@fourbars
-@timings
-def test_steps_are_cut_one_by_one_and_keep_to_the_chart(chart: Any, timing: str) -> None:
-    problem, timed = candidates(chart, timing=timing)
-    random, size = np.random.default_rng(2), timed.shape.shape[1]
-    for far in (0.1, 1.0, 40.0):
-        steps = far * random.standard_normal((2, unknowns_of(problem, timed)))
-        there = problem.moved(timed, steps, np.zeros((2, 11)))
-        of_shape = steps[:, 7 : 7 + size]
-        shape = timed.shape + np.clip(of_shape, -1.0, 1.0)
-        if isinstance(chart, GrashofChart):  # each unknown keeps its sign
-            side = np.sign(timed.shape)
-            shape = chart.within(side * np.maximum(side * (timed.shape + np.clip(of_shape, -0.35, 0.35)), 0.0))
-        np.testing.assert_allclose(there.shape, shape, rtol=1e-13)
-        np.testing.assert_allclose(wide(there.pose), wide(timed.pose) + steps[:, :6], rtol=1e-13)
-        np.testing.assert_allclose(there.offset, timed.offset + steps[:, 6], rtol=1e-13)
-        if timing == "given":
-            np.testing.assert_allclose(there.angles, timed.angles + np.clip(steps[:, -1:], -0.75, 0.75), rtol=1e-13)
 
 
 # -- descents ----------------------------------------------------------------------------------------------------------
@@ -470,66 +360,6 @@ def test_within_limits_descents_lower_what_they_say(chart: Any, timing: str, pos
         np.testing.assert_allclose(done.cost, cost(done.timed, 2.0), rtol=1e-8)
         assert np.all(done.cost <= least * (1 + 1e-12))
         least = done.cost
-
-
-@fourbars
-@timings
-def test_from_stage_to_stage_less_is_broken(chart: Any, timing: str) -> None:
-    """Of limits that a crank-rocker just does not keep, an equation among them: at last next to nothing.
-
-    Once the linear unknowns of a given timing were not damped, and where a step reached a limit that had not counted it was
-    refused for ever.
-    """
-    random = np.random.default_rng(3)
-    shape, angles = chart.unknowns(LENGTHS[:1]), 0.4 + np.sort(random.uniform(0, 3, (1, 11)), axis=1)
-    turned = chart.at(shape, angles, np.ones(1)).angle[0]
-    place = 3 - 4j + 2 * (0.5 * np.exp(1j * angles[0]) + np.exp(1j * (turned + 0.3)))
-    limits = Limits(pivot_a=3.1 - 4.1j, link_max=1.9, coupler_radius_max=1.8, transmission_angle_min=0.5)
-    timed = unposed(shape, angles).take(np.zeros(20, dtype=int))
-    timed = timed._replace(shape=timed.shape + 0.02 * random.standard_normal(timed.shape.shape) * timed.shape)
-    if timing == "free":
-        asked: Any = Poses(turned, place, length_scale=2.0)
-        problem, other = limited_problem(asked, chart, limits), limited_problem(asked, chart, limits)
-        plain: Any = JointProblem(asked, chart)
-    else:
-        asked = Target(turned, place, 2.0, crank=angles[0] - angles[0, 0])
-        timed = timed._replace(angles=timed.angles[:, :1])
-        limits_of = Constraints(limits, asked.middle, 2.0, exact=False)
-        problem, other = GivenProblem(asked, chart, limits_of, True), GivenProblem(asked, chart, limits_of, True)
-        plain = GivenProblem(asked, chart)
-    told = [problem.lacking(plain.measured(timed, facing=timing == "free").timed)[1]]
-    weights = (1.0, 3.0, 10.0, 30.0, 100.0) if timing == "free" else (3.0, 10.0, 30.0, 100.0, 300.0)
-    stages = [Stage(40, 1e-6, weight) for weight in weights]
-    done = problem.descended(timed, stages, between=lambda pool: told.append(other.lacking(pool.timed)[1]))
-    told.append(problem.lacking(done.timed)[1])
-    assert len(told) == 6
-    for before, after in pairwise(told):  # weights alone would gain a factor of ten
-        assert np.all(after < 0.05 * before + 1e-6)
-
-
-@fourbars
-@timings
-def test_a_step_onto_the_limits_is_the_shortest(chart: Any, timing: str) -> None:
-    problem, timed = candidates(chart, True, KEPT_LIMITS, timing=timing)
-    kept, broken = problem.moved_onto(timed)
-    assert np.all(broken < 1e-13)
-    size, random = unknowns_of(problem, timed), np.random.default_rng(6)
-    unknowns = np.delete(np.arange(size), 6)  # all but the rotation's offset
-    for way in range(20):
-        near = problem.moved(kept.timed, 1e-3 * random.standard_normal((2, size)), np.zeros((2, 11)))
-        values, equal = naive_limits(problem, KEPT_LIMITS, near)
-        by_unknowns, _ = slopes(problem, lambda one: naive_limits(problem, KEPT_LIMITS, one)[0], near)
-        moved = problem.moved_onto(near, 1)[0].timed
-        for k in range(2):
-            wrong = np.flatnonzero(np.where(equal, np.abs(values[k]) > 1e-15, values[k] < MARGIN))
-            gap = np.where(equal, -values[k], 1.1 * MARGIN - values[k])[wrong]
-            step = np.linalg.pinv(by_unknowns[k][unknowns][:, wrong].T, rcond=1e-6) @ gap
-            took = [wide(moved.pose[k] - near.pose[k]), moved.shape[k] - near.shape[k]]
-            took += [moved.angles[k] - near.angles[k]] * (timing == "given")
-            told = str((way, k, wrong))
-            np.testing.assert_allclose(np.concatenate(took), step, atol=1e-5 * np.abs(step).max(), err_msg=told)
-    if timing == "free":
-        np.testing.assert_allclose(moved.angles, near.angles, atol=1e-10)
 
 
 @fourbars
@@ -575,28 +405,6 @@ def test_a_descent_whose_time_is_up_stays_where_it_came_to(timing: str) -> None:
     assert np.all(problem.descended(timed, [Stage(50)]).cost < none.cost)
 
 
-@timings
-def test_after_an_exact_candidate_the_others_take_as_many_steps_as_are_asked_for(timing: str) -> None:
-    """One is exact, and takes no further step, once its J is below the tolerance."""
-    problem, timed = candidates(GrashofChart(), timing=timing)
-    timed = timed.take(np.argsort(problem.descended(timed, [Stage(80)]).cost))
-    steps = [problem.descended(timed, [Stage(count)]) for count in range(81)]
-    tolerance = 1.05 * steps[80].least
-    taken = next(count for count, one in enumerate(steps) if one.cost[0] <= tolerance**2)
-    assert 2 < taken < 32 and steps[80].cost[1] > tolerance**2
-    for others, most in ((0.0, 0), (1.0, taken), (2.5, int(2.5 * taken)), (np.inf, 80)):
-        found = problem.descended(timed, [Stage(80)], tolerance, others=others)
-        wanted = steps[taken].cost[0], steps[most].cost[1] if most else steps[0].cost[1]
-        np.testing.assert_array_equal(found.cost, wanted)
-
-
-def test_all_crank_angles_may_turn_together() -> None:
-    # once each angle was cut by the gap to its neighbour, so that long valleys were followed in tiny steps
-    problem, timed = candidates(GrashofChart(), False)
-    none, turn = np.zeros((2, 10)), np.full(timed.angles.shape, 0.7)
-    np.testing.assert_allclose(problem.moved(timed, none, turn).angles, timed.angles + 0.7, atol=1e-12)
-
-
 @pytest.mark.parametrize("size", [1.0, 50.0, 1e200])
 def test_any_step_of_the_crank_angles_keeps_their_order(size: float) -> None:
     problem, timed = candidates(GrashofChart(), False)
@@ -609,24 +417,6 @@ def test_any_step_of_the_crank_angles_keeps_their_order(size: float) -> None:
             assert np.all(way * np.diff(here.angles, axis=1) > 0)
             assert np.all(np.ptp(here.angles, axis=1) <= 2 * np.pi * (1 + 1e-12))  # the sums' rounding
             here = here._replace(angles=here.angles - here.angles[:, :1])
-
-
-@settings(max_examples=40)
-@given(st.integers(0, 10**6), st.floats(0.01, 3.0))
-def test_angles_are_cut_to_the_nearest_in_order(seed: int, size: float) -> None:
-    problem, timed = candidates(GrashofChart(), False)
-    way, random = np.array([1.0, -1.0])[:, None], np.random.default_rng(seed)
-    timed = timed._replace(angles=way * np.sort(random.uniform(0, 3, timed.angles.shape), axis=1))
-    turn = np.clip(size * np.random.default_rng(seed + 1).standard_normal(timed.angles.shape), -0.2, 0.2)
-    moved = problem.moved(timed, np.zeros((2, 10)), turn).angles
-    for side, before, wanted, after in zip(way[:, 0], timed.angles, timed.angles + turn, moved):
-        # the nearest numbers whose gaps are a fifth of what they were at least, by quadratic programming
-        least = 0.2 * np.diff(side * before)
-        free = np.concatenate([[-np.inf], np.zeros(least.size)])
-        steps = np.tril(np.ones((free.size, free.size)))
-        base = np.concatenate([[0.0], np.cumsum(least)])
-        found = lsq_linear(steps, side * wanted - base, (free, np.inf), method="bvls", tol=1e-14).x
-        np.testing.assert_allclose(side * after, steps @ found + base, atol=1e-9)
 
 
 @pytest.mark.parametrize("exchanged", [[], [3], [3, 7], [5, 4]])
@@ -652,38 +442,6 @@ def test_descents_end_where_no_step_in_order_lowers_the_cost(exchanged: list[int
         scale = np.sqrt(done.cost[0])
         assert abs(block.sum()) < 1e-4 * scale  # all of a block turn together
         assert np.all(np.cumsum(block) < 1e-4 * scale)  # and none of them is held back that would stay behind
-
-
-def test_samples_that_would_pass_one_another_turn_as_one() -> None:
-    problem, timed = candidates(GrashofChart())
-    joined = 0
-    for k in range(10):
-        angles = timed.angles[:1].copy()
-        angles[0, k + 1 :] += angles[0, k] - angles[0, k + 1] + 1e-9
-        (one,) = problem.linearised(timed.take([0])._replace(angles=angles), 1e-2)
-        turn = one["turn"].reshape(-1, 11)
-        rows = np.zeros((turn.size, 11))
-        for row, part in enumerate(turn):
-            rows[11 * row + np.arange(11), np.arange(11)] = part
-
-        def solved(rows: np.ndarray, one: dict[str, Any] = one) -> np.ndarray:
-            ridge = np.concatenate([one["ridge"], 1e-4 * np.sum(rows**2, axis=0)])
-            dense = np.vstack([np.hstack([one["rows"][:-1].T, rows]), np.diag(np.sqrt(ridge))])
-            return np.linalg.lstsq(dense, np.append(-one["rows"][-1], np.zeros(ridge.size)), rcond=None)[0]
-
-        # the step of least squares over unknowns and angles; and where both would pass one another, as one angle
-        expected = solved(rows)
-        turns = expected[-11:]
-        passing = turns[k + 1] < turns[k]
-        assert passing == (one["block"][k + 1] == k)
-        if passing:
-            joined += 1
-            expected = solved(np.hstack([rows[:, :k], rows[:, [k]] + rows[:, [k + 1]], rows[:, k + 2 :]]))
-            turns = np.insert(expected[-10:], k + 1, expected[k - 10])
-            turns[[k, k + 1]] += [0.5e-9, -0.5e-9]
-        np.testing.assert_allclose(one["step"], expected[: len(one["step"])], atol=1e-6 * np.abs(expected).max())
-        np.testing.assert_allclose(one["turn_step"], turns, atol=1e-6 * np.abs(expected).max())
-    assert 1 < joined < 9
 
 
 def test_a_curved_valley_is_followed_to_its_end() -> None:

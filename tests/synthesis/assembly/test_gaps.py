@@ -164,6 +164,10 @@ def test_a_hull_holds_its_points(points) -> None:
     assert all(shape.distance(shapely.Point(z.real, z.imag)) < 1e-7 for z in points)
 
 
+def test_a_hull_has_no_corner_on_a_side() -> None:
+    assert hull([0, 1, 2, 2 + 1j, 2 + 2j]) == (0, 2, 2 + 2j)
+
+
 def test_the_nearest_room_is_that_of_shapely() -> None:
     rng, found = np.random.default_rng(SEED), 0
     for _ in range(60):

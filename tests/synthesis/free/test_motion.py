@@ -36,9 +36,9 @@ def checked(case, found, rotation=None):
     return np.array([one.objective for one in done])
 
 
-@pytest.mark.parametrize("samples", [5, 6, 8, 15, 100])
+@pytest.mark.parametrize("samples", [5, 8, 100])
 def test_exact_motions_are_recovered(samples) -> None:
-    for seed in range(5):
+    for seed in range(3):
         case = free_case(seed, samples)
         found = asked(case, top=20)
         assert checked(case, found).min() < EXACT, seed
@@ -51,7 +51,7 @@ def test_exact_motions_are_recovered(samples) -> None:
 
 @pytest.mark.parametrize("samples", [2, 3, 4])
 def test_few_poses_have_many_linkages(samples) -> None:
-    for seed in range(4):
+    for seed in range(2):
         case = free_case(seed, samples)
         found = asked(case)
         assert np.all(checked(case, found) < EXACT) and len(found.solutions) == 10
@@ -62,7 +62,7 @@ def test_few_poses_have_many_linkages(samples) -> None:
         assert detours == sorted(detours)
 
 
-@pytest.mark.parametrize("seed", some_of(range(50), 8))
+@pytest.mark.parametrize("seed", some_of(range(50), 4))
 def test_five_poses_have_the_dyads_that_brute_force_finds(seed) -> None:
     case = free_case(seed, 5)
     body = Body(make_poses(case.rotation, case.position))
@@ -97,9 +97,9 @@ def test_swinging_cranks_are_found_where_any_family_will_do(seed) -> None:
     assert checked(case, found).min() < EXACT
 
 
-@pytest.mark.parametrize("samples", [5, 8, 10, 30])
+@pytest.mark.parametrize("samples", [5, 8, 30])
 def test_half_of_the_rotations_may_be_missing(samples) -> None:
-    for seed in range(3):
+    for seed in range(2):
         case = free_case(seed, samples)
         rotation = case.rotation.copy()
         rotation[np.random.default_rng(seed).permutation(samples)[: samples // 2]] = np.nan
@@ -135,7 +135,7 @@ def same_linkages(one: la.Result, other: la.Result, scale: float = 1.0) -> None:
         assert min(np.abs(links * scale - theirs).max() for theirs in second) < 1e-6 * scale * links.max()
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", some_of(range(3), 1))
 def test_moved_scaled_mirrored_and_reversed_requests_give_the_same_linkages(seed) -> None:
     case = free_case(seed, 7)
     turns, points = np.rad2deg(case.rotation), case.position
@@ -152,7 +152,7 @@ def test_moved_scaled_mirrored_and_reversed_requests_give_the_same_linkages(seed
 
 
 def test_in_any_order_a_shuffled_request_gives_the_same_linkage() -> None:
-    for seed in range(3):
+    for seed in range(2):
         case = free_case(seed, 9)
         shuffle = np.random.default_rng(seed).permutation(9)
         found = free(np.rad2deg(case.rotation[shuffle]), case.position[shuffle], order="any")

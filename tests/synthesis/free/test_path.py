@@ -7,19 +7,14 @@ from functools import cache
 import numpy as np
 import pytest
 
-from synthesis.defects import LEAVES_SAMPLES, SHORTEST_CHORD
-from synthesis.descents import Pool, Stage, Timed
-from synthesis.excursions import excursions
 from synthesis.four_bar import coupler_angle
 from synthesis.fourbar.joints import joints_at
 from synthesis.fourbar.limits import Limits, practical_limits
 from synthesis.fourbar.mechanism import FOURBAR, FullCrankChart, GrashofChart
 from synthesis.fourbar.solution import Solution
-from synthesis.free.joint import JointProblem
-from synthesis.free.poses import Poses, make_poses
+from synthesis.free.poses import Poses
 from synthesis.free.screen import COARSE, PathScreen
-from synthesis.free.search import _PANEL, EXACT_SAMPLES, FreeRounds, _Mounted, path_screens, search_free
-from synthesis.rounds import Found, Plan
+from synthesis.free.search import path_screens, search_free
 from synthesis.work import Work
 
 CHART = GrashofChart()
@@ -79,34 +74,11 @@ def test_same_request_same_answer(screens) -> None:
     assert [a.errors.objective for a in one] == sorted(a.errors.objective for a in one)
 
 
-def test_the_few_samples_of_the_rounds_lead_to_all_of_them(screens) -> None:
-    # once A stayed counted from the mean of the few: the polish had to find the path again, and sometimes did not
-    poses = request(DOUBLE, 40, 320)
-    run = FreeRounds(poses, Limits(), CHART, Found(1e-10, lambda _: None), Work(), EXACT_SAMPLES, limited=False)
-    run.round(screens("full_crank")[0].seeds(run.thin, CHART).take(slice(0, 100)), Plan((Stage(100, 1e-2),)))
-    assert run.least < 1e-10
-    problem = JointProblem(poses, CHART)
-    timed = problem.nearest(run.spread(run.best(1)), 6)
-    assert problem.measured(timed, posed=False).least < 1e-8
-
-
 @pytest.mark.parametrize("samples", [12, 40])
 @pytest.mark.parametrize("limits", [Limits(), Limits(transmission_angle_min=0.5)])
 def test_no_time_still_gives_an_answer(samples: int, limits: Limits, screens) -> None:
     found, report = search_free(request(ROCKER, samples, 200), limits, 3, work=Work(0.0), screens=screens)
     assert found and report.stopped_by == "budget"
-
-
-def test_a_screen_gives_the_same_errors_guess_by_guess_and_all_at_once() -> None:
-    # all at once took 318 MB for the fine screen, which ended drawn paths in an error
-    screen = path_screens("full_crank")[0]
-    poses = request(ROCKER, 10, 200)
-    guesses = screen.timing_of(poses)
-    at_once = screen._errors(poses, guesses)
-    assert len(guesses) > 8
-    np.testing.assert_array_equal(screen.errors(poses, guesses), at_once)
-    naive = naive_errors(screen, poses, guesses[:2])
-    np.testing.assert_allclose(at_once[:2], naive, atol=2e-5)
 
 
 @pytest.mark.parametrize("with_rotation", [False, True])
@@ -117,22 +89,6 @@ def test_a_screen_s_errors_are_those_of_the_best_pose(with_rotation: bool) -> No
     screen = PathScreen(FOURBAR, np.array([[3.0, 8, 7, 9], [8.0, 7, 9, 3]]), FullCrankChart(), COARSE)
     guesses = screen.timing_of(poses)[:3]
     np.testing.assert_allclose(screen.errors(poses, guesses), naive_errors(screen, poses, guesses), atol=2e-5)
-
-
-@pytest.mark.parametrize("span_max", [0.1, 3.0, 2 * np.pi])
-def test_crank_angles_at_random_pass_the_samples_one_way_within_the_span(span_max: float) -> None:
-    poses = replace(request(ROCKER, 10, 200), span_max=span_max)
-    screen, random = path_screens("full_crank")[0], np.random.default_rng(5)
-    crank = np.concatenate([screen.random_timing(poses, random) for _ in range(20)])
-    steps = np.diff(crank, axis=1)
-    assert np.all((steps > 0).all(axis=1) | (steps < 0).all(axis=1))
-    assert np.all(crank[:, 0] == 0) and np.abs(crank).max() < span_max
-    assert len(set(np.sign(crank[:, -1]))) == 2
-    # nearly all of the turn between two neighbours, in some: that no way along the path suggests
-    assert np.max(np.abs(steps).max(axis=1) / np.abs(crank[:, -1])) > 0.7
-    seeds = screen.seeds(poses, CHART, random=random)
-    assert seeds.branch.size > 20
-    assert np.abs(seeds.angles[:, -1] - seeds.angles[:, 0]).max() < span_max
 
 
 def naive_errors(screen: PathScreen, poses: Poses, guesses: np.ndarray) -> np.ndarray:
@@ -170,34 +126,3 @@ def counted(looks: int) -> Work:
     """Work that has expired after so many looks at the clock."""
     ticks = itertools.count()
     return Work(float(looks), clock=lambda: float(next(ticks)))
-
-
-@pytest.mark.parametrize("closed", [False, True])
-def test_candidates_that_stray_are_told_as_answers_are(closed: bool) -> None:
-    """By chords instead of the curve itself: alike but for those at the very edge, and one in a hundred."""
-    random = np.random.default_rng(3)
-    turn = np.linspace(0, 1.5 * np.pi, 8)
-    poses = make_poses(None, 2 * np.exp(1j * turn) + 0.5 * np.exp(-2j * turn), closed=closed)
-    limits = Limits(**practical_limits(poses, {"family": "full_crank"}))
-    run = FreeRounds(poses, limits, FullCrankChart(), Found(1e-9, print), Work(), poses.samples)
-    count = 200
-    steps = random.uniform(0.2, 1.0, (count, 8)) ** 20
-    steps *= random.uniform(5.0, 6.2, (count, 1)) / steps.sum(axis=1, keepdims=True)
-    timed = Timed(
-        run.chart.hopped(np.zeros((count, 3)), random.standard_normal((count, 3))),
-        random.standard_normal((count, 3, 2)) @ [1, 1j],
-        np.zeros(count),
-        np.cumsum(steps, axis=1),
-        random.choice([-1.0, 1.0], count),
-    )
-    mounted = _Mounted.of(poses, Pool(timed, np.zeros(count)), run.chart)
-    side = np.broadcast_to(timed.branch[:, None], timed.angles.shape)
-    pose = mounted.pivot, mounted.turn, mounted.coupler
-    linkages = FOURBAR.posed(mounted.links, mounted.branch, mounted.start, pose)
-    exact = np.array(excursions(linkages, timed.angles, side, poses.length_scale, closed=closed), dtype=float)
-    told, _ = run.problem.excursions(timed, SHORTEST_CHORD, _PANEL)
-    assert np.median(np.abs(told / exact - 1)) < 1e-4
-    sure = np.abs(exact / LEAVES_SAMPLES - 1) > 2e-3
-    strays = run.strays(timed)
-    assert 20 < strays.sum() < 180
-    assert np.mean(strays[sure] != (exact[sure] > LEAVES_SAMPLES)) <= 0.01

@@ -1,7 +1,5 @@
 """The search within limits: its seeds, its descents, and that what it finds keeps what was asked."""
 
-from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,10 +12,9 @@ from linkage_atlas.limits import read_limits
 from synthesis.descents import Stage, Timed
 from synthesis.fourbar.limits import Constraints, Limits
 from synthesis.fourbar.mechanism import FOURBAR, GrashofChart
-from synthesis.pose import objective
 from synthesis.rounds import Found
 from synthesis.search import problems
-from synthesis.search.problems import GivenProblem, problem_of
+from synthesis.search.problems import GivenProblem
 from synthesis.search.search import GivenRounds
 from synthesis.search.seeds import Windows
 from synthesis.target import Target, make_target
@@ -96,75 +93,6 @@ def test_equations_are_met_to_rounding_in_the_end(windows) -> None:
     assert np.median(run.within.lacking(down.timed)[1]) < 1e-2
     on_them, broken = run.within.moved_onto(down.timed)
     assert np.mean(broken < 1e-13) > 0.9 and np.isfinite(on_them.cost).all()
-
-
-def test_those_are_moved_onto_limits_that_err_and_break_least(windows, monkeypatch) -> None:
-    """Of the candidates of a round the errors alone would choose others, which lie far outside of the limits."""
-    target = target_of(make_case("unreachable", 3).request)
-    limits = Limits(pivot_b=target.middle + target.length_scale * (1 - 2j))
-    way = FOURBAR.bounded(target, limits)[0]
-    run = GivenRounds(target, way, limits.family, Found(1e-10, lambda least: None), Work())
-    timed = windows.seeds(run.within, way.on_shape, way.boxes).take(slice(0, 200))
-    pool = run.plain.measured(timed)
-    chosen = []
-    monkeypatch.setattr(GivenProblem, "moved_onto", lambda _, timed, *more: chosen.append(timed) or (pool, pool.cost))
-    run.keep(pool)
-    worth = pool.cost + run.within.lacking(pool.timed)[0]
-    best, by_errors = (np.argsort(one, kind="stable")[: chosen[0].branch.size] for one in (worth, pool.cost))
-    np.testing.assert_array_equal(chosen[0].pose, pool.timed.take(best).pose)
-    assert 0 < best.size < pool.cost.size and set(best) != set(by_errors)
-
-
-def test_windows_come_in_the_best_pose_that_boxes_leave(windows) -> None:
-    """Against the same fit by least squares over a dense grid of places for both pivots."""
-    target = target_of(make_case("unreachable", 5).request)
-    middle, scale = complex(target.position_mean(target.position)), target.length_scale
-    low, high = middle - scale * (1 + 1j), middle + scale * (1 + 0.5j)
-    limits = Limits(pivot_box=(low.real, low.imag, high.real, high.imag))
-    way = FOURBAR.bounded(target, limits)[0]
-    problem = problem_of(target.condensed(12), way)
-    seeds = windows.seeds(problem, way.on_shape, way.boxes).take(slice(0, 2))
-    with_offset = problem.descended(seeds, [Stage(0)]).timed
-    cost = problem.measured(with_offset, posed=False).cost
-    places = [complex(x, y) for x in np.linspace(-1, 1, 9) for y in np.linspace(-1, 0.5, 9)]
-    for k, mine in enumerate(cost):
-        squared = with_pivots(problem, seeds.take([k]))
-        assert mine <= min(squared(a, b) for a in places for b in places) + 0.02
-
-
-def test_first_answers_are_told_with_their_own_objective(windows) -> None:
-    """Once with that of a rotation's offset that was never sought: up to 20 times too much."""
-    for seed in range(3):
-        request = make_limited("boxed", seed).request
-        target, asked = target_of(request), read_limits(request["limits"], motion_of(request))
-        if target.clockwise:
-            target, asked = target.mirrored(), asked.mirrored()
-        way, found = FOURBAR.bounded(target, asked)[0], Found(1e-10, lambda least: None)
-        run = GivenRounds(target, way, asked.family, found, Work())
-        next(run.seeds(windows))
-        pool = found.pools[way.chart]
-        errors = [one.errors.objective for one in FOURBAR.assess(target, run.within.linkages(FOURBAR, pool))]
-        np.testing.assert_allclose(np.sqrt(pool.cost), errors, rtol=1e-8)
-        assert found.least == np.sqrt(pool.cost[0])
-
-
-def with_pivots(problem: GivenProblem, timed: Timed) -> Callable[[complex, complex], float]:
-    """J squared of a shape and start with pivots A and B at given places and the best z2."""
-    target, lengths = problem.target, problem.chart.shape(timed.shape).lengths
-    crank = timed.angles[0] + target.crank
-    angle = FOURBAR.body_angle(lengths, timed.branch, crank)
-    turned = objective(replace(target, position=None), angle)[0] ** 2
-    mean, arm = target.position_mean, np.exp(1j * angle[0])
-    pin = lengths[0, 0] / lengths[0, 3] * np.exp(1j * crank)
-
-    def squared(a: complex, b: complex) -> float:
-        if abs(b - a) < 1e-9:
-            return np.inf
-        rest = target.scaled - a - (b - a) * pin
-        rest = rest - arm * mean(np.conj(arm) * rest)
-        return float(mean(np.abs(rest) ** 2) + turned)
-
-    return squared
 
 
 @pytest.mark.parametrize("kind", ["broken", "boxed", "machine", "kept"])

@@ -93,28 +93,6 @@ def test_p9_the_defect_has_the_period_of_one_link(canonical) -> None:
 # Regression values
 
 
-def test_geometry(canonical, printed) -> None:
-    crescent = canonical[0]
-    wheel, upper, _ = (math.degrees(angle) for angle in crescent.link_angles(L))
-    assert wheel == pytest.approx(90, abs=1e-12)
-    assert upper == pytest.approx(CANONICAL["delta_upper_deg"], abs=1e-6)
-    assert math.degrees(printed[0].link_angles(L)[2]) == pytest.approx(AS_PRINTED["delta_lower_deg"], abs=1e-6)
-    assert crescent.lower_radius == pytest.approx(CANONICAL["lower_radius"], abs=1e-6)
-    assert crescent.eccentricity == pytest.approx(CANONICAL["eccentricity"], abs=1e-6)
-    assert math.degrees(crescent.xi) == pytest.approx(CANONICAL["xi_deg"], abs=1e-6)
-
-
-def test_window_and_crossings(canonical) -> None:
-    slot = canonical[1]
-    to_deg = 180 / math.pi / R0
-    assert slot.free == 14 and slot.side == 1
-    assert slot.start * to_deg == pytest.approx(CANONICAL["phase_start_deg"], abs=1e-6)
-    assert [c.phase * to_deg for c in slot.crossings] == pytest.approx(CANONICAL["events_deg"], abs=1e-6)
-    assert [c.pin for c in slot.crossings] == CANONICAL["event_pins"]
-    segments = [chain.RIGHT_WHEEL, chain.UPPER_ARC, chain.LEFT_WHEEL, chain.LOWER_ARC]
-    assert [c.segment for c in slot.crossings] == segments
-
-
 def test_locus(canonical, facts) -> None:
     slot = canonical[1]
     points = slot.path(slot.start + theta(slot, CANONICAL["samples_deg"]))

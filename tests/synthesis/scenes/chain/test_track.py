@@ -16,6 +16,8 @@ from synthesis.scenes.chain.crescent import driving_segment, free_pin_segment, l
 from synthesis.scenes.chain.slot import analyse_slot, find_slot
 from synthesis.scenes.chain.track import ChordError, ChordFault, PinMotion, Segment, Track, TrackError, arc, line
 
+TURN = 2 * math.pi
+
 
 def tracks():
     crescents = st.builds(level_crescent, st.floats(0.6, 4), st.floats(0.6, 9), st.floats(0.3, 1.5))
@@ -102,6 +104,7 @@ def test_positions_beyond_one_lap() -> None:
         ([], "at least one"),
         ([line(0, 0, 1, 0)], "gap"),
         ([line(0, 0, 1, 0), line(1, 0, 1, 1), line(1, 1, 0, 0)], "kink"),
+        ([arc(0, 0, 1, 0, 6.27), arc(0, 0, 1, 6.27, TURN - 6.27)._replace(heading=6.27 + TURN / 4 + 5e-6)], "kink"),
         ([line(0, 0, 0, 0)], "no length"),
         ([arc(0, 0, 1, 0, 7)], "turns 1.1"),
         ([Segment(0, 0, math.nan, 0, 1)], "not finite"),

@@ -14,7 +14,7 @@ from synthesis.scenes.knotter.curves import crossing_before_entry, crossing_curv
 from synthesis.scenes.knotter.d_knotter import Needle
 from synthesis.scenes.knotter.mechanism import Linear, dimensions, with_dimensions
 from synthesis.scenes.knotter.segment_triangle import CrossingCase, classify
-from synthesis.scenes.knotter.study import find_limits, study
+from synthesis.scenes.knotter.study import study
 from tests.oracles.knotter import Exact
 
 FIGURES = json.loads((Path(__file__).parents[3] / "reference" / "knotter.json").read_text())
@@ -91,17 +91,6 @@ def test_transformation_to_another_frame_and_back_is_the_identity() -> None:
 # Entries (A8, A11)
 
 
-@pytest.mark.parametrize("key", FIGURES["wrap"])
-def test_wrap_events(key: str, reference) -> None:
-    angle, edge, y, z, leave = FIGURES["wrap"][key]
-    result, item = reference.conditions["wrap"], item_of(key)
-    assert np.degrees(result.enter[item]) == pytest.approx(angle, abs=1e-9)
-    assert EDGES["wrap"][result.entered_by[item] - 2] == edge
-    assert result.point[item] == pytest.approx([0.0, y, z], abs=1e-8)
-    assert np.degrees(result.leave[item]) == pytest.approx(leave, abs=1e-6)
-    assert result.windows[item] == 1
-
-
 @pytest.mark.parametrize("key", FIGURES["bite"])
 def test_bite_events(key: str, reference) -> None:
     angle, fraction = FIGURES["bite"][key]
@@ -138,20 +127,7 @@ def test_published_pattern_is_reproduced(inputs: str) -> None:
         assert (result.conditions["clearance"].value[item_of(key)] < 0) == holds, key
 
 
-def test_feasible_pairs_are_the_published_pairs(reference) -> None:
-    assert [list(PAIRS[item]) for item in np.flatnonzero(reference.feasible)] == FIGURES["paper"]["feasible"]
-
-
 # The limit of a parameter (A14)
-
-
-def test_length_at_which_the_wrap_closes() -> None:
-    (limit,), holds_at_first = find_limits(at_pair(10, 25), d_knotter.wrap(), "d5", (20.0, 120.0))
-    d5, angle = FIGURES["closing_d5"]
-    assert holds_at_first and not limit.holds_above
-    assert limit.value == pytest.approx(d5, abs=1e-7)
-    assert np.degrees(limit.result.enter[0]) == pytest.approx(angle, abs=1e-6)
-    assert limit.result.margin[0] == pytest.approx(0.0, abs=1e-9)  # the crossing passes through S4
 
 
 # The needle with other dimensions

@@ -347,6 +347,7 @@ def test_triangles_flat_to_the_last_digits() -> None:
     thin = float(triangle_angle(1.0, 1.0, 1e-9)[2])
     assert thin == pytest.approx(1e-9, rel=1e-12)  # arccos gives 0
     assert np.isnan(triangle_angle(1.0, 2.0, 3.0)[2]) and np.isnan(triangle_angle(1.0, 2.0, np.nan)[2])
+    assert np.isnan(pose_at_turn(replace(INITIAL, l5=150.0), 0.5).height), "l3 is longer than l5"
 
 
 @pytest.mark.parametrize("gap", [1e-3, 1e-6, 1e-9, 1e-12])
