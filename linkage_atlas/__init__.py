@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from linkage_atlas.drive_design.design import drives
     from linkage_atlas.drive_design.records import Drives
     from linkage_atlas.drive_design.six_bars import SixBarJoints, SixBarLinkage
-    from linkage_atlas.functions import FunctionResult, FunctionSolution, function
+    from linkage_atlas.functions.generation import function
+    from linkage_atlas.functions.results import FunctionResult, FunctionSolution
     from linkage_atlas.limits import Limits
     from linkage_atlas.linkages import FourBar, Joints, Linkage, SliderCrank, assembly
     from linkage_atlas.matching import match
@@ -46,7 +47,8 @@ _HOMES = {
     "linkage_atlas.matching": ("match",),
     "linkage_atlas.drive_design.design": ("drives",),
     "linkage_atlas.drive_design.records": ("Drives",),
-    "linkage_atlas.functions": ("function", "FunctionResult", "FunctionSolution"),
+    "linkage_atlas.functions.results": ("FunctionResult", "FunctionSolution"),
+    "linkage_atlas.functions.generation": ("function",),
     "linkage_atlas.limits": ("Limits",),
     "linkage_atlas.linkages": ("FourBar", "Joints", "Linkage", "SliderCrank", "assembly"),
     "linkage_atlas.motions": ("Motion",),

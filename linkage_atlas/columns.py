@@ -19,6 +19,7 @@ from linkage_atlas.heads import (
     SHARES,
     Kind,
 )
+from linkage_atlas.two_points import check_distances
 from synthesis.errors import FieldError
 from synthesis.target import MAX_LENGTH
 
@@ -348,17 +349,9 @@ class Reading:
             raise self.refuse("wanted either two points or an angle, found both")
         ends = [values.pop(name) for name in ("x1", "y1", "x2", "y2")]
         along = [None if None in row else (row[2] - row[0], row[3] - row[1]) for row in zip(*ends)]
-        lengths = [math.hypot(*one) for one in along if one is not None]
-        middle = math.fsum(lengths) / max(len(lengths), 1)
-        off = max((abs(length - middle) for length in lengths), default=0.0)
-        if off > 0.1 * middle:
-            k = next(k for k, one in enumerate(along) if one is not None and abs(math.hypot(*one) - middle) == off)
-            raise FieldError(
-                "", f"line {self.sheet.rows[k].line}: the two points are {math.hypot(*(along[k] or ())):.4g} apart and "
-                f"{middle:.4g} on average, so they are not two points of a rigid body"
-            )  # fmt: skip
-        if off > 1e-3 * middle:
-            self.remarks.append(f"the distance of the two points varies by {100 * off / middle:.2g} %")
+        lines = [row.line for row in self.sheet.rows]
+        remark = check_distances(along, lambda index, message: FieldError("", f"line {lines[index]}: {message}"))
+        self.remarks += [] if remark is None else [remark]
         values["x"], values["y"] = ends[0], ends[1]
         values["rotation"] = self._directions(
             [None if vector is None else vector[0] for vector in along],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from linkage_atlas.arguments import column, number, radians_in, read_length_unit
 from linkage_atlas.tables import POSES, decoded, read_table
+from linkage_atlas.two_points import poses_of_points
 from synthesis.arrays import Complexes, Floats
 from synthesis.errors import FieldError
 from synthesis.four_bar import coupler_angle
@@ -118,6 +119,12 @@ class Motion:
         what counts is the increment from the first. Above 0 a cylinder grows longer.
     travel_span : float, optional
         The same from the first sample to the last, evenly spaced.
+    start_angle : float, optional
+        Crank angle at the first sample from the ground line A->B, counter-clockwise, such as that of a motor whose rest position
+        is given; the crank angles are then absolute. Default: as it is best. For four-bars with given crank angles.
+    points : array_like, shape (N, 4), optional
+        In place of ``rotation`` and ``position``: two points [x1, y1, x2, y2] of the body at the samples. The first one is the
+        body point, and the rotation is the direction to the second. Distances may differ by 0.5 %.
     crank_span_max : float, optional
         With free crank angles: the crank turns by no more than this from the first sample to the last.
     weights : mapping, optional
@@ -166,6 +173,8 @@ class Motion:
         order: str = "given",
         closed: bool = False,
         crank_span_max: float | None = None,
+        start_angle: float | None = None,
+        points: ArrayLike | None = None,
         travel: ArrayLike | None = None,
         travel_span: float | None = None,
         weights: Mapping[str, ArrayLike] | None = None,
@@ -176,6 +185,10 @@ class Motion:
     ) -> None:
         self.degrees, radian = degrees, radians_in(degrees)
         self.length_unit = read_length_unit(length_unit)
+        if points is not None:
+            if rotation is not None or position is not None:
+                raise FieldError("/points", "give either `points`, or `rotation` and `position`")
+            rotation, position, self._table_notes = poses_of_points(points, degrees)
         weights = dict(weights or {})
         if unknown := weights.keys() - {"rotation", "position"}:
             raise FieldError(f"/weights/{min(unknown)}", "there are weights of rotation and position only")
@@ -187,10 +200,10 @@ class Motion:
             crank_angle, said = unwound("crank angle", crank_angle, degrees)
             self._wraps = [*self._wraps, *said]
             turns, turn_weights = _present("rotation", wound, weights)
-            points, point_weights = _present("position", position, weights)
+            places, point_weights = _present("position", position, weights)
             part: dict[str, Any] = {
                 "rotation": None if turns is None else turns * radian,
-                "position": points,
+                "position": places,
                 "length_scale": None if length_scale is None else number("length_scale", length_scale),
                 "rotation_weights": turn_weights,
                 "position_weights": point_weights,
@@ -204,13 +217,17 @@ class Motion:
                 self.travel = _travel(travel, travel_span, self.samples)
             elif timing is None:
                 _check_given("crank angles are", order, closed, crank_span_max)
-                if span is None and angles is None and not (turns is None and points is None):
+                if span is None and angles is None and not (turns is None and places is None):
                     raise FieldError("/crank_span", HOW_TURNED + OR_FREE)
-                self.samples = make_target(**part, crank_span=span, crank_angle=angles)
+                target = make_target(**part, crank_span=span, crank_angle=angles)
+                start = None if start_angle is None else number("start_angle", start_angle) * radian
+                self.samples = replace(target, start=start)
             else:
                 _check_free(timing, order, span is not None, angles is not None)
                 most = None if crank_span_max is None else number("crank_span_max", crank_span_max) * radian
                 self.samples = make_poses(**part, ordered=order == "given", closed=closed, span_max=most)
+        if start_angle is not None and not isinstance(self.samples, Target):
+            raise FieldError("/start_angle", "belongs to given crank angles: with free timing or travel it is found")
         self.tolerances = _tolerances(tolerances, self.asked, radian)
 
     def __repr__(self) -> str:

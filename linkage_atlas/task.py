@@ -48,6 +48,8 @@ class MotionAndStudies(TypedDict, total=False):
     order: Literal["given", "any"]
     closed: bool
     crank_span_max: float | None
+    start_angle: float | None
+    points: ArrayLike | None
     travel: ArrayLike | None
     travel_span: float | None
     weights: Mapping[str, ArrayLike] | None
@@ -171,6 +173,8 @@ def read_task(
     if options.effort == "atlas" and motion.free:
         raise FieldError("/effort", "the atlas holds curves over crank angles: with free ones only 'refine' answers")
     kinds = read_kinds(options.mechanisms, options.driver, motion)
+    if not motion.free and motion.target.start is not None:
+        _check_start_angle(options, kinds, study_arguments)
     if not kinds.only_four_bars:
         check_only_four_bars(options.effort, options.start_from)
     source, atlas = _source(options)
@@ -203,6 +207,17 @@ def read_task(
         fair=fair,
         work=watch,
     )
+
+
+def _check_start_angle(options: SearchOptions, kinds: Kinds, studies: Mapping[str, Any]) -> None:
+    """Refuse options that do not keep the crank angle of the first sample."""
+    given = {"start_from": options.start_from, "round_to": studies.get("round_to")}
+    given |= {"lengths_from": studies.get("lengths_from"), "effort": "atlas" if options.effort == "atlas" else None}
+    given |= {"mechanisms": None if kinds.only_four_bars else options.mechanisms}
+    if foreign := [name for name, value in given.items() if value is not None]:
+        raise FieldError(
+            f"/{foreign[0]}", "does not go with `start_angle`: four-bars are searched for a given crank angle"
+        )
 
 
 def _check_options(options: SearchOptions) -> None:

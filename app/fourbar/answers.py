@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import fields
 from typing import Any
 
 import linkage_atlas as la
@@ -119,7 +120,7 @@ def answer_synthesize(request: SynthesizeRequest, resources: Resources) -> la.Re
 MOTION = ("rotation", "position", "crank_span", "crank_angle", "length_scale", "timing", "order", "closed")
 
 
-MOTION += ("crank_span_max", "travel", "travel_span", "weights", "tolerances")
+MOTION += ("crank_span_max", "start_angle", "points", "travel", "travel_span", "weights", "tolerances")
 """Fields of the motion that is asked for."""
 
 
@@ -368,7 +369,8 @@ def is_long_function(request: FunctionRequest) -> bool:
 
 
 def _function_file(body: FunctionExportRequest, resources: Resources) -> bytes:
-    from linkage_atlas.functions import read_dial, read_wanted, render
+    from linkage_atlas.functions.question import FunctionFields
+    from linkage_atlas.functions.results import render
 
     request, solution = body.request, body.solution
     if body.format == "json":
@@ -378,13 +380,15 @@ def _function_file(body: FunctionExportRequest, resources: Resources) -> bytes:
     degrees = request.angle_unit == "deg"
     with pointing(lambda field: "/solution" + field):
         given = solution.linkage(degrees)
+    names = [field.name for field in fields(FunctionFields) if field.name in FunctionRequest.model_fields]
     with pointing(lambda field: "/request" + field):
-        dial = read_dial(request.input_unit, request.output_unit, degrees)
-        if dial.travels == given.plain.is_four_bar:
+        question = FunctionFields(**request.given(*names), degrees=degrees).question()
+        if question.dial.travels == given.plain.is_four_bar:
             raise la.FieldError("/output_unit", "the solution belongs to a request of another unit")
-        span, asked = getattr(request, dial.span), request.given("input", "function")
-        wanted, _, scales = read_wanted(request.output, span, dial=dial, **asked, degrees=degrees)
-    return render(wanted, scales, dial, given, solution.output_offset, body.format, body.length_unit).encode()
+    offset = solution.output_offset
+    return render(
+        question.wanted, question.scales, question.dial, given, offset, body.format, body.length_unit
+    ).encode()
 
 
 FUNCTION_FILES = Files(

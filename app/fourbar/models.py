@@ -21,7 +21,7 @@ from linkage_atlas.arguments import LARGEST
 from linkage_atlas.assemblies import FIXED_PINS, LAYERS_MOST, MOST_CORNERS, MOST_LAYERS
 from linkage_atlas.catalogues import ACTUATORS, MOST_ROWS, MOST_SPRING_ROWS, SPRINGS
 from linkage_atlas.drive_design.question import MAX_COUNT, MAX_DRIVES, MAX_MASSES, MAX_SPRINGS, MAX_WANTED
-from linkage_atlas.functions import MIN_PAIRS
+from linkage_atlas.functions.dials import MIN_PAIRS
 from linkage_atlas.limits import FUNCTION_LIMITS, LIMITS
 from linkage_atlas.linkages import DriverName, KindName
 from linkage_atlas.mechanism_types import MECHANISMS
@@ -683,6 +683,11 @@ class TolerancesRequest(RequestModel):
     position: PositiveNumber | Tolerances | None = None
 
 
+TwoPoints = Annotated[
+    list[Annotated[list[Number], Field(min_length=4, max_length=4)]], Field(min_length=2, max_length=MAX_SAMPLES)
+]
+
+
 class SynthesizeRequest(CrankMotion):
     """Which linkage moves a body like this: its dimensions and where it is mounted?"""
 
@@ -692,6 +697,16 @@ class SynthesizeRequest(CrankMotion):
     position: SampledPath | None = Field(
         None,
         description="Positions [x, y] of a point of the body, in any unit of length; null: missing at that sample.",
+    )
+    points: TwoPoints | None = Field(
+        None,
+        description="In place of `rotation` and `position`: two points [x1, y1, x2, y2] of the body at each sample. The first is "
+        "the body point, and the rotation is the direction to the second.",
+    )
+    start_angle: Number | None = Field(
+        None,
+        description="With given crank angles: the crank angle at the first sample, from the ground line A->B; default: as it is "
+        "best.",
     )
     timing: Literal["free"] | None = Field(
         None,
@@ -929,6 +944,24 @@ MakerKind = Literal["four_bar", "slider_crank", "swinging_block", "rail_slot", "
 """Kinds that make functions."""
 
 
+class QuickReturnRequest(RequestModel):
+    """A slow motion one way and a fast one back, driven by a crank that turns evenly and fully."""
+
+    stroke: PositiveNumber | None = Field(None, description="Travel of a slider: a slider-crank is wanted.")
+    swing: PositiveNumber | None = Field(None, description="Angle of a rocker: a crank-rocker is wanted.")
+    time_ratio: PositiveNumber = Field(
+        description="Duration of the slow motion over that of the fast one, at least 1."
+    )
+
+
+class SteeringRequest(RequestModel):
+    """Ackermann's condition for the front wheels of a car: the axes of all wheels meet in one point."""
+
+    track: PositiveNumber = Field(description="Distance of the two kingpins: the ground of the linkage.")
+    wheelbase: PositiveNumber = Field(description="Distance of the axles.")
+    angle: PositiveNumber = Field(description="Largest angle of an inner wheel from straight ahead.")
+
+
 class FunctionRequest(RequestModel):
     """Which linkage's output, of rocker, crank or slider, is a wanted function of its input?"""
 
@@ -960,6 +993,17 @@ class FunctionRequest(RequestModel):
         "length to angle `rail_slot` too; from length to length `two_rails`. Default: the first that there is.",
     )
     function: FunctionOfX | None = Field(None, description="A function by name or table in place of `output`.")
+    quick_return: QuickReturnRequest | None = Field(
+        None, description="In place of `output`: a stroke or swing, and the time ratio of both motions."
+    )
+    steering: SteeringRequest | None = Field(
+        None, description="In place of `output`: a symmetric linkage that steers two wheels by Ackermann's condition."
+    )
+    symmetric: Flag = Field(
+        False,
+        description="Left and right arm are mirror images; `input` and `output` are measured from the symmetric position. Arms "
+        "between 0.08 and 0.3 of the ground unless the limits give lengths.",
+    )
     objective: Literal["rms", "max"] = Field(
         "rms", description="Make least the rms error at the samples, or the largest error over the whole interval."
     )

@@ -22,6 +22,7 @@ const ANY = [-1e50, 1e50], ABOVE = [Number.MIN_VALUE, 1e50], WITHIN = [0, 1e50];
 const NUMBERS = {
   span: { range: [0.1, 3600], name: "Crank span", needed: true, get: (m) => Number(m.span.toPrecision(12)), put: (m, value) => (m.timing === "even" ? (m.span = value) : scaleTravels(m, value)) },
   "span-max": { range: [0.1, 3600], name: "Crank turns at most", get: (m) => m.spanMax, put: (m, value) => { m.spanMax = value; } },
+  "start-angle": { range: [-360, 360], name: "Crank begins at", get: (m) => m.startAngle, put: (m, value) => { m.startAngle = value; } },
   transmission: { range: [0, 89.9], name: "Transmission angle in use", get: (m) => m.limits.transmission, put: (m, value) => keep(m.limits, "use", "transmission", value) },
   "transmission-turn": { range: [0, 89.9], name: "Transmission angle over the turn", get: (m) => m.limits.turn, put: (m, value) => keep(m.limits, "turn", "turn", value) },
   ratio: { range: [1, 1e6], name: "Longest link", get: (m) => m.limits.ratio, put: (m, value) => keep(m.limits, "ratio", "ratio", value) },

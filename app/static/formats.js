@@ -34,6 +34,7 @@ export function toRequest(motion) {
     if (motion.spanMax) request.crank_span_max = motion.spanMax;
   }
   const unweighted = (name) => (poses.every((pose) => pose[name] === undefined) ? null : poses.map((pose) => pose[name] ?? 1));
+  if (motion.timing !== "free" && motion.startAngle !== null) request.start_angle = motion.startAngle;
   const weights = present(angles ? unweighted("wr") : null, places ? unweighted("wp") : null);
   if (weights) request.weights = weights;
   const tolerances = present(angles ? perPose(poses, "er", tolerance.rotation) : null, places ? perPose(poses, "ep", tolerance.position) : null);
@@ -42,7 +43,7 @@ export function toRequest(motion) {
   request.top = motion.top;
   if (motion.diverse) request.diverse = true;
   // unless other kinds are asked for, a box for the pivots means hinges only
-  const kinds = motion.mechanisms === "auto" ? (limits.box ? "four_bar" : "all") : motion.mechanisms;
+  const kinds = request.start_angle !== undefined ? "four_bar" : motion.mechanisms === "auto" ? (limits.box ? "four_bar" : "all") : motion.mechanisms;
   if (kinds !== "four_bar" && slidable(motion)) request.mechanisms = kinds === "all" ? "all" : [kinds].flat();
   const asked = { ...limits.extra, ...practical(limits, motion.timing === "free") };
   if (limits.family !== "full_crank") asked.family = limits.family;
@@ -135,7 +136,7 @@ export function fromPage(content) {
 /** The motion of a request. Throws Error for anything that is not a request. */
 export function fromRequest(body) {
   const {
-    rotation, position, crank_span, crank_angle, timing, order, closed, crank_span_max, weights, tolerances, prefer,
+    rotation, position, crank_span, crank_angle, timing, order, closed, crank_span_max, start_angle, weights, tolerances, prefer,
     limits = {}, round_to, lengths_from, analysis, tolerance_study, top, diverse, mechanisms, angle_unit, ...extra
   } = body ?? {};
   const unit = angle_unit === "rad" ? 180 / Math.PI : 1, free = timing === "free";
@@ -154,6 +155,7 @@ export function fromRequest(body) {
     const whole = (crank_angle ? crank_angle.at(-1) - crank_angle[0] : crank_span) * unit;
     motion.direction = whole < 0 ? -1 : 1;
     motion.span = Math.abs(whole);
+    motion.startAngle = start_angle === undefined || start_angle === null ? null : start_angle * unit;
   }
   motion.poses = Array.from({ length: count }, (_, k) => ({
     t: crank_angle ? Math.abs(crank_angle[k] - crank_angle[0]) * unit : 0,
@@ -187,7 +189,7 @@ export function fromRequest(body) {
   delete extra.local;
   motion.extra = extra;
   const { min, max, transmission, turn, ratio, box } = motion.limits, { speed, force, torque } = motion.analysis;
-  const numbers = [min, max, transmission, turn, ratio, motion.spanMax, motion.round, motion.top, speed, torque, links, pivots, clearance, ...force];
+  const numbers = [min, max, transmission, turn, ratio, motion.spanMax, motion.startAngle, motion.round, motion.top, speed, torque, links, pivots, clearance, ...force];
   if (!numbers.every((value) => value === null || isNumber(value)) || !(box === null || (isNumbers(box) && box.length === 4)))
     throw new Error("The request has something else where a number is needed.");
   return motion;

@@ -10,7 +10,7 @@ import { Pairs } from "./pairs.js";
 import { RAD } from "./plane.js";
 import { ask, download } from "./service.js";
 import { $, capital, copy, markEarlier, say, startScenes, startTheme } from "./shell.js";
-import { DRIVES, sign, travelRows } from "./travel.js";
+import { DRIVES, SIZES, SPECIAL, checkDrive, sign, travelRows } from "./travel.js";
 import { mark, plainNote, reasons } from "./verdict.js";
 import { Visits, readdress } from "./visits.js";
 
@@ -64,6 +64,8 @@ const readTyped = () => (["table", "pairs"].includes($("name").value) ? rowsType
 
 /** What of a request says which function is wanted; given angles are asked for as they are, in their unit. */
 function wantedOf(name) {
+  if (name === "quick") return { quick_return: { [SIZES[$("drive").value]?.field ?? "swing"]: number("stroke"), time_ratio: number("time-ratio") } };
+  if (name === "steering") return { steering: { track: number("track"), wheelbase: number("wheelbase"), angle: number("inner") } };
   const dials = { output_span: number("output-span") }, crank_span = number("crank-span");
   if (name === "drawn") return { function: { ...dials, table: drawnTable() }, crank_span };
   if (name === "table" || name === "pairs") {
@@ -76,19 +78,20 @@ function wantedOf(name) {
 
 function toRequest() {
   const drive = $("drive").value, { asks } = DRIVES[drive], travels = drive !== "four_bar";
-  const { crank_span, ...others } = wantedOf($("name").value);
+  const name = $("name").value, special = SPECIAL.includes(name) && checkDrive(name, drive);
+  const { crank_span, ...others } = wantedOf(name);
   if (others.output) rowsTyped.check(asks);
   const span = crank_span === undefined ? {} : { [asks.input_unit ? "travel_span" : "crank_span"]: crank_span };
-  const wanted = { ...others, ...span, ...asks }, limits = travels ? {} : { family: $("family").value };
+  const wanted = { ...others, ...span, ...(special ? {} : asks) }, limits = travels ? {} : { family: $("family").value };
   if ($("practical").checked) limits.preset = "practical";
   if (number("transmission") !== null) limits.transmission_angle_min = number("transmission");
   if (number("ratio") !== null) limits.link_ratio_max = number("ratio");
-  if (number("ground") !== null && ["four_bar", "crank_cylinder", "cylinder_crank"].includes(drive)) limits.links = { ground: number("ground") };
+  if (number("ground") !== null && name !== "steering" && ["four_bar", "crank_cylinder", "cylinder_crank"].includes(drive)) limits.links = { ground: number("ground") };
   if (number("offset") !== null && asks.mechanisms?.[0] === "slider_crank") limits.offset = number("offset");
-  const request = { ...wanted, objective: $("objective").value, limits, top: number("top"), curves: true };
-  if ($("one-way").checked) request.one_way = true;
+  const request = { ...wanted, ...(name === "quick" ? {} : { objective: $("objective").value }), limits, top: number("top"), curves: true };
+  if ($("one-way").checked && !special) request.one_way = true;
   if (number("round") !== null && !travels) {
-    if (number("ground") === null) throw new Error("To round links, give the distance of the pivots: it says how long they are.");
+    if (number("ground") === null && name !== "steering") throw new Error("To round links, give the distance of the pivots: it says how long they are.");
     request.round_to = number("round");
   }
   return request;
@@ -106,7 +109,8 @@ function showFields() {
   const name = $("name").value, pairs = name === "pairs";
   const assumed = pairs && columns.output?.length <= FEW_ROWS && $("objective").value === "max";
   $("table-note").textContent = assumed ? `${rowsTyped.notes} The largest error anywhere counts the curve between the rows too, which is assumed to be smooth. To meet these rows only, choose root mean square error.`.trim() : rowsTyped.notes;
-  const kinds = { name: !["drawn", "table", "pairs"].includes(name), crank: !pairs || !columns.input, rocker: !pairs, [name]: true };
+  const special = SPECIAL.includes(name), curve = name !== "quick";
+  const kinds = { name: !["drawn", "table", "pairs", ...SPECIAL].includes(name), crank: !special && (!pairs || !columns.input), rocker: !special && !pairs, curve, [name]: true };
   for (const block of document.querySelectorAll("[data-for]")) block.hidden = !block.dataset.for.split(" ").some((kind) => kinds[kind]);
   const { asks, says } = DRIVES[$("drive").value];
   for (const [k, end] of ["input", "output"].entries()) {
@@ -114,6 +118,8 @@ function showFields() {
     $(`${end}-unit`).textContent = asks[`${end}_unit`] ? "length" : "°";
   }
   for (const field of document.querySelectorAll("[data-drive]")) field.hidden = !field.dataset.drive.split(" ").includes($("drive").value);
+  [$("stroke-label").textContent, $("stroke-unit").textContent] = (SIZES[$("drive").value] ?? SIZES.four_bar).says;
+  for (const [id, kind] of [["stroke", "quick"], ["time-ratio", "quick"], ["track", "steering"], ["wheelbase", "steering"], ["inner", "steering"]]) $(id).disabled = !kinds[kind];
   for (const [id, kind] of [["x0", "name"], ["x1", "name"], ["crank-span", "crank"], ["output-span", "rocker"]]) $(id).disabled = !kinds[kind];
   changed();
 }
@@ -291,7 +297,7 @@ function showCurves() {
   const [input, samples] = [shown.error_curve.input, answer.reply.input].map((angles) => angles.map((angle) => angle + answer.from));
   const turn = answer.reply.input.at(-1) < 0 ? (values) => values.slice().reverse() : (values) => values;
   $("curves").replaceChildren();
-  charts = [titledChart($("curves"), `Error (got minus wanted) ${shown.links ? "in degrees of the rocker" : out ? "in degrees" : "of the travel"}`, { x: turn(input), degreesX, degreesY: Boolean(out), series: [{ values: turn(error), colour: "accent" }] })];
+  charts = [titledChart($("curves"), `${answer.request.quick_return ? "Deviation from an even motion," : "Error (got minus wanted)"} ${shown.links ? "in degrees of the rocker" : out ? "in degrees" : "of the travel"}`, { x: turn(input), degreesX, degreesY: Boolean(out), series: [{ values: turn(error), colour: "accent" }] })];
   const range = (values) => Math.max(...values) - Math.min(...values);
   if (y && range(output)) {
     const unit = range(y) / range(output);
@@ -321,13 +327,14 @@ function card(solution, k) {
 }
 
 function sayStatus() {
-  const { status, solutions: [best] } = answer.reply;
+  const { status, solutions: [best], report } = answer.reply;
+  if (!best && report.notes.length) return say(`${STATUS[status]} ${report.notes.map((note) => plainNote(note)).join(" ")}`, true);
   const rounded = best?.rounded?.closes ? ` With rounded links: ${text(best.rounded.errors.max, 3)}°.` : "";
   say((STATUS[status] ?? `Best found: off by at most ${text(best.errors.max, 3)}${answer.signs[1]}.`) + rounded, !best);
 }
 
 function show(request, reply) {
-  const signs = [sign(request.input_unit), sign(request.output_unit)];
+  const signs = [sign(request.input_unit), request.quick_return?.stroke ? "" : sign(request.output_unit)];
   answer = { request, reply, signs, from: request.input?.[0] ?? 0 };
   shown = null;
   const found = reply.solutions.length > 0;

@@ -70,7 +70,7 @@ export class Live {
     if (!starts.length) return {};
     let reply = null;
     try {
-      reply = await (await ask("/v1/synthesize", { ...request, start_from: starts.map(start), budget_ms: BUDGETS_MS[turn], top: TOP })).json();
+      reply = await (await ask("/v1/synthesize", { ...request, ...(request.start_angle === undefined ? { start_from: starts.map(start) } : {}), budget_ms: BUDGETS_MS[turn], top: TOP })).json();
     } catch (error) {
       if (error.status !== 503) return {}; // Solve says what is wrong with a request
       await new Promise((done) => { setTimeout(done, RETRY_MS); });

@@ -23,7 +23,7 @@ const STUDY_SAMPLES = 2000; // linkages of a tolerance study: the search is aske
  * from the body point at angle 0) and a `note` on where the motion comes from are for the page alone.
  */
 export const emptyMotion = (wanted = "both") => ({
-  poses: [], wanted, timing: "free", span: 90, direction: 1, anyOrder: false, closed: false, spanMax: null,
+  poses: [], wanted, timing: "free", span: 90, direction: 1, anyOrder: false, closed: false, spanMax: null, startAngle: null,
   limits: clone(LIMITS), tolerance: { rotation: null, position: null }, prefer: null, round: null, stock: null,
   analysis: { speed: null, force: [null, null], torque: null }, study: { links: null, pivots: null, clearance: null, extra: { samples: STUDY_SAMPLES } }, top: 8, diverse: true, mechanisms: "auto", unit: "mm", outline: null, note: "", extra: {},
 });

@@ -15,6 +15,16 @@ export const DRIVES = {
   slider_slider: { asks: { input_unit: TRAVEL, output_unit: TRAVEL, mechanisms: ["two_rails"] }, says: ["Slider moves", "Other slider moves"] },
   slider_cylinder: { asks: { input_unit: TRAVEL, output_unit: TRAVEL, mechanisms: ["rail_slot"] }, says: ["Slider, or cylinder, moves", "The other moves"] },
 };
+/** Functions that are asked for by a few numbers. */
+export const SPECIAL = ["quick", "steering"];
+/** Drives with a quick return, and the field of its size. */
+export const SIZES = { four_bar: { field: "swing", says: ["Rocker swings", "°"] }, crank_slider: { field: "stroke", says: ["Slider's stroke", "length"] } };
+/** True; throws if a drive does not make such a function. */
+export function checkDrive(name, drive) {
+  if (name === "quick" && !(drive in SIZES)) throw new Error("A quick return is made by a four-bar or by a crank that moves a slider: choose one of these.");
+  if (name === "steering" && drive !== "four_bar") throw new Error("Steering is made by a four-bar: choose it.");
+  return true;
+}
 /** What stands behind a number of a unit. */
 export const sign = (unit) => (unit === TRAVEL ? "" : "°");
 /** Rows of the numbers of a solution; what stands behind input and output. */

@@ -685,12 +685,13 @@ class TravelSearch(FunctionSearch):
         good = np.all(np.isfinite(problem.gap(unknowns, branch, crank)), axis=1)
         found = []
         for row, size, side in zip(unknowns[good], lengths[good], branch[good]):
-            one = self._generator(row, size, int(side))
+            one = self.generator(row, size, int(side))
             if one is not None:
                 found.append(one)
         return found
 
-    def _generator(self, unknowns: Floats, lengths: Floats, branch: int) -> TravelGenerator | None:
+    def generator(self, unknowns: Floats, lengths: Floats, branch: int) -> TravelGenerator | None:
+        """Return a linkage with its errors; None if it violates a limit."""
         law, wanted, limits = self.law, self.wanted, self.travel_limits.limits
         zero = float(unknowns[3])
         whole = np.zeros(3)

@@ -23,7 +23,13 @@ SQUARE = {"name": "power", "exponent": 2, "x": [0, 1], "output_span": 40, "sampl
 TRAVEL: dict[str, Any] = {"function": SQUARE, "crank_span": 90, "output_unit": "length", "top": 2}
 
 
-BODIES = {"pairs": PAIRS, "travel": TRAVEL}
+BODIES: dict[str, dict[str, Any]] = {
+    "pairs": PAIRS,
+    "travel": TRAVEL,
+    "stroke": {"quick_return": {"stroke": 300, "time_ratio": 1.4}},
+    "swing": {"quick_return": {"swing": 60, "time_ratio": 1.2}},
+    "steering": {"steering": {"track": 1200, "wheelbase": 2400, "angle": 35}, "curves": True},
+}
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +63,7 @@ def test_any_solution_is_exported(
     if kind == "csv":
         head, *rows = [line.split(",") for line in made.text.splitlines()]
         errors = [abs(float(row[head.index("error")])) for row in rows]
-        assert max(errors) == pytest.approx(solution["errors"]["max"], rel=1e-6)
+        assert max(errors) == pytest.approx(solution["errors"]["max"], rel=1e-6, abs=1e-9)
     best = client.post(f"/v1/function.{kind}", json=request)
     assert best.status_code == (404 if kind == "json" else 200)
     assert kind == "json" or best.headers["content-type"] == made.headers["content-type"]

@@ -258,3 +258,20 @@ def test_a_function_with_travel_is_asked_drawn_and_saved(page, drive: str, named
     turns = drive == "cylinder_crank"
     assert abs(float(page.text("where").split("output ")[1].rstrip("°")) - 90) < (10 if turns else 5)
     assert page.saved("function-1.csv", "#exports [data-format=csv]").startswith(b"input,output_wanted")
+
+
+def test_a_quick_return_and_steering_are_asked_for_by_a_few_numbers(page) -> None:
+    page.select("drive", "crank_slider")
+    page.select("name", "quick")
+    page.click("practical")
+    page.type_into("stroke", "300")
+    page.type_into("time-ratio", "1.4")
+    solve(page)
+    assert page.text("status").startswith("Solved") and "Offset" in page.text("numbers")
+    page.type_into("time-ratio", "3.5")
+    solve(page)
+    assert "time ratio of 3 or more" in page.text("status")
+    page.select("drive", "four_bar")
+    page.select("name", "steering")
+    solve(page)
+    assert page.text("status").startswith("Best found") and page.shown("track") and not page.shown("crank-span")

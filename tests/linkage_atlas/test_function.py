@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import linkage_atlas as la
-from linkage_atlas.functions import NAMES, read_dials
+from linkage_atlas.functions.dials import NAMES, read_dials
 from synthesis.four_bar import close_loop
 from tests.conftest import some_of
 

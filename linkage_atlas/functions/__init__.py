@@ -1,0 +1,1 @@
+"""Function generation: linkages whose output is a wanted function of their input."""

@@ -1,0 +1,348 @@
+"""Function generation: which linkages have an output that is a wanted function of their input, and what comes back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Literal, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from linkage_atlas.answers import FINISHING
+from linkage_atlas.arguments import (
+    check_above_zero,
+    check_top,
+)
+from linkage_atlas.functions.notes import UNASKED, angle_notes, travel_notes
+from linkage_atlas.functions.question import FunctionFields, FunctionQuestion, read_travel_limits
+from linkage_atlas.functions.results import FunctionReport, FunctionResult, FunctionSolution, TravelSolution
+from linkage_atlas.functions.solutions import described, described_travel, rounded
+from linkage_atlas.limits import read_function_limits
+from linkage_atlas.notes import sentences
+from linkage_atlas.result_notes import CUT_SHORT, NOWHERE
+from linkage_atlas.task import seed_tables
+from linkage_atlas.warm_start import FOR_STARTS, Start, StartingLinkage, check_local, pointing_to_start, read_starts
+from synthesis.errors import FieldError
+from synthesis.fourbar.limits import Limits
+from synthesis.function.answers import Generator
+from synthesis.function.quick_return import (
+    crank_rocker_answers,
+    slider_crank_answers,
+)
+from synthesis.function.search import best_built, generate
+from synthesis.function.symmetric import symmetric_four_bars
+from synthesis.function.travel_search import (
+    TravelGenerator,
+    generate_travel,
+    laws_for,
+)
+from synthesis.local_refinement import refine_function
+from synthesis.ranking import APART, Status, distinct
+from synthesis.search.report import SearchReport, StoppedBy, stopped_by
+from synthesis.search.search import DEFAULT_TOLERANCE
+from synthesis.work import Work
+
+G = TypeVar("G", Generator, TravelGenerator)
+
+
+def function(
+    output: ArrayLike | Callable[[Any], Any] | None = None,
+    crank_span: float | None = None,
+    *,
+    input: ArrayLike | None = None,
+    interval: ArrayLike | None = None,
+    output_span: float | None = None,
+    samples: int | None = None,
+    function: Mapping[str, Any] | None = None,
+    quick_return: Mapping[str, Any] | None = None,
+    steering: Mapping[str, Any] | None = None,
+    symmetric: bool = False,
+    objective: Literal["rms", "max"] = "rms",
+    input_zero: float | None = None,
+    output_zero: float | None = None,
+    weights: ArrayLike | None = None,
+    one_way: bool = False,
+    degrees: bool = True,
+    travel_span: float | None = None,
+    input_unit: Literal["deg", "rad", "length"] | None = None,
+    output_unit: Literal["deg", "rad", "length"] | None = None,
+    mechanisms: Sequence[str] | Literal["all"] | None = None,
+    limits: Mapping[str, Any] | None = None,
+    top: int = 10,
+    tolerance: float = DEFAULT_TOLERANCE,
+    budget: float | None = None,
+    round_to: float | None = None,
+    start_from: Sequence[StartingLinkage] | None = None,
+    local: bool = False,
+    sensitivity: bool = False,
+    curves: bool = False,
+    work: Callable[[float | None], Work] = Work,
+) -> FunctionResult:
+    """Find linkages whose output is a wanted function of their input: four-bars, or with travel linkages with sliders.
+
+    Parameters
+    ----------
+    output : array_like, shape (N,), or callable, optional
+        Rocker angles at 2 to 1,024 samples, continuous, up to a constant; falling angles turn against a rising input.
+        A callable of arrays or numbers is a function y = f(x) on two linear dials.
+    crank_span : float, optional
+        Crank angle from the first sample to the last, evenly spaced; negative: clockwise.
+    input : array_like, shape (N,), optional
+        Crank angles in place of ``crank_span``; only the increments from the first angle count.
+    interval : array_like, shape (2,), optional
+        First and last x of a callable, between which the crank turns by ``crank_span``.
+    output_span : float, optional
+        Angle of the rocker between the smallest and the largest y of a callable; negative: the rocker turns clockwise from the
+        first sample to the last.
+    samples : int, optional
+        Number of samples of a callable, 3 to 1,024 (101).
+    function : mapping, optional
+        Function by ``name`` in place of ``output``: log10, ln, exp, power (with ``exponent``), sin, cos, tan (x in the unit of
+        angle) or reciprocal; ``x`` is [first, last]. Or ``table``: [[x, y], ...]. ``output_span`` and ``samples`` have the
+        meaning that they have for a callable.
+    quick_return : mapping, optional
+        Motion there and back in place of ``output``: ``time_ratio``, the duration of the slow motion divided by that of the fast
+        motion, and ``stroke`` for a slider-crank or ``swing`` (an angle) for a crank-rocker. The crank turns evenly and fully.
+    steering : mapping, optional
+        Ackermann's condition in place of ``output``: ``track`` (distance of the kingpins), ``wheelbase`` and ``angle``, the
+        largest angle of an inner wheel. The linkage is symmetric, and its ground is the track.
+    symmetric : bool
+        True if left and right arm are mirror images. ``input`` and ``output`` are both needed, and measured from the symmetric
+        position. Arms are between 0.08 and 0.3 of the ground unless ``limits`` give lengths.
+    objective : {"rms", "max"}
+        Minimise the root of the mean square error at the samples, or the largest error over the whole interval.
+    input_zero, output_zero : float, optional
+        Crank angle at the first sample, and wanted rocker angle there, both from the ground line A->B.
+        By default the best angles are found.
+    weights : array_like, shape (N,), optional
+        Weights of at least 0 of the squared errors, or for "max" of the errors, linear between the samples.
+    one_way : bool
+        True if the rocker must not turn back within the interval.
+    degrees : bool
+        Unit of all angles; False: radians.
+    travel_span : float, optional
+        Travel from the first sample to the last, in place of ``crank_span``, if the input is a length.
+    input_unit, output_unit : {"deg", "rad", "length"}, optional
+        "length": the input, or the output, is the travel of a slider or cylinder. Default: angles of crank and rocker.
+    mechanisms : sequence of str, or "all", optional
+        Kinds of linkages: "four_bar" from angle to angle; "slider_crank" and "swinging_block" (a cylinder between two pins) from
+        angle to length and back; "rail_slot" (a slotted lever) from length to angle; "two_rails" (two sliders and a rod) from
+        length to length. Default: the first kind that fits.
+    limits : mapping, optional
+        Limits of `linkage_atlas.Limits` on shape and lengths. The family is "any" by default, which closes over the interval.
+        Lengths are given as links: {"ground": 100, ...}; the ground is 1 unless it is given.
+        With travel: transmission_angle_min, link_min, link_max, link_ratio_max, links (crank, coupler for the rod, ground),
+        offset (of the rail from the crank pivot) and preset.
+    top : int
+        Maximum number of linkages, which differ from one another.
+    tolerance : float
+        The search ends once the objective is below this value.
+    budget : float, optional
+        Time in seconds; the best linkages found by then are returned.
+    round_to : float, optional
+        Grid of lengths: each solution is also given with rounded links and zeros fitted again; needs limits.links.ground.
+    start_from : sequence of Linkage, FunctionSolution or mapping, optional
+        Four-bars that are candidates from the first step; plain values are those of `FunctionSolution.to_dict`. Each is refined
+        to its nearest optimum within the limits before the search begins.
+    local : bool
+        Search nowhere else: only the linkages of ``start_from`` are refined, which need not lead to the best linkage.
+    sensitivity : bool
+        Also compute the change of the output per unit of each length.
+    curves : bool
+        Also return the error of each solution over the interval, made output minus wanted output: ``error_curve``.
+    work : callable
+        Maker of the object that watches time and cancellation, from a budget in seconds.
+
+    Returns
+    -------
+    FunctionResult
+
+    Raises
+    ------
+    FieldError
+        Naming the argument.
+
+    Examples
+    --------
+    >>> import linkage_atlas as la
+    >>> asked = {"name": "log10", "x": [1, 2], "output_span": 90}
+    >>> found = la.function(function=asked, crank_span=60, objective="max", limits={"transmission_angle_min": 30}, top=1)
+    >>> round(found.best.errors.max, 4)
+    0.0469
+    >>> la.function(lambda x: x**1.5, 90, interval=(1, 4), output_span=90, top=1).status
+    'closest'
+    """
+    check_top(top)
+    check_above_zero(budget=budget, round_to=round_to)
+    question = FunctionFields(
+        output=output,
+        crank_span=crank_span,
+        input=input,
+        interval=interval,
+        output_span=output_span,
+        samples=samples,
+        function=function,
+        quick_return=quick_return,
+        steering=steering,
+        symmetric=symmetric,
+        objective=objective,
+        input_zero=input_zero,
+        output_zero=output_zero,
+        weights=weights,
+        one_way=one_way,
+        degrees=degrees,
+        travel_span=travel_span,
+        input_unit=input_unit,
+        output_unit=output_unit,
+        mechanisms=mechanisms,
+        limits=limits,
+        tolerance=tolerance,
+    ).question()
+    local = check_local(local, start_from)
+    if question.dial.travels or quick_return is not None or steering is not None:
+        only_angles: dict[str, object] = {"start_from": start_from}
+        if question.dial.travels:
+            only_angles |= {"round_to": round_to, "sensitivity": sensitivity or None}
+        kind = "from angle to angle" if question.dial.travels else "by pairs or a name"
+        if foreign := [name for name, value in only_angles.items() if value is not None]:
+            raise FieldError(f"/{foreign[0]}", f"belongs to functions {kind}")
+    starts = read_starts(start_from, degrees) or []
+    watch = work(budget)
+    if question.dial.travels:
+        return _travel_answers(question, top, curves, watch)
+    return _angle_answers(question, starts, local, top, round_to, sensitivity, curves, watch)
+
+
+def _angle_answers(
+    question: FunctionQuestion,
+    starts: Sequence[Start],
+    local: bool,
+    top: int,
+    round_to: float | None,
+    sensitivity: bool,
+    curves: bool,
+    watch: Work,
+) -> FunctionResult:
+    """Return four-bars for a function from angle to angle."""
+    limits = read_function_limits(question.limits, question.wanted.target, question.degrees)
+    if round_to is not None and limits.links[3] is None:
+        raise FieldError("/round_to", "needs the length of the ground (`limits.links.ground`), which fixes the size")
+    candidates, course = _four_bars(question, limits, starts, local, max(top, 2), watch)
+    searched = watch.elapsed
+    found = candidates[:top]
+    solutions = described(question, found, limits, sensitivity, curves)
+    if round_to is not None:
+        solutions = [
+            replace(solution, rounded=rounded(question, generator, round_to, watch))
+            for solution, generator in zip(solutions, found)
+        ]
+    notes = angle_notes(question, candidates, solutions, course.settled, top, local)
+    return _result(question, found, solutions, course, searched, watch, notes, local)
+
+
+def _four_bars(
+    question: FunctionQuestion, limits: Limits, starts: Sequence[Start], local: bool, count: int, watch: Work
+) -> tuple[list[Generator], SearchReport]:
+    """Search for four-bars by the method that the question allows."""
+    wanted, quick, tolerance = question.wanted, question.quick, question.tolerance
+    if quick is not None:
+        if limits.family not in ("any", "crank_rocker", "full_crank"):
+            raise FieldError("/limits/family", "a quick return with a swing is made by a crank_rocker")
+        return _closed_form(crank_rocker_answers(wanted, quick.alpha, limits, count, tolerance), watch)
+    if question.symmetric_from is not None:
+        found = symmetric_four_bars(wanted, question.symmetric_from, limits, question.largest, count, watch)
+        return _closed_form(found, watch)
+    search = watch.extended(-FINISHING)
+    refining = search if local else search.part(FOR_STARTS * search.budget)
+    refined, course = _refined(question, limits, starts, refining)
+    if local:
+        return refined, course
+    found, course = generate(seed_tables(), wanted, limits, question.largest, count, tolerance, search)
+    if starts:
+        merged = distinct([*refined, *found], len(refined) + len(found), APART)
+        found = best_built(wanted, merged, count, tolerance, limits.links[3] is not None)
+    return found, course
+
+
+def _refined(
+    question: FunctionQuestion, limits: Limits, starts: Sequence[Start], work: Work
+) -> tuple[list[Generator], SearchReport]:
+    """Refine given four-bars in turn; return their nearest optima, best first, and how it went."""
+    found: list[Generator] = []
+    seeds, trace = 0, list[tuple[float, float]]()
+    wanted, largest, tolerance = question.wanted, question.largest, question.tolerance
+    for start in starts:
+        with pointing_to_start(start.field):
+            results, report = refine_function(wanted, limits, largest, start.linkage, start.offset, tolerance, work)
+        found += results
+        seeds += report.seeds
+        trace += [pair for pair in report.trace if all(pair[1] < before for _, before in trace)]
+    found = distinct(found, max(1, len(found)), APART)
+    return found, SearchReport(stopped_by(found, tolerance, work), trace, 0.0, seeds)
+
+
+def _travel_answers(question: FunctionQuestion, top: int, curves: bool, watch: Work) -> FunctionResult:
+    """Return linkages with sliders or cylinders for a function with travel."""
+    wanted, quick, tolerance = question.wanted, question.quick, question.tolerance
+    laws = laws_for(question.kinds, *question.dial)
+    limits = read_travel_limits(question.limits, laws, wanted.target, question.degrees)
+    within, work = limits.over(question.scales.length), watch.extended(-FINISHING)
+    if quick is not None:
+        found, course = _closed_form(slider_crank_answers(wanted, quick.alpha, within, top, tolerance, work), work)
+    else:
+        found, course = generate_travel(laws, wanted, within, question.largest, top, tolerance, work)
+    searched = watch.elapsed
+    solutions = [described_travel(question, one, rank, limits, curves) for rank, one in enumerate(found, 1)]
+    return _result(question, found, solutions, course, searched, watch, travel_notes(question, bool(found)))
+
+
+def _closed_form(found: list[G], work: Work) -> tuple[list[G], SearchReport]:
+    """Return answers with the report of a search that is finished once they are known."""
+    best = min((one.errors.objective for one in found), default=np.inf)
+    trace = [(work.elapsed, best)] if found else []
+    stopped = StoppedBy.BUDGET if work.expired() else StoppedBy.CONVERGED
+    return found, SearchReport(stopped, trace, 0.0, len(found))
+
+
+def _result(
+    question: FunctionQuestion,
+    found: Sequence[Any],
+    solutions: Sequence[FunctionSolution | TravelSolution],
+    course: SearchReport,
+    searched: float,
+    watch: Work,
+    notes: list[str],
+    local: bool = False,
+) -> FunctionResult:
+    """Return the result of a search that took ``searched`` seconds, or (``local``) of a descent from a given linkage."""
+    if question.limits.get("preset") is None and solutions and not solutions[0].verdict.practical:
+        notes.append(UNASKED)
+    status = Status.of(found, question.tolerance).value
+    if not solutions and (local or course.stopped_by == "budget"):
+        status = "unknown"
+        notes.append(NOWHERE if local else CUT_SHORT)
+    total = watch.elapsed
+    stages = {"screen": course.screen_seconds, "refine": searched - course.screen_seconds}
+    stages |= {"report": total - searched, "total": total}
+    report = FunctionReport(
+        elapsed_ms={name: 1000 * seconds for name, seconds in stages.items()},
+        trace=[(1000 * seconds, value) for seconds, value in course.trace],
+        stopped_by=course.stopped_by.value,
+        seeds=course.seeds,
+        notes=sentences(notes),
+    )
+    wanted, scales, dials = question.wanted, question.scales, question.dials
+    return FunctionResult(
+        status,
+        [*solutions],
+        wanted.crank / scales.input,
+        wanted.output / scales.output,
+        None if dials is None else dials.x,
+        None if dials is None else dials.y,
+        report,
+        wanted,
+        question.degrees,
+        dial=question.dial,
+        scales=scales,
+    )

@@ -1,0 +1,139 @@
+"""Notes with the answers to functions: jumps, proportions, freedom that is left."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from linkage_atlas.functions.dials import MIN_PAIRS
+from linkage_atlas.functions.question import FunctionQuestion
+from linkage_atlas.functions.results import FunctionSolution
+from linkage_atlas.functions.special import (
+    BEST_TRANSMISSION,
+    TOO_QUICK,
+)
+from linkage_atlas.motions import unit_notes
+from linkage_atlas.notes import in_percent
+from linkage_atlas.result_notes import LOCAL
+from synthesis.function.answers import Generator
+from synthesis.function.quick_return import (
+    all_slider_cranks,
+    slider_crank_transmission,
+)
+from synthesis.function.travel_search import (
+    ANGLE,
+)
+from synthesis.function.wanted import Wanted
+from synthesis.ranking import PROPORTION
+
+_FEW_PAIRS = 3
+"""Number of pairs up to which linkages that meet them leave freedom."""
+_STEEP = 8.0
+"""Ratio of the slope of a step to the slope of any other step from which on it is called a jump."""
+UNASKED = (
+    "For functions the practical limits apply only if they are switched on (`limits.preset`): the verdict names those that "
+    "the best linkage violates."
+)
+OUT_OF_PROPORTION = (
+    "The linkage of least error (objective {error:.2g}) is out of all proportion: its longest link is {ratio:.2g} times the "
+    "shortest. Linkages within 100 times come before it."
+)
+FIRST_OUT_OF_PROPORTION = (
+    "The {which} linkage is out of all proportion: its longest link is {ratio:.2g} times the shortest. "
+)
+FOUND_WITHIN = "The best linkage within 100 times has the objective {:.2g}.", "No linkage within 100 times was found."
+"""Endings of the sentence with such a linkage, and without."""
+STILL_BETTER = "The error was still falling slightly when the search had used all its steps."
+DOUBTFUL = (
+    "Between the samples the wanted curve is a spline that is uncertain by up to {0:.2g}: more samples would make the largest "
+    "error more meaningful."
+)
+ILL_POSED = "The problem is ill-posed: lengths that differ by {0} make this function about equally well."
+FEW_PAIRS = (
+    "Infinitely many linkages pass through {} pairs: the first of these transmit well and are compact. A further pair, or "
+    "limits, narrow the choice."
+)
+SEVERAL_KINDS = "Linkages of several kinds are ordered by error only; they differ in transmission angle and size."
+
+
+def angle_notes(
+    question: FunctionQuestion,
+    found: Sequence[Generator],
+    solutions: Sequence[FunctionSolution],
+    settled: bool,
+    top: int,
+    local: bool,
+) -> list[str]:
+    """Return the notes on four-bars. ``found``: all candidates, of which ``top`` became solutions."""
+    wanted, radian, quick = question.wanted, question.radian, question.quick
+    notes = [*question.notes, *unit_notes("crank", wanted.crank[[0, -1]] / radian, question.degrees)]
+    if question.dials is None:
+        notes += unit_notes("output", wanted.output / radian, question.degrees)
+    notes += _jump_notes(wanted)
+    if local:
+        notes.append(LOCAL)
+    if quick is not None:
+        return [*notes, quick.note]
+    if not settled:
+        notes.append(STILL_BETTER)
+    if question.largest and found and wanted.doubt > 0.2 * found[0].errors.max:
+        notes.append(DOUBTFUL.format(wanted.doubt / radian))
+    if not local:
+        notes += _proportion_notes(found, question.tolerance)
+    exact = [one for one in found[:top] if one.errors.objective < question.tolerance]
+    if wanted.crank.size <= _FEW_PAIRS and wanted.exact is None and len(exact) > 1:
+        notes.append(FEW_PAIRS.format("two" if wanted.crank.size == MIN_PAIRS else "three"))
+        if question.largest:
+            notes.append("Between the pairs a straight line is requested.")
+    elif solutions and solutions[0].determination.ill_posed:
+        notes.append(ILL_POSED.format(in_percent(solutions[0].determination.length_uncertainty)))
+    return notes
+
+
+def travel_notes(question: FunctionQuestion, is_found: bool) -> list[str]:
+    """Return the notes on linkages with sliders."""
+    notes = [*question.notes, *(_jump_notes(question.wanted) if question.dial.output == ANGLE else [])]
+    if len(question.kinds) > 1:
+        notes.append(SEVERAL_KINDS)
+    if question.quick is not None:
+        notes.append(question.quick.note if is_found else _why_no_slider_crank(question.quick.alpha))
+    return notes
+
+
+def _why_no_slider_crank(alpha: float) -> str:
+    """Return a sentence on the time ratios and transmission angles that slider-cranks have."""
+    transmission = slider_crank_transmission(all_slider_cranks(alpha))
+    return BEST_TRANSMISSION.format(np.rad2deg(transmission.max())) if transmission.size else TOO_QUICK
+
+
+def _proportion_notes(found: Sequence[Generator], tolerance: float) -> list[str]:
+    """Return a sentence on a linkage of least error that is out of all proportion."""
+    if not found:
+        return []
+    best = min(found, key=lambda one: one.errors.objective)
+    ratio, error = best.linkage.link_ratio, best.errors.objective
+    least = min((one.errors.objective for one in found if one.linkage.link_ratio <= PROPORTION), default=np.inf)
+    if ratio <= PROPORTION or least < tolerance:
+        return []
+    if error >= tolerance and found[0].linkage.link_ratio <= PROPORTION:
+        return [OUT_OF_PROPORTION.format(ratio=ratio, error=error)]
+    said = FIRST_OUT_OF_PROPORTION.format(which="exact" if error < tolerance else "best", ratio=ratio)
+    return [said + (FOUND_WITHIN[0].format(least) if least < np.inf else FOUND_WITHIN[1])]
+
+
+def _jump_notes(wanted: Wanted) -> list[str]:
+    """Return a sentence on a jump of the wanted output."""
+    slope = np.abs(np.diff(wanted.output) / np.diff(wanted.crank))
+    if slope.size < 4:
+        return []
+    place = int(np.argmax(slope))
+    others = np.delete(slope, place)
+    step = abs(wanted.output[place + 1] - wanted.output[place])
+    if slope[place] <= _STEEP * others.max() or step <= np.deg2rad(1.0):
+        return []
+    steepness = slope[place] / max(others.max(), 1e-300)
+    return [
+        f"The output jumps from sample {place + 1} to {place + 2}, {steepness:.3g} times as steeply as anywhere else. "
+        "No rocker follows a jump; if the angle wraps there by a full turn, write it without the wrap."
+    ]

@@ -1,0 +1,458 @@
+"""Wanted functions as a user gives them: units of input and output, pairs, zeros, kinds of linkages and their limits."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from linkage_atlas.arguments import (
+    bounded,
+    check_above_zero,
+    column,
+    kinds_among,
+    number,
+    one_of,
+    pointing,
+    radians_in,
+)
+from linkage_atlas.functions.dials import MIN_PAIRS, Dials, read_dials
+from linkage_atlas.functions.special import (
+    STEERING_NOTE,
+    QuickReturn,
+    read_quick_return,
+    read_steering,
+    with_ground,
+)
+from linkage_atlas.limits import read_function_limits
+from linkage_atlas.motions import unwound
+from synthesis.arrays import Floats
+from synthesis.errors import FieldError
+from synthesis.function.travel_search import (
+    ANGLE,
+    LAWS,
+    LENGTH,
+    Law,
+    TravelLimits,
+)
+from synthesis.function.wanted import Wanted
+from synthesis.search.search import DEFAULT_TOLERANCE
+from synthesis.target import MAX_LENGTH, Target, make_target
+
+FOUR_BAR = "four_bar"
+UNITS = ("deg", "rad", LENGTH)
+_LIMITS = ("transmission_angle_min", "link_min", "link_max", "link_ratio_max", "links", "offset", "family", "preset")
+_LINKS = {"crank": "crank", "coupler": "rod", "ground": "ground"}
+"""Names of limits' links, and of the lengths that they are."""
+_OTHERS = "; `input_unit` and `output_unit` say what is a length"
+_STILL = 1e-12
+"""Largest change of an output, in radians, that counts as rest."""
+_RATIO = 500.0
+"""Largest ratio of the travel of two sliders."""
+_CALLED = {
+    "/function": "/output",
+    "/function/x": "/interval",
+    "/function/output_span": "/output_span",
+    "/function/samples": "/samples",
+}
+"""Arguments of a callable that errors name, by the fields of a function."""
+
+
+class Dial(NamedTuple):
+    """Quantities of input and output, "angle" or "length"."""
+
+    input: str
+    """"angle" or "length"."""
+    output: str
+
+    @property
+    def travels(self) -> bool:
+        """Whether input or output is a length."""
+        return LENGTH in self
+
+    @property
+    def span(self) -> str:
+        """Return the name of the input's change from the first sample to the last."""
+        return "crank_span" if self.input == ANGLE else "travel_span"
+
+
+def read_dial(input_unit: str | None, output_unit: str | None, degrees: bool) -> Dial:
+    """Return the quantities of input and output by their units; default: angles in the unit of the request."""
+    mine = "deg" if degrees else "rad"
+
+    def read(name: str, unit: str | None) -> str:
+        if unit is None or unit == mine:
+            return ANGLE
+        if one_of(name, unit, UNITS) != LENGTH:
+            raise FieldError(f"/{name}", f"angles of this request are in {mine}: give {mine!r}, or {LENGTH!r}")
+        return LENGTH
+
+    return Dial(read("input_unit", input_unit), read("output_unit", output_unit))
+
+
+def read_kinds(mechanisms: Sequence[str] | str | None, dial: Dial) -> list[str]:
+    """Return the requested kinds of linkages; default: the kind that is built most often."""
+    laws = dict.fromkeys(law.kind.value for law in LAWS if (law.input, law.output) == dial)
+    known = list(laws) if dial.travels else [FOUR_BAR]
+    if mechanisms is None:
+        return known[:1]
+    return kinds_among(
+        mechanisms, known, f"from {dial.input} to {dial.output} there is {' or '.join(known)}{_OTHERS}"
+    )
+
+
+def read_travel_limits(
+    limits: Mapping[str, Any] | None, laws: Sequence[Law], target: Target, degrees: bool
+) -> TravelLimits:
+    """Return the checked limits of linkages with sliders, angles in radians."""
+    given = {name: value for name, value in (limits or {}).items() if value is not None}
+    for name, value in given.items():
+        if name not in _LIMITS:
+            raise FieldError(f"/limits/{name}", f"functions with travel have {', '.join(_LIMITS)}")
+        if name == "family" and value != "any":
+            raise FieldError("/limits/family", "belongs to four-bars")
+    kept = read_function_limits(
+        {name: value for name, value in given.items() if name not in ("links", "offset")}, target, degrees
+    )
+    lengths: dict[str, float] = {}
+    for name, value in (given.get("links") or {}).items():
+        if value is None:
+            continue
+        if _LINKS.get(name) not in {known for law in laws for known in law.lengths}:
+            kinds = ", ".join(dict.fromkeys(law.kind.value for law in laws))
+            raise FieldError(f"/limits/links/{name}", f"there is none in {kinds}")
+        check_above_zero(**{f"limits/links/{name}": value})
+        lengths[_LINKS[name]] = float(value)
+    if "offset" in given:
+        if not any("offset" in law.lengths for law in laws):
+            raise FieldError("/limits/offset", "belongs to slider-cranks")
+        lengths["offset"] = bounded("limits/offset", given["offset"], MAX_LENGTH)
+    return TravelLimits(kept, lengths)
+
+
+class Scales(NamedTuple):
+    """Size of a unit of the user's input and output in the search, in radians or in lengths over a common scale."""
+
+    length: float
+    """The scale, in the user's unit."""
+    input: float
+    output: float
+
+    @classmethod
+    def of(cls, dial: Dial, degrees: bool, input_span: float, output_span: float) -> Scales:
+        """Return the scales for spans of input and output in the unit of the user."""
+        radian = radians_in(degrees)
+        spans = [abs(span) for what, span in zip(dial, (input_span, output_span)) if what == LENGTH]
+        length = max(spans)
+        if not min(spans) > 0:
+            raise FieldError("/output", "the travel is the same everywhere")
+        if not length <= MAX_LENGTH:
+            raise FieldError("/output", f"wanted travel of at most {MAX_LENGTH:g}")
+        if length > _RATIO * min(spans):
+            raise FieldError("/output", f"one travel is more than {_RATIO:g} times the other")
+        sizes = (radian if what == ANGLE else 1 / length for what in dial)
+        return cls(length, *sizes)
+
+
+def read_wanted(
+    output: ArrayLike | None = None,
+    span: float | None = None,
+    *,
+    dial: Dial,
+    input: ArrayLike | None = None,
+    function: Mapping[str, Any] | None = None,
+    input_zero: float | None = None,
+    output_zero: float | None = None,
+    weights: ArrayLike | None = None,
+    degrees: bool = True,
+) -> tuple[Wanted, Dials | None, Scales]:
+    """Return a checked function in the unit of the search, its dials if it has a name, and the scales; see `function`."""
+    if (output is None) == (function is None):
+        raise FieldError("/output", "give either `output` or `function`")
+    radian = radians_in(degrees)
+    scales, called = Scales(1.0, radian, radian), dial.span
+    if dial.travels:
+        if function is None and (span is None) == (input is None):
+            raise FieldError(f"/{called}", f"give either `{called}` or `input`")
+        if function is not None and span is None:
+            raise FieldError(f"/{called}", "needed for a `function`")
+        way = number(called, span) if input is None else float(np.diff(_finite("input", input)[[0, -1]])[0])
+        if function is None:
+            output_way = float(np.ptp(_finite("output", output)))
+        elif function.get("output_span") is None:
+            raise FieldError("/function/output_span", "needed: how far the output goes")
+        else:
+            output_way = number("function/output_span", function["output_span"])
+        scales = Scales.of(dial, degrees, way, output_way)
+    with pointing(lambda field: field.replace("/crank_span", f"/{called}")):
+        return *_in_radians(output, span, input, function, input_zero, output_zero, weights, degrees, scales), scales
+
+
+def _in_radians(
+    output: ArrayLike | None,
+    crank_span: float | None,
+    input: ArrayLike | None,
+    function: Mapping[str, Any] | None,
+    input_zero: float | None,
+    output_zero: float | None,
+    weights: ArrayLike | None,
+    degrees: bool,
+    scales: Scales,
+) -> tuple[Wanted, Dials | None]:
+    """Return a function whose input and output are both read as angles."""
+    radian, (of_input, of_output) = radians_in(degrees), scales[1:]
+    if np.ndim(crank_span):  # type: ignore[arg-type]
+        raise FieldError(
+            "/crank_span",
+            "wanted one number, the crank angle from the first sample to the last: "
+            "give the crank angles of the samples as `input`",
+        )
+    span = None if crank_span is None else number("crank_span", crank_span) * of_input
+    angles = None if input is None else column("input", input) * of_input
+    dials = exact = None
+    if function is not None:
+        if angles is not None:
+            raise FieldError("/input", "the input dial of a `function` is linear: give `crank_span`")
+        if of_output != radian and "output_span" in function:  # dials take it as an angle
+            function = {**function, "output_span": function["output_span"] * of_output / radian}
+        called = _CALLED if "of" in function else {}
+        with pointing(lambda field: called.get(field, field)):
+            dials = read_dials(function, span, degrees)
+        values, angles, span, exact = dials.output, dials.input, None, dials.exact
+    else:
+        assert output is not None
+        values = column("output", output) * of_output
+    given = None if weights is None else column("weights", weights)
+    try:
+        target = make_target(
+            rotation=values, crank_span=span, crank_angle=angles, rotation_weights=given, min_samples=MIN_PAIRS
+        )
+    except FieldError as error:
+        named = {"/rotation": "/output", "/crank_angle": "/input", "/crank_span": "/crank_span"}
+        named["/weights/rotation"] = "/weights"
+        at = next((old for old in named if error.field.startswith(old)), None)
+        if at is None:
+            raise
+        whole = "/function" if function is not None and "of" not in function else named[at]
+        place = named[at] if at == "/weights/rotation" else whole
+        message = error.message.replace("rotation", "output").replace("crank_angle", "input")
+        raise FieldError(place + error.field[len(at) :], message, **error.details) from error
+    assert target.rotation is not None
+    start = None if input_zero is None else number("input_zero", input_zero) * of_input
+    offset = None
+    if output_zero is not None:
+        offset = float(target.rotation[0]) - number("output_zero", output_zero) * of_output
+    return Wanted(target.crank, target.rotation, target.rotation_weights, start, offset, exact), dials
+
+
+def _finite(name: str, given: ArrayLike | None) -> Floats:
+    """Return samples of an input or output after a check that they are finite."""
+    values: Floats = column(name, given)  # type: ignore[arg-type]
+    if values.ndim != 1 or values.size < 2 or not np.isfinite(values).all():
+        raise FieldError(f"/{name}", f"wanted at least {MIN_PAIRS} finite numbers")
+    return values
+
+
+def _check_one_way(wanted: Wanted, where: str) -> None:
+    steps = np.diff(wanted.output)
+    back = steps * np.sign(wanted.output[-1] - wanted.output[0]) <= 0
+    if back.any():
+        place = int(np.argmax(back)) + 1
+        at = f"{where}/{place}" if where == "/output" else where
+        raise FieldError(
+            at,
+            f"the rocker must not turn back, but sample {place + 1} of the output does not go on from the one before",
+        )
+
+
+@dataclass(frozen=True)
+class FunctionQuestion:
+    """A checked question for linkages that make a function."""
+
+    wanted: Wanted
+    """In radians, or lengths over `Scales.length`."""
+    dials: Dials | None
+    """Of a function by name, a table or a callable."""
+    dial: Dial
+    scales: Scales
+    kinds: list[str]
+    limits: dict[str, Any]
+    """As given, without fields that are None."""
+    largest: bool
+    """Whether the largest error over the interval is minimised, or the root of the mean square at the samples."""
+    tolerance: float
+    degrees: bool
+    quick: QuickReturn | None
+    symmetric_from: tuple[float, float] | None
+    """Input and output at the first sample in radians, from the position in which the linkage is its own mirror image."""
+    notes: list[str]
+    """How angles were unwound, and how the wheels of a car are named."""
+
+    @property
+    def radian(self) -> float:
+        """Radians in one unit of angle."""
+        return radians_in(self.degrees)
+
+    @property
+    def target(self) -> Target:
+        """The interval, for drawings."""
+        return Target(None, None, crank=self.wanted.crank)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FunctionFields:
+    """Arguments of `linkage_atlas.function` that say which function is wanted, as a user gives them."""
+
+    output: ArrayLike | Callable[[Any], Any] | None = None
+    crank_span: float | None = None
+    input: ArrayLike | None = None
+    interval: ArrayLike | None = None
+    output_span: float | None = None
+    samples: int | None = None
+    function: Mapping[str, Any] | None = None
+    quick_return: Mapping[str, Any] | None = None
+    steering: Mapping[str, Any] | None = None
+    symmetric: bool = False
+    objective: str = "rms"
+    input_zero: float | None = None
+    output_zero: float | None = None
+    weights: ArrayLike | None = None
+    one_way: bool = False
+    degrees: bool = True
+    travel_span: float | None = None
+    input_unit: str | None = None
+    output_unit: str | None = None
+    mechanisms: Sequence[str] | str | None = None
+    limits: Mapping[str, Any] | None = None
+    tolerance: float = DEFAULT_TOLERANCE
+
+    def question(self) -> FunctionQuestion:
+        """Return the checked question. Raises `FieldError` that names the argument."""
+        if self.objective not in ("rms", "max"):
+            raise FieldError("/objective", f"wanted 'rms' or 'max', found {self.objective!r}")
+        tolerance = number("tolerance", self.tolerance, 0.0)
+        quick, fields = self._without_special()
+        dial = read_dial(fields.input_unit, fields.output_unit, fields.degrees)
+        kinds = read_kinds(fields.mechanisms, dial)
+        if quick is not None and dial.travels and kinds != ["slider_crank"]:
+            raise FieldError("/mechanisms", "a quick return with a stroke is made by a slider_crank")
+        fields._check_spans(dial)
+        fields = fields._without_callable()
+        unwound_fields, notes = (fields, []) if quick is not None else fields._unwound(dial)
+        if self.steering is not None:
+            notes = [*notes, STEERING_NOTE]
+        wanted, dials, scales = unwound_fields._wanted(dial, quick)
+        limits = {name: value for name, value in (fields.limits or {}).items() if value is not None}
+        symmetric_from = fields._symmetric_from() if fields.symmetric else None
+        largest = fields.objective == "max"
+        return FunctionQuestion(
+            wanted,
+            dials,
+            dial,
+            scales,
+            kinds,
+            limits,
+            largest,
+            tolerance,
+            fields.degrees,
+            quick,
+            symmetric_from,
+            notes,
+        )
+
+    def _without_special(self) -> tuple[QuickReturn | None, FunctionFields]:
+        """Return a quick return, and the fields with the pairs that it or steering stands for."""
+        quick: QuickReturn | None = None
+        fields = self
+        if self.quick_return is not None:
+            self._check_alone("quick_return")
+            if self.objective != "rms":
+                raise FieldError("/objective", "belongs to functions that are approximated: a quick return is exact")
+            quick = read_quick_return(self.quick_return, self.degrees)
+            fields = replace(self, **quick.pairs)
+        elif self.steering is not None:
+            self._check_alone("steering")
+            left, right, track = read_steering(self.steering, self.degrees)
+            limits = with_ground(self.limits, track)
+            fields = replace(self, input=left, output=right, symmetric=True, limits=limits)
+        if fields.symmetric and (fields.output is None or fields.input is None or callable(fields.output)):
+            raise FieldError("/symmetric", "needs `input` and `output`, both measured from the symmetric position")
+        return quick, fields
+
+    def _check_alone(self, name: str) -> None:
+        """Refuse other fields that say which function is wanted."""
+        allowed = {"objective", "degrees", "mechanisms", "limits", "tolerance", name}
+        if name == "steering":
+            allowed.add("symmetric")
+        for field in dataclasses.fields(self):
+            if field.name not in allowed and getattr(self, field.name) is not field.default:
+                raise FieldError(f"/{field.name}", f"`{name}` says which function is wanted: leave this out")
+
+    def _check_spans(self, dial: Dial) -> None:
+        """Refuse spans and limits of the other kind of input."""
+        if self.crank_span is not None and dial.input != ANGLE:
+            raise FieldError("/crank_span", "the input is a travel: give `travel_span`")
+        if self.travel_span is not None and dial.input == ANGLE:
+            instead = "" if dial.travels else ", or `input_unit` 'length'"
+            raise FieldError("/travel_span", f"the input is an angle: give `crank_span`{instead}")
+        if not dial.travels and (self.limits or {}).get("offset") is not None:
+            raise FieldError(
+                "/limits/offset", "belongs to slider-cranks: give `output_unit` or `input_unit` 'length'"
+            )
+
+    def _without_callable(self) -> FunctionFields:
+        """Return the fields with a callable as a function of x."""
+        called = {"x": self.interval, "output_span": self.output_span, "samples": self.samples}
+        if callable(self.output):
+            if self.function is not None:
+                raise FieldError("/output", "give either `output` or `function`")
+            return replace(self, output=None, function={"of": self.output, **called})
+        if given := [name for name, value in called.items() if value is not None]:
+            name = "interval" if given[0] == "x" else given[0]
+            raise FieldError(f"/{name}", "belongs to an `output` that is a callable")
+        return self
+
+    def _unwound(self, dial: Dial) -> tuple[FunctionFields, list[str]]:
+        """Return the fields with continuous angles, and notes on what was changed."""
+        if self.function is not None:
+            return self, []
+        assert not callable(self.output)
+        output, input, notes = self.output, self.input, list[str]()
+        if dial.output == ANGLE:
+            output, notes = unwound("output", output, self.degrees)
+        if dial.input == ANGLE:
+            input, said = unwound("input", input, self.degrees)
+            notes = [*notes, *said]
+        return replace(self, output=output, input=input), notes
+
+    def _wanted(self, dial: Dial, quick: QuickReturn | None) -> tuple[Wanted, Dials | None, Scales]:
+        """Return the wanted function, its dials if it has a name, and what a unit is."""
+        assert not callable(self.output)
+        wanted, dials, scales = read_wanted(
+            self.output,
+            self.crank_span if dial.input == ANGLE else self.travel_span,
+            dial=dial,
+            input=self.input,
+            function=self.function,
+            input_zero=self.input_zero,
+            output_zero=self.output_zero,
+            weights=self.weights,
+            degrees=self.degrees,
+        )
+        if quick is not None:  # between the ends an even motion, from which `error_curve` tells the deviation
+            ends = wanted.crank, wanted.output
+            return replace(wanted, exact=lambda crank: np.interp(crank, *ends)), dials, scales
+        field = "/output" if self.function is None else "/function"
+        if not dial.travels and np.ptp(wanted.output) <= _STILL:
+            raise FieldError(field, "the output is the same everywhere: a rocker that stands still follows nothing")
+        if self.one_way:
+            _check_one_way(wanted, field)
+        return replace(wanted, one_way=self.one_way), dials, scales
+
+    def _symmetric_from(self) -> tuple[float, float]:
+        radian = radians_in(self.degrees)
+        return float(np.asarray(self.input)[0]) * radian, float(np.asarray(self.output)[0]) * radian

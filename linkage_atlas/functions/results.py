@@ -1,0 +1,259 @@
+"""Results of functions: linkages with their errors, and files of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from linkage_atlas.answers import Ranked, StatusName, StoppedBy, Verdict
+from linkage_atlas.arguments import (
+    radians_in,
+)
+from linkage_atlas.functions.question import Dial, Scales
+from linkage_atlas.linkages import AnyGuide, DriverName, KindName, Linkage, Links
+from linkage_atlas.notes import counted
+from linkage_atlas.records import KEPT, Record, Values
+from synthesis.arrays import Floats
+from synthesis.errors import FieldError
+from synthesis.function.answers import to_csv
+from synthesis.function.travel_search import (
+    ANGLE,
+    LENGTH,
+)
+from synthesis.function.wanted import Wanted
+from synthesis.sheet import csv_text
+from synthesis.target import Target
+
+
+@dataclass(frozen=True)
+class FunctionErrors(Record):
+    """Errors of the output, in its unit."""
+
+    rms: float
+    """At the samples, weighted."""
+    max: float
+    """Over the whole interval for objective `max`, over the samples for `rms`."""
+    alternations: int | None
+    """Objective `max`: extremes of the error, of alternating sign, that are as large as the largest."""
+    rms_y: float | None
+    """`rms` in units of y; null without `function`."""
+    max_y: float | None
+    objective: float
+    """Minimised error: in radians, or for travel as a fraction of the largest wanted travel."""
+
+
+class ErrorCurve(NamedTuple):
+    """Error of the output over the interval."""
+
+    input: Floats
+    error: Floats
+    """Made output minus wanted output, in the unit of the output."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TravelSolution(Record):
+    """Linkage with a slider or a cylinder that makes a function, with its errors."""
+
+    rank: int
+    """From 1, by `errors.objective`."""
+    kind: KindName
+    driver: DriverName
+    """Driven part: crank, slider or cylinder."""
+    lengths: dict[str, float]
+    """By name: crank, rod, offset; crank, ground; rod, angle; pin_distance, slot_offset."""
+    guides: list[AnyGuide]
+    """Guides of the body, the driven guide first."""
+    branch: Literal[-1, 1]
+    start: float
+    """The drive's coordinate at the first sample: direction of the crank, place along the rail, or length of the cylinder."""
+    input_zero: float
+    """The input at the first sample: the crank's angle from the rail or the ground line, or the place of slider or cylinder."""
+    output_offset: float
+    """output = the linkage's own + this: an angle of the crank or lever, or a place of slider or cylinder."""
+    errors: FunctionErrors
+    verdict: Verdict
+    transmission_angle_min: float
+    """Over the used interval, exactly."""
+    error_curve: ErrorCurve | None
+    linkage: Linkage = field(metadata=KEPT)
+    """Linkage with methods to move, draw and save it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RoundedFunction(Record):
+    """Generator whose links lie on a grid, with zeros fitted again; null if it does not close."""
+
+    closes: bool
+    links: Links | None
+    start_angle: float | None
+    output_offset: float | None
+    errors: FunctionErrors | None
+    transmission_angle_min: float | None
+    """Over the used interval; limits are not applied again."""
+    linkage: Linkage | None = field(default=None, metadata=KEPT)
+
+
+@dataclass(frozen=True)
+class FunctionDetermination(Record):
+    """Determination of the lengths by the function."""
+
+    ill_posed: bool
+    """A length that is not given is not even fixed to a thousandth by the function at this resolution."""
+    resolution: float
+    """Error that is considered: the objective, at least the tolerance."""
+    length_uncertainty: Values
+    """Relative change of crank, coupler, rocker, ground within that resolution, 0 if given; null: not determined at all."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FunctionSolution(Record):
+    """Linkage that makes a function, with its errors."""
+
+    rank: int
+    """From 1: exact ones by merit, others by `errors.objective`, uneven ones behind (function.md)."""
+    links: Links
+    branch: Literal[-1, 1]
+    start_angle: float
+    """Crank angle at the first sample, from the ground line A->B."""
+    output_offset: float
+    """output = rocker angle (in -180..180 degrees at the first sample, continuous) + this."""
+    errors: FunctionErrors
+    verdict: Verdict
+    family: str
+    transmission_angle_min: float
+    """Over the used interval, exactly."""
+    transmission_angle_min_turn: float | None
+    """Over the whole turn; null if the crank cannot turn."""
+    condition: float
+    """Condition number of the output's derivatives by all unknowns."""
+    determination: FunctionDetermination
+    sensitivity: Floats | None
+    """Rms change of the output per unit of crank, coupler, rocker, ground."""
+    rounded: RoundedFunction | None
+    error_curve: ErrorCurve | None
+    linkage: Linkage = field(metadata=KEPT)
+    """Linkage with methods to move, draw and save it."""
+
+
+@dataclass(frozen=True)
+class FunctionReport(Record):
+    """Report on a search."""
+
+    elapsed_ms: dict[str, float]
+    """Milliseconds of each stage and in total."""
+    trace: list[tuple[float, float]]
+    """[milliseconds, best objective] after each stage."""
+    stopped_by: StoppedBy
+    seeds: int
+    """Starting points refined."""
+    notes: list[str]
+
+
+@dataclass(frozen=True)
+class FunctionResult(Record, Ranked[FunctionSolution | TravelSolution]):
+    """The answer to `linkage_atlas.function`: linkages, best first, and a report; indexed and iterated as ``solutions``.
+
+    ``status`` is "reached" (the best objective is below the tolerance), "closest", "infeasible" (none within the limits),
+    or "unknown" (none was found before the time was up). ``input`` and ``output`` are the samples that were asked for,
+    ``x`` and ``y`` their numbers where a function was named.
+    """
+
+    status: StatusName
+    solutions: list[FunctionSolution | TravelSolution]
+    """Of functions from angle to angle the first, with travel the second."""
+    input: Floats
+    """Crank angle, or travel, at the samples, from the first."""
+    output: Floats
+    """Wanted rocker angle, or travel, there."""
+    x: Floats | None
+    """The samples' x and y, where a function was named."""
+    y: Floats | None
+    report: FunctionReport
+    wanted: Wanted = field(repr=False, metadata=KEPT)
+    degrees: bool = field(default=True, metadata=KEPT)
+    dial: Dial = field(default=Dial("angle", "angle"), repr=False, metadata=KEPT)
+    scales: Scales = field(default=Scales(1.0, 1.0, 1.0), repr=False, metadata=KEPT)
+
+    @property
+    def _answers(self) -> list[FunctionSolution | TravelSolution]:
+        return self.solutions
+
+    @property
+    def best(self) -> Any:
+        """The best solution, of either kind; IndexError where there is none."""
+        return self.solutions[0]
+
+    @property
+    def linkage(self) -> Any:
+        """The linkage of the best solution."""
+        return self.best.linkage
+
+    def render(self, kind: str, rank: int = 1, length_unit: str = "mm") -> str:
+        """Return a solution as the text of a file: csv (the function at the samples), svg, dxf or mjcf.
+
+        The column ``error`` of the CSV file is output got minus output wanted.
+        """
+        if len(self.solutions) < rank:
+            raise FieldError(
+                "/limits" if not self.solutions else "/rank",
+                f"this reply has {counted(len(self.solutions), 'linkage')}",
+            )
+        chosen = self.solutions[rank - 1]
+        linkage, offset = chosen.linkage, chosen.output_offset
+        return render(self.wanted, self.scales, self.dial, linkage, offset, kind, length_unit)
+
+    def __repr__(self) -> str:
+        unit = ("deg" if self.degrees else "rad") if self.dial.output == "angle" else "(length)"
+        rows = [f"  {s.rank}  {s.linkage!r}  within {s.errors.max:.3g} {unit}" for s in self.solutions]
+        notes = [f"note: {note}" for note in self.report.notes]
+        return "\n".join([f"{self.status}: {counted(len(self.solutions), 'linkage')}", *rows, *notes])
+
+
+def render(
+    wanted: Wanted,
+    scales: Scales,
+    dial: Dial,
+    linkage: Linkage,
+    output_offset: float,
+    kind: str,
+    length_unit: str,
+) -> str:
+    """Return a linkage that makes a function as the text of a file; ``output_offset`` in the unit of the output."""
+    radian = radians_in(linkage.degrees)
+    travel = wanted.crank * (1.0 if dial.input == ANGLE else scales.length)
+    if kind != "csv":
+        shown = Linkage.of(linkage.plain, radian, Target(None, None, crank=travel))
+        return shown.render(kind, length_unit=None if kind == "svg" else length_unit)
+    if linkage.plain.is_four_bar:
+        return to_csv(wanted, linkage.plain, output_offset * radian, radian)
+    plain = linkage.plain
+    body = plain.body(plain.start + travel)
+    made = own_output(linkage, dial, np.concatenate([[0.0], travel]))[1:] + output_offset
+    output = wanted.output / scales.output
+    columns = {
+        "input": wanted.crank / scales.input,
+        "output_wanted": output,
+        "output": made,
+        "error": made - output,
+        "transmission_angle": body.transmission_angle / radian,
+        "drive": (plain.start + travel) / (radian if plain.driver.turns else 1.0),
+    }
+    return csv_text({name: np.asarray(values).tolist() for name, values in columns.items()})
+
+
+def own_output(linkage: Linkage, dial: Dial, travel: Floats) -> Floats:
+    """Return the own output of a linkage over travel (n,) of its drive, in the user's unit; angles are continuous.
+
+    Of a crank or lever its direction, in (-180, 180] degrees at the first; of a slider or cylinder its place.
+    """
+    plain = linkage.plain
+    if dial.output == LENGTH:
+        return plain.along(1, travel)
+    links = plain.motions(travel)
+    name = plain.link_names[2]
+    direction = next(one.angle for one in links if one.name == name) if name != "block" else links[1].angle
+    direction = np.unwrap(direction)
+    turns = 2 * np.pi * np.round(direction[0] / (2 * np.pi))
+    return (direction - turns) / radians_in(linkage.degrees)

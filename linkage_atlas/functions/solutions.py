@@ -1,0 +1,167 @@
+"""Function generators described in the units of a user."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from linkage_atlas.answers import verdict_of
+from linkage_atlas.functions.question import FunctionQuestion
+from linkage_atlas.functions.results import (
+    ErrorCurve,
+    FunctionDetermination,
+    FunctionErrors,
+    FunctionSolution,
+    RoundedFunction,
+    TravelSolution,
+)
+from linkage_atlas.linkages import Linkage, guides_of
+from linkage_atlas.records import names_of
+from linkage_atlas.studies import sensitivity_of
+from synthesis.arrays import Floats
+from synthesis.defects import faults_of, practical_faults, verdict
+from synthesis.fourbar.determination import determinations
+from synthesis.fourbar.limits import Limits
+from synthesis.function.answers import Generator, exchanged, rocker_angles, turns_back
+from synthesis.function.search import refit
+from synthesis.function.travel_search import (
+    ANGLE,
+    TravelGenerator,
+    TravelLimits,
+    travel_turns_back,
+)
+from synthesis.linkage import Linkage as Plain
+from synthesis.target import Interval, Target
+from synthesis.work import Work
+
+_EXCHANGED = [0, 2, 1, 3]
+_SHOWN = 361
+"""Number of points of an error curve."""
+
+
+def errors_of(question: FunctionQuestion, one: Generator | TravelGenerator) -> FunctionErrors:
+    """Return the errors of a generator in the user's units."""
+    found, unit = one.errors, question.scales.output
+    y = None if question.dials is None else question.dials.y_of_radian
+    rms_y, max_y = (None if y is None else error * y for error in (found.rms, found.max))
+    return FunctionErrors(found.rms / unit, found.max / unit, found.alternations, rms_y, max_y, found.objective)
+
+
+def described_travel(
+    question: FunctionQuestion, one: TravelGenerator, rank: int, limits: TravelLimits, curves: bool
+) -> TravelSolution:
+    """Describe a generator with a slider in the units of the user."""
+    scales, wanted, law = question.scales, question.wanted, one.law
+    plain = one.linkage.scaled(scales.length)
+    travel = wanted.crank * (1.0 if law.input == ANGLE else scales.length)
+    target = Target(None, None, crank=travel)
+    passed = verdict(plain, plain.start + travel, timed=True)
+    links = one.lengths[np.array(one.law.positive)].tolist()
+    faults = faults_of((one.transmission_angle_min, None), links, {}, None, limits.limits)
+    reasons = [*passed.reasons, *filter(None, [travel_turns_back(wanted, one)]), *faults]
+    linkage = Linkage.of(plain, question.radian, target)
+    curve = None
+    if curves:
+        shown = np.linspace(0.0, float(wanted.crank[-1]), _SHOWN)
+        curve = ErrorCurve(shown / scales.input, (one.output(shown) - wanted.curve(shown)) / scales.output)
+    units = [1 / question.radian if name == "angle" else scales.length for name in law.lengths]
+    used = Interval(float(travel.min()), float(travel.max()))
+    return TravelSolution(
+        rank=rank,
+        kind=plain.kind.value,
+        driver=plain.driver.value,
+        lengths={name: float(value * unit) for name, value, unit in zip(law.lengths, one.lengths, units)},
+        guides=guides_of(plain, question.radian, used),
+        branch=1 if plain.branch > 0 else -1,
+        start=linkage.start,
+        input_zero=one.zero / scales.input,
+        output_offset=one.offset / scales.output,
+        errors=errors_of(question, one),
+        verdict=verdict_of(passed, None, reasons, practical=not faults),
+        transmission_angle_min=one.transmission_angle_min / question.radian,
+        error_curve=curve,
+        linkage=linkage,
+    )
+
+
+def _sensitivity(exchanged: Plain, target: Target, radian: float) -> Floats:
+    """Return the change of the rocker's angle per unit of each length, of a linkage with crank and rocker exchanged."""
+    rotation = sensitivity_of(exchanged, target, radian).rotation
+    assert rotation is not None
+    return rotation[_EXCHANGED]
+
+
+def described(
+    question: FunctionQuestion, found: list[Generator], limits: Limits, sensitivity: bool, curves: bool
+) -> list[FunctionSolution]:
+    """Describe generators in the units of the user, best first."""
+    if not found:
+        return []
+    wanted, radian = question.wanted, question.radian
+    linkages = [one.linkage for one in found]
+    # how a rocker's angle changes with the lengths is how the coupler's does with coupler and rocker exchanged
+    others = [exchanged(one) for one in linkages]
+    resolutions = [max(one.errors.objective, question.tolerance) for one in found]
+    given = [k for k, name in enumerate(_EXCHANGED[:3]) if limits.links[name] is not None]
+    fixed = determinations(wanted.target, others, resolutions, given)
+    changes = [_sensitivity(other, wanted.target, radian) if sensitivity else None for other in others]
+    passed = [verdict(linkage, linkage.start + wanted.crank, timed=True) for linkage in linkages]
+    back = turns_back(wanted, linkages)
+    drawn = _error_curves(question, found) if curves else [None] * len(found)
+    solutions = []
+    for k, one in enumerate(found):
+        faults = practical_faults(one, wanted.target, limits, wanted.interval)
+        reasons = [*passed[k].reasons, *filter(None, [back[k]]), *faults]
+        determined, turn = fixed[k], one.transmission_angle_min_turn
+        linkage = Linkage.of(one.linkage, radian, question.target)
+        solutions.append(
+            FunctionSolution(
+                rank=k + 1,
+                links=linkage.dimensions.links,
+                branch=linkage.dimensions.branch,
+                start_angle=linkage.start_angle,
+                linkage=linkage,
+                output_offset=one.offset / radian,
+                errors=errors_of(question, one),
+                family=one.family.value,
+                transmission_angle_min=one.transmission_angle_min / radian,
+                transmission_angle_min_turn=None if turn is None else turn / radian,
+                verdict=verdict_of(passed[k], None, reasons, practical=not faults),
+                condition=determined.condition,
+                determination=FunctionDetermination(
+                    determined.ill_posed, determined.resolution, determined.length_uncertainty[_EXCHANGED]
+                ),
+                sensitivity=changes[k],
+                rounded=None,
+                error_curve=drawn[k],
+            )
+        )
+    return solutions
+
+
+def _error_curves(question: FunctionQuestion, found: list[Generator]) -> list[ErrorCurve | None]:
+    """Return input and error of each generator over the interval."""
+    wanted, radian = question.wanted, question.radian
+    shown = np.linspace(0.0, wanted.crank[-1], _SHOWN)
+    output = rocker_angles([one.linkage for one in found], shown) + np.array([one.offset for one in found])[:, None]
+    return [ErrorCurve(shown / radian, error / radian) for error in output - wanted.curve(shown)]
+
+
+def rounded(question: FunctionQuestion, one: Generator, grid: float, work: Work) -> RoundedFunction:
+    """Return a generator with its links on a grid."""
+    links = np.maximum(np.round(np.array(one.linkage.links) / grid), 1.0) * grid
+    again = refit(question.wanted, one, links, question.largest, question.tolerance, work)
+    values: dict[str, Any] = dict.fromkeys(names_of(RoundedFunction)) | {"closes": False}
+    if again is None:
+        return RoundedFunction(**values)
+    linkage = Linkage.of(again.linkage, question.radian, question.target)
+    values |= {
+        "closes": True,
+        "links": linkage.dimensions.links,
+        "start_angle": linkage.start_angle,
+        "output_offset": again.offset / question.radian,
+        "errors": errors_of(question, again),
+        "transmission_angle_min": again.transmission_angle_min / question.radian,
+    }
+    return RoundedFunction(**values, linkage=linkage)

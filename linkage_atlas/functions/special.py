@@ -1,0 +1,123 @@
+"""Quick returns and steering: functions that are asked for by a few numbers instead of pairs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from linkage_atlas.arguments import known_fields, number, radians_in
+from synthesis.arrays import Floats
+from synthesis.errors import FieldError
+from synthesis.function.quick_return import excess_angle
+from synthesis.target import MAX_LENGTH
+
+_STEERING_SAMPLES = 41
+QUICK_RETURN_NOTE = (
+    "The output moves slowly while the crank turns by the first {slow:.6g} degrees and returns while it turns by {fast:.6g}. "
+    "For a slow motion the other way let the crank turn clockwise."
+)
+TOO_QUICK = "No slider-crank whose crank turns fully has a time ratio of 3 or more."
+BEST_TRANSMISSION = "With this time ratio the transmission angle of a slider-crank is at most {:.3g} degrees."
+STEERING_NOTE = (
+    "Input: the left wheel, output: the right wheel, counter-clockwise from straight ahead; the left kingpin is A, the right one "
+    "B, and the car drives at right angles to A->B, to its left."
+)
+
+
+@dataclass(frozen=True)
+class QuickReturn:
+    """A wanted quick return: a stroke or a swing, and the time ratio of the slow motion to the fast one."""
+
+    alpha: float
+    """Angle in radians by which the slow motion takes more than half a turn of the crank."""
+    stroke: float | None
+    swing: float | None
+    """In the unit of angle of the request."""
+    degrees: bool
+
+    @property
+    def pairs(self) -> dict[str, Any]:
+        """The ends of both motions as arguments of `linkage_atlas.function`."""
+        half, turn = (np.pi + self.alpha) / radians_in(self.degrees), 2 * np.pi / radians_in(self.degrees)
+        size = self.stroke if self.stroke is not None else self.swing
+        unit = {"output_unit": "length"} if self.stroke is not None else {}
+        return {"input": [0.0, half, turn], "output": [0.0, size, 0.0], **unit}
+
+    @property
+    def note(self) -> str:
+        """A sentence on both motions."""
+        slow = 180 + np.rad2deg(self.alpha)
+        return QUICK_RETURN_NOTE.format(slow=slow, fast=360 - slow)
+
+
+def read_quick_return(given: Any, degrees: bool) -> QuickReturn:
+    """Return a checked quick return; see `linkage_atlas.function`."""
+    known_fields("quick_return", given, ("stroke", "swing", "time_ratio"))
+    stroke, swing, ratio = (given.get(name) for name in ("stroke", "swing", "time_ratio"))
+    if (stroke is None) == (swing is None):
+        raise FieldError(
+            "/quick_return", "give either `stroke`, the travel of a slider, or `swing`, the angle of a rocker"
+        )
+    if ratio is None:
+        raise FieldError(
+            "/quick_return/time_ratio", "needed: the duration of the slow motion over that of the fast one"
+        )
+    ratio = number("quick_return/time_ratio", ratio)
+    if not 1 <= ratio <= 100:
+        raise FieldError(
+            "/quick_return/time_ratio", f"wanted 1 to 100, found {ratio:g}: slow motion over fast motion"
+        )
+    if stroke is not None:
+        stroke = number("quick_return/stroke", stroke)
+        if not 0 < stroke <= MAX_LENGTH:
+            raise FieldError("/quick_return/stroke", f"wanted a length above 0, found {stroke:g}")
+    if swing is not None:
+        swing = number("quick_return/swing", swing)
+        if not 0 < swing * radians_in(degrees) < np.pi:
+            raise FieldError(
+                "/quick_return/swing", "wanted an angle between 0 and half a turn: a rocker swings no further"
+            )
+    return QuickReturn(excess_angle(ratio), stroke, swing, degrees)
+
+
+def read_steering(given: Any, degrees: bool) -> tuple[Floats, Floats, float]:
+    """Return angles of the left and of the right wheel from straight ahead in the request's unit, and the track.
+
+    The axes of all wheels meet in one point (R. Ackermann's condition): cot(outer) - cot(inner) = track / wheelbase.
+    """
+    known_fields("steering", given, ("track", "wheelbase", "angle"))
+    values: dict[str, float] = {}
+    for name in ("track", "wheelbase", "angle"):
+        if given.get(name) is None:
+            raise FieldError(f"/steering/{name}", "needed: `track`, `wheelbase` and `angle`, that of the inner wheel")
+        values[name] = number(f"steering/{name}", given[name])
+        if not 0 < values[name] <= MAX_LENGTH:
+            raise FieldError(f"/steering/{name}", f"wanted a number above 0, found {values[name]:g}")
+    inner = values["angle"] * radians_in(degrees)
+    if inner > np.deg2rad(80):
+        raise FieldError("/steering/angle", "wanted at most 80 degrees for the inner wheel")
+    ratio = values["track"] / values["wheelbase"]
+    outer = float(ackermann(np.array([inner]), ratio)[0])
+    left = np.linspace(-outer, inner, _STEERING_SAMPLES)
+    radian = radians_in(degrees)
+    return left / radian, ackermann(left, ratio) / radian, values["track"]
+
+
+def ackermann(left: Floats, ratio: float) -> Floats:
+    """Return the angles of the right wheel for those of the left wheel, in radians; ``ratio``: track over wheelbase."""
+    tangent = np.tan(left)
+    return (
+        np.arctan2(tangent, 1 + ratio * tangent) if np.all(np.abs(left) < np.pi / 2) else np.full_like(left, np.nan)
+    )
+
+
+def with_ground(limits: Mapping[str, Any] | None, track: float) -> dict[str, Any]:
+    """Return limits whose ground is the track; FieldError if another one is given."""
+    given = dict(limits or {})
+    links = {name: value for name, value in (given.get("links") or {}).items() if value is not None}
+    if links.get("ground", track) != track:
+        raise FieldError("/limits/links/ground", f"the ground is the track, {track:g}: leave it out")
+    return given | {"links": links | {"ground": track}}

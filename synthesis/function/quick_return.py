@@ -1,0 +1,223 @@
+"""Quick-return linkages by their dead centres: slider-cranks of a given stroke, crank-rockers of a given swing, and a time ratio.
+
+At both dead centres crank and rod (or coupler) lie on one line through the crank pivot A: the far end E of the output's motion is
+at the distance p = rod + crank from A, the near end N at q = rod - crank. The slow motion takes half a turn of the crank and the
+angle alpha more, the fast motion as much less, so A sees the ends under the angle alpha::
+
+    time ratio = (180 + alpha) / (180 - alpha),   EN^2 = p^2 + q^2 - 2 p q cos(alpha)
+
+(H. Alt, Der Übertragungswinkel und seine Bedeutung für das Konstruieren periodischer Getriebe, Werkstattstechnik 26 (1932) 61-65;
+E. Söylemez, Mechanisms, section 7.1). One free number is left, q over EN.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from synthesis.arrays import Floats
+from synthesis.four_bar import close_loop, transmission_angle_over
+from synthesis.fourbar.limits import Limits
+from synthesis.fourbar.solution import four, keeps
+from synthesis.function.answers import Generator, finished
+from synthesis.function.few_pairs import function_merit
+from synthesis.function.travel_search import ANGLE, LAWS, TravelGenerator, TravelLimits, TravelSearch
+from synthesis.function.wanted import Wanted
+from synthesis.guides import Kind
+from synthesis.linkage import four_bar
+from synthesis.mechanism import Placed
+from synthesis.ranking import merit
+from synthesis.target import TURN, Interval
+from synthesis.work import Work
+
+_ROUNDING = 1e-9
+"""Part by which rounding may violate a limit that an answer meets exactly."""
+_NEAR = 1e-6
+"""Error of a crank-rocker in radians below which it is exact but for rounding."""
+_SAMPLES = 1500
+"""Number of members of a family that are rated."""
+_APART = 0.1
+"""Minimum difference of two answers in some length, over the longest."""
+_NEAREST, _FARTHEST = 1e-2, 1e2
+"""Smallest and largest distance of the near end from the crank pivot, over the distance of both ends."""
+
+
+class SliderCranks(NamedTuple):
+    """Slider-cranks of stroke 1 whose slow motion leads away from the crank pivot, the crank turning counter-clockwise."""
+
+    lengths: Floats
+    """(n, 3): crank, rod, and the offset of the rail, which lies below the crank pivot."""
+    start: Floats
+    """(n,): direction of the crank at the near dead centre."""
+    near: Floats
+    """(n,): position of the slider along the rail there."""
+
+
+class CrankRockers(NamedTuple):
+    """Four-bars whose rocker rises from one dead centre to the other; some of them are no crank-rockers, or turn too fast."""
+
+    lengths: Floats
+    """(n, 4): crank, coupler, rocker, ground over the ground."""
+    branch: Floats
+    """(n,)"""
+    start: Floats
+    """(n,): crank angle at the first dead centre."""
+
+
+def excess_angle(time_ratio: float) -> float:
+    """Return alpha in radians, by which the slow motion takes more than half a turn of the crank."""
+    return np.pi * (time_ratio - 1) / (time_ratio + 1)
+
+
+def slider_cranks(alpha: float, near: Floats) -> SliderCranks:
+    """Return the slider-cranks of given distances q (n,) of the near end over the stroke; 0 < q < cot(alpha)."""
+    sine, cosine = np.sin(alpha), np.cos(alpha)
+    far = near * cosine + np.sqrt(1 - (near * sine) ** 2)
+    offset = 0.0 - far * near * sine
+    along = np.sqrt((near - offset) * (near + offset))
+    lengths = np.stack([(far - near) / 2, (far + near) / 2, offset], axis=1)
+    return SliderCranks(lengths, np.arctan2(offset, along) + np.pi, along)
+
+
+def all_slider_cranks(alpha: float, given: Sequence[tuple[int, float]] = ()) -> SliderCranks:
+    """Return slider-cranks of the whole family, or those in which a length (index, value over the stroke) is given.
+
+    There are none from alpha = 90 degrees on, a time ratio of 3: the crank could not turn fully.
+    """
+    if alpha >= np.pi / 2:
+        return slider_cranks(alpha, np.empty(0))
+    last = 1 / np.tan(alpha) if alpha > 0 else np.inf
+    near = np.geomspace(_NEAREST, _FARTHEST, _SAMPLES) if last > _FARTHEST else last * _between(_SAMPLES)
+    for index, value in given:
+        near = _roots(lambda q: np.abs(slider_cranks(alpha, q).lengths), index, abs(value), near)
+    return slider_cranks(alpha, near)
+
+
+def all_crank_rockers(alpha: float, swing: float, given: Sequence[tuple[int, float]] = ()) -> CrankRockers:
+    """Return the candidates for crank-rockers of a swing in radians, or those in which a length over the ground is given.
+
+    The rocker turns counter-clockwise while the crank turns by half a turn and alpha.
+    """
+    last = min(_FARTHEST, 1 / np.sin(alpha)) if alpha > 0 else _FARTHEST
+    near = np.geomspace(_NEAREST, last * (1 - 1e-9), _SAMPLES)
+    found = []
+    for first, side in itertools.product((-1, 1), (-1, 1)):
+        at = partial(_crank_rockers, alpha, swing, first, side)
+        chosen = near
+        for index, value in given:
+            chosen = _roots(lambda q, at=at: at(q).lengths, index, value, chosen)  # type: ignore[misc]
+        found.append(at(chosen))
+    whole = CrankRockers(*(np.concatenate(columns) for columns in zip(*found)))
+    good = np.isfinite(whole.lengths).all(axis=1) & (whole.lengths.min(axis=1) > 0) & (whole.branch != 0)
+    return CrankRockers(*(column[good] for column in whole))
+
+
+def _crank_rockers(alpha: float, swing: float, first: int, side: int, q: Floats) -> CrankRockers:
+    """Return candidates for given distances q (n,) of the near end over that of both ends.
+
+    The rocker has the length 1 and its pivot in the origin. ``first``: 1 if the motion begins at the far dead centre, -1 at the
+    near one. ``side``: of the chord of both ends on which the crank pivot lies.
+    """
+    chord, sine = 2 * np.sin(swing / 2), np.sin(alpha)
+    q = q * chord
+    begin, end = np.exp(-0.5j * swing), np.exp(0.5j * swing)
+    far, near = (begin, end) if first > 0 else (end, begin)
+    p = q * np.cos(alpha) + np.sqrt(np.maximum(chord**2 - (q * sine) ** 2, 0.0))
+    along = (q * q - p * p + chord**2) / (2 * chord)
+    beside = np.sqrt(np.maximum((q - along) * (q + along), 0.0))
+    pivot = near + (far - near) / chord * (along + 1j * side * beside)
+    ground = np.abs(pivot)
+    lengths = np.stack([(p - q) / 2, (p + q) / 2, np.ones_like(q), ground], axis=1) / ground[:, None]
+    pin = begin - pivot
+    crank = pin if first > 0 else -pin
+    start = np.angle(crank / -pivot)
+    joint = pivot + lengths[:, 0] * ground * crank / np.abs(crank)
+    branch = np.sign(np.imag(np.conj(-joint) * (begin - joint)))
+    return CrankRockers(lengths, branch, start)
+
+
+def slider_crank_answers(
+    wanted: Wanted, alpha: float, limits: TravelLimits, top: int, tolerance: float, work: Work
+) -> list[TravelGenerator]:
+    """Return slider-cranks within limits, different from one another, the best to build first; lengths over the stroke."""
+    law = next(law for law in LAWS if (law.kind, law.input) == (Kind.SLIDER_CRANK, ANGLE))
+    given = [(law.lengths.index(name), value) for name, value in limits.given.items()]
+    family = all_slider_cranks(alpha, given)
+    crank, rod, _ = family.lengths.T
+    transmission = slider_crank_transmission(family)
+    merits = merit(rod, transmission, np.zeros_like(rod), rod / crank)
+    search = TravelSearch(wanted, law, limits, False, top, tolerance, work)
+    found: list[TravelGenerator] = []
+    for k in np.argsort(merits, kind="stable").tolist():
+        shape = family.lengths[k].copy()
+        for index, value in given:  # as it was given, to the last bit
+            shape[index] = np.copysign(value, shape[index])
+        if len(found) == top or work.expired():
+            break
+        if not transmission[k] >= limits.limits.transmission_angle_min * (1 - _ROUNDING):
+            continue
+        if all(np.abs(one.lengths - shape).max() > _APART * max(shape[1], one.lengths[1]) for one in found):
+            unknowns = np.array([*np.log(shape[:2]), shape[2], family.start[k], -family.near[k]])
+            one = search.generator(unknowns, shape, 1)
+            found += [] if one is None else [one]
+    return found
+
+
+def slider_crank_transmission(family: SliderCranks) -> Floats:
+    """Return the smallest transmission angles (n,) over a turn, in radians."""
+    crank, rod, offset = family.lengths.T
+    sine = np.sqrt(np.maximum((rod - crank - np.abs(offset)) * (rod + crank + np.abs(offset)), 0.0)) / rod
+    return np.arcsin(np.minimum(sine, 1.0))
+
+
+def crank_rocker_answers(wanted: Wanted, alpha: float, limits: Limits, top: int, tolerance: float) -> list[Generator]:
+    """Return crank-rockers within limits, different from one another, the best to build first."""
+    ground = limits.links[3] or 1.0
+    over = replace(limits.over(ground), family="crank_rocker" if limits.family == "any" else limits.family)
+    given = [(k, length) for k, length in enumerate(over.links[:3]) if length is not None]
+    lengths, branch, start = all_crank_rockers(alpha, float(np.ptp(wanted.output)), given)
+    # of the candidates some turn faster than wanted on the way, or pass to the other branch
+    made = close_loop(lengths, start[:, None] + wanted.crank).rocker_angle(branch)
+    exact = np.all(np.abs(made - made[:, :1] - wanted.output) < _NEAR, axis=1)
+    lengths, branch, start = lengths[exact], branch[exact], start[exact]
+    used = Interval(start, start + TURN)
+    inside = keeps(wanted.target, over, Placed(lengths, branch, used), _ROUNDING)
+    lengths, branch, start = lengths[inside], branch[inside], start[inside]
+    transmission = transmission_angle_over(lengths, Interval(start * 0, start * 0 + TURN))
+    order = np.argsort(function_merit(lengths, transmission, limits.links[3] is not None), kind="stable")
+    found: list[Generator] = []
+    for k in order.tolist():
+        if len(found) == top:
+            break
+        shape = lengths[k] / lengths[k].max()
+        if all(np.abs(np.array(one.linkage.links) / max(one.linkage.links) - shape).max() > _APART for one in found):
+            links = lengths[k] * ground
+            for index, _ in given:  # as it was given, to the last bit
+                links[index] = limits.links[index]
+            linkage = four_bar(four(links), int(branch[k]), float(start[k]))
+            found += [one for one in finished(wanted, [linkage], False) if one.errors.objective < tolerance]
+    return found
+
+
+def _between(count: int) -> Floats:
+    """Return numbers between 0 and 1 that are denser towards both ends."""
+    return (1 - np.cos(np.linspace(0.0, np.pi, count + 2)[1:-1])) / 2
+
+
+def _roots(lengths: Callable[[Floats], Floats], index: int, wanted: float, places: Floats) -> Floats:
+    """Return the places at which a length of a family has a wanted value, to rounding."""
+    from scipy.optimize import brentq
+
+    def gap(q: Floats) -> Floats:
+        return lengths(q)[:, index] - wanted
+
+    with np.errstate(all="ignore"):
+        value = gap(places)
+    changes = np.flatnonzero(np.isfinite(value[1:] * value[:-1]) & (np.sign(value[1:]) != np.sign(value[:-1])))
+    roots = [brentq(lambda q: float(gap(np.array([q]))[0]), places[k], places[k + 1], xtol=1e-15) for k in changes]
+    return np.array(roots)

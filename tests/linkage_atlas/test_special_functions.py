@@ -1,0 +1,142 @@
+"""Quick returns and symmetric steering have the stroke, the time ratio and the proportions that were asked for.
+
+Catches linkages whose dead centres are elsewhere, whose crank does not turn fully, and arms of the size of the car.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import linkage_atlas as la
+
+
+def slider(lengths: dict[str, float], crank: np.ndarray) -> np.ndarray:
+    """Return the position of the slider by Pythagoras' theorem."""
+    across = lengths["offset"] - lengths["crank"] * np.sin(crank)
+    return lengths["crank"] * np.cos(crank) + np.sqrt(lengths["rod"] ** 2 - across**2)
+
+
+def rocker(links: Any, branch: int, crank: np.ndarray) -> np.ndarray:
+    """Return the rocker angle in degrees by the law of cosines."""
+    diagonal = links[3] - links[0] * np.exp(1j * crank)
+    distance = np.abs(diagonal)
+    inner = np.arccos((distance**2 + links[2] ** 2 - links[1] ** 2) / (2 * distance * links[2]))
+    return np.rad2deg(np.unwrap(np.angle(-diagonal) - branch * inner))
+
+
+TURN = np.deg2rad(np.arange(0, 360, 0.01))
+
+
+@pytest.mark.parametrize("ratio", [1.0, 1.4, 2.5])
+def test_a_slider_crank_has_the_stroke_and_the_time_ratio(ratio: float) -> None:
+    found = la.function(quick_return={"stroke": 300, "time_ratio": ratio})
+    assert found.status == "reached" and len(found) > 3
+    for solution in found:
+        assert solution.kind == "slider_crank"
+        made = slider(solution.lengths, np.deg2rad(solution.start) + TURN)
+        assert np.ptp(made) == pytest.approx(300, rel=1e-6) and made[0] == pytest.approx(made.min(), abs=1e-4)
+        slow = np.argmax(made) * 0.01
+        assert slow / (360 - slow) == pytest.approx(ratio, rel=1e-3)
+
+
+def test_the_best_slider_crank_transmits_best() -> None:
+    """No offset slider-crank of this time ratio, on a fine grid of rods and offsets, has a larger transmission angle."""
+    found = la.function(quick_return={"stroke": 1, "time_ratio": 1.4}, limits={"transmission_angle_min": 32.6})
+    crank, offset = np.meshgrid(np.linspace(0.02, 0.98, 400), np.linspace(0.0, 0.98, 400))
+    with np.errstate(invalid="ignore"):  # lengths over the rod
+        alpha = np.rad2deg(np.arcsin(offset / (1 - crank)) - np.arcsin(offset / (1 + crank)))
+        transmission = np.rad2deg(np.arccos(crank + offset))
+    best = np.nanmax(np.where(np.abs(alpha - 30) < 0.3, transmission, np.nan))
+    assert found.best.transmission_angle_min == pytest.approx(best, abs=0.3)
+    impossible = la.function(quick_return={"stroke": 1, "time_ratio": 1.4}, limits={"transmission_angle_min": 33})
+    assert impossible.status == "infeasible" and "at most 32.6 degrees" in impossible.report.notes[0]
+
+
+def test_no_slider_crank_has_a_time_ratio_of_three() -> None:
+    found = la.function(quick_return={"stroke": 10, "time_ratio": 3})
+    assert found.status == "infeasible" and "3 or more" in found.report.notes[0]
+
+
+def test_a_length_of_a_quick_return_may_be_given() -> None:
+    found = la.function(quick_return={"stroke": 300, "time_ratio": 1.4}, limits={"links": {"crank": 140}})
+    assert found.best.lengths["crank"] == 140
+    found = la.function(
+        quick_return={"swing": 60, "time_ratio": 1.2}, limits={"links": {"ground": 100, "rocker": 60}}
+    )
+    assert (found.best.links.rocker, found.best.links.ground) == (60, 100)
+    assert np.ptp(rocker(found.best.links, found.best.branch, TURN)) == pytest.approx(60, abs=1e-5)
+
+
+@pytest.mark.parametrize(("swing", "ratio"), [(60, 1.0), (60, 1.2), (40, 1.25), (100, 2.0)])
+def test_a_crank_rocker_has_the_swing_and_the_time_ratio(swing: float, ratio: float) -> None:
+    found = la.function(quick_return={"swing": swing, "time_ratio": ratio})
+    assert found.status == "reached" and len(found) > 3
+    for solution in found:
+        assert solution.family == "crank_rocker"
+        made = rocker(solution.links, solution.branch, np.deg2rad(solution.start_angle) + TURN)
+        assert np.ptp(made) == pytest.approx(swing, abs=1e-5) and made[0] == pytest.approx(made.min(), abs=1e-4)
+        slow = np.argmax(made) * 0.01
+        assert slow / (360 - slow) == pytest.approx(ratio, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("asked", "field"),
+    [
+        ({"quick_return": {"time_ratio": 1.2}}, "/quick_return"),
+        ({"quick_return": {"stroke": 3, "swing": 4, "time_ratio": 1.2}}, "/quick_return"),
+        ({"quick_return": {"stroke": 3}}, "/quick_return/time_ratio"),
+        ({"quick_return": {"stroke": 3, "time_ratio": 0.5}}, "/quick_return/time_ratio"),
+        ({"quick_return": {"swing": 180, "time_ratio": 1.5}}, "/quick_return/swing"),
+        ({"quick_return": {"stroke": 3, "time_ratio": 1.5}, "output": [0, 1, 2]}, "/output"),
+        ({"quick_return": {"stroke": 3, "time_ratio": 1.5}, "mechanisms": ["swinging_block"]}, "/mechanisms"),
+        ({"quick_return": {"stroke": 3, "time_ratio": 1.5}, "objective": "max"}, "/objective"),
+        ({"steering": {"track": 3, "angle": 35}}, "/steering/wheelbase"),
+        ({"steering": {"track": 3, "wheelbase": 5, "angle": 85}}, "/steering/angle"),
+        (
+            {"steering": {"track": 3, "wheelbase": 5, "angle": 35}, "limits": {"links": {"ground": 4}}},
+            "/limits/links/ground",
+        ),
+        ({"symmetric": True, "output": [0, 10, 20], "crank_span": 20}, "/symmetric"),
+    ],
+)
+def test_wrong_fields_are_named(asked: dict[str, Any], field: str) -> None:
+    with pytest.raises(la.FieldError) as error:
+        la.function(**asked)
+    assert error.value.field == field
+
+
+def test_steering_is_symmetric_with_arms_well_below_the_track() -> None:
+    """Arms of 4.1 m came for a track of 315 mm. The best trapezoid of a fine grid has no smaller error."""
+    track, wheelbase, inner = 315.0, 480.0, 35.0
+    asked = {"track": track, "wheelbase": wheelbase, "angle": inner}
+    found = la.function(steering=asked, objective="max")
+    left = np.deg2rad(np.linspace(-25.663, inner, 201))
+    right = np.arctan(np.tan(left) / (1 + np.tan(left) * track / wheelbase))
+    for solution in found:
+        crank, _, arm, ground = solution.links
+        assert crank == arm and 0.07 * track < arm < 0.31 * track and ground == track
+    best = np.inf
+    for arm in np.linspace(0.08, 0.3, 12):
+        for angle in np.linspace(-np.pi, np.pi, 721):
+            links = (arm, 1 - 2 * arm * np.cos(angle), arm, 1.0)
+            side = 1 if np.sin(angle) > 0 else -1
+            with np.errstate(invalid="ignore"):
+                gap = rocker(links, side, left + angle) - np.rad2deg(right) - (180 - np.rad2deg(angle))
+            size = np.abs(gap - 360 * np.round(gap[0] / 360)).max()
+            best = min(best, size if np.isfinite(size) else np.inf)
+    assert found.best.errors.max == pytest.approx(best, rel=0.05) and found.best.errors.max <= best
+
+
+def test_given_arms_of_a_symmetric_function() -> None:
+    """A trapezoid made the pairs, so it is found again."""
+    maker = la.FourBar(90, 315 - 180 * np.cos(np.deg2rad(70)), 90, 315, -1, start_angle=-70)
+    travel = np.linspace(-25, 35, 21)
+    right = maker.joints(travel).rocker_direction
+    right -= maker.joints(np.zeros(1)).rocker_direction[0]
+    found = la.function(right, input=travel, symmetric=True, limits={"links": {"ground": 315, "crank": 90}})
+    np.testing.assert_allclose(found.linkage.links, maker.links, rtol=1e-6)
+    assert found.best.links.crank == found.best.links.rocker == 90.0
+    assert found.best.start_angle == pytest.approx(-95, abs=1e-4)
