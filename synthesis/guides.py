@@ -42,7 +42,7 @@ Guide = Circle | Rail | Slot
 
 
 class Kind(StrEnum):
-    """Which guides a linkage has."""
+    """Pair of guides of a linkage."""
 
     FOUR_BAR = "four_bar"
     SLIDER_CRANK = "slider_crank"
@@ -53,7 +53,7 @@ class Kind(StrEnum):
 
 
 class Driver(StrEnum):
-    """What moves the first guide."""
+    """Drive of the first guide."""
 
     CRANK = "crank"
     SLIDER = "slider"
@@ -80,19 +80,19 @@ DRIVERS: dict[type[Circle] | type[Rail] | type[Slot], tuple[Driver, ...]] = {
     Rail: (Driver.SLIDER,),
     Slot: (Driver.CYLINDER, Driver.HINGE),
 }
-"""What may drive each guide."""
+"""Drives of each guide."""
 BODY = "coupler"
 """Name of the link that is the body."""
 
 
 class Condition(NamedTuple):
-    """What must not be negative for a loop to close, over the drive's coordinate."""
+    """Function of the drive's coordinate that is negative if the loop does not close."""
 
     value: Callable[[Floats], Floats]
     extremes: tuple[float, ...]
-    """Where it is smallest or largest, modulo the period: between two of these it rises or falls throughout."""
+    """Coordinates of its smallest and largest values, modulo the period: between two of them it rises or falls throughout."""
     size: float
-    """Of the terms that it is made of, to tell what is small."""
+    """Size of its terms, to which a small value is compared."""
     bounded: bool
     """Whether it is negative far out on a line, so that the coordinate has ends."""
 

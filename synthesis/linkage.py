@@ -287,12 +287,12 @@ class Linkage:
 
     @property
     def is_four_bar(self) -> bool:
-        """Whether both guides are circles."""
+        """True if both guides are circles."""
         return isinstance(self.local_guides[0], Circle) and isinstance(self.local_guides[1], Circle)
 
     @property
     def mounted(self) -> bool:
-        """Whether it has a place in the user's plane."""
+        """True if it has a position in the user's plane."""
         return self.coupler_point is not None
 
     @property
@@ -305,7 +305,7 @@ class Linkage:
 
     @cached_property
     def _in_place(self) -> bool:
-        """Whether its own frames are those of the plane and of the motion."""
+        """True if its own frames are those of the plane and of the motion."""
         return not (self.pivot_a or self.ground_angle or self.arm or self.body_offset)
 
     @cached_property
@@ -382,7 +382,7 @@ class Linkage:
 
     @property
     def family(self) -> Family | None:
-        """How a four-bar can turn; None for other kinds."""
+        """Grashof family of a four-bar; None for other kinds."""
         return Family(family(np.array(self.links)).item()) if self.is_four_bar else None
 
     # -- other linkages from it ---------------------------------------------------------------------------------------
@@ -430,7 +430,7 @@ class Linkage:
         )
 
     def turned_body(self, angle: float) -> Linkage:
-        """The same linkage with the body's frame turned in the body: rotations are more by the angle, places as they were."""
+        """Return the linkage with the body's frame turned in the body: rotations are more by the angle, positions as before."""
         if self.is_four_bar:
             return replace(self, body_offset=(self.body_offset or 0.0) + angle)
         factor = complex(np.exp(-1j * angle))
@@ -445,7 +445,7 @@ class Linkage:
         return replace(self, coupler_point=(0.0, 0.0), body_offset=0.0)
 
     def on_body(self, point: complex) -> complex:
-        """A point of the own frame of the body in the frame of its motion."""
+        """Convert a point from the own frame of the body to the frame of its motion."""
         return complex((point - self.arm) * np.exp(-1j * (self.body_offset or 0.0)))
 
     # -- the loop -----------------------------------------------------------------------------------------------------
@@ -978,7 +978,7 @@ def with_links(linkage: Linkage, links: Lengths) -> Linkage:
 
 
 def through(guides: tuple[Guide, Guide], driver: Driver, rotation: float, position: complex) -> Linkage:
-    """The linkage that the guides make, started and on the branch where the body has a pose."""
+    """Return the linkage on guides whose start and branch are those of a pose of the body."""
     one = on_guides(guides, driver)
     q, sine = one.configuration(np.array([rotation]), np.array([position]))
     return replace(one, branch=1 if sine[0] >= 0 else -1, start=float(q[0]))
