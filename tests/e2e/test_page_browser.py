@@ -780,24 +780,28 @@ DAMAGED = "The link is damaged"
 AGREE = """
     const [[bars, guided], done] = arguments, wrong = [], turn = 2 * Math.PI, turns = new Map();
     const compare = (entry, ...off) => { if (!off.every((one) => Math.abs(one) < 1e-12)) wrong.push([entry, off]); };
+    // the first sample lies within half a turn: all angles of a linkage are off by the same whole turns
+    const continuous = (linkage, off) => {
+      const key = JSON.stringify(linkage), whole = turns.get(key) ?? Math.round(off / turn);
+      turns.set(key, whole);
+      return off - turn * whole;
+    };
     import("/static/kinematics.js").then(({ Linkage, family }) => {
       for (const entry of bars) {
         const [crank, coupler, rocker, ground] = entry.links, { branch } = entry;
         const at = new Linkage({ links: { crank, coupler, rocker, ground }, branch, start_angle: 0 }).at(entry.crank_angle);
         if (Boolean(at) !== entry.closed || family(entry.links) !== entry.family) wrong.push([entry]);
         if (!at) continue;
-        // the first sample is within half a turn: all angles of a linkage are off by the same whole turns
-        const key = String([...entry.links, branch]), whole = turns.get(key) ?? Math.round((at.coupler - entry.coupler) / turn);
-        turns.set(key, whole);
+        const off = continuous([...entry.links, branch], at.coupler - entry.coupler);
         const rocker_off = Math.sin((at.frames.rocker.angle - entry.rocker) / 2);
-        compare(entry, at.coupler - entry.coupler - turn * whole, at.transmission - entry.transmission, rocker_off);
+        compare(entry, off, at.transmission - entry.transmission, rocker_off);
       }
       for (const entry of guided) {
         const at = new Linkage(entry.solution).at(entry.travel), [u, v] = entry.place ?? [];
         if (Boolean(at) !== entry.closed) wrong.push([entry]);
         if (!at) continue;
         const away = Math.hypot(at.p[0] - u, at.p[1] - v) / (1 + Math.hypot(u, v));
-        compare(entry, away, at.rotation - entry.rotation, at.transmission - entry.transmission);
+        compare(entry, away, continuous(entry.solution, at.rotation - entry.rotation), at.transmission - entry.transmission);
       }
       done(wrong);
     })"""
